@@ -1,0 +1,28 @@
+# make run : set up and run the main scenario        make test : set up and run the tests
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: run test quick check clean
+
+run: .venv/installed
+	$(BIN)/ballbar run scenarios/irb2400.yaml
+
+test: .venv/installed check
+	$(BIN)/pytest -n 2
+
+quick: .venv/installed
+	$(BIN)/pytest -n 2 -m "not slow"
+
+check: .venv/installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+.venv/installed: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or later is needed: make PYTHON=/path/to/python3.11 run"; exit 2; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+clean:
+	rm -rf .venv runs

@@ -1,0 +1,61 @@
+"""Dialects: how one kind of logger writes its table, as data in `acquisition/dialects/*.yaml`.
+
+The table reader is one; a dialect tells it the separators, the time column and its unit, and which columns hold angles.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from cell.errors import DescriptionError
+from cell.recording import EncoderName
+from cell.schema_errors import nearest
+from cell.strict_yaml import load_model
+
+_FOLDER = Path(__file__).parent / "dialects"
+
+_Unit = Literal["ns", "us", "s"]
+TICKS_PER_SECOND: dict[_Unit, int] = {"ns": 1_000_000_000, "us": 1_000_000, "s": 1}
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class TimeColumn(_Strict):
+    """The time stamps: integers stay exact, float seconds count from any origin."""
+
+    column: str
+    type: Literal["integer", "float"]
+    unit: _Unit
+
+
+class Dialect(_Strict):
+    """One kind of device log. Encoder counters are named by the recording, motor angles by the dialect."""
+
+    schema_: Annotated[Literal["ballbar-dialect/1"], Field(alias="schema")]
+    source: Literal["robot", "ballbar"]
+    separators: Annotated[tuple[Literal[",", ";", "\t"], ...], Field(min_length=1)]
+    time: TimeColumn
+    motors: tuple[str, ...] = ()  # robot: the six motor angles [rad at the motor], in order of the joints
+    status: dict[EncoderName, str] = {}  # EL5021 status word of each encoder; columns may be absent
+    unused: tuple[str, ...] = ()  # known columns that nothing reads yet
+    period_s: tuple[float, float]  # a median period outside this range is reported
+
+
+def dialect_names() -> list[str]:
+    """The names of all dialects, sorted."""
+    return sorted(path.stem for path in _FOLDER.glob("*.yaml"))
+
+
+def load_dialect(name: str) -> Dialect:
+    """The dialect of that name.
+
+    Raises DescriptionError naming the known ones, and the nearest.
+    """
+    if name not in dialect_names():
+        raise DescriptionError(f"unknown dialect {name!r}.{nearest(name, dialect_names(), noun='dialect')}")
+    return load_model(_FOLDER / f"{name}.yaml", Dialect)

@@ -1,0 +1,113 @@
+"""Rows of a device table as plain lines: as many fields as the header, no quotes, decimal points; lost rows are counted.
+
+A line torn by a failing recorder has too few fields, or too many where two ran together. Rows that all have another number
+of fields are no torn lines: the worst case is decimal commas with comma separators, which naive readers load with no error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.layout import SEPARATORS, Header, split_fields
+from acquisition.report import Finding, finding
+from acquisition.text import LogText
+from cell.errors import LogError
+
+TORN_LIMIT = 0.01  # a recorder that loses more than one line in a hundred is not torn, it writes something else
+
+
+@dataclass(frozen=True, eq=False)
+class PlainRows:
+    """The complete rows below the header."""
+
+    file: str
+    lines: list[str]  # as written
+    plain: list[str]  # without quotes and decimal commas
+    number: NDArray[np.int64]  # (N,) line number, counted from 1
+    decimal: str
+
+
+def plain_rows(text: LogText, header: Header, findings: list[Finding]) -> PlainRows:
+    """The complete rows of a text whose first line is the header; repairs are appended to `findings`.
+
+    Raises LogError if there are none, if more than TORN_LIMIT are torn, or if commas and points are mixed.
+    """
+    lines, number = text.lines[1:], text.number[1:]
+    if not lines:
+        raise LogError(f"{text.file}: a header but no complete row below it.")
+    full = _full_rows(lines, number, header, text.file, findings)
+    if not full.size:
+        raise LogError(f"{text.file}: the only row below the header is torn.")
+    lines, number = [lines[i] for i in full], number[full]
+    commas = _decimal_commas(lines, header, text.file, findings)
+    plain = _plain_lines(lines, header.separator, commas=bool(commas))
+    return PlainRows(text.file, lines, plain, number, "comma" if commas else "point")
+
+
+def _full_rows(lines: list[str], number: NDArray[np.int64], header: Header, file: str, findings: list[Finding]) -> NDArray[np.int64]:
+    """Indices of the rows that have as many fields as the header; the torn ones are reported."""
+    expected = len(header.names)
+    width = np.array([_width(line, header.separator) for line in lines], dtype=np.int64)
+    torn = np.flatnonzero(width != expected)
+    if torn.size > max(1.0, TORN_LIMIT * width.size):
+        _refuse_widths([lines[i] for i in torn], width[torn], number[torn], header, f"{file}:{number[torn[0]]}", total=width.size)
+    if torn.size:
+        sentence = f"expected {expected} fields, got {width[torn[0]]}; treated as torn line and dropped."
+        findings.append(finding("torn line", "repaired", file, sentence, lines=number[torn]))
+    return np.flatnonzero(width == expected)
+
+
+def _width(line: str, separator: str) -> int:
+    return line.count(separator) + 1 if '"' not in line else len(split_fields(line, separator))
+
+
+def _refuse_widths(
+    lines: list[str], width: NDArray[np.int64], number: NDArray[np.int64], header: Header, place: str, *, total: int
+) -> NoReturn:
+    expected, usual = len(header.names), int(np.median(width))
+    if header.separator == "," and 1.5 * expected <= usual <= 2 * expected:
+        raise LogError(
+            f"{place}: rows have {usual} fields, the header {expected}: decimal comma with comma separator. "
+            "Export again with decimal points, or with semicolons between the fields."
+        )
+    for other, name in SEPARATORS.items():
+        if other != header.separator and _width(lines[0], other) == expected:
+            raise LogError(f"{place}: the header is separated by {SEPARATORS[header.separator]}, the rows by {name}. Use one of them.")
+    raise LogError(
+        f"{place}: {number.size} of {total} rows do not have the header's number of fields: expected {expected} fields, "
+        f"got {width[0]}. More than {TORN_LIMIT:.0%} cannot be torn lines: is this the file that the dialect describes?"
+    )
+
+
+def _decimal_commas(lines: list[str], header: Header, file: str, findings: list[Finding]) -> list[str]:
+    """The float columns written with decimal commas, which only another separator allows.
+
+    Raises LogError if one column has both commas and points.
+    """
+    if header.separator == "," or not any("," in line for line in lines):
+        return []
+    cells = [split_fields(line, header.separator) for line in lines]
+    found = []
+    for name, position in zip(header.columns, header.positions, strict=True):
+        comma = next((row[position] for row in cells if "," in row[position]), None)
+        point = next((row[position] for row in cells if "." in row[position]), None)
+        if comma and point:
+            raise LogError(f"{file}: column {name} has decimal commas and decimal points: {comma!r} and {point!r}. Export it again.")
+        if comma and header.columns[name] == "float":
+            found.append(name)
+    if found:
+        findings.append(finding("decimal comma", "repaired", file, f"read as decimal point in {', '.join(found)}.", count=len(lines)))
+    return found
+
+
+def _plain_lines(lines: list[str], separator: str, *, commas: bool) -> list[str]:
+    """Lines without quotes and decimal commas. A quoted separator becomes `?`, which no number contains."""
+    plain = [
+        line if '"' not in line else separator.join(cell.replace(separator, "?") for cell in split_fields(line, separator))
+        for line in lines
+    ]
+    return [line.replace(",", ".") for line in plain] if commas else plain

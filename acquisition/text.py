@@ -1,0 +1,119 @@
+"""A device file as lines of text, however it was saved and wherever it was cut off.
+
+A log that stopped with the power ends in half a line or in a block of NUL bytes. A half line can look whole (`2000000049`
+cut to `200000` is a number too), so a last line without line end is never used. Encodings: byte order mark, else UTF-8,
+else Windows-1252, which is what European Windows writes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.report import Finding, finding
+from cell.errors import LogError
+
+_MARKS = ((b"\xef\xbb\xbf", "utf-8", 1), (b"\xff\xfe", "utf-16-le", 2), (b"\xfe\xff", "utf-16-be", 2))  # mark, codec, bytes per ASCII
+
+
+@dataclass(frozen=True, eq=False)
+class LogText:
+    """The complete, non-blank lines of one device file."""
+
+    file: str  # as recording.yaml names it
+    encoding: str
+    lines: list[str]
+    number: NDArray[np.int64]  # line number of each, counted from 1
+
+
+@dataclass(frozen=True)
+class _Decoded:
+    text: str
+    encoding: str
+    width: int  # bytes of an ASCII character
+    mark: int  # bytes of the byte order mark
+    size: int  # bytes of the file
+
+
+def read_text(path: Path, file: str, findings: list[Finding]) -> LogText:
+    """Complete lines of a device file; what was left out or converted is appended to `findings`.
+
+    file : the name that errors and findings give it.
+    Raises LogError if the file is missing, unreadable or empty, or has NUL bytes inside a row.
+    """
+    if not path.is_file():
+        raise LogError(f"{file}: no such file (looked for {path}).")
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise LogError(f"{file}: cannot be read: {error.strerror}.") from None
+    if not raw:
+        raise LogError(f"{file}: the file is empty.")
+    decoded = _decode(raw)
+    if decoded.encoding != "utf-8":
+        findings.append(finding("encoding", "repaired", file, f"read as {decoded.encoding}.", count=1))
+    text = _without_nul(decoded, file, findings)
+    return _complete_lines(text, file, decoded.encoding, findings)
+
+
+def _decode(raw: bytes) -> _Decoded:
+    for mark, codec, width in _MARKS:
+        if raw.startswith(mark):
+            # "replace": an odd byte at a torn end becomes U+FFFD, which no number contains.
+            return _Decoded(raw[len(mark) :].decode(codec, "replace"), f"{codec} with byte order mark", width, len(mark), len(raw))
+    try:
+        return _Decoded(raw.decode("utf-8"), "utf-8", 1, 0, len(raw))
+    except UnicodeDecodeError:
+        return _Decoded(raw.decode("cp1252", "replace"), "cp1252", 1, 0, len(raw))
+
+
+def _without_nul(decoded: _Decoded, file: str, findings: list[Finding]) -> str:
+    text = decoded.text.rstrip("\0")
+    stripped = (len(decoded.text) - len(text)) * decoded.width
+    if stripped:
+        first = decoded.size - stripped
+        findings.append(
+            finding(
+                "NUL block at the end", "repaired", file, f"bytes {first} to {decoded.size - 1} are NUL (power loss); left out.", count=1
+            )
+        )
+    if "\0" in text:
+        raise LogError(_nul_inside(text, decoded, file))
+    if not text:
+        raise LogError(f"{file}: the file holds nothing but NUL bytes.")
+    return text
+
+
+def _nul_inside(text: str, decoded: _Decoded, file: str) -> str:
+    before = text[: text.index("\0")]
+    line = _universal_newlines(before).count("\n") + 1
+    if "\0" * 100 in (text[0:200:2], text[1:201:2]):
+        return f"{file}:{line}: every other byte is NUL: UTF-16 without byte order mark. Save the file as UTF-8."
+    length = len(text) - len(before) - len(text[len(before) :].lstrip("\0"))
+    # One byte a character is exact up to the first non-ASCII character, which a log has at most in its header.
+    first = decoded.mark + decoded.width * len(before)
+    last = first + decoded.width * length - 1
+    return f"{file}:{line}: NUL bytes inside the row (bytes {first} to {last}). The file is damaged here: split it around this line."
+
+
+def _complete_lines(text: str, file: str, encoding: str, findings: list[Finding]) -> LogText:
+    lines = _universal_newlines(text).split("\n")
+    torn = lines.pop()
+    if torn:
+        sentence = "the last line has no line end, so it may be cut inside a number; dropped."
+        findings.append(finding("unterminated last line", "repaired", file, sentence, lines=[len(lines) + 1]))
+    filled = np.array([bool(line.strip()) for line in lines], dtype=bool)
+    if not filled.any():
+        raise LogError(f"{file}: the file holds no complete line.")
+    if not filled.all():
+        blank = np.flatnonzero(~filled) + 1
+        findings.append(finding("blank line", "repaired", file, "skipped.", lines=blank))
+        lines = [line for line in lines if line.strip()]
+    return LogText(file, encoding, lines, np.flatnonzero(filled).astype(np.int64) + 1)
+
+
+def _universal_newlines(text: str) -> str:
+    return text.replace("\r\n", "\n").replace("\r", "\n")

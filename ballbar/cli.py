@@ -1,0 +1,238 @@
+"""The command line. Exit codes: 0 done, 1 ran but the result is not acceptable, 2 bad input."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from acquisition import coarse_alignment, read_recording, report_lines
+from ballbar.compare import Comparison, compare, reference_of
+from ballbar.replay import open_viewer, serve_web
+from ballbar.run import OUTPUTS, REPLAY, identify_folder, run_scenario, simulate_scenario, write_outputs
+from ballbar.run_data import RunData
+from ballbar.scenario import load_scenario
+from cell.descriptions import load_robot
+from cell.errors import InputError
+from cell.files import claim_folder, write_whole
+from ident.calibration import Calibration, load_calibration
+from ident.identify import DEFAULT_SAMPLES, Identification
+from ident.start import StartError
+from sim.plant import PlantError
+from sim.simulate import Simulation, truth_path
+from sim.statics import NoEquilibriumError
+from sim.truth import load_truth
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    help="Robot calibration with a sensed double ball-bar: simulate the cell, read its logs, identify the robot, look at the result.",
+)
+
+ScenarioFile = Annotated[Path, typer.Argument(help="A scenario, such as scenarios/irb2400.yaml.", metavar="SCENARIO")]
+RecordingFolder = Annotated[Path, typer.Argument(help="A folder with recording.yaml and the device files.", metavar="RECORDING")]
+Out = Annotated[Path | None, typer.Option("--out", help="Folder for the output; nothing else may be in it.", metavar="DIR")]
+
+
+@app.command(epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`")
+def run(scenario: ScenarioFile, out_dir: Out = None) -> None:
+    """Simulate a scenario, identify the robot from its logs, compare with the truth, write report and replay.
+
+    Writes recording/, calibration.yaml, report.html and run.rrd to DIR (default runs/NAME).
+    Exits with 1 when a limit under `accept` is not met.
+    """
+    settings = load_scenario(scenario)
+    folder = out_dir or Path("runs") / settings.name
+    with _progress() as progress:
+        outcome = run_scenario(settings, scenario, folder, command=_command(), progress=progress)
+    data = outcome.data
+    _say_identification(data.identification)
+    if data.simulation is not None:
+        _say_plant(data.simulation)
+    if data.comparison is not None:
+        _say_comparison(data.comparison)
+    for what, measured, limit, unit in outcome.limits:
+        met = measured <= limit
+        out.print(f"  {'[green]met   [/]' if met else '[red]missed[/]'} {what} {measured:.3g} {unit} (limit {limit:g})")
+    out.print(f"Look at {escape(str(folder / 'report.html'))}, or: ballbar replay {escape(str(folder))}")
+    raise typer.Exit(0 if outcome.acceptable else 1)
+
+
+@app.command(epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`")
+def simulate(scenario: ScenarioFile, out_dir: Out = None) -> None:
+    """Simulate a scenario and write its device logs as a recording; the truth goes beside the folder, not into it."""
+    settings = load_scenario(scenario)
+    folder = out_dir or Path("runs") / f"{settings.name}-recording"
+    with _progress() as progress:
+        simulation = simulate_scenario(settings, scenario, folder, progress=progress)
+    _say_plant(simulation)
+    out.print(f"Recording {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
+
+
+@app.command(epilog="Example: `ballbar check runs/irb2400/recording`")
+def check(recording: RecordingFolder) -> None:
+    """Read a recording and report what was found and repaired, without identifying anything."""
+    read = read_recording(recording)
+    for line in report_lines(read.report):
+        out.print(escape(line))
+    robot, bar = read.robot_log, read.ballbar_log
+    out.print(f"robot log: {robot.t.size} samples over {robot.t[-1]:.2f} s")
+    if bar is None:
+        out.print("no encoders: the ball-bar's length is the only measurement")
+        return
+    out.print(f"ball-bar log: {bar.t.size} samples over {bar.t[-1]:.2f} s, encoders {', '.join(f'b{j}' for j in bar.joints)}")
+    found = coarse_alignment(robot, bar)
+    rival = ""
+    if found.runner_up_offset_s is not None:
+        rival = f"; next best {found.runner_up_offset_s:+.2f} s with {found.runner_up_score / found.score:.0%} of the score"
+    out.print(f"coarse clock offset: {found.offset_s:+.2f} s over {found.overlap_s:.0f} s of overlap{rival}")
+
+
+@app.command(epilog="Example: `ballbar identify runs/irb2400/recording --out runs/identified --rerun`")
+def identify(
+    recording: RecordingFolder,
+    out_dir: Out = None,
+    samples: Annotated[int, typer.Option(help="Instants of the logs that enter the fit.", min=50)] = DEFAULT_SAMPLES,
+    rerun: Annotated[bool, typer.Option("--rerun", help="Write the replay file run.rrd too.")] = False,
+) -> None:
+    """Identify the robot from a recording; writes calibration.yaml and report.html to DIR (default RECORDING-identified)."""
+    folder = out_dir or recording.with_name(recording.resolve().name + "-identified")
+    claim_folder(folder, OUTPUTS, "the result")
+    with _progress() as progress:
+        read, result = identify_folder(recording, samples=samples, progress=progress)
+        data = RunData(recording.resolve().name, read, result)
+        write_outputs(folder, data, command=_command(), replay=rerun, progress=progress)
+    _say_identification(result)
+    out.print(f"Results in {escape(str(folder))}")
+    raise typer.Exit(0 if result.verdict.acceptable else 1)
+
+
+@app.command(name="compare", epilog="Example: `ballbar compare runs/irb2400/calibration.yaml runs/irb2400/recording.truth.yaml`")
+def compare_files(
+    calibration: Annotated[Path, typer.Argument(help="A calibration.yaml.", metavar="CALIBRATION")],
+    reference: Annotated[Path, typer.Argument(help="A truth file, or another calibration.yaml.", metavar="REFERENCE")],
+) -> None:
+    """Compare a calibration with the truth of a simulated run, or with another calibration: TCP error over the workspace."""
+    model = load_calibration(calibration)
+    _say_comparison(_compared(model, calibration, reference))
+
+
+@app.command(epilog="Example: `ballbar replay runs/irb2400 --web`")
+def replay(
+    run_dir: Annotated[Path, typer.Argument(help="A folder with run.rrd, or the file itself.", metavar="RUN")],
+    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine (loopback only).")] = False,
+    save: Annotated[Path | None, typer.Option("--save", help="Copy the replay file instead of opening it.", metavar="FILE")] = None,
+) -> None:
+    """Open the replay of a run in the rerun viewer."""
+    file = run_dir / REPLAY if run_dir.is_dir() else run_dir
+    if not file.is_file():
+        raise InputError(f"{file}: no replay file. Make one with `ballbar run`, or `ballbar identify RECORDING --rerun`.")
+    if save is not None:
+        if save.exists():
+            raise InputError(f"{save}: exists already; nothing was written. Name another file.")
+        write_whole(save, file.read_bytes())
+        out.print(f"Saved {escape(str(save))}")
+    elif web:
+        serve_web(file)
+    else:
+        open_viewer(file)
+
+
+def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
+    robot = load_robot(model.file.robot, relative_to=calibration.parent)
+    identified = [name for name, entry in model.file.parameters.items() if entry.identified]
+    if reference.name.endswith(".truth.yaml"):
+        truth = load_truth(reference)
+        clock = model.file.clock
+        errors = (clock.offset_s - truth.offset, clock.skew - truth.skew) if clock else None
+        return compare(robot, model.geometry, model.nominal, reference_of(truth), identified, clock=errors)
+    other = load_calibration(reference)
+    if other.file.robot != model.file.robot:
+        raise InputError(
+            f"{reference}: is of robot {other.file.robot}, {calibration} of {model.file.robot}; only the same robot can be compared"
+        )
+    shared = [name for name in identified if other.file.parameters[name].identified]
+    return compare(robot, model.geometry, model.nominal, other.geometry, shared)
+
+
+def _say_identification(result: Identification) -> None:
+    colour = "green" if result.verdict.acceptable else "red"
+    out.print(f"[bold {colour}]{escape(result.verdict.sentence)}[/]")
+    for warning in result.verdict.warnings:
+        out.print(f"[yellow]warning:[/] {escape(warning)}")
+    dropped = ", ".join(d.name for d in result.identifiability.dropped)
+    out.print(
+        f"{result.parameters.size} parameters from {result.after.t.size} samples in {result.iterations} iterations; "
+        f"left at their nominal values: {dropped or 'none'}"
+    )
+    if result.clock is not None:
+        offset_sigma, skew_sigma = result.clock_sigma
+        out.print(
+            f"clock: offset {result.clock.offset * 1e3:.4f} ms (sigma {offset_sigma * 1e6:.1f} us), "
+            f"skew {result.clock.skew * 1e6:.3f} ppm (sigma {skew_sigma * 1e6:.3f} ppm)"
+        )
+    out.print(f"stated TCP uncertainty over the workspace: mean {result.tcp_sigma.mean() * 1e3:.4f} mm (1 sigma)")
+
+
+def _say_plant(simulation: Simulation) -> None:
+    truth = simulation.truth
+    out.print(
+        f"plant: loop closed within {truth.closure_position * 1e6:.3f} um and {truth.closure_angle * 1e6:.3f} urad, "
+        f"rod force {truth.rod_force_min:.0f} to {truth.rod_force_max:.0f} N"
+    )
+
+
+def _say_comparison(comparison: Comparison) -> None:
+    tcp, before = comparison.tcp, comparison.tcp_nominal
+    out.print(
+        f"TCP error over the workspace: mean {tcp.mean * 1e3:.4f} mm, largest {tcp.maximum * 1e3:.4f} mm "
+        f"(nominal robot {before.mean * 1e3:.3f} and {before.maximum * 1e3:.3f} mm)"
+    )
+    if comparison.deviations:
+        name, value = comparison.largest
+        out.print(
+            f"parameters: Euclidean distance {comparison.distance * 1e3:.4f} mm|mrad over {len(comparison.deviations)}, "
+            f"largest {name} {value * 1e3:+.4f}"
+        )
+    if comparison.offset is not None and comparison.skew is not None:
+        out.print(f"clock error: offset {comparison.offset * 1e6:+.2f} us, skew {comparison.skew * 1e6:+.4f} ppm")
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str], None]]:
+    """A spinner with the current stage on a terminal; nothing in a pipe."""
+    with err.status("starting") as status:
+        yield lambda stage: status.update(f"{stage} ...")
+
+
+def _command() -> str:
+    return shlex.join(["ballbar", *sys.argv[1:]])
+
+
+def main() -> None:
+    """Entry point: runs a command and turns what can go wrong into a message and an exit code."""
+    try:
+        app()
+    except InputError as error:
+        err.print(f"[red]error:[/] {escape(str(error))}")
+        sys.exit(2)
+    except (StartError, PlantError, NoEquilibriumError) as error:
+        err.print(f"[red]failed:[/] {escape(str(error))}")
+        sys.exit(1)
+    except OSError as error:
+        err.print(f"[red]error:[/] {escape(str(error.filename or ''))}: {escape(error.strerror or str(error))}")
+        sys.exit(2)
+    except KeyboardInterrupt:
+        err.print("interrupted; nothing half-written was left")
+        sys.exit(130)

@@ -1,0 +1,89 @@
+"""An identified robot against the truth, or against another calibration.
+
+Parameter distance as in thesis sec. 3.4 (mm and mrad mixed), meaningful where the parameters held fixed are true; and the
+TCP error over the accuracy grid, meaningful always.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballbar.scenario import AcceptSettings
+from cell.descriptions import Robot
+from cell.geometry import INDEX, PARAMETERS, Geometry, mirrored
+from ident.accuracy import TcpError, accuracy_grid, tcp_error
+from ident.identify import Identification
+from sim.truth import Truth
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """How far a model is from a reference."""
+
+    deviations: dict[str, float]  # [m, rad] model minus reference, of the parameters compared
+    tcp: TcpError  # of the model
+    tcp_nominal: TcpError  # of the nominal robot, against the same reference
+    offset: float | None  # [s] clock offset minus the true one
+    skew: float | None  # [1]
+
+    @property
+    def distance(self) -> float:
+        """[m | rad] Euclidean distance over the compared parameters."""
+        return float(np.linalg.norm(list(self.deviations.values())))
+
+    @property
+    def largest(self) -> tuple[str, float]:
+        """Name and value [m | rad] of the largest deviation."""
+        return max(self.deviations.items(), key=lambda item: abs(item[1]))
+
+
+def compare(
+    robot: Robot, model: Geometry, nominal: Geometry, reference: Geometry, names: Sequence[str], *, clock: tuple[float, float] | None = None
+) -> Comparison:
+    """Model and nominal robot against a reference geometry; `names` are the parameters compared one by one.
+
+    clock : (offset [s], skew) errors, if both sides have a clock.
+    """
+    grid = accuracy_grid(robot)
+    deviations = {name: _difference(name, model, reference) for name in names}
+    offset, skew = clock if clock else (None, None)
+    return Comparison(deviations, tcp_error(model, reference, grid), tcp_error(nominal, reference, grid), offset, skew)
+
+
+def compare_with_truth(result: Identification, truth: Truth) -> Comparison:
+    """The result against what the recording was simulated from."""
+    clock = (result.clock.offset - truth.offset, result.clock.skew - truth.skew) if result.clock else None
+    return compare(result.cell.robot, result.geometry, result.nominal, reference_of(truth), list(result.sigma), clock=clock)
+
+
+def reference_of(truth: Truth) -> Geometry:
+    """The true geometry as the declared senses of b2 and b4 describe it (their senses are a gauge)."""
+    geometry = truth.geometry
+    for joint in (2, 4):
+        if truth.senses.get(f"b{joint}") == -1:
+            geometry = mirrored(geometry, joint)
+    return geometry
+
+
+def verdicts(comparison: Comparison, iterations: int, accept: AcceptSettings) -> list[tuple[str, float, float, str]]:
+    """(what, measured, limit, unit) for each limit of the scenario."""
+    measured = {
+        "tcp_mean_mm": ("TCP error, mean", comparison.tcp.mean * 1e3, "mm"),
+        "tcp_max_mm": ("TCP error, largest", comparison.tcp.maximum * 1e3, "mm"),
+        "parameter_distance_mm_mrad": ("parameter distance", comparison.distance * 1e3, "mm|mrad"),
+        "clock_offset_us": ("clock offset error", abs(comparison.offset or 0.0) * 1e6, "us"),
+        "clock_skew_ppm": ("clock skew error", abs(comparison.skew or 0.0) * 1e6, "ppm"),
+        "iterations": ("iterations", float(iterations), ""),
+    }
+    limits = accept.model_dump(exclude_none=True)
+    return [(measured[key][0], measured[key][1], float(limit), measured[key][2]) for key, limit in limits.items()]
+
+
+def _difference(name: str, model: Geometry, reference: Geometry) -> float:
+    difference = model[name] - reference[name]
+    if PARAMETERS[INDEX[name]].is_length:
+        return difference
+    return float(np.arctan2(np.sin(difference), np.cos(difference)))

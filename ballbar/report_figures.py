@@ -1,0 +1,193 @@
+"""Figures of the report, each as one SVG element of half a page's width.
+
+Before is orange, after is blue, everywhere (told apart by every kind of colour vision: ColorBrewer PuOr and RdBu ends).
+Text stays text, so that the page's own font is used; nothing depends on the hour or on a random number.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from matplotlib.ticker import MultipleLocator
+
+from ballbar.report_numbers import length_scale
+from cell.chain import Array
+
+BEFORE, AFTER = "#d9740b", "#1f66ad"
+_INK, _QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
+_BEFORE_SCALE = LinearSegmentedColormap.from_list("before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"])
+_AFTER_SCALE = LinearSegmentedColormap.from_list("after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"])
+_WIDTH = 4.9  # [in] 470 px: two figures side by side on a page of 1000 px, one on a phone
+_CELLS = 14  # across a map, about 0.13 m each for the IRB 2400
+_HISTOGRAM_HALF_WIDTH = 5.0  # standard deviations; wider where the residuals are
+_STYLE: dict[str, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "ballbar-report",
+    "font.size": 10.0,
+    "axes.labelsize": 10.0,
+    "axes.titlesize": 10.0,
+    "axes.edgecolor": _QUIET,
+    "axes.labelcolor": _INK,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "grid.color": _GRID,
+    "grid.linewidth": 0.7,
+    "xtick.color": _QUIET,
+    "ytick.color": _QUIET,
+    "xtick.labelcolor": _INK,
+    "ytick.labelcolor": _INK,
+    "text.color": _INK,
+    "legend.frameon": False,
+    "legend.fontsize": 10.0,
+    "lines.linewidth": 1.1,
+    "path.simplify_threshold": 0.2,
+    "figure.constrained_layout.use": True,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One line of a cumulative figure."""
+
+    label: str
+    values: Array  # (G,) [m]
+    colour: str
+    dashed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """What helps to find one's way on a map of the cell, robot base frame."""
+
+    origin: Array  # (3,) [m] centre of the ball-bar's sphere
+    radius: float  # [m]
+
+
+def cumulative(curves: Sequence[Curve]) -> str:
+    """Share of the grid's poses with at most this much TCP error, over a logarithmic axis in mm."""
+    with matplotlib.rc_context(_STYLE):
+        figure, axes = _one_panel(3.1)
+        for curve in curves:
+            ordered = np.sort(curve.values) * 1e3
+            share = np.arange(1, ordered.size + 1) / ordered.size * 100.0
+            axes.step(
+                ordered, share, where="post", color=curve.colour, linestyle="--" if curve.dashed else "-", label=curve.label, linewidth=1.6
+            )
+        axes.set(xscale="log", ylim=(0.0, 101.0), xlabel="TCP error [mm]", ylabel="share of poses [%]")
+        axes.xaxis.set_major_formatter("{x:g}")
+        figure.legend(loc="outside upper left", ncols=1, handlelength=1.6)
+        return _svg(figure)
+
+
+def workspace_map(position: Array, error: Array, landmarks: Landmarks, *, label: str, before: bool) -> str:
+    """Mean error over the workspace in hexagonal cells, seen from the side (x, z) and from above (x, y).
+
+    position : (G, 3) [m] tool positions, robot base frame. error : (G,) [m].
+    """
+    factor, unit = length_scale(float(error.max()))
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(_WIDTH, 4.5))
+        panels = figure.subplots(1, 2, sharex=True)
+        colours = _BEFORE_SCALE if before else _AFTER_SCALE
+        cells = [_view(axes, position, error * factor, column, colours) for axes, column in zip(panels, (2, 1), strict=True)]
+        largest = max(float(np.max(one.get_array())) for one in cells)
+        for axes, one, column, title in zip(panels, cells, (2, 1), ("from the side", "from above"), strict=True):
+            one.set_clim(0.0, largest)
+            axes.set_title(title)
+            _mark(axes, landmarks, column)
+        bar = figure.colorbar(cells[0], ax=panels, location="top", aspect=38, pad=0.02, label=f"{label} [{unit}]")
+        bar.outline.set_visible(False)  # type: ignore[operator]
+        return _svg(figure)
+
+
+def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock: str) -> str:
+    """Norms of (N, 3) residuals on one logarithmic axis; `before` and `after` already in the unit of `label`."""
+    with matplotlib.rc_context(_STYLE):
+        figure, axes = _one_panel(2.9)
+        for values, colour, name in ((before, BEFORE, "before"), (after, AFTER, "after")):
+            norm = np.linalg.norm(values, axis=1)
+            axes.plot(t, np.where(norm > 0.0, norm, np.nan), color=colour, label=name)
+        axes.set(yscale="log", xlabel=f"time on the {clock} clock [s]", ylabel=label, xlim=(t[0], t[-1]))
+        axes.yaxis.set_major_formatter("{x:g}")
+        figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
+        return _svg(figure)
+
+
+def components_over_time(t: Array, values: Array, *, label: str, clock: str, before: bool) -> str:
+    """Three residual components (N, 3), in the unit of `label`, on one scale."""
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(_WIDTH, 3.5))
+        panels = figure.subplots(3, 1, sharex=True, sharey=True)
+        for axes, column, name in zip(panels, values.T, "xyz", strict=True):
+            axes.axhline(0.0, color=_QUIET, linewidth=0.6)
+            axes.plot(t, column, color=BEFORE if before else AFTER, linewidth=0.8)
+            axes.set(ylabel=name, xlim=(t[0], t[-1]))
+            axes.yaxis.label.set(rotation=0, va="center")
+        panels[2].set_xlabel(f"time on the {clock} clock [s]")
+        figure.supylabel(label, fontsize=10.0)
+        return _svg(figure)
+
+
+def whitened_histogram(whitened: Array) -> str:
+    """Residuals in units of their standard deviation, with the unit normal curve that they should follow."""
+    values = whitened.ravel()
+    half = max(_HISTOGRAM_HALF_WIDTH, float(np.ceil(np.quantile(np.abs(values), 0.999))))
+    x = np.linspace(-half, half, 201)
+    outside = int((np.abs(values) > half).sum())
+    with matplotlib.rc_context(_STYLE):
+        figure, axes = _one_panel(2.9)
+        axes.hist(values, bins=np.linspace(-half, half, 51).tolist(), density=True, color="#8fb4d9", label="residuals after")
+        axes.plot(x, np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi), color=_INK, linewidth=1.4, label="unit normal")
+        axes.set(xlabel="whitened residual [standard deviations]", ylabel="density", xlim=(-half, half))
+        axes.annotate(
+            f"{outside} of {values.size} beyond ±{half:g}", (1.0, 0.97), xycoords="axes fraction", ha="right", va="top", color=_QUIET
+        )
+        figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
+        return _svg(figure)
+
+
+def _one_panel(height: float) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(_WIDTH, height))
+    return figure, figure.subplots()
+
+
+def _view(axes: Axes, position: Array, error: Array, column: int, colours: LinearSegmentedColormap) -> Any:
+    """Cells of one view: x to the right, `column` of the positions upwards."""
+    axes.set(aspect="equal", xlabel="x [m]", ylabel=f"{'xyz'[column]} [m]")
+    axes.xaxis.set_major_locator(MultipleLocator(0.5))
+    axes.yaxis.set_major_locator(MultipleLocator(0.5))
+    return axes.hexbin(position[:, 0], position[:, column], C=error, gridsize=_CELLS, linewidths=0.4, edgecolors="white", cmap=colours)
+
+
+def _mark(axes: Axes, landmarks: Landmarks, column: int) -> None:
+    """Robot base, ball-bar base and the sphere on which the tool was measured."""
+    centre = (float(landmarks.origin[0]), float(landmarks.origin[column]))
+    axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor=_INK, linewidth=0.9, linestyle=(0, (4, 3))))
+    axes.plot(*centre, marker="+", color=_INK, markersize=8, linestyle="none")
+    axes.plot(0.0, 0.0, marker="s", color=_INK, markersize=6, linestyle="none")
+
+
+def _svg(figure: Figure) -> str:
+    """The bare element: no XML header, no metadata, no namespaces (HTML knows them), no names that would clash in one page."""
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}, transparent=True)
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text)
+    text = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", text)
+    text = re.sub(r"<defs>\s*<style.*?</style>\s*</defs>", "", text, flags=re.DOTALL)
+    return re.sub(r"\n\s*", "\n", text).strip()

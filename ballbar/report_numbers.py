@@ -1,0 +1,54 @@
+"""Numbers as the report prints them: digits that follow the uncertainty, a true minus sign, thin groups of thousands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from cell.chain import Array
+
+MISSING = "–"
+_MOST_DECIMALS = 7  # of a degree: below a hundredth of an encoder step (3600 lines, 12 bits: 2.4e-5 deg)
+_THIN_SPACE = "\u202f"
+
+
+def decimals_for(sigmas: Iterable[float], *, digits: int) -> int:
+    """Decimals that show the smallest of `sigmas` with so many digits; 3 where none of them is usable."""
+    usable = [abs(s) for s in sigmas if math.isfinite(s) and s != 0.0]
+    if not usable:
+        return 3
+    return min(_MOST_DECIMALS, max(0, digits - 1 - math.floor(math.log10(min(usable)))))
+
+
+def fixed(value: float | None, decimals: int, *, sign: bool = False) -> str:
+    """A number with so many decimals; a dash for None or what is no number."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    text = f"{value:{'+' if sign else ''},.{decimals}f}"
+    return text.replace("-", "\u2212").replace(",", _THIN_SPACE)
+
+
+def significant(value: float | None, digits: int = 3, *, sign: bool = False) -> str:
+    """A number with so many significant digits, without exponent."""
+    if value is None or not math.isfinite(value):
+        return MISSING
+    if value == 0.0:
+        return "0"
+    return fixed(value, max(0, digits - 1 - math.floor(math.log10(abs(value)))), sign=sign)
+
+
+def length_scale(largest: float) -> tuple[float, str]:
+    """(factor, unit) in which a length [m] up to `largest` is readable: mm, or um below a tenth of a millimetre."""
+    return (1e3, "mm") if largest >= 1e-4 else (1e6, "µm")
+
+
+def rms(values: Array) -> float:
+    """Root mean square of all values."""
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan
+
+
+def rms_norm(vectors: Array) -> float:
+    """Root mean square of the norms of (N, 3) vectors."""
+    return float(np.sqrt(np.mean(np.sum(np.square(vectors), axis=1)))) if vectors.size else math.nan

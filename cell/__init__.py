@@ -1,0 +1,1 @@
+"""What stands in the cell: descriptions, kinematics, and what recordings are. Imports none of the other packages."""

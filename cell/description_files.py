@@ -1,0 +1,199 @@
+"""What may stand in the YAML files of cell/robots, cell/ballbars and cell/plates, and what makes them wrong.
+
+Keys carry their unit; angles stand in degrees, as data sheets print them. Matrices act on row vectors (thesis App. A:
+`joints = motors @ T`). A ratio may be written as a fraction in quotes, "-5/648".
+"""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from cell.schema_errors import wrong_key
+
+MAX_DH_LENGTH_M = 5.0  # [m] no link of an industrial robot is longer: a larger number is in mm
+SMALLEST_TWIST_DEG = 7.0  # [deg] a nominal angle between 0 and 2 pi in number, but not 0, is in rad
+
+
+def _ratio(value: Any) -> Any:
+    """A fraction in text as its float; anything else is left to the number check."""
+    if isinstance(value, str) and (found := re.fullmatch(r"([-+]?\d{1,15})/(\d{1,15})", value)):
+        if int(found[2]) == 0:
+            raise ValueError("a fraction cannot have denominator 0")
+        return float(Fraction(int(found[1]), int(found[2])))
+    return value
+
+
+def _metres(value: float) -> float:
+    if abs(value) > MAX_DH_LENGTH_M:
+        raise ValueError(f"longer than {MAX_DH_LENGTH_M:g} m. Lengths are metres: for {value:g} mm write {value / 1000:g}")
+    return value
+
+
+def _degrees(value: float) -> float:
+    if 0.0 < abs(value) < SMALLEST_TWIST_DEG:
+        raise ValueError(f"looks like radians. Angles here are degrees: {value:g} rad is {np.rad2deg(value):g} deg")
+    return value
+
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Length = Annotated[float, AfterValidator(_metres)]
+NominalAngle = Annotated[float, Field(ge=-360.0, le=360.0), AfterValidator(_degrees)]
+Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
+Vector6 = Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
+Positive6 = Annotated[tuple[Positive, ...], Field(min_length=6, max_length=6)]
+NotNegative6 = Annotated[tuple[NotNegative, ...], Field(min_length=6, max_length=6)]
+NotNegative5 = Annotated[tuple[NotNegative, ...], Field(min_length=5, max_length=5)]
+Ratio = Annotated[float, BeforeValidator(_ratio)]
+Row6 = Annotated[tuple[Ratio, ...], Field(min_length=6, max_length=6)]
+Matrix6 = Annotated[tuple[Row6, ...], Field(min_length=6, max_length=6)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class DHRowFile(_Strict):
+    """One row of standard DH: `Rz(theta) Tz(d) Tx(a) Rx(alpha)`."""
+
+    a_m: Length
+    d_m: Length
+    alpha_deg: NominalAngle
+    theta_deg: NominalAngle
+
+
+class LinkFile(_Strict):
+    """Mass properties of one body."""
+
+    mass_kg: Positive
+    com_m: Vector3
+    inertia_kg_m2: Vector6  # xx, yy, zz, xy, xz, yz about the centre of mass
+
+    @model_validator(mode="after")
+    def _inertia_is_that_of_a_body(self) -> Self:
+        xx, yy, zz, xy, xz, yz = self.inertia_kg_m2
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        told = ", ".join(f"{m:.4g}" for m in moments)
+        if moments[0] <= 0.0:
+            raise wrong_key("inertia_kg_m2", message=f"principal moments {told} kg m^2 must all be positive")
+        if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):  # rounding: a flat plate has equality
+            raise wrong_key("inertia_kg_m2", message=f"principal moments {told} kg m^2: the largest exceeds the sum of the others")
+        return self
+
+
+class RobotLinksFile(_Strict):
+    """Bodies of the robot; com in the robot base frame and axes parallel to it, all DH joint angles zero."""
+
+    base: LinkFile
+    link1: LinkFile
+    link2: LinkFile
+    link3: LinkFile
+    link4: LinkFile
+    link5: LinkFile
+    link6: LinkFile
+
+
+class ServoFile(_Strict):
+    """Gains of the proportional joint servos, at the joints."""
+
+    kp_N_m_per_rad: Positive6
+    kv_N_m_s_per_rad: NotNegative6
+
+
+class RobotFile(_Strict):
+    """cell/robots/*.yaml"""
+
+    schema_: Annotated[Literal["ballbar-robot/1"], Field(alias="schema")]
+    title: str
+    dh: Annotated[tuple[DHRowFile, ...], Field(min_length=6, max_length=6)]
+    motor_to_joint: Matrix6  # joints = motors @ motor_to_joint
+    controller_to_joint: Matrix6  # joints = axes @ controller_to_joint + controller_offset
+    controller_offset_deg: Vector6
+    axis_lower_deg: Vector6  # limits and speeds are those of the controller's axis angles
+    axis_upper_deg: Vector6
+    axis_speed_max_deg_per_s: Positive6
+    accuracy_lower_deg: Vector6  # box of axis angles over which the TCP error is stated
+    accuracy_upper_deg: Vector6
+    rotor_inertia_kg_m2: NotNegative6  # motor side
+    joint_damping_N_m_s_per_rad: NotNegative6
+    servo: dict[str, ServoFile]
+    links: RobotLinksFile
+    gravity_m_per_s2: Vector3
+
+    @model_validator(mode="after")
+    def _matrices_are_invertible(self) -> Self:
+        for key in ("motor_to_joint", "controller_to_joint"):
+            matrix = np.array(getattr(self, key))
+            for i in range(6):
+                if matrix[i, i] == 0.0:
+                    raise wrong_key(key, i, i, message="the ratio of an axis to itself cannot be 0")
+            if np.linalg.cond(matrix) > 1e9:  # real ones are below 100
+                raise wrong_key(key, message="the matrix has no inverse: two axes are driven alike")
+        return self
+
+    @model_validator(mode="after")
+    def _boxes_have_lower_below_upper(self) -> Self:
+        for i in range(6):
+            low, high, first, last = (getattr(self, f"{box}_{end}_deg")[i] for box in ("axis", "accuracy") for end in ("lower", "upper"))
+            if not low < high:
+                raise wrong_key("axis_upper_deg", i, message=f"expected more than the lower limit {low:g}")
+            if not low <= first <= high:
+                raise wrong_key("accuracy_lower_deg", i, message=f"expected a value within the axis limits {low:g} to {high:g}")
+            if not first < last <= high:
+                raise wrong_key("accuracy_upper_deg", i, message=f"expected a value above {first:g} and up to the axis limit {high:g}")
+        return self
+
+
+class BallBarLinksFile(_Strict):
+    """Bodies of the ball-bar; com in its base frame and axes parallel to it, all angles zero (rod straight up)."""
+
+    link1: LinkFile
+    link2: LinkFile
+    link3: LinkFile
+    link4: LinkFile
+    link5: LinkFile
+
+
+class EncoderFile(_Strict):
+    """What the ball-bar's encoders are."""
+
+    lines: Annotated[int, Field(gt=0)]
+    bits: Annotated[int, Field(ge=8, le=13)]  # EL5021 object 8001:11
+    noise_sigma_rad: NotNegative
+
+
+class BallBarFile(_Strict):
+    """cell/ballbars/*.yaml"""
+
+    schema_: Annotated[Literal["ballbar-bar/1"], Field(alias="schema")]
+    title: str
+    dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=5)]
+    length_tolerance_m: Positive
+    axial_stiffness_N_per_m: Positive
+    axial_damping_N_s_per_m: NotNegative
+    joint_damping_N_m_s_per_rad: NotNegative5
+    encoder: EncoderFile
+    links: BallBarLinksFile
+
+    @model_validator(mode="after")
+    def _rod_has_a_length(self) -> Self:
+        if self.dh[2].d_m <= 0.0:
+            raise wrong_key("dh", 2, "d_m", message="expected the length of the rod, more than 0")
+        return self
+
+
+class PlateFile(_Strict):
+    """cell/plates/*.yaml"""
+
+    schema_: Annotated[Literal["ballbar-plate/1"], Field(alias="schema")]
+    title: str
+    length_m: Annotated[Length, Field(gt=0.0)]
+    length_sigma_m: Positive
+    tool_offset_m: Length
+    tip_stiffness_N_per_m: Positive
+    body: LinkFile  # com and axes in the robot's flange frame

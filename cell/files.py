@@ -1,0 +1,43 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import yaml
+
+from cell.errors import InputError
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Writes a file beside its place, then renames it there. Folders are made as needed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aside = path.with_name(f".{path.name}.part")
+    try:
+        with aside.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def write_yaml(path: Path, data: dict[str, object]) -> None:
+    """Writes plain data as YAML, keys in their order."""
+    write_whole(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120).encode())
+
+
+def claim_folder(path: Path, known: set[str], what: str) -> None:
+    """Makes sure that output may go to `path`: absent, empty, or holding nothing but `known` names, an earlier output.
+
+    Raises InputError when something else is there.
+    """
+    if path.is_file():
+        raise InputError(f"{path}: is a file; {what} needs a folder. Choose another with --out.")
+    foreign = sorted({entry.name for entry in path.iterdir()} - known) if path.is_dir() else []
+    if foreign:
+        raise InputError(
+            f"{path}: exists and holds something else ({', '.join(foreign[:3])}); nothing was written. Choose another folder with --out."
+        )

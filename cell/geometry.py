@@ -1,0 +1,160 @@
+"""The kinematic parameters of robot and ball-bar together: one vector, the thesis's names.
+
+`ra1..ra6 rd1.. ralpha1.. rtheta1.. rbeta2` robot rows (the tool sits in row 6), `ba1..ba5 bd1.. balpha1.. btheta1..`
+ball-bar rows, `ox oy oz` its base in the robot's base frame, `otx oty` the tilt of that base (turn about x, then y).
+Source: thesis sec. 2.1-2.2; design of the parameter names: thesis Tables 3.1-3.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.chain import Chain, Frames, forward, screw
+
+if TYPE_CHECKING:
+    from cell.descriptions import Cell
+
+Array = NDArray[np.float64]
+
+ROBOT_ROWS = 6
+BAR_ROWS = 5
+HAYATI_ROW = 1  # row of joint 2, whose axis is nearly parallel to joint 3 (both robots)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Where one named number sits in the mechanism."""
+
+    name: str
+    side: str  # "robot", "bar" or "base"
+    kind: str  # DH kind, or "origin" / "tilt" for the ball-bar's base
+    row: int  # from 0
+
+    @property
+    def is_length(self) -> bool:
+        return self.kind in ("a", "d", "origin")
+
+    @property
+    def unit(self) -> str:
+        return "m" if self.is_length else "rad"
+
+
+def _parameters() -> tuple[Parameter, ...]:
+    robot = [Parameter(f"r{k}{i + 1}", "robot", k, i) for k in ("a", "d", "alpha", "theta") for i in range(ROBOT_ROWS)]
+    hayati = [Parameter(f"rbeta{HAYATI_ROW + 1}", "robot", "beta", HAYATI_ROW)]
+    bar = [Parameter(f"b{k}{i + 1}", "bar", k, i) for k in ("a", "d", "alpha", "theta") for i in range(BAR_ROWS)]
+    base = [Parameter(f"o{c}", "base", "origin", i) for i, c in enumerate("xyz")]
+    tilt = [Parameter(f"ot{c}", "base", "tilt", i) for i, c in enumerate("xy")]
+    return tuple(robot + hayati + bar + base + tilt)
+
+
+PARAMETERS = _parameters()
+NAMES = tuple(p.name for p in PARAMETERS)
+INDEX = {name: i for i, name in enumerate(NAMES)}
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """All kinematic parameters of one cell, as the vector `values` in the order of NAMES."""
+
+    values: Array  # (P,) [m, rad]
+
+    def __post_init__(self) -> None:
+        values = np.array(self.values, dtype=np.float64)
+        if values.shape != (len(NAMES),):
+            raise ValueError(f"geometry: {values.shape} values, expected ({len(NAMES)},)")
+        values.flags.writeable = False
+        object.__setattr__(self, "values", values)
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.values[INDEX[name]])
+
+    def replaced(self, changes: dict[str, float]) -> Geometry:
+        """The same geometry with some parameters set; KeyError for an unknown name."""
+        values = self.values.copy()
+        for name, value in changes.items():
+            values[INDEX[name]] = value
+        return Geometry(values)
+
+    @property
+    def robot(self) -> Chain:
+        n = ROBOT_ROWS
+        beta = np.zeros(n)
+        beta[HAYATI_ROW] = self.values[4 * n]
+        a, d, alpha, theta = self.values[: 4 * n].reshape(4, n)
+        return Chain(a, d, alpha, theta, beta)
+
+    @property
+    def bar(self) -> Chain:
+        start = 4 * ROBOT_ROWS + 1
+        a, d, alpha, theta = self.values[start : start + 4 * BAR_ROWS].reshape(4, BAR_ROWS)
+        return Chain(a, d, alpha, theta, np.zeros(BAR_ROWS))
+
+    @property
+    def origin(self) -> Array:
+        """(3,) [m] ball-bar base in the robot's base frame."""
+        return self.values[-5:-2]
+
+    @property
+    def bar_base_rotation(self) -> Array:
+        """(3, 3) orientation of the ball-bar base: Rx(otx) Ry(oty)."""
+        (cx, cy), (sx, sy) = np.cos(self.values[-2:]), np.sin(self.values[-2:])
+        return np.array([[cy, 0.0, sy], [sx * sy, cx, -sx * cy], [-cx * sy, sx, cx * cy]])
+
+
+def mirrored(geometry: Geometry, joint: int) -> Geometry:
+    """The same mechanism read with encoder b2 or b4 counting the other way: `joint` is 2 or 4.
+
+    The senses of b2 and b4 are one gauge with the configuration of gimbal and cardan: for every reading
+    `(-e_j, e_others)` of the mirrored geometry gives the pose that `(e_j, e_others)` gave before, exactly, for an imperfect
+    ball-bar too (start_recipe, "Signs and configuration").
+    """
+    if joint not in (2, 4):
+        raise ValueError(f"joint {joint}: only b2 and b4 have a sense that cannot be seen")
+    i, j, k = joint - 1, joint, joint + 1
+    changes = {f"b{kind}{joint}": -geometry[f"b{kind}{joint}"] for kind in ("a", "d", "theta")}
+    changes |= {f"ba{i}": -geometry[f"ba{i}"], f"balpha{i}": np.pi - geometry[f"balpha{i}"], f"balpha{j}": -np.pi - geometry[f"balpha{j}"]}
+    changes |= {f"btheta{n}": geometry[f"btheta{n}"] + np.pi for n in (i, k)}
+    return geometry.replaced(changes)
+
+
+def nominal_geometry(cell: Cell, origin: Array) -> Geometry:
+    """Catalogue geometry of a cell with the ball-bar at `origin` (3,) [m]; encoder zeros 0.
+
+    The offset plate is `ra6`; tool changer and cardan part add to the flange's `rd6` (design: tool sits in row 6).
+    """
+    robot, bar, plate = cell.robot, cell.ballbar, cell.plate
+    a, d = robot.a.copy(), robot.d.copy()
+    a[5] += plate.length
+    d[5] += plate.tool_offset
+    rows = (a, d, robot.alpha, robot.theta, [0.0], bar.a, bar.d, bar.alpha, bar.theta, origin, [0.0, 0.0])
+    return Geometry(np.concatenate([np.asarray(r, dtype=np.float64) for r in rows]))
+
+
+def robot_frames(geometry: Geometry, q: Array) -> Frames:
+    """Frames of the robot at joint angles q (N, 6) [rad]; the last one is the tool (ball-bar end) frame."""
+    return forward(geometry.robot, q)
+
+
+def bar_frames(geometry: Geometry, b: Array) -> Frames:
+    """Frames of the ball-bar at encoder angles b (N, 5) [rad] (zeros are in btheta); the last one is the tool frame."""
+    return forward(geometry.bar, b, base_rotation=geometry.bar_base_rotation, base_origin=geometry.origin)
+
+
+def parameter_screw(geometry: Geometry, robot: Frames, bar: Frames, parameter: Parameter) -> Array:
+    """(6, N) motion of that side's tool frame for a unit change of one parameter, base coordinates (see chain.screw)."""
+    if parameter.side != "base":
+        return screw(robot if parameter.side == "robot" else bar, parameter.kind, parameter.row)
+    n = bar.tip.shape[1]
+    out = np.zeros((6, n))
+    if parameter.kind == "origin":
+        out[parameter.row] = 1.0
+        return out
+    axis = np.array([1.0, 0.0, 0.0]) if parameter.row == 0 else np.array([0.0, np.cos(geometry["otx"]), np.sin(geometry["otx"])])
+    out[:3] = np.cross(axis, (bar.tip - bar.origin[0]).T).T
+    out[3:] = axis[:, None]
+    return out

@@ -1,0 +1,125 @@
+"""Inverse kinematics of robot and ball-bar: closed form for the nominal mechanism, Newton for an imperfect one.
+
+Robot: both machines have an offset shoulder, a parallel upper arm and a spherical wrist, `alpha = (-pi/2, 0, -pi/2,
+s*pi/2, -s*pi/2, 0)` with s = +1 (IRB 2400) or -1 (NJ 220); Pieper's decoupling, wrist as ZYZ.
+Ball-bar: rod direction u in the base and v in the tool frame are `u_x + i u_y = -sin(b2) exp(i b1)`, `u_z = cos(b2)`
+and `-v_x + i v_y = -sin(b4) exp(i b5)`, `v_z = cos(b4)`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.chain import Array, Chain, Frames, forward, joint_screws
+from cell.rotation import rotvec_from_matrix
+
+_ALPHA = np.array([1.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)  # ball-bar twists, thesis sec. 2.2
+
+
+class UnreachableError(ValueError):
+    """A pose that the mechanism cannot take."""
+
+
+def robot_branches(chain: Chain, poses: Array) -> Array:
+    """Joint angles of the nominal robot for each pose, arm in front, both elbows and both wrists.
+
+    poses : (N, 4, 4) tool frames in the base frame.
+
+    Returns (4, N, 6) [rad] in the order elbow up / wrist +, up / -, down / +, down / -; NaN where out of reach.
+    """
+    rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
+    wrist = tip - chain.a[5] * rotation[:, :, 0] - chain.d[5] * rotation[:, :, 2]
+    shoulder = np.arctan2(wrist[:, 1], wrist[:, 0])
+    forward_reach = np.hypot(wrist[:, 0], wrist[:, 1]) - chain.a[0]
+    up = wrist[:, 2] - chain.d[0]
+    upper, fore = chain.a[1], np.hypot(chain.a[2], chain.d[3])
+    fore_angle = np.arctan2(chain.d[3], chain.a[2])
+    cosine = (forward_reach**2 + up**2 - upper**2 - fore**2) / (2.0 * upper * fore)
+    cosine[np.abs(cosine) > 1.0] = np.nan
+    solutions = []
+    for elbow in (1.0, -1.0):  # + folds the forearm forward (arm angles are measured downwards from horizontal)
+        bend = elbow * np.arccos(cosine)
+        theta2 = np.arctan2(-up, forward_reach) - np.arctan2(fore * np.sin(bend), upper + fore * np.cos(bend))
+        theta3 = bend - fore_angle
+        arm = np.stack((shoulder, theta2, theta3), axis=1) - chain.theta[:3]
+        solutions += _wrists(chain, rotation, arm)
+    return np.stack(solutions)
+
+
+def _wrists(chain: Chain, rotation: Array, arm: Array) -> list[Array]:
+    first = Chain(*(values[:3] for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta)))
+    forearm = forward(first, arm).rotation().transpose(2, 0, 1)
+    rest = forearm.transpose(0, 2, 1) @ rotation  # Rz(t4) Ry(-s t5) Rz(t6)
+    sense = np.sign(chain.alpha[3])
+    out = []
+    for side in (1.0, -1.0):
+        tilt = side * np.arctan2(np.hypot(rest[:, 0, 2], rest[:, 1, 2]), rest[:, 2, 2])
+        theta4 = np.arctan2(side * rest[:, 1, 2], side * rest[:, 0, 2])
+        theta6 = np.arctan2(side * rest[:, 2, 1], -side * rest[:, 2, 0])
+        wrist = np.stack((theta4, -sense * tilt, theta6), axis=1) - chain.theta[3:]
+        out.append(np.concatenate((arm, np.arctan2(np.sin(wrist), np.cos(wrist))), axis=1))
+    return out
+
+
+def bar_angles(poses: Array, origin: Array, *, flipped: tuple[bool, bool] = (False, False)) -> Array:
+    """Angles of an ideal ball-bar that holds the tool at each pose.
+
+    poses : (N, 4, 4) tool frames; origin : (3,) [m]. `flipped` takes b2, b4 negative instead of positive: the four
+    configurations of the gimbal and the cardan.
+
+    Returns (N, 5) [rad], not unwrapped.
+    """
+    rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
+    rod = tip - origin
+    u = rod / np.linalg.norm(rod, axis=1, keepdims=True)
+    v = np.einsum("nij,ni->nj", rotation, u)
+    b1, b2 = _pair(u[:, 0], u[:, 1], u[:, 2], flipped[0])
+    b5, b4 = _pair(-v[:, 0], v[:, 1], v[:, 2], flipped[1])
+    return np.stack((b1, b2, bar_roll(rotation, b1, b2, b4, b5), b4, b5), axis=1)
+
+
+def _pair(x: Array, y: Array, z: Array, flipped: bool) -> tuple[Array, Array]:
+    sign = -1.0 if flipped else 1.0
+    return np.arctan2(-sign * y, -sign * x), sign * np.arctan2(np.hypot(x, y), z)
+
+
+def bar_roll(rotation: Array, b1: Array, b2: Array, b4: Array, b5: Array) -> Array:
+    """(N,) [rad] turn b3 about the rod of an ideal ball-bar, from R = G(b1, b2) Rz(b3) K(b4, b5).
+
+    rotation : (N, 3, 3) tool frame in the base; b1, b2, b4, b5 : (N,) [rad].
+    """
+    gimbal = _turned(_ALPHA[:2], b1, b2)
+    cardan = _turned(_ALPHA[2:], np.zeros_like(b4), b4, b5)
+    about_rod = gimbal.transpose(0, 2, 1) @ rotation @ cardan.transpose(0, 2, 1)
+    return np.arctan2(about_rod[:, 1, 0], about_rod[:, 0, 0])
+
+
+def _turned(alpha: Array, *angles: Array) -> Array:
+    zero = np.zeros(alpha.size)
+    return forward(Chain(zero, zero, alpha, zero, zero), np.stack(angles, axis=1)).rotation().transpose(2, 0, 1)
+
+
+def refine(chain: Chain, q: Array, poses: Array, *, iterations: int = 20, tolerance: float = 1e-13) -> Array:
+    """Joint angles that bring a six-joint chain exactly to each pose, by Newton steps from a start close by.
+
+    q : (N, 6) [rad] start; poses : (N, 4, 4). Raises UnreachableError when a sample does not converge.
+    """
+    q = q.copy()
+    target_rotation, target_tip = poses[:, :3, :3].transpose(1, 2, 0), poses[:, :3, 3].T
+    for _ in range(iterations):
+        frames = forward(chain, q)
+        mismatch = pose_mismatch(target_rotation, target_tip, frames)
+        step = np.linalg.solve(joint_screws(frames).transpose(2, 1, 0), mismatch.T[:, :, None])[:, :, 0]
+        size = np.abs(step).max()
+        q += np.clip(step, -0.3, 0.3)  # a step of more than 0.3 rad is a sign of a singularity, not of progress
+        if size < tolerance:
+            return q
+    bad = int(np.abs(step).max(axis=1).argmax())
+    raise UnreachableError(f"inverse kinematics: sample {bad} of {len(q)} did not converge in {iterations} steps")
+
+
+def pose_mismatch(rotation: Array, tip: Array, frames: Frames) -> NDArray[np.float64]:
+    """(6, N) signed mismatch: (tip minus that of `frames` [m], rotation vector that turns `frames` onto it [rad])."""
+    turned = np.einsum("ikn,jkn->ijn", rotation, frames.rotation())
+    return np.concatenate((tip - frames.tip, rotvec_from_matrix(turned)))

@@ -1,0 +1,48 @@
+"""What a recording is once it has been read: angles over time, each side on its own clock.
+
+Acquisition makes these, identification takes them, simulation never sees them. Times are float64 seconds counted from the
+first row of their own log, so that `t_robot = offset + (1 + skew) * t_bar` defines the clock parameters everywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class RobotLog:
+    """Robot joint angles on the robot's clock."""
+
+    t: NDArray[np.float64]  # (N,) [s] from the first row, strictly increasing
+    q: NDArray[np.float64]  # (N, 6) [rad] joint angles, DH convention
+
+    def __post_init__(self) -> None:
+        _check_series("robot log", self.t, self.q, 6)
+
+
+@dataclass(frozen=True, eq=False)
+class BallBarLog:
+    """Ball-bar encoder angles on the ball-bar's clock."""
+
+    t: NDArray[np.float64]  # (N,) [s] from the first row, strictly increasing
+    angles: NDArray[np.float64]  # (N, E) [rad] unwrapped, declared sign applied, zero unknown
+    joints: tuple[int, ...]  # (E,) the joint each column measures, 1..5, increasing
+
+    def __post_init__(self) -> None:
+        _check_series("ball-bar log", self.t, self.angles, len(self.joints))
+        if list(self.joints) != sorted(set(self.joints)) or not set(self.joints) <= {1, 2, 3, 4, 5}:
+            raise ValueError(f"ball-bar log: joints {self.joints} are not distinct, increasing and within 1..5")
+
+
+def _check_series(what: str, t: NDArray[np.float64], values: NDArray[np.float64], columns: int) -> None:
+    if t.ndim != 1 or values.shape != (t.size, columns):
+        raise ValueError(f"{what}: times {t.shape} and values {values.shape} do not fit (N,) and (N, {columns})")
+    if not (np.isfinite(t).all() and np.isfinite(values).all()):
+        raise ValueError(f"{what}: times or values are not finite")
+    if t.size > 1 and np.diff(t).min() <= 0.0:
+        raise ValueError(f"{what}: times do not increase strictly")
+    t.flags.writeable = False
+    values.flags.writeable = False

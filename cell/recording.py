@@ -1,0 +1,63 @@
+"""recording.yaml: how to read the device files of one run (schema `ballbar-recording/1`).
+
+Written by the simulator, or by hand for a real run; read by acquisition. It never holds a true parameter.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from cell.strict_yaml import load_model
+
+EncoderName = Literal["b1", "b2", "b3", "b4", "b5"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SourceFile(_Strict):
+    """The device files of one side, and the dialect they are written in."""
+
+    files: Annotated[tuple[str, ...], Field(min_length=1)]  # relative to recording.yaml
+    dialect: str
+
+
+class Sources(_Strict):
+    """Both sides of a recording."""
+
+    robot: SourceFile
+    ballbar: SourceFile | None = None  # none for a sensor-less ball-bar
+
+
+class EncoderFitting(_Strict):
+    """One ball-bar encoder: counter column, resolution and declared sense of rotation."""
+
+    column: str
+    lines: Annotated[int, Field(gt=0)]
+    bits: Annotated[int, Field(ge=8, le=13)]  # EL5021 object 8001:11
+    sign: Literal[-1, 1] = 1
+
+
+class RecordingFile(_Strict):
+    """recording.yaml"""
+
+    schema_: Annotated[Literal["ballbar-recording/1"], Field(alias="schema")]
+    kind: Literal["simulated", "real"]
+    robot: str  # a file of cell/robots, or a path relative to this file
+    ballbar: str  # a file of cell/ballbars, or a path
+    plate: str = "plate_250"  # a file of cell/plates, or a path
+    sources: Sources
+    encoders: dict[EncoderName, EncoderFitting] = {}
+    notes: str = ""
+
+
+def load_recording_file(folder: Path) -> RecordingFile:
+    """The checked content of `folder/recording.yaml`.
+
+    Raises DescriptionError naming file, line and key.
+    """
+    return load_model(folder / "recording.yaml", RecordingFile)

@@ -1,0 +1,55 @@
+"""Rotations over many samples: logarithm, exponential and the Jacobian that ties them. Sample index last.
+
+Source: Murray, Li & Sastry 1994, sec. 2.2 (exponential, logarithm); Barfoot 2017, eq. 7.76 (inverse left Jacobian).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from cell.chain import cross
+
+Array = NDArray[np.float64]
+
+_SMALL = 1e-4  # [rad] below it the series is exact to rounding: next term is phi^4/360 ~ 3e-19
+_NEAR_HALF_TURN = 3.0  # [rad] beyond it the skew part loses the axis
+
+
+def rotvec_from_matrix(rotation: Array) -> Array:
+    """(3, N) [rad] rotation vectors of (3, 3, N) rotation matrices, angle within [0, pi]."""
+    skew = 0.5 * np.stack((rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]))
+    sine = np.sqrt((skew * skew).sum(axis=0))
+    angle = np.arctan2(sine, 0.5 * (rotation[0, 0] + rotation[1, 1] + rotation[2, 2] - 1.0))
+    scale = np.where(angle < _SMALL, 1.0 + angle * angle / 6.0, angle / np.where(sine == 0.0, 1.0, sine))
+    rotvec = scale * skew
+    far = angle > _NEAR_HALF_TURN
+    if far.any():
+        rotvec[:, far] = Rotation.from_matrix(rotation[:, :, far].transpose(2, 0, 1)).as_rotvec().T
+    return np.asarray(rotvec)
+
+
+def matrix_from_rotvec(rotvec: Array) -> Array:
+    """(3, 3, N) rotation matrices of (3, N) [rad] rotation vectors."""
+    return np.asarray(Rotation.from_rotvec(rotvec.T).as_matrix()).transpose(1, 2, 0)
+
+
+def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
+    """Change of the rotation vector when its rotation is turned on the left: J_l(phi)^-1 w.
+
+    rotvec : (3, N) [rad]; vectors : (..., 3, N) angular velocities w in base coordinates. Turned on the right it is
+    J_l(-phi)^-1 w, so the caller passes `-rotvec`.
+
+    Returns (..., 3, N).
+    """
+    square = (rotvec * rotvec).sum(axis=0)
+    angle = np.sqrt(square)
+    small = angle < 1e-2  # [rad] the closed form cancels below; series error 1e-10 * phi^2
+    safe = np.where(small, 1.0, angle)
+    half = 0.5 * safe
+    factor = np.where(small, 1.0 / 12.0 + square / 720.0, (1.0 - half / np.tan(half)) / (safe * safe))
+    w = np.moveaxis(vectors, -2, 0)
+    once = cross(rotvec.reshape(3, *(1,) * (w.ndim - 2), -1) + np.zeros_like(w), w)
+    twice = cross(rotvec.reshape(3, *(1,) * (w.ndim - 2), -1) + np.zeros_like(w), once)
+    return np.moveaxis(w - 0.5 * once + factor * twice, 0, -2)

@@ -1,0 +1,184 @@
+"""Validation errors of a YAML description in plain words: key, value, what was expected, the nearest valid key.
+
+pydantic knows what is wrong and where in the data; this module says it to the person who wrote the file.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import types
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+Loc = tuple[str | int, ...]  # keys and list indices from the top of a file
+
+MAX_LISTED = 30  # valid keys; more would hide the message
+
+_EXPECTED = {
+    "float_type": "expected a number",
+    "int_type": "expected a whole number",
+    "int_from_float": "expected a whole number",
+    "bool_type": "expected true or false",
+    "string_type": "expected text",
+    "list_type": "expected a list",
+    "tuple_type": "expected a list",
+    "dict_type": "expected a mapping of keys",
+    "model_type": "expected a mapping of keys",
+    "none_required": "expected nothing here (null)",
+    "finite_number": "expected a finite number",
+    "greater_than": "expected more than {gt}",
+    "greater_than_equal": "expected {ge} or more",
+    "less_than": "expected less than {lt}",
+    "less_than_equal": "expected {le} or less",
+    "literal_error": "expected {expected}",
+    "too_short": "expected at least {min_length} items, found {actual_length}",
+    "too_long": "expected at most {max_length} items, found {actual_length}",
+    "string_too_short": "expected text of at least {min_length} characters",
+    "string_too_long": "expected text of at most {max_length} characters",
+    "string_pattern_mismatch": "expected text of the form {pattern}",
+}
+
+
+def wrong_key(*loc: str | int, message: str) -> PydanticCustomError:
+    """What a model's own check raises when one key below that model is at fault, so that the error names its line."""
+    return PydanticCustomError("wrong_key", "{message}", {"message": message, "loc": loc})
+
+
+def explain(errors: Iterable[ErrorDetails], model: type[BaseModel], data: Any) -> list[tuple[Loc, str]]:
+    """For each validation error its place in the data, and its sentence: `key.path = value: what was expected.`"""
+    return [_explain_one(error, model, data) for error in errors if not _is_echo(error, data)]
+
+
+def _is_echo(error: ErrorDetails, data: Any) -> bool:
+    """Whether a list is called too short only because pydantic does not count items that are wrong themselves."""
+    if error["type"] != "too_short":
+        return False
+    found = _value_at(data, _place(error["loc"], data, missing=False))
+    return bool(len(found) >= error["ctx"]["min_length"])
+
+
+def _explain_one(error: ErrorDetails, model: type[BaseModel], data: Any) -> tuple[Loc, str]:
+    kind, context = error["type"], error.get("ctx", {})
+    raw = error["loc"]
+    if kind in ("wrong_key", "union_tag_invalid", "union_tag_not_found"):
+        raw = (*raw, *context.get("loc", (context.get("discriminator", "").strip("'"),)))
+    loc = _place(raw, data, missing=kind in ("missing", "union_tag_not_found"))
+    key = _dotted(loc)
+    if kind in ("missing", "union_tag_not_found"):
+        return loc, f"{key} is missing. {_add_it(loc)}"
+    if kind == "extra_forbidden":
+        return loc, f"unknown key {key}.{nearest(str(loc[-1]), _valid_keys(model, raw[:-1]), noun='key')}"
+    value = _value_at(data, loc)
+    return loc, f"{key}{_shown(value)}: {_expectation(error, context, value)}."
+
+
+def nearest(word: str, choices: Iterable[str], *, noun: str) -> str:
+    """` Did you mean x? Valid keys: x, y.` for a word that is none of the choices; empty without choices."""
+    known = sorted(choices)
+    close = difflib.get_close_matches(word, known, n=1)
+    meant = f" Did you mean {close[0]}?" if close else ""
+    listed = f" Valid {noun}s: {', '.join(known)}." if 0 < len(known) <= MAX_LISTED else ""
+    return meant + listed
+
+
+def _expectation(error: ErrorDetails, context: Mapping[str, Any], value: Any) -> str:
+    kind = error["type"]
+    if kind in ("value_error", "assertion_error"):
+        return str(context["error"]).rstrip(".")
+    if kind == "wrong_key":
+        return str(context["message"]).rstrip(".")
+    if kind == "union_tag_invalid":
+        return f"expected one of {context['expected_tags']}"
+    text = (
+        _EXPECTED[kind].format(**{k: _plain(v) for k, v in context.items()})
+        if kind in _EXPECTED
+        else error["msg"][0].lower() + error["msg"][1:]
+    )
+    if kind == "float_type" and isinstance(value, str) and re.fullmatch(r"[-+]?\d+,\d+", value):
+        text += f"; write the decimal point as {value.replace(',', '.')}"
+    elif kind in ("float_type", "int_type") and isinstance(value, str):
+        text += ", without quotes or unit"
+    elif kind == "literal_error":
+        close = difflib.get_close_matches(str(value), re.findall(r"'([^']*)'", context["expected"]), n=1)
+        text += f"; the nearest is {close[0]}" if close else ""
+    return text.rstrip(".")
+
+
+def _place(raw: Loc, data: Any, *, missing: bool) -> Loc:
+    """The part of pydantic's location that exists in the data: names of union members and `[key]` are left out."""
+    loc: Loc = ()
+    for i, part in enumerate(raw):
+        if _has(data, part):
+            loc, data = (*loc, part), data[part]
+        elif missing and i == len(raw) - 1:
+            loc = (*loc, part)
+    return loc
+
+
+def _has(data: Any, part: str | int) -> bool:
+    if isinstance(data, dict):
+        return part in data
+    return isinstance(data, list) and isinstance(part, int) and part < len(data)
+
+
+def _value_at(data: Any, loc: Loc) -> Any:
+    for part in loc:
+        data = data[part]
+    return data
+
+
+def _dotted(loc: Loc) -> str:
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
+    return text.removeprefix(".") or "the file"
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict | list):
+        return ""
+    text = "null" if value is None else str(value).lower() if isinstance(value, bool) else repr(value)
+    return f" = {text if len(text) <= 60 else text[:57] + '...'}"
+
+
+def _plain(value: Any) -> Any:
+    return f"{value:g}" if isinstance(value, float) else value
+
+
+def _add_it(loc: Loc) -> str:
+    if isinstance(loc[-1], int):
+        return f"The list {_dotted(loc[:-1])} needs at least {loc[-1] + 1} items."
+    return f"Add `{loc[-1]}: ...` to {_dotted(loc[:-1])}."
+
+
+def _valid_keys(annotation: Any, raw: Loc) -> set[str]:
+    """Keys that may stand at a location, by walking the model's annotations; empty where that is open."""
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        fields = {field.alias or name: field for name, field in annotation.model_fields.items()}
+        if not raw:
+            return set(fields)
+        return _valid_keys(fields[str(raw[0])].annotation, raw[1:]) if raw[0] in fields else set()
+    if origin is Annotated:
+        return _valid_keys(inner[0], raw)
+    if origin in (Union, types.UnionType):
+        chosen = [member for member in inner if raw and _is_named(member, raw[0])]
+        return set().union(*(_valid_keys(m, raw[1:]) for m in chosen) if chosen else (_valid_keys(m, raw) for m in inner))
+    if origin is dict and raw:
+        return _valid_keys(inner[1], raw[1:])
+    if origin in (list, tuple) and raw:
+        repeated = origin is list or (len(inner) == 2 and inner[1] is Ellipsis)
+        return _valid_keys(inner[0 if repeated else int(raw[0])], raw[1:])
+    return set()
+
+
+def _is_named(member: Any, part: str | int) -> bool:
+    """Whether pydantic's location calls a union's member by this name: its class name, or its discriminator's value."""
+    while get_origin(member) is Annotated:
+        member = get_args(member)[0]
+    if not (isinstance(member, type) and issubclass(member, BaseModel)):
+        return False
+    literals = [get_args(f.annotation) for f in member.model_fields.values() if get_origin(f.annotation) is Literal]
+    return part == member.__name__ or any(part in values for values in literals)

@@ -1,0 +1,220 @@
+"""YAML descriptions, read strictly: a wrong file is refused with its line, never half understood.
+
+YAML 1.2 core schema, where PyYAML itself still follows 1.1: `1e-5` and `1e4` are numbers, `no`, `on` and `2016-05-30`
+are text, `1:30` is no sexagesimal, octal is `0o17`. Refused: duplicate keys, anchors and aliases (a few lines of them
+grow to gigabytes), tags of other types, keys that are not text, files above 10 MB.
+Source: YAML 1.2.2, section 10.3 (core schema).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from cell.errors import DescriptionError
+from cell.schema_errors import Loc, explain
+
+M = TypeVar("M", bound=BaseModel)
+
+MAX_BYTES = 10_000_000  # far above any description; a log given by mistake is larger
+MAX_DEPTH = 40  # nesting of the deepest description is below 10
+
+_TAG = "tag:yaml.org,2002:"
+
+
+def _to_int(text: str) -> int:
+    base = {"0o": 8, "0x": 16}.get(text[:2], 10)
+    return int(text if base == 10 else text[2:], base)
+
+
+def _to_float(text: str) -> float:
+    value = float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    if math.isinf(value) and "inf" not in text.lower():
+        raise ValueError("beyond the largest number")
+    return value
+
+
+_Scalar = tuple[re.Pattern[str], Callable[[str], Any]]
+# In this order: every whole number also looks like a float.
+_SCALARS: dict[str, _Scalar] = {
+    _TAG + "null": (re.compile(r"(?:null|Null|NULL|~|)\Z"), lambda _: None),
+    _TAG + "bool": (re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z"), lambda text: text.lower() == "true"),
+    _TAG + "int": (re.compile(r"(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)\Z"), _to_int),
+    _TAG + "float": (
+        re.compile(r"(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z"),
+        _to_float,
+    ),
+    _TAG + "str": (re.compile(r"", re.DOTALL), str),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class YamlDocument:
+    """The content of one YAML file, and where each part of it stands."""
+
+    path: Path
+    data: dict[str, Any]  # dicts, lists, str, int, float, bool, None
+    lines: dict[Loc, int]  # line, from 1, of each key and each list item
+
+    def line_of(self, loc: Loc) -> int:
+        """Line (from 1) of a key or list item, or of its nearest existing ancestor."""
+        while loc not in self.lines:
+            loc = loc[:-1]
+        return self.lines[loc]
+
+
+class _CoreLoader(yaml.SafeLoader):
+    """PyYAML's scanner and parser with the core schema's scalars; composes nodes, constructs nothing."""
+
+    depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        if getattr(event, "anchor", None) is not None:
+            sign = "*" if isinstance(event, yaml.AliasEvent) else "&"
+            raise yaml.composer.ComposerError(
+                None, None, f"{sign}{event.anchor}: anchors and aliases are refused; write the value out", event.start_mark
+            )
+        if self.depth >= MAX_DEPTH:
+            raise yaml.composer.ComposerError(None, None, f"nested more than {MAX_DEPTH} levels deep", event.start_mark)
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
+_CoreLoader.yaml_implicit_resolvers = {None: [(tag, scalar[0]) for tag, scalar in _SCALARS.items() if tag != _TAG + "str"]}
+
+
+def load_yaml(path: Path) -> YamlDocument:
+    """The mapping in a YAML file.
+
+    Raises DescriptionError naming file and line if the file cannot be read, is not UTF-8, not YAML as described above, or
+    holds no mapping.
+    """
+    text = _read_text(path)
+    try:
+        root = _CoreLoader(text).get_single_node()
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        _refuse(path, line, f"character U+{ord(text[error.position]):04X} is not allowed in YAML. Save the file as plain text.")
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        _refuse(path, mark.line + 1 if mark else 1, _syntax_error(error))
+    if root is None:
+        raise DescriptionError(f"{path}: the file is empty; expected `key: value` lines.")
+    if not isinstance(root, yaml.MappingNode):
+        found = "a list" if isinstance(root, yaml.SequenceNode) else "a single value"
+        _refuse(path, root.start_mark.line + 1, f"the file holds {found}; expected `key: value` lines.")
+    lines: dict[Loc, int] = {(): root.start_mark.line + 1}
+    return YamlDocument(path, _build(path, root, (), lines), lines)
+
+
+def load_model(path: Path, model: type[M]) -> M:
+    """The content of a YAML file, checked against a pydantic model.
+
+    Raises DescriptionError with one line for each thing that is wrong: file, line, key, value, what was expected.
+    """
+    return parse_model(load_yaml(path), model)
+
+
+def parse_model(document: YamlDocument, model: type[M]) -> M:
+    """A YAML document checked against a pydantic model; raises as `load_model` does.
+
+    Validation is strict: the text "3" is no number and `yes` no truth value, but a list may become a tuple.
+    """
+    try:
+        # JSON mode, since pydantic's strict Python mode would also refuse a list where a tuple is declared.
+        return model.model_validate_json(json.dumps(document.data), strict=True)
+    except ValidationError as error:
+        found = explain(error.errors(include_url=False), model, document.data)
+        told = sorted((document.line_of(loc), text) for loc, text in found)
+        raise DescriptionError("\n".join(f"{document.path}:{line}: {text}" for line, text in told)) from None
+
+
+def _read_text(path: Path) -> str:
+    if path.is_dir():
+        raise DescriptionError(f"{path}: this is a directory; name the YAML file within it.")
+    try:
+        with path.open("rb") as file:
+            raw = file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise DescriptionError(f"{path}: no such file.") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise DescriptionError(f"{path}: cannot be read: {error}.") from None
+    if len(raw) > MAX_BYTES:
+        raise DescriptionError(f"{path}: larger than {MAX_BYTES // 1_000_000} MB, so it is no description. Was a log meant?")
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        _refuse(path, line, f"byte 0x{raw[error.start]:02x} is not UTF-8. Save the file as UTF-8.")
+
+
+def _syntax_error(error: yaml.MarkedYAMLError) -> str:
+    problem = error.problem or "unreadable"
+    if isinstance(error, yaml.composer.ComposerError) and error.context is None:
+        return f"{problem}."
+    hint = ""
+    if "'\\t'" in problem:
+        hint = " Indent with spaces, not tabs."
+    elif "mapping values" in problem:
+        hint = " Text that holds `: ` needs quotes; keys of one level need the same indentation."
+    elif "but found another document" in problem:
+        return "a second document starts here. Keep one per file: remove the `---` line."
+    context = f" {error.context}" if error.context else ""
+    return f"not valid YAML{context}: {problem}.{hint}"
+
+
+def _build(path: Path, node: yaml.Node, loc: Loc, lines: dict[Loc, int]) -> Any:
+    """Plain data of a node; enters the line of every key and item below it into `lines`."""
+    if isinstance(node, yaml.MappingNode) and node.tag == _TAG + "map":
+        return _build_mapping(path, node, loc, lines)
+    if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
+        for i, item in enumerate(node.value):
+            lines[*loc, i] = item.start_mark.line + 1
+        return [_build(path, item, (*loc, i), lines) for i, item in enumerate(node.value)]
+    if isinstance(node, yaml.ScalarNode) and node.tag in _SCALARS:
+        return _build_scalar(path, node)
+    tag = node.tag.replace(_TAG, "!!")
+    return _refuse(
+        path, node.start_mark.line + 1, f"tag {tag} is refused; only plain text, numbers, true, false, null, lists and mappings."
+    )
+
+
+def _build_mapping(path: Path, node: yaml.MappingNode, loc: Loc, lines: dict[Loc, int]) -> dict[str, Any]:
+    data: dict[str, Any] = {}
+    for key_node, value_node in node.value:
+        line = key_node.start_mark.line + 1
+        key = _build(path, key_node, loc, {}) if isinstance(key_node, yaml.ScalarNode) else None
+        if not isinstance(key, str):
+            shown = f"key {key_node.value}" if isinstance(key_node, yaml.ScalarNode) else "a key"
+            _refuse(path, line, f"{shown} is not text. Put keys that look like numbers, true or null in quotes.")
+        if key in data:
+            _refuse(path, line, f"key {key} stands here and in line {lines[*loc, key]}. Remove one.")
+        lines[*loc, key] = line
+        data[key] = _build(path, value_node, (*loc, key), lines)
+    return data
+
+
+def _build_scalar(path: Path, node: yaml.ScalarNode) -> Any:
+    pattern, convert = _SCALARS[node.tag]
+    shown = node.value if len(node.value) <= 40 else node.value[:37] + "..."
+    if not pattern.match(node.value):
+        _refuse(path, node.start_mark.line + 1, f"{shown!r} is no {node.tag.removeprefix(_TAG)}, as its tag says.")
+    try:
+        return convert(node.value)
+    except ValueError:
+        _refuse(path, node.start_mark.line + 1, f"number {shown} is beyond what can be represented.")
+
+
+def _refuse(path: Path, line: int, what: str) -> NoReturn:
+    raise DescriptionError(f"{path}:{line}: {what}") from None

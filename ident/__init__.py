@@ -1,0 +1,4 @@
+"""Arrays to parameters: residuals, solver, start, identifiability, uncertainty. Knows neither the simulator nor the truth."""
+
+from ident.identify import Identification as Identification
+from ident.identify import identify as identify

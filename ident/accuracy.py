@@ -1,0 +1,85 @@
+"""TCP error: how far the tool is from where a model says, over a held-out grid of the workspace.
+
+Parameter errors depend on which parameters were held fixed (gauge); the TCP error after aligning the base frame does not,
+so it is the figure that compares robots, paths and methods. Alignment: Kabsch 1976 / Umeyama 1991 (with scale).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from cell.chain import Array, screw
+from cell.descriptions import Robot, controller_to_joints
+from cell.geometry import PARAMETERS, Geometry, robot_frames
+
+GRID_POSES = 800
+_GRID_SEED = 2400  # the grid is part of the metric: the same poses for everyone
+
+
+@dataclass(frozen=True, eq=False)
+class TcpError:
+    """Position error of the tool over the grid, base frames aligned."""
+
+    position: Array  # (G, 3) [m] nominal tool position of each pose, robot base frame
+    error: Array  # (G,) [m] distance
+    error_without_scale: Array  # (G,) [m] after removing one common scale factor too
+
+    @property
+    def mean(self) -> float:
+        return float(self.error.mean())
+
+    @property
+    def maximum(self) -> float:
+        return float(self.error.max())
+
+
+def accuracy_grid(robot: Robot) -> Array:
+    """(G, 6) [rad] held-out joint angles: a Sobol sequence over the robot's accuracy box (which is in axis angles)."""
+    points = qmc.Sobol(d=6, scramble=True, rng=np.random.default_rng(_GRID_SEED)).random(1024)[:GRID_POSES]
+    return controller_to_joints(robot, robot.accuracy_lower + points * (robot.accuracy_upper - robot.accuracy_lower))
+
+
+def tcp_error(model: Geometry, truth: Geometry, grid: Array) -> TcpError:
+    """Error of `model` against `truth` at joint angles grid (G, 6) [rad], after the best rigid motion of the base."""
+    predicted, actual = robot_frames(model, grid).tip.T, robot_frames(truth, grid).tip.T
+    rigid = np.linalg.norm(_aligned(predicted, actual, scale=False) - actual, axis=1)
+    scaled = np.linalg.norm(_aligned(predicted, actual, scale=True) - actual, axis=1)
+    return TcpError(predicted, rigid, scaled)
+
+
+def _aligned(points: Array, target: Array, *, scale: bool) -> Array:
+    a, b = points - points.mean(axis=0), target - target.mean(axis=0)
+    u, s, vt = np.linalg.svd(b.T @ a)
+    turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    factor = float((s * np.diag(turn)).sum() / (a * a).sum()) if scale else 1.0
+    return np.asarray(factor * a @ (u @ turn @ vt).T + target.mean(axis=0))
+
+
+def tcp_sigma(geometry: Geometry, grid: Array, parameters: NDArray[np.intp], covariance: Array) -> Array:
+    """(G,) [m] standard deviation of the tool position that the parameter covariance implies, base aligned.
+
+    parameters : (P,) indices into PARAMETERS of the covariance's first rows; those off the robot do not move the free tool.
+    """
+    on_robot = np.array([PARAMETERS[i].side == "robot" for i in parameters], dtype=bool)
+    frames = robot_frames(geometry, grid)
+    moves = np.stack([screw(frames, PARAMETERS[i].kind, PARAMETERS[i].row)[:3] for i in parameters[on_robot]], axis=-1)
+    columns = moves.transpose(1, 0, 2).reshape(-1, int(on_robot.sum()))  # (3G, P)
+    columns = columns - _rigid_basis(frames.tip.T) @ (_rigid_basis(frames.tip.T).T @ columns)
+    chosen = np.flatnonzero(on_robot)
+    spread = columns @ covariance[np.ix_(chosen, chosen)]
+    variance = (spread * columns).sum(axis=1).reshape(-1, 3).sum(axis=1)
+    return np.asarray(np.sqrt(variance))
+
+
+def _rigid_basis(points: Array) -> Array:
+    """(3G, 6) orthonormal basis of the small rigid motions of the points."""
+    centred = points - points.mean(axis=0)
+    motions = np.zeros((points.shape[0], 3, 6))
+    motions[:, :, :3] = np.eye(3)
+    for k in range(3):
+        motions[:, :, 3 + k] = np.cross(np.eye(3)[k], centred)
+    return np.linalg.qr(motions.reshape(-1, 6))[0]

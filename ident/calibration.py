@@ -1,0 +1,145 @@
+"""calibration.yaml: what one identification leaves behind (schema `ballbar-calibration/1`), SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from cell.files import write_yaml
+from cell.geometry import NAMES, Geometry
+from cell.strict_yaml import load_model
+from ident.identify import Identification
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ParameterEntry(_Strict):
+    """One kinematic parameter; lengths in m, angles in rad."""
+
+    nominal: float
+    value: float
+    sigma: float | None = None
+    identified: bool
+
+
+class ClockEntry(_Strict):
+    """t_robot = offset_s + (1 + skew) * t_bar."""
+
+    offset_s: float
+    offset_sigma_s: float
+    skew: float
+    skew_sigma: float
+
+
+class NoiseEntry(_Strict):
+    """Standard deviations of one logged row, and of the rod's length."""
+
+    joint_rad: tuple[float, ...]
+    encoder_rad: dict[str, float]
+    rod_m: float
+
+
+class FitEntry(_Strict):
+    """How the fit went."""
+
+    status: str
+    sentence: str
+    warnings: tuple[str, ...]
+    iterations: int
+    samples: int
+    chi2_per_dof: float
+    autocorrelation: float
+    rank: int
+    condition: float
+    tcp_sigma_mean_m: float
+
+
+class DroppedEntry(_Strict):
+    """A parameter left at its nominal value, and why."""
+
+    name: str
+    reason: str
+    on: tuple[str, ...] = ()
+
+
+class CalibrationFile(_Strict):
+    """Schema of calibration.yaml."""
+
+    schema_: Annotated[Literal["ballbar-calibration/1"], Field(alias="schema")]
+    robot: str
+    ballbar: str
+    plate: str
+    cost: Literal["ml"]
+    parameters: dict[str, ParameterEntry]
+    dropped: tuple[DroppedEntry, ...] = ()
+    senses: dict[str, Literal[-1, 1]]
+    clock: ClockEntry | None = None
+    noise: NoiseEntry
+    fit: FitEntry
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A calibration as read back."""
+
+    file: CalibrationFile
+    geometry: Geometry
+    nominal: Geometry
+
+
+def write_calibration(path: Path, result: Identification, *, robot: str, ballbar: str, plate: str) -> None:
+    """Writes calibration.yaml, whole or not at all. robot, ballbar, plate : as the recording names them."""
+    clock: dict[str, object] | None = None
+    if result.clock is not None:
+        offset_sigma, skew_sigma = result.clock_sigma
+        clock = {"offset_s": result.clock.offset, "offset_sigma_s": offset_sigma, "skew": result.clock.skew, "skew_sigma": skew_sigma}
+    data: dict[str, object] = {
+        "schema": "ballbar-calibration/1",
+        "robot": robot,
+        "ballbar": ballbar,
+        "plate": plate,
+        "cost": "ml",
+        "parameters": {name: _parameter(result, name) for name in NAMES},
+        "dropped": [{"name": d.name, "reason": d.reason, "on": list(d.on)} for d in result.identifiability.dropped],
+        "senses": {f"b{joint}": sense for joint, sense in zip(result.joints, result.signs, strict=True)},
+        "clock": clock,
+        "noise": {
+            "joint_rad": [float(s) for s in result.log_noise.joint],
+            "encoder_rad": {f"b{j}": float(result.log_noise.encoder[j - 1]) for j in result.joints},
+            "rod_m": float(result.noise.rod),
+        },
+        "fit": {
+            "status": result.verdict.status,
+            "sentence": result.verdict.sentence,
+            "warnings": list(result.verdict.warnings),
+            "iterations": result.iterations,
+            "samples": int(result.after.t.size),
+            "chi2_per_dof": result.fit.chi2_per_dof,
+            "autocorrelation": result.autocorrelation,
+            "rank": result.identifiability.rank,
+            "condition": result.identifiability.condition,
+            "tcp_sigma_mean_m": float(result.tcp_sigma.mean()),
+        },
+    }
+    write_yaml(path, data)
+
+
+def _parameter(result: Identification, name: str) -> dict[str, object]:
+    entry: dict[str, object] = {"nominal": result.nominal[name], "value": result.geometry[name]}
+    if name in result.sigma:
+        entry["sigma"] = result.sigma[name]
+    return entry | {"identified": name in result.sigma}
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Reads calibration.yaml. Raises DescriptionError naming file, line and key."""
+    file = load_model(path, CalibrationFile)
+    value = np.array([file.parameters[name].value for name in NAMES])
+    nominal = np.array([file.parameters[name].nominal for name in NAMES])
+    return Calibration(file, Geometry(value), Geometry(nominal))

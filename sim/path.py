@@ -1,0 +1,125 @@
+"""Reference paths: ball-bar angles as smooth functions of time, the robot's command from inverse kinematics.
+
+The five ball-bar angles are the five degrees of freedom of the closed mechanism, so a path written in them stays on the
+sphere and away from the ball-bar's singularities by construction: `b_k = c_k + A_k sin(2 pi n_k s + phi_k)` with the phase
+s running from 0 to 1 (mujoco_facts sec. 10). The phase rests at the start, at the end and at every dwell between, and
+changes speed with a continuous acceleration, so the run starts and ends at rest and both logs see the same standstills.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from cell.chain import Array
+from cell.descriptions import Robot, joints_to_axes
+from cell.errors import InputError
+from cell.geometry import Geometry, bar_frames
+from cell.inverse import robot_branches
+
+RAMP = 2.0  # [s] from rest to the phase's cruising speed and back
+
+
+@dataclass(frozen=True, eq=False)
+class Lissajous:
+    """Harmonics of the five ball-bar angles."""
+
+    centre: Array  # (5,) [rad]
+    amplitude: Array  # (5,) [rad]
+    cycles: Array  # (5,) whole numbers per run
+    phase: Array  # (5,) [rad]
+
+    def angles(self, s: Array) -> Array:
+        """(N, 5) [rad] at phases s (N,)."""
+        return self.centre + self.amplitude * np.sin(2.0 * np.pi * self.cycles * s[:, None] + self.phase)
+
+
+@dataclass(frozen=True, eq=False)
+class ReferencePath:
+    """What the controller is told to do."""
+
+    t: Array  # (K,) [s] uniform, from 0
+    b: Array  # (K, 5) [rad] ball-bar angles the nominal mechanism would take
+    q: Array  # (K, 6) [rad] joint command, nominal inverse kinematics
+    speed: Array  # (K, 6) [rad/s]
+
+
+def phase_over_time(t: Array, *, duration: float, dwell: float, stops: int) -> Array:
+    """(N,) phase 0..1: rest of `dwell` seconds at both ends and at `stops` places between, equal pieces of phase.
+
+    Raises InputError when the dwells leave no time to move.
+    """
+    pieces = stops + 1
+    moving = (duration - (stops + 2) * dwell) / pieces
+    if moving <= 2.0 * RAMP:
+        raise InputError(
+            f"path: {duration} s with {stops + 2} dwells of {dwell} s leaves {moving:.1f} s a piece; {2 * RAMP} s go into ramps"
+        )
+    phase = np.zeros_like(t)
+    for k in range(pieces):
+        phase += _piece((t - dwell - k * (moving + dwell)), moving) / pieces
+    return phase
+
+
+def _piece(t: Array, length: float) -> Array:
+    """0 to 1 over `length` seconds: speed rises and falls over RAMP with the smooth step 10x^3 - 15x^4 + 6x^5."""
+    cruise = 1.0 / (length - RAMP)
+    t = np.clip(t, 0.0, length)
+    rising, falling = np.minimum(t, RAMP) / RAMP, np.maximum(0.0, t - (length - RAMP)) / RAMP
+    between = np.clip(t, RAMP, length - RAMP) - RAMP
+    return cruise * (RAMP * _ramp_integral(rising) + between + RAMP * (falling - _ramp_integral(falling)))
+
+
+def _ramp_integral(x: Array) -> Array:
+    return np.asarray(2.5 * x**4 - 3.0 * x**5 + x**6)
+
+
+def reference_path(
+    robot: Robot, nominal: Geometry, shape: Lissajous, *, duration: float, dwell: float, stops: int, step: float
+) -> ReferencePath:
+    """The command of one run, sampled every `step` seconds.
+
+    Raises InputError naming time, joint and value where the path leaves the robot's reach, an axis range or a speed limit.
+    """
+    t: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
+    b = shape.angles(phase_over_time(t, duration=duration, dwell=dwell, stops=stops))
+    q = _continuous_branch(robot, nominal, t, b)
+    speed = CubicSpline(t, q).derivative()(t)
+    _check_speeds(robot, t, speed)
+    return ReferencePath(t, b, q, speed)
+
+
+def _continuous_branch(robot: Robot, nominal: Geometry, t: Array, b: Array) -> Array:
+    branches = robot_branches(nominal.robot, bar_frames(nominal, b).poses())
+    lost = np.isnan(branches).any(axis=(0, 2))
+    if lost.any():
+        first = int(lost.argmax())
+        raise InputError(
+            f"path: out of reach at t = {t[first]:.2f} s (ball-bar angles {np.degrees(b[first]).round(1)} deg); "
+            "move the ball-bar or shrink the path"
+        )
+    faults = []
+    for branch in branches:
+        q = np.unwrap(branch, axis=0)
+        for turn in range(6):
+            q[:, turn] -= 2.0 * np.pi * np.round(q[:, turn].mean() / (2.0 * np.pi))
+        axes = joints_to_axes(robot, q)
+        excess = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
+        if excess.max() <= 0.0:
+            return np.asarray(q)
+        k, axis = (int(i) for i in np.unravel_index(int(excess.argmax()), excess.shape))
+        limits = f"{np.degrees(robot.axis_lower[axis]):.0f}..{np.degrees(robot.axis_upper[axis]):.0f}"
+        faults.append(
+            (float(excess.max()), f"axis {axis + 1} at t = {t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg outside {limits} deg")
+        )
+    raise InputError(f"path: every configuration of the arm leaves an axis range; the nearest to feasible: {min(faults)[1]}")
+
+
+def _check_speeds(robot: Robot, t: Array, speed: Array) -> None:
+    ratio = np.abs(speed @ robot.joint_to_axis) / robot.axis_speed_max
+    if ratio.max() > 1.0:
+        k, axis = (int(i) for i in np.unravel_index(int(ratio.argmax()), ratio.shape))
+        value, limit = np.degrees(ratio[k, axis] * robot.axis_speed_max[axis]), np.degrees(robot.axis_speed_max[axis])
+        raise InputError(f"path: axis {axis + 1} at t = {t[k]:.2f} s turns at {value:.0f} deg/s, limit {limit:.0f} deg/s; run it slower")

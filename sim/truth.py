@@ -1,0 +1,92 @@
+"""What a simulated recording was made from. Opened by tests, claims and the report; by nothing that reads or identifies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from cell.files import write_yaml
+from cell.geometry import NAMES, Geometry
+from cell.strict_yaml import load_model
+from sim.settings import Strict
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """True parameters of one recording.
+
+    `geometry` holds the encoder zeros in btheta: `b = sense * angle + btheta`, where `angle` is the logged one with the sense
+    that recording.yaml declares, and `senses` says which of those were wrong (-1).
+    """
+
+    geometry: Geometry
+    senses: dict[str, int]
+    offset: float  # [s]
+    skew: float  # [1]
+    seed: int
+    closure_position: float  # [m] largest loop-closure error of the plant
+    closure_angle: float  # [rad]
+    rod_force_min: float  # [N]
+    rod_force_max: float  # [N]
+
+    def write(self, path: Path) -> None:
+        """Writes the truth file, whole or not at all."""
+        write_yaml(
+            path,
+            {
+                "schema": "ballbar-truth/1",
+                "seed": self.seed,
+                "parameters": {name: float(value) for name, value in zip(NAMES, self.geometry.values, strict=True)},
+                "senses": dict(self.senses),
+                "clock": {"offset_s": self.offset, "skew": self.skew},
+                "closure": {"position_m": self.closure_position, "angle_rad": self.closure_angle},
+                "rod_force": {"min_N": self.rod_force_min, "max_N": self.rod_force_max},
+            },
+        )
+
+
+class _Clock(Strict):
+    offset_s: float
+    skew: float
+
+
+class _Closure(Strict):
+    position_m: float
+    angle_rad: float
+
+
+class _Force(Strict):
+    min_N: float
+    max_N: float
+
+
+class TruthFile(Strict):
+    """Schema of the truth file."""
+
+    schema_: Annotated[Literal["ballbar-truth/1"], Field(alias="schema")]
+    seed: int
+    parameters: dict[str, float]
+    senses: dict[str, int]
+    clock: _Clock
+    closure: _Closure
+    rod_force: _Force
+
+
+def load_truth(path: Path) -> Truth:
+    """Reads a truth file. Raises DescriptionError."""
+    file = load_model(path, TruthFile)
+    return Truth(
+        Geometry(np.array([file.parameters[name] for name in NAMES])),
+        file.senses,
+        file.clock.offset_s,
+        file.clock.skew,
+        file.seed,
+        file.closure.position_m,
+        file.closure.angle_rad,
+        file.rod_force.min_N,
+        file.rod_force.max_N,
+    )

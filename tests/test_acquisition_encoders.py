@@ -1,0 +1,154 @@
+"""Encoders: counter words become the angles they stand for, and what the terminal marks as faulty never becomes an angle."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition.encoders import counts_to_rad, encoder_angles, unwrap_counter, without_faults
+from acquisition.report import Finding
+from acquisition.table import Table
+from cell.errors import LogError
+from cell.recording import EncoderFitting
+
+LINES, BITS = 3600, 12
+STATUS = {"b1": "s1", "b2": "s2"}
+
+
+def table_of(**columns: np.ndarray) -> Table:
+    count = len(next(iter(columns.values())))
+    integers = {name: np.asarray(values, dtype=np.int64) for name, values in columns.items()}
+    return Table(integers, ("raw/bar.csv",), np.zeros(count, dtype=np.int64), np.arange(2, count + 2))
+
+
+def turning(*, period: float = 0.01, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, and counts of two encoders turning to and fro by 1 rad within the speed of a ball-bar."""
+    t = period * np.arange(count)
+    per_rad = LINES * 2**BITS / (2 * np.pi)
+    return t, np.rint(np.sin(t) * per_rad).astype(np.int64), np.rint(np.cos(t) * per_rad).astype(np.int64)
+
+
+def fitted(*names: str) -> dict:
+    return {name: EncoderFitting(column=name, lines=LINES, bits=BITS) for name in names}
+
+
+@given(
+    start=st.integers(-(2**31), 2**31 - 1),
+    steps=st.lists(st.integers(-(2**31), 2**31 - 1), max_size=50),
+    signed=st.booleans(),
+)
+def test_counts_wrapped_into_words_unwrap_to_the_same_counts(start: int, steps: list[int], signed: bool) -> None:
+    counts = start + np.concatenate(([0], np.cumsum(np.array(steps, dtype=np.int64)))).astype(np.int64)
+    words = counts.astype(np.uint32)
+    logged = words.view(np.int32).astype(np.int64) if signed else words.astype(np.int64)
+    assert unwrap_counter(logged).tolist() == counts.tolist()
+
+
+def test_the_first_backward_step_from_power_up_is_one_count_back() -> None:
+    assert unwrap_counter(np.array([0, 4294967295, 0, 1])).tolist() == [0, -1, 0, 1]
+
+
+def test_one_turn_is_lines_times_interpolation_and_the_sign_turns_it_round() -> None:
+    turn = np.array([LINES * 4096, 1])
+    assert counts_to_rad(turn, lines=LINES, bits=12, sign=1) == pytest.approx([2 * np.pi, 0.4261e-6], rel=1e-4)  # log_formats A.3
+    assert counts_to_rad(turn, lines=LINES, bits=12, sign=-1)[0] == pytest.approx(-2 * np.pi)
+    assert counts_to_rad(turn, lines=LINES, bits=13, sign=1)[0] == pytest.approx(np.pi)
+
+
+def test_angles_survive_the_wrap_of_the_counter_exactly() -> None:
+    t, first, second = turning()
+    words = table_of(b1=(first + 2**32 - 1000) % 2**32, b2=second)
+    angles = encoder_angles(words, t, fitted("b1", "b2"), robot_moves=True)
+    expected = counts_to_rad(np.stack((first - 1000, second), axis=1), lines=LINES, bits=BITS, sign=1)
+    np.testing.assert_array_equal(angles, expected)
+
+
+def test_a_counter_that_was_reset_is_an_implausible_jump_at_its_row() -> None:
+    t, first, second = turning()
+    first[250:] -= first[249] - 4_000_000  # the counter starts anew, 1.7 rad away
+    with pytest.raises(LogError, match=r"raw/bar.csv:252: encoder b1 jumps by -?\d.* rad within 10 ms .* 1 such rows"):
+        encoder_angles(table_of(b1=first % 2**32, b2=second % 2**32), t, fitted("b1", "b2"), robot_moves=True)
+
+
+def test_a_fast_but_possible_motion_is_no_jump() -> None:
+    t = 0.01 * np.arange(100)
+    words = table_of(b1=np.rint(30.0 * t * LINES * 2**BITS / (2 * np.pi)).astype(np.int64))
+    assert np.ptp(encoder_angles(words, t, fitted("b1"), robot_moves=True)) == pytest.approx(30.0 * 0.99, abs=1e-6)
+
+
+@pytest.mark.parametrize("value", [0, 123456])
+def test_a_standing_counter_while_others_move_is_a_column_without_counts(value: int) -> None:
+    t, first, _ = turning()
+    with pytest.raises(LogError, match=f"encoder column without counts: column b2 of encoder b2 is {value} in every row"):
+        encoder_angles(table_of(b1=first % 2**32, b2=np.full(t.size, value)), t, fitted("b1", "b2"), robot_moves=False)
+
+
+def test_counters_may_all_stand_only_while_the_robot_does() -> None:
+    t = 0.01 * np.arange(60)
+    words = table_of(b1=np.full(60, 7), b2=np.full(60, 8))
+    assert np.ptp(encoder_angles(words, t, fitted("b1", "b2"), robot_moves=False), axis=0).tolist() == [0.0, 0.0]
+    with pytest.raises(LogError, match="encoder column without counts: column b1"):
+        encoder_angles(words, t, fitted("b1", "b2"), robot_moves=True)
+
+
+@pytest.mark.parametrize(("first", "second"), [(2**32, 0), (-(2**31) - 1, 0), (-1, 2**31)])
+def test_a_number_that_is_no_counter_word_is_refused(first: int, second: int) -> None:
+    with pytest.raises(LogError, match=r"raw/bar.csv:\d: column b1: -?\d+ is no 32-bit counter word"):
+        encoder_angles(table_of(b1=np.array([first, second])), np.array([0.0, 0.01]), fitted("b1"), robot_moves=True)
+
+
+@pytest.mark.parametrize(("bit", "kind"), [(3, "frequency error"), (4, "amplitude error"), (14, "invalid process data")])
+def test_rows_with_a_faulty_encoder_are_left_out_and_counted(bit: int, kind: str) -> None:
+    _, first, second = turning()
+    toggle = (np.arange(400) % 2) << 15
+    status = np.zeros(400, dtype=np.int64)
+    status[[10, 11, 12, 13, 14, 15, 200]] = 1 << bit
+    first[10:16] = 3_000_000_000  # what a lost signal counts
+    findings: list[Finding] = []
+    kept = without_faults(table_of(b1=first % 2**32, b2=second % 2**32, s1=status + toggle, s2=toggle), STATUS, findings)
+    assert len(kept) == 393
+    assert 3_000_000_000 not in kept.columns["b1"]
+    assert [(one.kind, one.severity, one.lines, one.count) for one in findings] == [(kind, "repaired", (12, 13, 14, 15, 16), 7)]
+
+
+def test_garbage_words_between_good_ones_add_no_wrap() -> None:
+    t, first, _ = turning()
+    status = np.zeros(400, dtype=np.int64)
+    status[[100, 101]] = 1 << 14
+    words = first.copy()
+    words[[100, 101]] = words[99] + np.array([1_500_000_000, 3_000_000_000])
+    kept = without_faults(table_of(b1=words % 2**32, s1=status), {"b1": "s1"}, [])
+    angles = encoder_angles(kept, np.delete(t, [100, 101]), fitted("b1"), robot_moves=True)
+    np.testing.assert_array_equal(angles[:, 0], counts_to_rad(np.delete(first, [100, 101]), lines=LINES, bits=BITS, sign=1))
+
+
+def test_sync_errors_are_reported_and_their_rows_kept() -> None:
+    _, first, _ = turning()
+    status = np.zeros(400, dtype=np.int64)
+    status[5] = 1 << 13
+    findings: list[Finding] = []
+    assert len(without_faults(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, findings)) == 400
+    assert [(one.kind, one.severity, one.lines) for one in findings] == [("sync error", "warning", (7,))]
+
+
+def test_a_counter_preset_during_the_log_is_refused_and_one_before_it_is_not() -> None:
+    _, first, _ = turning()
+    status = np.full(400, 1 << 2)
+    assert len(without_faults(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, [])) == 400
+    status[:50] = 0
+    with pytest.raises(LogError, match="raw/bar.csv:52: the counter of encoder b1 was preset here"):
+        without_faults(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, [])
+
+
+def test_a_number_that_is_no_status_word_is_refused() -> None:
+    with pytest.raises(LogError, match="raw/bar.csv:3: column s1: 65536 is no 16-bit status word"):
+        without_faults(table_of(b1=np.zeros(3), s1=np.array([0, 65536, 0])), {"b1": "s1"}, [])
+
+
+def test_an_encoder_without_status_column_is_warned_of() -> None:
+    _, first, second = turning()
+    findings: list[Finding] = []
+    without_faults(table_of(b1=first % 2**32, b2=second % 2**32, s1=np.zeros(400)), STATUS, findings)
+    assert [(one.kind, one.severity, one.sentence) for one in findings] == [
+        ("no status word", "warning", "encoders b2 have no status column, so their faults cannot be seen.")
+    ]
