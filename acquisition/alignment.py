@@ -91,12 +91,15 @@ def _compare(robot: Array, ballbar: Array) -> _Lags:
     samples = np.rint(_cross(ones_r, ones_b))
     enough = samples >= MIN_OVERLAP / STEP
     samples, lag = samples[enough], np.arange(1 - ones_b.size, ones_r.size)[enough]
-    rho = np.stack([_overlap_correlation(r, b, samples, enough) for r, b in zip(robot, ballbar, strict=True)])
+    rho = np.stack([overlap_correlation(r, b, samples, enough) for r, b in zip(robot, ballbar, strict=True)])
     return _Lags(lag, samples, samples * STEP * (rho**2).mean(axis=0))
 
 
-def _overlap_correlation(r: Array, b: Array, samples: Array, enough: NDArray[np.bool_]) -> Array:
-    """(L,) correlation of two signals inside their overlap at each lag, by FFT; 0 where it is negative or one is constant."""
+def overlap_correlation(r: Array, b: Array, samples: Array, enough: NDArray[np.bool_]) -> Array:
+    """(L,) correlation of two signals inside their overlap at each lag, by FFT; 0 where it is negative or one is constant.
+
+    r, b : (n,), (m,) signals. samples : (L,) of overlap at each lag that counts. enough : (n+m-1,) those lags among all.
+    """
     r, b = r - r.mean(), b - b.mean()  # smaller numbers, less rounding in the differences below
     ones_r, ones_b = np.ones_like(r), np.ones_like(b)
     mean_r, mean_b, square_r, square_b, product = (

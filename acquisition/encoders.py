@@ -122,7 +122,7 @@ def _refuse_jumps(table: Table, t: NDArray[np.float64], angle: NDArray[np.float6
         raise LogError(
             f"{table.place(row + 1)}: encoder {name} jumps by {step[row]:.4g} rad within {time[row] * 1e3:.4g} ms "
             f"({speed[row]:.3g} rad/s; a ball-bar stays below {SPEED_LIMIT:g}). {jumps.size} such rows. "
-            "Was the counter reset, or are lines and bits of the encoder declared wrong?"
+            "Was the counter reset, are lines and bits of the encoder declared wrong, or the time column in another unit?"
         )
 
 

@@ -8,7 +8,8 @@ axis of joint i is `(0, sin alpha_i, cos alpha_i)` through `-(a_i, d_i sin alpha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from cell.geometry import Geometry
 PAINT = (236, 106, 32)  # the orange of many industrial robots
 DARK = (62, 65, 70)
 STEEL = (178, 184, 192)
-CARBON = (38, 40, 44)
+CARBON = (116, 120, 128)  # brighter than carbon fibre, to stand out from the background
 PLATE_BLUE = (70, 130, 200)
 
 _SIDES = 48  # of a circle
@@ -58,7 +59,7 @@ def turned(foot: Array, axis: Array, profile: Sequence[tuple[float, float]], col
     radial = np.cos(turn) * across + np.sin(turn) * np.cross(axis, across)
     outline = [(profile[0][0], 0.0), *profile, (profile[-1][0], 0.0)]
     bands = []
-    for (s0, r0), (s1, r1) in zip(outline[:-1], outline[1:], strict=True):
+    for (s0, r0), (s1, r1) in pairwise(outline):
         normal = radial * (s1 - s0) - axis * (r1 - r0)
         length = float(np.hypot(s1 - s0, r1 - r0))
         if length > 0.0:
@@ -73,6 +74,13 @@ def cylinder(start: Array, end: Array, radius: float, colour: Colour, *, end_rad
     edge = min(_EDGE * 2.0 * min(radius, top), 0.2 * length)
     profile = [(0.0, radius - edge), (edge, radius), (length - edge, top), (length, top - edge)]
     return turned(start, (end - start) / length, profile, colour)
+
+
+def ball(centre: Array, radius: float, colour: Colour) -> Mesh:
+    """Sphere, smoothly shaded."""
+    turn = np.linspace(0.0, np.pi, _SIDES)
+    solid = turned(centre, np.array([0.0, 0.0, 1.0]), [(-radius * np.cos(a), radius * np.sin(a)) for a in turn], colour)
+    return replace(solid, normals=(solid.vertices - centre) / radius)
 
 
 def arm(start: Array, end: Array, normal: Array, radii: tuple[float, float], thickness: float, colour: Colour) -> Mesh:
@@ -191,7 +199,8 @@ def _forearm(chain: Chain, width: float) -> Mesh:
         cylinder(throat, throat + 0.3 * width * along, 0.62 * width, PAINT),
     ]
     for lateral in (-0.5 * width, 0.5 * width):
-        parts.append(arm(throat + 0.2 * width * along + lateral * side, lateral * side, side, (0.44 * width, 0.44 * width), 0.24 * width, PAINT))
+        root = throat + 0.2 * width * along + lateral * side
+        parts.append(arm(root, lateral * side, side, (0.44 * width, 0.44 * width), 0.24 * width, PAINT))
     return joined(parts)
 
 
@@ -260,7 +269,8 @@ def _band(lower: Array, upper: Array, normal: Array, colour: Colour) -> Mesh:
     k = len(lower)
     here, there = np.arange(k), (np.arange(k) + 1) % k
     triangles = np.concatenate((np.stack((here, there, k + there), axis=1), np.stack((here, k + there, k + here), axis=1)))
-    return Mesh(np.concatenate((lower, upper)), np.concatenate((normal, normal)), triangles, np.tile(np.uint8(colour), (2 * k, 1)))
+    colours = np.tile(np.array(colour, dtype=np.uint8), (2 * k, 1))
+    return Mesh(np.concatenate((lower, upper)), np.concatenate((normal, normal)), triangles, colours)
 
 
 def _extruded(outline: Array, outward: Array, middle: Array, normal: Array, thickness: float, colour: Colour) -> Mesh:

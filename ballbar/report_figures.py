@@ -10,7 +10,7 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -23,14 +23,18 @@ from matplotlib.ticker import MultipleLocator
 from ballbar.report_numbers import length_scale
 from cell.chain import Array
 
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
+
 BEFORE, AFTER = "#d9740b", "#1f66ad"
 _INK, _QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
 _BEFORE_SCALE = LinearSegmentedColormap.from_list("before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"])
 _AFTER_SCALE = LinearSegmentedColormap.from_list("after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"])
-_WIDTH = 4.9  # [in] 470 px: two figures side by side on a page of 1000 px, one on a phone
+_WIDTH = 4.6  # [in] 442 px: two figures side by side on a page of 1000 px, one on a phone
+_SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far pose would pale all others
 _CELLS = 14  # across a map, about 0.13 m each for the IRB 2400
 _HISTOGRAM_HALF_WIDTH = 5.0  # standard deviations; wider where the residuals are
-_STYLE: dict[str, Any] = {
+_STYLE: dict[RcKeyType, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "ballbar-report",
     "font.size": 10.0,
@@ -77,8 +81,8 @@ class Landmarks:
     radius: float  # [m]
 
 
-def cumulative(curves: Sequence[Curve]) -> str:
-    """Share of the grid's poses with at most this much TCP error, over a logarithmic axis in mm."""
+def cumulative(curves: Sequence[Curve], *, label: str) -> str:
+    """Share of the grid's poses with at most so much of what `label` says, over a logarithmic axis in mm."""
     with matplotlib.rc_context(_STYLE):
         figure, axes = _one_panel(3.1)
         for curve in curves:
@@ -87,7 +91,7 @@ def cumulative(curves: Sequence[Curve]) -> str:
             axes.step(
                 ordered, share, where="post", color=curve.colour, linestyle="--" if curve.dashed else "-", label=curve.label, linewidth=1.6
             )
-        axes.set(xscale="log", ylim=(0.0, 101.0), xlabel="TCP error [mm]", ylabel="share of poses [%]")
+        axes.set(xscale="log", ylim=(0.0, 101.0), xlabel=f"{label} [mm]", ylabel="share of poses [%]")
         axes.xaxis.set_major_formatter("{x:g}")
         figure.legend(loc="outside upper left", ncols=1, handlelength=1.6)
         return _svg(figure)
@@ -100,17 +104,17 @@ def workspace_map(position: Array, error: Array, landmarks: Landmarks, *, label:
     """
     factor, unit = length_scale(float(error.max()))
     with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=(_WIDTH, 4.5))
+        figure = Figure(figsize=(_WIDTH, 3.95))
         panels = figure.subplots(1, 2, sharex=True)
         colours = _BEFORE_SCALE if before else _AFTER_SCALE
         cells = [_view(axes, position, error * factor, column, colours) for axes, column in zip(panels, (2, 1), strict=True)]
-        largest = max(float(np.max(one.get_array())) for one in cells)
+        top = float(np.quantile(np.concatenate([one.get_array().compressed() for one in cells]), _SCALE_TOP))
         for axes, one, column, title in zip(panels, cells, (2, 1), ("from the side", "from above"), strict=True):
-            one.set_clim(0.0, largest)
+            one.set_clim(0.0, top)
             axes.set_title(title)
             _mark(axes, landmarks, column)
-        bar = figure.colorbar(cells[0], ax=panels, location="top", aspect=38, pad=0.02, label=f"{label} [{unit}]")
-        bar.outline.set_visible(False)  # type: ignore[operator]
+        bar = figure.colorbar(cells[0], ax=panels, location="top", aspect=38, pad=0.02, extend="max", label=f"{label} [{unit}]")
+        bar.outline.set_visible(False)
         return _svg(figure)
 
 
@@ -122,23 +126,24 @@ def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock:
             norm = np.linalg.norm(values, axis=1)
             axes.plot(t, np.where(norm > 0.0, norm, np.nan), color=colour, label=name)
         axes.set(yscale="log", xlabel=f"time on the {clock} clock [s]", ylabel=label, xlim=(t[0], t[-1]))
+        axes.set_ylim(bottom=_floor(after))
         axes.yaxis.set_major_formatter("{x:g}")
         figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
         return _svg(figure)
 
 
-def components_over_time(t: Array, values: Array, *, label: str, clock: str, before: bool) -> str:
-    """Three residual components (N, 3), in the unit of `label`, on one scale."""
+def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> str:
+    """Three residual components (N, 3) after the fit, in the unit of `label`, on one scale."""
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(_WIDTH, 3.5))
         panels = figure.subplots(3, 1, sharex=True, sharey=True)
         for axes, column, name in zip(panels, values.T, "xyz", strict=True):
             axes.axhline(0.0, color=_QUIET, linewidth=0.6)
-            axes.plot(t, column, color=BEFORE if before else AFTER, linewidth=0.8)
+            axes.plot(t, column, color=AFTER, linewidth=0.8)
             axes.set(ylabel=name, xlim=(t[0], t[-1]))
             axes.yaxis.label.set(rotation=0, va="center")
         panels[2].set_xlabel(f"time on the {clock} clock [s]")
-        figure.supylabel(label, fontsize=10.0)
+        panels[0].set_title(label, loc="left")
         return _svg(figure)
 
 
@@ -176,9 +181,17 @@ def _view(axes: Axes, position: Array, error: Array, column: int, colours: Linea
 def _mark(axes: Axes, landmarks: Landmarks, column: int) -> None:
     """Robot base, ball-bar base and the sphere on which the tool was measured."""
     centre = (float(landmarks.origin[0]), float(landmarks.origin[column]))
-    axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor=_INK, linewidth=0.9, linestyle=(0, (4, 3))))
+    axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor="white", linewidth=2.0))
+    axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor=_INK, linewidth=1.0, linestyle=(0, (4, 3))))
     axes.plot(*centre, marker="+", color=_INK, markersize=8, linestyle="none")
     axes.plot(0.0, 0.0, marker="s", color=_INK, markersize=6, linestyle="none")
+
+
+def _floor(after: Array) -> float | None:
+    """Where the logarithmic axis ends: a norm that passes through zero would stretch it without end."""
+    norm = np.linalg.norm(after, axis=1)
+    positive = norm[norm > 0.0]
+    return float(np.quantile(positive, 0.02)) / 2.0 if positive.size else None
 
 
 def _svg(figure: Figure) -> str:

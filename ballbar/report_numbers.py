@@ -1,4 +1,4 @@
-"""Numbers as the report prints them: digits that follow the uncertainty, a true minus sign, thin groups of thousands."""
+"""Numbers as the report prints them: digits that follow the uncertainty, a true minus sign."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import numpy as np
 
 from cell.chain import Array
 
-MISSING = "–"
+MISSING = "\u2013"
 _MOST_DECIMALS = 7  # of a degree: below a hundredth of an encoder step (3600 lines, 12 bits: 2.4e-5 deg)
-_THIN_SPACE = "\u202f"
 
 
 def decimals_for(sigmas: Iterable[float], *, digits: int) -> int:
@@ -26,8 +25,9 @@ def fixed(value: float | None, decimals: int, *, sign: bool = False) -> str:
     """A number with so many decimals; a dash for None or what is no number."""
     if value is None or not math.isfinite(value):
         return MISSING
-    text = f"{value:{'+' if sign else ''},.{decimals}f}"
-    return text.replace("-", "\u2212").replace(",", _THIN_SPACE)
+    rounded = round(value, decimals) + 0.0  # + 0.0: no minus sign before a zero
+    text = f"{rounded:{'+' if sign and rounded else ''}.{decimals}f}"
+    return text.replace("-", "\u2212")
 
 
 def significant(value: float | None, digits: int = 3, *, sign: bool = False) -> str:
@@ -36,7 +36,13 @@ def significant(value: float | None, digits: int = 3, *, sign: bool = False) -> 
         return MISSING
     if value == 0.0:
         return "0"
-    return fixed(value, max(0, digits - 1 - math.floor(math.log10(abs(value)))), sign=sign)
+    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])  # after rounding: 9.996 has two digits before the point
+    return fixed(value, max(0, digits - 1 - exponent), sign=sign)
+
+
+def to_sigma(value: float, sigma: float) -> str:
+    """A number down to the second digit of its standard deviation."""
+    return fixed(value, decimals_for([sigma], digits=2))
 
 
 def length_scale(largest: float) -> tuple[float, str]:

@@ -23,7 +23,7 @@ _REASONS = {
 }
 _MEANINGS = {
     "no effect": "The run neither confirms nor corrects its catalogue value.",
-    "depends on": "Only the combination is determined. {On} {carry} its deviation, so read these values together.",
+    "depends on": "Only the combination is determined. What is identified as {on} {carry} its deviation: read these values together.",
     "poorly excited": "Its catalogue value is kept because it is the better knowledge. A path that exercises it more would help.",
 }
 
@@ -72,8 +72,8 @@ def parameter_groups(result: Identification, comparison: Comparison | None) -> l
         ("Ball-bar, lengths", lambda p: p.side == "bar" and p.is_length),
         ("Ball-bar, encoder zeros", lambda p: p.side == "bar" and p.kind == "theta"),
         ("Ball-bar, other angles", lambda p: p.side == "bar" and not p.is_length and p.kind != "theta"),
-        ("Base of the ball-bar in the robot's base frame", lambda p: p.side == "base" and p.is_length),
-        ("Tilt of the ball-bar's base", lambda p: p.side == "base" and not p.is_length),
+        ("Ball-bar base", lambda p: p.side == "base" and p.is_length),
+        ("Ball-bar base, tilt", lambda p: p.side == "base" and not p.is_length),
     ]
     identified = [p for p in PARAMETERS if p.name in result.sigma]
     groups = [(title, [p for p in identified if belongs(p)]) for title, belongs in members]
@@ -99,12 +99,9 @@ def never_asked(result: Identification) -> list[str]:
 
 def noise_rows(result: Identification, resolution: dict[str, float]) -> list[tuple[str, str, str]]:
     """(signal, noise of one logged row [urad], resolution [urad]); resolution of each encoder in rad by name."""
-    joints = [(f"robot joint {j + 1}", significant(s * 1e6, 3), MISSING) for j, s in enumerate(result.log_noise.joint)]
-    encoders = [
-        (f"encoder b{j}", significant(float(result.log_noise.encoder[j - 1]) * 1e6, 3), significant(resolution.get(f"b{j}", np.nan) * 1e6, 3))
-        for j in result.joints
-    ]
-    return joints + encoders
+    joints = [(f"robot joint {j + 1}", significant(s * 1e6), MISSING) for j, s in enumerate(result.log_noise.joint)]
+    noise = {f"b{j}": float(result.log_noise.encoder[j - 1]) for j in result.joints}
+    return joints + [(f"encoder {name}", significant(s * 1e6), significant(resolution[name] * 1e6)) for name, s in noise.items()]
 
 
 def residual_rows(before: Array, after: Array, factor: float) -> list[tuple[str, str, str, str]]:
@@ -119,8 +116,8 @@ def residual_rows(before: Array, after: Array, factor: float) -> list[tuple[str,
 
 def tcp_row(name: str, error: Array, without_scale: Array | None) -> tuple[str, str, str, str, str]:
     """(name, mean, 95th percentile, largest, mean without scale) in mm."""
-    scaled = significant(float(without_scale.mean()) * 1e3) if without_scale is not None else MISSING
-    return (name, *(significant(float(v) * 1e3) for v in (error.mean(), np.quantile(error, 0.95), error.max())), scaled)
+    mean, quantile, largest = (significant(float(v) * 1e3) for v in (error.mean(), np.quantile(error, 0.95), error.max()))
+    return name, mean, quantile, largest, MISSING if without_scale is None else significant(float(without_scale.mean()) * 1e3)
 
 
 def names_in_words(names: Sequence[str]) -> str:
@@ -179,7 +176,7 @@ def _scaled(value: float | None, factor: float, decimals: int) -> str:
 
 def _leftover(result: Identification, one: Dependency) -> Leftover:
     on = names_in_words(one.on) or "other parameters"
-    words = {"on": on, "On": on[0].upper() + on[1:] if not one.on else on, "carry": "carries" if len(one.on) == 1 else "carry"}
+    words = {"on": on, "carry": "carries" if len(one.on) == 1 else "carry"}
     why, meaning = _REASONS.get(one.reason, one.reason), _MEANINGS.get(one.reason, "")
     return Leftover(one.name, _nominal_text(result, one.name), why.format(**words), meaning.format(**words))
 
@@ -188,4 +185,4 @@ def _nominal_text(result: Identification, name: str) -> str:
     if name not in INDEX:  # the clock
         return MISSING
     parameter = PARAMETERS[INDEX[name]]
-    return f"{result.nominal[name] * 1e3:.3f} mm" if parameter.is_length else f"{np.degrees(result.nominal[name]):.4f} deg"
+    return f"{fixed(result.nominal[name] * 1e3, 3)} mm" if parameter.is_length else f"{fixed(np.degrees(result.nominal[name]), 4)} deg"

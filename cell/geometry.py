@@ -1,6 +1,6 @@
 """The kinematic parameters of robot and ball-bar together: one vector, the thesis's names.
 
-`ra1..ra6 rd1.. ralpha1.. rtheta1.. rbeta2` robot rows (the tool sits in row 6), `ba1..ba5 bd1.. balpha1.. btheta1..`
+`ra1..ra6 rd1.. ralpha1.. rtheta1.. rbeta2 rbeta6` robot rows (the tool sits in row 6), `ba1..ba5 bd1.. balpha1.. btheta1..`
 ball-bar rows, `ox oy oz` its base in the robot's base frame, `otx oty` the tilt of that base (turn about x, then y).
 Source: thesis sec. 2.1-2.2; design of the parameter names: thesis Tables 3.1-3.4.
 """
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 ROBOT_ROWS = 6
 BAR_ROWS = 5
-HAYATI_ROW = 1  # row of joint 2, whose axis is nearly parallel to joint 3 (both robots)
+HAYATI_ROWS = (1, 5)  # axes nearly parallel to the next one: joint 2 to joint 3, and joint 6 to b5 across the plate
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Parameter:
 
 def _parameters() -> tuple[Parameter, ...]:
     robot = [Parameter(f"r{k}{i + 1}", "robot", k, i) for k in ("a", "d", "alpha", "theta") for i in range(ROBOT_ROWS)]
-    hayati = [Parameter(f"rbeta{HAYATI_ROW + 1}", "robot", "beta", HAYATI_ROW)]
+    hayati = [Parameter(f"rbeta{row + 1}", "robot", "beta", row) for row in HAYATI_ROWS]
     bar = [Parameter(f"b{k}{i + 1}", "bar", k, i) for k in ("a", "d", "alpha", "theta") for i in range(BAR_ROWS)]
     base = [Parameter(f"o{c}", "base", "origin", i) for i, c in enumerate("xyz")]
     tilt = [Parameter(f"ot{c}", "base", "tilt", i) for i, c in enumerate("xy")]
@@ -84,13 +84,13 @@ class Geometry:
     def robot(self) -> Chain:
         n = ROBOT_ROWS
         beta = np.zeros(n)
-        beta[HAYATI_ROW] = self.values[4 * n]
+        beta[list(HAYATI_ROWS)] = self.values[4 * n : 4 * n + len(HAYATI_ROWS)]
         a, d, alpha, theta = self.values[: 4 * n].reshape(4, n)
         return Chain(a, d, alpha, theta, beta)
 
     @property
     def bar(self) -> Chain:
-        start = 4 * ROBOT_ROWS + 1
+        start = 4 * ROBOT_ROWS + len(HAYATI_ROWS)
         a, d, alpha, theta = self.values[start : start + 4 * BAR_ROWS].reshape(4, BAR_ROWS)
         return Chain(a, d, alpha, theta, np.zeros(BAR_ROWS))
 
@@ -131,7 +131,7 @@ def nominal_geometry(cell: Cell, origin: Array) -> Geometry:
     a, d = robot.a.copy(), robot.d.copy()
     a[5] += plate.length
     d[5] += plate.tool_offset
-    rows = (a, d, robot.alpha, robot.theta, [0.0], bar.a, bar.d, bar.alpha, bar.theta, origin, [0.0, 0.0])
+    rows = (a, d, robot.alpha, robot.theta, np.zeros(len(HAYATI_ROWS)), bar.a, bar.d, bar.alpha, bar.theta, origin, [0.0, 0.0])
     return Geometry(np.concatenate([np.asarray(r, dtype=np.float64) for r in rows]))
 
 

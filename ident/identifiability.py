@@ -50,14 +50,14 @@ def candidates(joints: tuple[int, ...], *, complete: bool = False) -> NDArray[np
     """Indices of the parameters worth asking for, in the order of thesis sec. 3.3.
 
     `ra6` is never among them: the offset plate is the known length that fixes the scale. `complete` adds the rest of the
-    ball-bar, its base tilt and the Hayati angle to the thesis's choice.
+    ball-bar, its base tilt and the Hayati angles to the thesis's choice.
     """
     zeros = [f"btheta{j}" for j in joints]
     robot = [f"r{kind}{row + 1}" for kind in ("a", "d", "alpha", "theta") for row in range(ROBOT_ROWS)]
     names = [*zeros, "ox", "oy", "oz", *robot, "bd3"]
     if complete:
         bar = [f"b{kind}{row + 1}" for kind in ("a", "d", "alpha") for row in range(BAR_ROWS)]
-        names += ["rbeta2", *(name for name in bar if name != "bd3"), "otx", "oty"]
+        names += ["rbeta2", "rbeta6", *(name for name in bar if name != "bd3"), "otx", "oty"]
     return np.array([INDEX[name] for name in names if name != "ra6"])
 
 

@@ -17,7 +17,7 @@ from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, nominal_geometry
 from cell.logs import BallBarLog, RobotLog
 from ident.accuracy import accuracy_grid, tcp_sigma
 from ident.identifiability import Identifiability, candidates, identifiable
-from ident.noise import noise_from_logs, rod_deviation
+from ident.noise import noise_from_logs, rod_deviation, row_noise
 from ident.problem import Clock, Estimate, NoiseModel, Problem
 from ident.sampling import sample_times
 from ident.signals import SmoothLog, smooth_log
@@ -140,7 +140,7 @@ def _outcome(
         clock_sigma=(float(deviations[-2]), float(deviations[-1])) if clock else (0.0, 0.0),
         signs=start.chosen.hypothesis.signs,
         noise=problem.noise,
-        log_noise=noise_from_logs(problem.robot, problem.bar, problem.joints, spacing=0.0, rod=problem.noise.rod),
+        log_noise=row_noise(problem.robot, problem.bar, problem.joints, rod=problem.noise.rod),
         autocorrelation=_lag_one(whitened),
         fit=fit,
         start=start,
@@ -150,7 +150,7 @@ def _outcome(
         after=_residuals(problem, fit.estimate),
         whitened=whitened,
         tcp_sigma=tcp_sigma(geometry, accuracy_grid(cell.robot), fit.parameters, covariance),
-        verdict=judge(fit, start, problem, _lag_one(whitened)),
+        verdict=judge(fit, start, problem, cell, nominal, _lag_one(whitened)),
     )
 
 

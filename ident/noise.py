@@ -19,12 +19,21 @@ from ident.signals import SmoothLog
 ROD_SIGMA_RANGE = (1e-8, 1e-3)  # [m] from nothing to a rod that is no constraint any more
 
 
+def row_noise(robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], *, rod: float) -> NoiseModel:
+    """Noise of one row of each log, with a given rod deviation [m]."""
+    return NoiseModel(robot.noise, _per_joint(bar.noise if bar else None, joints), rod)
+
+
 def noise_from_logs(robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], *, spacing: float, rod: float) -> NoiseModel:
     """Noise of samples `spacing` [s] apart, with a given rod deviation [m]."""
+    return NoiseModel(robot.sample_sigma(spacing), _per_joint(bar.sample_sigma(spacing) if bar else None, joints), rod)
+
+
+def _per_joint(fitted: Array | None, joints: tuple[int, ...]) -> Array:
     encoder = np.zeros(BAR_ROWS)
-    if bar is not None:
-        encoder[[j - 1 for j in joints]] = bar.sample_sigma(spacing)
-    return NoiseModel(robot.sample_sigma(spacing), encoder, rod)
+    if fitted is not None:
+        encoder[[j - 1 for j in joints]] = fitted
+    return encoder
 
 
 def rod_deviation(problem: Problem, estimate: Estimate) -> float:

@@ -44,8 +44,11 @@ class SmoothLog:
         return inside
 
     def sample_sigma(self, spacing: float) -> Array:
-        """(channels,) [rad] standard deviation of a sample, counted so that samples `spacing` apart are independent."""
-        return np.asarray(self.noise * np.sqrt(min(1.0, self.row_period / max(spacing, self.knot_spacing))))
+        """(channels,) [rad] standard deviation of the spline at samples `spacing` [s] apart.
+
+        Samples closer than a knot interval share noise; their deviation is counted so that they may pass for independent.
+        """
+        return np.asarray(self.noise * np.sqrt(min(1.0, self.row_period / min(spacing, self.knot_spacing))))
 
 
 def smooth_log(t: Array, values: Array, *, widest_knot_spacing: float) -> SmoothLog:

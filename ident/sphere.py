@@ -1,7 +1,7 @@
 """Where the ball-bar stands, from the robot alone: the tool moves on a sphere about it.
 
 An algebraic fit of `|p - o|^2 = r^2`, then Gauss-Newton on `|p - o| - r` with the catalogue radius as prior. When the tool
-stays near a circle, the centre mirrored in the plane of the circle fits almost as well and is kept as a second candidate.
+stays near a circle, the two centres at the rod's length on either side of its plane fit alike; both are tried and kept.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from cell.chain import Array
 
 RADIUS_SIGMA = 0.010  # [m] the rod against its catalogue length; centres of candidates only, refined later
 FIT_SIGMA = 0.002  # [m] what uncalibrated robots leave of a sphere (1 mm and mrad of DH error)
-SAME_ORDER = 10.0  # a mirrored centre this many times worse is not worth a hypothesis
+SAME_ORDER = 10.0  # a centre this many times worse is not worth a hypothesis
 _ITERATIONS = 30
 
 
@@ -35,14 +35,14 @@ def sphere_candidates(points: Array, radius: float) -> list[Sphere]:
     spread = points - points.mean(axis=0)
     if np.sqrt((spread * spread).sum(axis=1).mean()) < 0.01 * radius:
         raise ValueError("the tool moves less than a hundredth of the rod length: no sphere can be seen in the robot log")
-    first = _refined(points, _algebraic_centre(points), radius)
+    algebraic = _algebraic_centre(points)
     normal = np.linalg.svd(spread, full_matrices=False)[2][2]
-    mirrored = first.centre - 2.0 * float((first.centre - points.mean(axis=0)) @ normal) * normal
-    second = _refined(points, mirrored, radius)
-    both = sorted((first, second), key=lambda sphere: sphere.cost)
-    if np.linalg.norm(first.centre - second.centre) < 0.01 * radius or both[1].cost > SAME_ORDER * both[0].cost:
-        return both[:1]
-    return both
+    foot = algebraic - float((algebraic - points.mean(axis=0)) @ normal) * normal
+    height = np.sqrt(max(0.0, radius**2 - float(((points - foot) ** 2).sum(axis=1).mean())))
+    starts = (algebraic, foot + height * normal, foot - height * normal)
+    best, *others = sorted((_refined(points, start, radius) for start in starts), key=lambda sphere: sphere.cost)
+    apart = [s for s in others if np.linalg.norm(s.centre - best.centre) > 0.01 * radius and s.cost <= SAME_ORDER * best.cost]
+    return [best, *apart[:1]]
 
 
 def _algebraic_centre(points: Array) -> Array:

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cell.descriptions import Cell
+from cell.geometry import NAMES, PARAMETERS, Geometry
 from ident.problem import Problem
 from ident.solver import Fit
 from ident.start import Start
 
 MISFIT = 2.0  # chi-square per degree of freedom above which the model does not explain the data
 SUSPECT = 1.3  # above it something small is left in the residual
+PLAUSIBLE = 0.020  # [m, rad] ten times the largest error expected of a robot (thesis sec. 5.4: 2 mm or mrad)
 WELL_UNDER = 0.5  # below it the noise was overestimated
 FEW_SAMPLES = 200
 CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
@@ -21,7 +24,7 @@ CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
 class Verdict:
     """A status and its sentence, remarks after it."""
 
-    status: str  # "good", "suspect", "misfit", "ambiguous", "not converged"
+    status: str  # "good", "suspect", "misfit", "ambiguous", "implausible", "not converged"
     sentence: str
     warnings: tuple[str, ...]
 
@@ -30,7 +33,7 @@ class Verdict:
         return self.status in ("good", "suspect")
 
 
-def judge(fit: Fit, start: Start, problem: Problem, autocorrelation: float) -> Verdict:
+def judge(fit: Fit, start: Start, problem: Problem, cell: Cell, nominal: Geometry, autocorrelation: float) -> Verdict:
     """The first line of every output, and the remarks that follow it.
 
     autocorrelation : of the whitened residual, one sample apart.
@@ -39,6 +42,12 @@ def judge(fit: Fit, start: Start, problem: Problem, autocorrelation: float) -> V
     warnings = tuple(_sign_warnings(start, problem)) + tuple(_data_warnings(problem, autocorrelation))
     if not fit.converged:
         return Verdict("not converged", f"Not converged after {fit.iterations} iterations: do not use these parameters.", warnings)
+    if strange := _implausible(fit, nominal):
+        sentence = (
+            f"Not the declared cell: {strange}. The logs fit a mechanism, but not {cell.robot.title} on {cell.ballbar.title}; "
+            "check `robot`, `ballbar` and `plate` in recording.yaml and the units of the logs."
+        )
+        return Verdict("implausible", sentence, warnings)
     if start.ambiguous:
         offsets = ", ".join(f"{c.fit.estimate.clock.offset:.3f} s" for c in (start.chosen, *start.rivals))
         sentence = (
@@ -56,6 +65,15 @@ def judge(fit: Fit, start: Start, problem: Problem, autocorrelation: float) -> V
     if fit.chi2_per_dof > SUSPECT or fit.chi2_per_dof < WELL_UNDER:
         return Verdict("suspect", f"Usable, with care: the residual is {ratio:.2f} times what the noise in the logs explains.", warnings)
     return Verdict("good", f"Good fit: the residual is {ratio:.2f} times what the noise in the logs explains.", warnings)
+
+
+def _implausible(fit: Fit, nominal: Geometry) -> str:
+    """The parameters that are further from the catalogue than any built robot, in words; empty if none is."""
+    identified = fit.estimate.geometry.values - nominal.values
+    dh = [i for i in fit.parameters if PARAMETERS[i].side == "robot" or PARAMETERS[i].name == "bd3"]
+    worst = sorted((i for i in dh if abs(identified[i]) > PLAUSIBLE), key=lambda i: -abs(identified[i]))
+    units = {"m": "mm", "rad": "mrad"}
+    return ", ".join(f"{NAMES[i]} is {identified[i] * 1e3:+.0f} {units[PARAMETERS[i].unit]} off the catalogue" for i in worst[:3])
 
 
 def _sign_warnings(start: Start, problem: Problem) -> list[str]:

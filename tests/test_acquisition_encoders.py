@@ -76,6 +76,12 @@ def test_a_fast_but_possible_motion_is_no_jump() -> None:
     assert np.ptp(encoder_angles(words, t, fitted("b1"), robot_moves=True)) == pytest.approx(30.0 * 0.99, abs=1e-6)
 
 
+def test_a_stamp_that_follows_closely_makes_no_jump() -> None:
+    t, first, _ = turning()
+    t[100] = t[99] + 1e-5  # written late, or early: 0.005 rad of motion within 10 us would be 500 rad/s
+    assert len(encoder_angles(table_of(b1=first % 2**32), t, fitted("b1"), robot_moves=True)) == 400
+
+
 @pytest.mark.parametrize("value", [0, 123456])
 def test_a_standing_counter_while_others_move_is_a_column_without_counts(value: int) -> None:
     t, first, _ = turning()
@@ -136,12 +142,12 @@ def test_a_counter_preset_during_the_log_is_refused_and_one_before_it_is_not() -
     status = np.full(400, 1 << 2)
     assert len(without_faults(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, [])) == 400
     status[:50] = 0
-    with pytest.raises(LogError, match="raw/bar.csv:52: the counter of encoder b1 was preset here"):
+    with pytest.raises(LogError, match=r"raw/bar.csv:52: the counter of encoder b1 was preset here"):
         without_faults(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, [])
 
 
 def test_a_number_that_is_no_status_word_is_refused() -> None:
-    with pytest.raises(LogError, match="raw/bar.csv:3: column s1: 65536 is no 16-bit status word"):
+    with pytest.raises(LogError, match=r"raw/bar.csv:3: column s1: 65536 is no 16-bit status word"):
         without_faults(table_of(b1=np.zeros(3), s1=np.array([0, 65536, 0])), {"b1": "s1"}, [])
 
 

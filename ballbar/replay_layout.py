@@ -1,0 +1,102 @@
+"""Names and arrangement of a replay: what lies where in the file, and which views show it at first sight.
+
+Left the cell with ball-bar, sphere and path, below it the page of notes; right, from top to bottom: loop-closure residual
+before and after, angles, true TCP error and rod force. rerun has no unit field, so units stand in entity names and titles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from cell.chain import Array
+
+TIMELINE = "robot_time"  # [s] robot's clock, from the first row of its log
+CELL = "/cell"
+BAR_BODIES = ("stand", "gimbal_b1", "gimbal_b2", "rod_b3", "cardan_b4", "cardan_b5")
+PATH_SO_FAR = "/cell/tool/path_so_far"
+NOMINAL_ERROR, IDENTIFIED_ERROR = "/cell/tool/error_of_nominal_robot", "/cell/tool/error_of_identified_robot"
+BEFORE, AFTER = "/residual/before", "/residual/after"
+POSITION, ANGLE = "position_um", "angle_urad"
+JOINTS = "/robot/joint_angles_deg"
+ENCODERS = "/ballbar/encoder_angles_deg"
+TCP_ERROR = "/tcp_error"
+TCP_BEFORE, TCP_AFTER = "/tcp_error/nominal_um", "/tcp_error/identified_um"
+FORCE = "/ballbar/rod_force_N"
+NOTES = "/notes"
+
+_EYE = np.array([0.26, -0.64, 0.28])  # from the robot's right and a little in front, above; times the size of the scene
+_BACKGROUND = (30, 34, 42)
+_ROOM_FOR_LEGEND = 1.3  # time axis over duration: the legend lies on the plot, so some of it stays free
+_PLAYBACK_SPEED = 4.0  # a run takes minutes; four times as fast the eye still follows
+
+
+def layout(plots: Collection[str], *, duration: float, looking_at: Array, reach: float) -> rrb.Blueprint:
+    """The blueprint.
+
+    plots : entities of the curves in the file; duration : [s] of the run; looking_at : (3,) [m] middle of the scene; reach : [m] its size.
+    """
+    end = duration * _ROOM_FOR_LEGEND
+    whole = rrb.TimeRange(rrb.TimeRangeBoundary.absolute(seconds=0.0), rrb.TimeRangeBoundary.absolute(seconds=end))
+    rows = [_residuals(whole), _row(_angles(plots, whole))]
+    truth = _truth(plots, whole)
+    if truth:
+        rows.append(_row(truth))
+    notes = rrb.TextDocumentView(origin=NOTES, name="Notes: verdict, key figures, parameters")
+    left = rrb.Vertical(_scene(looking_at, reach), notes, row_shares=[13, 7])
+    return rrb.Blueprint(
+        rrb.Horizontal(left, rrb.Vertical(*rows), column_shares=[11, 9]),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="playing", loop_mode="all", playback_speed=_PLAYBACK_SPEED),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        auto_views=False,
+    )
+
+
+def _scene(looking_at: Array, reach: float) -> rrb.Spatial3DView:
+    """The cell; of the path's steps, one a row, those up to the time shown."""
+    so_far = rrb.VisibleTimeRange(TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative())
+    return rrb.Spatial3DView(
+        origin=CELL,
+        name="Cell: path of the tool on the sphere of the rod, yellow so far",
+        background=_BACKGROUND,
+        eye_controls=rrb.EyeControls3D(position=looking_at + reach * _EYE, look_target=looking_at, eye_up=(0.0, 0.0, 1.0)),
+        overrides={PATH_SO_FAR: [rrb.VisibleTimeRanges(so_far)]},
+    )
+
+
+def _residuals(whole: rrb.TimeRange) -> rrb.Container:
+    rows = [_residual_row(POSITION, "position [um]", whole), _residual_row(ANGLE, "angle [urad]", whole)]
+    return rrb.Tabs(*rows, active_tab=0)
+
+
+def _residual_row(kind: str, what: str, whole: rrb.TimeRange) -> rrb.Horizontal:
+    before, after = f"{BEFORE}/{kind}", f"{AFTER}/{kind}"
+    both = _plot("/residual", f"Residual before and after, {what}", whole, contents=(before, after))
+    return rrb.Horizontal(both, _plot(after, f"Residual after, {what}", whole), name=f"Loop closure: {what}")
+
+
+def _angles(plots: Collection[str], whole: rrb.TimeRange) -> list[rrb.TimeSeriesView]:
+    robot = _plot(JOINTS, "Robot joint angles [deg]", whole)
+    return [robot, _plot(ENCODERS, "Ball-bar encoder angles [deg]", whole)] if ENCODERS in plots else [robot]
+
+
+def _truth(plots: Collection[str], whole: rrb.TimeRange) -> list[rrb.TimeSeriesView]:
+    """What only a simulation knows."""
+    views = []
+    if TCP_BEFORE in plots:
+        views.append(_plot(TCP_ERROR, "TCP error against the truth [um]", whole))
+    if FORCE in plots:
+        v=_plot(FORCE, "Rod force, tension positive [N]", whole); v.properties["ScalarAxis"]=rrb.ScalarAxis(range=(-100,100)); views.append(v)
+    return views
+
+
+def _plot(origin: str, title: str, whole: rrb.TimeRange, *, contents: tuple[str, ...] = ("$origin/**",)) -> rrb.TimeSeriesView:
+    axis, legend = rrb.TimeAxis(view_range=whole), rrb.PlotLegend(rrb.Corner2D.RightTop)
+    return rrb.TimeSeriesView(origin=origin, contents=list(contents), name=title, axis_x=axis, plot_legend=legend)
+
+
+def _row(views: list[rrb.TimeSeriesView]) -> rrb.Container:
+    return rrb.Horizontal(*views)

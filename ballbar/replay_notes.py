@@ -1,0 +1,97 @@
+"""The page of text beside the pictures: verdict first, key figures, then every parameter with its uncertainty (markdown)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ballbar.compare import Comparison
+from ballbar.replay_motion import residual_norms
+from ballbar.run_data import RunData
+from cell.geometry import INDEX, PARAMETERS
+from ident.identify import Identification
+
+
+def replay_notes(data: RunData) -> str:
+    """Markdown: name, verdict sentence, key figures, remarks, what was left at its nominal value, parameters with sigma."""
+    result = data.identification
+    parts = [
+        f"# {data.name}",
+        f"**{result.verdict.sentence}** {_gain(data.comparison)}".strip(),
+        _table(("key figure", "value"), [*_truth_figures(data.comparison), *_figures(result)]),
+        "\n".join(f"- Note: {warning}" for warning in result.verdict.warnings),
+        f"{_setup(result)}; {'simulated' if data.simulation else 'recorded'}, {data.recording.robot_log.t[-1]:.0f} s.",
+        "## Left at the nominal value",
+        _dropped(result),
+        "## Identified parameters",
+        "Lengths in mm, sigma in um; angles in mrad, sigma in urad. Sigma is one standard deviation.",
+        _parameters(result, data.comparison),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _gain(comparison: Comparison | None) -> str:
+    if comparison is None:
+        return ""
+    before, after = comparison.tcp_nominal.mean, comparison.tcp.mean
+    return f"Over the workspace the tool was {before * 1e3:.2f} mm off on average before, and is {after * 1e6:.1f} um off now."
+
+
+def _setup(result: Identification) -> str:
+    fitted = ", ".join(f"b{joint}" for joint in result.joints)
+    return f"{result.cell.robot.title} on {result.cell.ballbar.title}; {f'encoders {fitted}' if fitted else 'no encoders'}"
+
+
+def _truth_figures(comparison: Comparison | None) -> list[tuple[str, str]]:
+    if comparison is None:
+        return []
+    before, after = comparison.tcp_nominal, comparison.tcp
+    rows = [
+        ("TCP error before, mean (largest)", f"{before.mean * 1e3:.3f} ({before.maximum * 1e3:.3f}) mm"),
+        ("TCP error after, mean (largest)", f"{after.mean * 1e3:.4f} ({after.maximum * 1e3:.4f}) mm"),
+        ("parameter distance, Euclidean", f"{comparison.distance * 1e3:.4f} mm or mrad"),
+    ]
+    if comparison.offset is not None and comparison.skew is not None:
+        rows.append(("clock error: offset, skew", f"{comparison.offset * 1e6:+.2f} us, {comparison.skew * 1e6:+.3f} ppm"))
+    return rows
+
+
+def _figures(result: Identification) -> list[tuple[str, str]]:
+    rows = [("TCP uncertainty as stated, mean", f"{result.tcp_sigma.mean() * 1e3:.4f} mm")]
+    for what, residuals in (("before", result.before), ("after", result.after)):
+        position, angle = (float(np.sqrt(np.mean(norm**2))) for norm in residual_norms(residuals))
+        rows.append((f"loop-closure residual {what}, RMS", f"{position * 1e6:.1f} um, {angle * 1e6:.1f} urad"))
+    if result.clock is not None:
+        offset_sigma, skew_sigma = result.clock_sigma
+        rows.append(("clock offset", f"{result.clock.offset * 1e3:.4f} ± {offset_sigma * 1e3:.4f} ms"))
+        rows.append(("clock skew", f"{result.clock.skew * 1e6:.3f} ± {skew_sigma * 1e6:.3f} ppm"))
+    rows.append(("iterations", f"{result.iterations}, from the automatic start"))
+    rows.append(("samples; equations each", f"{result.after.t.size}; {result.whitened.shape[0]}"))
+    rows.append(("chi-square per degree of freedom", f"{result.fit.chi2_per_dof:.3f}"))
+    rows.append(("rank; condition number", f"{result.identifiability.rank}; {result.identifiability.condition:.0f}"))
+    return rows
+
+
+def _dropped(result: Identification) -> str:
+    dropped = result.identifiability.dropped
+    if not dropped:
+        return "Nothing: every parameter asked for was identified."
+    return _table(("parameter", "why"), [(d.name, f"{d.reason} {', '.join(d.on)}".strip()) for d in dropped])
+
+
+def _parameters(result: Identification, comparison: Comparison | None) -> str:
+    header = ["parameter", "nominal", "identified", "change", "sigma"] + (["error"] if comparison else [])
+    rows = []
+    for name, sigma in result.sigma.items():
+        large, small = ("mm", "um") if PARAMETERS[INDEX[name]].is_length else ("mrad", "urad")
+        nominal, value = result.nominal[name] * 1e3, result.geometry[name] * 1e3
+        row = [name, f"{nominal:.3f} {large}", f"{value:.4f} {large}", f"{value - nominal:+.4f} {large}", f"{sigma * 1e6:.2f} {small}"]
+        if comparison:
+            row.append(f"{comparison.deviations[name] * 1e6:+.2f} {small}" if name in comparison.deviations else "")
+        rows.append(tuple(row))
+    return _table(tuple(header), rows)
+
+
+def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """A markdown table, numbers to the right."""
+    lines = [header, (":--", *(["--:"] * (len(header) - 1))), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

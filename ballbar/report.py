@@ -1,0 +1,235 @@
+"""report.html: one page about one run, the verdict in words before any number. No script, no outside request.
+
+RunData -> words and tables (report_tables), figures (report_figures), provenance (report_provenance) -> templates/report.html
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from ballbar import report_figures as figures
+from ballbar import report_tables as tables
+from ballbar.report_numbers import rms_norm, significant, to_sigma
+from ballbar.report_provenance import input_files, versions, without_folders
+from ballbar.run_data import RunData
+from cell.chain import Array
+from cell.files import write_whole
+from ident.accuracy import accuracy_grid, tcp_error
+from ident.identify import Identification
+
+_TONES = {"good": "Acceptable", "suspect": "Acceptable, with care"}
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One key figure."""
+
+    label: str
+    value: str
+    note: str
+
+
+@dataclass(frozen=True, eq=False)
+class TcpView:
+    """TCP error over the accuracy grid: against the truth, or what can be said without it."""
+
+    against_truth: bool
+    position: Array  # (G, 3) [m] robot base frame
+    before: Array  # (G,) [m] error of the nominal model; against the identified one where the truth is not known
+    after: Array  # (G,) [m] error of the identified model; its stated sigma where the truth is not known
+    before_label: str
+    after_label: str
+
+
+def write_report(path: Path, data: RunData, *, command: str, folder: Path | None = None) -> None:
+    """Writes the report of one run, whole or not at all.
+
+    command : as the user typed it; absolute paths in it are cut to their last part.
+    folder : the recording folder, to state its files with their hashes; without it they are only named.
+    """
+    write_whole(path, render_report(data, command=command, folder=folder, written=datetime.now(UTC)).encode())
+
+
+def render_report(data: RunData, *, command: str, folder: Path | None, written: datetime) -> str:
+    """The page as text; the same inputs give the same text."""
+    environment = Environment(
+        loader=PackageLoader("ballbar"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    result = data.identification
+    tcp = tcp_view(data)
+    return environment.get_template("report.html").render(
+        data=data,
+        result=result,
+        description=data.recording.description,
+        heading=_TONES.get(result.verdict.status, "Not acceptable"),
+        in_short=_in_short(data, tcp),
+        tiles=_tiles(data, tcp),
+        tcp=tcp,
+        tcp_rows=_tcp_rows(data, tcp),
+        figures={name: Markup(svg) for name, svg in _figures(result, tcp).items()},  # no text from files is in them
+        position_rows=tables.residual_rows(result.before.position, result.after.position, 1e6),
+        angle_rows=tables.residual_rows(result.before.angle, result.after.angle, 1e6),
+        groups=tables.parameter_groups(result, data.comparison),
+        z_rms=tables.z_rms(result, data.comparison) if data.comparison else None,
+        leftovers=tables.leftovers(result),
+        never_asked=tables.never_asked(result),
+        clock=_clock_rows(data),
+        rivals=_rival_rows(result),
+        senses=_sense_rows(result),
+        noise=tables.noise_rows(result, _resolutions(data)),
+        scale_ppm=result.cell.plate.length_sigma / result.cell.plate.length * 1e6,
+        versions=versions(simulated=data.simulation is not None),
+        inputs=input_files(data.recording, folder) if folder else [],
+        command=without_folders(command),
+        written=f"{written:%Y-%m-%d %H:%M:%S} UTC",
+        significant=significant,
+        in_words=tables.names_in_words,
+    )
+
+
+def tcp_view(data: RunData) -> TcpView:
+    """Error against the truth if there is a comparison, else the correction made and its stated uncertainty."""
+    result = data.identification
+    if data.comparison:
+        before, after = data.comparison.tcp_nominal, data.comparison.tcp
+        return TcpView(True, before.position, before.error, after.error, "TCP error before", "TCP error after")
+    shift = tcp_error(result.nominal, result.geometry, accuracy_grid(result.cell.robot))
+    return TcpView(False, shift.position, shift.error, result.tcp_sigma, "TCP correction", "Stated TCP sigma")
+
+
+def _in_short(data: RunData, tcp: TcpView) -> str:
+    """What a manager reads."""
+    before, after, poses = _mm(tcp.before.mean()), _mm(tcp.after.mean()), tcp.before.size
+    if tcp.against_truth:
+        text = (
+            f"Over {poses} poses of the workspace the mean TCP error is {before} with the nominal model "
+            f"and {after} with the identified one."
+        )
+    else:
+        text = (
+            f"Over {poses} poses of the workspace the identified model moves the TCP by {before} on average against the nominal one; "
+            f"the stated uncertainty of what remains is {after} (1 sigma, mean)."
+        )
+    return text if data.identification.verdict.acceptable else f"{text} Do not use these parameters before the cause has been found."
+
+
+def _tiles(data: RunData, tcp: TcpView) -> list[Tile]:
+    result = data.identification
+    before, after = rms_norm(result.before.position), rms_norm(result.after.position)
+    angles = rms_norm(result.before.angle), rms_norm(result.after.angle)
+    poor = "" if result.fit.converged else ", not converged"
+    equations, unknowns = result.whitened.shape[0], result.covariance.shape[0]
+    return [
+        _tcp_tile(result, tcp),
+        _clock_tile(data),
+        Tile(
+            "Residual rms, before → after",
+            f"{significant(before * 1e6)} → {significant(after * 1e6)} µm",
+            f"angle {significant(angles[0] * 1e6)} → {significant(angles[1] * 1e6)} µrad",
+        ),
+        Tile("Iterations", f"{result.iterations}", f"from the automatic start{poor}"),
+        Tile("Samples", f"{result.after.t.size}", f"{equations} equation{'s' * (equations > 1)} each, {unknowns} unknowns"),
+    ]
+
+
+def _tcp_tile(result: Identification, tcp: TcpView) -> Tile:
+    before, after = significant(tcp.before.mean() * 1e3), significant(tcp.after.mean() * 1e3)
+    if tcp.against_truth:
+        note = f"mean of {tcp.before.size} poses, against the truth; stated uncertainty {_mm(result.tcp_sigma.mean())} (1 sigma)"
+        return Tile("TCP error, before → after", f"{before} → {after} mm", note)
+    return Tile("Stated TCP uncertainty", f"{after} mm", f"1 sigma, mean of {tcp.before.size} poses; correction made {before} mm")
+
+
+def _clock_tile(data: RunData) -> Tile:
+    rows = _clock_rows(data)
+    if not rows:
+        return Tile("Clock", "one log", "no encoders, so there is no second clock")
+    (_, offset, offset_sigma, _), (_, skew, skew_sigma, _) = rows
+    return Tile("Clock offset", offset, f"± {offset_sigma}; skew {skew} ± {skew_sigma} (1 sigma)")
+
+
+def _tcp_rows(data: RunData, tcp: TcpView) -> list[tuple[str, str, str, str, str]]:
+    if data.comparison:
+        nominal, identified = data.comparison.tcp_nominal, data.comparison.tcp
+        rows = [("before (nominal)", nominal), ("after (identified)", identified)]
+        errors = [tables.tcp_row(name, one.error, one.error_without_scale) for name, one in rows]
+    else:
+        errors = [tables.tcp_row("correction (nominal to identified)", tcp.before, None)]
+    return [*errors, tables.tcp_row("stated sigma", data.identification.tcp_sigma, None)]
+
+
+def _figures(result: Identification, tcp: TcpView) -> Mapping[str, str]:
+    landmarks = figures.Landmarks(result.geometry.origin, result.geometry["bd3"])
+    before, after, clock = result.before, result.after, "robot" if result.clock is None else "ball-bar"
+    curves = [figures.Curve(tcp.before_label, tcp.before, figures.BEFORE), figures.Curve(tcp.after_label, tcp.after, figures.AFTER)]
+    if tcp.against_truth:
+        curves += [figures.Curve("Stated TCP sigma", result.tcp_sigma, figures.AFTER, dashed=True)]
+    position, angle = "position residual [µm]", "angle residual [µrad]"
+    return {
+        "cumulative": figures.cumulative(curves, label="TCP error" if tcp.against_truth else "distance of the TCP"),
+        "map_before": figures.workspace_map(tcp.position, tcp.before, landmarks, label=f"{tcp.before_label}, mean", before=True),
+        "map_after": figures.workspace_map(tcp.position, tcp.after, landmarks, label=f"{tcp.after_label}, mean", before=False),
+        "position_norm": figures.norms_over_time(after.t, before.position * 1e6, after.position * 1e6, label=position, clock=clock),
+        "angle_norm": figures.norms_over_time(after.t, before.angle * 1e6, after.angle * 1e6, label=angle, clock=clock),
+        "position": figures.components_over_time(after.t, after.position * 1e6, label=position, clock=clock),
+        "angle": figures.components_over_time(after.t, after.angle * 1e6, label=angle, clock=clock),
+        "histogram": figures.whitened_histogram(result.whitened),
+    }
+
+
+def _clock_rows(data: RunData) -> list[tuple[str, str, str, str]]:
+    """(what, value, sigma, error against the truth) of offset and skew, each with its unit; empty without a second clock."""
+    clock, comparison = data.identification.clock, data.comparison
+    if clock is None:
+        return []
+    offset_sigma, skew_sigma = data.identification.clock_sigma
+    errors = (comparison.offset, comparison.skew) if comparison else (None, None)
+    shown = (
+        ("offset", clock.offset, offset_sigma, 1e3, "ms", "µs"),
+        ("skew", clock.skew, skew_sigma, 1e6, "ppm", "ppm"),
+    )
+    return [
+        (name, f"{to_sigma(value * factor, sigma * factor)} {unit}", f"{significant(sigma * 1e6, 2)} {small}", _signed(error, small))
+        for (name, value, sigma, factor, unit, small), error in zip(shown, errors, strict=True)
+    ]
+
+
+def _rival_rows(result: Identification) -> list[tuple[str, str, str]]:
+    """(clock offset, cost per residual, overlap) of the chosen hypothesis and its rivals; empty if there are none."""
+    if not result.start.ambiguous:
+        return []
+    return [
+        (f"{significant(one.fit.estimate.clock.offset, 4)} s", significant(one.cost), f"{significant(one.overlap)} s")
+        for one in (result.start.chosen, *result.start.rivals)
+    ]
+
+
+def _sense_rows(result: Identification) -> list[tuple[str, str]]:
+    """(encoders, what was found about their sense of rotation)."""
+    signs = dict(zip(result.joints, result.signs, strict=True))
+    kinds = {
+        "sense as declared": [j for j, sign in signs.items() if j not in (2, 4) and sign > 0],
+        "sense opposite to the declared one; the found one is used": [j for j, sign in signs.items() if j not in (2, 4) and sign < 0],
+        "sense taken as declared: it cannot be observed, and does not change the result": [j for j in signs if j in (2, 4)],
+    }
+    return [(tables.names_in_words([f"b{j}" for j in joints]), words) for words, joints in kinds.items() if joints]
+
+
+def _resolutions(data: RunData) -> dict[str, float]:
+    """[rad] one count of each encoder."""
+    return {name: 2.0 * np.pi / (one.lines * 2.0**one.bits) for name, one in data.recording.description.encoders.items()}
+
+
+def _signed(value: float | None, unit: str) -> str:
+    return "" if value is None else f"{significant(value * 1e6, 2, sign=True)} {unit}"
+
+
+def _mm(metres: float) -> str:
+    return f"{significant(float(metres) * 1e3)} mm"

@@ -1,0 +1,70 @@
+"""Where a report comes from: versions, command, input files with their hashes. Nothing in it names a folder of this computer."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import shlex
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+from acquisition import Recording
+
+_PACKAGES = ("ballbar-bench", "numpy", "scipy", "pydantic", "pyyaml", "matplotlib", "jinja2")
+_SIMULATOR = "mujoco-core"
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file of the recording."""
+
+    name: str  # relative to the recording folder
+    size: int  # [bytes]
+    sha256: str
+
+
+def versions(*, simulated: bool) -> list[tuple[str, str]]:
+    """(package, version) of Python and of what computed the numbers and made the page."""
+    packages = (*_PACKAGES, _SIMULATOR) if simulated else _PACKAGES
+    return [("python", platform.python_version()), *((name, _version(name)) for name in packages)]
+
+
+def input_files(recording: Recording, folder: Path) -> list[InputFile]:
+    """recording.yaml, the device files, and the cell's own descriptions where they are not the shipped ones.
+
+    Raises OSError when one of them is gone.
+    """
+    file = recording.description
+    own = [name for name in (file.robot, file.ballbar, file.plate) if name.endswith(".yaml") and not _is_absolute(name)]
+    return [_hashed(folder, name) for name in ("recording.yaml", *(one.file for one in recording.report.files), *own)]
+
+
+def without_folders(command: str) -> str:
+    """The command with every absolute path cut down to its last part."""
+    try:
+        words = shlex.split(command)
+    except ValueError:  # an open quotation mark: not a command of ours, shown word by word
+        words = command.split()
+    return " ".join(f'"{word}"' if " " in word else word for word in map(_cut, words))
+
+
+def _cut(word: str) -> str:
+    option, equals, value = word.rpartition("=")
+    return f"{option}{equals}…/{PureWindowsPath(value).name}" if _is_absolute(value) else word
+
+
+def _is_absolute(path: str) -> bool:
+    return PurePosixPath(path).is_absolute() or bool(PureWindowsPath(path).drive)
+
+
+def _hashed(folder: Path, name: str) -> InputFile:
+    content = (folder / name).read_bytes()
+    return InputFile(name, len(content), hashlib.sha256(content).hexdigest())
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed as a package"

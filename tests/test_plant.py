@@ -1,0 +1,161 @@
+"""The plant: starts at rest where statics says, closes the loop, and says so when it does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from cell.descriptions import Cell, load_cell
+from cell.errors import InputError
+from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from sim import plant as plant_module
+from sim.mjcf import plant_model
+from sim.motion import Motion
+from sim.path import Lissajous, phase_over_time, reference_path
+from sim.plant import PlantError, run_plant
+from sim.simulate import load_lissajous
+from sim.statics import gravity_torque, rest
+from tests.conftest import SCENARIOS, Recorded, perturbed, settings
+
+
+@pytest.fixture(scope="module")
+def shape() -> Lissajous:
+    return load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
+
+
+def test_the_loop_stays_closed_within_half_a_micrometre_along_the_run(recorded: Recorded) -> None:
+    position, angle = recorded.simulation.motion.closure()
+    assert position.max() < 0.5e-6
+    assert angle.max() < 0.5e-6
+    assert position.max() == recorded.simulation.truth.closure_position
+
+
+def test_rod_forces_of_the_soft_servo_are_of_the_order_measured_in_the_thesis(recorded: Recorded) -> None:
+    force = recorded.simulation.motion.rod_force
+    assert 30.0 < np.abs(force).max() < 200.0  # Fig. 5.7: 100 to 150 N
+
+
+def test_the_run_starts_at_rest(recorded: Recorded) -> None:
+    motion = recorded.simulation.motion
+    assert np.abs(motion.q[500] - motion.q[0]).max() < 1e-8  # half a second into the first dwell
+    assert abs(motion.rod_force[500] - motion.rod_force[0]) < 1e-2
+
+
+def test_statics_closes_the_loop_and_balances_the_servo_torques_against_mujoco(cell: Cell, nominal: Geometry, shape: Lissajous) -> None:
+    """The statics solver shares no code with MuJoCo; a held pose in MuJoCo settles where it says."""
+    rng = np.random.default_rng(4)
+    true = perturbed(nominal, rng)
+    path = reference_path(cell.robot, nominal, shape, duration=60.0, dwell=2.0, stops=0, step=0.01)
+    gains = cell.robot.servo["soft"]
+    for k in (100, 2500, 4000):
+        held = rest(cell, true, gains, path.q[k], path.q[k], path.b[k])
+        plant = plant_model(cell, true, gains, timestep=1e-3)
+        data = mujoco.MjData(plant.model)
+        data.qpos[plant.robot], data.qpos[plant.bar], data.qpos[plant.rod] = held.q, held.b, held.stretch
+        data.ctrl[:] = path.q[k]
+        for _ in range(3000):
+            mujoco.mj_step(plant.model, data)
+        assert np.abs(data.qpos[plant.robot] - held.q).max() < 1e-7
+        assert np.abs(data.qpos[plant.bar] - held.b).max() < 1e-6
+        assert cell.ballbar.axial_stiffness * data.qpos[plant.rod] == pytest.approx(held.rod_force, abs=0.02)
+
+
+def test_gravity_torque_is_the_derivative_of_the_potential_energy_in_mujoco(cell: Cell, nominal: Geometry) -> None:
+    q = np.random.default_rng(6).uniform(-0.7, 0.7, (4, 6))
+    plant = plant_model(cell, nominal, cell.robot.servo["soft"], timestep=1e-3)
+    data = mujoco.MjData(plant.model)
+    for row, torque in zip(q, gravity_torque(cell, nominal, q), strict=True):
+        data.qpos[plant.robot] = row
+        data.qvel[:] = 0.0
+        mujoco.mj_forward(plant.model, data)
+        assert data.qfrc_bias[plant.robot] == pytest.approx(torque, abs=1e-9)
+
+
+def test_the_phase_starts_and_ends_at_rest_and_rests_at_every_stop() -> None:
+    t = np.linspace(-1.0, 121.0, 12201)
+    s = phase_over_time(t, duration=120.0, dwell=4.0, stops=2)
+    speed = np.gradient(s, t)
+    assert s[0] == 0.0
+    assert s[-1] == pytest.approx(1.0, abs=1e-12)
+    assert (speed >= -1e-12).all()
+    assert np.abs(np.diff(speed)).max() < 2e-4  # no step in speed: ramps of 2 s to about 0.01 per second
+    for level in (1 / 3, 2 / 3):
+        assert np.isclose(s, level, atol=1e-12).sum() >= 395
+    with pytest.raises(InputError, match="leaves .* s a piece"):
+        phase_over_time(t, duration=20.0, dwell=4.0, stops=2)
+
+
+def test_a_path_out_of_reach_names_the_time(cell: Cell, shape: Lissajous) -> None:
+    far = nominal_geometry(cell, np.array([1.2, 0.0, 0.54]))
+    with pytest.raises(InputError, match=r"out of reach at t = \d+\.\d\d s"):
+        reference_path(cell.robot, far, shape, duration=60.0, dwell=2.0, stops=1, step=0.01)
+
+
+def test_a_path_beyond_an_axis_range_names_axis_time_and_value(cell: Cell, nominal: Geometry, shape: Lissajous) -> None:
+    narrow = replace(cell.robot, axis_upper=cell.robot.axis_upper * np.array([0.05, 1, 1, 1, 1, 1]))
+    with pytest.raises(InputError, match=r"axis 1 at t = \d+\.\d\d s: \d+\.\d deg outside -180..9 deg"):
+        reference_path(narrow, nominal, shape, duration=60.0, dwell=2.0, stops=1, step=0.01)
+
+
+def test_a_path_too_fast_for_an_axis_names_axis_time_and_speed(cell: Cell, nominal: Geometry, shape: Lissajous) -> None:
+    with pytest.raises(InputError, match=r"axis \d at t = \d+\.\d\d s turns at \d+ deg/s, limit"):
+        reference_path(cell.robot, nominal, shape, duration=12.0, dwell=1.0, stops=0, step=0.01)
+
+
+def test_a_run_whose_loop_opens_too_far_fails(cell: Cell, nominal: Geometry, shape: Lissajous, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plant_module, "CLOSURE_LIMIT", 1e-9)
+    path = reference_path(cell.robot, nominal, shape, duration=20.0, dwell=2.0, stops=0, step=0.01)
+    with pytest.raises(PlantError, match="loop closure opens to"):
+        run_plant(cell, nominal, path, servo="soft", timestep=1e-3)
+
+
+def test_a_diverging_simulation_ends_with_its_time_and_no_silent_reset(cell: Cell, nominal: Geometry, shape: Lissajous) -> None:
+    wild = replace(cell, robot=replace(cell.robot, damping=np.full(6, -1e5)))  # feeds energy in
+    path = reference_path(cell.robot, nominal, shape, duration=20.0, dwell=2.0, stops=0, step=0.01)
+    with pytest.raises(PlantError, match=r"diverged at t = \d+\.\d+ s"):
+        run_plant(wild, nominal, path, servo="soft", timestep=1e-3)
+
+
+def test_closure_counts_a_wrong_angle(recorded: Recorded) -> None:
+    motion = recorded.simulation.motion
+    few = slice(None, None, 5000)
+    q = motion.q[few].copy()
+    q[3, 1] += 1e-5
+    bent = Motion(motion.t[few], q, motion.b[few], motion.rod_stretch[few], motion.rod_force[few], motion.geometry)
+    position, angle = bent.closure()
+    assert position[3] > 5e-6
+    assert angle[3] == pytest.approx(1e-5, rel=0.02)
+    assert position[2] < 1e-6
+
+
+def test_the_true_mechanism_of_a_run_has_the_errors_of_table_3_1(recorded: Recorded) -> None:
+    nominal = nominal_geometry(recorded.simulation.cell, np.array(recorded.settings.cell.ballbar_position_m))
+    true = recorded.simulation.motion.geometry
+    assert (true["ra3"] - nominal["ra3"]) * 1e3 == pytest.approx(-1.52)
+    assert (true["oy"] - nominal["oy"]) * 1e3 == pytest.approx(0.80)
+    assert true["ra6"] == nominal["ra6"]  # the plate is the known length
+
+
+@pytest.mark.parametrize("robot", ["irb2400", "nj220"])
+def test_both_robots_hang_together_at_zero(robot: str) -> None:
+    cell = load_cell(robot, "lund_600", "plate_250")
+    geometry = nominal_geometry(cell, np.array([0.7, 0.0, 0.5]))
+    frames = robot_frames(geometry, np.zeros((1, 6)))
+    plant = plant_model(cell, geometry, cell.robot.servo["soft"], timestep=1e-3)
+    assert plant.model.nv == 12
+    assert frames.tip[2, 0] > 0.0
+    assert bar_frames(geometry, np.zeros((1, 5))).tip[2, 0] == pytest.approx(0.5 + cell.ballbar.length)
+
+
+def test_drawn_static_errors_have_the_asked_size_and_leave_the_other_streams_alone(tmp_path_factory: pytest.TempPathFactory) -> None:
+    from sim.simulate import simulate
+
+    drawn = settings(plant={"kind": "kinematic"}, errors={"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3}})
+    table = settings(plant={"kind": "kinematic"})
+    one, other = (simulate(s, relative_to=SCENARIOS) for s in (drawn, table))
+    assert [e.zero for e in one.encoders] == [e.zero for e in other.encoders]
+    assert np.array_equal(one.times.bar_stamp, other.times.bar_stamp)
+    assert one.motion.geometry["ra2"] != other.motion.geometry["ra2"]
