@@ -79,8 +79,9 @@ def _write(path: Path, data: RunData, motion: CellMotion, truth: TrueTool | None
     series = _series(data, motion, truth)
     robot, origin = data.identification.cell.robot, data.identification.geometry.origin
     reach = float(np.abs(robot.d).sum() + np.abs(robot.a).sum())
-    looking_at = np.array([0.5 * origin[0], 0.5 * origin[1], 0.32 * reach])
-    blueprint = layout(series, duration=float(motion.t[-1]), looking_at=looking_at, reach=reach)
+    looking_at = np.array([0.5 * origin[0], 0.5 * origin[1], 0.29 * reach])
+    force = float(np.abs(truth.rod_force).max()) if truth else 0.0
+    blueprint = layout(series, duration=float(motion.t[-1]), looking_at=looking_at, reach=reach, largest_force=force)
     # without properties: they would hold the time of writing, and no two files of one run would be alike
     stream = rr.RecordingStream(APPLICATION, recording_id=recording_id(data), send_properties=False)
     try:

@@ -27,21 +27,22 @@ TCP_BEFORE, TCP_AFTER = "/tcp_error/nominal_um", "/tcp_error/identified_um"
 FORCE = "/ballbar/rod_force_N"
 NOTES = "/notes"
 
-_EYE = np.array([0.26, -0.64, 0.28])  # from the robot's right and a little in front, above; times the size of the scene
+_EYE = np.array([0.28, -0.69, 0.31])  # from the robot's right and a little in front, above; times the size of the scene
 _BACKGROUND = (30, 34, 42)
 _ROOM_FOR_LEGEND = 1.3  # time axis over duration: the legend lies on the plot, so some of it stays free
 _PLAYBACK_SPEED = 4.0  # a run takes minutes; four times as fast the eye still follows
 
 
-def layout(plots: Collection[str], *, duration: float, looking_at: Array, reach: float) -> rrb.Blueprint:
+def layout(plots: Collection[str], *, duration: float, looking_at: Array, reach: float, largest_force: float) -> rrb.Blueprint:
     """The blueprint.
 
-    plots : entities of the curves in the file; duration : [s] of the run; looking_at : (3,) [m] middle of the scene; reach : [m] its size.
+    plots : entities of the curves in the file; duration : [s] of the run; looking_at : (3,) [m] middle of the scene;
+    reach : [m] its size; largest_force : [N] of the rod.
     """
     end = duration * _ROOM_FOR_LEGEND
     whole = rrb.TimeRange(rrb.TimeRangeBoundary.absolute(seconds=0.0), rrb.TimeRangeBoundary.absolute(seconds=end))
     rows = [_residuals(whole), _row(_angles(plots, whole))]
-    truth = _truth(plots, whole)
+    truth = _truth(plots, whole, 1.1 * rounded_up(largest_force))
     if truth:
         rows.append(_row(truth))
     notes = rrb.TextDocumentView(origin=NOTES, name="Notes: verdict, key figures, parameters")
@@ -83,19 +84,29 @@ def _angles(plots: Collection[str], whole: rrb.TimeRange) -> list[rrb.TimeSeries
     return [robot, _plot(ENCODERS, "Ball-bar encoder angles [deg]", whole)] if ENCODERS in plots else [robot]
 
 
-def _truth(plots: Collection[str], whole: rrb.TimeRange) -> list[rrb.TimeSeriesView]:
+def _truth(plots: Collection[str], whole: rrb.TimeRange, largest_force: float) -> list[rrb.TimeSeriesView]:
     """What only a simulation knows."""
     views = []
     if TCP_BEFORE in plots:
         views.append(_plot(TCP_ERROR, "TCP error against the truth [um]", whole))
     if FORCE in plots:
-        v=_plot(FORCE, "Rod force, tension positive [N]", whole); v.properties["ScalarAxis"]=rrb.ScalarAxis(range=(-100,100)); views.append(v)
+        views.append(_plot(FORCE, "Rod force, tension positive [N]", whole, axis_y=rrb.ScalarAxis(range=(-largest_force, largest_force))))
     return views
 
 
-def _plot(origin: str, title: str, whole: rrb.TimeRange, *, contents: tuple[str, ...] = ("$origin/**",)) -> rrb.TimeSeriesView:
+def rounded_up(value: float) -> float:
+    """The next of 1, 2, 5, 10, 20, ...: an axis that ends there has readable marks whatever its height."""
+    if value <= 0.0:
+        return 1.0
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(decade * min(step for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= value))
+
+
+def _plot(
+    origin: str, title: str, whole: rrb.TimeRange, *, contents: tuple[str, ...] = ("$origin/**",), axis_y: rrb.ScalarAxis | None = None
+) -> rrb.TimeSeriesView:
     axis, legend = rrb.TimeAxis(view_range=whole), rrb.PlotLegend(rrb.Corner2D.RightTop)
-    return rrb.TimeSeriesView(origin=origin, contents=list(contents), name=title, axis_x=axis, plot_legend=legend)
+    return rrb.TimeSeriesView(origin=origin, contents=list(contents), name=title, axis_x=axis, axis_y=axis_y, plot_legend=legend)
 
 
 def _row(views: list[rrb.TimeSeriesView]) -> rrb.Container:

@@ -84,7 +84,9 @@ def _add_shapes(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry) -> None:
     _capsule(world, np.zeros(3), np.array([0.0, 0.0, 0.6 * cell.robot.d[0]]), radii[0] * 1.2, _ORANGE)
     plate = cell.plate
     middle = np.array([0.5 * plate.length, 0.0, float(geometry["rd6"]) - plate.tool_offset])
-    spec.body("link6").add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_BOX, pos=middle, size=[0.5 * plate.length + 0.05, 0.05, 0.0225], rgba=_STEEL)
+    spec.body("link6").add_geom(
+        name="plate", type=mujoco.mjtGeom.mjGEOM_BOX, pos=middle, size=[0.5 * plate.length + 0.05, 0.05, 0.0225], rgba=_STEEL
+    )
     _capsule(spec.body("bar3"), np.zeros(3), np.array([0.0, 0.0, cell.ballbar.length]), 0.012, _CARBON)
     _ball(spec.body("bar1"), 0.035, _STEEL)
     _ball(spec.body("bar4"), 0.03, _STEEL)

@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from cell.chain import Array
 from cell.descriptions import Cell
+from cell.errors import InputError
 from cell.geometry import Geometry
 from sim.mjcf import PlantModel, plant_model
 from sim.motion import Motion
@@ -33,8 +34,10 @@ def run_plant(cell: Cell, geometry: Geometry, path: ReferencePath, *, servo: str
 
     geometry : true kinematic parameters. servo : a gain set of the robot's description.
 
-    Raises PlantError on divergence or when the loop opens by more than CLOSURE_LIMIT.
+    Raises InputError for an unknown gain set, PlantError on divergence or when the loop opens by more than CLOSURE_LIMIT.
     """
+    if servo not in cell.robot.servo:
+        raise InputError(f"plant.servo = {servo!r}: robot {cell.robot.name} has no such gain set; it has {', '.join(cell.robot.servo)}")
     gains = cell.robot.servo[servo]
     t = np.arange(round(path.t[-1] / timestep) + 1) * timestep
     command = _command(cell, geometry, path, t, gains.kp, gains.kv)

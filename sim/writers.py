@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ def write_twincat_plc(
 
     stamps : (N,) [ns since 2000-01-01]; counts, status : column name to (N,) counter values and status words.
     """
-    columns = {**counts, **status}
+    columns: dict[str, NDArray[np.integer[Any]]] = {**counts, **status}
     rows = np.column_stack((stamps, *(c.astype(np.int64) for c in columns.values())))
     lines = [";".join(("time", *columns)), *(";".join(map(str, row)) for row in rows.tolist())]
     write_whole(path, ("\r\n".join(lines) + "\r\n").encode("ascii"))

@@ -16,7 +16,7 @@ from sim.mjcf import plant_model
 from sim.motion import Motion
 from sim.path import Lissajous, phase_over_time, reference_path
 from sim.plant import PlantError, run_plant
-from sim.simulate import load_lissajous
+from sim.simulate import load_lissajous, simulate
 from sim.statics import gravity_torque, rest
 from tests.conftest import SCENARIOS, Recorded, perturbed, settings
 
@@ -84,7 +84,7 @@ def test_the_phase_starts_and_ends_at_rest_and_rests_at_every_stop() -> None:
     assert np.abs(np.diff(speed)).max() < 2e-4  # no step in speed: ramps of 2 s to about 0.01 per second
     for level in (1 / 3, 2 / 3):
         assert np.isclose(s, level, atol=1e-12).sum() >= 395
-    with pytest.raises(InputError, match="leaves .* s a piece"):
+    with pytest.raises(InputError, match=r"leaves .* s a piece"):
         phase_over_time(t, duration=20.0, dwell=4.0, stops=2)
 
 
@@ -151,8 +151,6 @@ def test_both_robots_hang_together_at_zero(robot: str) -> None:
 
 
 def test_drawn_static_errors_have_the_asked_size_and_leave_the_other_streams_alone(tmp_path_factory: pytest.TempPathFactory) -> None:
-    from sim.simulate import simulate
-
     drawn = settings(plant={"kind": "kinematic"}, errors={"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3}})
     table = settings(plant={"kind": "kinematic"})
     one, other = (simulate(s, relative_to=SCENARIOS) for s in (drawn, table))
