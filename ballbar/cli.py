@@ -55,18 +55,17 @@ def run(scenario: ScenarioFile, out_dir: Out = None) -> None:
     settings = load_scenario(scenario)
     folder = out_dir or Path("runs") / settings.name
     with _progress() as progress:
-        outcome = run_scenario(settings, scenario, folder, command=_command(), progress=progress)
-    data = outcome.data
+        data = run_scenario(settings, scenario, folder, command=_command(), progress=progress)
     _say_identification(data.identification)
     if data.simulation is not None:
         _say_plant(data.simulation)
     if data.comparison is not None:
         _say_comparison(data.comparison)
-    for what, measured, limit, unit in outcome.limits:
-        met = measured <= limit
-        out.print(f"  {'[green]met   [/]' if met else '[red]missed[/]'} {what} {measured:.3g} {unit} (limit {limit:g})")
+    for limit in data.limits:
+        colour, word = ("green", "met   ") if limit.met else ("red", "missed")
+        out.print(f"  [{colour}]{word}[/] {limit.what} {limit.measured:.3g}{' ' * bool(limit.unit)}{limit.unit} (limit {limit.allowed:g})")
     out.print(f"Look at {escape(str(folder / 'report.html'))}, or: ballbar replay {escape(str(folder))}")
-    raise typer.Exit(0 if outcome.acceptable else 1)
+    raise typer.Exit(0 if data.acceptable else 1)
 
 
 @app.command(epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`")
@@ -111,7 +110,7 @@ def identify(
     claim_folder(folder, OUTPUTS, "the result")
     with _progress() as progress:
         read, result = identify_folder(recording, samples=samples, progress=progress)
-        data = RunData(recording.resolve().name, read, result)
+        data = RunData(recording.resolve().name, recording, read, result)
         write_outputs(folder, data, command=_command(), replay=rerun, progress=progress)
     _say_identification(result)
     out.print(f"Results in {escape(str(folder))}")

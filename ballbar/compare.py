@@ -68,8 +68,22 @@ def reference_of(truth: Truth) -> Geometry:
     return geometry
 
 
-def verdicts(comparison: Comparison, iterations: int, accept: AcceptSettings) -> list[tuple[str, float, float, str]]:
-    """(what, measured, limit, unit) for each limit of the scenario."""
+@dataclass(frozen=True)
+class Limit:
+    """One limit of a scenario, and how the run stands against it."""
+
+    what: str
+    measured: float
+    allowed: float
+    unit: str
+
+    @property
+    def met(self) -> bool:
+        return self.measured <= self.allowed
+
+
+def limits_of(comparison: Comparison, iterations: int, accept: AcceptSettings) -> tuple[Limit, ...]:
+    """Every limit that the scenario states."""
     measured = {
         "tcp_mean_mm": ("TCP error, mean", comparison.tcp.mean * 1e3, "mm"),
         "tcp_max_mm": ("TCP error, largest", comparison.tcp.maximum * 1e3, "mm"),
@@ -78,8 +92,8 @@ def verdicts(comparison: Comparison, iterations: int, accept: AcceptSettings) ->
         "clock_skew_ppm": ("clock skew error", abs(comparison.skew or 0.0) * 1e6, "ppm"),
         "iterations": ("iterations", float(iterations), ""),
     }
-    limits = accept.model_dump(exclude_none=True)
-    return [(measured[key][0], measured[key][1], float(limit), measured[key][2]) for key, limit in limits.items()]
+    stated = accept.model_dump(exclude_none=True)
+    return tuple(Limit(measured[key][0], measured[key][1], float(allowed), measured[key][2]) for key, allowed in stated.items())
 
 
 def _difference(name: str, model: Geometry, reference: Geometry) -> float:

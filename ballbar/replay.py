@@ -79,9 +79,9 @@ def _write(path: Path, data: RunData, motion: CellMotion, truth: TrueTool | None
     series = _series(data, motion, truth)
     robot, origin = data.identification.cell.robot, data.identification.geometry.origin
     reach = float(np.abs(robot.d).sum() + np.abs(robot.a).sum())
-    looking_at = np.array([0.5 * origin[0], 0.5 * origin[1], 0.29 * reach])
-    force = float(np.abs(truth.rod_force).max()) if truth else 0.0
-    blueprint = layout(series, duration=float(motion.t[-1]), looking_at=looking_at, reach=reach, largest_force=force)
+    looking_at = np.array([0.5 * origin[0], 0.5 * origin[1], 0.3 * reach])
+    plots = {entity: float(np.abs(one.values).max()) for entity, one in series.items()}
+    blueprint = layout(plots, duration=float(motion.t[-1]), looking_at=looking_at, reach=reach)
     # without properties: they would hold the time of writing, and no two files of one run would be alike
     stream = rr.RecordingStream(APPLICATION, recording_id=recording_id(data), send_properties=False)
     try:
@@ -141,7 +141,9 @@ def _truth_series(truth: TrueTool, t: Array) -> dict[str, _Series]:
 
 
 def _log_series(stream: rr.RecordingStream, entity: str, one: _Series) -> None:
-    stream.log(entity, rr.SeriesLines(names=one.names, colors=one.colours), static=True)
+    # zoomed out, the viewer would draw averages by itself, and a single bad sample would not be seen
+    style = rr.SeriesLines(names=one.names, colors=one.colours, aggregation_policy="MinMax")
+    stream.log(entity, style, static=True)
     stream.send_columns(entity, indexes=_at(one.t), columns=rr.Scalars.columns(scalars=one.values))
 
 
@@ -203,7 +205,7 @@ def _log_truth(stream: rr.RecordingStream, truth: TrueTool, t: Array, result: Id
         factor = magnification(mean, _ARROW_LENGTH * length)
         stream.log(entity, rr.Arrows3D.from_fields(colors=[colour], radii=[0.015 * length]), static=True)
         stream.send_columns(entity, indexes=_at(t), columns=rr.Arrows3D.columns(origins=truth.position, vectors=factor * error))
-        label = f"{name}: tool {_metres(mean)} off, arrow x {f'{factor:,}'.replace(',', ' ')}"
+        label = f"{name}: tool {_metres(mean)} off along the path, arrow x {f'{factor:,}'.replace(',', ' ')}"
         place = centre + np.array([0.0, 0.0, height * length])
         stream.log(f"{entity}/legend", rr.Points3D([place], colors=[colour], radii=[0.01], labels=[label], show_labels=True), static=True)
 

@@ -6,7 +6,7 @@ before and after, angles, true TCP error and rod force. rerun has no unit field,
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 
 import numpy as np
 import rerun.blueprint as rrb
@@ -33,16 +33,16 @@ _ROOM_FOR_LEGEND = 1.3  # time axis over duration: the legend lies on the plot, 
 _PLAYBACK_SPEED = 4.0  # a run takes minutes; four times as fast the eye still follows
 
 
-def layout(plots: Collection[str], *, duration: float, looking_at: Array, reach: float, largest_force: float) -> rrb.Blueprint:
+def layout(plots: Mapping[str, float], *, duration: float, looking_at: Array, reach: float) -> rrb.Blueprint:
     """The blueprint.
 
-    plots : entities of the curves in the file; duration : [s] of the run; looking_at : (3,) [m] middle of the scene;
-    reach : [m] its size; largest_force : [N] of the rod.
+    plots : entities of the curves in the file, and the largest absolute value of each; duration : [s] of the run;
+    looking_at : (3,) [m] middle of the scene; reach : [m] its size.
     """
     end = duration * _ROOM_FOR_LEGEND
     whole = rrb.TimeRange(rrb.TimeRangeBoundary.absolute(seconds=0.0), rrb.TimeRangeBoundary.absolute(seconds=end))
-    rows = [_residuals(whole), _row(_angles(plots, whole))]
-    truth = _truth(plots, whole, 1.1 * rounded_up(largest_force))
+    rows = [_residuals(plots, whole), _row(_angles(plots, whole))]
+    truth = _truth(plots, whole)
     if truth:
         rows.append(_row(truth))
     notes = rrb.TextDocumentView(origin=NOTES, name="Notes: verdict, key figures, parameters")
@@ -68,29 +68,30 @@ def _scene(looking_at: Array, reach: float) -> rrb.Spatial3DView:
     )
 
 
-def _residuals(whole: rrb.TimeRange) -> rrb.Container:
-    rows = [_residual_row(POSITION, "position [um]", whole), _residual_row(ANGLE, "angle [urad]", whole)]
+def _residuals(plots: Mapping[str, float], whole: rrb.TimeRange) -> rrb.Container:
+    rows = [_residual_row(plots, POSITION, "position [um]", whole), _residual_row(plots, ANGLE, "angle [urad]", whole)]
     return rrb.Tabs(*rows, active_tab=0)
 
 
-def _residual_row(kind: str, what: str, whole: rrb.TimeRange) -> rrb.Horizontal:
+def _residual_row(plots: Mapping[str, float], kind: str, what: str, whole: rrb.TimeRange) -> rrb.Horizontal:
     before, after = f"{BEFORE}/{kind}", f"{AFTER}/{kind}"
     both = _plot("/residual", f"Residual before and after, {what}", whole, contents=(before, after))
-    return rrb.Horizontal(both, _plot(after, f"Residual after, {what}", whole), name=f"Loop closure: {what}")
+    alone = _plot(after, f"Residual after, {what}", whole, largest=plots[after])
+    return rrb.Horizontal(both, alone, name=f"Loop closure: {what}")
 
 
-def _angles(plots: Collection[str], whole: rrb.TimeRange) -> list[rrb.TimeSeriesView]:
+def _angles(plots: Mapping[str, float], whole: rrb.TimeRange) -> list[rrb.TimeSeriesView]:
     robot = _plot(JOINTS, "Robot joint angles [deg]", whole)
     return [robot, _plot(ENCODERS, "Ball-bar encoder angles [deg]", whole)] if ENCODERS in plots else [robot]
 
 
-def _truth(plots: Collection[str], whole: rrb.TimeRange, largest_force: float) -> list[rrb.TimeSeriesView]:
+def _truth(plots: Mapping[str, float], whole: rrb.TimeRange) -> list[rrb.TimeSeriesView]:
     """What only a simulation knows."""
     views = []
     if TCP_BEFORE in plots:
         views.append(_plot(TCP_ERROR, "TCP error against the truth [um]", whole))
     if FORCE in plots:
-        views.append(_plot(FORCE, "Rod force, tension positive [N]", whole, axis_y=rrb.ScalarAxis(range=(-largest_force, largest_force))))
+        views.append(_plot(FORCE, "Rod force, tension positive [N]", whole, largest=plots[FORCE]))
     return views
 
 
@@ -103,10 +104,18 @@ def rounded_up(value: float) -> float:
 
 
 def _plot(
-    origin: str, title: str, whole: rrb.TimeRange, *, contents: tuple[str, ...] = ("$origin/**",), axis_y: rrb.ScalarAxis | None = None
+    origin: str, title: str, whole: rrb.TimeRange, *, contents: tuple[str, ...] = ("$origin/**",), largest: float | None = None
 ) -> rrb.TimeSeriesView:
-    axis, legend = rrb.TimeAxis(view_range=whole), rrb.PlotLegend(rrb.Corner2D.RightTop)
-    return rrb.TimeSeriesView(origin=origin, contents=list(contents), name=title, axis_x=axis, axis_y=axis_y, plot_legend=legend)
+    """A plot of everything below `origin`; symmetric about zero where the `largest` absolute value is given."""
+    end = 1.1 * rounded_up(largest) if largest is not None else None
+    return rrb.TimeSeriesView(
+        origin=origin,
+        contents=list(contents),
+        name=title,
+        axis_x=rrb.TimeAxis(view_range=whole),
+        axis_y=rrb.ScalarAxis(range=(-end, end)) if end else None,
+        plot_legend=rrb.Corner2D.RightTop,
+    )
 
 
 def _row(views: list[rrb.TimeSeriesView]) -> rrb.Container:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from ballbar.compare import Comparison
@@ -79,19 +81,22 @@ def _dropped(result: Identification) -> str:
 
 
 def _parameters(result: Identification, comparison: Comparison | None) -> str:
-    header = ["parameter", "nominal", "identified", "change", "sigma"] + (["error"] if comparison else [])
-    rows = []
-    for name, sigma in result.sigma.items():
-        large, small = ("mm", "um") if PARAMETERS[INDEX[name]].is_length else ("mrad", "urad")
-        nominal, value = result.nominal[name] * 1e3, result.geometry[name] * 1e3
-        row = [name, f"{nominal:.3f} {large}", f"{value:.4f} {large}", f"{value - nominal:+.4f} {large}", f"{sigma * 1e6:.2f} {small}"]
-        if comparison:
-            row.append(f"{comparison.deviations[name] * 1e6:+.2f} {small}" if name in comparison.deviations else "")
-        rows.append(tuple(row))
-    return _table(tuple(header), rows)
+    header = ("parameter", "nominal", "identified", "change", "sigma", *(["error"] if comparison else []))
+    errors = comparison.deviations if comparison else {}
+    return _table(header, [_parameter(result, name, errors)[: len(header)] for name in result.sigma])
 
 
-def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _parameter(result: Identification, name: str, errors: Mapping[str, float]) -> tuple[str, ...]:
+    parameter = PARAMETERS[INDEX[name]]
+    large, small = ("mm", "um") if parameter.is_length else ("mrad", "urad")
+    nominal, value = result.nominal[name] * 1e3, result.geometry[name] * 1e3
+    placed = parameter.kind == "origin" or (parameter.side, parameter.kind) == ("bar", "theta")  # wherever it was set up: no nominal value
+    known = ("", "") if placed else (f"{nominal:.3f} {large}", f"{value - nominal:+.4f} {large}")
+    error = f"{errors[name] * 1e6:+.2f} {small}" if name in errors else ""
+    return name, known[0], f"{value:.4f} {large}", known[1], f"{result.sigma[name] * 1e6:.2f} {small}", error
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A markdown table, numbers to the right."""
     lines = [header, (":--", *(["--:"] * (len(header) - 1))), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

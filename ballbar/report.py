@@ -48,16 +48,15 @@ class TcpView:
     after_label: str
 
 
-def write_report(path: Path, data: RunData, *, command: str, folder: Path | None = None) -> None:
+def write_report(path: Path, data: RunData, *, command: str) -> None:
     """Writes the report of one run, whole or not at all.
 
     command : as the user typed it; absolute paths in it are cut to their last part.
-    folder : the recording folder, to state its files with their hashes; without it they are only named.
     """
-    write_whole(path, render_report(data, command=command, folder=folder, written=datetime.now(UTC)).encode())
+    write_whole(path, render_report(data, command=command, written=datetime.now(UTC)).encode())
 
 
-def render_report(data: RunData, *, command: str, folder: Path | None, written: datetime) -> str:
+def render_report(data: RunData, *, command: str, written: datetime) -> str:
     """The page as text; the same inputs give the same text."""
     environment = Environment(
         loader=PackageLoader("ballbar"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -68,7 +67,7 @@ def render_report(data: RunData, *, command: str, folder: Path | None, written: 
         data=data,
         result=result,
         description=data.recording.description,
-        heading=_TONES.get(result.verdict.status, "Not acceptable"),
+        heading=_heading(data),
         in_short=_in_short(data, tcp),
         tiles=_tiles(data, tcp),
         tcp=tcp,
@@ -86,12 +85,18 @@ def render_report(data: RunData, *, command: str, folder: Path | None, written: 
         noise=tables.noise_rows(result, _resolutions(data)),
         scale_ppm=result.cell.plate.length_sigma / result.cell.plate.length * 1e6,
         versions=versions(simulated=data.simulation is not None),
-        inputs=input_files(data.recording, folder) if folder else [],
+        inputs=input_files(data.recording, data.folder),
         command=without_folders(command),
         written=f"{written:%Y-%m-%d %H:%M:%S} UTC",
         significant=significant,
-        in_words=tables.names_in_words,
     )
+
+
+def _heading(data: RunData) -> str:
+    missed = [limit.what for limit in data.limits if not limit.met]
+    if data.identification.verdict.acceptable and missed:
+        return f"Limits of the scenario missed: {', '.join(missed)}"
+    return _TONES.get(data.identification.verdict.status, "Not acceptable")
 
 
 def tcp_view(data: RunData) -> TcpView:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition import Recording, read_recording
-from ballbar.compare import compare_with_truth, verdicts
+from ballbar.compare import compare_with_truth, limits_of
 from ballbar.replay import write_replay
 from ballbar.report import write_report
 from ballbar.run_data import RunData
@@ -28,18 +27,6 @@ REPLAY = "run.rrd"
 OUTPUTS = {CALIBRATION, REPORT, REPLAY}
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """A run, and how it stands against the limits of its scenario."""
-
-    data: RunData
-    limits: list[tuple[str, float, float, str]]  # what, measured, limit, unit
-
-    @property
-    def acceptable(self) -> bool:
-        return self.data.identification.verdict.acceptable and all(measured <= limit for _, measured, limit, _ in self.limits)
 
 
 def simulate_scenario(scenario: Scenario, scenario_file: Path, folder: Path, *, progress: Progress) -> Simulation:
@@ -82,7 +69,7 @@ def write_outputs(out: Path, data: RunData, *, command: str, replay: bool, progr
         write_replay(out / REPLAY, data)
 
 
-def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command: str, progress: Progress) -> Outcome:
+def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command: str, progress: Progress) -> RunData:
     """Simulate, identify, compare with the truth, report, replay.
 
     Raises InputError when the scenario cannot be run or `out` holds something else.
@@ -92,6 +79,7 @@ def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command:
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress)
     recording, result = identify_folder(folder, samples=scenario.identify.samples, progress=progress)
     comparison = compare_with_truth(result, simulation.truth)
-    data = RunData(scenario.name, recording, result, simulation, comparison)
+    limits = limits_of(comparison, result.iterations, scenario.accept)
+    data = RunData(scenario.name, folder, recording, result, simulation, comparison, limits)
     write_outputs(out, data, command=command, replay=True, progress=progress)
-    return Outcome(data, verdicts(comparison, result.iterations, scenario.accept))
+    return data

@@ -40,10 +40,10 @@ def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
     """scenarios/irb2400.yaml: TCP 0.01 mm, distance 0.02 mm|mrad, clock 20 us and 0.2 ppm, 10 iterations."""
     file = SCENARIOS / "irb2400.yaml"
     scenario = load_scenario(file)
-    outcome = run_scenario(scenario, file, tmp_path / "out", command="test", progress=quiet)
-    assert len(outcome.limits) == 5
-    assert outcome.acceptable, outcome.limits
-    comparison = outcome.data.comparison
+    data = run_scenario(scenario, file, tmp_path / "out", command="test", progress=quiet)
+    assert len(data.limits) == 5
+    assert data.acceptable, data.limits
+    comparison = data.comparison
     assert comparison is not None
     assert 1e-3 < comparison.tcp_nominal.mean < 3e-3
     assert len(comparison.deviations) == 29

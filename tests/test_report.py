@@ -6,7 +6,7 @@ import hashlib
 import re
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -15,7 +15,7 @@ import pytest
 
 from acquisition import read_recording
 from ballbar import report_figures
-from ballbar.compare import compare, reference_of
+from ballbar.compare import Limit, compare_with_truth
 from ballbar.report import write_report
 from ballbar.report_numbers import MISSING, fixed, significant, to_sigma
 from ballbar.report_provenance import without_folders
@@ -40,15 +40,7 @@ SCENARIOS = Path(__file__).parents[1] / "scenarios"
 COMMAND = "ballbar run scenarios/irb2400.yaml"
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
-    """A run, and the folder of its recording."""
-
-    data: RunData
-    folder: Path
-
-
-def _run(folder: Path, fitted: tuple[int, ...]) -> Run:
+def _run(folder: Path, fitted: tuple[int, ...]) -> RunData:
     """A kinematic minute with Table 3.1 errors, identified from few samples."""
     settings = SimulationSettings(
         cell=CellSettings(robot="irb2400", ballbar="lund_600", ballbar_position_m=(0.70, 0.0, 0.54)),
@@ -63,25 +55,22 @@ def _run(folder: Path, fitted: tuple[int, ...]) -> Run:
     write_recording(simulation, settings, folder)
     recording = read_recording(folder)
     result = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=250)
-    truth = simulation.truth
-    clock = (result.clock.offset - truth.offset, result.clock.skew - truth.skew) if result.clock else None
-    comparison = compare(result.cell.robot, result.geometry, result.nominal, reference_of(truth), list(result.sigma), clock=clock)
-    return Run(RunData("irb2400", recording, result, simulation, comparison), folder)
+    return RunData("irb2400", folder, recording, result, simulation, compare_with_truth(result, simulation.truth))
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(tmp_path_factory: pytest.TempPathFactory) -> RunData:
     return _run(tmp_path_factory.mktemp("five") / "recording", (1, 2, 3, 4, 5))
 
 
 @pytest.fixture(scope="module")
-def sensorless(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def sensorless(tmp_path_factory: pytest.TempPathFactory) -> RunData:
     return _run(tmp_path_factory.mktemp("none") / "recording", ())
 
 
 @pytest.fixture(scope="module")
-def page(run: Run, tmp_path_factory: pytest.TempPathFactory) -> str:
-    return _page(run.data, tmp_path_factory.mktemp("page"), folder=run.folder)
+def page(run: RunData, tmp_path_factory: pytest.TempPathFactory) -> str:
+    return _page(run, tmp_path_factory.mktemp("page"))
 
 
 @pytest.fixture
@@ -91,9 +80,9 @@ def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(report_figures, name, lambda *_, **__: "<svg></svg>")
 
 
-def _page(data: RunData, folder_of_page: Path, *, command: str = COMMAND, folder: Path | None = None) -> str:
+def _page(data: RunData, folder_of_page: Path, *, command: str = COMMAND) -> str:
     path = folder_of_page / "report.html"
-    write_report(path, data, command=command, folder=folder)
+    write_report(path, data, command=command)
     return path.read_text(encoding="utf-8")
 
 
@@ -147,13 +136,13 @@ def _shows(text: str, value: float) -> bool:
     return abs(_number(text) - value) <= _half_digit(text)
 
 
-def test_the_verdict_stands_before_every_number_figure_and_table(run: Run, page: str) -> None:
-    sentence = page.index(run.data.identification.verdict.sentence)
+def test_the_verdict_stands_before_every_number_figure_and_table(run: RunData, page: str) -> None:
+    sentence = page.index(run.identification.verdict.sentence)
     assert sentence < min(page.index(mark) for mark in ('class="tile"', "<svg", "<table"))
 
 
-def test_every_identified_parameter_stands_in_the_table_with_the_numbers_of_the_result(run: Run, page: str) -> None:
-    result, comparison, parsed = run.data.identification, run.data.comparison, _Page(page)
+def test_every_identified_parameter_stands_in_the_table_with_the_numbers_of_the_result(run: RunData, page: str) -> None:
+    result, comparison, parsed = run.identification, run.comparison, _Page(page)
     assert comparison is not None
     for name, sigma in result.sigma.items():
         _, nominal, identified, deviation, shown_sigma, true_deviation, error, z = parsed.row(name)
@@ -169,8 +158,8 @@ def test_every_identified_parameter_stands_in_the_table_with_the_numbers_of_the_
             assert _shows(true_deviation, (off - comparison.deviations[name]) * 1e3), name
 
 
-def test_digits_of_a_parameter_reach_its_sigma_and_no_further_than_a_tenth_of_it(run: Run, page: str) -> None:
-    parsed, result = _Page(page), run.data.identification
+def test_digits_of_a_parameter_reach_its_sigma_and_no_further_than_a_tenth_of_it(run: RunData, page: str) -> None:
+    parsed, result = _Page(page), run.identification
     for name in ("ra1", "rd6", "bd3", "ox"):
         step_mm = 2.0 * _half_digit(parsed.row(name)[2])
         assert 0.01 * result.sigma[name] * 1e3 <= step_mm <= 1.001 * result.sigma[name] * 1e3, name
@@ -182,8 +171,8 @@ def test_encoder_zeros_and_origin_have_no_catalogue_value(page: str) -> None:
         assert parsed.row(name)[1] == parsed.row(name)[3] == MISSING
 
 
-def test_parameters_left_at_nominal_are_named_with_reason(run: Run, page: str) -> None:
-    dropped = run.data.identification.identifiability.dropped
+def test_parameters_left_at_nominal_are_named_with_reason(run: RunData, page: str) -> None:
+    dropped = run.identification.identifiability.dropped
     assert {one.name for one in dropped} >= {"rd1", "rd3", "rtheta1"}  # thesis sec. 3.2
     text = _Page(page).text
     for one in dropped:
@@ -191,8 +180,8 @@ def test_parameters_left_at_nominal_are_named_with_reason(run: Run, page: str) -
     assert "in this run a change of it looks exactly like a change of rd2" in text
 
 
-def test_key_figures_are_those_of_the_comparison(run: Run, page: str) -> None:
-    comparison, result = run.data.comparison, run.data.identification
+def test_key_figures_are_those_of_the_comparison(run: RunData, page: str) -> None:
+    comparison, result = run.comparison, run.identification
     assert comparison is not None
     assert result.clock is not None
     assert f"{significant(comparison.tcp_nominal.mean * 1e3)} → {significant(comparison.tcp.mean * 1e3)} mm" in page
@@ -205,8 +194,8 @@ def test_key_figures_are_those_of_the_comparison(run: Run, page: str) -> None:
     assert _shows(scale_free, comparison.tcp.error_without_scale.mean() * 1e3)
 
 
-def test_noise_and_import_findings_are_those_of_the_logs(run: Run, page: str) -> None:
-    parsed, data = _Page(page), run.data
+def test_noise_and_import_findings_are_those_of_the_logs(run: RunData, page: str) -> None:
+    parsed, data = _Page(page), run
     assert _shows(parsed.row("robot joint 3")[1], data.identification.log_noise.joint[2] * 1e6)
     assert _shows(parsed.row("encoder b4")[1], data.identification.log_noise.encoder[3] * 1e6)
     assert _shows(parsed.row("encoder b4")[2], 2.0 * np.pi / (3600 * 4096) * 1e6)
@@ -238,13 +227,13 @@ def test_inner_links_lead_somewhere(page: str) -> None:
     assert set(re.findall(r"url\(#([^)]*)\)", page)) <= names
 
 
-def test_hostile_text_is_shown_and_not_obeyed(run: Run, tmp_path: Path) -> None:
+def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> None:
     evil = '<script>alert("1")</script><img src=x onerror=alert(1)>'
-    recording = run.data.recording
+    recording = run.recording
     report = replace(recording.report, findings=(replace(recording.report.findings[0], sentence=evil, file=evil, kind=evil),))
     hostile = replace(recording, description=recording.description.model_copy(update={"notes": evil}), report=report)
-    verdict = replace(run.data.identification.verdict, warnings=(evil,))
-    data = replace(run.data, name=evil, recording=hostile, identification=replace(run.data.identification, verdict=verdict))
+    verdict = replace(run.identification.verdict, warnings=(evil,))
+    data = replace(run, name=evil, recording=hostile, identification=replace(run.identification, verdict=verdict))
     parsed = _Page(_page(data, tmp_path, command=f"ballbar run {evil}"))
     assert not {"script", "img"} & set(parsed.tags)
     assert parsed.text.count("onerror=alert(1)") >= 6
@@ -255,12 +244,12 @@ def test_the_page_is_small(page: str) -> None:
 
 
 def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
-    run: Run, page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: RunData, page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = page.splitlines()
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1")  # matplotlib would put it into the figures
     start = time.perf_counter()
-    second = _page(run.data, tmp_path, folder=run.folder).splitlines()
+    second = _page(run, tmp_path).splitlines()
     assert time.perf_counter() - start < 5.0  # the page's own limit; about one second on two cores
     stamp = re.compile(r'<p class="written">Written \d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC\.</p>')
     assert len([line for line in first if stamp.fullmatch(line)]) == 1
@@ -268,8 +257,8 @@ def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
 
 
 @pytest.mark.usefixtures("blank_figures")
-def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(run: Run, tmp_path: Path) -> None:
-    data = replace(run.data, simulation=None, comparison=None)
+def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(run: RunData, tmp_path: Path) -> None:
+    data = replace(run, simulation=None, comparison=None)
     parsed = _Page(_page(data, tmp_path))
     assert "Stated TCP uncertainty" in parsed.text
     assert f"{significant(data.identification.tcp_sigma.mean() * 1e3)} mm" in parsed.text
@@ -279,13 +268,13 @@ def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(run: 
     assert "mujoco" not in parsed.text
 
 
-def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(sensorless: Run, tmp_path: Path) -> None:
-    parsed = _Page(_page(sensorless.data, tmp_path, folder=sensorless.folder))
+def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(sensorless: RunData, tmp_path: Path) -> None:
+    parsed = _Page(_page(sensorless, tmp_path))
     assert "there is one log, and no second clock to align" in parsed.text
     assert "time on the robot clock [s]" in parsed.text
     assert "raw/ballbar.csv" not in parsed.text
     assert "encoder b1" not in parsed.text
-    assert _shows(parsed.row("ra1")[2], sensorless.data.identification.geometry["ra1"] * 1e3)
+    assert _shows(parsed.row("ra1")[2], sensorless.identification.geometry["ra1"] * 1e3)
 
 
 @pytest.mark.usefixtures("blank_figures")
@@ -297,9 +286,9 @@ def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(sensorless: Run, t
         ("misfit", "verdict bad", "Not acceptable"),
     ],
 )
-def test_the_band_takes_colour_and_word_from_the_verdict(run: Run, tmp_path: Path, status: str, band: str, heading: str) -> None:
-    result = replace(run.data.identification, verdict=Verdict(status, "What the fit says.", ("one remark",)))
-    page = _page(replace(run.data, identification=result), tmp_path)
+def test_the_band_takes_colour_and_word_from_the_verdict(run: RunData, tmp_path: Path, status: str, band: str, heading: str) -> None:
+    result = replace(run.identification, verdict=Verdict(status, "What the fit says.", ("one remark",)))
+    page = _page(replace(run, identification=result), tmp_path)
     assert f'class="{band}"' in page
     assert f'<p class="heading">{heading}</p>\n<p class="sentence">What the fit says.</p>' in page
     assert "<li>One remark.</li>" in page
@@ -307,17 +296,17 @@ def test_the_band_takes_colour_and_word_from_the_verdict(run: Run, tmp_path: Pat
 
 
 @pytest.mark.usefixtures("blank_figures")
-def test_rivals_of_the_clock_alignment_are_listed(run: Run, tmp_path: Path) -> None:
-    result = run.data.identification
-    assert "cost per residual" not in _page(run.data, tmp_path)
+def test_rivals_of_the_clock_alignment_are_listed(run: RunData, tmp_path: Path) -> None:
+    result = run.identification
+    assert "cost per residual" not in _page(run, tmp_path)
     start = replace(result.start, rivals=(result.start.chosen,), tried=5)
-    parsed = _Page(_page(replace(run.data, identification=replace(result, start=start)), tmp_path))
+    parsed = _Page(_page(replace(run, identification=replace(result, start=start)), tmp_path))
     assert "The automatic start tried 5 hypotheses" in parsed.text
     assert parsed.row("rival")[1:] == parsed.row("chosen")[1:]
     assert _shows(parsed.row("rival")[1], result.start.chosen.fit.estimate.clock.offset)
 
 
-def test_input_files_stand_with_their_hashes_relative_to_the_recording(run: Run, page: str) -> None:
+def test_input_files_stand_with_their_hashes_relative_to_the_recording(run: RunData, page: str) -> None:
     parsed = _Page(page)
     for name in ("recording.yaml", "raw/robot.csv", "raw/ballbar.csv"):
         content = (run.folder / name).read_bytes()
@@ -340,25 +329,34 @@ def test_the_command_is_shown_without_folders_of_this_computer(command: str, sho
     assert without_folders(command) == shown
 
 
+@pytest.mark.usefixtures("blank_figures")
+def test_a_missed_limit_of_the_scenario_stands_in_the_heading(run: RunData, tmp_path: Path) -> None:
+    missed = replace(run, limits=(Limit("TCP error, mean", 0.02, 0.01, "mm"), Limit("iterations", 4.0, 10.0, "")))
+    assert "Limits of the scenario missed: TCP error, mean" in _Page(_page(missed, tmp_path)).text
+    assert "Limits of the scenario missed" not in _Page(_page(run, tmp_path)).text
+
+
 def _raise(*_: object, **__: object) -> str:
     raise RuntimeError("no figure today")
 
 
-def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
+    run: RunData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "report.html"
     monkeypatch.setattr(report_figures, "cumulative", _raise)
     with pytest.raises(RuntimeError, match="no figure today"):
-        write_report(path, run.data, command=COMMAND)
+        write_report(path, run, command=COMMAND)
     assert list(tmp_path.iterdir()) == []
     path.write_text("the report of yesterday")
     with pytest.raises(RuntimeError, match="no figure today"):
-        write_report(path, run.data, command=COMMAND)
+        write_report(path, run, command=COMMAND)
     assert [p.read_text() for p in tmp_path.iterdir()] == ["the report of yesterday"]
 
 
-def test_an_input_that_vanished_is_an_error_not_a_gap(run: Run, tmp_path: Path) -> None:
+def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
-        write_report(tmp_path / "report.html", run.data, command=COMMAND, folder=tmp_path / "gone")
+        write_report(tmp_path / "report.html", replace(run, folder=tmp_path / "gone"), command=COMMAND)
     assert list(tmp_path.iterdir()) == []
 
 
