@@ -15,7 +15,7 @@ from rich.markup import escape
 
 from acquisition import coarse_alignment, read_recording, report_lines
 from ballbar.compare import Comparison, compare, reference_of
-from ballbar.replay import open_viewer, serve_web
+from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.run import OUTPUTS, REPLAY, identify_folder, run_scenario, simulate_scenario, write_outputs
 from ballbar.run_data import RunData
 from ballbar.scenario import load_scenario
@@ -226,7 +226,7 @@ def main() -> None:
     except InputError as error:
         err.print(f"[red]error:[/] {escape(str(error))}")
         sys.exit(2)
-    except (StartError, PlantError, NoEquilibriumError) as error:
+    except (StartError, PlantError, NoEquilibriumError, ViewerError) as error:
         err.print(f"[red]failed:[/] {escape(str(error))}")
         sys.exit(1)
     except OSError as error:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
 from cell.chain import Array
@@ -27,10 +28,18 @@ TCP_BEFORE, TCP_AFTER = "/tcp_error/nominal_um", "/tcp_error/identified_um"
 FORCE = "/ballbar/rod_force_N"
 NOTES = "/notes"
 
+Colour = tuple[int, int, int]
+RED, GREEN = (225, 87, 76), (87, 190, 122)  # before, after
+
 _EYE = np.array([0.28, -0.69, 0.31])  # from the robot's right and a little in front, above; times the size of the scene
 _BACKGROUND = (30, 34, 42)
 _ROOM_FOR_LEGEND = 1.3  # time axis over duration: the legend lies on the plot, so some of it stays free
 _PLAYBACK_SPEED = 4.0  # a run takes minutes; four times as fast the eye still follows
+
+
+def at(t: Array) -> list[rr.TimeColumn]:
+    """The timeline at instants t (N,) [s]."""
+    return [rr.TimeColumn(TIMELINE, duration=t)]
 
 
 def layout(plots: Mapping[str, float], *, duration: float, looking_at: Array, reach: float) -> rrb.Blueprint:

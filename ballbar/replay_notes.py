@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ballbar.compare import Comparison
+from ballbar.compare import Comparison, Limit
 from ballbar.replay_motion import residual_norms
 from ballbar.run_data import RunData
 from cell.geometry import INDEX, PARAMETERS
@@ -20,6 +20,7 @@ def replay_notes(data: RunData) -> str:
         f"# {data.name}",
         f"**{result.verdict.sentence}** {_gain(data.comparison)}".strip(),
         _table(("key figure", "value"), [*_truth_figures(data.comparison), *_figures(result)]),
+        _limits(data.limits),
         "\n".join(f"- Note: {warning}" for warning in result.verdict.warnings),
         f"{_setup(result)}; {'simulated' if data.simulation else 'recorded'}, {data.recording.robot_log.t[-1]:.0f} s.",
         "## Left at the nominal value",
@@ -71,6 +72,13 @@ def _figures(result: Identification) -> list[tuple[str, str]]:
     rows.append(("chi-square per degree of freedom", f"{result.fit.chi2_per_dof:.3f}"))
     rows.append(("rank; condition number", f"{result.identifiability.rank}; {result.identifiability.condition:.0f}"))
     return rows
+
+
+def _limits(limits: Sequence[Limit]) -> str:
+    if not limits:
+        return ""
+    rows = [(one.what, f"{one.measured:.4g} {one.unit}", f"{one.allowed:g} {one.unit}", "yes" if one.met else "NO") for one in limits]
+    return _table(("limit of the scenario", "measured", "allowed", "met"), rows)
 
 
 def _dropped(result: Identification) -> str:

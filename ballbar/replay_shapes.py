@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ballbar.replay_layout import Colour
 from cell.chain import Array, Chain
 from cell.descriptions import Cell
 from cell.geometry import Geometry
@@ -26,8 +27,6 @@ PLATE_BLUE = (70, 130, 200)
 
 _SIDES = 48  # of a circle
 _EDGE = 0.06  # bevel as a share of the smallest size
-
-Colour = tuple[int, int, int]
 
 
 @dataclass(frozen=True, eq=False)

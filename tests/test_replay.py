@@ -19,11 +19,12 @@ from rerun.chunk import RrdReader
 
 from acquisition.recording import read_recording
 from ballbar import replay
-from ballbar.compare import compare, reference_of
-from ballbar.replay import magnification, open_viewer, recording_id, serve_web, write_replay
+from ballbar.compare import Limit, compare, reference_of
+from ballbar.replay import open_viewer, recording_id, serve_web, write_replay
 from ballbar.replay_layout import rounded_up
 from ballbar.replay_motion import base_alignment, cell_motion, quat_xyzw, true_tool
 from ballbar.replay_notes import replay_notes
+from ballbar.replay_scene import magnification
 from ballbar.replay_shapes import STEEL, Mesh, arm, ball, bar_shapes, block, cylinder, robot_shapes
 from ballbar.replay_viewer import ViewerError, web_server
 from ballbar.run_data import RunData
@@ -58,7 +59,7 @@ def run(tmp_path_factory) -> RunData:
 @pytest.fixture(scope="module")
 def real(tmp_path_factory) -> RunData:
     """As from a real cell: two encoders, and nobody knows the truth."""
-    return replace(_run(tmp_path_factory.mktemp("two"), fitted=(1, 2)), simulation=None, comparison=None)
+    return replace(_run(tmp_path_factory.mktemp("two"), fitted=(1, 2)), simulation=None, comparison=None, limits=())
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +83,8 @@ def _run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
     recording = read_recording(folder / "recording")
     found = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=300)
     comparison = compare(simulation.cell.robot, found.geometry, found.nominal, reference_of(simulation.truth), list(found.sigma))
-    return RunData("minute", folder / "recording", recording, found, simulation, comparison)
+    limits = (Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm"), Limit("iterations", 11.0, 10.0, ""))
+    return RunData("minute", folder / "recording", recording, found, simulation, comparison, limits)
 
 
 def _rerun(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -222,6 +224,8 @@ def test_notes_begin_with_the_verdict_and_list_every_parameter(run, real):
     assert [f"{run.identification.geometry['ra2'] * 1e3:.4f} mm"] == [row[2] for row in rows]
     assert all(f"| {name} |" in notes for name in run.identification.sigma)
     assert all(f"| {d.name} | {d.reason}" in notes for d in run.identification.identifiability.dropped)
+    assert "| 0.05 mm | yes |" in notes
+    assert "| iterations | 11  | 10  | NO |" in notes
     assert "TCP error" not in replay_notes(real)
 
 

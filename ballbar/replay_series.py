@@ -1,0 +1,67 @@
+"""The curves of a replay: angles, residuals, TCP error and rod force, each with its unit in the entity's name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from ballbar.replay_layout import AFTER, ANGLE, BEFORE, ENCODERS, FORCE, GREEN, JOINTS, POSITION, RED, TCP_AFTER, TCP_BEFORE, Colour, at
+from ballbar.replay_motion import CellMotion, TrueTool, mechanism_angles, on_robot_clock, thinning
+from ballbar.run_data import RunData
+from cell.chain import Array
+from ident.identify import Residuals
+
+_REDS = [RED, (242, 142, 43), (214, 120, 160)]
+_GREENS = [GREEN, (118, 183, 178), (170, 205, 90)]
+_SERIES = [(78, 121, 167), (242, 142, 43), (225, 87, 76), (118, 183, 178), (89, 161, 79), (237, 201, 72)]  # one colour a joint
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Curves of one plot."""
+
+    t: Array  # (N,) [s] robot's clock
+    values: Array  # (N, C), unit as in the entity's name
+    names: Sequence[str]  # (C,) as the legend shows them
+    colours: Sequence[Colour]  # (C,)
+
+
+def run_series(data: RunData, motion: CellMotion, truth: TrueTool | None) -> dict[str, Series]:
+    """Every plot of the run, by entity."""
+    result, log = data.identification, data.recording.ballbar_log
+    series = {JOINTS: Series(motion.t, np.degrees(motion.q), [f"q{i}" for i in range(1, 7)], _SERIES)}
+    if log is not None:
+        rows = np.arange(0, log.t.size, thinning(log.t))
+        angles = np.degrees(mechanism_angles(result, log)[rows])
+        colours = [_SERIES[joint - 1] for joint in log.joints]
+        series[ENCODERS] = Series(on_robot_clock(result, log.t[rows]), angles, [f"b{joint}" for joint in log.joints], colours)
+    series |= _residual_series(BEFORE, "before", on_robot_clock(result, result.before.t), result.before, _REDS)
+    series |= _residual_series(AFTER, "after", on_robot_clock(result, result.after.t), result.after, _GREENS)
+    return series if truth is None else series | _truth_series(truth, motion.t)
+
+
+def _residual_series(entity: str, when: str, t: Array, residuals: Residuals, colours: list[Colour]) -> dict[str, Series]:
+    names = [f"{axis} {when}" for axis in "xyz"]
+    return {
+        f"{entity}/{POSITION}": Series(t, residuals.position * 1e6, names, colours),
+        f"{entity}/{ANGLE}": Series(t, residuals.angle * 1e6, names, colours),
+    }
+
+
+def _truth_series(truth: TrueTool, t: Array) -> dict[str, Series]:
+    before, after = (np.linalg.norm(error, axis=1)[:, None] * 1e6 for error in (truth.nominal_error, truth.identified_error))
+    series = {TCP_BEFORE: Series(t, before, ["nominal"], [RED]), TCP_AFTER: Series(t, after, ["identified"], [GREEN])}
+    if truth.rod_force.any():  # a kinematic plant knows no forces
+        series[FORCE] = Series(t, truth.rod_force[:, None], ["rod force"], [_SERIES[0]])
+    return series
+
+
+def log_series(stream: rr.RecordingStream, entity: str, one: Series) -> None:
+    """Writes one plot's curves."""
+    # zoomed out, the viewer would draw averages by itself, and a single bad sample would not be seen
+    style = rr.SeriesLines(names=one.names, colors=one.colours, aggregation_policy="MinMax")
+    stream.log(entity, style, static=True)
+    stream.send_columns(entity, indexes=at(one.t), columns=rr.Scalars.columns(scalars=one.values))
