@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from cell.schema import Strict
 from cell.strict_yaml import load_model
-from sim.settings import SimulationSettings, Strict
+from sim.settings import SimulationSettings
 
 
 class IdentifySettings(Strict):

@@ -105,6 +105,40 @@ class ServoFile(_Strict):
     kv_N_m_s_per_rad: NotNegative6
 
 
+class FrictionFile(_Strict):
+    """Coulomb, static (Stribeck) and viscous friction of the gears."""
+
+    static_N_m: NotNegative6
+    coulomb_N_m: NotNegative6
+    viscous_N_m_s_per_rad: NotNegative6
+    stribeck_rad_per_s: Positive6
+
+
+class TransmissionErrorFile(_Strict):
+    """Harmonics of the gears of some axes, over the turn of their output and of their motor."""
+
+    axes: tuple[Annotated[int, Field(ge=1, le=6)], ...]
+    cycles_per_turn: tuple[Positive, ...]
+    amplitude_rad: tuple[NotNegative, ...]
+    input_amplitude_rad: NotNegative
+
+    @model_validator(mode="after")
+    def _one_amplitude_a_harmonic(self) -> Self:
+        if len(self.amplitude_rad) != len(self.cycles_per_turn):
+            raise wrong_key("amplitude_rad", message=f"expected {len(self.cycles_per_turn)} values, one for each of cycles_per_turn")
+        return self
+
+
+class GearsFile(_Strict):
+    """What the gears do beyond turning, at their output."""
+
+    stiffness_N_m_per_rad: Positive6
+    damping_N_m_s_per_rad: NotNegative6
+    lost_motion_rad: NotNegative6
+    friction: FrictionFile
+    transmission_error: tuple[TransmissionErrorFile, ...]
+
+
 class RobotFile(_Strict):
     """cell/robots/*.yaml"""
 
@@ -120,7 +154,7 @@ class RobotFile(_Strict):
     accuracy_lower_deg: Vector6  # box of axis angles over which the TCP error is stated
     accuracy_upper_deg: Vector6
     rotor_inertia_kg_m2: NotNegative6  # motor side
-    joint_damping_N_m_s_per_rad: NotNegative6
+    gears: GearsFile
     servo: dict[str, ServoFile]
     links: RobotLinksFile
     gravity_m_per_s2: Vector3
@@ -177,6 +211,8 @@ class BallBarFile(_Strict):
     axial_stiffness_N_per_m: Positive
     axial_damping_N_s_per_m: NotNegative
     joint_damping_N_m_s_per_rad: NotNegative5
+    friction_torque_N_m: NotNegative  # of each joint
+    backlash_m: NotNegative  # total width along the rod
     encoder: EncoderFile
     links: BallBarLinksFile
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cell.description_files import BallBarFile, DHRowFile, LinkFile, PlateFile, RobotFile
+from cell.description_files import BallBarFile, DHRowFile, GearsFile, LinkFile, PlateFile, RobotFile
 from cell.errors import DescriptionError
 from cell.schema_errors import nearest
 from cell.strict_yaml import load_model
@@ -51,6 +51,24 @@ class ServoGains:
 
 
 @dataclass(frozen=True, eq=False)
+class Gears:
+    """What the gears of a robot do beyond turning, at their output. Gear i is driven by motor i alone."""
+
+    stiffness: Array  # (6,) [N m/rad]
+    damping: Array  # (6,) [N m s/rad]
+    lost_motion: Array  # (6,) [rad] total width
+    static: Array  # (6,) [N m] break-away friction
+    coulomb: Array  # (6,) [N m]
+    viscous: Array  # (6,) [N m s/rad]
+    stribeck: Array  # (6,) [rad/s]
+    harmonics: tuple[tuple[tuple[float, float], ...], ...]  # per gear: (cycles a turn of the output, amplitude [rad])
+
+    def __post_init__(self) -> None:
+        six = "stiffness damping lost_motion static coulomb viscous stribeck"
+        _protect(self, **dict.fromkeys(six.split(), (6,)))
+
+
+@dataclass(frozen=True, eq=False)
 class Robot:
     """A six-axis robot, nominal."""
 
@@ -70,15 +88,25 @@ class Robot:
     accuracy_upper: Array  # (6,) [rad]
     links: tuple[Link, ...]  # base, link 1..6; robot base frame, all q = 0
     servo: Mapping[str, ServoGains]  # by name: soft, stiff
-    damping: Array  # (6,) [N m s/rad] viscous friction at the joint
-    armature: Array  # (6,) [kg m^2] rotor inertia seen at the joint
+    gears: Gears
+    armature: Array  # (6,) [kg m^2] rotor inertia seen at the gear's output
     gravity: Array  # (3,) [m/s^2] in the robot base frame
 
     def __post_init__(self) -> None:
-        six = "a d alpha theta controller_offset axis_lower axis_upper axis_speed_max accuracy_lower accuracy_upper damping armature"
+        six = "a d alpha theta controller_offset axis_lower axis_upper axis_speed_max accuracy_lower accuracy_upper armature"
         _protect(self, **dict.fromkeys(six.split(), (6,)), transmission=(6, 6), controller_to_joint=(6, 6), gravity=(3,))
         if len(self.links) != 7:
             raise ValueError(f"robot {self.name}: {len(self.links)} links, expected base and link 1 to 6")
+
+    @property
+    def gear_to_joint(self) -> Array:
+        """(6, 6) joints = gear outputs @ gear_to_joint: parallel rod and wrist couplings, unit diagonal."""
+        return self.transmission / np.diag(self.transmission)[:, None]
+
+    @property
+    def joint_to_gear(self) -> Array:
+        """(6, 6) gear outputs = joints @ joint_to_gear, inverse of `gear_to_joint`."""
+        return np.asarray(np.linalg.inv(self.gear_to_joint), dtype=np.float64)
 
     @property
     def joint_to_axis(self) -> Array:
@@ -100,6 +128,8 @@ class BallBar:
     axial_stiffness: float  # [N/m] rod and all joints in series
     axial_damping: float  # [N s/m]
     joint_damping: Array  # (5,) [N m s/rad]
+    friction_torque: float  # [N m] of each joint
+    backlash: float  # [m] total width along the rod
     encoder_lines: int  # per turn
     encoder_bits: int  # interpolation of one line
     encoder_noise_sigma: float  # [rad] white, per sample
@@ -178,7 +208,7 @@ def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
         accuracy_upper=np.deg2rad(file.accuracy_upper_deg),
         links=tuple(_link(body) for body in bodies),
         servo={key: ServoGains(np.array(s.kp_N_m_per_rad), np.array(s.kv_N_m_s_per_rad)) for key, s in file.servo.items()},
-        damping=np.array(file.joint_damping_N_m_s_per_rad),
+        gears=_gears(file.gears, 1.0 / np.abs(np.diag(transmission))),
         armature=np.array(file.rotor_inertia_kg_m2) / np.diag(transmission) ** 2,
         gravity=np.array(file.gravity_m_per_s2),
     )
@@ -197,6 +227,8 @@ def load_ballbar(name_or_path: str, *, relative_to: Path | None = None) -> BallB
         axial_stiffness=file.axial_stiffness_N_per_m,
         axial_damping=file.axial_damping_N_s_per_m,
         joint_damping=np.array(file.joint_damping_N_m_s_per_rad),
+        friction_torque=file.friction_torque_N_m,
+        backlash=file.backlash_m,
         encoder_lines=file.encoder.lines,
         encoder_bits=file.encoder.bits,
         encoder_noise_sigma=file.encoder.noise_sigma_rad,
@@ -287,6 +319,25 @@ def _find(name_or_path: str, kind: str, relative_to: Path | None) -> Path:
 def _dh_columns(rows: Iterable[DHRowFile]) -> dict[str, Any]:
     a, d, alpha, theta = np.array([(r.a_m, r.d_m, r.alpha_deg, r.theta_deg) for r in rows]).T
     return {"a": a, "d": d, "alpha": np.deg2rad(alpha), "theta": np.deg2rad(theta)}
+
+
+def _gears(file: GearsFile, ratio: Array) -> Gears:
+    harmonics: list[tuple[tuple[float, float], ...]] = [()] * 6
+    for group in file.transmission_error:
+        for axis in group.axes:
+            turns = (*group.cycles_per_turn, float(ratio[axis - 1]))
+            harmonics[axis - 1] += tuple(zip(turns, (*group.amplitude_rad, group.input_amplitude_rad), strict=True))
+    friction = file.friction
+    return Gears(
+        stiffness=np.array(file.stiffness_N_m_per_rad),
+        damping=np.array(file.damping_N_m_s_per_rad),
+        lost_motion=np.array(file.lost_motion_rad),
+        static=np.array(friction.static_N_m),
+        coulomb=np.array(friction.coulomb_N_m),
+        viscous=np.array(friction.viscous_N_m_s_per_rad),
+        stribeck=np.array(friction.stribeck_rad_per_s),
+        harmonics=tuple(harmonics),
+    )
 
 
 def _link(file: LinkFile) -> Link:

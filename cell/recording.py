@@ -31,6 +31,7 @@ class Sources(_Strict):
 
     robot: SourceFile
     ballbar: SourceFile | None = None  # none for a sensor-less ball-bar
+    force: SourceFile | None = None  # six-axis sensor at the flange, on a clock of its own
 
 
 class EncoderFitting(_Strict):

@@ -19,9 +19,10 @@ import numpy as np
 from cell.chain import Array
 from cell.descriptions import Cell, load_cell
 from cell.files import write_whole
-from cell.geometry import Geometry, bar_frames, nominal_geometry
+from cell.geometry import bar_frames, nominal_geometry
 from cell.inverse import robot_branches
-from sim.mjcf import BAR_JOINTS, ROBOT_JOINTS, ROD_JOINT, plant_spec
+from sim.mjcf import BAR_JOINTS, MOTOR_JOINTS, ROD_JOINT, plant_spec
+from sim.plant_effects import PlantEffects
 
 MODELS = Path(__file__).parent / "models"
 # robot: (ball-bar, its position [m], a pose in the middle of the path as ball-bar angles [rad])
@@ -42,18 +43,18 @@ def model_xml(robot: str) -> str:
     geometry = nominal_geometry(cell, np.array(position))
     b = np.array(pose)
     q = robot_branches(geometry.robot, bar_frames(geometry, b[None]).poses())[0, 0]
-    spec = plant_spec(cell, geometry, cell.robot.servo["soft"], timestep=_TIMESTEP)
+    spec = plant_spec(cell, geometry, PlantEffects(), cell.robot.servo["soft"], timestep=_TIMESTEP)
     _hold_at(spec, cell, q, b)
-    _add_shapes(spec, cell, geometry)
+    _add_shapes(spec, cell)
     spec.compile()
     return _with_full_precision(spec)
 
 
 def _hold_at(spec: mujoco.MjSpec, cell: Cell, q: Array, b: Array) -> None:
-    for actuator in list(spec.actuators):
-        spec.delete(actuator)
+    for element in (*spec.actuators, *spec.tendons):
+        spec.delete(element)
     stiffness = np.concatenate((_HOLD * cell.robot.servo["soft"].kp, np.zeros(5)))
-    for name, angle, spring in zip((*ROBOT_JOINTS, *BAR_JOINTS), np.concatenate((q, b)), stiffness, strict=True):
+    for name, angle, spring in zip((*MOTOR_JOINTS, *BAR_JOINTS), np.concatenate((q, b)), stiffness, strict=True):
         joint = spec.joint(name)
         body = joint.parent
         body.quat = _turned(np.array(body.quat), float(angle))
@@ -63,7 +64,7 @@ def _hold_at(spec: mujoco.MjSpec, cell: Cell, q: Array, b: Array) -> None:
     for body in spec.bodies[1:]:
         body.gravcomp = 1.0
     spec.equalities[0].solref = (2.0 * _TIMESTEP, 1.0)
-    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 
 
 def _turned(quat: Array, angle: float) -> Array:
@@ -72,7 +73,7 @@ def _turned(quat: Array, angle: float) -> Array:
     return out
 
 
-def _add_shapes(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry) -> None:
+def _add_shapes(spec: mujoco.MjSpec, cell: Cell) -> None:
     world = spec.worldbody
     world.add_light(pos=[1.5, -2.0, 3.5], dir=[-0.3, 0.5, -1.0])
     world.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3, 3, 0.1], rgba=[0.92, 0.93, 0.94, 1])
@@ -83,7 +84,7 @@ def _add_shapes(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry) -> None:
         _capsule(spec.body(name), np.zeros(3), end, radius, _ORANGE)
     _capsule(world, np.zeros(3), np.array([0.0, 0.0, 0.6 * cell.robot.d[0]]), radii[0] * 1.2, _ORANGE)
     plate = cell.plate
-    middle = np.array([0.5 * plate.length, 0.0, float(geometry["rd6"]) - plate.tool_offset])
+    middle = np.array([0.5 * plate.length, 0.0, 0.5 * plate.tool_offset])
     spec.body("link6").add_geom(
         name="plate", type=mujoco.mjtGeom.mjGEOM_BOX, pos=middle, size=[0.5 * plate.length + 0.05, 0.05, 0.0225], rgba=_STEEL
     )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cell.chain import Array
-from cell.geometry import Geometry, bar_frames, robot_frames
-from cell.inverse import pose_mismatch
+from cell.geometry import Geometry
+from cell.rotation import rotvec_from_matrix
+from sim.deflection import deflect
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,24 +19,29 @@ class Motion:
 
     t: Array  # (K,) [s]
     q: Array  # (K, 6) [rad] robot joint angles
+    shown: Array  # (K, 6) [rad] joint angles that the motors show: without what the gears add
     b: Array  # (K, 5) [rad] ball-bar joint angles, mechanical (encoder zeros and errors not in them)
     rod_stretch: Array  # (K,) [m]
     rod_force: Array  # (K,) [N] tension positive
     geometry: Geometry  # true parameters; btheta holds the mechanical errors only
+    torque: Array | None = None  # (K, 6) [N m] of the servos, at the gears' outputs
+    wrench: Array | None = None  # (K, 6) [N, N m] that plate and ball-bar exert on the flange, flange frame, where measured
+    plate: Array = field(default_factory=lambda: np.zeros(1))  # (K,) or (1,) [rad] bending of the offset plate
+    base: Array = field(default_factory=lambda: np.zeros((1, 3)))  # (K, 3) or (1, 3) [m] shift of the ball-bar's base
 
     def at(self, times: Array) -> tuple[Array, Array]:
-        """Robot angles (N, 6) and ball-bar angles (N, 5) [rad] at any true times (N,) [s]."""
+        """Shown joint angles (N, 6) and ball-bar angles (N, 5) [rad] at any true times (N,) [s]."""
         inside = np.clip(times, self.t[0], self.t[-1])
-        both = CubicSpline(self.t, np.concatenate((self.q, self.b), axis=1))(inside)
+        both = CubicSpline(self.t, np.concatenate((self.shown, self.b), axis=1))(inside)
         return both[:, :6], both[:, 6:]
 
     def closure(self) -> tuple[Array, Array]:
         """Loop-closure error over the run from the angles alone, by DH: (K,) [m] and (K,) [rad].
 
-        The rod's own stretch is taken into account; independent of the plant that made the motion.
+        What rod, plate and base give way is taken into account; independent of the plant that made the motion.
         """
-        robot = robot_frames(self.geometry, self.q)
-        rigid = bar_frames(self.geometry, self.b)
-        stretched = replace(rigid, origin=rigid.origin + self.rod_stretch * rigid.z[2])
-        error = pose_mismatch(stretched.rotation(), stretched.tip, robot)
-        return np.linalg.norm(error[:3], axis=0), np.linalg.norm(error[3:], axis=0)
+        n = self.t.size
+        plate, base = np.broadcast_to(self.plate, n), np.broadcast_to(self.base, (n, 3))
+        ends = deflect(self.geometry, self.q, self.b, stretch=self.rod_stretch, plate=plate, base=base)
+        turned = np.einsum("ikn,jkn->ijn", ends.bar.rotation(), ends.tool_rotation)
+        return np.linalg.norm(ends.bar.tip - ends.tool, axis=0), np.linalg.norm(rotvec_from_matrix(turned), axis=0)

@@ -1,11 +1,13 @@
 """The MuJoCo plant: servos drive the closed mechanism along a reference path, one rollout call a run.
 
 The servo is proportional with damping and no integral action (SoftServo, thesis sec. 5.3). Its command leads by the
-damping's share of the reference speed and carries the weight of the robot, so what is left as rod force comes from the
-geometric errors. The run starts from rest as found by sim.statics.
+damping's share of the reference speed and, if asked to, carries the weight of the robot, so what is left as rod force comes
+from geometric errors and from what gives way. The run starts from rest as found by sim.statics.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -13,73 +15,145 @@ from mujoco import rollout
 from scipy.interpolate import CubicSpline
 
 from cell.chain import Array
-from cell.descriptions import Cell
+from cell.descriptions import Cell, ServoGains
 from cell.errors import InputError
 from cell.geometry import Geometry
 from sim.mjcf import PlantModel, plant_model
 from sim.motion import Motion
 from sim.path import ReferencePath
-from sim.statics import gravity_torque, rest
+from sim.plant_effects import PlantEffects
+from sim.statics import Rest, gravity_torque, rest
 
 CLOSURE_LIMIT = 0.5e-6  # [m, rad] a run above it is no measurement of the mechanism
 _GRAVITY_STEP = 0.05  # [s] grid of the gravity feed-forward; the path has no motion above a few Hz
+_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 class PlantError(RuntimeError):
     """The simulation did not do what the mechanism would."""
 
 
-def run_plant(cell: Cell, geometry: Geometry, path: ReferencePath, *, servo: str, timestep: float) -> Motion:
+@dataclass(frozen=True, eq=False)
+class PlantRun:
+    """Everything one rollout needs."""
+
+    plant: PlantModel
+    start: Array  # (nstate,) full physics state
+    command: Array  # (K, 6) [rad] of the gears; entry k is answered by state k
+    timestep: float
+
+
+def run_plant(
+    cell: Cell,
+    geometry: Geometry,
+    effects: PlantEffects,
+    path: ReferencePath,
+    *,
+    servo: str,
+    timestep: float,
+    gravity_compensation: bool = True,
+) -> Motion:
     """Motion of the true mechanism along a path.
 
     geometry : true kinematic parameters. servo : a gain set of the robot's description.
 
     Raises InputError for an unknown gain set, PlantError on divergence or when the loop opens by more than CLOSURE_LIMIT.
     """
-    if servo not in cell.robot.servo:
-        raise InputError(f"plant.servo = {servo!r}: robot {cell.robot.name} has no such gain set; it has {', '.join(cell.robot.servo)}")
-    gains = cell.robot.servo[servo]
-    t = np.arange(round(path.t[-1] / timestep) + 1) * timestep
-    command = _command(cell, geometry, path, t, gains.kp, gains.kv)
-    plant = plant_model(cell, geometry, gains, timestep=timestep)
-    held = rest(cell, geometry, gains, command[0], path.q[0], path.b[0])
-    positions = _rollout(plant, np.concatenate((held.q, held.b, [held.stretch])), command, timestep)
-    stretch = positions[:, plant.rod]
-    motion = Motion(t, positions[:, plant.robot], positions[:, plant.bar], stretch, cell.ballbar.axial_stiffness * stretch, geometry)
+    prepared = prepare(cell, geometry, effects, path, servo=servo, timestep=timestep, gravity_compensation=gravity_compensation)
+    states, sensors = roll_out(prepared)
+    motion = as_motion(cell, geometry, effects, cell.robot.servo[servo], prepared, states, sensors)
     _check_closure(motion)
     return motion
 
 
-def _command(cell: Cell, geometry: Geometry, path: ReferencePath, t: Array, kp: Array, kv: Array) -> Array:
-    """(K, 6) [rad] servo commands: reference, velocity lead, gravity compensation of the nominal weight."""
-    reference = CubicSpline(path.t, path.q)
-    coarse = np.append(np.arange(0.0, t[-1], _GRAVITY_STEP), t[-1])
-    weight = CubicSpline(coarse, gravity_torque(cell, geometry, reference(coarse)))
-    return np.asarray(reference(t) + kv / kp * reference(t, 1) + weight(t) / kp)
+def prepare(
+    cell: Cell, geometry: Geometry, effects: PlantEffects, path: ReferencePath, *, servo: str, timestep: float, gravity_compensation: bool
+) -> PlantRun:
+    """Model, start and commands of one run."""
+    if servo not in cell.robot.servo:
+        raise InputError(f"plant.servo = {servo!r}: robot {cell.robot.name} has no such gain set; it has {', '.join(cell.robot.servo)}")
+    gains = cell.robot.servo[servo]
+    t = np.arange(round(path.t[-1] / timestep) + 1) * timestep
+    command = _command(cell, geometry, path, t, gains, gravity_compensation=gravity_compensation)
+    plant = plant_model(cell, geometry, effects, gains, timestep=timestep)
+    held = rest(cell, geometry, effects, gains, command[0], path.q[0], path.b[0])
+    return PlantRun(plant, state_at_rest(plant, held), command, timestep)
 
 
-def _rollout(plant: PlantModel, start: Array, command: Array, timestep: float) -> Array:
-    """(K, nq) joint positions; entry k answers command k (entry 0 is the start)."""
-    model = plant.model
-    data = mujoco.MjData(model)
-    data.qpos[np.concatenate((plant.robot, plant.bar, [plant.rod]))] = start
-    spec = mujoco.mjtState.mjSTATE_FULLPHYSICS
-    initial = np.zeros(mujoco.mj_stateSize(model, spec))
-    mujoco.mj_getState(model, data, initial, spec)
+def _command(cell: Cell, geometry: Geometry, path: ReferencePath, t: Array, gains: ServoGains, *, gravity_compensation: bool) -> Array:
+    """(K, 6) [rad] servo commands at the gears: reference, velocity lead and, if asked for, the robot's weight."""
+    joint_to_gear = cell.robot.joint_to_gear
+    reference = CubicSpline(path.t, path.q @ joint_to_gear)
+    command = reference(t) + gains.kv / gains.kp * reference(t, 1)
+    if gravity_compensation:
+        coarse = np.append(np.arange(0.0, t[-1], _GRAVITY_STEP), t[-1])
+        joints = reference(coarse) @ cell.robot.gear_to_joint
+        weight = CubicSpline(coarse, gravity_torque(cell, geometry, joints) @ cell.robot.gear_to_joint.T)
+        command += weight(t) / gains.kp
+    return np.asarray(command)
+
+
+def state_at_rest(plant: PlantModel, held: Rest) -> Array:
+    """(nstate,) full physics state of a mechanism at rest."""
+    data = mujoco.MjData(plant.model)
+    data.qpos[plant.motor], data.qpos[plant.bar], data.qpos[plant.rod] = held.motor, held.b, held.stretch
+    if plant.gear.size:
+        data.qpos[plant.gear] = held.gear
+    data.qpos[plant.plate] = held.plate
+    if plant.base.size:
+        data.qpos[plant.base] = held.base
+    state = np.zeros(mujoco.mj_stateSize(plant.model, _PHYSICS))
+    mujoco.mj_getState(plant.model, data, state, _PHYSICS)
+    return state
+
+
+def roll_out(run: PlantRun) -> tuple[Array, Array]:
+    """(K, nstate) full physics states, entry k answers command k (entry 0 is the start); (K, nsensor) readings in those states.
+
+    Raises PlantError naming the time of divergence.
+    """
+    model = run.plant.model
     warnings: list[str] = []
     mujoco.set_mju_user_warning(warnings.append)
     try:
-        state, _ = rollout.rollout(model, data, initial[None], command[None, 1:])
+        state, sensor = rollout.rollout(model, mujoco.MjData(model), run.start[None], run.command[None, 1:])
     finally:
         mujoco.set_mju_user_warning(None)
-    states = np.concatenate((initial[None], state[0]))
-    time, positions = states[:, 0], states[:, 1 : 1 + model.nq]
-    bad = ~np.isfinite(states).all(axis=1) | (np.abs(time - np.arange(len(time)) * timestep) > 0.5 * timestep)
+    states = np.concatenate((run.start[None], state[0]))
+    time = states[:, 0]
+    bad = ~np.isfinite(states).all(axis=1) | (np.abs(time - np.arange(len(time)) * run.timestep) > 0.5 * run.timestep)
     if bad.any() or warnings:
         k = int(bad.argmax())
         said = f" MuJoCo says: {warnings[0]}" if warnings else ""
-        raise PlantError(f"simulation diverged at t = {k * timestep:.3f} s.{said} A smaller timestep or a softer servo may help.")
-    return np.asarray(positions)
+        raise PlantError(f"simulation diverged at t = {k * run.timestep:.3f} s.{said} A smaller timestep or a softer servo may help.")
+    return states, np.concatenate((sensor[0], sensor[0, -1:]))  # a step reads its sensors before it moves
+
+
+def as_motion(
+    cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, run: PlantRun, states: Array, sensors: Array
+) -> Motion:
+    """What the states mean: joints, shown angles, rod force, servo torques and the flange's load."""
+    plant, model = run.plant, run.plant.model
+    positions, speeds = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq : 1 + model.nq + model.nv]
+    joint_to_gear = cell.robot.joint_to_gear
+    motor = positions[:, plant.motor]
+    outputs = motor @ joint_to_gear
+    shown = outputs - effects.transmission_error(outputs)
+    stretch = positions[:, plant.rod]
+    strain = stretch - np.clip(stretch, -effects.rod_slack, effects.rod_slack)
+    return Motion(
+        t=np.arange(len(states), dtype=np.float64) * run.timestep,
+        q=motor + positions[:, plant.gear] if plant.gear.size else motor,
+        shown=shown @ cell.robot.gear_to_joint,
+        b=positions[:, plant.bar],
+        rod_stretch=stretch,
+        rod_force=cell.ballbar.axial_stiffness * strain,
+        geometry=geometry,
+        torque=gains.kp * (run.command - shown) - gains.kv * (speeds[:, plant.motor] @ joint_to_gear),
+        wrench=-sensors if effects.force_sensor else None,  # MuJoCo gives what the flange exerts on the plate
+        plate=positions[:, plant.plate[0]] if plant.plate.size else np.zeros(1),
+        base=positions[:, plant.base] if plant.base.size else np.zeros((1, 3)),
+    )
 
 
 def _check_closure(motion: Motion) -> None:

@@ -5,20 +5,21 @@ Every key carries its unit. Every error source is absent by default.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-EncoderNumber = Annotated[int, Field(ge=1, le=5)]
+from cell.schema import Strict
+from cell.schema_errors import wrong_key
+from sim.clock_errors import LEAD, ClockStep, ClockWander, DroppedRows, DuplicatedRows, LoggerRestart, StampJitter, StampQuantum
+from sim.load_logs import LoadLogs
+from sim.plant_effects import PlantErrors
+from sim.sensor_errors import EncoderNumber, SensorErrors
+
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Vector5 = Annotated[tuple[float, ...], Field(min_length=5, max_length=5)]
 Whole5 = Annotated[tuple[int, ...], Field(min_length=5, max_length=5)]
-
-
-class Strict(BaseModel):
-    """Base of all schemas: unknown keys and infinities are refused, values do not change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class CellSettings(Strict):
@@ -56,6 +57,7 @@ class PlantSettings(Strict):
     kind: Literal["mujoco", "kinematic"] = Field("mujoco", description="MuJoCo, or exact inverse kinematics without forces.")
     timestep_s: Annotated[float, Field(gt=0.0, le=5e-3)] = Field(1e-3, description="MuJoCo step.")
     servo: str = Field("soft", description="A gain set of the robot's file.")
+    gravity_compensation: bool = Field(True, description="Whether the servo command carries the robot's nominal weight.")
 
 
 class StaticErrors(Strict):
@@ -64,13 +66,37 @@ class StaticErrors(Strict):
     table: Literal["thesis_3_1"] | None = Field(None, description="Thesis Table 3.1.")
     sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(None, description="Standard deviation of drawn lengths.")
     sigma_rad: Annotated[float, Field(ge=0.0)] | None = Field(None, description="Standard deviation of drawn angles.")
+    parameters: Literal["thesis", "all"] = Field(
+        "thesis", description="Drawn: those of Table 3.1, or every one of robot, ball-bar and base but the plate's length."
+    )
 
     @model_validator(mode="after")
     def _table_or_sigmas(self) -> StaticErrors:
         drawn = self.sigma_m is not None and self.sigma_rad is not None
         if (self.table is None) != drawn:
             raise ValueError("give either table, or both sigma_m and sigma_rad")
+        if self.table and self.parameters == "all":
+            raise wrong_key("parameters", message="Table 3.1 has its own; to draw all, give sigma_m and sigma_rad instead of table")
         return self
+
+
+class BallbarAxes(Strict):
+    """Axes of gimbal and cardan that pass each other and are not square: drawn (physical_parameters.yaml, joints_mechanical)."""
+
+    sigma_m: Annotated[float, Field(ge=0.0)] = Field(5.0e-6, description="Standard deviation of the intersection offsets.")
+    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(5.0e-5, description="Standard deviation of the squareness errors.")
+
+
+class BaseTilt(Strict):
+    """The ball-bar's base does not stand parallel to the robot's: two drawn angles (physical_parameters.yaml, base)."""
+
+    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(1.0e-3, description="Standard deviation about x and about y.")
+
+
+class PlateLength(Strict):
+    """The known length that fixes the scale is not quite known: drawn."""
+
+    sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(None, description="Standard deviation; default of the plate file.")
 
 
 class JointNoise(Strict):
@@ -79,10 +105,13 @@ class JointNoise(Strict):
     sigma_rad: Annotated[float, Field(ge=0.0)] = Field(description="At the joint.")
 
 
-class ErrorSettings(Strict):
+class ErrorSettings(PlantErrors, SensorErrors):
     """Error sources; each absent unless named."""
 
     static: StaticErrors | None = None
+    ballbar_axes: BallbarAxes | None = None
+    base_tilt: BaseTilt | None = None
+    plate_length: PlateLength | None = None
     joint_noise: JointNoise | None = None
 
 
@@ -111,6 +140,21 @@ class ClockSettings(Strict):
     overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = Field(
         0.0, description="Chance that a ball-bar row comes one 5 ms task late."
     )
+    wander: ClockWander | None = None
+    step: ClockStep | None = None
+    quantum: StampQuantum | None = None
+    jitter: StampJitter | None = None
+    dropped_rows: DroppedRows | None = None
+    duplicated_rows: DuplicatedRows | None = None
+    restart: LoggerRestart | None = None
+
+    def fault_times(self) -> Iterator[tuple[tuple[str, ...], float]]:
+        """Place in the scenario and time of every fault that happens at a stated time."""
+        if self.step:
+            yield ("clocks", "step", "at_s"), self.step.at_s
+        if self.restart:
+            yield ("clocks", "restart", "at_s"), self.restart.at_s
+            yield ("clocks", "restart", "gap_s"), self.restart.at_s + self.restart.gap_s
 
 
 class SimulationSettings(Strict):
@@ -122,4 +166,18 @@ class SimulationSettings(Strict):
     errors: ErrorSettings = ErrorSettings()
     encoders: EncoderSettings = EncoderSettings()
     clocks: ClockSettings = ClockSettings()
+    logs: LoadLogs = LoadLogs()
     seed: Annotated[int, Field(ge=0)] = 0
+
+    @model_validator(mode="after")
+    def _faults_happen(self) -> SimulationSettings:
+        """Each fault that is stated happens: its encoder is fitted, and its time is logged."""
+        first, last = LEAD, self.path.duration_s - LEAD
+        for place, time in (*self.errors.fault_times(), *self.clocks.fault_times()):
+            if not first < time < last:
+                raise wrong_key(*place, message=f"t = {time:g} s is not logged; the logs run from {first:g} to {last:g} s of the path")
+        for place, encoder in self.errors.fault_encoders():
+            if encoder not in self.encoders.fitted:
+                fitted = ", ".join(map(str, self.encoders.fitted)) or "none"
+                raise wrong_key(*place, "encoder", message=f"joint {encoder} has no encoder; encoders.fitted are: {fitted}")
+        return self

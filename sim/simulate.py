@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +12,23 @@ from cell.files import write_yaml
 from cell.geometry import Geometry, nominal_geometry
 from cell.strict_yaml import load_model
 from sim.clocks import LogTimes, log_times
-from sim.encoders import BarEncoder, healthy_status, motor_angles
-from sim.kinematic import run_kinematic
+from sim.encoders import BarEncoder, motor_angles
+from sim.kinematic import refuse_forces, run_kinematic
+from sim.load_logs import motor_torques, sensor_rows
+from sim.log_truth import FirstRows, LogTruth
+from sim.loggers import LoggedRows, logged_rows
 from sim.motion import Motion
 from sim.path import Lissajous, ReferencePath, reference_path
 from sim.plant import run_plant
+from sim.plant_effects import PlantEffects, plant_effects
+from sim.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects, resolver_effects
 from sim.settings import LissajousFile, SimulationSettings
 from sim.static_errors import true_geometry
 from sim.streams import stream
-from sim.truth import Truth
-from sim.writers import write_abb_motor, write_twincat_plc
+from sim.truth import PlantTruth, Truth, plant_truth
+from sim.writers import write_abb_motor, write_force_torque, write_twincat_plc
 
+BALLBAR_FILES = ("raw/ballbarOld.csv", "raw/ballbar.csv")  # a logger that starts again renames its file (log_formats A.6)
 PATH_STEP = 0.01  # [s] grid of the reference path; the command between is a cubic spline
 
 
@@ -35,7 +41,9 @@ class Simulation:
     motion: Motion
     encoders: tuple[BarEncoder, ...]
     declared: tuple[int, ...]  # sense of each encoder as recording.yaml will state it
+    resolvers: ResolverEffects | None
     times: LogTimes
+    rows: LoggedRows
     truth: Truth
 
 
@@ -47,22 +55,20 @@ def simulate(settings: SimulationSettings, *, relative_to: Path) -> Simulation:
     chosen = settings.cell
     cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate, relative_to=relative_to)
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
-    true = true_geometry(nominal, settings.errors.static, stream(settings.seed, "static"))
+    true = true_geometry(nominal, settings.errors, plate_sigma=cell.plate.length_sigma, seed=settings.seed)
     timing = settings.path
     shape = load_lissajous(relative_to / timing.file)
     path = reference_path(cell.robot, nominal, shape, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops, step=PATH_STEP)
-    motion = _moved(settings, cell, true, path)
+    effects = plant_effects(settings.errors, cell, settings.seed)
+    motion = _moved(settings, cell, true, effects, path)
     encoders, declared = _encoders(settings, cell)
-    clocks = settings.clocks
-    times = log_times(
-        float(motion.t[-1]),
-        offset=clocks.offset_s,
-        skew=clocks.skew,
-        overrun_probability=clocks.overrun_probability,
-        rng=stream(settings.seed, "overruns"),
-    )
-    truth = _truth(settings, true, motion, encoders, declared)
-    return Simulation(cell, path, motion, encoders, declared, times, truth)
+    resolvers = resolver_effects(settings.errors.resolver_error, seed=settings.seed) if settings.errors.resolver_error else None
+    times = log_times(float(motion.t[-1]), settings.clocks, seed=settings.seed)
+    rows = logged_rows(times, settings.clocks, seed=settings.seed)
+    logs = _log_truth(settings, encoders, resolvers, times, rows)
+    plant = plant_truth(effects, cell.ballbar.axial_stiffness)
+    truth = _truth(settings, true, motion, encoders, declared, plant, logs)
+    return Simulation(cell, path, motion, encoders, declared, resolvers, times, rows, truth)
 
 
 def write_recording(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
@@ -71,15 +77,36 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
     noise = settings.errors.joint_noise
     q, _ = motion.at(times.robot_true)
     sigma = noise.sigma_rad if noise else 0.0
-    motors = motor_angles(simulation.cell.robot, q, noise_sigma=sigma, rng=stream(settings.seed, "joint_noise"))
-    write_abb_motor(folder / "raw" / "robot.csv", times.robot_stamp, motors)
-    _, b = motion.at(times.bar_true)
-    counts = {f"b{e.joint}": e.counts(b[:, e.joint - 1], stream(settings.seed, f"encoder_noise_b{e.joint}")) for e in simulation.encoders}
-    if counts:
-        status = {f"s{e.joint}": healthy_status(times.bar_task) for e in simulation.encoders}
-        write_twincat_plc(folder / "raw" / "ballbar.csv", times.bar_stamp, counts, status)
+    rng = stream(settings.seed, "joint_noise")
+    motors = motor_angles(simulation.cell.robot, q, noise_sigma=sigma, rng=rng, resolvers=simulation.resolvers)
+    rows = simulation.rows.robot
+    log, sensor = settings.logs.torque, settings.logs.force_sensor
+    torques = motor_torques(simulation.cell.robot, motion, times.robot_true, log, settings.seed)[rows] if log else None
+    write_abb_motor(folder / "raw" / "robot.csv", times.robot_stamp[rows], motors[rows], torques)
+    if sensor:
+        first, last = float(times.robot_true[0]), float(times.robot_true[-1])
+        write_force_torque(folder / "raw" / "force.csv", *sensor_rows(motion, first, last, sensor, settings.seed))
+    if simulation.encoders:
+        _write_ballbar(simulation, settings.seed, folder)
     simulation.truth.write(truth_path(folder))
     write_yaml(folder / "recording.yaml", _recording_yaml(simulation, settings))
+
+
+def _write_ballbar(simulation: Simulation, seed: int, folder: Path) -> None:
+    times = simulation.times
+    _, b = simulation.motion.at(times.bar_true)
+    columns, status = {}, {}
+    for e in simulation.encoders:
+        columns[f"b{e.joint}"] = e.counts(b[:, e.joint - 1], times.bar_true, stream(seed, f"encoder_noise_b{e.joint}"))
+        status[f"s{e.joint}"] = e.status(times.bar_task, times.bar_true)
+    for file, rows in zip(_ballbar_files(simulation.rows), simulation.rows.ballbar, strict=True):
+        counts = {name: column[rows] for name, column in columns.items()}
+        words = {name: column[rows] for name, column in status.items()}
+        write_twincat_plc(folder / file, times.bar_stamp[rows], counts, words)
+
+
+def _ballbar_files(rows: LoggedRows) -> list[str]:
+    return list(BALLBAR_FILES[-len(rows.ballbar) :])
 
 
 def truth_path(folder: Path) -> Path:
@@ -95,27 +122,37 @@ def load_lissajous(path: Path) -> Lissajous:
     )
 
 
-def _moved(settings: SimulationSettings, cell: Cell, true: Geometry, path: ReferencePath) -> Motion:
+def _moved(settings: SimulationSettings, cell: Cell, true: Geometry, effects: PlantEffects, path: ReferencePath) -> Motion:
     plant = settings.plant
     if plant.kind == "kinematic":
-        return run_kinematic(true, path)
-    return run_plant(cell, true, path, servo=plant.servo, timestep=plant.timestep_s)
+        refuse_forces(settings.errors, settings.logs)
+        return run_kinematic(cell.robot, true, effects, path)
+    effects = replace(effects, force_sensor=settings.logs.force_sensor is not None)
+    return run_plant(
+        cell, true, effects, path, servo=plant.servo, timestep=plant.timestep_s, gravity_compensation=plant.gravity_compensation
+    )
 
 
 def _encoders(settings: SimulationSettings, cell: Cell) -> tuple[tuple[BarEncoder, ...], tuple[int, ...]]:
     """Encoders as they are, and the senses that recording.yaml declares; a zero and a sense per joint, fitted or not."""
     rng = stream(settings.seed, "encoder_mounting")
     zeros, senses = rng.uniform(-np.pi, np.pi, 5), rng.choice([-1, 1], 5)
-    given = settings.encoders
+    given, lines = settings.encoders, cell.ballbar.encoder_lines
+    effects = {j: encoder_effects(settings.errors, j, lines=lines, bits=given.bits, seed=settings.seed) for j in given.fitted}
     encoders = tuple(
-        BarEncoder(j, cell.ballbar.encoder_lines, given.bits, int(senses[j - 1]), float(zeros[j - 1]), given.noise_sigma_rad)
-        for j in given.fitted
+        BarEncoder(j, lines, given.bits, int(senses[j - 1]), float(zeros[j - 1]), given.noise_sigma_rad, effects[j]) for j in given.fitted
     )
     return encoders, tuple(e.sign if given.senses == "declared" else 1 for e in encoders)
 
 
 def _truth(
-    settings: SimulationSettings, true: Geometry, motion: Motion, encoders: tuple[BarEncoder, ...], declared: tuple[int, ...]
+    settings: SimulationSettings,
+    true: Geometry,
+    motion: Motion,
+    encoders: tuple[BarEncoder, ...],
+    declared: tuple[int, ...],
+    plant: PlantTruth,
+    logs: LogTruth,
 ) -> Truth:
     zeros = {f"btheta{e.joint}": true[f"btheta{e.joint}"] + e.zero for e in encoders}
     position, angle = motion.closure()
@@ -129,6 +166,23 @@ def _truth(
         closure_angle=float(angle.max()),
         rod_force_min=float(motion.rod_force.min()),
         rod_force_max=float(motion.rod_force.max()),
+        plant=plant,
+        logs=logs,
+    )
+
+
+def _log_truth(
+    settings: SimulationSettings, encoders: tuple[BarEncoder, ...], resolvers: ResolverEffects | None, times: LogTimes, rows: LoggedRows
+) -> LogTruth:
+    clocks = settings.clocks
+    return LogTruth(
+        first_rows=FirstRows(robot_s=float(times.robot_true[0]), ballbar_s=float(times.bar_true[0])),
+        encoders={f"b{e.joint}": e.effects for e in encoders if e.effects != EncoderEffects()},
+        resolvers=resolvers,
+        clock_wander=times.wander,
+        clock_step=clocks.step,
+        restart=clocks.restart,
+        rows=rows.counts if clocks.dropped_rows or clocks.duplicated_rows else {},
     )
 
 
@@ -136,7 +190,9 @@ def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dic
     chosen = settings.cell
     sources: dict[str, object] = {"robot": {"files": ["raw/robot.csv"], "dialect": "abb-motor"}}
     if simulation.encoders:
-        sources["ballbar"] = {"files": ["raw/ballbar.csv"], "dialect": "twincat-plc"}
+        sources["ballbar"] = {"files": _ballbar_files(simulation.rows), "dialect": "twincat-plc"}
+    if settings.logs.force_sensor:
+        sources["force"] = {"files": ["raw/force.csv"], "dialect": "force-torque"}
     return {
         "schema": "ballbar-recording/1",
         "kind": "simulated",

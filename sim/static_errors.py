@@ -1,11 +1,12 @@
-"""Static errors of the true geometry: thesis Table 3.1, or drawn per seed."""
+"""Static errors of the true geometry: thesis Table 3.1 or drawn, the ball-bar's axes, its base, the plate; they add up."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from cell.geometry import INDEX, PARAMETERS, Geometry
-from sim.settings import StaticErrors
+from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry
+from sim.settings import ErrorSettings, StaticErrors
+from sim.streams import stream
 
 # Thesis Table 3.1, in mm and mrad. Only parameters that every cost function can identify deviate.
 THESIS_3_1 = {
@@ -16,17 +17,48 @@ THESIS_3_1 = {
     "bd3": 0.24, "btheta1": -0.74, "btheta2": 1.27, "btheta3": -1.90, "btheta4": -0.19, "btheta5": 0.98,
     "ox": 0.16, "oy": 0.80, "oz": -0.70,
 }  # fmt: skip
+PLATE = "ra6"  # the known length: only its own source deviates it
+# What makes the axes of gimbal (b1, b2, b3) and cardan (b3, b4, b5) miss each other, and what makes them not square. Row 5
+# has no axis behind it: what would deviate there is the plate.
+AXIS_OFFSETS = ("ba1", "ba2", "ba3", "ba4", "bd2", "bd4")
+AXIS_ANGLES = ("balpha1", "balpha2", "balpha3", "balpha4")
+BASE_TILT = ("otx", "oty")
 _MILLI = 1e-3
+_EVERY = (*THESIS_3_1, *(name for name in NAMES if name not in THESIS_3_1 and name != PLATE))  # Table 3.1 first: same draws for both
 
 
-def true_geometry(nominal: Geometry, errors: StaticErrors | None, rng: np.random.Generator) -> Geometry:
-    """The nominal geometry with its static errors; drawn ones fall on the parameters that Table 3.1 deviates."""
-    if errors is None:
-        return nominal
+def true_geometry(nominal: Geometry, errors: ErrorSettings, *, plate_sigma: float, seed: int) -> Geometry:
+    """The nominal geometry with its static errors.
+
+    plate_sigma : [m] standard deviation of the plate's length, used where the scenario does not state another.
+    """
+    axes, tilt, plate = errors.ballbar_axes, errors.base_tilt, errors.plate_length
+    drawn: list[dict[str, float]] = []
+    if errors.static:
+        drawn.append(static_deviations(errors.static, stream(seed, "static")))
+    if axes:
+        sigma = {True: axes.sigma_m, False: axes.sigma_rad}
+        drawn.append(deviations((*AXIS_OFFSETS, *AXIS_ANGLES), sigma, stream(seed, "ballbar_axes")))
+    if tilt:
+        drawn.append(deviations(BASE_TILT, {False: tilt.sigma_rad}, stream(seed, "base_tilt")))
+    if plate:
+        asked = plate_sigma if plate.sigma_m is None else plate.sigma_m
+        drawn.append(deviations((PLATE,), {True: asked}, stream(seed, "plate_length")))
+    true = nominal
+    for source in drawn:
+        true = true.replaced({name: true[name] + value for name, value in source.items()})
+    return true
+
+
+def static_deviations(errors: StaticErrors, rng: np.random.Generator) -> dict[str, float]:
+    """[m, rad] deviation of each parameter, by Table 3.1 or drawn."""
     if errors.table == "thesis_3_1":
-        deviations = {name: value * _MILLI for name, value in THESIS_3_1.items()}
-    else:
-        drawn = rng.standard_normal(len(THESIS_3_1))
-        sigma = {True: errors.sigma_m or 0.0, False: errors.sigma_rad or 0.0}
-        deviations = {name: float(z) * sigma[PARAMETERS[INDEX[name]].is_length] for name, z in zip(THESIS_3_1, drawn, strict=True)}
-    return nominal.replaced({name: nominal[name] + value for name, value in deviations.items()})
+        return {name: value * _MILLI for name, value in THESIS_3_1.items()}
+    names = _EVERY if errors.parameters == "all" else tuple(THESIS_3_1)
+    return deviations(names, {True: errors.sigma_m or 0.0, False: errors.sigma_rad or 0.0}, rng)
+
+
+def deviations(names: tuple[str, ...], sigma: dict[bool, float], rng: np.random.Generator) -> dict[str, float]:
+    """Normal deviations of the named parameters; sigma : of lengths [m] under True, of angles [rad] under False."""
+    drawn = rng.standard_normal(len(names))
+    return {name: float(z) * sigma[PARAMETERS[INDEX[name]].is_length] for name, z in zip(names, drawn, strict=True)}

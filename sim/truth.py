@@ -11,8 +11,53 @@ from pydantic import Field
 
 from cell.files import write_yaml
 from cell.geometry import NAMES, Geometry
+from cell.schema import Strict
 from cell.strict_yaml import load_model
-from sim.settings import Strict
+from sim.log_truth import LogTruth
+from sim.plant_effects import PlantEffects
+
+
+class RippleTruth(Strict):
+    """One harmonic of one gear: amplitude_rad * sin(cycles_per_turn * g + phase_rad)."""
+
+    axis: int
+    cycles_per_turn: float
+    amplitude_rad: float
+    phase_rad: float
+
+
+class PlantTruth(Strict):
+    """What gave way, turned unevenly or had play, and by how much; null and 0 where an effect was off."""
+
+    gear_stiffness_N_m_per_rad: tuple[float, ...] | None
+    gear_slack_rad: tuple[float, ...]  # half widths
+    gear_hysteresis_rad: tuple[float, ...]  # half widths
+    transmission_error: tuple[RippleTruth, ...]
+    gear_friction_scale: float
+    rod_stiffness_N_per_m: float
+    rod_slack_m: float  # half width
+    bar_friction_N_m: float
+    plate_stiffness_N_per_m: float | None
+    base_stiffness_N_per_m: float | None
+
+
+def plant_truth(effects: PlantEffects, rod_stiffness: float) -> PlantTruth:
+    """The effects of one machine as the truth file states them; rod_stiffness [N/m] of rod and ball-bar joints."""
+    stiffness = effects.gear_stiffness
+    return PlantTruth(
+        gear_stiffness_N_m_per_rad=None if stiffness is None else tuple(stiffness.tolist()),
+        gear_slack_rad=tuple(effects.gear_slack.tolist()),
+        gear_hysteresis_rad=tuple(effects.gear_hysteresis.tolist()),
+        transmission_error=tuple(
+            RippleTruth(axis=r.gear + 1, cycles_per_turn=r.order, amplitude_rad=r.amplitude, phase_rad=r.phase) for r in effects.ripples
+        ),
+        gear_friction_scale=effects.friction_scale,
+        rod_stiffness_N_per_m=rod_stiffness,
+        rod_slack_m=effects.rod_slack,
+        bar_friction_N_m=effects.bar_friction,
+        plate_stiffness_N_per_m=effects.plate_stiffness,
+        base_stiffness_N_per_m=effects.base_stiffness,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +77,8 @@ class Truth:
     closure_angle: float  # [rad]
     rod_force_min: float  # [N]
     rod_force_max: float  # [N]
+    plant: PlantTruth
+    logs: LogTruth
 
     def write(self, path: Path) -> None:
         """Writes the truth file, whole or not at all."""
@@ -45,6 +92,8 @@ class Truth:
                 "clock": {"offset_s": self.offset, "skew": self.skew},
                 "closure": {"position_m": self.closure_position, "angle_rad": self.closure_angle},
                 "rod_force": {"min_N": self.rod_force_min, "max_N": self.rod_force_max},
+                "plant": self.plant.model_dump(mode="json"),
+                "logs": self.logs.stated(),
             },
         )
 
@@ -74,6 +123,8 @@ class TruthFile(Strict):
     clock: _Clock
     closure: _Closure
     rod_force: _Force
+    plant: PlantTruth
+    logs: LogTruth
 
 
 def load_truth(path: Path) -> Truth:
@@ -89,4 +140,6 @@ def load_truth(path: Path) -> Truth:
         file.closure.angle_rad,
         file.rod_force.min_N,
         file.rod_force.max_N,
+        file.plant,
+        file.logs,
     )

@@ -96,7 +96,7 @@ def refusal(path: Path) -> str:
 def test_every_shipped_description_loads_under_its_own_name() -> None:
     assert robot_names() == ["irb2400", "nj220"]
     assert ballbar_names() == ["lund_1200", "lund_600", "lund_900"]
-    assert plate_names() == ["plate_250"]
+    assert plate_names() == ["plate_250", "plate_250_thin"]
     assert [load_robot(name).name for name in robot_names()] == robot_names()
     assert [load_ballbar(name).name for name in ballbar_names()] == ballbar_names()
 

@@ -15,6 +15,7 @@ from cell.geometry import NAMES, PARAMETERS, Geometry, bar_frames, mirrored, nom
 from cell.inverse import UnreachableError, bar_angles, refine, robot_branches
 from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, rotvec_from_matrix
 from sim.mjcf import PlantModel, plant_model
+from sim.plant_effects import PlantEffects
 from tests.conftest import perturbed
 
 STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10
@@ -36,12 +37,12 @@ def test_mujoco_and_dh_agree_to_1e_12_on_60_perturbed_models(robot: str) -> None
     worst = 0.0
     for _ in range(60):
         geometry = perturbed(nominal_geometry(cell, rng.uniform(-1, 1, 3)), rng)
-        plant = plant_model(cell, geometry, cell.robot.servo["soft"], timestep=1e-3)
+        plant = plant_model(cell, geometry, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
         data = mujoco.MjData(plant.model)
         q, b = rng.uniform(-np.pi, np.pi, (3, 6)), rng.uniform(-np.pi, np.pi, (3, 5))
         robot_poses, bar_poses = robot_frames(geometry, q).poses(), bar_frames(geometry, b).poses()
         for k in range(3):
-            data.qpos[plant.robot], data.qpos[plant.bar] = q[k], b[k]
+            data.qpos[plant.motor], data.qpos[plant.bar] = q[k], b[k]
             worst = max(worst, np.abs(mujoco_pose(plant, data, "tool") - robot_poses[k]).max())
             worst = max(worst, np.abs(mujoco_pose(plant, data, "bar_end") - bar_poses[k]).max())
     assert worst < 1e-12
@@ -143,6 +144,6 @@ def test_the_sense_of_b2_and_b4_is_a_gauge_even_of_an_imperfect_ball_bar(nominal
 def test_a_site_that_nearly_coincides_with_its_body_is_not_snapped_onto_it(cell: Cell, nominal: Geometry) -> None:
     """MuJoCo takes a site within 1e-6 of its body for identical: 0.9 urad of silent error (one trial in sixty)."""
     flat = nominal.replaced({"ra6": 5e-7, "rd6": 0.0})
-    plant = plant_model(cell, flat, cell.robot.servo["soft"], timestep=1e-3)
+    plant = plant_model(cell, flat, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
     data = mujoco.MjData(plant.model)
     assert np.abs(mujoco_pose(plant, data, "tool") - robot_frames(flat, np.zeros((1, 6))).poses()[0]).max() < 1e-12

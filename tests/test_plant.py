@@ -8,16 +8,17 @@ import mujoco
 import numpy as np
 import pytest
 
+from benchmarks.plant_oracle import CELLS, EFFECTS, held_against_oracle
 from cell.descriptions import Cell, load_cell
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from sim import plant as plant_module
 from sim.mjcf import plant_model
-from sim.motion import Motion
-from sim.path import Lissajous, phase_over_time, reference_path
-from sim.plant import PlantError, run_plant
+from sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
+from sim.plant import PlantError, prepare, roll_out, run_plant
+from sim.plant_effects import PlantEffects, PlantErrors, plant_effects
 from sim.simulate import load_lissajous, simulate
-from sim.statics import gravity_torque, rest
+from sim.statics import gravity_torque
 from tests.conftest import SCENARIOS, Recorded, perturbed, settings
 
 
@@ -44,34 +45,38 @@ def test_the_run_starts_at_rest(recorded: Recorded) -> None:
     assert abs(motion.rod_force[500] - motion.rod_force[0]) < 1e-2
 
 
-def test_statics_closes_the_loop_and_balances_the_servo_torques_against_mujoco(cell: Cell, nominal: Geometry, shape: Lissajous) -> None:
-    """The statics solver shares no code with MuJoCo; a held pose in MuJoCo settles where it says."""
-    rng = np.random.default_rng(4)
-    true = perturbed(nominal, rng)
-    path = reference_path(cell.robot, nominal, shape, duration=60.0, dwell=2.0, stops=0, step=0.01)
-    gains = cell.robot.servo["soft"]
-    for k in (100, 2500, 4000):
-        held = rest(cell, true, gains, path.q[k], path.q[k], path.b[k])
-        plant = plant_model(cell, true, gains, timestep=1e-3)
-        data = mujoco.MjData(plant.model)
-        data.qpos[plant.robot], data.qpos[plant.bar], data.qpos[plant.rod] = held.q, held.b, held.stretch
-        data.ctrl[:] = path.q[k]
-        for _ in range(3000):
-            mujoco.mj_step(plant.model, data)
-        assert np.abs(data.qpos[plant.robot] - held.q).max() < 1e-7
-        assert np.abs(data.qpos[plant.bar] - held.b).max() < 1e-6
-        assert cell.ballbar.axial_stiffness * data.qpos[plant.rod] == pytest.approx(held.rod_force, abs=0.02)
+def machine(robot: str) -> tuple[Cell, Geometry, Geometry, ReferencePath]:
+    """A cell, its nominal and a true geometry, and the path of its scenario."""
+    bar, position, path = CELLS[robot]
+    cell = load_cell(robot, bar, "plate_250")
+    nominal = nominal_geometry(cell, np.array(position))
+    shape = load_lissajous(SCENARIOS / "paths" / f"{path}.yaml")
+    reference = reference_path(cell.robot, nominal, shape, duration=120.0, dwell=4.0, stops=2, step=0.01)
+    return cell, nominal, perturbed(nominal, np.random.default_rng(4)), reference
+
+
+@pytest.mark.parametrize("robot", list(CELLS))
+@pytest.mark.parametrize("effect", list(EFFECTS))
+def test_a_held_pose_settles_where_the_statics_oracle_says(robot: str, effect: str) -> None:
+    """Four poses here, twenty by benchmarks/plant_oracle.py; 0.1 urad, 0.1 um, 0.02 N. The oracle shares no code with MuJoCo."""
+    cell, _, true, path = machine(robot)
+    effects = plant_effects(PlantErrors.model_validate(EFFECTS[effect]), cell, seed=1)
+    for k in (1000, 4000, 7000, 10500):
+        deviation = held_against_oracle(cell, true, effects, path, k)
+        assert deviation.link_angle < 1e-7
+        assert deviation.end_point < 1e-7
+        assert deviation.rod_force < 0.02
 
 
 def test_gravity_torque_is_the_derivative_of_the_potential_energy_in_mujoco(cell: Cell, nominal: Geometry) -> None:
     q = np.random.default_rng(6).uniform(-0.7, 0.7, (4, 6))
-    plant = plant_model(cell, nominal, cell.robot.servo["soft"], timestep=1e-3)
+    plant = plant_model(cell, nominal, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
     data = mujoco.MjData(plant.model)
     for row, torque in zip(q, gravity_torque(cell, nominal, q), strict=True):
-        data.qpos[plant.robot] = row
+        data.qpos[plant.motor] = row
         data.qvel[:] = 0.0
         mujoco.mj_forward(plant.model, data)
-        assert data.qfrc_bias[plant.robot] == pytest.approx(torque, abs=1e-9)
+        assert data.qfrc_bias[plant.motor] == pytest.approx(torque, abs=1e-9)
 
 
 def test_the_phase_starts_and_ends_at_rest_and_rests_at_every_stop() -> None:
@@ -109,14 +114,15 @@ def test_a_run_whose_loop_opens_too_far_fails(cell: Cell, nominal: Geometry, sha
     monkeypatch.setattr(plant_module, "CLOSURE_LIMIT", 1e-9)
     path = reference_path(cell.robot, nominal, shape, duration=20.0, dwell=2.0, stops=0, step=0.01)
     with pytest.raises(PlantError, match="loop closure opens to"):
-        run_plant(cell, nominal, path, servo="soft", timestep=1e-3)
+        run_plant(cell, nominal, PlantEffects(), path, servo="soft", timestep=1e-3)
 
 
 def test_a_diverging_simulation_ends_with_its_time_and_no_silent_reset(cell: Cell, nominal: Geometry, shape: Lissajous) -> None:
-    wild = replace(cell, robot=replace(cell.robot, damping=np.full(6, -1e5)))  # feeds energy in
     path = reference_path(cell.robot, nominal, shape, duration=20.0, dwell=2.0, stops=0, step=0.01)
+    prepared = prepare(cell, nominal, PlantEffects(), path, servo="soft", timestep=1e-3, gravity_compensation=True)
+    prepared.plant.model.dof_damping[:] = -1e5  # feeds energy in
     with pytest.raises(PlantError, match=r"diverged at t = \d+\.\d+ s"):
-        run_plant(wild, nominal, path, servo="soft", timestep=1e-3)
+        roll_out(prepared)
 
 
 def test_closure_counts_a_wrong_angle(recorded: Recorded) -> None:
@@ -124,7 +130,7 @@ def test_closure_counts_a_wrong_angle(recorded: Recorded) -> None:
     few = slice(None, None, 5000)
     q = motion.q[few].copy()
     q[3, 1] += 1e-5
-    bent = Motion(motion.t[few], q, motion.b[few], motion.rod_stretch[few], motion.rod_force[few], motion.geometry)
+    bent = replace(motion, t=motion.t[few], q=q, b=motion.b[few], rod_stretch=motion.rod_stretch[few])
     position, angle = bent.closure()
     assert position[3] > 5e-6
     assert angle[3] == pytest.approx(1e-5, rel=0.02)
@@ -144,7 +150,7 @@ def test_both_robots_hang_together_at_zero(robot: str) -> None:
     cell = load_cell(robot, "lund_600", "plate_250")
     geometry = nominal_geometry(cell, np.array([0.7, 0.0, 0.5]))
     frames = robot_frames(geometry, np.zeros((1, 6)))
-    plant = plant_model(cell, geometry, cell.robot.servo["soft"], timestep=1e-3)
+    plant = plant_model(cell, geometry, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
     assert plant.model.nv == 12
     assert frames.tip[2, 0] > 0.0
     assert bar_frames(geometry, np.zeros((1, 5))).tip[2, 0] == pytest.approx(0.5 + cell.ballbar.length)

@@ -1,0 +1,1 @@
+"""Studies and benchmarks: run by command, printing the figures that the docs quote."""

@@ -1,0 +1,45 @@
+"""Where the tool and the ball-bar's end are when plate, rod and base have given way: kinematics of the deflected mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.chain import Array, Frames, cross
+from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.rotation import matrix_from_rotvec
+
+
+@dataclass(frozen=True, eq=False)
+class Deflected:
+    """Both ends of the loop at N samples."""
+
+    robot: Frames  # of the rigid robot up to the undeflected tool
+    bar: Frames  # with the rod stretched and the base shifted
+    tool_rotation: Array  # (3, 3, N)
+    tool: Array  # (3, N) [m]
+    hinge: Array  # (3, N) [m] where the plate bends
+
+
+def deflect(geometry: Geometry, q: Array, b: Array, *, stretch: Array, plate: Array, base: Array) -> Deflected:
+    """Ends of the loop.
+
+    q : (N, 6), b : (N, 5) [rad]; stretch : (N,) [m] of the rod; plate : (N,) [rad] bending angle about the plate's y;
+    base : (N, 3) [m] shift of the ball-bar's base.
+    """
+    robot, rigid = robot_frames(geometry, q), bar_frames(geometry, b)
+    origin = rigid.origin + base.T
+    origin[3:] += stretch * rigid.z[2]
+    bar = replace(rigid, origin=origin)
+    hinge = robot.tip - (2.0 / 3.0 * geometry["ra6"]) * robot.x[-1]
+    if not plate.any():
+        return Deflected(robot, bar, robot.rotation(), robot.tip, hinge)
+    bend = matrix_from_rotvec(plate * robot.y[-1])
+    tool = hinge + np.einsum("ijn,jn->in", bend, robot.tip - hinge)
+    return Deflected(robot, bar, np.einsum("ijn,jkn->ikn", bend, robot.rotation()), tool, hinge)
+
+
+def turning(axes: Array, points: Array, end: Array) -> Array:
+    """(K, 6, N) motion of `end` (3, N) for unit turns about axes (K, 3, N) through points (K, 3, N)."""
+    return np.stack([np.concatenate((cross(axis, end - point), axis)) for axis, point in zip(axes, points, strict=True)])

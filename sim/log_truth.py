@@ -1,0 +1,43 @@
+"""What the log errors of a simulated recording really were: the part of the truth beyond geometry, senses, offset and skew."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import Field
+
+from cell.schema import Strict
+from sim.clock_errors import ClockStep, LoggerRestart
+from sim.loggers import RowCounts
+from sim.sensor_effects import EncoderEffects, ResolverEffects
+from sim.wander import WanderCurve
+
+
+class FirstRows(Strict):
+    """When the logs began, on the clock of the path."""
+
+    robot_s: float
+    ballbar_s: float
+
+
+class LogTruth(Strict):
+    """Errors of sensors, clocks and loggers as they were drawn. Angles in the joint's DH sense, times from the start of the path."""
+
+    first_rows: FirstRows
+    encoders: dict[str, EncoderEffects] = Field(default_factory=dict)  # b1.., those with an error
+    resolvers: ResolverEffects | None = None
+    clock_wander: WanderCurve | None = None
+    clock_step: ClockStep | None = None
+    restart: LoggerRestart | None = None
+    rows: dict[str, RowCounts] = Field(default_factory=dict)  # robot, ballbar
+
+    def stated(self) -> dict[str, object]:
+        """As plain data, without what is absent."""
+        return {key: _filled(value) for key, value in self.model_dump(mode="json").items() if value}
+
+
+def _filled(value: Any) -> Any:
+    """Plain data without empty entries, at any depth."""
+    if isinstance(value, dict):
+        return {key: _filled(inner) for key, inner in value.items() if inner not in (None, [], {})}
+    return [_filled(inner) for inner in value] if isinstance(value, list) else value
