@@ -12,18 +12,19 @@ from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames
 from cell.inverse import refine
-from sim.load_logs import LoadLogs
 from sim.motion import Motion
 from sim.path import ReferencePath
-from sim.plant_effects import PlantEffects, PlantErrors
+from sim.plant_effects import PlantEffects
+from sim.settings import SimulationSettings
 
 WITH_FORCES = ("joint_compliance", "lost_motion", "gear_friction", "rod_backlash", "bar_friction", "plate_bending", "base_compliance")
 
 
-def refuse_forces(errors: PlantErrors, logs: LoadLogs) -> None:
-    """Raises InputError when an error source or a log needs forces, which this plant has not."""
-    asked = [f"errors.{name}" for name in WITH_FORCES if getattr(errors, name) is not None]
-    asked += [f"logs.{name}" for name in ("torque", "force_sensor") if getattr(logs, name) is not None]
+def refuse_forces(settings: SimulationSettings) -> None:
+    """Raises InputError when a path, an error source or a log needs forces, which this plant has not."""
+    asked = ["path.kind = push_pull"] * (settings.path.kind == "push_pull")
+    asked += [f"errors.{name}" for name in WITH_FORCES if getattr(settings.errors, name) is not None]
+    asked += [f"logs.{name}" for name in ("torque", "force_sensor") if getattr(settings.logs, name) is not None]
     if asked:
         raise InputError(f"{asked[0]}: needs forces, and plant.kind = kinematic has none. Use plant.kind = mujoco, or leave it out.")
 

@@ -25,13 +25,15 @@ from sim.plant_effects import PlantEffects
 
 WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (mujoco_facts sec. 2)
 WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-SOLVER_TOLERANCE = 1e-10  # of the implicit solve; 1e-14 moves no coordinate by 1e-11 and costs 5 % more
+SOLVER_TOLERANCE = 1e-8  # of the implicit solve; 1e-14 moves no coordinate by 1e-11 and costs 8 % more
 PASSIVE = 16  # dcmotor without a control input: mjtCtrlSpec "none" (mujoco_facts sec. 4)
-BRISTLE_TRAVEL = 2e-5  # [rad] pre-sliding of the friction model: below the gears' lost motion
-BRISTLE_DAMPING = 1e-3  # [s] of its stiffness: critically damped with the lightest rotor within a few steps
+BRISTLE_TRAVEL = 2e-5  # [rad] shortest pre-sliding of the friction model: below the gears' lost motion
+BRISTLE_RATE = 200.0  # [rad/s] highest frequency of bristle and rotor: MuJoCo integrates them explicitly, above it they chatter
+BRISTLE_DAMPING = 0.7  # damping ratio of bristle and rotor
 HYSTERESIS_STIFFNESS = 4.0  # of the gear's: the friction element slips early in the loop
 PLATE_ARMATURE = 0.02  # [kg m^2] a third of the plate's inertia about the hinge; the tip itself carries no mass in the model
 PLATE_DAMPING = 1e-3  # [s] of the plate's stiffness
+RING_INERTIA = 2e-3  # [kg m^2] what a ball-bar joint turns at least, for its friction model
 BASE_MASS = 5.0  # [kg] steel base adapter, assumed; its own weight is part of where the ball-bar stands
 BASE_DAMPING = 1e-3  # [s] of the base's stiffness
 
@@ -167,7 +169,8 @@ def _add_gears(spec: mujoco.MjSpec, cell: Cell, effects: PlantEffects, gains: Se
         if effects.friction_scale > 0.0:
             s = effects.friction_scale
             motor.part.damping[0] = s * float(gears.viscous[i])
-            _friction(spec, motor, s * gears.coulomb[i], s * gears.static[i], gears.stribeck[i], BRISTLE_TRAVEL)
+            static = gears.static[i] if effects.stribeck else gears.coulomb[i]
+            _friction(spec, motor, s * gears.coulomb[i], s * static, gears.stribeck[i], float(cell.robot.armature[i]))
         if effects.gear_stiffness is not None:
             _add_elastic_gear(spec, f"gear{i + 1}", joint_to_gear[:, i], effects, i, float(gears.damping[i]))
     for k, ripple in enumerate(effects.ripples):
@@ -216,9 +219,11 @@ def _tendon(spec: mujoco.MjSpec, name: str, joints: tuple[str, ...], coefficient
     return tendon
 
 
-def _friction(spec: mujoco.MjSpec, shaft: _Shaft, coulomb: float, static: float, stribeck: float, travel: float) -> None:
-    bristle = float(static) / travel
-    lugre = [bristle, BRISTLE_DAMPING * bristle, float(coulomb), float(static), float(stribeck)]
+def _friction(spec: mujoco.MjSpec, shaft: _Shaft, coulomb: float, static: float, stribeck: float, inertia: float) -> None:
+    """LuGre friction on a shaft of this inertia; below BRISTLE_TRAVEL or where the bristle would chatter it gives way elastically."""
+    bristle = min(float(static) / BRISTLE_TRAVEL, inertia * BRISTLE_RATE**2)
+    damping = 2.0 * BRISTLE_DAMPING * float(np.sqrt(bristle * inertia))
+    lugre = [bristle, damping, float(coulomb), float(static), float(stribeck)]
     _passive(spec, f"friction_{shaft.part.name}", shaft, lugre=lugre)
 
 
@@ -243,7 +248,7 @@ def _add_bar(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Plant
             if effects.rod_slack == 0.0:
                 slide.stiffness[0] = bar.axial_stiffness
         if effects.bar_friction > 0.0:
-            _friction(spec, _Shaft(hinge, mujoco.mjtTrn.mjTRN_JOINT), effects.bar_friction, effects.bar_friction, 0.01, 1e-3)
+            _friction(spec, _Shaft(hinge, mujoco.mjtTrn.mjTRN_JOINT), effects.bar_friction, effects.bar_friction, 0.01, RING_INERTIA)
         parent, pose = body, placements[i]
     if effects.rod_slack > 0.0:
         rod = _tendon(spec, "rod_spring", (ROD_JOINT,), np.ones(1))

@@ -35,6 +35,10 @@ class Lissajous:
         """(N, 5) [rad] at phases s (N,)."""
         return self.centre + self.amplitude * np.sin(2.0 * np.pi * self.cycles * s[:, None] + self.phase)
 
+    def lengthening(self, s: Array) -> Array:
+        """(N,) [m] of the commanded rod: none, the path stays on the sphere."""
+        return np.zeros_like(s)
+
 
 @dataclass(frozen=True, eq=False)
 class ReferencePath:
@@ -44,6 +48,23 @@ class ReferencePath:
     b: Array  # (K, 5) [rad] ball-bar angles the nominal mechanism would take
     q: Array  # (K, 6) [rad] joint command, nominal inverse kinematics
     speed: Array  # (K, 6) [rad/s]
+
+
+@dataclass(frozen=True, eq=False)
+class PushPull:
+    """One held pose; the command goes to and fro along the rod, so the soft servo pulls and pushes on it (thesis Fig. 5.8)."""
+
+    held: Array  # (5,) [rad] ball-bar angles
+    travel: float  # [m] amplitude of the commanded length; the force that results is the servo's affair
+    cycles: int  # whole numbers per run
+
+    def angles(self, s: Array) -> Array:
+        """(N, 5) [rad] at phases s (N,): always the same."""
+        return np.tile(self.held, (s.size, 1))
+
+    def lengthening(self, s: Array) -> Array:
+        """(N,) [m] at phases s (N,)."""
+        return np.asarray(self.travel * np.sin(2.0 * np.pi * self.cycles * s))
 
 
 def phase_over_time(t: Array, *, duration: float, dwell: float, stops: int) -> Array:
@@ -77,22 +98,26 @@ def _ramp_integral(x: Array) -> Array:
 
 
 def reference_path(
-    robot: Robot, nominal: Geometry, shape: Lissajous, *, duration: float, dwell: float, stops: int, step: float
+    robot: Robot, nominal: Geometry, shape: Lissajous | PushPull, *, duration: float, dwell: float, stops: int, step: float
 ) -> ReferencePath:
     """The command of one run, sampled every `step` seconds.
 
     Raises InputError naming time, joint and value where the path leaves the robot's reach, an axis range or a speed limit.
     """
     t: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
-    b = shape.angles(phase_over_time(t, duration=duration, dwell=dwell, stops=stops))
-    q = _continuous_branch(robot, nominal, t, b)
+    phase = phase_over_time(t, duration=duration, dwell=dwell, stops=stops)
+    b = shape.angles(phase)
+    frames = bar_frames(nominal, b)
+    poses = frames.poses()
+    poses[:, :3, 3] += (shape.lengthening(phase) * frames.z[2]).T
+    q = _continuous_branch(robot, nominal, t, b, poses)
     speed = CubicSpline(t, q).derivative()(t)
     _check_speeds(robot, t, speed)
     return ReferencePath(t, b, q, speed)
 
 
-def _continuous_branch(robot: Robot, nominal: Geometry, t: Array, b: Array) -> Array:
-    branches = robot_branches(nominal.robot, bar_frames(nominal, b).poses())
+def _continuous_branch(robot: Robot, nominal: Geometry, t: Array, b: Array, poses: Array) -> Array:
+    branches = robot_branches(nominal.robot, poses)
     lost = np.isnan(branches).any(axis=(0, 2))
     if lost.any():
         first = int(lost.argmax())

@@ -15,11 +15,11 @@ from mujoco import rollout
 from scipy.interpolate import CubicSpline
 
 from cell.chain import Array
-from cell.descriptions import Cell, ServoGains
+from cell.descriptions import Cell, ServoGains, joints_to_axes
 from cell.errors import InputError
 from cell.geometry import Geometry
 from sim.mjcf import PlantModel, plant_model
-from sim.motion import Motion
+from sim.motion import CLOSURE_STRIDE, Motion
 from sim.path import ReferencePath
 from sim.plant_effects import PlantEffects
 from sim.statics import Rest, gravity_torque, rest
@@ -57,12 +57,14 @@ def run_plant(
 
     geometry : true kinematic parameters. servo : a gain set of the robot's description.
 
-    Raises InputError for an unknown gain set, PlantError on divergence or when the loop opens by more than CLOSURE_LIMIT.
+    Raises InputError for an unknown gain set; PlantError on divergence, when the loop opens by more than CLOSURE_LIMIT, when
+    an axis leaves its range, or when robot or ball-bar flips into another configuration.
     """
     prepared = prepare(cell, geometry, effects, path, servo=servo, timestep=timestep, gravity_compensation=gravity_compensation)
     states, sensors = roll_out(prepared)
     motion = as_motion(cell, geometry, effects, cell.robot.servo[servo], prepared, states, sensors)
     _check_closure(motion)
+    check_course(cell, motion)
     return motion
 
 
@@ -114,19 +116,23 @@ def roll_out(run: PlantRun) -> tuple[Array, Array]:
     """
     model = run.plant.model
     warnings: list[str] = []
+    states, sensors = np.empty((len(run.command), run.start.size)), np.empty((len(run.command), model.nsensordata))
+    states[0] = run.start
     mujoco.set_mju_user_warning(warnings.append)
     try:
-        state, sensor = rollout.rollout(model, mujoco.MjData(model), run.start[None], run.command[None, 1:])
+        rollout.rollout(
+            model, mujoco.MjData(model), run.start[None], run.command[None, 1:], state=states[None, 1:], sensordata=sensors[None, :-1]
+        )
     finally:
         mujoco.set_mju_user_warning(None)
-    states = np.concatenate((run.start[None], state[0]))
+    sensors[-1] = sensors[-2]  # a step reads its sensors before it moves
     time = states[:, 0]
     bad = ~np.isfinite(states).all(axis=1) | (np.abs(time - np.arange(len(time)) * run.timestep) > 0.5 * run.timestep)
     if bad.any() or warnings:
         k = int(bad.argmax())
         said = f" MuJoCo says: {warnings[0]}" if warnings else ""
         raise PlantError(f"simulation diverged at t = {k * run.timestep:.3f} s.{said} A smaller timestep or a softer servo may help.")
-    return states, np.concatenate((sensor[0], sensor[0, -1:]))  # a step reads its sensors before it moves
+    return states, sensors
 
 
 def as_motion(
@@ -159,8 +165,27 @@ def as_motion(
 def _check_closure(motion: Motion) -> None:
     position, angle = motion.closure()
     if position.max() > CLOSURE_LIMIT or angle.max() > CLOSURE_LIMIT:
-        k = int(np.argmax(np.maximum(position, angle)))
+        k = int(np.argmax(np.maximum(position, angle))) * CLOSURE_STRIDE
         raise PlantError(
             f"loop closure opens to {position.max() * 1e6:.2f} um, {angle.max() * 1e6:.2f} urad at t = {motion.t[k]:.2f} s "
             f"(limit {CLOSURE_LIMIT * 1e6:g}); use a smaller timestep or a slower path"
         )
+
+
+def check_course(cell: Cell, motion: Motion) -> None:
+    """The robot stays within its axis ranges, and wrist, gimbal and cardan on their side of the singularity."""
+    robot = cell.robot
+    axes = joints_to_axes(robot, motion.q)
+    excess = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
+    if excess.max() > 0.0:
+        k, axis = (int(i) for i in np.unravel_index(int(excess.argmax()), excess.shape))
+        limits = f"{np.degrees(robot.axis_lower[axis]):.0f}..{np.degrees(robot.axis_upper[axis]):.0f}"
+        raise PlantError(f"axis {axis + 1} at t = {motion.t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg outside {limits} deg")
+    for name, angle in (("robot joint q5", motion.q[:, 4]), ("ball-bar joint b2", motion.b[:, 1]), ("ball-bar joint b4", motion.b[:, 3])):
+        side = np.sin(angle)
+        flipped = np.flatnonzero(side * side[0] < 0.0)
+        if flipped.size:
+            k = int(flipped[0])
+            raise PlantError(
+                f"{name} passes its singularity at t = {motion.t[k]:.2f} s ({np.degrees(angle[k]):.1f} deg): the configuration flips"
+            )

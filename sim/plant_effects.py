@@ -63,9 +63,10 @@ class SinusoidalGearError(Strict):
 
 
 class GearFriction(Strict):
-    """Coulomb, Stribeck and viscous friction on the motor side (LuGre model)."""
+    """Coulomb, viscous and, if asked for, Stribeck friction on the motor side (LuGre model)."""
 
-    scale: Scale = 1.0
+    scale: Scale = Field(1.0, description="Of all friction of the robot file.")
+    stribeck: bool = Field(False, description="Break-away friction too: a soft servo then sticks and slips, in a chaotic sequence.")
 
 
 class RodBacklash(Strict):
@@ -126,6 +127,7 @@ class PlantEffects:
     gear_hysteresis: Array = field(default_factory=lambda: np.zeros(6))  # (6,) [rad] half width of the loop
     ripples: tuple[Ripple, ...] = ()
     friction_scale: float = 0.0  # of the robot file's gear friction
+    stribeck: bool = False  # whether break-away friction is above Coulomb friction
     rod_slack: float = 0.0  # [m] half width
     bar_friction: float = 0.0  # [N m]
     plate_stiffness: float | None = None  # [N/m] at the tip; None: rigid
@@ -163,6 +165,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
         gear_hysteresis=none if width is None or dead_band is not None else width,
         ripples=_ripples(errors, cell, seed),
         friction_scale=errors.gear_friction.scale if errors.gear_friction else 0.0,
+        stribeck=errors.gear_friction is not None and errors.gear_friction.stribeck,
         rod_slack=0.5 * _default(backlash.width_m, bar.backlash) if backlash else 0.0,
         bar_friction=_default(friction.torque_N_m, bar.friction_torque) if friction else 0.0,
         plate_stiffness=_default(plate.tip_stiffness_N_per_m, cell.plate.tip_stiffness) if plate else None,

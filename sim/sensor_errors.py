@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from cell.schema import Strict
 
-EncoderNumber = Annotated[int, Field(ge=1, le=5)]
+EncoderNumber = Annotated[int, Field(ge=1, le=5, description="The ball-bar joint it measures.")]
 Amplitude = Annotated[float, Field(ge=0.0)]
 RunTime = Annotated[float, Field(description="Seconds after the start of the path.")]
 
@@ -65,11 +65,11 @@ class SlippedPeriods(Strict):
 
 
 class CouplingSlip(Strict):
-    """The clamp slips: the encoder's shaft turns against its joint."""
+    """The clamp slips: the encoder's shaft turns against its joint (thesis sec. 5.4: one sensor was badly fastened)."""
 
     encoder: EncoderNumber
     at_s: RunTime
-    angle_rad: float = Field(1.0e-3, description="Assumed size; a loose clamp is thesis sec. 5.2's suspicion.")
+    angle_rad: float = Field(1.0e-3, description="How far the reading jumps, in the joint's sense. Assumed.")
 
 
 class ResolverError(Strict):

@@ -34,7 +34,7 @@ class CellSettings(Strict):
 class PathSettings(Strict):
     """The reference path and its timing."""
 
-    kind: Literal["lissajous"]
+    kind: Literal["lissajous", "push_pull"] = Field(description="A motion over the sphere, or pull and push on the rod at one pose.")
     file: str = Field(description="Path file, relative to the scenario.")
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)]
     dwell_s: Annotated[float, Field(ge=1.0)] = Field(4.0, description="Standstill at both ends and at each stop.")
@@ -49,6 +49,15 @@ class LissajousFile(Strict):
     amplitude_deg: Vector5
     cycles: Whole5
     phase_deg: Vector5
+
+
+class PushPullFile(Strict):
+    """Path file: one pose of the ball-bar, and how far the command goes to and fro along the rod."""
+
+    schema_: Annotated[Literal["ballbar-push/1"], Field(alias="schema")]
+    angles_deg: Vector5
+    travel_m: Annotated[float, Field(gt=0.0, le=0.1)]
+    cycles: Annotated[int, Field(gt=0)]
 
 
 class PlantSettings(Strict):
@@ -135,8 +144,8 @@ class EncoderSettings(Strict):
 class ClockSettings(Strict):
     """The two clocks: t_robot = offset + (1 + skew) * t_bar, both from the first row of their log."""
 
-    offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.0
-    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = 0.0
+    offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(0.0, description="Robot time at the first ball-bar row.")
+    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(0.0, description="Seconds the robot's clock gains in each of the ball-bar's.")
     overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = Field(
         0.0, description="Chance that a ball-bar row comes one 5 ms task late."
     )

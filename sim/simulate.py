@@ -18,11 +18,11 @@ from sim.load_logs import motor_torques, sensor_rows
 from sim.log_truth import FirstRows, LogTruth
 from sim.loggers import LoggedRows, logged_rows
 from sim.motion import Motion
-from sim.path import Lissajous, ReferencePath, reference_path
+from sim.path import Lissajous, PushPull, ReferencePath, reference_path
 from sim.plant import run_plant
 from sim.plant_effects import PlantEffects, plant_effects
 from sim.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects, resolver_effects
-from sim.settings import LissajousFile, SimulationSettings
+from sim.settings import LissajousFile, PushPullFile, SimulationSettings
 from sim.static_errors import true_geometry
 from sim.streams import stream
 from sim.truth import PlantTruth, Truth, plant_truth
@@ -57,7 +57,7 @@ def simulate(settings: SimulationSettings, *, relative_to: Path) -> Simulation:
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
     true = true_geometry(nominal, settings.errors, plate_sigma=cell.plate.length_sigma, seed=settings.seed)
     timing = settings.path
-    shape = load_lissajous(relative_to / timing.file)
+    shape = load_push_pull(relative_to / timing.file) if timing.kind == "push_pull" else load_lissajous(relative_to / timing.file)
     path = reference_path(cell.robot, nominal, shape, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops, step=PATH_STEP)
     effects = plant_effects(settings.errors, cell, settings.seed)
     motion = _moved(settings, cell, true, effects, path)
@@ -122,10 +122,16 @@ def load_lissajous(path: Path) -> Lissajous:
     )
 
 
+def load_push_pull(path: Path) -> PushPull:
+    """The path file as radians. Raises DescriptionError."""
+    file = load_model(path, PushPullFile)
+    return PushPull(np.radians(file.angles_deg), file.travel_m, file.cycles)
+
+
 def _moved(settings: SimulationSettings, cell: Cell, true: Geometry, effects: PlantEffects, path: ReferencePath) -> Motion:
     plant = settings.plant
     if plant.kind == "kinematic":
-        refuse_forces(settings.errors, settings.logs)
+        refuse_forces(settings)
         return run_kinematic(cell.robot, true, effects, path)
     effects = replace(effects, force_sensor=settings.logs.force_sensor is not None)
     return run_plant(

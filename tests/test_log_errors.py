@@ -6,8 +6,10 @@ which is known exactly. Times are on the clock of the path.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ import pytest
 import yaml
 from scipy.interpolate import CubicSpline
 
+import sim
 from acquisition import read_recording
 from cell.chain import Array
 from cell.descriptions import joints_to_motors, load_cell, motors_to_joints
@@ -23,6 +26,7 @@ from cell.errors import DescriptionError, LogError
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, bar_frames, nominal_geometry, robot_frames
 from cell.inverse import pose_mismatch
 from cell.strict_yaml import load_model
+from sim.loggers import chosen
 from sim.motion import Motion
 from sim.settings import ErrorSettings, SimulationSettings
 from sim.simulate import truth_path
@@ -33,6 +37,7 @@ from tests.conftest import Recorded, record, settings
 PERIOD = 0.004032  # [s] of the robot's rows
 WITHIN = 0.01  # of what was asked for
 CLOCK = {"offset_s": 0.137, "skew": 5e-5}
+OVERRUNS = {**CLOCK, "overrun_probability": 0.05}  # without them every row falls on an even cycle and the toggle stands still
 NOISE = {"joint_noise": {"sigma_rad": 1e-5}}
 CELL = load_cell("irb2400", "lund_600", "plate_250")
 NOMINAL = nominal_geometry(CELL, np.array([0.70, 0.0, 0.54]))
@@ -47,9 +52,16 @@ class Run:
     motion: Motion
     truth: Truth
 
-    @property
+    @cached_property
     def description(self) -> dict[str, Any]:
         return dict(yaml.safe_load((self.folder / "recording.yaml").read_text()))
+
+    @cached_property
+    def bar_table(self) -> dict[str, np.ndarray]:
+        """(M,) integers of each column of the ball-bar's files."""
+        header = (self.folder / self.description["sources"]["ballbar"]["files"][0]).read_text().splitlines()[0]
+        rows = np.loadtxt(self.lines("ballbar"), delimiter=";", dtype=np.int64)
+        return dict(zip(header.split(";"), rows.T, strict=True))
 
     def lines(self, side: str) -> list[str]:
         """The lines of all files of one side, without headers."""
@@ -57,15 +69,12 @@ class Run:
 
     def robot(self) -> tuple[Array, Array]:
         """(N,) [s] stamps from the first row, (N, 6) [rad] motor angles."""
-        table = np.array([line.split(",") for line in self.lines("robot")], dtype=np.float64)
+        table = np.loadtxt(self.lines("robot"), delimiter=",")
         return table[:, 0] - table[0, 0], table[:, 1:]
 
     def ballbar(self, name: str = "time") -> np.ndarray:
         """(M,) one column of the ball-bar's files, as integers; time in ns from the first row."""
-        files = self.description["sources"]["ballbar"]["files"]
-        header = (self.folder / files[0]).read_text().splitlines()[0].split(";")
-        column = header.index(name)
-        values = np.array([int(line.split(";")[column]) for line in self.lines("ballbar")])
+        values = self.bar_table[name]
         return values - values[0] if name == "time" else values
 
     def encoder(self, joint: int) -> Array:
@@ -74,9 +83,9 @@ class Run:
         step = (np.diff(self.ballbar(f"b{joint}")) + 2**31) % 2**32 - 2**31
         return np.concatenate(([0.0], np.cumsum(step))) * (told["sign"] * 2.0 * np.pi / (told["lines"] << told["bits"]))
 
-    def bar_time(self, *, offset: float = 0.137, skew: float = 5e-5) -> Array:
-        """(M,) [s] run time of the ball-bar's rows, if its clock did what it was asked."""
-        return 0.5 + min(0.0, offset) + (1.0 + skew) * self.ballbar() * 1e-9
+    def bar_time(self) -> Array:
+        """(M,) [s] run time of the ball-bar's rows, if its clock did what CLOCK says."""
+        return 0.5 + (1.0 + CLOCK["skew"]) * self.ballbar() * 1e-9
 
     def error(self, joint: int) -> tuple[Array, Array]:
         """(M,) [rad] true angle of a joint at the rows' times, and what its encoder adds, but for a constant."""
@@ -104,15 +113,12 @@ def amplitude(angle: Array, error: Array, orders: tuple[int, ...]) -> Array:
     return np.hypot(fit[0:-1:2], fit[1:-1:2])
 
 
-def taken_at(run: Run, *, start: float) -> tuple[np.ndarray, Array]:
-    """Rows of the ball-bar's log at which it moves, and the (K,) [s] times at which the motion has their angles.
-
-    start : [s] how far the times may be off to begin with, in which nothing may reverse twice.
-    """
+def taken_at(run: Run) -> tuple[np.ndarray, Array]:
+    """Rows of the ball-bar's log at which it moves, and the (K,) [s] times at which the motion has their angles."""
     t = run.bar_time()
     angles = np.stack([run.encoder(j) for j in range(1, 6)], axis=1) + run.motion.at(np.zeros(1))[1]
     moving = (t > 3.0) & (t < run.motion.t[-1] - 3.0)
-    found = t[moving] + start
+    found = t[moving]
     for _ in range(12):
         here, after = run.motion.at(found)[1], run.motion.at(found + 1e-4)[1]
         speed = (after - here) / 1e-4
@@ -123,22 +129,22 @@ def taken_at(run: Run, *, start: float) -> tuple[np.ndarray, Array]:
 # --- ball-bar encoders
 
 
-@pytest.mark.parametrize("joint", [1, 5])  # they turn far enough to tell three harmonics apart
-def test_each_harmonic_of_an_encoder_comes_out_of_its_counts(joint: int, tmp_path: Path) -> None:
+def test_each_harmonic_of_an_encoder_comes_out_of_its_counts(tmp_path: Path) -> None:
     run = simulated(tmp_path, errors={"encoder_eccentricity": {}})
-    assert amplitude(*run.error(joint), (1, 2, 3)) == pytest.approx([6.0e-5, 2.5e-5, 8.0e-6], rel=WITHIN)
+    for joint in (1, 5):  # they turn far enough to tell three harmonics apart
+        assert amplitude(*run.error(joint), (1, 2, 3)) == pytest.approx([6.0e-5, 2.5e-5, 8.0e-6], rel=WITHIN)
 
 
-@pytest.mark.parametrize("joint", [1, 2, 3, 4, 5])
-def test_an_encoder_off_centre_errs_once_a_turn(joint: int, tmp_path: Path) -> None:
+def test_an_encoder_off_centre_errs_once_a_turn(tmp_path: Path) -> None:
     run = simulated(tmp_path, errors={"mounting_eccentricity": {}})
-    assert amplitude(*run.error(joint), (1,)) == pytest.approx([3.0e-4], rel=WITHIN)
+    for joint in range(1, 6):
+        assert amplitude(*run.error(joint), (1,)) == pytest.approx([3.0e-4], rel=WITHIN)
 
 
-@pytest.mark.parametrize("joint", [1, 2, 3, 4, 5])
-def test_the_error_within_a_signal_period_has_3600_cycles_a_turn(joint: int, tmp_path: Path) -> None:
+def test_the_error_within_a_signal_period_has_3600_cycles_a_turn(tmp_path: Path) -> None:
     run = simulated(tmp_path, errors={"subdivisional_error": {}})
-    assert amplitude(*run.error(joint), (3600,)) == pytest.approx([1.2e-5], rel=WITHIN)
+    for joint in range(1, 6):
+        assert amplitude(*run.error(joint), (3600,)) == pytest.approx([1.2e-5], rel=WITHIN)
 
 
 def test_the_error_within_a_period_follows_the_signal_and_not_the_joint(tmp_path: Path) -> None:
@@ -176,10 +182,9 @@ def test_low_bits_freeze_at_the_asked_speed_and_one_more_an_octave_above(tmp_pat
         stuck = free.ballbar(f"b{joint}") ^ run.ballbar(f"b{joint}")
         onset = 0.5 * 750.0 * 2.0 * np.pi / 3600.0  # [rad/s] EL5021 at 12 bits
         assert speed[(stuck & 1) > 0].min() == pytest.approx(onset, rel=WITHIN)
-        if joint == 5:
+        if joint == 5:  # the other one does not reach an octave above
             assert speed[(stuck & 2) > 0].min() == pytest.approx(2.0 * onset, rel=WITHIN)
-            assert speed[(stuck & 4) > 0].min() == pytest.approx(4.0 * onset, rel=WITHIN) if speed.max() > 4.0 * onset else True
-        assert stuck.max() < 8
+        assert stuck.max() < 4
         fast = np.flatnonzero(speed > 1.02 * onset)
         fast = fast[1:][np.diff(fast) == 1]
         low = run.ballbar(f"b{joint}") & 1
@@ -187,14 +192,16 @@ def test_low_bits_freeze_at_the_asked_speed_and_one_more_an_octave_above(tmp_pat
 
 
 def test_a_weak_signal_is_reported_for_its_encoder_in_its_interval_only(tmp_path: Path) -> None:
-    run = simulated(tmp_path, errors={"amplitude_errors": [{"encoder": 2, "start_s": 10.0, "end_s": 13.0}]})
+    faults = [{"encoder": 2, "start_s": 10.0, "end_s": 13.0}]
+    run = simulated(tmp_path, errors={"amplitude_errors": faults}, clocks=OVERRUNS)
     t, word = run.bar_time(), run.ballbar("s2")
     weak = word & ~(1 << 15) == (1 << 4 | 1 << 14)
-    assert t[weak].min() == pytest.approx(10.0, abs=0.011)
+    assert t[weak].min() == pytest.approx(10.0, abs=0.016)
     assert np.ptp(t[weak]) == pytest.approx(3.0, rel=WITHIN)
     assert (word[~weak] & ~(1 << 15) == 0).all()
     assert (run.ballbar("s1") & ~(1 << 15) == 0).all()
-    assert (word >> 15 == run.ballbar("s1") >> 15).all()  # the toggle goes on
+    assert (word >> 15 == run.ballbar() // 5_000_000 & 1).all()  # the toggle goes on, cycle by cycle
+    assert set(word[weak] >> 15) == {0, 1}
 
 
 def test_rows_with_a_weak_signal_are_left_out_by_the_reader(tmp_path: Path) -> None:
@@ -254,7 +261,7 @@ def motor_errors(run: Run) -> Iterator[tuple[Array, Array]]:
 
 def test_offset_and_skew_are_the_line_through_both_clocks(tmp_path: Path) -> None:
     run = simulated(tmp_path)
-    rows, found = taken_at(run, start=0.0)
+    rows, found = taken_at(run)
     skew, bar_start = np.polyfit(run.ballbar()[rows] * 1e-9, found - run.ballbar()[rows] * 1e-9, 1)
     assert skew == pytest.approx(5e-5, rel=WITHIN)
     _, motors = run.robot()
@@ -272,7 +279,7 @@ def test_a_wandering_clock_takes_its_rows_where_the_truth_says(tmp_path: Path) -
     rate = np.diff(curve.deviation_s) / np.diff(curve.t_bar_s)
     assert rate.std() == pytest.approx(20e-6, rel=1e-6)
     assert np.polyfit(curve.t_bar_s, curve.deviation_s, 1) == pytest.approx([0.0, 0.0], abs=1e-15)  # no line in it: that is offset and skew
-    rows, found = taken_at(run, start=0.0)
+    rows, found = taken_at(run)
     t_bar = run.ballbar()[rows] * 1e-9
     basis = np.stack([np.interp(t_bar, curve.t_bar_s, curve.deviation_s), np.ones_like(t_bar), t_bar], axis=1)
     (size, constant, slope), *_ = np.linalg.lstsq(basis, found - run.bar_time()[rows], rcond=None)
@@ -283,7 +290,7 @@ def test_a_wandering_clock_takes_its_rows_where_the_truth_says(tmp_path: Path) -
 
 def test_a_clock_that_warms_up_runs_off_exponentially(tmp_path: Path) -> None:
     run = simulated(tmp_path, clocks={**CLOCK, "wander": {"rate_rms_ppm": 0.0, "warm_up_ppm": 50.0, "warm_up_time_s": 12.0}})
-    rows, found = taken_at(run, start=0.0)
+    rows, found = taken_at(run)
     t_bar = run.ballbar()[rows] * 1e-9
     basis = np.stack([-12.0 * np.exp(-t_bar / 12.0), np.ones_like(t_bar), t_bar], axis=1)
     assert np.linalg.lstsq(basis, found - run.bar_time()[rows], rcond=None)[0][0] == pytest.approx(50e-6, rel=WITHIN)
@@ -292,7 +299,7 @@ def test_a_clock_that_warms_up_runs_off_exponentially(tmp_path: Path) -> None:
 @pytest.mark.parametrize("step", [0.128, -0.05])
 def test_a_clock_that_is_set_shifts_its_later_stamps(step: float, tmp_path: Path) -> None:
     run = simulated(tmp_path, clocks={**CLOCK, "step": {"at_s": 15.0, "step_s": step}})
-    rows, found = taken_at(run, start=0.0)
+    rows, found = taken_at(run)
     late = run.bar_time()[rows] - found
     assert late[found >= 15.001].mean() - late[found < 14.999].mean() == pytest.approx(step * (1 + 5e-5), rel=WITHIN)
     assert np.abs(late[found < 14.999]).max() < 5e-6
@@ -359,6 +366,11 @@ def test_rows_are_dropped_and_duplicated_as_often_as_asked(lossy: Run) -> None:
         assert stated.duplicated == place.size - different.size
 
 
+def test_the_first_row_from_which_time_counts_is_always_written_once() -> None:
+    hit = np.stack([chosen(3, 0.49, np.random.default_rng(seed)) for seed in range(100)])
+    assert hit.any(axis=0).tolist() == [False, True, True]
+
+
 def test_the_reader_keeps_the_first_of_two_rows_and_reports_the_gaps(lossy: Run) -> None:
     read = read_recording(lossy.folder)
     assert read.ballbar_log is not None
@@ -367,13 +379,13 @@ def test_the_reader_keeps_the_first_of_two_rows_and_reports_the_gaps(lossy: Run)
 
 
 def test_a_restarted_logger_leaves_two_files_and_a_gap_while_counters_and_toggle_run_on(tmp_path: Path) -> None:
-    run = simulated(tmp_path, clocks={**CLOCK, "restart": {"at_s": 14.0, "gap_s": 3.0}})
+    run = simulated(tmp_path, clocks={**OVERRUNS, "restart": {"at_s": 14.0, "gap_s": 3.0}})
     assert run.description["sources"]["ballbar"]["files"] == ["raw/ballbarOld.csv", "raw/ballbar.csv"]
     headers = {(run.folder / name).read_text().splitlines()[0] for name in run.description["sources"]["ballbar"]["files"]}
     assert headers == {"time;b1;b2;b3;b4;b5;s1;s2;s3;s4;s5"}
     t = run.bar_time()
     assert np.diff(t).max() == pytest.approx(3.0, rel=WITHIN)
-    assert t[np.diff(t).argmax()] == pytest.approx(14.0, abs=0.011)
+    assert t[np.diff(t).argmax()] == pytest.approx(14.0, abs=0.016)
     for joint in range(1, 6):
         assert np.abs(run.error(joint)[1]).max() < 1.1 * COUNT
     assert (run.ballbar("s1") >> 15 == run.ballbar() // 5_000_000 & 1).all()
@@ -412,12 +424,14 @@ def drawn(errors: dict[str, Any], seed: int) -> Array:
 def test_a_static_source_deviates_its_own_parameters_by_its_own_size(
     source: dict[str, Any], names: tuple[str, ...], sigma_m: float, sigma_rad: float
 ) -> None:
-    seeds = 20_000 // len(names)  # 20 000 draws: their spread is known to 0.5 %
+    seeds = 30_000 // len(names)
     scale = np.array([sigma_m if p.is_length else sigma_rad for p in PARAMETERS])[[INDEX[n] for n in names]]
     values = np.stack([drawn(source, seed) for seed in range(seeds)])
     assert {NAMES[i] for i in np.flatnonzero(values.any(axis=0))} == set(names)
     unit = values[:, [INDEX[n] for n in names]] / scale
-    assert unit.std() == pytest.approx(1.0, rel=WITHIN)
+    length = np.array([PARAMETERS[INDEX[n]].is_length for n in names])
+    for kind in (length, ~length):
+        assert not kind.any() or unit[:, kind].std() == pytest.approx(1.0, rel=WITHIN)
     assert np.abs(np.corrcoef(unit.T) - np.eye(len(names))).max() < 6.0 / np.sqrt(seeds) if len(names) > 1 else True
 
 
@@ -465,7 +479,7 @@ def _angle(run: Run, joint: int) -> Array:
 NOISY: dict[str, dict[str, Any]] = {
     "errors": {"static": {"sigma_m": 1e-3, "sigma_rad": 1e-3}, **NOISE},
     "encoders": {"noise_sigma_rad": 1e-5, "senses": "unknown"},
-    "clocks": {**CLOCK, "overrun_probability": 0.05},
+    "clocks": OVERRUNS,
 }
 SENSORS: dict[str, Any] = {
     "encoder_eccentricity": {},
@@ -476,6 +490,7 @@ SENSORS: dict[str, Any] = {
     "slipped_periods": [{"encoder": 3, "at_s": 12.0, "periods": 4}],
     "coupling_slips": [{"encoder": 4, "at_s": 12.0}],
 }
+NAMED = {"amplitude_errors": 2, "slipped_periods": 3, "coupling_slips": 4}  # the encoder that each of them names
 GEOMETRY: dict[str, Any] = {"ballbar_axes": {}, "base_tilt": {}, "plate_length": {}, "static": STATIC["static"]}
 STAMPS: dict[str, Any] = {
     "wander": {"rate_rms_ppm": 20.0},
@@ -511,10 +526,12 @@ def test_an_encoder_error_changes_nothing_but_its_own_encoders(source: str, plai
     assert raw(run, "ballbar.csv") != raw(plain, "ballbar.csv")
     assert (run.ballbar() == plain.ballbar()).all()
     for joint in range(1, 6):
+        concerned = NAMED.get(source, joint) == joint
         same_status = (run.ballbar(f"s{joint}") == plain.ballbar(f"s{joint}")).all()
-        assert same_status or (source, joint) == ("amplitude_errors", 2)
+        assert same_status != (source == "amplitude_errors" and concerned)
         effects = run.truth.logs.encoders.get(f"b{joint}")
         difference = run.encoder(joint) - plain.encoder(joint)
+        assert (effects is not None) == concerned
         if effects is None or source == "amplitude_errors":
             assert (difference == 0.0).all()
             continue
@@ -593,6 +610,13 @@ def test_lost_and_repeated_rows_leave_the_other_rows_as_they_were(source: str, p
             assert len(after) == len(kept)
 
 
+def test_every_stream_of_random_numbers_has_one_user() -> None:
+    sources = "".join(file.read_text() for file in Path(sim.__path__[0]).glob("*.py"))
+    names = re.findall(r"stream\([\w.]+, f?\"([^\"]+)\"\)", sources)
+    assert sorted(names) == sorted(set(names))
+    assert {"clock_wander", "stamp_jitter", "encoder_noise_b{e.joint}", "resolver_error", "ballbar_axes"} <= set(names)
+
+
 def test_dropping_rows_does_not_change_which_ones_are_doubled(tmp_path: Path) -> None:
     double = noisy(tmp_path / "a", "clocks", duplicated_rows={"robot_probability": 0.2})
     both = noisy(tmp_path / "b", "clocks", duplicated_rows={"robot_probability": 0.2}, dropped_rows={"robot_probability": 0.2})
@@ -630,14 +654,14 @@ def test_a_source_of_size_zero_is_as_good_as_absent(source: str, plain: Run, tmp
 
 def test_everything_at_once_is_in_the_truth_file_and_the_reader_copes(tmp_path: Path) -> None:
     errors = NOISY["errors"] | SENSORS | {"resolver_error": {}, "ballbar_axes": {}, "base_tilt": {}, "plate_length": {}}
-    clocks = NOISY["clocks"] | {"wander": {}, "step": {"at_s": 20.0}, "quantum": {}, "jitter": {}, **ROWS}
+    clocks = NOISY["clocks"] | {"wander": {}, "step": {"at_s": 20.0, "step_s": 0.2}, "quantum": {}, "jitter": {}, **ROWS}
     done = record(tmp_path / "recording", plant={"kind": "kinematic"}, errors=errors, encoders=NOISY["encoders"], clocks=clocks)
     logs = load_truth(truth_path(done.folder)).logs
     assert logs == done.simulation.truth.logs
     assert [h.amplitude_rad for h in logs.encoders["b1"].own] == [6.0e-5, 2.5e-5, 8.0e-6]
     assert logs.encoders["b3"].slipped_periods[0].periods == 4
     assert logs.clock_step is not None
-    assert (logs.clock_step.at_s, logs.clock_step.step_s) == (20.0, 0.128)
+    assert (logs.clock_step.at_s, logs.clock_step.step_s) == (20.0, 0.2)
     kinds = {f.kind for f in read_recording(done.folder).report.findings}
     assert {"amplitude error", "duplicate stamp", "gap"} <= kinds
 

@@ -8,14 +8,18 @@ import mujoco
 import numpy as np
 import pytest
 
+from ballbar.scenario import load_scenario
 from benchmarks.plant_oracle import CELLS, EFFECTS, held_against_oracle
+from benchmarks.thesis_5_3 import pull_push
+from cell.chain import joint_screws, screw
 from cell.descriptions import Cell, load_cell
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from sim import plant as plant_module
 from sim.mjcf import plant_model
+from sim.motion import CLOSURE_STRIDE
 from sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
-from sim.plant import PlantError, prepare, roll_out, run_plant
+from sim.plant import PlantError, check_course, prepare, roll_out, run_plant
 from sim.plant_effects import PlantEffects, PlantErrors, plant_effects
 from sim.simulate import load_lissajous, simulate
 from sim.statics import gravity_torque
@@ -125,13 +129,82 @@ def test_a_diverging_simulation_ends_with_its_time_and_no_silent_reset(cell: Cel
         roll_out(prepared)
 
 
+def test_everything_on_keeps_the_loop_closed() -> None:
+    cell, nominal, true, _ = machine("irb2400")
+    errors = EFFECTS["everything"] | {"gear_friction": {}, "bar_friction": {}}
+    effects = plant_effects(PlantErrors.model_validate(errors), cell, seed=1)
+    shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
+    short = reference_path(cell.robot, nominal, shape, duration=60.0, dwell=2.0, stops=0, step=0.01)
+    position, angle = run_plant(cell, true, effects, short, servo="soft", timestep=1e-3).closure()
+    assert position.max() < 0.3e-6
+    assert angle.max() < 0.3e-6
+
+
+def potential(cell: Cell, geometry: Geometry, b: np.ndarray, stretch: float) -> float:
+    """Energy of the ball-bar's masses [J], from centres of mass that ride on the frames before each joint's DH row."""
+    zero = bar_frames(nominal_geometry(cell, np.zeros(3)), np.zeros((1, 5)))
+    frames = bar_frames(geometry.replaced({"bd3": geometry["bd3"] + stretch}), b[None])
+    energy = 0.0
+    for i, link in enumerate(cell.ballbar.links):
+        at_zero = zero.rotation(i)[:, :, 0].T @ (link.com - zero.origin[i, :, 0])
+        turn = np.array([[np.cos(b[i]), -np.sin(b[i]), 0], [np.sin(b[i]), np.cos(b[i]), 0], [0, 0, 1]])
+        lifted = stretch * frames.z[2, :, 0] if i == 2 else 0.0
+        com = frames.origin[i, :, 0] + frames.rotation(i)[:, :, 0] @ turn @ at_zero + lifted
+        energy -= link.mass * float(cell.robot.gravity @ com)
+    return energy
+
+
+def test_the_force_sensor_shows_what_plate_and_ball_bar_weigh_and_pull() -> None:
+    """At rest the ball-bar's pull on the tool follows from virtual work: rod force, and the weight of its own links."""
+    cell, nominal, true, _ = machine("irb2400")
+    shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
+    short = reference_path(cell.robot, nominal, shape, duration=60.0, dwell=4.0, stops=0, step=0.01)
+    motion = run_plant(cell, true, PlantEffects(force_sensor=True), short, servo="soft", timestep=1e-3)
+    b, rod = motion.b[-1], motion.rod_force[-1]
+    h = 1e-5  # central differences of an energy of joules: 1e-10 / 2e-5
+    load = np.array([potential(cell, true, b + h * e, 0.0) - potential(cell, true, b - h * e, 0.0) for e in np.eye(5)]) / (2 * h)
+    along = (potential(cell, true, b, h) - potential(cell, true, b, -h)) / (2 * h) + rod
+    bar = bar_frames(true, b[None])
+    columns = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None]))[:, :, 0]
+    on_tool = np.linalg.solve(columns, -np.append(load, along))  # wrench of the ball-bar on the tool
+    frames = robot_frames(true, motion.q[-1:])
+    expected = on_tool[:3] + cell.plate.mass * cell.robot.gravity
+    assert motion.wrench is not None
+    assert frames.rotation()[:, :, 0] @ motion.wrench[-1, :3] == pytest.approx(expected, abs=0.02)
+
+
+@pytest.mark.parametrize(("joint", "name"), [(1, "ball-bar joint b2"), (3, "ball-bar joint b4")])
+def test_a_flip_of_the_ball_bar_is_named_with_joint_and_time(recorded: Recorded, joint: int, name: str) -> None:
+    motion = recorded.simulation.motion
+    b = motion.b.copy()
+    b[30000:, joint] *= -1.0
+    with pytest.raises(PlantError, match=rf"{name} passes its singularity at t = 30\.00 s"):
+        check_course(recorded.simulation.cell, replace(motion, b=b))
+    check_course(recorded.simulation.cell, motion)
+
+
+def test_a_robot_pushed_beyond_an_axis_range_ends_with_axis_time_and_value(recorded: Recorded) -> None:
+    robot = recorded.simulation.cell.robot
+    tight = replace(robot, axis_upper=robot.axis_upper * np.array([1, 0.2, 1, 1, 1, 1]))
+    with pytest.raises(PlantError, match=r"axis 2 at t = \d+\.\d\d s: \d+\.\d deg outside -100\.\.22 deg"):
+        check_course(replace(recorded.simulation.cell, robot=tight), recorded.simulation.motion)
+
+
+def test_pull_and_push_strains_the_rod_by_5_6_um_at_150_n_and_shows_the_backlash_asked_for() -> None:
+    scenario = load_scenario(SCENARIOS / "irb2400_push_pull.yaml")
+    motion = simulate(scenario, relative_to=SCENARIOS).motion
+    assert motion.rod_force.max() > 140.0
+    assert motion.rod_force.min() < -140.0
+    strain, backlash = pull_push(motion)
+    assert strain == pytest.approx(150.0 / 2.7e7, rel=0.01)
+    assert backlash == pytest.approx(5e-6, rel=0.01)
+
+
 def test_closure_counts_a_wrong_angle(recorded: Recorded) -> None:
     motion = recorded.simulation.motion
-    few = slice(None, None, 5000)
-    q = motion.q[few].copy()
-    q[3, 1] += 1e-5
-    bent = replace(motion, t=motion.t[few], q=q, b=motion.b[few], rod_stretch=motion.rod_stretch[few])
-    position, angle = bent.closure()
+    q = motion.q.copy()
+    q[3 * CLOSURE_STRIDE, 1] += 1e-5
+    position, angle = replace(motion, q=q).closure()
     assert position[3] > 5e-6
     assert angle[3] == pytest.approx(1e-5, rel=0.02)
     assert position[2] < 1e-6

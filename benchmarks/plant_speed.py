@@ -1,0 +1,91 @@
+"""How fast the plant runs, everything on, against the bare rollout of the same compiled model; and two runs on two cores.
+
+    python -m benchmarks.plant_speed
+
+Every row is a ratio measured in one process, its parts in turn, medians of the rounds; absolute times vary with the machine.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from ballbar.scenario import load_scenario
+from cell.descriptions import Cell, load_cell
+from cell.geometry import Geometry, nominal_geometry
+from sim.path import ReferencePath, reference_path
+from sim.plant import prepare, run_plant
+from sim.plant_effects import PlantEffects, PlantErrors, plant_effects
+from sim.simulate import load_lissajous
+from sim.static_errors import THESIS_3_1
+
+SCENARIOS = Path(__file__).parent.parent / "scenarios"
+ROUNDS = 5
+TIMESTEP = 1e-3  # [s]
+REST: dict[str, object] = {"cycloid_ripple": {}, "sinusoidal_gear_error": {}}  # beside what the full scenario switches on
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One scenario's run, everything on."""
+
+    cell: Cell
+    true: Geometry
+    effects: PlantEffects
+    path: ReferencePath
+
+    def whole(self) -> None:
+        """What a user runs: preparation, rollout, checks."""
+        run_plant(self.cell, self.true, self.effects, self.path, servo="soft", timestep=TIMESTEP)
+
+    def two(self) -> None:
+        """Two of them, a thread each; the rollout runs without the interpreter's lock."""
+        with ThreadPoolExecutor(2) as pool:
+            list(pool.map(lambda _: self.whole(), range(2)))
+
+
+def job_of(name: str) -> Job:
+    """The job of a shipped scenario with the rest of the effects switched on too."""
+    scenario = load_scenario(SCENARIOS / f"{name}.yaml")
+    chosen, timing = scenario.cell, scenario.path
+    cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate)
+    nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
+    true = nominal.replaced({key: nominal[key] + value * 1e-3 for key, value in THESIS_3_1.items()})
+    errors = PlantErrors.model_validate({**scenario.errors.model_dump(include=set(PlantErrors.model_fields), exclude_none=True), **REST})
+    shape = load_lissajous(SCENARIOS / timing.file)
+    path = reference_path(cell.robot, nominal, shape, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops, step=0.01)
+    return Job(cell, true, plant_effects(errors, cell, scenario.seed), path)
+
+
+def main() -> None:
+    """Prints simulated seconds per wall second, the overhead over the bare rollout, and the gain of a second core."""
+    for name in ("irb2400_full", "nj220_full"):
+        job = job_of(name)
+        run = prepare(job.cell, job.true, job.effects, job.path, servo="soft", timestep=TIMESTEP, gravity_compensation=True)
+        model, seconds = run.plant.model, float(job.path.t[-1])
+        bare = partial(rollout.rollout, model, mujoco.MjData(model), run.start[None], run.command[None, 1:])
+        times = np.array([[_timed(part) for part in (bare, job.whole, job.two)] for _ in range(ROUNDS)])
+        bare_rate, whole_rate = seconds / times[:, 0], seconds / times[:, 1]
+        print(f"{name}: {model.nv} degrees of freedom, {len(job.effects.ripples)} ripple terms, {seconds:.0f} s at 1 ms")
+        print(f"  whole run, simulated s per wall s : median {np.median(whole_rate):.0f}, best {whole_rate.max():.0f}")
+        print(f"  bare rollout                      : median {np.median(bare_rate):.0f}, best {bare_rate.max():.0f}")
+        print(f"  whole run / bare rollout          : median {np.median(times[:, 1] / times[:, 0]):.3f}")
+        print(f"  two runs on two cores / one run   : median {np.median(2.0 * times[:, 1] / times[:, 2]):.2f} times the throughput")
+
+
+def _timed(part: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    part()
+    return time.perf_counter() - begin
+
+
+if __name__ == "__main__":
+    main()
