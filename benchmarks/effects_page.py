@@ -299,7 +299,7 @@ def _logged_and_true_torque(view: View) -> Array:
 
 def _sensor_time(view: View) -> Array:
     stamps, _ = _sensor(view)
-    return stamps - stamps[0] + 1.0
+    return np.asarray(stamps - stamps[0] + 1.0)
 
 
 def _sensor_force_and_truth(view: View) -> Array:
@@ -657,8 +657,7 @@ ROBOT_SENSORS = (
             ("q1 [deg]", "q1, change [urad]"),
             {"": _merged(KINEMATIC, _error("resolver_error"))},
             KINEMATIC,
-            window=(5.0, 6.0),
-            points=250,
+            window=(5.0, 7.5),
         ),
     ),
 )
@@ -998,9 +997,10 @@ HEAD = """# Effects: every error source of a scenario
 Written by `python -m benchmarks.effects_page`; do not edit. Defaults and descriptions are those of the settings themselves
 (`sim/`), sizes per machine those of the description files (`cell/`).
 
-Every source is absent unless a scenario names it: `errors: {{joint_compliance: {{}}}}` switches one on at its default size. What
-differs from unit to unit (phases, spread, deviations) is drawn from the scenario's seed, one stream a source, so that switching one
-on leaves all others bit-identical. z is a standard normal draw, phi a drawn phase.
+Every source is absent unless a scenario names it: `errors: {{joint_compliance: {{}}}}` switches one on at its default size. The
+heading of a row is the key, the list in it the parameters with default and unit. What differs from unit to unit (phases, spread,
+deviations) is drawn from the scenario's seed, one stream a source, so that switching one on leaves all others bit-identical. z is a
+standard normal draw, phi a drawn phase.
 
 Letters: `m` motor hinge, `e` elastic deflection, `q = m + e` joint; `g` output of a gear, `joints = gears @ gear_to_joint`
 ([conventions](conventions.md)); `L` load on a gear and `tau` torque of its servo, both at its output, at rest `tau = -L`; `b` ball-bar
