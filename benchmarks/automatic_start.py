@@ -1,6 +1,6 @@
 """How often the automatic start finds the solution: random zeros, senses, configuration, position, clock, robot, encoders.
 
-    python benchmarks/automatic_start.py --draws 200 --out docs/studies/automatic_start.csv
+    python -m benchmarks.automatic_start --draws 200 --out docs/studies/automatic_start.csv
 
 Each draw is a kinematic recording written as device files, read and identified by the same code as a real one. In half of
 them the ball-bar log lacks up to 40 % of the run at one end. A draw counts as solved when the clock offset is within 1 ms

@@ -1,7 +1,7 @@
 """What the device files of one recording tell about forces, gears and what gives way: statics and inverse kinematics only.
 
-Known beside the files: clocks, encoder zeros and kinematic geometry, as after a calibration; masses and nominal stiffness of
-the descriptions. Nothing here is shared with the plant but the kinematics of `cell`. All runs are slow: inertia is left out.
+Known beside the files, as after a calibration: clocks, encoder zeros and kinematic parameters; from the descriptions masses and
+the rod's stiffness. Nothing is shared with the plant but the kinematics of `cell`. Paths are slow: inertia is left out.
 """
 
 from __future__ import annotations
@@ -11,17 +11,18 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from acquisition import read_recording
-from cell.chain import Array, Frames, joint_screws
+from cell.chain import Array, Frames, cross, joint_screws
 from cell.descriptions import Cell, load_cell
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine
+from sim.load_logs import ForceSensor
 from sim.simulate import truth_path
 from sim.truth import load_truth
 
-FORCE_OFFSET = 0.05  # [s] how long after the robot log the sensor begins, if the scenario says nothing
 RIDERS = slice(2, 5)  # links of the ball-bar that the rod's stretch carries along
 
 
@@ -33,9 +34,9 @@ class Logs:
     geometry: Geometry  # known; btheta holds the encoder zeros
     t: Array  # (N,) [s]
     shown: Array  # (N, 6) [rad] joint angles of the logged motor angles
-    b: Array  # (N, 5) [rad] encoder angles, without their zeros
-    torque: Array  # (N, 6) [N m] of the motors, at the gears' outputs; empty where not logged
-    wrench: Array  # (N, 6) [N, N m] that plate and ball-bar exert on the flange, flange frame; empty where not logged
+    b: Array  # (N, 5) [rad] encoder angles, their zeros not in them
+    torque: Array  # (N, 6) [N m] of the motors, at the gears' outputs
+    wrench: Array  # (N, 6) [N, N m] that plate and ball-bar exert on the flange, flange frame
 
     @cached_property
     def bar(self) -> Frames:
@@ -51,100 +52,141 @@ class Logs:
     def on_bar(self) -> Array:
         """(6, N) [N, N m] force and moment about the tip that the tool exerts on the ball-bar's end, base coordinates."""
         plate, rotation = self.cell.plate, self.bar.rotation()
-        tip = np.array([plate.length, 0.0, plate.tool_offset])
         weight = plate.mass * np.einsum("jin,j->ni", rotation, self.cell.robot.gravity)
         force = self.wrench[:, :3] - weight
-        moment = self.wrench[:, 3:] - np.cross(plate.body.com, weight) - np.cross(tip, force)
-        turned = [np.einsum("ijn,nj->in", rotation, -part) for part in (force, moment)]
-        return np.concatenate(turned)
+        moment = self.wrench[:, 3:] - np.cross(plate.body.com, weight) - np.cross(self._tip, force)
+        return np.concatenate([np.einsum("ijn,nj->in", rotation, -part) for part in (force, moment)])
+
+    @cached_property
+    def on_tool(self) -> Array:
+        """(6, N) [N, N m] force and moment about the tip that the ball-bar exerts on the tool, tool frame."""
+        rotation = self.bar.rotation()
+        return np.concatenate([np.einsum("jin,jn->in", rotation, -part) for part in (self.on_bar[:3], self.on_bar[3:])])
 
     @cached_property
     def rod_force(self) -> Array:
         """(N,) [N] tension positive: what the tool exerts along the rod, and the weight of what rides on it."""
         riding = sum(link.mass for link in self.cell.ballbar.links[RIDERS])
-        along = self.bar.z[2]
-        return np.asarray(np.einsum("in,in->n", self.on_bar[:3] + riding * self.cell.robot.gravity[:, None], along))
+        return np.asarray(np.sum((self.on_bar[:3] + riding * self.cell.robot.gravity[:, None]) * self.bar.z[2], axis=0))
+
+    @cached_property
+    def tip(self) -> Array:
+        """(3, N) [m] where the ball-bar holds the tool, its rod stretched by its force."""
+        return np.asarray(self.bar.tip + self.rod_force / self.cell.ballbar.axial_stiffness * self.bar.z[2])
 
     @cached_property
     def joints(self) -> Array:
-        """(N, 6) [rad] true joint angles, by inverse kinematics of the pose that the ball-bar holds; its rod stretches by force."""
+        """(N, 6) [rad] true joint angles of a rigid robot and plate: inverse kinematics of the pose that the ball-bar holds."""
         poses = self.bar.poses()
-        if self.wrench.size:
-            poses[:, :3, 3] += (self.rod_force / self.cell.ballbar.axial_stiffness * self.bar.z[2]).T
+        poses[:, :3, 3] = self.tip.T
         return refine(self.geometry.robot, self.shown, poses)
 
-    @property
+    @cached_property
     def gears(self) -> Array:
-        """(N, 6) [rad] true output angles of the gears, axis by axis of their motors."""
+        """(N, 6) [rad] true output angles of the gears."""
         return self.joints @ self.cell.robot.joint_to_gear
 
-    @property
+    @cached_property
     def shown_gears(self) -> Array:
         """(N, 6) [rad] output angles of the gears that the motors show."""
         return self.shown @ self.cell.robot.joint_to_gear
 
     @cached_property
-    def flange_torque(self) -> Array:
-        """(N, 6) [N m] with which the gears hold what hangs on the flange and the links, at rest."""
+    def load(self) -> Array:
+        """(N, 6) [N m] torque at the gears' outputs that holds the links and what hangs on the flange at rest."""
         frames = robot_frames(self.geometry, self.joints)
-        flange = frames.tip - np.einsum("ijn,j->in", frames.rotation(), [self.cell.plate.length, 0.0, self.cell.plate.tool_offset])
-        pulled = [np.einsum("ijn,nj->in", frames.rotation(), part) for part in (self.wrench[:, :3], self.wrench[:, 3:])]
-        held = np.stack([_power(frames, i, flange, *pulled) for i in range(6)])
-        gravity = self.cell.robot.gravity[:, None]
+        rotation = frames.rotation()
+        flange = frames.tip - np.einsum("ijn,j->in", rotation, self._tip)
+        pull, twist = (np.einsum("ijn,nj->in", rotation, part) for part in (self.wrench[:, :3], self.wrench[:, 3:]))
+        done = np.stack([_work(frames, i, flange, pull, twist) for i in range(6)])
         for i, (mass, com) in enumerate(_link_centres(self.cell, frames)):
-            weight = mass * gravity * np.ones_like(com)
+            weight = np.tile(mass * self.cell.robot.gravity[:, None], com.shape[1])
             for j in range(i + 1):
-                held[j] += _power(frames, j, com, weight, np.zeros_like(com))
-        return np.asarray(-held.T @ self.cell.robot.gear_to_joint.T)
+                done[j] += _work(frames, j, com, weight, np.zeros_like(com))
+        return np.asarray(-done.T @ self.cell.robot.gear_to_joint.T)
+
+    @cached_property
+    def bar_load(self) -> Array:
+        """(N, 5) [N m] torque about each ball-bar joint that the tool exerts."""
+        return np.asarray(np.einsum("jkn,kn->nj", joint_screws(self.bar), self.on_bar))
+
+    @property
+    def _tip(self) -> Array:
+        """(3,) [m] tool tip in the flange frame."""
+        return np.array([self.cell.plate.length, 0.0, self.cell.plate.tool_offset])
 
 
-def _power(frames: Frames, joint: int, point: Array, force: Array, moment: Array) -> Array:
-    """(N,) [N m] generalised force of a joint of a force at `point` and a moment, (3, N) each."""
-    lever = np.cross(frames.z[joint], point - frames.origin[joint], axis=0)
-    return np.asarray(np.sum(lever * force + frames.z[joint] * moment, axis=0))
+def read_logs(folder: Path) -> Logs:
+    """The files of a recording with torques and force sensor; its truth is opened for clocks, zeros and kinematic parameters."""
+    recording, truth = read_recording(folder), load_truth(truth_path(folder))
+    told, first_rows, robot, bar = recording.description, truth.logs.first_rows, recording.robot_log, recording.ballbar_log
+    assert bar is not None
+    assert told.sources.force is not None
+    cell = load_cell(told.robot, told.ballbar, told.plate)
+    torque = read_table(folder / told.sources.robot.files[0])[:, 7:] / np.diag(cell.robot.transmission)
+    force = read_table(folder / told.sources.force.files[0])
+    robot_t = first_rows.robot_s + robot.t
+    force_t = first_rows.robot_s + ForceSensor().offset_s + force[:, 0] - force[0, 0]
+    t = first_rows.ballbar_s + (1.0 + truth.skew) * bar.t
+    inside = (t >= force_t[0]) & (t <= min(robot_t[-1], force_t[-1]))
+    b = bar.angles * np.array([truth.senses[f"b{j}"] for j in bar.joints])
+    at_rows = [CubicSpline(*series)(t[inside]) for series in ((robot_t, robot.q), (robot_t, torque), (force_t, force[:, 1:]))]
+    return Logs(cell, truth.geometry, t[inside], at_rows[0], b[inside], *at_rows[1:])
+
+
+def read_table(path: Path) -> Array:
+    """(N, C) numbers of a device file with commas and one line of names."""
+    return np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+
+
+def fit(columns: list[Array], measured: Array) -> Array:
+    """(K,) coefficients of columns (N,) that explain `measured` (N,) best."""
+    return np.asarray(np.linalg.lstsq(np.stack(columns, axis=1), measured, rcond=None)[0])
+
+
+def rate(t: Array, values: Array) -> Array:
+    """(N, C) time derivative of (N, C)."""
+    return np.asarray(np.gradient(values, t, axis=0))
+
+
+def harmonics(angle: Array, error: Array, orders: list[float]) -> NDArray[np.complex128]:
+    """(K,) A exp(i phi) of each `A sin(order * angle + phi)` in an error (N,) without other parts."""
+    waves = fit([wave(order * angle) for order in orders for wave in (np.sin, np.cos)], error)
+    return np.asarray(waves[0::2] + 1j * waves[1::2])
+
+
+def settled_direction(values: Array, travel: float) -> Array:
+    """(N,) +1 or -1 where `values` (N,) has risen or fallen by `travel` since its last reversal and goes on; 0 elsewhere."""
+    out, low, high = np.zeros(values.size), values[0], values[0]
+    for k, value in enumerate(values):
+        out[k] = (value >= high and value - low >= travel) - (value <= low and high - value >= travel)
+        low, high = min(low, value), max(high, value)
+        if out[k]:
+            low, high = max(low, value - travel), min(high, value + travel)
+    return out
+
+
+def there_and_back(t: Array, values: Array, end: float) -> tuple[Array, Array]:
+    """Times (K,) of the way out and (K, C) half the difference of (N, C) to the way back at the same place.
+
+    For a run of `end` seconds whose way back is its way out in reverse. Weight, elastic load and inertia cancel: friction stays.
+    """
+    spline = CubicSpline(t, values)
+    out = t[(t > t[0] + 2.0) & (t < 0.5 * end)]
+    return out, np.asarray(0.5 * (spline(out) - spline(end - out)))
+
+
+def _work(frames: Frames, joint: int, point: Array, force: Array, moment: Array) -> Array:
+    """(N,) [N m] work on one joint of a force at `point` and a moment, (3, N) each, for a unit turn."""
+    axis = frames.z[joint]
+    return np.asarray(np.sum(cross(axis, point - frames.origin[joint]) * force + axis * moment, axis=0))
 
 
 def _link_centres(cell: Cell, frames: Frames) -> list[tuple[float, Array]]:
-    """Mass [kg] and centre of mass (3, N) [m] of links 1 to 6; each is fixed in the frame behind its joint."""
+    """Mass [kg] and centre of mass (3, N) [m] of links 1 to 6; link i is fixed in the frame of row i."""
     zero = robot_frames(nominal_geometry(cell, np.zeros(3)), np.zeros((1, 6)))
     out = []
     for i, link in enumerate(cell.robot.links[1:], start=1):
         local = zero.rotation(i)[:, :, 0].T @ (link.com - zero.origin[i, :, 0])
         out.append((link.mass, frames.origin[i] + np.einsum("ijn,j->in", frames.rotation(i), local)))
     return out
-
-
-def read_logs(folder: Path) -> Logs:
-    """The files of a recording; its truth is opened for clocks, encoder zeros and kinematic parameters."""
-    recording, truth = read_recording(folder), load_truth(truth_path(folder))
-    description = recording.description
-    cell = load_cell(description.robot, description.ballbar, description.plate)
-    assert recording.ballbar_log is not None
-    starts, robot_log, bar_log = truth.logs.first_rows, recording.robot_log, recording.ballbar_log
-    senses = np.array([truth.senses[f"b{j}"] for j in range(1, 6)])
-    t = starts.ballbar_s + (1.0 + truth.skew) * bar_log.t
-    series = {"shown": (starts.robot_s + robot_log.t, robot_log.q)}
-    header, table = read_table(folder / "raw" / "robot.csv")
-    if "tau1" in header:
-        series["torque"] = (series["shown"][0], table[:, 7:] / np.diag(cell.robot.transmission))
-    if description.sources.force:
-        _, table = read_table(folder / description.sources.force.files[0])
-        series["wrench"] = (starts.robot_s + FORCE_OFFSET + table[:, 0] - table[0, 0], table[:, 1:])
-    inside = (t >= max(times[0] for times, _ in series.values())) & (t <= min(times[-1] for times, _ in series.values()))
-    at_rows = {name: CubicSpline(times, values)(t[inside]) for name, (times, values) in series.items()}
-    none = np.zeros((0, 6))
-    return Logs(
-        cell,
-        truth.geometry,
-        t[inside],
-        at_rows["shown"],
-        bar_log.angles[inside] * senses,
-        at_rows.get("torque", none),
-        at_rows.get("wrench", none),
-    )
-
-
-def read_table(path: Path) -> tuple[list[str], Array]:
-    """Column names and (N, C) numbers of a device file with commas."""
-    with path.open() as file:
-        return file.readline().strip().split(","), np.loadtxt(file, delimiter=",", ndmin=2)
