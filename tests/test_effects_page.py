@@ -13,7 +13,11 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from benchmarks.effects_page import PAGE, PLOTS, SOURCES, page_text, parameter_text, read_sizes, unit_of, value_text
+from benchmarks.effects_page.figures import PLOTS
+from benchmarks.effects_page.page import PAGE, page_text
+from benchmarks.effects_page.parameters import parameter_text, unit_of, value_text
+from benchmarks.effects_page.sizes import read_sizes
+from benchmarks.effects_page.sources import SOURCES
 from sim.settings import SimulationSettings
 
 SECTIONS = ("plant", "errors", "encoders", "clocks", "logs")

@@ -1,0 +1,19 @@
+"""Every error source of a scenario, in the order of the page."""
+
+from benchmarks.effects_page.sources.geometry import GEOMETRY
+from benchmarks.effects_page.sources.logs import CLOCKS, LOADS, LOGGERS
+from benchmarks.effects_page.sources.plant import BAR, GEARS
+from benchmarks.effects_page.sources.sensors import ENCODERS, ROBOT_SENSORS
+from benchmarks.effects_page.sources.source import Source as Source
+
+GROUPS: dict[str, tuple[Source, ...]] = {
+    "Plant: gears and servo": GEARS,
+    "Plant: ball-bar and offset plate": BAR,
+    "Geometry": GEOMETRY,
+    "Robot's angle sensors": ROBOT_SENSORS,
+    "Ball-bar encoders": ENCODERS,
+    "Clocks and stamps": CLOCKS,
+    "Loggers: which rows stand in the file": LOGGERS,
+    "Logged loads": LOADS,
+}
+SOURCES = tuple(source for group in GROUPS.values() for source in group)
