@@ -22,6 +22,7 @@ from ballbar.scenario import load_scenario
 from cell.descriptions import load_robot
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
+from cell.inverse import UnreachableError
 from ident.calibration import Calibration, load_calibration
 from ident.identify import DEFAULT_SAMPLES, Identification
 from ident.start import StartError
@@ -226,7 +227,7 @@ def main() -> None:
     except InputError as error:
         err.print(f"[red]error:[/] {escape(str(error))}")
         sys.exit(2)
-    except (StartError, PlantError, NoEquilibriumError, ViewerError) as error:
+    except (StartError, PlantError, NoEquilibriumError, UnreachableError, ViewerError) as error:
         err.print(f"[red]failed:[/] {escape(str(error))}")
         sys.exit(1)
     except OSError as error:

@@ -157,23 +157,24 @@ def harmonics(angle: Array, error: Array, orders: list[float]) -> NDArray[np.com
 
 def settled_direction(values: Array, travel: float) -> Array:
     """(N,) +1 or -1 where `values` (N,) has risen or fallen by `travel` since its last reversal and goes on; 0 elsewhere."""
-    out, low, high = np.zeros(values.size), values[0], values[0]
-    for k, value in enumerate(values):
-        out[k] = (value >= high and value - low >= travel) - (value <= low and high - value >= travel)
+    out, low, high = np.zeros(values.size), float(values[0]), float(values[0])
+    for k, value in enumerate(values.tolist()):
+        if value >= high and value - low >= travel:
+            out[k], low = 1.0, value - travel
+        elif value <= low and high - value >= travel:
+            out[k], high = -1.0, value + travel
         low, high = min(low, value), max(high, value)
-        if out[k]:
-            low, high = max(low, value - travel), min(high, value + travel)
     return out
 
 
-def there_and_back(t: Array, values: Array, end: float) -> tuple[Array, Array]:
-    """Times (K,) of the way out and (K, C) half the difference of (N, C) to the way back at the same place.
+def there_and_back(t: Array, values: Array, end: float) -> Array:
+    """(K, C) half the difference of (N, C) between the way out and the way back at the same place.
 
     For a run of `end` seconds whose way back is its way out in reverse. Weight, elastic load and inertia cancel: friction stays.
     """
     spline = CubicSpline(t, values)
     out = t[(t > t[0] + 2.0) & (t < 0.5 * end)]
-    return out, np.asarray(0.5 * (spline(out) - spline(end - out)))
+    return np.asarray(0.5 * (spline(out) - spline(end - out)))
 
 
 def _work(frames: Frames, joint: int, point: Array, force: Array, moment: Array) -> Array:

@@ -14,14 +14,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
+from scipy.optimize import least_squares
 
 from cell.chain import Array
-from cell.descriptions import Cell, joints_to_motors, load_cell
+from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.inverse import pose_mismatch
-from sim.load_logs import ForceSensor, LoadLogs, TorqueLog, motor_torques, sensor_rows
-from sim.motion import Motion
+from sim.load_logs import ForceSensor, TorqueLog, motor_torques, sensor_rows
 from sim.plant_effects import PlantErrors, plant_effects
+from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
 from sim.truth import PlantTruth, load_truth
 from tests.conftest import SCENARIOS, record, settings
@@ -41,7 +43,7 @@ CENTRE = np.array([-23.2, -54.3, 20.8, -129.6, 138.0])  # [deg] scenarios/paths/
 AMPLITUDE = np.array([75.9, -19.6, 31.0, -18.2, 87.4])  # [deg]
 
 
-def run(folder: Path, *, robot: str = "irb2400", duration: float = 120.0, file: str = "", **changes: Any) -> Logs:
+def run(folder: Path, *, robot: str = "irb2400", duration: float = 90.0, file: str = "", **changes: Any) -> Logs:
     """The files of a run without any error but those that `changes` switch on, every log perfect."""
     base: dict[str, Any] = {
         "cell": CELLS[robot],
@@ -72,7 +74,7 @@ def stated(folder: Path) -> PlantTruth:
 
 
 def test_at_rest_the_logged_torques_carry_the_arm_and_what_the_force_sensor_feels(tmp_path: Path) -> None:
-    logs = run(tmp_path, duration=30.0, plant=SAGGING)
+    logs = run(tmp_path, duration=60.0, plant=SAGGING)
     still = logs.t < 1.5
     assert np.abs(logs.torque[still] - logs.load[still]).max() < 1e-3  # of 400 N m; the files have 1e-6 N m at the motor
     assert np.abs(logs.rod_force[still]).min() > 40.0
@@ -81,10 +83,15 @@ def test_at_rest_the_logged_torques_carry_the_arm_and_what_the_force_sensor_feel
 # --- gears
 
 
-def assert_stiffness(logs: Logs, expected: Array) -> None:
-    """Of every gear, from what lies between the ball-bar's pose and the motors, and the motor's torque."""
+def springs(logs: Logs) -> tuple[Array, Array, Array]:
+    """What lies between the ball-bar's pose and the motors, (N, 6) [rad] at the gears; its rate; acceleration of the motors."""
     deflection = logs.gears - logs.shown_gears
-    speed, rotor = rate(logs.t, deflection), rate(logs.t, rate(logs.t, logs.shown_gears))
+    return deflection, rate(logs.t, deflection), rate(logs.t, rate(logs.t, logs.shown_gears))
+
+
+def assert_stiffness(logs: Logs, expected: Array) -> None:
+    """Of every gear: torque of the motor is that of spring, damper and rotor."""
+    deflection, speed, rotor = springs(logs)
     for i in range(6):
         found = fit([-deflection[:, i], -speed[:, i], rotor[:, i]], logs.torque[:, i])[0]
         assert found == pytest.approx(expected[i], rel=WITHIN), f"gear {i + 1}"
@@ -99,7 +106,7 @@ def test_each_gear_yields_to_its_torque_by_the_asked_stiffness(robot: str, tmp_p
 def test_a_robot_with_a_spread_of_stiffnesses_has_those_that_its_truth_states(tmp_path: Path) -> None:
     logs = run(tmp_path, plant=SAGGING, errors={"joint_compliance": {"spread": 0.3}})
     drawn = np.array(stated(tmp_path).gear_stiffness_N_m_per_rad)
-    assert np.abs(np.log(drawn / logs.cell.robot.gears.stiffness)).min() > 0.02
+    assert np.std(drawn / logs.cell.robot.gears.stiffness) > 0.1
     assert_stiffness(logs, drawn)
 
 
@@ -116,22 +123,18 @@ def test_stiffness_and_lost_motion_spread_as_asked_from_robot_to_robot(cell: Cel
 def test_a_gear_with_play_jumps_by_the_asked_width_where_its_load_changes_sign(tmp_path: Path) -> None:
     errors = {"joint_compliance": {"scale": 0.3}, "lost_motion": {"scale": 0.9}}
     logs = run(tmp_path, plant=SAGGING, errors=errors)
-    deflection, asked = logs.gears - logs.shown_gears, 0.9 * logs.cell.robot.gears.lost_motion
-    speed, rotor = rate(logs.t, deflection), rate(logs.t, rate(logs.t, logs.shown_gears))
-    for i in range(6):
+    (deflection, speed, rotor), asked = springs(logs), 0.9 * logs.cell.robot.gears.lost_motion
+    for i in range(6):  # gears 3 and 5 are never unloaded: their line misses zero by half the width
         through = np.abs(deflection[:, i]) > 0.75 * asked[i]
         e, side = deflection[through, i], np.sign(deflection[through, i])
         stiffness, preload, *_ = fit([-e, side, -speed[through, i], rotor[through, i]], logs.torque[through, i])
         assert 2.0 * preload / stiffness == pytest.approx(asked[i], rel=WITHIN), f"gear {i + 1}"
-        floating = np.abs(logs.torque[:, i]) < 0.2  # N m; the rest of the dead band is passed too fast to be seen at rest
-        assert np.abs(deflection[floating, i]).max(initial=0.0) < 0.55 * asked[i]
 
 
 def test_a_gear_with_hysteresis_lags_by_the_asked_width_between_loading_and_unloading(tmp_path: Path) -> None:
     errors = {"joint_compliance": {"scale": 0.3}, "lost_motion": {"kind": "hysteresis"}}
     logs = run(tmp_path, plant=SAGGING, errors=errors)
-    deflection, asked = logs.gears - logs.shown_gears, logs.cell.robot.gears.lost_motion
-    speed, rotor = rate(logs.t, deflection), rate(logs.t, rate(logs.t, logs.shown_gears))
+    (deflection, speed, rotor), asked = springs(logs), logs.cell.robot.gears.lost_motion
     for i in range(6):
         way = settled_direction(deflection[:, i], 1.2 * asked[i])
         on = way != 0.0
@@ -142,7 +145,7 @@ def test_a_gear_with_hysteresis_lags_by_the_asked_width_between_loading_and_unlo
 
 def assert_ripples(logs: Logs, asked: list[list[tuple[float, float]]], folder: Path) -> None:
     """Amplitude of each (order, amplitude) of each gear as asked, phase as drawn."""
-    drawn = {(r.axis, r.cycles_per_turn): r.phase_rad for r in stated(folder).transmission_error}
+    drawn = {(r.axis, round(r.cycles_per_turn, 6)): r.phase_rad for r in stated(folder).transmission_error}
     for i, gear in enumerate(asked):
         error = logs.gears[:, i] - logs.shown_gears[:, i]
         orders = [order for order, _ in gear]
@@ -152,13 +155,13 @@ def assert_ripples(logs: Logs, asked: list[list[tuple[float, float]]], folder: P
         for found, (order, amplitude) in zip(harmonics(logs.gears[:, i], error, orders), gear, strict=True):
             place = f"gear {i + 1}, {order:g} cycles a turn"
             assert abs(found) == pytest.approx(amplitude, rel=WITHIN), place
-            assert abs(found - amplitude * np.exp(1j * drawn[i + 1, order])) < WITHIN * amplitude, place
+            assert abs(found - amplitude * np.exp(1j * drawn[i + 1, round(order, 6)])) < WITHIN * amplitude, place
 
 
 @pytest.mark.parametrize("robot", list(CELLS))
 def test_each_harmonic_of_the_gears_lies_between_motor_and_pose(robot: str, tmp_path: Path) -> None:
-    logs = run(tmp_path, robot=robot, errors={"transmission_error": {"scale": 1.5}})
-    asked = [[(order, 1.5 * amplitude) for order, amplitude in gear] for gear in logs.cell.robot.gears.harmonics]
+    logs = run(tmp_path, robot=robot, errors={"transmission_error": {"scale": 2.0}})
+    asked = [[(order, 2.0 * amplitude) for order, amplitude in gear] for gear in logs.cell.robot.gears.harmonics]
     assert_ripples(logs, asked, tmp_path)
 
 
@@ -176,10 +179,10 @@ def test_a_cusped_ripple_is_the_rectified_sine_with_zero_mean(tmp_path: Path) ->
         series = [2.0 * 6e-5 / (4 * k * k - 1) for k in range(1, 5)]  # of pi/2 |sin(x/2)| - 1, truncated
         assert np.abs(found) == pytest.approx(series, rel=WITHIN)
         x = 40.0 * logs.gears[:, i] + np.angle(found[0]) + 0.5 * np.pi
-        away = np.abs(np.sin(0.5 * x)) > 0.5
-        assert error[away, i] / 6e-5 == pytest.approx(0.5 * np.pi * np.abs(np.sin(0.5 * x[away])) - 1.0, abs=0.02)
-        cusp = -np.interp(0.0, np.sort(np.abs(np.sin(0.5 * x))), error[np.argsort(np.abs(np.sin(0.5 * x))), i])
-        assert cusp / 6e-5 == pytest.approx(1.0 - 0.111, abs=0.01)  # four terms reach 8/9 of the peak
+        wave = 6e-5 * (0.5 * np.pi * np.abs(np.sin(0.5 * x)) - 1.0)
+        near = np.abs(np.angle(np.exp(1j * x))) < np.radians(12.0)
+        assert np.abs(error[~near, i] - wave[~near]).max() < 0.045 * 6e-5
+        assert (error[near, i] - wave[near]).max() == pytest.approx(6e-5 / 9.0, rel=0.02)  # four terms reach 8/9 of the peak
 
 
 @pytest.mark.parametrize("side", ["output", "input"])
@@ -192,40 +195,49 @@ def test_an_eccentric_gear_errs_once_a_turn_of_its_output_or_its_motor(side: str
 def test_parallel_rod_and_wrist_carry_the_ripple_of_a_motor_into_the_joints_behind(tmp_path: Path) -> None:
     ripple = {"waveform": "harmonic", "amplitude_rad": 2e-4, "axes": [2, 4]}
     logs = run(tmp_path, duration=60.0, errors={"cycloid_ripple": ripple})
-    error = logs.joints - logs.shown
-    for motor, shares in {2: [0.0, 1.0, -1.0, 0.0, 0.0, 0.0], 4: [0.0, 0.0, 0.0, 1.0, 55 / 759, 55 * 62 / 41745]}.items():
-        phase = next(r.phase_rad for r in stated(tmp_path).transmission_error if r.axis == motor)
-        for joint, share in enumerate(shares):  # thesis App. A: rows 2 and 4 of the motor-to-joint matrix
-            behind = harmonics(logs.gears[:, motor - 1], error[:, joint], [40.0])[0] * np.exp(-1j * phase)
-            assert abs(behind - 2e-4 * share) < WITHIN * 2e-4 * (abs(share) or 1.0), f"motor {motor} in joint {joint + 1}"
-
-
-def friction_of(logs: Logs, end: float) -> tuple[Array, Array, Array]:
-    """Speeds (K, 6) [rad/s] of the gears, (K, 6) [N m] their friction, and (K, 6) [N m/s] how fast the load changes.
-
-    The stiff servo follows both ways to 0.1 mrad.
-    """
-    own, loads = logs.torque - logs.load, rate(logs.t, logs.load)
-    out, friction = there_and_back(logs.t, own, end)
-    _, speed = there_and_back(logs.t, rate(logs.t, logs.shown_gears), end)
-    _, change = there_and_back(logs.t, loads, end)
-    assert out.size > 1000
-    return speed, friction, change
+    waves = [wave(40.0 * logs.gears[:, motor]) for motor in (1, 3) for wave in (np.sin, np.cos)]
+    in_joints = np.array([fit(waves, error) for error in (logs.joints - logs.shown).T])
+    phases = {r.axis: r.phase_rad for r in stated(tmp_path).transmission_error}
+    carried = {2: [0.0, 1.0, -1.0, 0.0, 0.0, 0.0], 4: [0.0, 0.0, 0.0, 1.0, 55 / 759, 55 * 62 / 41745]}
+    for k, (motor, shares) in enumerate(carried.items()):  # thesis App. A: rows 2 and 4 of the motor-to-joint matrix
+        found = (in_joints[:, 2 * k] + 1j * in_joints[:, 2 * k + 1]) * np.exp(-1j * phases[motor]) / 2e-4
+        for joint, share in enumerate(shares):
+            assert abs(found[joint] - share) < WITHIN * (abs(share) or 1.0), f"motor {motor} in joint {joint + 1}"
 
 
 def test_gears_rub_with_the_asked_coulomb_and_viscous_friction(tmp_path: Path) -> None:
-    """Torque may come late against load by some latency, which looks like viscous friction of dload/dangle; it is fitted too."""
+    """Both ways over the same poses. Torque that comes late against the load, and a way back that is not quite the way out in
+    reverse, both look like viscous friction: the load's rate and the accelerations are fitted with it.
+    """
     path = path_there_and_back(tmp_path, [5, 2, 3, 3, 4], size=0.94)
-    logs = run(tmp_path, file=path, plant={"servo": "stiff"}, errors={"gear_friction": {"scale": 1.2}})
-    speed, friction, change = friction_of(logs, 120.0)
-    gears = logs.cell.robot.gears
+    logs = run(tmp_path, duration=100.0, file=path, plant={"servo": "stiff"}, errors={"gear_friction": {"scale": 1.2}})
+    velocity, gears = rate(logs.t, logs.shown_gears), logs.cell.robot.gears
+    series = (logs.torque - logs.load, velocity, rate(logs.t, logs.load), rate(logs.t, velocity))
+    friction, speed, load_rate, acceleration = (there_and_back(logs.t, values, 100.0) for values in series)
     for i in range(6):
-        slides = np.abs(speed[:, i]) > 0.03
+        slides = np.abs(speed[:, i]) > 0.2 * np.abs(speed[:, i]).max()
         w = speed[slides, i]
-        coulomb, viscous, late = fit([np.sign(w), w, change[slides, i]], friction[slides, i])
+        coulomb, viscous, latency, *_ = fit([np.sign(w), w, -load_rate[slides, i], *acceleration[slides].T], friction[slides, i])
         assert coulomb == pytest.approx(1.2 * gears.coulomb[i], rel=WITHIN), f"gear {i + 1}"
-        print(i, coulomb / (1.2 * gears.coulomb[i]) - 1, viscous / (1.2 * gears.viscous[i]) - 1, late)
         assert viscous == pytest.approx(1.2 * gears.viscous[i], rel=WITHIN), f"gear {i + 1}"
+        assert abs(latency) < 1.2e-3  # [s] a step of the plant, whose servo answers the load of the step before
+
+
+def test_slow_gears_rub_more_by_the_asked_break_away_friction_and_stribeck_speed(tmp_path: Path) -> None:
+    """Axes 1 to 3; the lighter ones behind them stick and slip at such speeds."""
+    path = path_there_and_back(tmp_path, [1, 1, 2, 1, 1], size=0.15)
+    logs = run(tmp_path, duration=60.0, file=path, plant={"servo": "stiff"}, errors={"gear_friction": {"stribeck": True}})
+    gears = logs.cell.robot.gears
+    friction, speed = (there_and_back(logs.t, values, 60.0) for values in (logs.torque - logs.load, rate(logs.t, logs.shown_gears)))
+    for i in range(3):
+        w = np.abs(speed[:, i])
+        slides = (w > 1e-3) & (np.abs(np.gradient(w)) < 1e-4)
+        more = np.abs(friction[slides, i]) - gears.coulomb[i] - gears.viscous[i] * w[slides]
+        found = least_squares(
+            lambda p, w, y: p[0] * np.exp(-((w / p[1]) ** 2)) - y, [5.0, 0.01], x_scale=[5.0, 0.01], args=(w[slides], more)
+        )
+        assert gears.coulomb[i] + found.x[0] == pytest.approx(gears.static[i], rel=WITHIN), f"gear {i + 1}"
+        assert abs(found.x[1]) == pytest.approx(gears.stribeck[i], rel=WITHIN), f"gear {i + 1}"
 
 
 # --- ball-bar, plate and base
@@ -258,7 +270,7 @@ def test_the_rods_play_lies_between_push_and_pull(width: float | None, tmp_path:
     assert 1.0 / slope == pytest.approx(2.7e7, rel=WITHIN)
     slack = np.abs(stretch) < 0.4 * asked
     assert slack.any()
-    assert np.abs(force[slack]).max() < 1.0  # no force but that of inertia
+    assert np.abs(force[slack]).max() < 2.0  # no force but that of inertia
 
 
 @pytest.mark.parametrize(("plate", "stiffness"), [("plate_250", 1.0e7), ("plate_250_thin", 1.67e6)])
@@ -268,7 +280,8 @@ def test_the_plate_bends_under_the_balls_force_by_10_or_60_micrometres_at_100_ne
     bent = np.sum((logs.tip - robot.tip) * robot.z[-1], axis=0)
     tilted = np.sum(pose_mismatch(logs.bar.rotation(), logs.tip, robot)[3:] * robot.y[-1], axis=0)
     assert np.ptp(load[2]) > 80.0
-    # cantilever of length L under a force F and a moment M at its tip: F / k + 3 M / (2 k L) across, 3 F / (2 k L) + 3 M / (k L^2) tilt
+    # A cantilever of length L under a force F and a moment M at its tip gives way by F / k + 3 M / (2 k L) and tilts by 3 F / (2 k L),
+    # and so does the plant's hinge; the tilt of M alone is the hinge's, 9 M / (4 k L^2), of a moment below 0.3 N m.
     lever = 1.5 / logs.cell.plate.length
     (across,) = fit([load[2] - lever * load[4]], bent)
     assert 1.0 / across == pytest.approx(stiffness, rel=WITHIN)
@@ -284,7 +297,7 @@ def test_a_plate_of_asked_stiffness_is_not_that_of_its_file(tmp_path: Path) -> N
 
 
 def test_the_balls_base_gives_way_alike_in_all_directions(tmp_path: Path) -> None:
-    logs = run(tmp_path, plant=SAGGING, errors={"base_compliance": {"stiffness_N_per_m": 3e7}})
+    logs = run(tmp_path, duration=120.0, plant=SAGGING, errors={"base_compliance": {"stiffness_N_per_m": 3e7}})
     shift = logs.shown_robot.tip - logs.tip
     weight = sum(link.mass for link in logs.cell.ballbar.links) * logs.cell.robot.gravity
     for axis in range(3):
@@ -295,11 +308,10 @@ def test_the_balls_base_gives_way_alike_in_all_directions(tmp_path: Path) -> Non
 
 def test_each_joint_of_the_ballbar_rubs_with_the_asked_torque(tmp_path: Path) -> None:
     path = path_there_and_back(tmp_path, [5, 2, 3, 3, 4], size=0.94)
-    logs = run(tmp_path, file=path, errors={"bar_friction": {"torque_N_m": 0.08}})
-    _, friction = there_and_back(logs.t, logs.bar_load, 120.0)
-    _, speed = there_and_back(logs.t, rate(logs.t, logs.b), 120.0)
+    logs = run(tmp_path, duration=120.0, file=path, errors={"bar_friction": {"torque_N_m": 0.08}})
+    friction, speed = (there_and_back(logs.t, values, 120.0) for values in (logs.bar_load, rate(logs.t, logs.b)))
     for j in range(5):
-        slides = np.abs(speed[:, j]) > 0.02
+        slides = np.abs(speed[:, j]) > 0.2 * np.abs(speed[:, j]).max()
         coulomb, _ = fit([np.sign(speed[slides, j]), speed[slides, j]], friction[slides, j])
         assert coulomb == pytest.approx(0.08, rel=WITHIN), f"joint b{j + 1}"
 
@@ -307,32 +319,261 @@ def test_each_joint_of_the_ballbar_rubs_with_the_asked_torque(tmp_path: Path) ->
 # --- load logs
 
 
+SILENT = PERFECT_LOGS["force_sensor"]
+EXACT = PERFECT_LOGS["torque"]
+
+
 @pytest.fixture(scope="module")
 def loaded() -> Simulation:
-    """A short run whose forces any number of loggers may log."""
-    return simulate(settings(path={**SLOW, "duration_s": 30.0}, errors={}, logs={"force_sensor": {}}), relative_to=SCENARIOS)
+    """A run whose forces any number of loggers may log."""
+    return simulate(quiet(logs={"force_sensor": {}}), relative_to=SCENARIOS)
 
 
-SLOW: dict[str, Any] = {"kind": "lissajous", "file": "paths/irb2400_a.yaml", "duration_s": 60.0, "dwell_s": 2.0, "stops": 0}
-SILENT = {"noise_N": 0.0, "noise_N_m": 0.0, "bias_N": 0.0, "bias_N_m": 0.0, "gain_sigma": 0.0}
-EXACT = PERFECT_LOGS["torque"]
+def quiet(**changes: Any) -> SimulationSettings:
+    return settings(**({"errors": {}, "clocks": {"offset_s": 0.137, "skew": 5e-5}, "seed": 2} | changes))
 
 
 def written(loaded: Simulation, folder: Path, **logs: Any) -> Path:
     """The raw files of the run with other loggers."""
-    write_recording(loaded, settings(errors={}, logs=logs), folder)
+    write_recording(loaded, quiet(logs=logs), folder)
     return folder / "raw"
 
 
+def force_log(loaded: Simulation, folder: Path, **changes: float) -> Array:
+    return read_table(written(loaded, folder, force_sensor=SILENT | changes) / "force.csv")
+
+
+def gear_torques(loaded: Simulation, folder: Path, **changes: float) -> Array:
+    """(N, 6) [N m] logged torques, at the gears' outputs."""
+    motor = read_table(written(loaded, folder, torque=EXACT | changes) / "robot.csv")[:, 7:]
+    return motor / np.diag(loaded.cell.robot.transmission)
+
+
 def test_the_force_sensor_has_its_own_rate_and_begins_when_it_was_asked_to(loaded: Simulation, tmp_path: Path) -> None:
-    early = read_table(written(loaded, tmp_path / "a", force_sensor=SILENT | {"rate_hz": 250.0, "offset_s": 0.1}) / "force.csv")
-    late = read_table(written(loaded, tmp_path / "b", force_sensor=SILENT | {"rate_hz": 250.0, "offset_s": 0.3}) / "force.csv")
-    assert np.diff(early[:, 0]) == pytest.approx(1.0 / 250.0, abs=1.1e-6)
-    assert np.abs(early[50 : 50 + 5000, 1:] - late[:5000, 1:]).max() < 1.1e-5  # 0.2 s later, 50 rows
-    assert early[0, 0] == late[0, 0]  # its clock starts with it
-    at_row = CubicSplineOfForce(loaded)
-    assert np.abs(early[:, 1:] - at_row(0.1 + np.arange(len(early)) / 250.0)).max() < 1.1e-5
+    log = force_log(loaded, tmp_path, rate_hz=250.0, offset_s=0.3)
+    assert np.diff(log[:, 0]) == pytest.approx(1.0 / 250.0, abs=1.1e-6)
+    first = float(loaded.times.robot_true[0]) + 0.3
+    assert first + (len(log) - 1) / 250.0 == pytest.approx(loaded.times.robot_true[-1], abs=1.0 / 250.0)
+    moved = rate(loaded.motion.t, loaded.motion.wrench)
+    at = [np.interp(first + np.arange(len(log)) / 250.0, loaded.motion.t, column) for column in np.hstack((loaded.motion.wrench, moved)).T]
+    late = [fit([speed], read - felt)[0] for read, felt, speed in zip(log[:, 1:].T, at[:6], at[6:], strict=True)]
+    assert np.abs(late).max() < WITHIN * 1e-3  # [s]
 
 
-def CubicSplineOfForce(loaded: Simulation) -> Callable[[Array], Array]:
-    raise NotImplementedError
+def test_noise_of_force_sensor_and_torques_is_white_and_of_the_asked_size(loaded: Simulation, tmp_path: Path) -> None:
+    noise = {"noise_N": 1.5, "noise_N_m": 0.12, "rate_hz": 1000.0}
+    added = force_log(loaded, tmp_path / "f", **noise)[:, 1:] - force_log(loaded, tmp_path / "f0", rate_hz=1000.0)[:, 1:]
+    assert_white(added[:, :3], 1.5)
+    assert_white(added[:, 3:], 0.12)
+    exact = gear_torques(loaded, tmp_path / "t0")
+    added = gear_torques(loaded, tmp_path / "t", noise_N_m=2.5, wrist_noise_N_m=0.4) - exact
+    assert_white(added[:, :3], 2.5)
+    assert_white(added[:, 3:], 0.4)
+
+
+def assert_white(noise: Array, sigma: float) -> None:
+    """Three channels over a minute: 45 000 samples or more tell their sigma to 0.3 %."""
+    assert noise.std() == pytest.approx(sigma, rel=WITHIN)
+    assert abs(np.sum(noise[1:] * noise[:-1]) / np.sum(noise**2)) < 0.02
+    assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.03
+
+
+def test_gain_and_bias_are_one_number_a_channel_and_as_large_as_asked(loaded: Simulation, tmp_path: Path) -> None:
+    felt, torque = force_log(loaded, tmp_path / "f0")[:, 1:], gear_torques(loaded, tmp_path / "t0")
+    found = []
+    for size in (1.0, 2.0):
+        asked = {"gain_sigma": 0.01 * size, "bias_N": 2.0 * size, "bias_N_m": 0.2 * size}
+        read = force_log(loaded, tmp_path / f"f{size}", **asked)[:, 1:]
+        shown = gear_torques(loaded, tmp_path / f"t{size}", gain_sigma=0.02 * size)
+        channels = [*zip(felt.T, read.T, strict=True), *zip(torque.T, shown.T, strict=True)]
+        found.append(np.array([line(*channel) for channel in channels]))
+    (gain, bias), (twice_gain, twice_bias) = found[0].T, found[1].T
+    assert twice_gain == pytest.approx(2.0 * gain, rel=WITHIN)
+    assert twice_bias[:6] == pytest.approx(2.0 * bias[:6], rel=WITHIN)
+    assert np.abs(gain).min() > 1e-4
+    assert np.abs(bias[6:]).max() < 1e-3  # [N m] torques have none but the rounding of their file
+
+
+def line(clean: Array, read: Array) -> tuple[float, float]:
+    """Gain error and bias; nothing else lies between the two."""
+    gain, bias = fit([clean, np.ones(clean.size)], read)
+    assert np.abs(read - gain * clean - bias).max() < 1e-4 + 1e-5 * np.abs(read).max()
+    return gain - 1.0, bias
+
+
+def test_gains_and_biases_of_many_runs_scatter_as_asked(loaded: Simulation) -> None:
+    """Six channels in 8000 runs: their sigma is known to 0.3 %."""
+    two = np.stack([np.zeros(6), np.full(6, 1000.0)])
+    step = replace(loaded.motion, t=np.array([0.0, 1.0]), wrench=two, torque=two)
+    sensor = ForceSensor(rate_hz=1.0, noise_N=0.0, noise_N_m=0.0, bias_N=2.0, bias_N_m=0.2, gain_sigma=0.01, offset_s=0.0)
+    torque_log = TorqueLog(noise_N_m=0.0, wrist_noise_N_m=0.0, gain_sigma=0.02)
+    read = np.array([sensor_rows(step, 0.0, 1.0, sensor, seed)[1] for seed in range(8000)])
+    shown = np.array([motor_torques(loaded.cell.robot, step, step.t, torque_log, seed)[1] for seed in range(8000)])
+    gains = (read[:, 1] - read[:, 0]) / 1000.0 - 1.0
+    torque_gains = shown / (1000.0 * np.diag(loaded.cell.robot.transmission)) - 1.0
+    for drawn, sigma in ((read[:, 0, :3], 2.0), (read[:, 0, 3:], 0.2), (gains, 0.01), (torque_gains, 0.02)):
+        assert np.sqrt(np.mean(drawn**2)) == pytest.approx(sigma, rel=WITHIN)
+    together = np.hstack((read[:, 0], gains, torque_gains))
+    assert np.abs(np.corrcoef(together.T) - np.eye(18)).max() < 0.05
+
+
+# --- one source leaves all others alone
+
+
+EFFECTS: dict[str, dict[str, Any]] = {
+    "joint_compliance": {"spread": 0.3},
+    "transmission_error": {},
+    "cycloid_ripple": {},
+    "sinusoidal_gear_error": {},
+    "gear_friction": {},
+    "rod_backlash": {},
+    "bar_friction": {},
+    "plate_bending": {},
+    "base_compliance": {},
+}
+PLAY = {"joint_compliance": {"spread": 0.3}, "lost_motion": {"spread": 0.3}}  # play needs the spring
+LOGS: dict[str, dict[str, Any]] = {"torque": {}, "force_sensor": {}}
+OWN_STREAMS = {
+    "joint_compliance": {"joint_compliance"},
+    "lost_motion": {"lost_motion"},
+    "transmission_error": {"transmission_error"},
+    "cycloid_ripple": {"cycloid_ripple"},
+    "sinusoidal_gear_error": {"sinusoidal_gear_error"},
+    "torque": {"torque_gain", "torque_noise"},
+    "force_sensor": {"force_sensor_mounting", "force_sensor_noise"},
+}
+NOISY: dict[str, Any] = {
+    "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
+    "joint_noise": {"sigma_rad": 1e-5},
+    "resolver_error": {},
+    "encoder_eccentricity": {},
+    "subdivisional_error": {},
+}
+
+
+class Draws:
+    """All that was drawn, by source."""
+
+    def __init__(self, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.by_source: dict[int, list[Any]] = {}
+        genuine = np.random.default_rng
+
+        def noted(key: list[int]) -> Any:
+            assert key[0] == seed
+            assert key[1] not in self.by_source
+            return _Noted(genuine(key), self.by_source.setdefault(key[1], []))
+
+        monkeypatch.setattr(np.random, "default_rng", noted)
+
+    def of(self, name: str) -> list[Any]:
+        return self.by_source[zlib.crc32(name.encode())]
+
+
+class _Noted:
+    """A generator that keeps a copy of what it gives."""
+
+    def __init__(self, rng: np.random.Generator, given: list[Any]) -> None:
+        self._rng, self._given = rng, given
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        def draw(*args: Any, **kwargs: Any) -> Any:
+            values = getattr(self._rng, name)(*args, **kwargs)
+            self._given.append(np.array(values))
+            return values
+
+        return draw
+
+
+def draws(folder: Path, errors: dict[str, Any], logs: dict[str, Any]) -> tuple[Draws, Simulation]:
+    """What a short noisy run draws with these sources switched on too."""
+    with pytest.MonkeyPatch.context() as patch:
+        noted = Draws(7, patch)
+        path = path_there_and_back(folder, [1, 1, 1, 1, 1], size=0.05)
+        timing = {"kind": "lissajous", "file": path, "duration_s": 8.0, "dwell_s": 1.0, "stops": 0}
+        clocks = {"offset_s": 0.137, "overrun_probability": 0.05, "jitter": {}, "wander": {}}
+        chosen = {
+            "path": timing,
+            "errors": NOISY | errors,
+            "logs": logs,
+            "clocks": clocks,
+            "encoders": {"noise_sigma_rad": 1e-5},
+            "seed": 7,
+        }
+        return noted, record(folder / "recording", **chosen).simulation
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Draws, Path]:
+    folder = tmp_path_factory.mktemp("plain")
+    return draws(folder, {}, {})[0], folder / "recording"
+
+
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory: pytest.TempPathFactory) -> Draws:
+    return draws(tmp_path_factory.mktemp("everything"), EFFECTS | PLAY, LOGS)[0]
+
+
+def assert_same(draws: Draws, others: Draws, sources: set[int]) -> None:
+    for source in sources:
+        for mine, theirs in zip(draws.by_source[source], others.by_source[source], strict=True):
+            assert mine.tobytes() == theirs.tobytes()
+
+
+@pytest.mark.parametrize("source", [*EFFECTS, "lost_motion", *LOGS])
+def test_a_plant_effect_or_load_log_draws_from_its_own_stream_only(
+    source: str, plain: tuple[Draws, Path], everything: Draws, tmp_path: Path
+) -> None:
+    errors = PLAY if source == "lost_motion" else {source: EFFECTS[source]} if source in EFFECTS else {}
+    alone, _ = draws(tmp_path, errors, {source: LOGS[source]} if source in LOGS else {})
+    before, after = set(plain[0].by_source), set(alone.by_source)
+    own = {zlib.crc32(name.encode()) for effect in (source, *errors) for name in OWN_STREAMS.get(effect, set())}
+    assert after - before == own
+    assert len(before) > 10
+    assert_same(alone, plain[0], before)
+    assert_same(alone, everything, after)
+
+
+@pytest.mark.parametrize("log", list(LOGS))
+def test_a_load_log_changes_nothing_in_the_other_files_and_columns(log: str, plain: tuple[Draws, Path], tmp_path: Path) -> None:
+    draws(tmp_path, {}, {log: LOGS[log]})
+    raw, raw_plain = tmp_path / "recording" / "raw", plain[1] / "raw"
+    assert (raw / "ballbar.csv").read_bytes() == (raw_plain / "ballbar.csv").read_bytes()
+    rows, rows_plain = ((folder / "robot.csv").read_text().splitlines() for folder in (raw, raw_plain))
+    assert [",".join(row.split(",")[:7]) for row in rows] == rows_plain
+
+
+# --- what cannot be simulated
+
+
+@pytest.mark.parametrize(
+    "effect", ["joint_compliance", "gear_friction", "rod_backlash", "bar_friction", "plate_bending", "base_compliance"]
+)
+def test_the_kinematic_plant_refuses_an_effect_that_needs_forces(effect: str) -> None:
+    with pytest.raises(InputError, match=rf"errors.{effect}: needs forces, and plant.kind = kinematic has none. Use plant.kind = mujoco"):
+        simulate(settings(plant={"kind": "kinematic"}, errors={effect: {}}), relative_to=SCENARIOS)
+
+
+@pytest.mark.parametrize("log", list(LOGS))
+def test_the_kinematic_plant_refuses_to_log_forces(log: str) -> None:
+    with pytest.raises(InputError, match=rf"logs.{log}: needs forces, and plant.kind = kinematic has none"):
+        simulate(settings(plant={"kind": "kinematic"}, logs={log: {}}), relative_to=SCENARIOS)
+
+
+@pytest.mark.parametrize("kind", ["kinematic", "mujoco"])
+def test_play_in_rigid_gears_is_refused(kind: str) -> None:
+    with pytest.raises(InputError, match=r"errors.lost_motion: needs joint_compliance beside it"):
+        simulate(settings(plant={"kind": kind}, errors={"lost_motion": {}}), relative_to=SCENARIOS)
+
+
+@pytest.mark.parametrize(
+    ("errors", "words"),
+    [
+        ({"joint_compliance": {"scale": 0.0}}, "errors.joint_compliance.scale"),
+        ({"lost_motion": {"kind": "backlash"}}, "errors.lost_motion.kind"),
+        ({"cycloid_ripple": {"axes": [0]}}, "errors.cycloid_ripple.axes"),
+        ({"plate_bending": {"stiffness": 1e7}}, "errors.plate_bending.stiffness"),
+    ],
+)
+def test_a_size_or_name_that_makes_no_sense_is_refused(errors: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        settings(errors=errors)
