@@ -142,6 +142,7 @@ def test_the_truth_lies_beside_the_recording_never_inside(recorded: Recorded) ->
     assert not any(true_value in p.read_text() for p in inside)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_white(tmp_path: Path) -> None:
     """Twelve noise seeds, 29 parameters each: 95 % intervals should hold 95 % +- 3 % (kinematic plant, so no rod strain)."""
     hits = []
@@ -153,6 +154,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_whi
     assert 0.90 < np.mean(hits) < 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "bar", "words"), [("nj220", "lund_600", "off the catalogue"), ("irb2400", "lund_900", "bd3 is -300 mm")])
 def test_a_wrong_robot_or_ball_bar_is_named_and_not_accepted(recorded: Recorded, robot: str, bar: str, words: str) -> None:
     recording = read_recording(recorded.folder)
@@ -162,6 +164,7 @@ def test_a_wrong_robot_or_ball_bar_is_named_and_not_accepted(recorded: Recorded,
     assert not result.verdict.acceptable
 
 
+@pytest.mark.slow
 def test_logs_of_two_different_runs_are_not_matched_in_silence(recorded: Recorded, tmp_path: Path) -> None:
     other = record(
         tmp_path / "recording",
@@ -210,6 +213,7 @@ def test_a_wrongly_declared_sense_is_found_and_reported(tmp_path: Path) -> None:
     assert any("b1 counts against its declared sense" in w for w in result.verdict.warnings)
 
 
+@pytest.mark.slow
 def test_an_alias_in_time_is_called_ambiguous(recorded: Recorded) -> None:
     """Two identical passes without a rest between the logs' ends: an offset of one pass explains the overlap as well."""
     motion = recorded.simulation.motion

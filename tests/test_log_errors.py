@@ -34,6 +34,8 @@ from sim.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BASE_TILT, THESIS_3_1, 
 from sim.truth import Truth, load_truth
 from tests.conftest import Recorded, record, settings
 
+pytestmark = pytest.mark.slow  # a simulated run for each effect
+
 PERIOD = 0.004032  # [s] of the robot's rows
 WITHIN = 0.01  # of what was asked for
 CLOCK = {"offset_s": 0.137, "skew": 5e-5}

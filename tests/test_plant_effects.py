@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from scipy.optimize import least_squares
+from scipy.optimize import curve_fit
 
 from cell.chain import Array
 from cell.descriptions import Cell
@@ -28,6 +28,8 @@ from sim.simulate import Simulation, simulate, truth_path, write_recording
 from sim.truth import PlantTruth, load_truth
 from tests.conftest import SCENARIOS, record, settings
 from tests.log_analysis import Logs, fit, harmonics, rate, read_logs, read_table, settled_direction, there_and_back
+
+pytestmark = pytest.mark.slow  # a simulated run for each effect
 
 WITHIN = 0.01  # of what was asked for
 CELLS: dict[str, dict[str, Any]] = {
@@ -43,7 +45,7 @@ CENTRE = np.array([-23.2, -54.3, 20.8, -129.6, 138.0])  # [deg] scenarios/paths/
 AMPLITUDE = np.array([75.9, -19.6, 31.0, -18.2, 87.4])  # [deg]
 
 
-def run(folder: Path, *, robot: str = "irb2400", duration: float = 90.0, file: str = "", **changes: Any) -> Logs:
+def run(folder: Path, *, robot: str = "irb2400", duration: float = 60.0, file: str = "", **changes: Any) -> Logs:
     """The files of a run without any error but those that `changes` switch on, every log perfect."""
     base: dict[str, Any] = {
         "cell": CELLS[robot],
@@ -74,7 +76,7 @@ def stated(folder: Path) -> PlantTruth:
 
 
 def test_at_rest_the_logged_torques_carry_the_arm_and_what_the_force_sensor_feels(tmp_path: Path) -> None:
-    logs = run(tmp_path, duration=60.0, plant=SAGGING)
+    logs = run(tmp_path, plant=SAGGING)
     still = logs.t < 1.5
     assert np.abs(logs.torque[still] - logs.load[still]).max() < 1e-3  # of 400 N m; the files have 1e-6 N m at the motor
     assert np.abs(logs.rod_force[still]).min() > 40.0
@@ -160,14 +162,14 @@ def assert_ripples(logs: Logs, asked: list[list[tuple[float, float]]], folder: P
 
 @pytest.mark.parametrize("robot", list(CELLS))
 def test_each_harmonic_of_the_gears_lies_between_motor_and_pose(robot: str, tmp_path: Path) -> None:
-    logs = run(tmp_path, robot=robot, errors={"transmission_error": {"scale": 2.0}})
+    logs = run(tmp_path, robot=robot, duration=90.0, errors={"transmission_error": {"scale": 2.0}})
     asked = [[(order, 2.0 * amplitude) for order, amplitude in gear] for gear in logs.cell.robot.gears.harmonics]
     assert_ripples(logs, asked, tmp_path)
 
 
 def test_a_cycloid_drive_ripples_as_a_sine_on_the_asked_axes_only(tmp_path: Path) -> None:
     ripple = {"waveform": "harmonic", "amplitude_rad": 8e-5, "lobes": 39.5, "axes": [1, 3]}
-    logs = run(tmp_path, duration=60.0, errors={"cycloid_ripple": ripple})
+    logs = run(tmp_path, errors={"cycloid_ripple": ripple})
     assert_ripples(logs, [[(39.5, 8e-5)], [], [(39.5, 8e-5)], [], [], []], tmp_path)
 
 
@@ -182,19 +184,21 @@ def test_a_cusped_ripple_is_the_rectified_sine_with_zero_mean(tmp_path: Path) ->
         wave = 6e-5 * (0.5 * np.pi * np.abs(np.sin(0.5 * x)) - 1.0)
         near = np.abs(np.angle(np.exp(1j * x))) < np.radians(12.0)
         assert np.abs(error[~near, i] - wave[~near]).max() < 0.045 * 6e-5
-        assert (error[near, i] - wave[near]).max() == pytest.approx(6e-5 / 9.0, rel=0.02)  # four terms reach 8/9 of the peak
+        assert (error[near, i] - wave[near]).max() == pytest.approx(
+            6e-5 / 9.0, rel=0.03
+        )  # four terms reach 8/9 of the peak; counts of the encoders
 
 
 @pytest.mark.parametrize("side", ["output", "input"])
 def test_an_eccentric_gear_errs_once_a_turn_of_its_output_or_its_motor(side: str, tmp_path: Path) -> None:
-    logs = run(tmp_path, duration=60.0, errors={"sinusoidal_gear_error": {"side": side, "amplitude_rad": 9e-5, "axes": [1, 2, 3, 4, 5, 6]}})
+    logs = run(tmp_path, errors={"sinusoidal_gear_error": {"side": side, "amplitude_rad": 9e-5, "axes": [1, 2, 3, 4, 5, 6]}})
     turns = [129.6, 129.99, 129.6, 55.0, 55.2, 44.0] if side == "input" else [1.0] * 6  # thesis App. A
     assert_ripples(logs, [[(turn, 9e-5)] for turn in turns], tmp_path)
 
 
 def test_parallel_rod_and_wrist_carry_the_ripple_of_a_motor_into_the_joints_behind(tmp_path: Path) -> None:
     ripple = {"waveform": "harmonic", "amplitude_rad": 2e-4, "axes": [2, 4]}
-    logs = run(tmp_path, duration=60.0, errors={"cycloid_ripple": ripple})
+    logs = run(tmp_path, errors={"cycloid_ripple": ripple})
     waves = [wave(40.0 * logs.gears[:, motor]) for motor in (1, 3) for wave in (np.sin, np.cos)]
     in_joints = np.array([fit(waves, error) for error in (logs.joints - logs.shown).T])
     phases = {r.axis: r.phase_rad for r in stated(tmp_path).transmission_error}
@@ -226,18 +230,21 @@ def test_gears_rub_with_the_asked_coulomb_and_viscous_friction(tmp_path: Path) -
 def test_slow_gears_rub_more_by_the_asked_break_away_friction_and_stribeck_speed(tmp_path: Path) -> None:
     """Axes 1 to 3; the lighter ones behind them stick and slip at such speeds."""
     path = path_there_and_back(tmp_path, [1, 1, 2, 1, 1], size=0.15)
-    logs = run(tmp_path, duration=60.0, file=path, plant={"servo": "stiff"}, errors={"gear_friction": {"stribeck": True}})
+    logs = run(tmp_path, file=path, plant={"servo": "stiff"}, errors={"gear_friction": {"stribeck": True}})
     gears = logs.cell.robot.gears
     friction, speed = (there_and_back(logs.t, values, 60.0) for values in (logs.torque - logs.load, rate(logs.t, logs.shown_gears)))
     for i in range(3):
         w = np.abs(speed[:, i])
         slides = (w > 1e-3) & (np.abs(np.gradient(w)) < 1e-4)
         more = np.abs(friction[slides, i]) - gears.coulomb[i] - gears.viscous[i] * w[slides]
-        found = least_squares(
-            lambda p, w, y: p[0] * np.exp(-((w / p[1]) ** 2)) - y, [5.0, 0.01], x_scale=[5.0, 0.01], args=(w[slides], more)
-        )
-        assert gears.coulomb[i] + found.x[0] == pytest.approx(gears.static[i], rel=WITHIN), f"gear {i + 1}"
-        assert abs(found.x[1]) == pytest.approx(gears.stribeck[i], rel=WITHIN), f"gear {i + 1}"
+        (excess, speed_scale), _ = curve_fit(break_away, w[slides], more, p0=[5.0, 0.01])
+        assert gears.coulomb[i] + excess == pytest.approx(gears.static[i], rel=WITHIN), f"gear {i + 1}"
+        assert abs(speed_scale) == pytest.approx(gears.stribeck[i], rel=WITHIN), f"gear {i + 1}"
+
+
+def break_away(w: Array, excess: float, stribeck: float) -> Array:
+    """(N,) [N m] friction above Coulomb's at speeds (N,) [rad/s]."""
+    return np.asarray(excess * np.exp(-((w / stribeck) ** 2)))
 
 
 # --- ball-bar, plate and base
@@ -261,7 +268,7 @@ def test_rod_and_joints_strain_by_5_micrometres_and_a_half_at_150_newtons(tmp_pa
 @pytest.mark.parametrize("width", [None, 2e-5])
 def test_the_rods_play_lies_between_push_and_pull(width: float | None, tmp_path: Path) -> None:
     errors = {"static": {"table": "thesis_3_1"}, "rod_backlash": {"width_m": width}}  # the static errors make it push and pull
-    logs = run(tmp_path, errors=errors)
+    logs = run(tmp_path, duration=90.0, errors=errors)
     stretch, force, asked = rod_stretch(logs), logs.rod_force, width or 5e-6
     loaded = np.abs(force) > 3.0
     assert min(force.max(), -force.min()) > 50.0
@@ -354,10 +361,12 @@ def test_the_force_sensor_has_its_own_rate_and_begins_when_it_was_asked_to(loade
     assert np.diff(log[:, 0]) == pytest.approx(1.0 / 250.0, abs=1.1e-6)
     first = float(loaded.times.robot_true[0]) + 0.3
     assert first + (len(log) - 1) / 250.0 == pytest.approx(loaded.times.robot_true[-1], abs=1.0 / 250.0)
-    moved = rate(loaded.motion.t, loaded.motion.wrench)
-    at = [np.interp(first + np.arange(len(log)) / 250.0, loaded.motion.t, column) for column in np.hstack((loaded.motion.wrench, moved)).T]
-    late = [fit([speed], read - felt)[0] for read, felt, speed in zip(log[:, 1:].T, at[:6], at[6:], strict=True)]
-    assert np.abs(late).max() < WITHIN * 1e-3  # [s]
+    t, wrench = loaded.motion.t, loaded.motion.wrench
+    assert wrench is not None
+    true = np.hstack((wrench, rate(t, wrench)))
+    at_rows = [np.interp(first + np.arange(len(log)) / 250.0, t, column) for column in true.T]
+    late = [fit([change], read - felt)[0] for read, felt, change in zip(log[:, 1:].T, at_rows[:6], at_rows[6:], strict=True)]
+    assert np.abs(late).max() < 1e-5  # [s]; the plant's step is 1e-3
 
 
 def test_noise_of_force_sensor_and_torques_is_white_and_of_the_asked_size(loaded: Simulation, tmp_path: Path) -> None:
@@ -451,25 +460,7 @@ NOISY: dict[str, Any] = {
 }
 
 
-class Draws:
-    """All that was drawn, by source."""
-
-    def __init__(self, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.by_source: dict[int, list[Any]] = {}
-        genuine = np.random.default_rng
-
-        def noted(key: list[int]) -> Any:
-            assert key[0] == seed
-            assert key[1] not in self.by_source
-            return _Noted(genuine(key), self.by_source.setdefault(key[1], []))
-
-        monkeypatch.setattr(np.random, "default_rng", noted)
-
-    def of(self, name: str) -> list[Any]:
-        return self.by_source[zlib.crc32(name.encode())]
-
-
-class _Noted:
+class NotedGenerator:
     """A generator that keeps a copy of what it gives."""
 
     def __init__(self, rng: np.random.Generator, given: list[Any]) -> None:
@@ -484,39 +475,50 @@ class _Noted:
         return draw
 
 
-def draws(folder: Path, errors: dict[str, Any], logs: dict[str, Any]) -> tuple[Draws, Simulation]:
-    """What a short noisy run draws with these sources switched on too."""
+Draws = dict[int, list[Any]]  # all that was drawn, by the number of its stream
+
+
+def draws(folder: Path, errors: dict[str, Any], logs: dict[str, Any]) -> Draws:
+    """What a short noisy run draws with these sources switched on too; each stream is opened once."""
+    drawn: Draws = {}
+    genuine, path = np.random.default_rng, path_there_and_back(folder, [1, 1, 1, 1, 1], size=0.05)
+
+    def noted(key: list[int]) -> Any:
+        seed, source = key
+        assert seed == 7
+        assert source not in drawn
+        drawn[source] = []
+        return NotedGenerator(genuine(key), drawn[source])
+
+    chosen: dict[str, Any] = {
+        "path": {"kind": "lissajous", "file": path, "duration_s": 8.0, "dwell_s": 1.0, "stops": 0},
+        "errors": NOISY | errors,
+        "logs": logs,
+        "clocks": {"offset_s": 0.137, "overrun_probability": 0.05, "jitter": {}, "wander": {}},
+        "encoders": {"noise_sigma_rad": 1e-5},
+        "seed": 7,
+    }
     with pytest.MonkeyPatch.context() as patch:
-        noted = Draws(7, patch)
-        path = path_there_and_back(folder, [1, 1, 1, 1, 1], size=0.05)
-        timing = {"kind": "lissajous", "file": path, "duration_s": 8.0, "dwell_s": 1.0, "stops": 0}
-        clocks = {"offset_s": 0.137, "overrun_probability": 0.05, "jitter": {}, "wander": {}}
-        chosen = {
-            "path": timing,
-            "errors": NOISY | errors,
-            "logs": logs,
-            "clocks": clocks,
-            "encoders": {"noise_sigma_rad": 1e-5},
-            "seed": 7,
-        }
-        return noted, record(folder / "recording", **chosen).simulation
+        patch.setattr(np.random, "default_rng", noted)
+        record(folder / "recording", **chosen)
+    return drawn
 
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Draws, Path]:
     folder = tmp_path_factory.mktemp("plain")
-    return draws(folder, {}, {})[0], folder / "recording"
+    return draws(folder, {}, {}), folder / "recording"
 
 
 @pytest.fixture(scope="module")
 def everything(tmp_path_factory: pytest.TempPathFactory) -> Draws:
-    return draws(tmp_path_factory.mktemp("everything"), EFFECTS | PLAY, LOGS)[0]
+    return draws(tmp_path_factory.mktemp("everything"), EFFECTS | PLAY, LOGS)
 
 
-def assert_same(draws: Draws, others: Draws, sources: set[int]) -> None:
+def assert_same(some: Draws, others: Draws, sources: set[int]) -> None:
     for source in sources:
-        for mine, theirs in zip(draws.by_source[source], others.by_source[source], strict=True):
-            assert mine.tobytes() == theirs.tobytes()
+        for one, other in zip(some[source], others[source], strict=True):
+            assert one.tobytes() == other.tobytes()
 
 
 @pytest.mark.parametrize("source", [*EFFECTS, "lost_motion", *LOGS])
@@ -524,8 +526,8 @@ def test_a_plant_effect_or_load_log_draws_from_its_own_stream_only(
     source: str, plain: tuple[Draws, Path], everything: Draws, tmp_path: Path
 ) -> None:
     errors = PLAY if source == "lost_motion" else {source: EFFECTS[source]} if source in EFFECTS else {}
-    alone, _ = draws(tmp_path, errors, {source: LOGS[source]} if source in LOGS else {})
-    before, after = set(plain[0].by_source), set(alone.by_source)
+    alone = draws(tmp_path, errors, {source: LOGS[source]} if source in LOGS else {})
+    before, after = set(plain[0]), set(alone)
     own = {zlib.crc32(name.encode()) for effect in (source, *errors) for name in OWN_STREAMS.get(effect, set())}
     assert after - before == own
     assert len(before) > 10
