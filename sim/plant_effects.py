@@ -21,7 +21,7 @@ from sim.streams import stream
 
 Scale = Annotated[float, Field(ge=0.0)]
 Axes = tuple[Annotated[int, Field(ge=1, le=6)], ...]
-CUSP_TERMS = 4  # harmonics of the cusped wave; the rest is 11 % of the peak at the cusp, 4 % at 25 deg, below 2 % from 60 deg on
+CUSP_TERMS = 4  # harmonics of the cusped wave; the rest is 11 % of the peak at the cusp, 4 % at 25 deg, 2 % at 60 deg, 1.5 % further out
 
 
 class JointCompliance(Strict):
