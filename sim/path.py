@@ -130,16 +130,22 @@ def _continuous_branch(robot: Robot, nominal: Geometry, t: Array, b: Array, pose
         q = np.unwrap(branch, axis=0)
         for turn in range(6):
             q[:, turn] -= 2.0 * np.pi * np.round(q[:, turn].mean() / (2.0 * np.pi))
-        axes = joints_to_axes(robot, q)
-        excess = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
-        if excess.max() <= 0.0:
+        fault = axis_range_fault(robot, t, q)
+        if fault is None:
             return np.asarray(q)
-        k, axis = (int(i) for i in np.unravel_index(int(excess.argmax()), excess.shape))
-        limits = f"{np.degrees(robot.axis_lower[axis]):.0f}..{np.degrees(robot.axis_upper[axis]):.0f}"
-        faults.append(
-            (float(excess.max()), f"axis {axis + 1} at t = {t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg outside {limits} deg")
-        )
+        faults.append(fault)
     raise InputError(f"path: every configuration of the arm leaves an axis range; the nearest to feasible: {min(faults)[1]}")
+
+
+def axis_range_fault(robot: Robot, t: Array, q: Array) -> tuple[float, str] | None:
+    """How far [rad] the worst sample of joint angles q (N, 6) [rad] leaves an axis range, and axis, time and value in words."""
+    axes = joints_to_axes(robot, q)
+    excess = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
+    if excess.max() <= 0.0:
+        return None
+    k, axis = (int(i) for i in np.unravel_index(int(excess.argmax()), excess.shape))
+    limits = f"{np.degrees(robot.axis_lower[axis]):.0f}..{np.degrees(robot.axis_upper[axis]):.0f}"
+    return float(excess.max()), f"axis {axis + 1} at t = {t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg outside {limits} deg"
 
 
 def _check_speeds(robot: Robot, t: Array, speed: Array) -> None:

@@ -15,12 +15,12 @@ from mujoco import rollout
 from scipy.interpolate import CubicSpline
 
 from cell.chain import Array
-from cell.descriptions import Cell, ServoGains, joints_to_axes
+from cell.descriptions import Cell, ServoGains
 from cell.errors import InputError
 from cell.geometry import Geometry
 from sim.mjcf import PlantModel, plant_model
 from sim.motion import CLOSURE_STRIDE, Motion
-from sim.path import ReferencePath
+from sim.path import ReferencePath, axis_range_fault
 from sim.plant_effects import PlantEffects
 from sim.statics import Rest, gravity_torque, rest
 
@@ -174,13 +174,9 @@ def _check_closure(motion: Motion) -> None:
 
 def check_course(cell: Cell, motion: Motion) -> None:
     """The robot stays within its axis ranges, and wrist, gimbal and cardan on their side of the singularity."""
-    robot = cell.robot
-    axes = joints_to_axes(robot, motion.q)
-    excess = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
-    if excess.max() > 0.0:
-        k, axis = (int(i) for i in np.unravel_index(int(excess.argmax()), excess.shape))
-        limits = f"{np.degrees(robot.axis_lower[axis]):.0f}..{np.degrees(robot.axis_upper[axis]):.0f}"
-        raise PlantError(f"axis {axis + 1} at t = {motion.t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg outside {limits} deg")
+    fault = axis_range_fault(cell.robot, motion.t, motion.q)
+    if fault is not None:
+        raise PlantError(fault[1])
     for name, angle in (("robot joint q5", motion.q[:, 4]), ("ball-bar joint b2", motion.b[:, 1]), ("ball-bar joint b4", motion.b[:, 3])):
         side = np.sin(angle)
         flipped = np.flatnonzero(side * side[0] < 0.0)
