@@ -57,8 +57,8 @@ def held_against_oracle(cell: Cell, true: Geometry, effects: PlantEffects, path:
     oracle = rest(cell, true, effects, gains, command, path.q[k], path.b[k])
     plant = plant_model(cell, true, effects, gains, timestep=TIMESTEP)
     commands = np.repeat(command[None], round(HOLD / TIMESTEP), axis=0)
-    x = roll_out(PlantRun(plant, state_at_rest(plant, oracle), commands, TIMESTEP))[0][-1, 1:]
-    q = x[plant.motor] + (x[plant.gear] if plant.gear.size else 0.0)
+    x = roll_out(PlantRun(plant, state_at_rest(cell.robot, plant, oracle), commands, TIMESTEP))[0][-1, 1:]
+    q = x[plant.joints]
     plate, base = float(x[plant.plate].sum()), x[plant.base] if plant.base.size else np.zeros(3)
     stretch = float(x[plant.rod])
     there = _end(true, q, x[plant.bar], stretch, plate, base)

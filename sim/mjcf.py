@@ -3,10 +3,10 @@
 Every DH row becomes a body: body i stands at `Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)` of row i-1 in its parent and turns
 about its own z, so all parameters of all rows, errors included, enter as doubles.
 
-Two hinges turn each robot body: `m`, what the motors turn, and `e`, what the elastic gears add. Gear i is a combination of
-joints (parallel rod, wrist couplings), so servo, rotor, friction and ripple of motor i act on a fixed tendon over the m
-hinges, its spring, damper and play on the same combination of the e hinges. Recipes and their measurements: mujoco_facts
-secs. 1, 2, 4, 8, 11.
+Gear i turns a combination of joints (parallel rod, wrist couplings). Elastic gears: the rotor of motor i is a body of its own
+that turns by the gear's output angle (hinge `g`, the rotor's inertia seen at the output); servo, friction and ripple act on
+it, and a fixed tendon over the joints and the rotor is the gear's spring, damper and play. Rigid gears: no rotors; what a
+motor does acts on a fixed tendon over the joints. Recipes and their measurements: mujoco_facts secs. 1, 2, 4, 8, 11.
 """
 
 from __future__ import annotations
@@ -33,12 +33,13 @@ BRISTLE_DAMPING = 0.7  # damping ratio of bristle and rotor
 HYSTERESIS_STIFFNESS = 4.0  # of the gear's: the friction element slips early in the loop
 PLATE_ARMATURE = 0.02  # [kg m^2] a third of the plate's inertia about the hinge; the tip itself carries no mass in the model
 PLATE_DAMPING = 1e-3  # [s] of the plate's stiffness
+ROTOR_MASS, ROTOR_INERTIA = 1e-9, 1e-9  # [kg, kg m^2] of the body: the rotor's inertia is its joint's armature
 RING_INERTIA = 2e-3  # [kg m^2] what a ball-bar joint turns at least, for its friction model
 BASE_MASS = 5.0  # [kg] steel base adapter, assumed; its own weight is part of where the ball-bar stands
 BASE_DAMPING = 1e-3  # [s] of the base's stiffness
 
-MOTOR_JOINTS = tuple(f"m{i + 1}" for i in range(ROBOT_ROWS))
-GEAR_JOINTS = tuple(f"e{i + 1}" for i in range(ROBOT_ROWS))
+ROBOT_JOINTS = tuple(f"q{i + 1}" for i in range(ROBOT_ROWS))
+ROTORS = tuple(f"g{i + 1}" for i in range(ROBOT_ROWS))
 BAR_JOINTS = tuple(f"b{i + 1}" for i in range(BAR_ROWS))
 BASE_JOINTS = ("base_x", "base_y", "base_z")
 ROD_JOINT, PLATE_JOINT = "rod", "plate"
@@ -63,8 +64,8 @@ class PlantModel:
     """A compiled model and where its coordinates are in qpos (empty where an effect is off)."""
 
     model: mujoco.MjModel
-    motor: NDArray[np.intp]  # (6,) m1..m6
-    gear: NDArray[np.intp]  # (6,) or (0,) e1..e6
+    joints: NDArray[np.intp]  # (6,) q1..q6
+    rotors: NDArray[np.intp]  # (6,) or (0,) g1..g6
     bar: NDArray[np.intp]  # (5,) b1..b5
     rod: int
     plate: NDArray[np.intp]  # (1,) or (0,)
@@ -82,8 +83,8 @@ def plant_model(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: Se
 
     return PlantModel(
         model,
-        places(MOTOR_JOINTS),
-        places(GEAR_JOINTS),
+        places(ROBOT_JOINTS),
+        places(ROTORS),
         places(BAR_JOINTS),
         names[ROD_JOINT],
         places((PLATE_JOINT,)),
@@ -122,9 +123,7 @@ def _add_robot(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Pla
     for i, link in enumerate(robot_bodies(cell)):
         body = parent.add_body(name=f"link{i + 1}", pos=pose[1], quat=_quat_wxyz(pose[0]))
         _set_inertia(body, link)
-        body.add_joint(name=MOTOR_JOINTS[i], type=_HINGE, axis=[0, 0, 1])
-        if effects.gear_stiffness is not None:
-            body.add_joint(name=GEAR_JOINTS[i], type=_HINGE, axis=[0, 0, 1])
+        body.add_joint(name=ROBOT_JOINTS[i], type=_HINGE, axis=[0, 0, 1])
         parent, pose = body, placements[i]
     rotation, flange = flange_on_link6(cell)
     plate = parent.add_body(name="plate", pos=flange, quat=_quat_wxyz(rotation))
@@ -161,7 +160,12 @@ def _add_gears(spec: mujoco.MjSpec, cell: Cell, effects: PlantEffects, gains: Se
     """Servo, rotor, friction and ripple of each motor; spring, damper and play of each gear."""
     joint_to_gear = cell.robot.joint_to_gear  # gears = joints @ joint_to_gear
     gears = cell.robot.gears
-    motors = [_shaft(spec, f"motor{i + 1}", MOTOR_JOINTS, joint_to_gear[:, i]) for i in range(ROBOT_ROWS)]
+    motors = [
+        _shaft(spec, f"motor{i + 1}", joint_to_gear[:, i])
+        if effects.gear_stiffness is None
+        else _elastic_gear(spec, i, joint_to_gear[:, i], effects, float(gears.damping[i]))
+        for i in range(ROBOT_ROWS)
+    ]
     for i, motor in enumerate(motors):
         motor.part.armature = float(cell.robot.armature[i])
         servo = spec.add_actuator(name=f"servo{i + 1}", target=motor.part.name, trntype=motor.kind)
@@ -171,51 +175,52 @@ def _add_gears(spec: mujoco.MjSpec, cell: Cell, effects: PlantEffects, gains: Se
             motor.part.damping[0] = s * float(gears.viscous[i])
             static = gears.static[i] if effects.stribeck else gears.coulomb[i]
             _friction(spec, motor, s * gears.coulomb[i], s * static, gears.stribeck[i], float(cell.robot.armature[i]))
-        if effects.gear_stiffness is not None:
-            _add_elastic_gear(spec, f"gear{i + 1}", joint_to_gear[:, i], effects, i, float(gears.damping[i]))
     for k, ripple in enumerate(effects.ripples):
         torque = [float(gains.kp[ripple.gear]) * ripple.amplitude, ripple.order, ripple.phase]
         _passive(spec, f"ripple{k}", motors[ripple.gear], cogging=torque)
 
 
-def _add_elastic_gear(spec: mujoco.MjSpec, name: str, coefficients: Array, effects: PlantEffects, i: int, damping: float) -> None:
-    assert effects.gear_stiffness is not None
-    stiffness = float(effects.gear_stiffness[i])
-    if effects.gear_slack[i] > 0.0:
-        spring = _tendon(spec, name, GEAR_JOINTS, coefficients)
-        spring.springlength = [-float(effects.gear_slack[i]), float(effects.gear_slack[i])]
-    else:
-        spring = _shaft(spec, name, GEAR_JOINTS, coefficients).part
-        if isinstance(spring, mujoco.MjsTendon):
-            spring.springlength = [0.0, 0.0]
-    spring.stiffness[0], spring.damping[0] = stiffness, damping
-    if effects.gear_hysteresis[i] > 0.0:
-        friction = _tendon(spec, f"{name}_friction", GEAR_JOINTS, coefficients)
-        friction.stiffness[0] = HYSTERESIS_STIFFNESS * stiffness
-        friction.springlength = [0.0, 0.0]
-        friction.springyield = float(effects.gear_hysteresis[i]) / HYSTERESIS_STIFFNESS
-
-
 @dataclass(frozen=True)
 class _Shaft:
-    """What a motor or gear turns: a joint, or the combination of joints that parallel rod and wrist make of it."""
+    """What a motor turns: its rotor; with rigid gears a joint, or the combination that parallel rod and wrist make of it."""
 
     part: mujoco.MjsJoint | mujoco.MjsTendon
     kind: mujoco.mjtTrn
 
 
-def _shaft(spec: mujoco.MjSpec, name: str, joints: tuple[str, ...], coefficients: Array) -> _Shaft:
+def _elastic_gear(spec: mujoco.MjSpec, i: int, coefficients: Array, effects: PlantEffects, damping: float) -> _Shaft:
+    """Rotor i, and the spring between what its gear should turn the joints by and what they have turned by."""
+    assert effects.gear_stiffness is not None
+    body = spec.worldbody.add_body(name=f"rotor{i + 1}")
+    body.mass, body.inertia, body.explicitinertial = ROTOR_MASS, [ROTOR_INERTIA] * 3, True
+    rotor = body.add_joint(name=ROTORS[i], type=_HINGE, axis=[0, 0, 1])
+    stiffness, slack, hysteresis = (float(v[i]) for v in (effects.gear_stiffness, effects.gear_slack, effects.gear_hysteresis))
+    spring = _tendon(spec, f"gear{i + 1}", coefficients, rotor=ROTORS[i])
+    spring.springlength = [-slack, slack]
+    spring.stiffness[0], spring.damping[0] = stiffness, damping
+    if hysteresis > 0.0:
+        friction = _tendon(spec, f"gear{i + 1}_friction", coefficients, rotor=ROTORS[i])
+        friction.springlength = [0.0, 0.0]
+        friction.stiffness[0] = HYSTERESIS_STIFFNESS * stiffness
+        friction.springyield = hysteresis / HYSTERESIS_STIFFNESS
+    return _Shaft(rotor, mujoco.mjtTrn.mjTRN_JOINT)
+
+
+def _shaft(spec: mujoco.MjSpec, name: str, coefficients: Array) -> _Shaft:
     turned = np.flatnonzero(coefficients)
     if turned.size == 1 and coefficients[turned[0]] == 1.0:  # a joint costs a third of a tendon
-        return _Shaft(spec.joint(joints[turned[0]]), mujoco.mjtTrn.mjTRN_JOINT)
-    return _Shaft(_tendon(spec, name, joints, coefficients), mujoco.mjtTrn.mjTRN_TENDON)
+        return _Shaft(spec.joint(ROBOT_JOINTS[turned[0]]), mujoco.mjtTrn.mjTRN_JOINT)
+    return _Shaft(_tendon(spec, name, coefficients), mujoco.mjtTrn.mjTRN_TENDON)
 
 
-def _tendon(spec: mujoco.MjSpec, name: str, joints: tuple[str, ...], coefficients: Array) -> mujoco.MjsTendon:
+def _tendon(spec: mujoco.MjSpec, name: str, coefficients: Array, rotor: str | None = None) -> mujoco.MjsTendon:
+    """The combination of joints that a gear turns, less what its rotor shows."""
     tendon = spec.add_tendon(name=name)
-    for joint, coefficient in zip(joints, coefficients, strict=True):
+    for joint, coefficient in zip(ROBOT_JOINTS, coefficients, strict=True):
         if coefficient != 0.0:
             tendon.wrap_joint(joint, float(coefficient))
+    if rotor is not None:
+        tendon.wrap_joint(rotor, -1.0)
     return tendon
 
 
@@ -251,7 +256,8 @@ def _add_bar(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Plant
             _friction(spec, _Shaft(hinge, mujoco.mjtTrn.mjTRN_JOINT), effects.bar_friction, effects.bar_friction, 0.01, RING_INERTIA)
         parent, pose = body, placements[i]
     if effects.rod_slack > 0.0:
-        rod = _tendon(spec, "rod_spring", (ROD_JOINT,), np.ones(1))
+        rod = spec.add_tendon(name="rod_spring")
+        rod.wrap_joint(ROD_JOINT, 1.0)
         rod.stiffness[0] = bar.axial_stiffness
         rod.springlength = [-effects.rod_slack, effects.rod_slack]
     parent.add_site(name="bar_end", pos=pose[1], quat=_quat_wxyz(pose[0]))

@@ -21,7 +21,7 @@ from cell.descriptions import Cell, load_cell
 from cell.files import write_whole
 from cell.geometry import bar_frames, nominal_geometry
 from cell.inverse import robot_branches
-from sim.mjcf import BAR_JOINTS, MOTOR_JOINTS, ROD_JOINT, plant_spec
+from sim.mjcf import BAR_JOINTS, ROBOT_JOINTS, ROD_JOINT, plant_spec
 from sim.plant_effects import PlantEffects
 
 MODELS = Path(__file__).parent / "models"
@@ -54,7 +54,7 @@ def _hold_at(spec: mujoco.MjSpec, cell: Cell, q: Array, b: Array) -> None:
     for element in (*spec.actuators, *spec.tendons):
         spec.delete(element)
     stiffness = np.concatenate((_HOLD * cell.robot.servo["soft"].kp, np.zeros(5)))
-    for name, angle, spring in zip((*MOTOR_JOINTS, *BAR_JOINTS), np.concatenate((q, b)), stiffness, strict=True):
+    for name, angle, spring in zip((*ROBOT_JOINTS, *BAR_JOINTS), np.concatenate((q, b)), stiffness, strict=True):
         joint = spec.joint(name)
         body = joint.parent
         body.quat = _turned(np.array(body.quat), float(angle))

@@ -15,7 +15,7 @@ from mujoco import rollout
 from scipy.interpolate import CubicSpline
 
 from cell.chain import Array
-from cell.descriptions import Cell, ServoGains
+from cell.descriptions import Cell, Robot, ServoGains
 from cell.errors import InputError
 from cell.geometry import Geometry
 from sim.mjcf import PlantModel, plant_model
@@ -79,7 +79,7 @@ def prepare(
     command = _command(cell, geometry, path, t, gains, gravity_compensation=gravity_compensation)
     plant = plant_model(cell, geometry, effects, gains, timestep=timestep)
     held = rest(cell, geometry, effects, gains, command[0], path.q[0], path.b[0])
-    return PlantRun(plant, state_at_rest(plant, held), command, timestep)
+    return PlantRun(plant, state_at_rest(cell.robot, plant, held), command, timestep)
 
 
 def _command(cell: Cell, geometry: Geometry, path: ReferencePath, t: Array, gains: ServoGains, *, gravity_compensation: bool) -> Array:
@@ -95,12 +95,12 @@ def _command(cell: Cell, geometry: Geometry, path: ReferencePath, t: Array, gain
     return np.asarray(command)
 
 
-def state_at_rest(plant: PlantModel, held: Rest) -> Array:
+def state_at_rest(robot: Robot, plant: PlantModel, held: Rest) -> Array:
     """(nstate,) full physics state of a mechanism at rest."""
     data = mujoco.MjData(plant.model)
-    data.qpos[plant.motor], data.qpos[plant.bar], data.qpos[plant.rod] = held.motor, held.b, held.stretch
-    if plant.gear.size:
-        data.qpos[plant.gear] = held.gear
+    data.qpos[plant.joints], data.qpos[plant.bar], data.qpos[plant.rod] = held.q, held.b, held.stretch
+    if plant.rotors.size:
+        data.qpos[plant.rotors] = held.motor @ robot.joint_to_gear
     data.qpos[plant.plate] = held.plate
     if plant.base.size:
         data.qpos[plant.base] = held.base
@@ -141,21 +141,21 @@ def as_motion(
     """What the states mean: joints, shown angles, rod force, servo torques and the flange's load."""
     plant, model = run.plant, run.plant.model
     positions, speeds = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq : 1 + model.nq + model.nv]
-    joint_to_gear = cell.robot.joint_to_gear
-    motor = positions[:, plant.motor]
-    outputs = motor @ joint_to_gear
+    q = positions[:, plant.joints]
+    rigid = not plant.rotors.size
+    outputs, rates = (v[:, plant.joints] @ cell.robot.joint_to_gear if rigid else v[:, plant.rotors] for v in (positions, speeds))
     shown = outputs - effects.transmission_error(outputs)
     stretch = positions[:, plant.rod]
     strain = stretch - np.clip(stretch, -effects.rod_slack, effects.rod_slack)
     return Motion(
         t=np.arange(len(states), dtype=np.float64) * run.timestep,
-        q=motor + positions[:, plant.gear] if plant.gear.size else motor,
+        q=q,
         shown=shown @ cell.robot.gear_to_joint,
         b=positions[:, plant.bar],
         rod_stretch=stretch,
         rod_force=cell.ballbar.axial_stiffness * strain,
         geometry=geometry,
-        torque=gains.kp * (run.command - shown) - gains.kv * (speeds[:, plant.motor] @ joint_to_gear),
+        torque=gains.kp * (run.command - shown) - gains.kv * rates,
         wrench=-sensors if effects.force_sensor else None,  # MuJoCo gives what the flange exerts on the plate
         plate=positions[:, plant.plate[0]] if plant.plate.size else np.zeros(1),
         base=positions[:, plant.base] if plant.base.size else np.zeros((1, 3)),

@@ -42,7 +42,7 @@ def test_mujoco_and_dh_agree_to_1e_12_on_60_perturbed_models(robot: str) -> None
         q, b = rng.uniform(-np.pi, np.pi, (3, 6)), rng.uniform(-np.pi, np.pi, (3, 5))
         robot_poses, bar_poses = robot_frames(geometry, q).poses(), bar_frames(geometry, b).poses()
         for k in range(3):
-            data.qpos[plant.motor], data.qpos[plant.bar] = q[k], b[k]
+            data.qpos[plant.joints], data.qpos[plant.bar] = q[k], b[k]
             worst = max(worst, np.abs(mujoco_pose(plant, data, "tool") - robot_poses[k]).max())
             worst = max(worst, np.abs(mujoco_pose(plant, data, "bar_end") - bar_poses[k]).max())
     assert worst < 1e-12

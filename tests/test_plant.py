@@ -77,10 +77,10 @@ def test_gravity_torque_is_the_derivative_of_the_potential_energy_in_mujoco(cell
     plant = plant_model(cell, nominal, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
     data = mujoco.MjData(plant.model)
     for row, torque in zip(q, gravity_torque(cell, nominal, q), strict=True):
-        data.qpos[plant.motor] = row
+        data.qpos[plant.joints] = row
         data.qvel[:] = 0.0
         mujoco.mj_forward(plant.model, data)
-        assert data.qfrc_bias[plant.motor] == pytest.approx(torque, abs=1e-9)
+        assert data.qfrc_bias[plant.joints] == pytest.approx(torque, abs=1e-9)
 
 
 def test_the_phase_starts_and_ends_at_rest_and_rests_at_every_stop() -> None:
