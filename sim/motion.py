@@ -12,7 +12,7 @@ from cell.geometry import Geometry
 from cell.rotation import rotvec_from_matrix
 from sim.deflection import deflect
 
-CLOSURE_STRIDE = 5  # the loop's error changes with the motion, over tenths of seconds; every fifth millisecond shows its maximum
+CLOSURE_STRIDE = 10  # the loop's error changes with the motion, over tenths of seconds; every tenth millisecond shows its maximum
 
 
 @dataclass(frozen=True, eq=False)
