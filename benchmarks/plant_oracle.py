@@ -33,6 +33,7 @@ EFFECTS: dict[str, dict[str, object]] = {
     "transmission_error": {"transmission_error": {}},
     "cycloid_ripple": {"cycloid_ripple": {}},
     "sinusoidal_gear_error": {"sinusoidal_gear_error": {"side": "input"}},
+    "rod_strain": {"rod_strain": {}},
     "rod_backlash": {"rod_backlash": {}},
     "plate_bending": {"plate_bending": {}},
     "base_compliance": {"base_compliance": {}},
@@ -62,7 +63,7 @@ def held_against_oracle(cell: Cell, true: Geometry, effects: PlantEffects, path:
     plate, base = float(x[plant.plate].sum()), x[plant.base] if plant.base.size else np.zeros(3)
     stretch = float(x[plant.rod])
     there = _end(true, q, x[plant.bar], stretch, plate, base)
-    force = cell.ballbar.axial_stiffness * (stretch - np.clip(stretch, -effects.rod_slack, effects.rod_slack))
+    force = effects.rod_stiffness * (stretch - np.clip(stretch, -effects.rod_slack, effects.rod_slack))
     return Deviation(
         link_angle=float(np.abs(q - oracle.q).max()),
         end_point=float(np.linalg.norm(there - _end(true, oracle.q, oracle.b, oracle.stretch, oracle.plate, oracle.base))),

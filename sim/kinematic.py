@@ -17,7 +17,16 @@ from sim.path import ReferencePath
 from sim.plant_effects import PlantEffects
 from sim.settings import SimulationSettings
 
-WITH_FORCES = ("joint_compliance", "lost_motion", "gear_friction", "rod_backlash", "bar_friction", "plate_bending", "base_compliance")
+WITH_FORCES = (
+    "joint_compliance",
+    "lost_motion",
+    "gear_friction",
+    "rod_strain",
+    "rod_backlash",
+    "bar_friction",
+    "plate_bending",
+    "base_compliance",
+)
 
 
 def refuse_forces(settings: SimulationSettings) -> None:

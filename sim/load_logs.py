@@ -33,7 +33,7 @@ class TorqueLog(Strict):
 class ForceSensor(Strict):
     """Six-axis force sensor at the flange, logged with its own rate and clock."""
 
-    rate_hz: Annotated[float, Field(gt=0.0, le=10_000.0)] = 500.0
+    rate_hz: Annotated[float, Field(gt=0.0, le=10_000.0)] = Field(500.0, description="Rows a second.")
     noise_N: NotNegative = Field(1.0, description="White, each force (identification_facts sec. 1).")
     noise_N_m: NotNegative = Field(0.1, description="White, each torque; assumed.")
     bias_N: NotNegative = Field(2.0, description="Standard deviation of the constant bias of each force; assumed.")
@@ -49,25 +49,45 @@ class LoadLogs(Strict):
     force_sensor: ForceSensor | None = None
 
 
-def motor_torques(robot: Robot, motion: Motion, times: Array, log: TorqueLog, seed: int) -> Array:
+class DrawnLoads(Strict):
+    """Gains and biases of the load signals; empty where a signal is not logged."""
+
+    torque_gain: tuple[float, ...] = ()  # of each axis
+    force_gain: tuple[float, ...] = ()  # of each channel
+    force_bias: tuple[float, ...] = ()  # [N, N m]
+
+
+def drawn_loads(logs: LoadLogs, seed: int) -> DrawnLoads:
+    """Gains and biases of the signals that are logged."""
+    drawn = DrawnLoads()
+    if logs.torque:
+        gain = 1.0 + logs.torque.gain_sigma * stream(seed, "torque_gain").standard_normal(6)
+        drawn = drawn.model_copy(update={"torque_gain": tuple(gain.tolist())})
+    if sensor := logs.force_sensor:
+        rng = stream(seed, "force_sensor_mounting")
+        gain = 1.0 + sensor.gain_sigma * rng.standard_normal(6)
+        bias = rng.standard_normal(6) * np.repeat([sensor.bias_N, sensor.bias_N_m], 3)
+        drawn = drawn.model_copy(update={"force_gain": tuple(gain.tolist()), "force_bias": tuple(bias.tolist())})
+    return drawn
+
+
+def motor_torques(robot: Robot, motion: Motion, times: Array, log: TorqueLog, drawn: DrawnLoads, seed: int) -> Array:
     """(N, 6) [N m at the motor] logged torques at true times (N,) [s]; `motion` must carry torques."""
     assert motion.torque is not None
     sigma = np.array([log.noise_N_m] * 3 + [log.wrist_noise_N_m] * 3)
-    gain = 1.0 + log.gain_sigma * stream(seed, "torque_gain").standard_normal(6)
-    seen = _sampled(motion.t, motion.torque, times) * gain + sigma * stream(seed, "torque_noise").standard_normal((times.size, 6))
+    seen = _sampled(motion.t, motion.torque, times) * drawn.torque_gain + sigma * stream(seed, "torque_noise").standard_normal(
+        (times.size, 6)
+    )
     return np.asarray(seen * np.diag(robot.transmission))
 
 
-def sensor_rows(motion: Motion, first: float, last: float, sensor: ForceSensor, seed: int) -> tuple[Array, Array]:
+def sensor_rows(motion: Motion, first: float, last: float, sensor: ForceSensor, drawn: DrawnLoads, seed: int) -> tuple[Array, Array]:
     """Stamps (N,) [s, sensor's clock] and readings (N, 6) [N, N m] between true times `first` and `last` [s]."""
     assert motion.wrench is not None
     elapsed = np.arange(int((last - first - sensor.offset_s) * sensor.rate_hz) + 1, dtype=np.float64) / sensor.rate_hz
-    rng = stream(seed, "force_sensor_mounting")
-    gain = 1.0 + sensor.gain_sigma * rng.standard_normal(6)
-    bias = rng.standard_normal(6) * np.repeat([sensor.bias_N, sensor.bias_N_m], 3)
     noise = stream(seed, "force_sensor_noise").standard_normal((elapsed.size, 6)) * np.repeat([sensor.noise_N, sensor.noise_N_m], 3)
     seen = _sampled(motion.t, motion.wrench, first + sensor.offset_s + elapsed)
-    return SENSOR_EPOCH + elapsed, np.asarray(seen * gain + bias + noise)
+    return SENSOR_EPOCH + elapsed, np.asarray(seen * drawn.force_gain + drawn.force_bias + noise)
 
 
 def _sampled(t: Array, values: Array, times: Array) -> Array:

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from cell.schema import Strict
 from sim.clock_errors import ClockStep, LoggerRestart
+from sim.load_logs import DrawnLoads
 from sim.loggers import RowCounts
 from sim.sensor_effects import EncoderEffects, ResolverEffects
 from sim.wander import WanderCurve
@@ -30,10 +31,12 @@ class LogTruth(Strict):
     clock_step: ClockStep | None = None
     restart: LoggerRestart | None = None
     rows: dict[str, RowCounts] = Field(default_factory=dict)  # robot, ballbar
+    loads: DrawnLoads = DrawnLoads()
 
     def stated(self) -> dict[str, object]:
         """As plain data, without what is absent."""
-        return {key: _filled(value) for key, value in self.model_dump(mode="json").items() if value}
+        filled = {key: _filled(value) for key, value in self.model_dump(mode="json").items() if value}
+        return {key: value for key, value in filled.items() if value}
 
 
 def _filled(value: Any) -> Any:

@@ -251,14 +251,14 @@ def _add_bar(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Plant
         if i == 2:
             slide = body.add_joint(name=ROD_JOINT, type=_SLIDE, axis=[0, 0, 1], damping=bar.axial_damping)
             if effects.rod_slack == 0.0:
-                slide.stiffness[0] = bar.axial_stiffness
+                slide.stiffness[0] = effects.rod_stiffness
         if effects.bar_friction > 0.0:
             _friction(spec, _Shaft(hinge, mujoco.mjtTrn.mjTRN_JOINT), effects.bar_friction, effects.bar_friction, 0.01, RING_INERTIA)
         parent, pose = body, placements[i]
     if effects.rod_slack > 0.0:
         rod = spec.add_tendon(name="rod_spring")
         rod.wrap_joint(ROD_JOINT, 1.0)
-        rod.stiffness[0] = bar.axial_stiffness
+        rod.stiffness[0] = effects.rod_stiffness
         rod.springlength = [-effects.rod_slack, effects.rod_slack]
     parent.add_site(name="bar_end", pos=pose[1], quat=_quat_wxyz(pose[0]))
 

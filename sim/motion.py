@@ -26,7 +26,7 @@ class Motion:
     rod_stretch: Array  # (K,) [m]
     rod_force: Array  # (K,) [N] tension positive
     geometry: Geometry  # true parameters; btheta holds the mechanical errors only
-    torque: Array | None = None  # (K, 6) [N m] of the servos, at the gears' outputs
+    torque: Array | None = None  # (K, 6) [N m] of the servos, at the gears' outputs, in the step that ends at t
     wrench: Array | None = None  # (K, 6) [N, N m] that plate and ball-bar exert on the flange, flange frame, where measured
     plate: Array = field(default_factory=lambda: np.zeros(1))  # (K,) or (1,) [rad] bending of the offset plate
     base: Array = field(default_factory=lambda: np.zeros((1, 3)))  # (K, 3) or (1, 3) [m] shift of the ball-bar's base

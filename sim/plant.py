@@ -153,7 +153,7 @@ def as_motion(
         shown=shown @ cell.robot.gear_to_joint,
         b=positions[:, plant.bar],
         rod_stretch=stretch,
-        rod_force=cell.ballbar.axial_stiffness * strain,
+        rod_force=effects.rod_stiffness * strain,
         geometry=geometry,
         torque=gains.kp * (run.command - shown) - gains.kv * rates,
         wrench=-sensors if effects.force_sensor else None,  # MuJoCo gives what the flange exerts on the plate

@@ -21,6 +21,7 @@ from sim.streams import stream
 
 Scale = Annotated[float, Field(ge=0.0)]
 Axes = tuple[Annotated[int, Field(ge=1, le=6)], ...]
+RIGID_ROD = 1e10  # [N/m] without rod_strain: 0.01 um at 100 N, so that the rod still shows its force
 CUSP_TERMS = 4  # harmonics of the cusped wave; the rest is 11 % of the peak at the cusp, 4 % at 25 deg, 2 % at 60 deg, 1.5 % further out
 
 
@@ -34,7 +35,9 @@ class JointCompliance(Strict):
 class LostMotion(Strict):
     """Play of the gears: a dead band on the load, or a friction element that leaves a hysteresis of the same width."""
 
-    kind: Literal["dead_band", "hysteresis"] = "dead_band"
+    kind: Literal["dead_band", "hysteresis"] = Field(
+        "dead_band", description="Hysteresis adds damping of four times the gear's stiffness times the time step."
+    )
     scale: Scale = Field(1.0, description="Total width, times the robot file's.")
     spread: Scale = Field(0.0, description="Standard deviation of the logarithm of the width over the joints.")
 
@@ -42,7 +45,7 @@ class LostMotion(Strict):
 class TransmissionError(Strict):
     """Harmonic error of the gears, orders and amplitudes of the robot file, phases drawn."""
 
-    scale: Scale = 1.0
+    scale: Scale = Field(1.0, description="Amplitudes, times the robot file's.")
 
 
 class CycloidRipple(Strict):
@@ -51,15 +54,15 @@ class CycloidRipple(Strict):
     amplitude_rad: Annotated[float, Field(ge=0.0)] = Field(6.0e-5, description="At the gear's output.")
     lobes: Annotated[float, Field(gt=0.0)] = Field(40, description="Cycles a turn of the output.")
     waveform: Literal["harmonic", "cusped"] = Field("cusped", description="A sine, or |sin| of Yang & Blanche 1990 with zero mean.")
-    axes: Axes = (1, 2, 3)
+    axes: Axes = Field((1, 2, 3), description="Gears that have it.")
 
 
 class SinusoidalGearError(Strict):
     """One sine a turn of the gear's output or input (thesis sec. 2.3: motor or gear not concentric)."""
 
     amplitude_rad: Annotated[float, Field(ge=0.0)] = Field(1.0e-4, description="At the gear's output.")
-    side: Literal["input", "output"] = "output"
-    axes: Axes = (1, 2, 3, 4, 5, 6)
+    side: Literal["input", "output"] = Field("output", description="One cycle a turn of the gear's output, or of the motor.")
+    axes: Axes = Field((1, 2, 3, 4, 5, 6), description="Gears that have it.")
 
 
 class GearFriction(Strict):
@@ -67,6 +70,12 @@ class GearFriction(Strict):
 
     scale: Scale = Field(1.0, description="Of all friction of the robot file.")
     stribeck: bool = Field(False, description="Break-away friction too: a soft servo then sticks and slips, in a chaotic sequence.")
+
+
+class RodStrain(Strict):
+    """Rod and joints of the ball-bar give way along the rod: strain = force / stiffness."""
+
+    scale: Annotated[float, Field(gt=0.0)] = Field(1.0, description="Stiffness, times the ball-bar file's.")
 
 
 class RodBacklash(Strict):
@@ -102,6 +111,7 @@ class PlantErrors(Strict):
     cycloid_ripple: CycloidRipple | None = None
     sinusoidal_gear_error: SinusoidalGearError | None = None
     gear_friction: GearFriction | None = None
+    rod_strain: RodStrain | None = None
     rod_backlash: RodBacklash | None = None
     bar_friction: BarFriction | None = None
     plate_bending: PlateBending | None = None
@@ -128,6 +138,7 @@ class PlantEffects:
     ripples: tuple[Ripple, ...] = ()
     friction_scale: float = 0.0  # of the robot file's gear friction
     stribeck: bool = False  # whether break-away friction is above Coulomb friction
+    rod_stiffness: float = RIGID_ROD  # [N/m] rod and ball-bar joints in series
     rod_slack: float = 0.0  # [m] half width
     bar_friction: float = 0.0  # [N m]
     plate_stiffness: float | None = None  # [N/m] at the tip; None: rigid
@@ -166,6 +177,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
         ripples=_ripples(errors, cell, seed),
         friction_scale=errors.gear_friction.scale if errors.gear_friction else 0.0,
         stribeck=errors.gear_friction is not None and errors.gear_friction.stribeck,
+        rod_stiffness=bar.axial_stiffness * errors.rod_strain.scale if errors.rod_strain else RIGID_ROD,
         rod_slack=0.5 * _default(backlash.width_m, bar.backlash) if backlash else 0.0,
         bar_friction=_default(friction.torque_N_m, bar.friction_torque) if friction else 0.0,
         plate_stiffness=_default(plate.tip_stiffness_N_per_m, cell.plate.tip_stiffness) if plate else None,

@@ -36,7 +36,7 @@ class PathSettings(Strict):
 
     kind: Literal["lissajous", "push_pull"] = Field(description="A motion over the sphere, or pull and push on the rod at one pose.")
     file: str = Field(description="Path file, relative to the scenario.")
-    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)]
+    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(description="Of the whole run, standstills included.")
     dwell_s: Annotated[float, Field(ge=1.0)] = Field(4.0, description="Standstill at both ends and at each stop.")
     stops: Annotated[int, Field(ge=0, le=50)] = Field(2, description="Standstills between the ends.")
 
@@ -129,7 +129,7 @@ class EncoderSettings(Strict):
 
     fitted: tuple[EncoderNumber, ...] = Field((1, 2, 3, 4, 5), description="Joints with an encoder; [] for a sensor-less bar.")
     bits: Annotated[int, Field(ge=8, le=13)] = Field(12, description="Interpolation of one line (EL5021 8001:11).")
-    noise_sigma_rad: Annotated[float, Field(ge=0.0)] = 0.0
+    noise_sigma_rad: Annotated[float, Field(ge=0.0)] = Field(0.0, description="White, before quantisation.")
     senses: Literal["declared", "unknown"] = Field(
         "declared", description="Senses of rotation are drawn; recording.yaml says which, or says +1 for all."
     )
@@ -176,7 +176,7 @@ class SimulationSettings(Strict):
     encoders: EncoderSettings = EncoderSettings()
     clocks: ClockSettings = ClockSettings()
     logs: LoadLogs = LoadLogs()
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0)] = Field(0, description="Of every drawn value; each error source draws from its own stream.")
 
     @model_validator(mode="after")
     def _faults_happen(self) -> SimulationSettings:

@@ -14,7 +14,7 @@ from cell.strict_yaml import load_model
 from sim.clocks import LogTimes, log_times
 from sim.encoders import BarEncoder, motor_angles
 from sim.kinematic import refuse_forces, run_kinematic
-from sim.load_logs import motor_torques, sensor_rows
+from sim.load_logs import drawn_loads, motor_torques, sensor_rows
 from sim.log_truth import FirstRows, LogTruth
 from sim.loggers import LoggedRows, logged_rows
 from sim.motion import Motion
@@ -66,7 +66,7 @@ def simulate(settings: SimulationSettings, *, relative_to: Path) -> Simulation:
     times = log_times(float(motion.t[-1]), settings.clocks, seed=settings.seed)
     rows = logged_rows(times, settings.clocks, seed=settings.seed)
     logs = _log_truth(settings, encoders, resolvers, times, rows)
-    plant = plant_truth(effects, cell.ballbar.axial_stiffness)
+    plant = plant_truth(effects)
     truth = _truth(settings, true, motion, encoders, declared, plant, logs)
     return Simulation(cell, path, motion, encoders, declared, resolvers, times, rows, truth)
 
@@ -80,12 +80,12 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
     rng = stream(settings.seed, "joint_noise")
     motors = motor_angles(simulation.cell.robot, q, noise_sigma=sigma, rng=rng, resolvers=simulation.resolvers)
     rows = simulation.rows.robot
-    log, sensor = settings.logs.torque, settings.logs.force_sensor
-    torques = motor_torques(simulation.cell.robot, motion, times.robot_true, log, settings.seed)[rows] if log else None
+    log, sensor, drawn = settings.logs.torque, settings.logs.force_sensor, simulation.truth.logs.loads
+    torques = motor_torques(simulation.cell.robot, motion, times.robot_true, log, drawn, settings.seed)[rows] if log else None
     write_abb_motor(folder / "raw" / "robot.csv", times.robot_stamp[rows], motors[rows], torques)
     if sensor:
         first, last = float(times.robot_true[0]), float(times.robot_true[-1])
-        write_force_torque(folder / "raw" / "force.csv", *sensor_rows(motion, first, last, sensor, settings.seed))
+        write_force_torque(folder / "raw" / "force.csv", *sensor_rows(motion, first, last, sensor, drawn, settings.seed))
     if simulation.encoders:
         _write_ballbar(simulation, settings.seed, folder)
     simulation.truth.write(truth_path(folder))
@@ -188,6 +188,7 @@ def _log_truth(
         clock_wander=times.wander,
         clock_step=clocks.step,
         restart=clocks.restart,
+        loads=drawn_loads(settings.logs, settings.seed),
         rows=rows.counts if clocks.dropped_rows or clocks.duplicated_rows else {},
     )
 

@@ -65,7 +65,6 @@ class _Machine:
     robot: list[list[Link]]  # per joint, in the frame that turns with it
     bar: list[list[Link]]
     gravity: Array
-    rod_stiffness: float
     active: NDArray[np.intp]  # coordinates that can move
 
 
@@ -113,7 +112,6 @@ def _machine(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: Servo
         _robot_links(cell),
         _turning_links(Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5)), bar.links),
         cell.robot.gravity,
-        bar.axial_stiffness,
         np.flatnonzero(movable),
     )
 
@@ -177,7 +175,7 @@ def _forces(machine: _Machine, ends: Deflected, x: Array) -> tuple[Array, Array]
         force[PLATE], stiffness[PLATE, PLATE] = bending * x[PLATE], bending
     if effects.base_stiffness is not None:
         force[BASE], stiffness[BASE, BASE] = effects.base_stiffness * x[BASE], effects.base_stiffness * np.eye(3)
-    rod, slope = _with_play(x[ROD : ROD + 1], np.array([machine.rod_stiffness]), np.array([effects.rod_slack]))
+    rod, slope = _with_play(x[ROD : ROD + 1], np.array([effects.rod_stiffness]), np.array([effects.rod_slack]))
     force[ROD], stiffness[ROD, ROD] = rod[0], slope[0]
     return force + _weights(machine, ends, x), stiffness
 

@@ -14,7 +14,7 @@ from cell.geometry import NAMES, Geometry
 from cell.schema import Strict
 from cell.strict_yaml import load_model
 from sim.log_truth import LogTruth
-from sim.plant_effects import PlantEffects
+from sim.plant_effects import RIGID_ROD, PlantEffects
 
 
 class RippleTruth(Strict):
@@ -34,15 +34,15 @@ class PlantTruth(Strict):
     gear_hysteresis_rad: tuple[float, ...]  # half widths
     transmission_error: tuple[RippleTruth, ...]
     gear_friction_scale: float
-    rod_stiffness_N_per_m: float
+    rod_stiffness_N_per_m: float | None
     rod_slack_m: float  # half width
     bar_friction_N_m: float
     plate_stiffness_N_per_m: float | None
     base_stiffness_N_per_m: float | None
 
 
-def plant_truth(effects: PlantEffects, rod_stiffness: float) -> PlantTruth:
-    """The effects of one machine as the truth file states them; rod_stiffness [N/m] of rod and ball-bar joints."""
+def plant_truth(effects: PlantEffects) -> PlantTruth:
+    """The effects of one machine as the truth file states them."""
     stiffness = effects.gear_stiffness
     return PlantTruth(
         gear_stiffness_N_m_per_rad=None if stiffness is None else tuple(stiffness.tolist()),
@@ -52,7 +52,7 @@ def plant_truth(effects: PlantEffects, rod_stiffness: float) -> PlantTruth:
             RippleTruth(axis=r.gear + 1, cycles_per_turn=r.order, amplitude_rad=r.amplitude, phase_rad=r.phase) for r in effects.ripples
         ),
         gear_friction_scale=effects.friction_scale,
-        rod_stiffness_N_per_m=rod_stiffness,
+        rod_stiffness_N_per_m=None if effects.rod_stiffness == RIGID_ROD else effects.rod_stiffness,
         rod_slack_m=effects.rod_slack,
         bar_friction_N_m=effects.bar_friction,
         plate_stiffness_N_per_m=effects.plate_stiffness,

@@ -1,7 +1,7 @@
 """What the device files of one recording tell about forces, gears and what gives way: statics and inverse kinematics only.
 
-Known beside the files, as after a calibration: clocks, encoder zeros and kinematic parameters; from the descriptions masses and
-the rod's stiffness. Nothing is shared with the plant but the kinematics of `cell`. Paths are slow: inertia is left out.
+Known beside the files, as after a calibration: clocks, encoder zeros, kinematic parameters and the rod's stiffness; from the
+descriptions masses. Nothing is shared with the plant but the kinematics of `cell`. Paths are slow: inertia is left out.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ class Logs:
 
     cell: Cell
     geometry: Geometry  # known; btheta holds the encoder zeros
+    rod_stiffness: float  # [N/m]
     t: Array  # (N,) [s]
     shown: Array  # (N, 6) [rad] joint angles of the logged motor angles
     b: Array  # (N, 5) [rad] encoder angles, their zeros not in them
@@ -72,7 +73,7 @@ class Logs:
     @cached_property
     def tip(self) -> Array:
         """(3, N) [m] where the ball-bar holds the tool, its rod stretched by its force."""
-        return np.asarray(self.bar.tip + self.rod_force / self.cell.ballbar.axial_stiffness * self.bar.z[2])
+        return np.asarray(self.bar.tip + self.rod_force / self.rod_stiffness * self.bar.z[2])
 
     @cached_property
     def joints(self) -> Array:
@@ -131,7 +132,8 @@ def read_logs(folder: Path) -> Logs:
     inside = (t >= force_t[0]) & (t <= min(robot_t[-1], force_t[-1]))
     b = bar.angles * np.array([truth.senses[f"b{j}"] for j in bar.joints])
     at_rows = [CubicSpline(*series)(t[inside]) for series in ((robot_t, robot.q), (robot_t, torque), (force_t, force[:, 1:]))]
-    return Logs(cell, truth.geometry, t[inside], at_rows[0], b[inside], *at_rows[1:])
+    stiffness = truth.plant.rod_stiffness_N_per_m or np.inf
+    return Logs(cell, truth.geometry, stiffness, t[inside], at_rows[0], b[inside], *at_rows[1:])
 
 
 def read_table(path: Path) -> Array:

@@ -21,7 +21,7 @@ from cell.chain import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.inverse import pose_mismatch
-from sim.load_logs import ForceSensor, TorqueLog, motor_torques, sensor_rows
+from sim.load_logs import ForceSensor, LoadLogs, TorqueLog, drawn_loads, motor_torques, sensor_rows
 from sim.plant_effects import PlantErrors, plant_effects
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
@@ -257,7 +257,7 @@ def rod_stretch(logs: Logs) -> Array:
 
 
 def test_rod_and_joints_strain_by_5_micrometres_and_a_half_at_150_newtons(tmp_path: Path) -> None:
-    logs = run(tmp_path, plant=SAGGING)
+    logs = run(tmp_path, plant=SAGGING, errors={"rod_strain": {}})
     assert logs.rod_force.min() < -150.0
     slope, constant = fit([logs.rod_force, np.ones(logs.t.size)], rod_stretch(logs))
     assert 1.0 / slope == pytest.approx(2.7e7, rel=WITHIN)
@@ -267,7 +267,8 @@ def test_rod_and_joints_strain_by_5_micrometres_and_a_half_at_150_newtons(tmp_pa
 
 @pytest.mark.parametrize("width", [None, 2e-5])
 def test_the_rods_play_lies_between_push_and_pull(width: float | None, tmp_path: Path) -> None:
-    errors = {"static": {"table": "thesis_3_1"}, "rod_backlash": {"width_m": width}}  # the static errors make it push and pull
+    play = {"rod_strain": {}, "rod_backlash": {"width_m": width}}
+    errors = {"static": {"table": "thesis_3_1"}} | play  # the static errors make it push and pull
     logs = run(tmp_path, duration=90.0, errors=errors)
     stretch, force, asked = rod_stretch(logs), logs.rod_force, width or 5e-6
     loaded = np.abs(force) > 3.0
@@ -342,7 +343,10 @@ def quiet(**changes: Any) -> SimulationSettings:
 
 def written(loaded: Simulation, folder: Path, **logs: Any) -> Path:
     """The raw files of the run with other loggers."""
-    write_recording(loaded, quiet(logs=logs), folder)
+    asked = quiet(logs=logs)
+    truth = loaded.truth
+    log_truth = truth.logs.model_copy(update={"loads": drawn_loads(asked.logs, asked.seed)})
+    write_recording(replace(loaded, truth=replace(truth, logs=log_truth)), asked, folder)
     return folder / "raw"
 
 
@@ -397,6 +401,9 @@ def test_gain_and_bias_are_one_number_a_channel_and_as_large_as_asked(loaded: Si
         channels = [*zip(felt.T, read.T, strict=True), *zip(torque.T, shown.T, strict=True)]
         found.append(np.array([line(*channel) for channel in channels]))
     (gain, bias), (twice_gain, twice_bias) = found[0].T, found[1].T
+    force, motor = (load_truth(truth_path(tmp_path / name)).logs.loads for name in ("f1.0", "t1.0"))
+    assert gain + 1.0 == pytest.approx([*force.force_gain, *motor.torque_gain], abs=1e-5)
+    assert bias[:6] == pytest.approx(force.force_bias, abs=1e-3)
     assert twice_gain == pytest.approx(2.0 * gain, rel=WITHIN)
     assert twice_bias[:6] == pytest.approx(2.0 * bias[:6], rel=WITHIN)
     assert np.abs(gain).min() > 1e-4
@@ -416,10 +423,11 @@ def test_gains_and_biases_of_many_runs_scatter_as_asked(loaded: Simulation) -> N
     step = replace(loaded.motion, t=np.array([0.0, 1.0]), wrench=two, torque=two)
     sensor = ForceSensor(rate_hz=1.0, noise_N=0.0, noise_N_m=0.0, bias_N=2.0, bias_N_m=0.2, gain_sigma=0.01, offset_s=0.0)
     torque_log = TorqueLog(noise_N_m=0.0, wrist_noise_N_m=0.0, gain_sigma=0.02)
-    read = np.array([sensor_rows(step, 0.0, 1.0, sensor, seed)[1] for seed in range(8000)])
-    shown = np.array([motor_torques(loaded.cell.robot, step, step.t, torque_log, seed)[1] for seed in range(8000)])
+    robot, drawn = loaded.cell.robot, [drawn_loads(LoadLogs(torque=torque_log, force_sensor=sensor), seed) for seed in range(8000)]
+    read = np.array([sensor_rows(step, 0.0, 1.0, sensor, each, seed)[1] for seed, each in enumerate(drawn)])
+    shown = np.array([motor_torques(robot, step, step.t, torque_log, each, seed)[1] for seed, each in enumerate(drawn)])
     gains = (read[:, 1] - read[:, 0]) / 1000.0 - 1.0
-    torque_gains = shown / (1000.0 * np.diag(loaded.cell.robot.transmission)) - 1.0
+    torque_gains = shown / (1000.0 * np.diag(robot.transmission)) - 1.0
     for drawn, sigma in ((read[:, 0, :3], 2.0), (read[:, 0, 3:], 0.2), (gains, 0.01), (torque_gains, 0.02)):
         assert np.sqrt(np.mean(drawn**2)) == pytest.approx(sigma, rel=WITHIN)
     together = np.hstack((read[:, 0], gains, torque_gains))
@@ -435,6 +443,7 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "cycloid_ripple": {},
     "sinusoidal_gear_error": {},
     "gear_friction": {},
+    "rod_strain": {},
     "rod_backlash": {},
     "bar_friction": {},
     "plate_bending": {},
@@ -548,7 +557,7 @@ def test_a_load_log_changes_nothing_in_the_other_files_and_columns(log: str, pla
 
 
 @pytest.mark.parametrize(
-    "effect", ["joint_compliance", "gear_friction", "rod_backlash", "bar_friction", "plate_bending", "base_compliance"]
+    "effect", ["joint_compliance", "gear_friction", "rod_strain", "rod_backlash", "bar_friction", "plate_bending", "base_compliance"]
 )
 def test_the_kinematic_plant_refuses_an_effect_that_needs_forces(effect: str) -> None:
     with pytest.raises(InputError, match=rf"errors.{effect}: needs forces, and plant.kind = kinematic has none. Use plant.kind = mujoco"):

@@ -75,6 +75,7 @@ def _run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
         update={
             "path": scenario.path.model_copy(update={"duration_s": 60.0}),
             "plant": scenario.plant.model_copy(update={"kind": "kinematic"}),
+            "errors": scenario.errors.model_copy(update={"rod_strain": None}),
             "encoders": scenario.encoders.model_copy(update={"fitted": fitted}),
         }
     )

@@ -159,7 +159,7 @@ def logged_and_true_torque(view: View) -> Array:
     """(N, 2) [N m at the motor] of axis 1."""
     log, robot = view.run.settings.logs.torque, view.simulation.cell.robot
     assert log is not None
-    logged = motor_torques(robot, view.simulation.motion, view.t, log, view.run.settings.seed)[:, 0]
+    logged = motor_torques(robot, view.simulation.motion, view.t, log, view.simulation.truth.logs.loads, view.run.settings.seed)[:, 0]
     return np.stack((logged, view.torque[:, 0] * robot.transmission[0, 0]), axis=1)
 
 
@@ -180,4 +180,6 @@ def sensor_force_and_truth(view: View) -> Array:
 def _sensor(view: View) -> tuple[Array, Array]:
     sensor = view.run.settings.logs.force_sensor
     assert sensor is not None
-    return sensor_rows(view.simulation.motion, 1.0 - sensor.offset_s, 59.0, sensor, view.run.settings.seed)
+    return sensor_rows(
+        view.simulation.motion, 1.0 - sensor.offset_s, 59.0, sensor, view.simulation.truth.logs.loads, view.run.settings.seed
+    )

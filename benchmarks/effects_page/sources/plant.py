@@ -149,8 +149,17 @@ GEARS = (
 
 BAR = (
     Source(
+        "errors.rod_strain",
+        "`F = k s`, s the rod's stretch; without it a rod of 1e10 N/m, 0.01 um at 100 N.",
+        "Plant: spring of the rod's slide.",
+        "Ball-bar file: thesis sec. 5.3, 5.5 um at 150 N for rod and joints together; Fig. 5.8.",
+        "The rod's length follows its force.",
+        Plot(signals.rod_force, signals.rod_stretch_um, ("rod force [N]", "rod stretch [um]"), {"": error("rod_strain")}, points=450),
+        of_machine=("N/m", lambda cell: cell.ballbar.axial_stiffness),
+    ),
+    Source(
         "errors.rod_backlash",
-        "`F = k (s - clip(s, -w/2, w/2))`, s the rod's stretch, k its stiffness (the rod gives way always).",
+        "`F = k (s - clip(s, -w/2, w/2))`, s the rod's stretch, k its stiffness.",
         "Plant: spring of the rod's slide.",
         "Ball-bar file: thesis sec. 5.3, below 5 um a joint; Fig. 5.9.",
         "The rod's length jumps by w where its force changes sign.",
@@ -158,7 +167,8 @@ BAR = (
             signals.rod_force,
             signals.rod_stretch_um,
             ("rod force [N]", "rod stretch [um]"),
-            {"with play": error("rod_backlash")},
+            {"with play": {"errors": {"rod_strain": {}, "rod_backlash": {}}}},
+            {"errors": {"rod_strain": {}}},
             minus_off=False,
             show_off="without",
             points=450,
