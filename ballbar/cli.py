@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import os
 import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -15,10 +18,16 @@ from rich.markup import escape
 
 from acquisition import coarse_alignment, read_recording, report_lines
 from ballbar.compare import Comparison, compare, reference_of
+from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.run import OUTPUTS, REPLAY, identify_folder, run_scenario, simulate_scenario, write_outputs
 from ballbar.run_data import RunData
 from ballbar.scenario import load_scenario
+from ballbar.sweep_check import load as load_sweep
+from ballbar.sweep_command import run_bar, say_outcome
+from ballbar.sweep_run import SweepError, run_sweep
+from ballbar.sweep_workers import dask_cluster, processes
+from ballbar.trial import run_trial
 from cell.descriptions import load_robot
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
@@ -128,6 +137,45 @@ def compare_files(
     _say_comparison(_compared(model, calibration, reference))
 
 
+@app.command(epilog="Example: `ballbar identifiability scenarios/irb2400.yaml --cost all --encoders 1,2,4,5`")
+def identifiability(
+    scenario: ScenarioFile,
+    cost: Annotated[str | None, typer.Option(help=f"{', '.join(COSTS)} or all; default: the scenario's.", metavar="NAME")] = None,
+    encoders: Annotated[
+        str | None, typer.Option(help="Ball-bar joints with an encoder, such as 1,2,4,5, or none; default: the scenario's.", metavar="LIST")
+    ] = None,
+    complete: Annotated[
+        bool, typer.Option("--complete", help="Ask for Hayati angles and base tilt too, which the thesis has not.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+) -> None:
+    """What a cost can tell of the parameters on a scenario's path: thesis Tables 3.2 to 3.4, and what to keep (sec. 3.3).
+
+    Judged on the nominal mechanism; nothing is simulated.
+    """
+    settings = load_scenario(scenario)
+    fitted = settings.encoders.fitted if encoders is None else parse_encoders(encoders)
+    costs, passed_over = chosen_costs(settings.identify.cost if cost is None else cost, fitted)
+    loop = nominal_loop(settings, relative_to=scenario.parent)
+    with _progress() as progress:
+        found = []
+        for name in costs:
+            progress(name)
+            judged = study(loop, name, fitted, complete=complete)
+            found.append((judged, influences(loop, judged)))
+    if as_json:
+        tables = [study_data(judged, moved) for judged, moved in found]
+        typer.echo(json.dumps({"scenario": settings.name, "costs": tables, "passed_over": passed_over}, indent=2))
+        return
+    for judged, moved in found:
+        for k, line in enumerate(study_lines(judged, moved)):
+            out.print(f"[bold]{escape(line)}[/]" if k == 0 else escape(line))
+        out.print()
+    for name, reason in passed_over.items():
+        out.print(f"[yellow]passed over:[/] {name}, {escape(reason)}")
+    out.print(f"[dim]{escape(LEGEND)}[/]")
+
+
 @app.command(epilog="Example: `ballbar replay runs/irb2400 --web`")
 def replay(
     run_dir: Annotated[Path, typer.Argument(help="A folder with run.rrd, or the file itself.", metavar="RUN")],
@@ -147,6 +195,28 @@ def replay(
         serve_web(file)
     else:
         open_viewer(file)
+
+
+@app.command(epilog="Example: `ballbar sweep scenarios/sweeps/noise.yaml --workers 4`, or on a cluster `--scheduler tcp://10.0.0.5:8786`")
+def sweep(
+    file: Annotated[Path, typer.Argument(help="A sweep, such as scenarios/sweeps/noise.yaml.", metavar="FILE")],
+    out_dir: Out = None,
+    workers: Annotated[int | None, typer.Option(help="Processes on this machine; default one a core.", min=1)] = None,
+    scheduler: Annotated[str | None, typer.Option(help="Run on the workers of this Dask scheduler instead.", metavar="ADDRESS")] = None,
+) -> None:
+    """Run a scenario many times with values and seeds that vary; one table with a row for each run.
+
+    Writes NAME.parquet and NAME.csv to DIR (default runs/NAME-sweep). Interrupted, the same command goes on where it stopped.
+    Exits with 1 when it was stopped, or every run failed.
+    """
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers counts processes on this machine; with --scheduler the cluster's own workers compute. Give one.")
+    settings = load_sweep(file)
+    folder = out_dir or Path("runs") / f"{settings.plan.name}-sweep"
+    computing = partial(dask_cluster, address=scheduler) if scheduler else partial(processes, count=workers or os.cpu_count() or 1)
+    with run_bar(err, settings.plan) as progress:
+        outcome = run_sweep(settings, folder, run_trial, computing, progress=progress)
+    raise typer.Exit(0 if say_outcome(out, outcome) else 1)
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
@@ -227,7 +297,7 @@ def main() -> None:
     except InputError as error:
         err.print(f"[red]error:[/] {escape(str(error))}")
         sys.exit(2)
-    except (StartError, PlantError, NoEquilibriumError, UnreachableError, ViewerError) as error:
+    except (StartError, PlantError, NoEquilibriumError, UnreachableError, ViewerError, SweepError) as error:
         err.print(f"[red]failed:[/] {escape(str(error))}")
         sys.exit(1)
     except OSError as error:

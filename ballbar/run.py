@@ -14,9 +14,11 @@ from ballbar.scenario import Scenario
 from cell.descriptions import load_cell
 from cell.errors import InputError
 from cell.files import claim_folder
+from cell.logs import RobotLog
 from cell.recording import load_recording_file
 from ident.calibration import write_calibration
 from ident.identify import DEFAULT_SAMPLES, Identification, identify
+from sim.settings import PathSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
 
 RECORDING = "recording"
@@ -36,10 +38,19 @@ def simulate_scenario(scenario: Scenario, scenario_file: Path, folder: Path, *, 
     """
     claim_recording(folder)
     progress("simulating the cell")
-    simulation = simulate(scenario, relative_to=scenario_file.parent)
+    files = scenario_file.parent
+    simulation = simulate(scenario, relative_to=files, recorded=recorded_log(scenario.path, files))
     progress("writing the device logs")
     write_recording(simulation, scenario, folder)
     return simulation
+
+
+def recorded_log(path: PathSettings, folder: Path) -> RobotLog | None:
+    """The robot's log of the recording that a scenario's path follows, if it follows one.
+
+    folder : of the scenario. Raises InputError for a recording that cannot be read.
+    """
+    return read_recording(folder / path.recording).robot_log if path.kind == "recorded" else None
 
 
 def claim_recording(folder: Path) -> None:
@@ -72,8 +83,13 @@ def write_outputs(out: Path, data: RunData, *, command: str, replay: bool, progr
 def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command: str, progress: Progress) -> RunData:
     """Simulate, identify, compare with the truth, report, replay.
 
-    Raises InputError when the scenario cannot be run or `out` holds something else.
+    Raises InputError when the scenario cannot be run, asks for another identification, or `out` holds something else.
     """
+    if scenario.identify.data != "files" or scenario.identify.cost != "ml":
+        raise InputError(
+            f"{scenario_file}: identify.cost = {scenario.identify.cost}, data = {scenario.identify.data}: a run with report and replay "
+            "identifies device logs with ml. The thesis's costs and paired samples are for sweeps."
+        )
     claim_folder(out, {RECORDING, truth_path(out / RECORDING).name, *OUTPUTS}, "a run")
     folder = out / RECORDING
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress)

@@ -5,18 +5,35 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from cell.schema import Strict
+from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
+from ident.costs import ENCODERS_NEEDED
 from sim.settings import SimulationSettings
 
 
 class IdentifySettings(Strict):
     """How the recording is identified."""
 
-    cost: Literal["ml"] = "ml"
+    cost: Literal["ml", "length", "position", "position_angles", "transform"] = Field(
+        "ml", description="Whitened loop closure with the clock as parameter, or one of the cost functions of thesis eqs. 2.1-2.4."
+    )
+    form: Literal["vector", "thesis"] = Field("vector", description="Of a thesis cost: signed components, or the scalar as printed.")
+    data: Literal["files", "samples"] = Field(
+        "files",
+        description="Device logs through reader and clock alignment; or the angles of both logs at the sample instants, clocks already "
+        "matched (thesis ch. 3), of the kinematic plant only.",
+    )
     samples: Annotated[int, Field(ge=50, le=100_000)] = 1500
+    rod_sign: bool = Field(
+        False,
+        description="Of a vector cost on samples: how far the rod gives way is an unknown, the sign of its force known (thesis ch. 6).",
+    )
+    shift_rounds: Annotated[int, Field(ge=0, le=50)] = Field(
+        0, description="Of a cost on samples: how often to identify and move one log to the least cost before the fit (thesis sec. 5.2)."
+    )
 
 
 class AcceptSettings(Strict):
@@ -38,6 +55,24 @@ class Scenario(SimulationSettings):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
     identify: IdentifySettings = IdentifySettings()
     accept: AcceptSettings = AcceptSettings()
+
+    @model_validator(mode="after")
+    def _can_be_identified(self) -> Scenario:
+        """The cost has its encoders and form, the samples their plant."""
+        asked, fitted = self.identify, self.encoders.fitted
+        if asked.data == "samples" and self.plant.kind != "kinematic":
+            raise wrong_key("identify", "data", message="samples come from the kinematic plant only; set plant.kind = kinematic")
+        if asked.cost == "ml":
+            if asked.form != "vector":
+                raise wrong_key("identify", "form", message="the thesis prints no ml; choose one of its costs, or vector")
+        elif missing := [f"b{joint}" for joint in ENCODERS_NEEDED[asked.cost] if joint not in fitted]:
+            raise wrong_key("identify", "cost", message=f"needs encoders on {', '.join(missing)}, which are not in encoders.fitted")
+        for key in ("rod_sign", "shift_rounds"):
+            if getattr(asked, key) and (asked.cost == "ml" or asked.data == "files"):
+                raise wrong_key("identify", key, message="is of the thesis's costs on samples; set identify.cost and data = samples")
+        if asked.rod_sign and asked.form != "vector":
+            raise wrong_key("identify", "rod_sign", message="the rod's deviation is linear in the vector form only; set form = vector")
+        return self
 
 
 def load_scenario(path: Path) -> Scenario:

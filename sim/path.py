@@ -112,7 +112,7 @@ def reference_path(
     poses[:, :3, 3] += (shape.lengthening(phase) * frames.z[2]).T
     q = _continuous_branch(robot, nominal, t, b, poses)
     speed = CubicSpline(t, q).derivative()(t)
-    _check_speeds(robot, t, speed)
+    check_speeds(robot, t, speed)
     return ReferencePath(t, b, q, speed)
 
 
@@ -148,7 +148,8 @@ def axis_range_fault(robot: Robot, t: Array, q: Array) -> tuple[float, str] | No
     return float(excess.max()), f"axis {axis + 1} at t = {t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg outside {limits} deg"
 
 
-def _check_speeds(robot: Robot, t: Array, speed: Array) -> None:
+def check_speeds(robot: Robot, t: Array, speed: Array) -> None:
+    """Raises InputError where joint speeds (N, 6) [rad/s] pass what an axis can do."""
     ratio = np.abs(speed @ robot.joint_to_axis) / robot.axis_speed_max
     if ratio.max() > 1.0:
         k, axis = (int(i) for i in np.unravel_index(int(ratio.argmax()), ratio.shape))

@@ -15,6 +15,7 @@ from cell.schema_errors import wrong_key
 from sim.clock_errors import LEAD, ClockStep, ClockWander, DroppedRows, DuplicatedRows, LoggerRestart, StampJitter, StampQuantum
 from sim.load_logs import LoadLogs
 from sim.plant_effects import PlantErrors
+from sim.sample_errors import SampleErrors
 from sim.sensor_errors import EncoderNumber, SensorErrors
 
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
@@ -34,11 +35,28 @@ class CellSettings(Strict):
 class PathSettings(Strict):
     """The reference path and its timing."""
 
-    kind: Literal["lissajous", "push_pull"] = Field(description="A motion over the sphere, or pull and push on the rod at one pose.")
-    file: str = Field(description="Path file, relative to the scenario.")
-    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(description="Of the whole run, standstills included.")
-    dwell_s: Annotated[float, Field(ge=1.0)] = Field(4.0, description="Standstill at both ends and at each stop.")
-    stops: Annotated[int, Field(ge=0, le=50)] = Field(2, description="Standstills between the ends.")
+    kind: Literal["lissajous", "push_pull", "recorded"] = Field(
+        description="A motion over the sphere, pull and push on the rod at one pose, or where the robot of a recording went."
+    )
+    file: str = Field("", description="Path file of lissajous and push_pull, relative to the scenario.")
+    recording: str = Field("", description="Folder of the recording, relative to the scenario; of recorded only.")
+    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(
+        description="Of the whole run, standstills included; of a recording, from its first row."
+    )
+    dwell_s: Annotated[float, Field(ge=1.0)] = Field(4.0, description="Standstill at both ends and at each stop; a recording has its own.")
+    stops: Annotated[int, Field(ge=0, le=50)] = Field(2, description="Standstills between the ends; a recording has its own.")
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> PathSettings:
+        """What the kind needs is given, and nothing that it would not look at."""
+        recorded = self.kind == "recorded"
+        needed, unused = ("recording", ("file", "dwell_s", "stops")) if recorded else ("file", ("recording",))
+        if not getattr(self, needed):
+            raise ValueError(f"kind {self.kind} needs {needed}")
+        for key in unused:
+            if getattr(self, key) != PathSettings.model_fields[key].default:
+                raise wrong_key(key, message=f"kind {self.kind} has no use for it; leave it out")
+        return self
 
 
 class LissajousFile(Strict):
@@ -114,7 +132,7 @@ class JointNoise(Strict):
     sigma_rad: Annotated[float, Field(ge=0.0)] = Field(description="At the joint.")
 
 
-class ErrorSettings(PlantErrors, SensorErrors):
+class ErrorSettings(PlantErrors, SensorErrors, SampleErrors):
     """Error sources; each absent unless named."""
 
     static: StaticErrors | None = None

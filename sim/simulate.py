@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from cell.descriptions import Cell, load_cell
+from cell.errors import InputError
 from cell.files import write_yaml
 from cell.geometry import Geometry, nominal_geometry
+from cell.logs import RobotLog
 from cell.strict_yaml import load_model
 from sim.clocks import LogTimes, log_times
 from sim.encoders import BarEncoder, motor_angles
@@ -21,8 +23,10 @@ from sim.motion import Motion
 from sim.path import Lissajous, PushPull, ReferencePath, reference_path
 from sim.plant import run_plant
 from sim.plant_effects import PlantEffects, plant_effects
+from sim.recorded_path import recorded_path
+from sim.sample_errors import refuse_sample_errors
 from sim.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects, resolver_effects
-from sim.settings import LissajousFile, PushPullFile, SimulationSettings
+from sim.settings import LissajousFile, PathSettings, PushPullFile, SimulationSettings
 from sim.static_errors import true_geometry
 from sim.streams import stream
 from sim.truth import PlantTruth, Truth, plant_truth
@@ -30,6 +34,7 @@ from sim.writers import write_abb_motor, write_force_torque, write_twincat_plc
 
 BALLBAR_FILES = ("raw/ballbarOld.csv", "raw/ballbar.csv")  # a logger that starts again renames its file (log_formats A.6)
 PATH_STEP = 0.01  # [s] grid of the reference path; the command between is a cubic spline
+AT_REST = 0.01  # [rad/s] joint speed up to which a recording begins at rest: ten times what its noise leaves after smoothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,18 +52,18 @@ class Simulation:
     truth: Truth
 
 
-def simulate(settings: SimulationSettings, *, relative_to: Path) -> Simulation:
+def simulate(settings: SimulationSettings, *, relative_to: Path, recorded: RobotLog | None = None) -> Simulation:
     """Runs the plant and decides what the loggers will see.
 
-    relative_to : folder of the scenario, for files it names. Raises InputError for a scenario that cannot be run.
+    relative_to : folder of the scenario, for files it names. recorded : the robot's log of path.recording, where there is one.
+    Raises InputError for a scenario that cannot be run.
     """
+    refuse_sample_errors(settings.errors)
     chosen = settings.cell
     cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate, relative_to=relative_to)
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
     true = true_geometry(nominal, settings.errors, plate_sigma=cell.plate.length_sigma, seed=settings.seed)
-    timing = settings.path
-    shape = load_push_pull(relative_to / timing.file) if timing.kind == "push_pull" else load_lissajous(relative_to / timing.file)
-    path = reference_path(cell.robot, nominal, shape, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops, step=PATH_STEP)
+    path = planned_path(settings.path, cell, nominal, relative_to=relative_to, recorded=recorded)
     effects = plant_effects(settings.errors, cell, settings.seed)
     motion = _moved(settings, cell, true, effects, path)
     encoders, declared = _encoders(settings, cell)
@@ -114,6 +119,22 @@ def truth_path(folder: Path) -> Path:
     return folder.with_name(folder.name + ".truth.yaml")
 
 
+def planned_path(
+    timing: PathSettings, cell: Cell, nominal: Geometry, *, relative_to: Path, recorded: RobotLog | None = None
+) -> ReferencePath:
+    """The reference path of a scenario; arguments as of `simulate`.
+
+    Raises InputError when the mechanism cannot follow it, DescriptionError for a bad path file.
+    """
+    if timing.kind == "recorded":
+        if recorded is None:
+            raise InputError(f"path.recording = {timing.recording}: its robot log was not handed to the simulation.")
+        return recorded_path(cell.robot, nominal, recorded, duration=timing.duration_s, step=PATH_STEP)
+    file = relative_to / timing.file
+    shape = load_push_pull(file) if timing.kind == "push_pull" else load_lissajous(file)
+    return reference_path(cell.robot, nominal, shape, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops, step=PATH_STEP)
+
+
 def load_lissajous(path: Path) -> Lissajous:
     """The path file as radians. Raises DescriptionError."""
     file = load_model(path, LissajousFile)
@@ -133,10 +154,21 @@ def _moved(settings: SimulationSettings, cell: Cell, true: Geometry, effects: Pl
     if plant.kind == "kinematic":
         refuse_forces(settings)
         return run_kinematic(cell.robot, true, effects, path)
+    if settings.path.kind == "recorded":
+        _refuse_moving_start(path)
     effects = replace(effects, force_sensor=settings.logs.force_sensor is not None)
     return run_plant(
         cell, true, effects, path, servo=plant.servo, timestep=plant.timestep_s, gravity_compensation=plant.gravity_compensation
     )
+
+
+def _refuse_moving_start(path: ReferencePath) -> None:
+    fastest = float(np.abs(path.speed[0]).max())
+    if fastest > AT_REST:
+        raise InputError(
+            f"path.recording: the robot moves at its first row ({np.degrees(fastest):.1f} deg/s), and plant.kind = mujoco starts "
+            "from rest. Take a recording that begins at rest, or plant.kind = kinematic."
+        )
 
 
 def _encoders(settings: SimulationSettings, cell: Cell) -> tuple[tuple[BarEncoder, ...], tuple[int, ...]]:

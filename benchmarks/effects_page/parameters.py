@@ -48,6 +48,8 @@ def value_text(value: object) -> str:
     """A value as one writes it in a scenario, to four digits."""
     if value is None:
         return "null"
+    if value == "":
+        return '""'
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):

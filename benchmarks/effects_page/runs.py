@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from cell.chain import Array
-from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from sim.encoders import BarEncoder, motor_angles
+from sim.kinematic_samples import KinematicSamples, kinematic_samples, sample_path_at
+from sim.sample_errors import SampleErrors, delay_of
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate
 from sim.streams import stream
@@ -31,10 +33,15 @@ BASE: Changes = {
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A simulated run and what it was asked for."""
+    """A simulated run and what it was asked for. Errors of paired samples are not in the simulation (View.samples)."""
 
     settings: SimulationSettings
     simulation: Simulation
+
+    @property
+    def pairs(self) -> bool:
+        """Whether an error source of paired samples is switched on."""
+        return any(getattr(self.settings.errors, name) is not None for name in SampleErrors.model_fields)
 
 
 def run(changes: Changes) -> Run:
@@ -45,7 +52,8 @@ def run(changes: Changes) -> Run:
 @cache
 def _run(asked: str) -> Run:
     settings = SimulationSettings.model_validate_json(asked)
-    return Run(settings, simulate(settings, relative_to=ROOT / "scenarios"))
+    logged = settings.errors.model_copy(update=dict.fromkeys(SampleErrors.model_fields))
+    return Run(settings, simulate(settings.model_copy(update={"errors": logged}), relative_to=ROOT / "scenarios"))
 
 
 def merged(base: Changes, changes: Changes) -> Changes:
@@ -74,6 +82,8 @@ class View:
     @cached_property
     def q(self) -> Array:
         """(N, 6) [rad] robot angles by the log."""
+        if self.run.pairs:
+            return self.samples.q
         robot, settings = self.simulation.cell.robot, self.run.settings
         noise, rng = settings.errors.joint_noise, stream(settings.seed, "joint_noise")
         sigma = noise.sigma_rad if noise else 0.0
@@ -83,9 +93,19 @@ class View:
     @cached_property
     def b(self) -> Array:
         """(N, 5) [rad] ball-bar angles by the log, zeros known."""
+        if self.run.pairs:
+            return self.samples.b
         if not self.counted:
             return self.true_angles[1]
         return np.stack([self._counted(encoder) for encoder in self.simulation.encoders], axis=1)
+
+    @cached_property
+    def samples(self) -> KinematicSamples:
+        """Paired samples of the run at these times."""
+        settings, cell = self.run.settings, self.simulation.cell
+        nominal = nominal_geometry(cell, np.array(settings.cell.ballbar_position_m))
+        path = sample_path_at(cell, nominal, self.simulation.path, self.t, delay=delay_of(settings.errors))
+        return kinematic_samples(settings, path)
 
     def _counted(self, encoder: BarEncoder) -> Array:
         rng = stream(self.run.settings.seed, f"encoder_noise_b{encoder.joint}")

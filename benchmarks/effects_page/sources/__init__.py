@@ -2,6 +2,7 @@
 
 from benchmarks.effects_page.sources.geometry import GEOMETRY
 from benchmarks.effects_page.sources.logs import CLOCKS, LOADS, LOGGERS
+from benchmarks.effects_page.sources.pairs import PAIRS
 from benchmarks.effects_page.sources.plant import BAR, GEARS
 from benchmarks.effects_page.sources.sensors import ENCODERS, ROBOT_SENSORS
 from benchmarks.effects_page.sources.source import Source as Source
@@ -15,5 +16,6 @@ GROUPS: dict[str, tuple[Source, ...]] = {
     "Clocks and stamps": CLOCKS,
     "Loggers: which rows stand in the file": LOGGERS,
     "Logged loads": LOADS,
+    "Paired samples": PAIRS,
 }
 SOURCES = tuple(source for group in GROUPS.values() for source in group)

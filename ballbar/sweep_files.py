@@ -1,0 +1,77 @@
+"""The files that a sweep's scenarios name: kept with the sweep, and sent to workers on other machines.
+
+They are found by the names that stand in the scenario, also where those lead out of its folder (`../paths/a.yaml`). An
+absolute name stays where it points: its file counts for the plan, but must be on every machine.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from cell.errors import InputError
+from cell.recording import load_recording_file
+
+Files = tuple[tuple[str, bytes], ...]  # name as the scenario has it, content; in the order of the names
+
+_NAMED = ("cell.robot", "cell.ballbar", "cell.plate")  # a name of ours, or a file that ends in .yaml
+_PATH_FILE, _RECORDING = "path.file", "path.recording"
+
+
+def read_files(scenarios: Iterable[Mapping[str, Any]], folder: Path) -> Files:
+    """Every file that one of the scenarios names.
+
+    scenarios : plain data, checked or not. folder : of the scenario file. Raises InputError when a file cannot be read.
+    """
+    found: dict[str, bytes] = {}
+    for key, name in sorted({named for scenario in scenarios for named in _named(scenario)}):
+        for one in _recording_files(folder, name) if key == _RECORDING else [name]:
+            try:
+                found[one] = (folder / one).read_bytes()
+            except OSError as error:
+                raise InputError(f"{key} = {name!r}: {folder / one} cannot be read: {error.strerror}.") from None
+    return tuple(sorted(found.items()))
+
+
+def digests(files: Files) -> dict[str, str]:
+    """SHA-256 of each file, by its name."""
+    return {name: hashlib.sha256(content).hexdigest() for name, content in files}
+
+
+def unpack(files: Files, top: Path) -> None:
+    """Writes the files below `top`, where their names lead to from `scenario_folder`; not the absolute ones."""
+    folder = scenario_folder((name for name, _ in files), top)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files:
+        if not Path(name).is_absolute():
+            path = folder / os.path.normpath(name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+
+
+def scenario_folder(names: Iterable[str], top: Path) -> Path:
+    """The folder below `top` that lies as deep as the names lead up."""
+    depth = max((Path(os.path.normpath(name)).parts.count("..") for name in names), default=0)
+    return Path(top, *["scenario"] * depth)
+
+
+def _named(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Key and name of each file or recording."""
+    for key in (*_NAMED, _PATH_FILE, _RECORDING):
+        section, _, last = key.partition(".")
+        below = scenario.get(section)
+        name = below.get(last) if isinstance(below, dict) else None
+        if isinstance(name, str) and name and (key not in _NAMED or name.endswith(".yaml")):
+            yield key, name
+
+
+def _recording_files(folder: Path, name: str) -> list[str]:
+    """recording.yaml, the device files, and the descriptions that are not the shipped ones."""
+    file = load_recording_file(folder / name)
+    sources = [source for source in (file.sources.robot, file.sources.ballbar, file.sources.force) if source]
+    device = [one for source in sources for one in source.files]
+    described = [one for one in (file.robot, file.ballbar, file.plate) if one.endswith(".yaml")]
+    return [f"{name}/{one}" for one in ("recording.yaml", *device, *described)]

@@ -1,0 +1,239 @@
+"""Which parameters a Jacobian cannot tell apart, in the notation of thesis Tables 3.2, 3.3 and 3.4.
+
+Everything here works on columns (P, M), one row a parameter, and the parameters' names; where the columns come from (cost,
+robot, path, encoders) is the caller's affair. Columns are compared at unit length, so units and weights of a parameter do not
+matter. A parameter whose column vanishes has no effect (Table 3.3). The others form a null space as large as the number of
+directions that are missing; its readable basis is: walk through the parameters in the order of thesis sec. 3.3 and leave out each
+one whose column is a combination `c_k = sum_i x_i c_i` of those kept before. (The thesis reads the diagonal of "Q"; it is that of R.)
+
+- One partner, as in `c_rd1 = -c_oz`: either can be kept. All that share a partner make one group, `rd1 | oz | bd1` (Table 3.2).
+- Several partners, as in `c_rtheta1 = -c_btheta1 + oy c_ox - ox c_oy`: they move together, `rtheta1 | ox,y + btheta1`.
+- All lengths in proportion to themselves: the scale, which one known length fixes. It joins the plate's group, `ra6 | bd3`.
+
+The same x are the influence of Table 3.4: an error of 1 mm|mrad in a parameter left out moves each kept one by x_i mm|mrad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.geometry import BAR_ROWS, HAYATI_ROWS, INDEX, PARAMETERS, ROBOT_ROWS, Geometry
+
+Array = NDArray[np.float64]
+
+STRUCTURAL = 1e-6  # relative; thesis sec. 3.2. Structural zeros leave 1e-15, the weakest real direction 3e-4 (docs/identifiability.md)
+PLATE = "ra6"  # the offset plate is the known length (thesis secs. 3.3, 4.3)
+SCALE_PARTNERS = 3  # a combination of fewer lengths has a simpler name than "all lengths in proportion"
+SIGNIFICANT = 0.05  # mm|mrad for an error of 1 mm|mrad, thesis sec. 3.3
+
+
+def _rows(side: str, kinds: Iterable[str], count: int) -> list[str]:
+    return [f"{side}{kind}{row + 1}" for kind in kinds for row in range(count)]
+
+
+_BAR = [name for name in _rows("b", ("a", "d", "alpha"), BAR_ROWS) if name != "bd3"]
+_ROBOT = _rows("r", ("a", "d", "alpha", "theta"), ROBOT_ROWS)
+THESIS_PARAMETERS = (*_rows("b", ("theta",), BAR_ROWS), "ox", "oy", "oz", *_ROBOT, "bd3", *_BAR)  # 47, in the order of sec. 3.3
+EXTRA_PARAMETERS = (*(f"rbeta{row + 1}" for row in HAYATI_ROWS), "otx", "oty")  # what the thesis has not: after all others
+_WRITTEN = (*_ROBOT, *EXTRA_PARAMETERS[:-2], "ox", "oy", "oz", "otx", "oty", "bd3", *_BAR, *_rows("b", ("theta",), BAR_ROWS))
+
+
+@dataclass(frozen=True)
+class Dependency:
+    """A parameter left out, and the combination of kept ones that does the same."""
+
+    name: str
+    partners: Mapping[str, float]  # kept parameter: x, in units of the partner per unit of `name` (m, rad)
+    is_scale: bool  # every length in proportion to itself
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What can be identified together, and what becomes of the rest; all names in the order of priority."""
+
+    kept: tuple[str, ...]
+    without_effect: tuple[str, ...]  # zero Jacobian
+    dependent: tuple[Dependency, ...]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Parameters of which only some can be identified, one entry of Table 3.2."""
+
+    members: tuple[tuple[str, ...], ...]  # alternatives; several names in one alternative move together
+    vectors: tuple[Dependency, ...]  # the null vectors behind it
+
+    def __str__(self) -> str:
+        return " | ".join(_sum(names) for names in self.members)
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Singular values on both sides of the cut, of the columns at unit length."""
+
+    rank: int
+    condition: float  # largest by smallest counted
+    smallest_counted: float  # relative to the largest
+    largest_ignored: float  # relative to the largest; 0 where nothing is ignored
+
+
+def zero_jacobian(columns: Array, names: Sequence[str]) -> tuple[str, ...]:
+    """The parameters that move nothing: columns (P, M) shorter than STRUCTURAL of the longest one (thesis Table 3.3)."""
+    lengths = _lengths_of(columns, names)
+    return tuple(name for name, length in zip(names, lengths, strict=True) if length <= STRUCTURAL * lengths.max())
+
+
+def spectrum(columns: Array, names: Sequence[str]) -> Spectrum:
+    """How many directions the columns (P, M) span, and how clear that is. Columns without effect do not count."""
+    lengths = _lengths_of(columns, names)
+    unit = columns[lengths > STRUCTURAL * lengths.max()]
+    unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
+    relative = np.linalg.svd(unit, compute_uv=False)
+    relative = relative / relative[0]
+    rank = int((relative > STRUCTURAL).sum())
+    ignored = [*relative[rank:], *([0.0] * max(0, len(unit) - len(relative)))]
+    return Spectrum(rank, float(1.0 / relative[rank - 1]), float(relative[rank - 1]), float(max(ignored, default=0.0)))
+
+
+def select(columns: Array, names: Sequence[str], nominal: Geometry, *, known: Sequence[str] = (PLATE,)) -> Selection:
+    """The parameters to identify, by the priority of thesis sec. 3.3.
+
+    columns : (P, M), one row for each of `names`, in any order.
+    nominal : its lengths say what the scale direction is.
+    known : asked last, so that they are left out where anything depends on them: the plate, whose length is known.
+
+    Raises ValueError for a name that is no parameter, and when `columns` has not one row for each name.
+    """
+    order = sorted(range(len(names)), key=lambda k: (names[k] in known, _priority(names[k])))
+    none = set(zero_jacobian(columns, names))
+    lengths = _lengths_of(columns, names)
+    basis = np.zeros((0, columns.shape[1]))
+    kept: list[int] = []
+    dependent: list[Dependency] = []
+    for k in (k for k in order if names[k] not in none):
+        rest = columns[k] / lengths[k]
+        for _ in range(2):  # twice is enough (Kahan, in Parlett 1980, sec. 6.9)
+            rest = rest - basis.T @ (basis @ rest)
+        remainder = float(np.linalg.norm(rest))
+        if remainder < STRUCTURAL:
+            partners = _combination(columns, lengths, names, kept, k, basis)
+            scale = _scale_without(names[k], [names[i] for i in kept], dependent, nominal)
+            dependent.append(Dependency(names[k], partners, _in_proportion(partners, scale)))
+        else:
+            basis = np.vstack((basis, rest / remainder))
+            kept.append(k)
+    return Selection(tuple(names[k] for k in kept), tuple(names[k] for k in order if names[k] in none), tuple(dependent))
+
+
+def groups(columns: Array, names: Sequence[str], nominal: Geometry) -> tuple[Group, ...]:
+    """The dependencies as thesis Table 3.2 prints them; arguments as in `select`.
+
+    Here the plate is a parameter like the others, so the scale shows up where another length is left out; it is written against the
+    plate, the length that is known.
+    """
+    vectors = select(columns, names, nominal, known=()).dependent
+    shared: dict[str, list[Dependency]] = {}
+    found = []
+    for vector in vectors:
+        partners = [PLATE] if vector.is_scale and PLATE in vector.partners else list(vector.partners)
+        if len(partners) == 1:
+            shared.setdefault(partners[0], []).append(vector)
+        else:
+            found.append(Group(((vector.name,), tuple(sorted(partners, key=_WRITTEN.index))), (vector,)))
+    for partner, alternatives in shared.items():
+        members = sorted((partner, *(vector.name for vector in alternatives)), key=_WRITTEN.index)
+        found.append(Group(tuple((name,) for name in members), tuple(alternatives)))
+    return tuple(sorted(found, key=lambda group: _WRITTEN.index(group.members[0][0])))
+
+
+def influence(
+    columns: Array, names: Sequence[str], kept: Sequence[str], left_out: Sequence[str], *, threshold: float = SIGNIFICANT
+) -> dict[str, dict[str, float]]:
+    """How far the kept parameters move when one left out is off by one unit, to first order (thesis Table 3.4).
+
+    columns : (P, M), one row for each of `names`. The kept ones are fitted by least squares.
+
+    Returns for each of `left_out` the kept ones that move by more than `threshold` [mm|mrad per mm|mrad], largest first.
+    """
+    row = {name: k for k, name in enumerate(names)}
+    scale = np.linalg.norm(columns[[row[name] for name in kept]], axis=1)
+    unit = columns[[row[name] for name in kept]] / scale[:, None]
+    wanted = columns[[row[name] for name in left_out]]
+    moves = (np.linalg.lstsq(unit.T, wanted.T, rcond=None)[0] / scale[:, None]).T
+    return {name: significant(dict(zip(kept, move, strict=True)), threshold) for name, move in zip(left_out, moves, strict=True)}
+
+
+def significant(moves: Mapping[str, float], threshold: float = SIGNIFICANT) -> dict[str, float]:
+    """Those of the moves that exceed the threshold, largest first."""
+    return {name: float(x) for name, x in sorted(moves.items(), key=lambda item: -abs(item[1])) if abs(x) > threshold}
+
+
+def shortened(names: Iterable[str]) -> list[str]:
+    """Neighbours of one kind written together: `ba1, ba2, ba3, bd1, bd2, ox, oy` as `ba1-3`, `bd1,2`, `ox,y`."""
+    return [stem + _run([name[-1] for name in items]) for stem, items in groupby(names, key=lambda name: name[:-1])]
+
+
+def _sum(names: Iterable[str]) -> str:
+    """Names that move together; of these only the origin's coordinates are written as one, as in the thesis."""
+    parts = [shortened(items) if of_origin else list(items) for of_origin, items in groupby(names, key=lambda name: name[:-1] == "o")]
+    return " + ".join(name for items in parts for name in items)
+
+
+def _run(indices: Sequence[str]) -> str:
+    numbers = [ord(i) for i in indices]
+    consecutive = len(numbers) > 2 and indices[0].isdigit() and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    return f"{indices[0]}-{indices[-1]}" if consecutive else ",".join(indices)
+
+
+def _lengths_of(columns: Array, names: Sequence[str]) -> Array:
+    if columns.ndim != 2 or len(columns) != len(names):
+        raise ValueError(f"columns {columns.shape} do not fit {len(names)} names; one row a parameter is needed")
+    return np.asarray(np.linalg.norm(columns, axis=1))
+
+
+def _priority(name: str) -> int:
+    order = THESIS_PARAMETERS + EXTRA_PARAMETERS
+    if name not in order:
+        raise ValueError(f"{name!r} is no parameter of robot, ball-bar or origin")
+    return order.index(name)
+
+
+def _combination(columns: Array, lengths: Array, names: Sequence[str], kept: list[int], k: int, basis: Array) -> dict[str, float]:
+    """x of `c_k = sum_i x_i c_i`, as written; shares of rounding size are left away. basis : (K, M) orthonormal, of the K kept."""
+    if not kept:
+        return {}
+    triangle = basis @ (columns[kept] / lengths[kept, None]).T
+    shares = np.linalg.solve(triangle, basis @ columns[k] / lengths[k])
+    x = {names[i]: float(share * lengths[k] / lengths[i]) for i, share in zip(kept, shares, strict=True) if abs(share) > STRUCTURAL}
+    return dict(sorted(x.items(), key=lambda item: _WRITTEN.index(item[0])))
+
+
+def _scale_without(name: str, kept: Sequence[str], dependent: Sequence[Dependency], nominal: Geometry) -> dict[str, float]:
+    """All lengths growing in proportion, but for that of `name`: by how much each kept length changes.
+
+    A length left out earlier does it through its partners: with rd1 at its nominal value the origin's oz grows by oz - rd1.
+    """
+    grows = {i: nominal[i] for i in kept if _is_length(i)}
+    for other in dependent:
+        if _is_length(other.name) and other.name != name:
+            for partner, x in other.partners.items():
+                grows[partner] = grows.get(partner, 0.0) + nominal[other.name] * x
+    return grows
+
+
+def _in_proportion(partners: Mapping[str, float], scale: Mapping[str, float]) -> bool:
+    every = [*partners, *(i for i in scale if i not in partners)]
+    x, grows = (np.array([vector.get(i, 0.0) for i in every]) for vector in (partners, scale))
+    if len(partners) < SCALE_PARTNERS or not grows.any():
+        return False
+    aside = x - grows * (x @ grows) / (grows @ grows)
+    return bool(np.linalg.norm(aside) < np.sqrt(STRUCTURAL) * np.linalg.norm(x))
+
+
+def _is_length(name: str) -> bool:
+    return PARAMETERS[INDEX[name]].is_length

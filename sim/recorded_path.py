@@ -1,0 +1,63 @@
+"""A measured path: where a recorded robot went, as the reference of another run (thesis sec. 3.1, steps 1 and 2).
+
+The nominal robot's tool at the logged angles lies near the sphere, not on it: the robot is not nominal, and the angles are noisy. So
+the ball-bar's angles are read off the tool's pose as an ideal ball-bar would hold it, smoothed over time, and the mechanism that
+takes them is on the sphere. Path and timing stay those of the real run to within its errors, and with them how the samples spread.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import BSpline, CubicSpline, make_lsq_spline
+
+from cell.chain import Array
+from cell.descriptions import Robot
+from cell.errors import InputError
+from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.inverse import bar_angles, refine
+from cell.logs import RobotLog
+from sim.path import ReferencePath, axis_range_fault, check_speeds
+
+OFF_SPHERE = 0.020  # [m] ten times what an uncalibrated robot leaves (thesis sec. 5.4: 2 mm)
+KNOT_SPACING = 0.1  # [s] keeps motion below 3 Hz, and a fifth of the noise of 4 ms rows
+DEGREE = 5
+BRANCH = (True, True)  # b2 and b4 negative, as in the path files of this project; the log cannot tell
+
+
+def recorded_path(robot: Robot, nominal: Geometry, log: RobotLog, *, duration: float, step: float) -> ReferencePath:
+    """The first `duration` seconds of a robot's log as a command, every `step` seconds.
+
+    Raises InputError when the log is shorter, the tool is not on the ball-bar's sphere, or a range or speed limit is passed.
+    """
+    if duration > log.t[-1]:
+        raise InputError(f"path.duration_s = {duration:g}: the recording's robot log lasts {log.t[-1]:.1f} s.")
+    poses = robot_frames(nominal, log.q).poses()
+    _check_sphere(nominal, log.t, poses)
+    smooth = _smoothed(log.t, np.unwrap(bar_angles(poses, nominal.origin, flipped=BRANCH), axis=0))
+    t: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
+    b = np.asarray(smooth(np.minimum(t, log.t[-1])))
+    near = np.stack([np.interp(t, log.t, angle) for angle in log.q.T], axis=1)
+    q = refine(nominal.robot, near, bar_frames(nominal, b).poses())
+    if fault := axis_range_fault(robot, t, q):
+        raise InputError(f"path: {fault[1]}")
+    speed = CubicSpline(t, q).derivative()(t)
+    check_speeds(robot, t, speed)
+    return ReferencePath(t, b, q, speed)
+
+
+def _check_sphere(nominal: Geometry, t: Array, poses: Array) -> None:
+    off = np.linalg.norm(poses[:, :3, 3] - nominal.origin, axis=1) - nominal["bd3"]
+    k = int(np.abs(off).argmax())
+    if abs(off[k]) > OFF_SPHERE:
+        raise InputError(
+            f"path.recording: at t = {t[k]:.1f} s the nominal tool is {off[k] * 1e3:+.0f} mm off the ball-bar's sphere. "
+            "Were robot, ballbar, plate and ballbar_position_m those of the recording?"
+        )
+
+
+def _smoothed(t: Array, angles: Array) -> BSpline:
+    """Least-squares spline of (N, K) angles; stretches without rows carry no knots."""
+    inner = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / KNOT_SPACING)) + 1)[1:-1]
+    filled = np.diff(np.searchsorted(t, np.concatenate(([t[0]], inner)))) > DEGREE
+    knots = np.concatenate((np.repeat(t[0], DEGREE + 1), inner[filled], np.repeat(t[-1], DEGREE + 1)))
+    return make_lsq_spline(t, angles, knots, k=DEGREE)
