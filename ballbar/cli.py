@@ -14,12 +14,12 @@ from rich.console import Console
 from rich.markup import escape
 
 from acquisition import coarse_alignment, read_recording, report_lines
-from ballbar.compare import Comparison, compare, reference_of
+from ballbar.compare import Comparison, compare, compare_with_truth
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.run import OUTPUTS, REPLAY, identify_folder, run_scenario, simulate_scenario, write_outputs
 from ballbar.run_data import RunData
 from ballbar.scenario import load_scenario
-from cell.descriptions import load_robot
+from cell.descriptions import load_cell
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from cell.inverse import UnreachableError
@@ -150,20 +150,20 @@ def replay(
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
-    robot = load_robot(model.file.robot, relative_to=calibration.parent)
+    cell = load_cell(model.file.robot, model.file.ballbar, model.file.plate, relative_to=calibration.parent)
     identified = [name for name, entry in model.file.parameters.items() if entry.identified]
     if reference.name.endswith(".truth.yaml"):
         truth = load_truth(reference)
         clock = model.file.clock
-        errors = (clock.offset_s - truth.offset, clock.skew - truth.skew) if clock else None
-        return compare(robot, model.geometry, model.nominal, reference_of(truth), identified, clock=errors)
+        found = (clock.offset_s, clock.skew) if clock else None
+        return compare_with_truth(model.free_robot(cell), model.nominal, truth, identified, found)
     other = load_calibration(reference)
     if other.file.robot != model.file.robot:
         raise InputError(
             f"{reference}: is of robot {other.file.robot}, {calibration} of {model.file.robot}; only the same robot can be compared"
         )
     shared = [name for name in identified if other.file.parameters[name].identified]
-    return compare(robot, model.geometry, model.nominal, other.geometry, shared)
+    return compare(model.free_robot(cell), model.nominal, other.free_robot(cell), shared)
 
 
 def _say_identification(result: Identification) -> None:

@@ -129,7 +129,7 @@ def _tiles(data: RunData, tcp: TcpView) -> list[Tile]:
     result = data.identification
     before, after = rms_norm(result.before.position), rms_norm(result.after.position)
     angles = rms_norm(result.before.angle), rms_norm(result.after.angle)
-    poor = "" if result.fit.converged else ", not converged"
+    poor = "" if result.converged else ", not converged"
     equations, unknowns = result.whitened.shape[0], result.covariance.shape[0]
     return [
         _tcp_tile(result, tcp),

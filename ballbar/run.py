@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from acquisition import Recording, read_recording
-from ballbar.compare import compare_with_truth, limits_of
+from ballbar.compare import identification_against_truth, limits_of
 from ballbar.replay import write_replay
 from ballbar.report import write_report
 from ballbar.run_data import RunData
@@ -55,7 +55,8 @@ def identify_folder(folder: Path, *, samples: int = DEFAULT_SAMPLES, progress: P
     recording = read_recording(folder)
     file = recording.description
     cell = load_cell(file.robot, file.ballbar, file.plate, relative_to=folder)
-    return recording, identify(cell, recording.robot_log, recording.ballbar_log, samples=samples, progress=progress)
+    logs = recording.robot_log, recording.ballbar_log, recording.force_log
+    return recording, identify(cell, *logs, samples=samples, progress=progress)
 
 
 def write_outputs(out: Path, data: RunData, *, command: str, replay: bool, progress: Progress) -> None:
@@ -78,7 +79,7 @@ def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command:
     folder = out / RECORDING
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress)
     recording, result = identify_folder(folder, samples=scenario.identify.samples, progress=progress)
-    comparison = compare_with_truth(result, simulation.truth)
+    comparison = identification_against_truth(result, simulation.truth)
     limits = limits_of(comparison, result.iterations, scenario.accept)
     data = RunData(scenario.name, folder, recording, result, simulation, comparison, limits)
     write_outputs(out, data, command=command, replay=True, progress=progress)

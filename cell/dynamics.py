@@ -25,7 +25,13 @@ class _Loaded:
 
 
 def joint_torques(
-    frames: Frames, bodies: Sequence[Sequence[Link]], q: Array, *, gravity: Array, speed: Array | None = None, acceleration: Array | None = None
+    frames: Frames,
+    bodies: Sequence[Sequence[Link]],
+    q: Array,
+    *,
+    gravity: Array,
+    speed: Array | None = None,
+    acceleration: Array | None = None,
 ) -> Array:
     """(J, N) [N m] torque about each joint axis that carries and moves the bodies.
 
@@ -69,7 +75,9 @@ def _loaded(
     return out
 
 
-def _body(link: Link, axes: tuple[Array, Array, Array], origin: Array, lifted: Array, omega: Array, alpha: Array, *, moves: bool) -> _Loaded:
+def _body(
+    link: Link, axes: tuple[Array, Array, Array], origin: Array, lifted: Array, omega: Array, alpha: Array, *, moves: bool
+) -> _Loaded:
     x, y, z = axes
     arm = link.com[0] * x + link.com[1] * y + link.com[2] * z
     if not moves:

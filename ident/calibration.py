@@ -9,10 +9,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from cell.descriptions import Cell
 from cell.files import write_yaml
 from cell.geometry import NAMES, Geometry
 from cell.strict_yaml import load_model
-from ident.identify import Identification
+from ident.free_robot import FreeRobot
+from ident.identify import CoefficientValue, CorrectionValue, Identification, free_robot
 
 
 class _Strict(BaseModel):
@@ -43,6 +45,27 @@ class NoiseEntry(_Strict):
     joint_rad: tuple[float, ...]
     encoder_rad: dict[str, float]
     rod_m: float
+
+
+class CoefficientEntry(_Strict):
+    """One coefficient of a correction, SI units."""
+
+    value: float
+    sigma: float
+    prior: float
+    prior_sigma: float
+    by_data: float  # 0 to 1: how much of the knowledge is the data's and not the prior's
+    unit: str
+
+
+class EventEntry(_Strict):
+    """A jump of an encoder or a clock that was found and repaired."""
+
+    kind: Literal["encoder", "clock"]
+    joint: int
+    time_s: float
+    size: float  # [rad] or [s]
+    periods: int
 
 
 class FitEntry(_Strict):
@@ -80,6 +103,9 @@ class CalibrationFile(_Strict):
     dropped: tuple[DroppedEntry, ...] = ()
     senses: dict[str, Literal[-1, 1]]
     clock: ClockEntry | None = None
+    corrections: dict[str, dict[str, CoefficientEntry]] = {}
+    tension_source: str = ""
+    events: tuple[EventEntry, ...] = ()
     noise: NoiseEntry
     fit: FitEntry
 
@@ -91,6 +117,18 @@ class Calibration:
     file: CalibrationFile
     geometry: Geometry
     nominal: Geometry
+
+    def free_robot(self, cell: Cell) -> FreeRobot:
+        """The identified robot without ball-bar; cell : as the file names it."""
+        corrections = tuple(
+            CorrectionValue(
+                name,
+                "",
+                tuple(CoefficientValue(key, c.unit, c.value, c.sigma, c.prior, c.prior_sigma, c.by_data) for key, c in entries.items()),
+            )
+            for name, entries in self.file.corrections.items()
+        )
+        return free_robot(cell, self.geometry, tuple(int(name[1]) for name in self.file.senses), corrections)
 
 
 def write_calibration(path: Path, result: Identification, *, robot: str, ballbar: str, plate: str) -> None:
@@ -109,6 +147,9 @@ def write_calibration(path: Path, result: Identification, *, robot: str, ballbar
         "dropped": [{"name": d.name, "reason": d.reason, "on": list(d.on)} for d in result.identifiability.dropped],
         "senses": {f"b{joint}": sense for joint, sense in zip(result.joints, result.signs, strict=True)},
         "clock": clock,
+        "corrections": {c.name: {v.name: _coefficient(v) for v in c.coefficients} for c in result.corrections},
+        "tension_source": result.tension_source,
+        "events": [{"kind": e.kind, "joint": e.joint, "time_s": e.time, "size": e.size, "periods": e.periods} for e in result.events],
         "noise": {
             "joint_rad": [float(s) for s in result.log_noise.joint],
             "encoder_rad": {f"b{j}": float(result.log_noise.encoder[j - 1]) for j in result.joints},
@@ -120,7 +161,7 @@ def write_calibration(path: Path, result: Identification, *, robot: str, ballbar
             "warnings": list(result.verdict.warnings),
             "iterations": result.iterations,
             "samples": int(result.after.t.size),
-            "chi2_per_dof": result.fit.chi2_per_dof,
+            "chi2_per_dof": result.chi2_per_dof,
             "autocorrelation": result.autocorrelation,
             "rank": result.identifiability.rank,
             "condition": result.identifiability.condition,
@@ -135,6 +176,11 @@ def _parameter(result: Identification, name: str) -> dict[str, object]:
     if name in result.sigma:
         entry["sigma"] = result.sigma[name]
     return entry | {"identified": name in result.sigma}
+
+
+def _coefficient(value: CoefficientValue) -> dict[str, object]:
+    stated = {"value": value.value, "sigma": value.sigma, "prior": value.prior, "prior_sigma": value.prior_sigma, "by_data": value.by_data}
+    return {**stated, "unit": value.unit}
 
 
 def load_calibration(path: Path) -> Calibration:

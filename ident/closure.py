@@ -128,7 +128,7 @@ class Whitening:
         return -step
 
     def _reflected(self, columns: Array) -> Array:
-        out = _solve_lower(self.factor, columns)
+        out = solve_lower(self.factor, columns)
         for vector in self.reflections:
             out -= 2.0 * vector * (vector * out).sum(axis=-2, keepdims=True)
         return out
@@ -136,8 +136,8 @@ class Whitening:
 
 def whitening(covariances: Array, free_columns: Array) -> Whitening:
     """Weights from C (6, 6, N) and the columns (m, 6, N) of the ball-bar joints that carry no encoder."""
-    factor = _cholesky(covariances)
-    columns = _solve_lower(factor, free_columns)
+    factor = cholesky(covariances)
+    columns = solve_lower(factor, free_columns)
     m, _, n = free_columns.shape
     vectors = np.zeros((m, 6, n))
     for k in range(m):
@@ -155,7 +155,8 @@ def whitening(covariances: Array, free_columns: Array) -> Whitening:
     return Whitening(factor, vectors, triangle)
 
 
-def _cholesky(matrices: Array) -> Array:
+def cholesky(matrices: Array) -> Array:
+    """Lower factors of (6, 6, N) positive definite matrices, all samples at once."""
     lower = np.zeros_like(matrices)
     for j in range(6):
         rest = matrices[j:, j] - (lower[j:, :j] * lower[j, :j]).sum(axis=1)
@@ -163,7 +164,7 @@ def _cholesky(matrices: Array) -> Array:
     return lower
 
 
-def _solve_lower(lower: Array, columns: Array) -> Array:
+def solve_lower(lower: Array, columns: Array) -> Array:
     """L^-1 times columns (..., 6, N), forward substitution over all samples at once."""
     out = np.empty_like(columns)
     for i in range(6):

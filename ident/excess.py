@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from cell.chain import Array
-from ident.closure import _cholesky, _solve_lower
+from ident.closure import cholesky, solve_lower
 from ident.corrections.base import BAR, ROD
 from ident.joint_fit import Excess, JointFit, Model, covariances, play_uncertainty
 
@@ -34,7 +34,9 @@ def estimate_excess(fit: JointFit) -> Excess:
 
     start = np.log(np.clip([fit.excess.gear, fit.excess.wrist, fit.excess.bar, fit.excess.rod], 1e-6, HIGHEST))
     simplex = np.vstack((start, start + 1.5 * np.eye(4)))
-    found = minimize(deviance, start, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.5, "maxfev": 160})
+    found = minimize(
+        deviance, start, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.5, "maxfev": 160}
+    )
     return _excess(found.x)
 
 
@@ -50,6 +52,6 @@ def _deviance(model: Model, fit: JointFit, k: int, error: Array, uncertain: Arra
     for j in track.free:
         column = columns[BAR:ROD][j] * FREE
         spread += column[:, None] * column[None]
-    factor = _cholesky(spread)
-    white = _solve_lower(factor, error)
+    factor = cholesky(spread)
+    white = solve_lower(factor, error)
     return float((white * white).sum() + 2.0 * sum(np.log(factor[i, i]).sum() for i in range(6)))

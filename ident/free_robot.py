@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.chain import Array, joint_screws, screw
 from cell.descriptions import Cell
@@ -40,7 +41,7 @@ class FreeRobot:
             moved[carrier] += next(values) * signal
         return np.asarray(q + moved[GEAR:BAR].T @ self.cell.robot.gear_to_joint)
 
-    def jacobian(self, q: Array, parameters: Array) -> Array:
+    def jacobian(self, q: Array, parameters: NDArray[np.intp]) -> Array:
         """(P + C, 3, N) change of the tool per unit of robot parameters (indices into PARAMETERS) and coefficients."""
         frames = robot_frames(self.geometry, self.joints(q))
         columns = [

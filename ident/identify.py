@@ -20,7 +20,7 @@ from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, nominal_geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from ident.accuracy import accuracy_grid, position_sigma, tcp_sigma
 from ident.corrections import CORRECTIONS
-from ident.events import Event
+from ident.event import Event
 from ident.free_robot import FreeRobot
 from ident.identifiability import Dependency, Identifiability, candidates, identifiable
 from ident.joint_fit import JointFit, tension_at
@@ -31,8 +31,9 @@ from ident.sampling import sample_times
 from ident.signals import SmoothLog, smooth_log
 from ident.solver import Fit, solve
 from ident.start import Start, automatic_start
-from ident.uncertainty import Uncertainty, uncertainty
-from ident.verdict import CORRELATED, Evidence, Verdict, judge
+from ident.uncertainty import Uncertainty, block_widening, uncertainty
+from ident.unknowns import FIXED, PLACE
+from ident.verdict import Evidence, Verdict, judge
 
 WIDEST_KNOT_SPACING = 0.08  # [s] a robot's motion below 3 Hz; finer where the residual asks for it (ident.signals)
 ROD_SIGMA_START = 2e-6  # [m] 55 N on 2.7e7 N/m, until the residuals say better
@@ -150,7 +151,8 @@ class _Alone:
     def prepared(self) -> Prepared:
         """For the complete model."""
         p = self.problem
-        return Prepared(p.robot, p.bar, p.joints, p.signs, self.estimate.geometry, self.estimate.clock, p.times, self.logs.robot, self.logs.force)
+        here, logs = self.estimate, self.logs
+        return Prepared(p.robot, p.bar, p.joints, p.signs, here.geometry, here.clock, p.times, logs.robot, logs.force)
 
 
 def identify(
@@ -210,7 +212,9 @@ def identify_together(
         raise ValueError("model: dh fits one recording; several together need the complete model")
     asked = list(CORRECTIONS) if corrections is None else list(corrections)
     prepared = [one.prepared() for one in alone]
-    fit = fit_machine(cell, alone[0].nominal, prepared, asked, force=force, rod_sigma=rod_sigma, prune=corrections is None, progress=progress)
+    fit = fit_machine(
+        cell, alone[0].nominal, prepared, asked, force=force, rod_sigma=rod_sigma, prune=corrections is None, progress=progress
+    )
     trust = uncertainty(fit)
     sources = [one.source(force) for one in prepared]
     return [_of_machine(cell, alone, fit, trust, k, sources[k]) for k in range(len(alone))]
@@ -218,8 +222,7 @@ def identify_together(
 
 def _wants_more(simple: Identification) -> bool:
     """Whether the dh model leaves something that the complete one could explain."""
-    systematic = simple.verdict.status in ("suspect", "misfit") or simple.autocorrelation > CORRELATED
-    return systematic and len(simple.joints) >= COMPLETE_ENCODERS
+    return simple.verdict.status in ("suspect", "misfit") and len(simple.joints) >= COMPLETE_ENCODERS
 
 
 def _fit_alone(cell: Cell, logs: Logs, samples: int, progress: Callable[[str], None]) -> _Alone:
@@ -264,7 +267,8 @@ def _outcome(cell: Cell, alone: _Alone) -> Identification:
     problem, fit, start = alone.problem, alone.fit, alone.start
     whitened = fit.final.residual.reshape(-1, problem.times.size)
     inflation = max(1.0, fit.chi2_per_dof)  # a misfit widens the intervals; it never narrows them
-    covariance = fit.covariance * inflation
+    widening = block_widening(fit.covariance @ _scores(fit), problem.times)
+    covariance = fit.covariance * inflation * np.outer(widening, widening)
     deviations = np.sqrt(np.diag(covariance))
     geometry = _wrapped(fit.estimate.geometry)
     clock = fit.estimate.clock if problem.has_clock else None
@@ -299,14 +303,20 @@ def _outcome(cell: Cell, alone: _Alone) -> Identification:
     )
 
 
+def _scores(fit: Fit) -> Array:
+    """(P, N) gradient of half the cost that each sample contributes."""
+    final, n = fit.final, fit.final.closure.error.shape[1]
+    return np.asarray((final.jacobian * final.residual).reshape(final.jacobian.shape[0], -1, n).sum(axis=1))
+
+
 def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncertainty, k: int, source: str) -> Identification:
     """The complete model's result for recording k."""
     layout, one = fit.model.unknowns, alone[k]
     problem = one.problem
     geometry = _wrapped(layout.geometry(fit.x, k))
-    place, clock = layout.places[k], layout.clocks[k]
-    unknowns = np.concatenate((np.arange(layout.shared.size), _indices(layout.zeros[k]), _indices(place)))
-    parameters = np.concatenate((layout.shared, layout.zero_parameters[k], [INDEX[n] for n in ("ox", "oy", "oz", "otx", "oty")])).astype(np.intp)
+    place, clock = layout.own[k].place, layout.own[k].clock
+    unknowns = np.concatenate((np.arange(layout.shared.size), _indices(layout.own[k].zeros), _indices(place)))
+    parameters = np.concatenate((layout.shared, layout.zero_parameters[k], [INDEX[n] for n in PLACE])).astype(np.intp)
     by_data = trust.told_by_data[unknowns] > MOSTLY_PRIOR
     told = unknowns[by_data] if clock is None else np.concatenate((unknowns[by_data], _indices(clock)))
     covariance = trust.covariance[np.ix_(told, told)]
@@ -314,7 +324,7 @@ def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncer
     parameters = parameters[by_data]
     point = fit.linear.points[k]
     corrections = _correction_values(fit, trust)
-    at_prior = [NAMES[i] for i in np.concatenate((layout.shared, layout.zero_parameters[k])) if NAMES[i] not in {NAMES[p] for p in parameters}]
+    at_prior = [NAMES[i] for i in layout.shared if i not in parameters]
     evidence = Evidence(
         fit.converged,
         fit.iterations,
@@ -361,19 +371,19 @@ def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncer
 
 def _left(subset: Identifiability, at_prior: Sequence[str]) -> tuple[Dependency, ...]:
     known = {d.name: d for d in subset.dropped}
-    fixed = [d for d in subset.dropped if d.name in ("rd1", "rtheta1")]
-    return (*fixed, *(known.get(name, Dependency(name, "prior", ())) for name in at_prior if name not in ("rd1", "rtheta1")))
+    fixed = [d for d in subset.dropped if d.name in FIXED]
+    return (*fixed, *(known.get(name, Dependency(name, "prior", ())) for name in at_prior if name not in FIXED))
 
 
 def _correction_values(fit: JointFit, trust: Uncertainty) -> tuple[CorrectionValue, ...]:
     layout, deviations = fit.model.unknowns, np.sqrt(np.diag(trust.covariance))
     out = []
     for correction in fit.model.corrections:
+        if correction.name not in CORRECTIONS:  # jumps of encoders belong to a recording, not to the machine
+            continue
         where = _indices(coefficients_of(fit, correction))
         rows = [
-            CoefficientValue(
-                c.name, c.unit, float(fit.x[i]), float(deviations[i]), float(layout.mean[i]), float(layout.sigma[i]), float(trust.told_by_data[i])
-            )
+            CoefficientValue(c.name, c.unit, *(float(v[i]) for v in (fit.x, deviations, layout.mean, layout.sigma, trust.told_by_data)))
             for c, i in zip(correction.coefficients, where, strict=True)
         ]
         out.append(CorrectionValue(correction.name, correction.sentence, tuple(rows)))

@@ -8,7 +8,7 @@ their dependence on the tension of the rod, without which the steps oscillate (i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,10 +18,19 @@ from scipy.linalg import cho_factor, cho_solve
 from cell.chain import Array, cross
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, PARAMETERS, Geometry
-from ident.closure import Closure, Whitening, bar_joint_jacobian, close_loop, parameter_jacobian, rod_jacobian, robot_joint_jacobian, whitening
+from ident.closure import (
+    Closure,
+    Whitening,
+    bar_joint_jacobian,
+    close_loop,
+    parameter_jacobian,
+    robot_joint_jacobian,
+    rod_jacobian,
+    whitening,
+)
 from ident.corrections.base import BAR, CARRIERS, GEAR, PLATE, ROD, Correction, State
-from ident.loads import Loads, MassModel, loads, mass_model
-from ident.problem import Clock
+from ident.event import Event
+from ident.loads import Loads, MassModel, loads
 from ident.signals import SmoothLog
 from ident.unknowns import Unknowns
 
@@ -84,7 +93,7 @@ class Point:
     speed: Array
 
 
-def make_point(model: Model, x: Array, k: int, bar: Array, *, with_columns: bool = True) -> Point:
+def make_point(model: Model, x: Array, k: int, bar: Array) -> Point:
     """Mismatch of recording k at x with ball-bar angles `bar` (N, 5)."""
     track, layout, robot = model.tracks[k], model.unknowns, model.cell.robot
     geometry = layout.geometry(x, k)
@@ -104,7 +113,7 @@ def robot_times(model: Model, x: Array, k: int) -> Array:
     """(N,) [s] on the robot's clock of the samples of recording k; each clock step shifts what follows it."""
     track, layout = model.tracks[k], model.unknowns
     out = layout.clock(x, k).robot_time(track.times)
-    steps = layout.steps[k]
+    steps = layout.own[k].steps
     return out if steps is None else out + x[steps] @ after(track)
 
 
@@ -128,7 +137,7 @@ def _state(model: Model, x: Array, k: int, geometry: Geometry, q: Array, speed: 
 def tension_at(model: Model, x: Array, k: int) -> Array:
     """(N,) [N] of the rod at the samples of recording k: what was measured times its gain, and a spline on top."""
     track, layout = model.tracks[k], model.unknowns
-    knots = layout.knots[k]
+    knots = layout.own[k].knots
     gain = 0.0 if layout.gain is None else x[layout.gain]
     out = (1.0 + gain) * track.tension
     return np.asarray(out if knots is None else out + x[knots] @ track.knots)
@@ -161,9 +170,11 @@ def covariances(track: Track, columns: Array, excess: Excess, uncertain: Array |
     gears = np.sqrt(track.gear_noise**2 + np.repeat([excess.gear, excess.wrist], 3)[:, None] ** 2 + np.square(uncertain))
     fitted = np.array([j + 1 in track.joints for j in range(BAR_ROWS)])
     bars = np.where(fitted, np.hypot(track.bar_noise, excess.bar), 0.0)
-    spread = np.concatenate((columns[GEAR:BAR] * gears[:, None, :], columns[BAR:ROD] * bars[:, None, None], columns[ROD:PLATE] * excess.rod))
+    spread = np.concatenate(
+        (columns[GEAR:BAR] * gears[:, None, :], columns[BAR:ROD] * bars[:, None, None], columns[ROD:PLATE] * excess.rod)
+    )
     rows = spread.transpose(2, 1, 0)
-    out = (rows @ rows.transpose(0, 2, 1)).transpose(1, 2, 0).copy()
+    out: Array = (rows @ rows.transpose(0, 2, 1)).transpose(1, 2, 0).copy()
     for i in range(6):
         out[i, i] += FLOOR**2
     return out
@@ -204,8 +215,8 @@ def jacobian(model: Model, x: Array, k: int, point: Point, weights: Whitening) -
     (E, N) of the tension itself, None where it is not in the model."""
     layout, track = model.unknowns, model.tracks[k]
     n = track.times.size
-    places = list(range(layout.places[k].start, layout.places[k].stop))
-    zeros = list(range(layout.zeros[k].start, layout.zeros[k].stop))
+    places = list(range(layout.own[k].place.start, layout.own[k].place.stop))
+    zeros = list(range(layout.own[k].zeros.start, layout.own[k].zeros.stop))
     chosen = [*layout.shared, *layout.zero_parameters[k], *_PLACE_INDEX]
     index = [*range(layout.shared.size), *zeros, *places]
     geometric = weights(parameter_jacobian(point.closure, [PARAMETERS[i] for i in chosen]))
@@ -216,18 +227,18 @@ def jacobian(model: Model, x: Array, k: int, point: Point, weights: Whitening) -
         columns = np.stack([carriers[c] * s for c, s in signals])
         parts.append(columns)
         index += list(range(layout.coefficients.start, layout.coefficients.stop))
-        if layout.gain is not None or layout.knots[k] is not None:
+        if layout.gain is not None or layout.own[k].knots is not None:
             slope = _tension_column(model, x, point, carriers)
         if layout.gain is not None and slope is not None:
             parts.append((slope * track.tension)[None])
             index.append(layout.gain)
-    clock = layout.clocks[k]
+    clock = layout.own[k].clock
     if clock is not None:
         gear_speed = (point.speed @ model.cell.robot.joint_to_gear).T
         shift = np.einsum("gen,gn->en", carriers[GEAR:BAR], gear_speed)
         parts.append(np.stack((shift, shift * track.times)))
         index += [clock.start, clock.start + 1]
-        steps = layout.steps[k]
+        steps = layout.own[k].steps
         if steps is not None:
             parts.append(shift * after(track)[:, None, :])
             index += list(range(steps.start, steps.stop))
@@ -280,8 +291,8 @@ def linearise(model: Model, x: Array, bars: Sequence[Array], excess: Excess) -> 
         normal[np.ix_(index, index)] += flat @ flat.T
         gradient[index] += flat @ residual.reshape(-1)
         cost += float((residual * residual).sum())
-        if slope is not None and layout.knots[k] is not None:
-            _add_knots(model.tracks[k].knots, layout.knots[k], index, columns, slope, residual, normal, gradient)
+        if slope is not None and (knots := layout.own[k].knots) is not None:
+            _add_knots(model.tracks[k].knots, knots, index, columns, slope, residual, normal, gradient)
         points.append(point)
         weights.append(weight)
         residuals.append(residual)
@@ -320,6 +331,7 @@ class JointFit:
     excess: Excess
     iterations: int
     converged: bool
+    events: tuple[Event, ...] = ()
 
     @property
     def degrees(self) -> int:
@@ -333,7 +345,9 @@ class JointFit:
         return float(sum((r * r).sum() for r in self.linear.residuals) / self.degrees)
 
 
-def minimise(model: Model, x: Array, bars: Sequence[Array], excess: Excess, *, negligible: float = 1e-2, max_iterations: int = MAX_ITERATIONS) -> JointFit:
+def minimise(
+    model: Model, x: Array, bars: Sequence[Array], excess: Excess, *, negligible: float = 1e-2, max_iterations: int = MAX_ITERATIONS
+) -> JointFit:
     """Gauss-Newton from x with backtracking.
 
     negligible : predicted decrease of the cost, in units of the cost per degree of freedom, that ends the search.
@@ -354,7 +368,11 @@ def minimise(model: Model, x: Array, bars: Sequence[Array], excess: Excess, *, n
         if trial >= now.cost:
             break
         x = x + share * step
+        settled = now.cost - trial < negligible * max(1.0, now.cost / equations)
         now = linearise(model, x, [p.bar for p in now.points], excess)
+        if settled:
+            converged = True
+            break
     scaled = now.normal * np.outer(model.unknowns.sigma, model.unknowns.sigma)
     covariance = cho_solve(cho_factor(scaled), np.eye(x.size)) * np.outer(model.unknowns.sigma, model.unknowns.sigma)
     return JointFit(model, x, now, covariance, excess, iterations, converged)

@@ -22,13 +22,16 @@ from cell.logs import ForceLog, RobotLog
 from ident.closure import complete_bar_angles
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
+from ident.event import Event
+from ident.events import MAX_EVENTS, find_event, jumps, sized
 from ident.excess import estimate_excess
-from ident.joint_fit import Excess, JointFit, Model, Track, minimise, robot_times
+from ident.joint_fit import Excess, JointFit, Model, Track, minimise
 from ident.loads import loads, mass_model
 from ident.noise import noise_from_logs
 from ident.problem import Clock
 from ident.rod_force import Tension, from_force_sensor, from_motor_torque
 from ident.signals import SmoothLog
+from ident.uncertainty import uncertainty
 from ident.unknowns import TENSION_PRIOR, RecordingShape, unknowns
 
 ForceSource = Literal["auto", "none", "torque", "sensor"]
@@ -40,6 +43,7 @@ FIRST_EXCESS = Excess(5e-6, 1e-5, 1e-5, 1e-6)
 PASSES = 3  # fits with the noise levels of the one before
 ROWS_AVERAGED = 0.08  # [s] of torque rows behind one value: friction and noise average out, the motion hardly changes
 NEEDS_LOADS = {"joint_compliance", "lost_motion", "rod_strain", "plate_bending"}
+SUPPORT = 4.0  # a correction stays whose coefficients are that many deviations from nothing, all together
 SENSOR_LAG = 2.0  # [s] the sensor's log may begin that much before or after the robot's
 LAG_STEP = 0.05  # [s]
 
@@ -87,17 +91,62 @@ def fit_machine(
     *,
     force: ForceSource,
     rod_sigma: float | None,
+    prune: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> JointFit:
-    """The joint fit of all recordings with the named corrections.
+    """The joint fit of all recordings with the named corrections, jumps of encoders and clocks repaired.
 
     rod_sigma : [m] of a measured rod length (then the ball-bar file's bd3 is that length); None for the catalogue's tolerance.
+    prune : leaves out the corrections that the data do not support.
     """
+    names: list[str] = list(corrections)
+    events: tuple[Event, ...] = ()
+    fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
+    while len(events) < MAX_EVENTS and (event := find_event(fit)) is not None:
+        progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
+        events = (*events, event)
+        fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
+    if prune and (idle := unsupported(fit)):
+        progress(f"fitting again without {', '.join(sorted(idle))}")
+        names = [name for name in names if name not in idle]
+        fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
+    return replace(fit, events=sized(fit, events, cell.ballbar.encoder_lines))
+
+
+def unsupported(fit: JointFit) -> set[str]:
+    """Corrections whose coefficients are all zero as far as the data can tell."""
+    trust, out = uncertainty(fit), set()
+    for correction in fit.model.corrections:
+        if correction.name not in CORRECTIONS:
+            continue
+        where = coefficients_of(fit, correction)
+        values, spread = fit.x[where], trust.covariance[where, where]
+        found, count = float(values @ np.linalg.solve(spread, values)), values.size
+        if found < count + SUPPORT * np.sqrt(2.0 * count):
+            out.add(correction.name)
+    return out
+
+
+def _fit_once(
+    cell: Cell,
+    nominal: Geometry,
+    recordings: Sequence[Prepared],
+    corrections: Sequence[str],
+    events: tuple[Event, ...],
+    force: ForceSource,
+    rod_sigma: float | None,
+    progress: Callable[[str], None],
+) -> JointFit:
     chosen = tuple(CORRECTIONS[name](cell, recordings[0].joints) for name in corrections)
+    if (repaired := jumps(events)) is not None:
+        chosen = (*chosen, repaired)
     loaded = bool(NEEDS_LOADS & set(corrections))
     sources = [r.source(force) for r in recordings]
     progress("deriving the force in the rod" if loaded and set(sources) != {"none"} else "preparing the complete model")
-    tracks = tuple(track(cell, r, s if loaded else None) for r, s in zip(recordings, sources, strict=True))
+    tracks = tuple(
+        replace(track(cell, r, s if loaded else None), clock_steps=tuple(e.time for e in events if e.kind == "clock" and e.recording == k))
+        for k, (r, s) in enumerate(zip(recordings, sources, strict=True))
+    )
     shapes = [
         RecordingShape(r.joints, r.geometry, r.clock if r.has_clock else None, t.knots.shape[0], DEVIATION[s], len(t.clock_steps))
         for r, t, s in zip(recordings, tracks, sources, strict=True)
@@ -214,6 +263,3 @@ def coefficients_of(fit: JointFit, correction: Correction) -> slice:
             return slice(first, first + len(one.coefficients))
         first += len(one.coefficients)
     raise KeyError(correction.name)
-
-
-__all__ = ["Prepared", "fit_machine", "robot_times"]

@@ -33,15 +33,28 @@ def uncertainty(fit: JointFit) -> Uncertainty:
     """Honest covariance of a fit."""
     model, sigma = fit.model, fit.model.unknowns.sigma
     influence = [fit.covariance @ score for score in _scores(fit)]
-    white = sum((i * i).sum(axis=1) for i in influence)
-    blocked = sum((_block_sums(i, model.tracks[k].times) ** 2).sum(axis=1) for k, i in enumerate(influence))
     inflation = max(1.0, fit.chi2_per_dof)
-    widening = np.sqrt(np.maximum(1.0, blocked / np.where(white > 0.0, white, 1.0)))
+    widening = block_widening(np.concatenate(influence, axis=1), np.concatenate([_after(k, t.times) for k, t in enumerate(model.tracks)]))
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
     covariance = inflation * data * np.outer(widening, widening) + prior
     share = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
     return Uncertainty(0.5 * (covariance + covariance.T), widening, share, autocorrelation(fit.linear))
+
+
+def block_widening(influence: Array, times: Array) -> Array:
+    """(P,) at least 1: deviation from sums over blocks of time over that of independent samples.
+
+    influence : (P, N) of each sample on each unknown; times : (N,) [s], increasing.
+    """
+    white = (influence * influence).sum(axis=1)
+    blocked = (_block_sums(influence, times) ** 2).sum(axis=1)
+    return np.asarray(np.sqrt(np.maximum(1.0, blocked / np.where(white > 0.0, white, 1.0))))
+
+
+def _after(recording: int, times: Array) -> Array:
+    """Times of one recording, moved so that no block spans two."""
+    return np.asarray(times - times[0] + recording * 1e6 * BLOCK)
 
 
 def _scores(fit: JointFit) -> list[Array]:
@@ -52,7 +65,7 @@ def _scores(fit: JointFit) -> list[Array]:
         index, columns, slope = jacobian(model, fit.x, k, point, weights)
         score = np.zeros((layout.count, residual.shape[1]))
         score[index] = (columns * residual).sum(axis=1)
-        knots = layout.knots[k]
+        knots = layout.own[k].knots
         if slope is not None and knots is not None:
             score[knots] = model.tracks[k].knots * (slope * residual).sum(axis=0)
         out.append(score)

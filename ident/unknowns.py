@@ -2,8 +2,8 @@
 
 Shared by all recordings: the robot's and the ball-bar's geometry, the coefficients of the corrections, the gain of a measured
 rod force. Each recording's own: encoder zeros, where the ball-bar's base stands and leans, the clock, and where nothing
-measures the rod's tension, its spline. `rd1` and `rtheta1` against the ball-bar's place are a pure gauge and stay fixed;
-`ra6`, the plate, is the known length.
+measures the rod's tension, its spline. `rd1` and `rtheta1` against the ball-bar's place, and `rd3` against `rd2`, are a pure gauge and stay
+fixed; `ra6`, the plate, is the known length.
 """
 
 from __future__ import annotations
@@ -31,27 +31,34 @@ OFFSET_PRIOR, SKEW_PRIOR = 1.0, 1e-3  # [s], [1] around what the start has found
 STEP_PRIOR = 1.0  # [s] of a clock step
 GAIN_PRIOR = 0.03  # of a measured rod force: two gains of 2 % (identification_facts sec. 1)
 TENSION_PRIOR = 60.0  # [N] a knot of an unmeasured rod force (identification_facts sec. 4)
-FIXED = ("rd1", "rtheta1", "ra6")
+FIXED = ("rd1", "rtheta1", "rd3", "ra6")
 PLACE = ("ox", "oy", "oz", "otx", "oty")
+
+
+@dataclass(frozen=True)
+class Own:
+    """Where one recording's own unknowns stand."""
+
+    zeros: slice  # btheta of its fitted encoders, in order
+    place: slice  # ox oy oz otx oty
+    clock: slice | None  # offset, skew
+    steps: slice | None  # clock steps [s]
+    knots: slice | None  # of the tension's spline [N]
 
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
     """Names, priors and places of all unknowns of a fit; x is a vector in this order."""
 
-    names: tuple[str, ...]  # those of recording k > 0 end in `@k`, k from 1
+    names: tuple[str, ...]  # those of recording k of several end in `@k`, k from 1
     mean: Array  # (P,) of the prior
     sigma: Array  # (P,)
     nominal: Geometry
     shared: NDArray[np.intp]  # indices into PARAMETERS of the first unknowns
     coefficients: slice  # of the corrections
     gain: int | None  # of the measured rod force
-    zeros: tuple[slice, ...]  # of each recording, its fitted encoders in order
-    zero_parameters: tuple[NDArray[np.intp], ...]  # indices into PARAMETERS
-    places: tuple[slice, ...]  # ox oy oz otx oty
-    clocks: tuple[slice | None, ...]  # offset, skew
-    steps: tuple[slice | None, ...]  # clock steps [s]
-    knots: tuple[slice | None, ...]  # of the tension
+    zero_parameters: tuple[NDArray[np.intp], ...]  # indices into PARAMETERS of each recording's zeros
+    own: tuple[Own, ...]
 
     @property
     def count(self) -> int:
@@ -61,13 +68,13 @@ class Unknowns:
         """The kinematic parameters of recording k."""
         values = self.nominal.values.copy()
         values[self.shared] = x[: self.shared.size]
-        values[self.zero_parameters[k]] = x[self.zeros[k]]
-        values[_PLACES] = x[self.places[k]]
+        values[self.zero_parameters[k]] = x[self.own[k].zeros]
+        values[_PLACES] = x[self.own[k].place]
         return Geometry(values)
 
     def clock(self, x: Array, k: int) -> Clock:
         """The clock of recording k."""
-        where = self.clocks[k]
+        where = self.own[k].clock
         return Clock(0.0, 0.0) if where is None else Clock(float(x[where][0]), float(x[where][1]))
 
 
@@ -87,14 +94,20 @@ class RecordingShape:
 
 
 def unknowns(
-    cell: Cell, nominal: Geometry, recordings: Sequence[RecordingShape], corrections: Sequence[Correction], *, measured_force: bool, rod_sigma: float | None
+    cell: Cell,
+    nominal: Geometry,
+    recordings: Sequence[RecordingShape],
+    corrections: Sequence[Correction],
+    *,
+    measured_force: bool,
+    rod_sigma: float | None,
 ) -> tuple[Unknowns, Array]:
     """The layout, and the vector to start from.
 
     rod_sigma : [m] of a measured rod length; None for the catalogue's tolerance.
     """
     build = _Builder()
-    shared = [name for name in NAMES if name not in FIXED and not name.startswith(("btheta", "o")) ]
+    shared = [name for name in NAMES if name not in FIXED and not name.startswith(("btheta", "o"))]
     for name in shared:
         build.add(name, nominal[name], _prior(cell, name, rod_sigma))
     first = len(build.names)
@@ -103,29 +116,31 @@ def unknowns(
             build.add(c.name, c.mean, c.sigma)
     coefficients = slice(first, len(build.names))
     gain = build.add("force_gain", 0.0, GAIN_PRIOR) if measured_force else None
-    zeros, zero_parameters, places, clocks, steps, knots = [], [], [], [], [], []
-    for k, recording in enumerate(recordings):
-        tail = f"@{k + 1}" if len(recordings) > 1 else ""
-        names = [f"btheta{j}" for j in recording.joints]
-        zeros.append(build.block([n + tail for n in names], [recording.start[n] for n in names], ZERO_PRIOR))
-        zero_parameters.append(np.array([INDEX[n] for n in names], dtype=np.intp))
-        place = slice(len(build.names), len(build.names) + len(PLACE))
-        for name in PLACE:
-            build.add(name + tail, 0.0 if name.startswith("ot") else recording.start[name], TILT_PRIOR if name.startswith("ot") else PLACE_PRIOR, start=recording.start[name])
-        places.append(place)
-        if recording.clock is None:
-            clocks.append(None)
-        else:
-            clocks.append(slice(len(build.names), len(build.names) + 2))
-            build.add("offset" + tail, recording.clock.offset, OFFSET_PRIOR)
-            build.add("skew" + tail, recording.clock.skew, SKEW_PRIOR)
-        steps.append(build.block([f"clock_step{i + 1}{tail}" for i in range(recording.clock_steps)], [0.0] * recording.clock_steps, STEP_PRIOR) if recording.clock_steps else None)
-        knots.append(build.block([f"tension{i}{tail}" for i in range(recording.knots)], [0.0] * recording.knots, recording.tension_sigma) if recording.knots else None)
+    own = [_own(build, recording, f"@{k + 1}" if len(recordings) > 1 else "") for k, recording in enumerate(recordings)]
     layout = Unknowns(
-        tuple(build.names), np.array(build.mean), np.array(build.sigma), nominal, np.array([INDEX[n] for n in shared]), coefficients, gain,
-        tuple(zeros), tuple(zero_parameters), tuple(places), tuple(clocks), tuple(steps), tuple(knots),
+        tuple(build.names),
+        np.array(build.mean),
+        np.array(build.sigma),
+        nominal,
+        np.array([INDEX[n] for n in shared]),
+        coefficients,
+        gain,
+        tuple(np.array([INDEX[f"btheta{j}"] for j in r.joints], dtype=np.intp) for r in recordings),
+        tuple(own),
     )
-    return layout, np.array(build.start)
+    return layout, layout.mean.copy()
+
+
+def _own(build: _Builder, recording: RecordingShape, tail: str) -> Own:
+    start, clock = recording.start, recording.clock
+    zero_names = [f"btheta{j}" for j in recording.joints]
+    zeros = build.block(zero_names, tail, [start[n] for n in zero_names], [ZERO_PRIOR] * len(zero_names))
+    place = build.block(PLACE, tail, [*(start[n] for n in PLACE[:3]), 0.0, 0.0], [PLACE_PRIOR] * 3 + [TILT_PRIOR] * 2)
+    clocks = None
+    if clock is not None:
+        clocks = build.block(("offset", "skew"), tail, [clock.offset, clock.skew], [OFFSET_PRIOR, SKEW_PRIOR])
+    steps = build.numbered("clock_step", tail, recording.clock_steps, STEP_PRIOR)
+    return Own(zeros, place, clocks, steps, build.numbered("tension", tail, recording.knots, recording.tension_sigma))
 
 
 class _Builder:
@@ -133,20 +148,21 @@ class _Builder:
         self.names: list[str] = []
         self.mean: list[float] = []
         self.sigma: list[float] = []
-        self.start: list[float] = []
 
-    def add(self, name: str, mean: float, sigma: float, *, start: float | None = None) -> int:
+    def add(self, name: str, mean: float, sigma: float) -> int:
         self.names.append(name)
         self.mean.append(mean)
         self.sigma.append(sigma)
-        self.start.append(mean if start is None else start)
         return len(self.names) - 1
 
-    def block(self, names: Sequence[str], means: Sequence[float], sigma: float) -> slice:
+    def block(self, names: Sequence[str], tail: str, means: Sequence[float], sigmas: Sequence[float]) -> slice:
         first = len(self.names)
-        for name, mean in zip(names, means, strict=True):
-            self.add(name, mean, sigma)
+        for name, mean, sigma in zip(names, means, sigmas, strict=True):
+            self.add(name + tail, mean, sigma)
         return slice(first, len(self.names))
+
+    def numbered(self, name: str, tail: str, count: int, sigma: float) -> slice | None:
+        return self.block([f"{name}{i + 1}" for i in range(count)], tail, [0.0] * count, [sigma] * count) if count else None
 
 
 def _prior(cell: Cell, name: str, rod_sigma: float | None) -> float:

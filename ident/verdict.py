@@ -108,7 +108,7 @@ def _data_warnings(evidence: Evidence) -> list[str]:
         warnings.append(f"only {evidence.samples} samples in the fit; intervals are optimistic (thesis sec. 3.5 wants 750)")
     if evidence.autocorrelation > CORRELATED and not evidence.complete:
         warnings.append(
-            f"neighbouring residuals are alike (autocorrelation {evidence.autocorrelation:.2f}): something small and slow, such as rod strain, "
-            "is not in the model, and the stated intervals count it as white noise; take them three times as wide"
+            f"neighbouring residuals are alike (autocorrelation {evidence.autocorrelation:.2f}): something small and slow, "
+            "such as rod strain, is not in the model; the stated intervals allow for it"
         )
     return warnings
