@@ -54,12 +54,20 @@ def _of_robot(closure: Closure, motion: Array) -> Array:
 def parameter_jacobian(closure: Closure, parameters: Sequence[Parameter]) -> Array:
     """(P, 6, N) derivative of the mismatch with respect to geometric parameters [m or rad per unit]."""
     out = np.empty((len(parameters), 6, closure.error.shape[1]))
-    robot_side = np.array([p.side == "robot" for p in parameters], dtype=bool)
     for k, parameter in enumerate(parameters):
         out[k] = parameter_screw(closure.geometry, closure.robot, closure.bar, parameter)
-    out[robot_side] = _of_robot(closure, out[robot_side])
-    out[~robot_side] = _of_bar(closure, out[~robot_side])
+    for side, of in (("robot", _of_robot), ("bar", _of_bar)):
+        chosen = [k for k, p in enumerate(parameters) if (p.side == "robot") == (side == "robot")]
+        for first, last in _runs(chosen):
+            of(closure, out[first:last])
     return out
+
+
+def _runs(indices: list[int]) -> list[tuple[int, int]]:
+    """Stretches (first, one past last) of consecutive indices."""
+    starts = [i for n, i in enumerate(indices) if n == 0 or indices[n - 1] != i - 1]
+    ends = [i + 1 for n, i in enumerate(indices) if n == len(indices) - 1 or indices[n + 1] != i + 1]
+    return list(zip(starts, ends, strict=True))
 
 
 def robot_joint_jacobian(closure: Closure) -> Array:

@@ -33,8 +33,7 @@ def find_event(fit: JointFit) -> Event | None:
         carriers = weights(point.columns)
         candidates: list[tuple[Literal["encoder", "clock"], int, Array]] = [("encoder", j, carriers[BAR:ROD][j - 1]) for j in track.joints]
         if layout.own[k].clock is not None:
-            speed = (point.speed @ fit.model.cell.robot.joint_to_gear).T
-            candidates.append(("clock", 0, np.einsum("gen,gn->en", carriers[GEAR:BAR], speed)))
+            candidates.append(("clock", 0, np.einsum("gen,gn->en", carriers[GEAR:BAR], point.speed)))
         knots = layout.own[k].knots
         for kind, joint, column in candidates:
             shared = np.zeros((layout.count, residual.shape[1]))

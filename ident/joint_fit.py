@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +32,14 @@ from ident.closure import (
 from ident.corrections.base import BAR, CARRIERS, GEAR, PLATE, ROD, Correction, State
 from ident.event import Event
 from ident.loads import Loads, MassModel, loads
+from ident.problem import Clock
 from ident.signals import SmoothLog
 from ident.unknowns import Unknowns
 
 FLOOR = 1e-7  # [m, rad]
 MAX_ITERATIONS = 30
 FREE_JOINT_STEPS = 2
+LINEAR_STEP = 1e-4  # [rad] of a free joint: a smaller one moves the tool by less than 1e-8 of its lever beyond its column
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,25 +91,52 @@ class Point:
     closure: Closure
     bar: Array  # (N, 5) [rad] as read, free joints as found
     state: State | None
-    columns: Array  # (CARRIERS, 6, N) motion of the mismatch for each carrier
-    q: Array  # (N, 6) as logged
-    speed: Array
+    signals: tuple[tuple[Array, ...], ...]  # (N,) each, of every correction
+    clock: Clock
+    speed: Array  # (6, N) [rad/s] of the gears
+    gear_to_joint: Array
+
+    @cached_property
+    def columns(self) -> Array:
+        """(CARRIERS, 6, N) change of the mismatch for a unit of each carrier."""
+        columns = np.empty((CARRIERS, *self.closure.error.shape))
+        np.einsum("gj,jcn->gcn", self.gear_to_joint, robot_joint_jacobian(self.closure), out=columns[GEAR:BAR])
+        columns[BAR:ROD] = bar_joint_jacobian(self.closure)
+        columns[ROD], columns[PLATE] = rod_jacobian(self.closure), plate_jacobian(self.closure)
+        return columns
 
 
-def make_point(model: Model, x: Array, k: int, bar: Array) -> Point:
-    """Mismatch of recording k at x with ball-bar angles `bar` (N, 5)."""
+def plate_jacobian(closure: Closure) -> Array:
+    """(6, N) derivative of the mismatch with respect to the bending of the plate."""
+    robot = closure.robot
+    arm = 2.0 / 3.0 * closure.geometry["ra6"] * robot.x[-1]
+    return -np.concatenate((cross(robot.y[-1], arm), robot.y[-1]))
+
+
+def make_point(model: Model, x: Array, k: int, bar: Array, near: Point | None = None) -> Point:
+    """Mismatch of recording k at x with ball-bar angles `bar` (N, 5); near : a point whose loads and ripple may stand in."""
     track, layout, robot = model.tracks[k], model.unknowns, model.cell.robot
-    geometry = layout.geometry(x, k)
+    geometry, clock = layout.geometry(x, k), layout.clock(x, k)
     at = np.clip(robot_times(model, x, k), track.robot.start, track.robot.end)
     q, speed = np.asarray(track.robot.spline(at)), np.asarray(track.robot.speed(at))
-    state, moved = None, np.zeros((CARRIERS, track.times.size))
+    same = near is not None and near.clock.alike(clock) and layout.own[k].steps is None
+    state: State | None = None
+    signals: tuple[tuple[Array, ...], ...] = ()
+    moved = np.zeros((CARRIERS, track.times.size))
     if model.corrections:
-        state = _state(model, x, k, geometry, q, speed, at, bar)
-        moved = _displacements(model, x, state)
+        if same and near is not None and near.state is not None:
+            state = replace(near.state, bar=bar.T, tension=tension_at(model, x, k))
+            signals = tuple(
+                old if c.slopes is None else tuple(c.signals(state)) for c, old in zip(model.corrections, near.signals, strict=True)
+            )
+        else:
+            state = _state(model, x, k, geometry, q, speed, at, bar)
+            signals = tuple(tuple(c.signals(state)) for c in model.corrections)
+        _displace(moved, model, x, signals)
     closure = close_loop(geometry, q + moved[GEAR:BAR].T @ robot.gear_to_joint, bar + moved[BAR:ROD].T)
-    columns = carrier_columns(closure, robot.gear_to_joint)
-    error = closure.error + columns[ROD] * moved[ROD] + columns[PLATE] * moved[PLATE]
-    return Point(replace(closure, error=error), bar, state, columns, q, speed)
+    if model.corrections:
+        closure = replace(closure, error=closure.error + rod_jacobian(closure) * moved[ROD] + plate_jacobian(closure) * moved[PLATE])
+    return Point(closure, bar, state, signals, clock, (speed @ robot.joint_to_gear).T, robot.gear_to_joint)
 
 
 def robot_times(model: Model, x: Array, k: int) -> Array:
@@ -143,26 +173,12 @@ def tension_at(model: Model, x: Array, k: int) -> Array:
     return np.asarray(out if knots is None else out + x[knots] @ track.knots)
 
 
-def _displacements(model: Model, x: Array, state: State) -> Array:
-    """(CARRIERS, N) sum of coefficients times signals."""
-    moved = np.zeros((CARRIERS, state.tension.size))
+def _displace(moved: Array, model: Model, x: Array, signals: tuple[tuple[Array, ...], ...]) -> None:
+    """Adds coefficients times signals to the carriers (CARRIERS, N)."""
     values = iter(x[model.unknowns.coefficients])
-    for correction in model.corrections:
-        for coefficient, signal in zip(correction.coefficients, correction.signals(state), strict=True):
+    for correction, given in zip(model.corrections, signals, strict=True):
+        for coefficient, signal in zip(correction.coefficients, given, strict=True):
             moved[coefficient.carrier] += next(values) * signal
-    return moved
-
-
-def carrier_columns(closure: Closure, gear_to_joint: Array) -> Array:
-    """(CARRIERS, 6, N) change of the mismatch for a unit of each carrier."""
-    columns = np.empty((CARRIERS, *closure.error.shape))
-    np.einsum("gj,jcn->gcn", gear_to_joint, robot_joint_jacobian(closure), out=columns[GEAR:BAR])
-    columns[BAR:ROD] = bar_joint_jacobian(closure)
-    columns[ROD] = rod_jacobian(closure)
-    robot = closure.robot
-    arm = 2.0 / 3.0 * closure.geometry["ra6"] * robot.x[-1]
-    columns[PLATE, :3], columns[PLATE, 3:] = -cross(robot.y[-1], arm), -robot.y[-1]
-    return columns
 
 
 def covariances(track: Track, columns: Array, excess: Excess, uncertain: Array | float) -> Array:
@@ -203,9 +219,13 @@ def settle(model: Model, x: Array, k: int, bar: Array, excess: Excess) -> tuple[
     point = make_point(model, x, k, bar)
     weights = weigh(model, point, k, excess, x)
     for _ in range(FREE_JOINT_STEPS if track.free else 0):
+        step = np.clip(weights.free_step(point.closure.error), -0.5, 0.5)
         bar = bar.copy()
-        bar[:, track.free] += np.clip(weights.free_step(point.closure.error), -0.5, 0.5).T
-        point = make_point(model, x, k, bar)
+        bar[:, track.free] += step.T
+        if np.abs(step).max() < LINEAR_STEP:
+            error = point.closure.error + np.einsum("jcn,jn->cn", point.columns[BAR:ROD][track.free], step)
+            return replace(point, bar=bar, closure=replace(point.closure, error=error)), weights
+        point = make_point(model, x, k, bar, point)
         weights = weigh(model, point, k, excess, x)
     return point, weights
 
@@ -223,8 +243,10 @@ def jacobian(model: Model, x: Array, k: int, point: Point, weights: Whitening) -
     parts, slope = [geometric], None
     carriers = weights(point.columns)
     if point.state is not None:
-        signals = [(c.carrier, s) for cor in model.corrections for c, s in zip(cor.coefficients, cor.signals(point.state), strict=True)]
-        columns = np.stack([carriers[c] * s for c, s in signals])
+        columns = np.empty((layout.coefficients.stop - layout.coefficients.start, *carriers.shape[1:]))
+        carried = [c.carrier for correction in model.corrections for c in correction.coefficients]
+        for i, signal in enumerate(s for given in point.signals for s in given):
+            np.multiply(carriers[carried[i]], signal, out=columns[i])
         parts.append(columns)
         index += list(range(layout.coefficients.start, layout.coefficients.stop))
         if layout.gain is not None or layout.own[k].knots is not None:
@@ -234,8 +256,7 @@ def jacobian(model: Model, x: Array, k: int, point: Point, weights: Whitening) -
             index.append(layout.gain)
     clock = layout.own[k].clock
     if clock is not None:
-        gear_speed = (point.speed @ model.cell.robot.joint_to_gear).T
-        shift = np.einsum("gen,gn->en", carriers[GEAR:BAR], gear_speed)
+        shift = np.einsum("gen,gn->en", carriers[GEAR:BAR], point.speed)
         parts.append(np.stack((shift, shift * track.times)))
         index += [clock.start, clock.start + 1]
         steps = layout.own[k].steps
@@ -248,7 +269,7 @@ def jacobian(model: Model, x: Array, k: int, point: Point, weights: Whitening) -
 def _tension_column(model: Model, x: Array, point: Point, carriers: Array) -> Array:
     """(E, N) whitened change of the mismatch per newton of rod tension."""
     assert point.state is not None
-    moved = np.zeros((CARRIERS, point.q.shape[0]))
+    moved = np.zeros((CARRIERS, point.bar.shape[0]))
     values = x[model.unknowns.coefficients]
     i = 0
     for correction in model.corrections:
@@ -304,7 +325,7 @@ def cost_at(model: Model, x: Array, linear: Linear) -> float:
     layout = model.unknowns
     cost = float((((x - layout.mean) / layout.sigma) ** 2).sum())
     for k, (point, weight) in enumerate(zip(linear.points, linear.weights, strict=True)):
-        residual = weight(make_point(model, x, k, point.bar).closure.error)
+        residual = weight(make_point(model, x, k, point.bar, point).closure.error)
         cost += float((residual * residual).sum())
     return cost
 
