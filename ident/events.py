@@ -43,7 +43,7 @@ def find_event(fit: JointFit) -> Event | None:
             behind = _from_the_end(shared)
             score, energy = _from_the_end((column * residual).sum(axis=0)), _from_the_end((column * column).sum(axis=0))
             left = energy - np.einsum("pn,pn->n", behind, fit.covariance @ behind)
-            gain = np.where(left > 1e-3 * energy.max(), score**2 / np.maximum(left, 1e-300), 0.0)
+            gain = np.where(left > 1e-3 * energy.max(), score**2 / np.maximum(left, 1e-3 * energy.max()), 0.0)
             gain[:MARGIN] = gain[-MARGIN:] = 0.0
             i = int(gain.argmax())
             size = float(-score[i] / left[i])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cell.chain import Array, joint_screws, screw
 from cell.descriptions import Cell
 from cell.geometry import PARAMETERS, Geometry, robot_frames
-from ident.corrections.base import BAR, CARRIERS, GEAR, Correction, State
+from ident.corrections.base import BAR, CARRIERS, GEAR, Correction, State, play_width
 from ident.loads import Loads, mass_model, own_weight
 
 
@@ -57,5 +57,5 @@ class FreeRobot:
         n = len(q)
         weight, none = own_weight(mass_model(self.cell), self.geometry, q), np.zeros((6, n))
         gears = (q @ self.cell.robot.joint_to_gear).T
-        state = State(np.zeros(n), -1, gears, np.zeros((5, n)), Loads(weight, none, none[0], none[0]), none[0])
+        state = State(np.zeros(n), -1, gears, np.zeros((5, n)), Loads(weight, none, none[0], none[0]), none[0], play_width(self.cell))
         return [(c.carrier, s) for cor in self.corrections for c, s in zip(cor.coefficients, cor.signals(state), strict=True)]

@@ -23,7 +23,7 @@ from ident.corrections import CORRECTIONS
 from ident.event import Event
 from ident.free_robot import FreeRobot
 from ident.identifiability import Dependency, Identifiability, candidates, identifiable
-from ident.joint_fit import JointFit, tension_at
+from ident.joint_fit import Excess, JointFit, tension_at
 from ident.machine import ForceSource, Prepared, coefficients_of, fit_machine
 from ident.noise import noise_from_logs, rod_deviation, row_noise
 from ident.problem import Clock, Estimate, NoiseModel, Problem
@@ -85,6 +85,14 @@ class CorrectionValue:
 
 
 @dataclass(frozen=True, eq=False)
+class MachineCovariance:
+    """How far the unknowns are known that belong to robot, ball-bar and corrections, and not to one recording."""
+
+    names: tuple[str, ...]  # of kinematic parameters, then of coefficients; what is not named was taken as exact
+    values: Array  # (U, U) SI units
+
+
+@dataclass(frozen=True, eq=False)
 class Identification:
     """What one recording, or the first of several, says about the robot."""
 
@@ -95,11 +103,13 @@ class Identification:
     sigma: dict[str, float]  # [m, rad] of the identified parameters, scaled up where the fit is poor
     covariance: Array  # (P [+ 2], P [+ 2]) of `parameters`, then offset and skew; scaled likewise
     parameters: NDArray[np.intp]
+    machine: MachineCovariance
     clock: Clock | None
     clock_sigma: tuple[float, float]  # [s], [1]; zero without encoders
     signs: tuple[int, ...]  # of each encoder relative to the declared sense
     noise: NoiseModel  # of the samples in the fit
     log_noise: NoiseModel  # of one row of the logs
+    excess: Excess  # beyond what the logs show, found from the residual
     autocorrelation: float  # of the whitened residual, one sample apart, mean over the equations
     chi2_per_dof: float
     converged: bool
@@ -284,11 +294,13 @@ def _outcome(cell: Cell, alone: _Alone) -> Identification:
         sigma={NAMES[i]: float(s) for i, s in zip(fit.parameters, deviations, strict=False)},
         covariance=covariance,
         parameters=fit.parameters,
+        machine=_machine_part(fit.parameters, covariance),
         clock=clock,
         clock_sigma=(float(deviations[-2]), float(deviations[-1])) if clock else (0.0, 0.0),
         signs=start.chosen.hypothesis.signs,
         noise=problem.noise,
         log_noise=row_noise(problem.robot, problem.bar, problem.joints, rod=problem.noise.rod),
+        excess=Excess(rod=problem.noise.rod),
         autocorrelation=evidence.autocorrelation,
         chi2_per_dof=fit.chi2_per_dof,
         converged=fit.converged,
@@ -324,6 +336,7 @@ def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncer
     parameters = parameters[by_data]
     point = fit.linear.points[k]
     corrections = _correction_values(fit, trust)
+    machine = _machine_unknowns(fit)
     at_prior = [NAMES[i] for i in layout.shared if i not in parameters]
     evidence = Evidence(
         fit.converged,
@@ -346,11 +359,13 @@ def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncer
         sigma={NAMES[i]: float(s) for i, s in zip(parameters, deviations, strict=False)},
         covariance=covariance,
         parameters=parameters,
+        machine=MachineCovariance(tuple(layout.names[i] for i in machine), trust.covariance[np.ix_(machine, machine)]),
         clock=None if clock is None else found,
         clock_sigma=(0.0, 0.0) if clock is None else (float(deviations[-2]), float(deviations[-1])),
         signs=one.start.chosen.hypothesis.signs,
         noise=replace(problem.noise, rod=fit.excess.rod),
         log_noise=row_noise(problem.robot, problem.bar, problem.joints, rod=fit.excess.rod),
+        excess=fit.excess,
         autocorrelation=trust.autocorrelation,
         chi2_per_dof=fit.chi2_per_dof,
         converged=fit.converged,
@@ -388,6 +403,19 @@ def _correction_values(fit: JointFit, trust: Uncertainty) -> tuple[CorrectionVal
         ]
         out.append(CorrectionValue(correction.name, correction.sentence, tuple(rows)))
     return tuple(out)
+
+
+def _machine_unknowns(fit: JointFit) -> NDArray[np.intp]:
+    """Where geometry and coefficients stand in x; jumps of encoders belong to a recording, not to the machine."""
+    layout = fit.model.unknowns
+    lasting = [_indices(coefficients_of(fit, c)) for c in fit.model.corrections if c.name in CORRECTIONS]
+    return np.concatenate((np.arange(layout.shared.size), *lasting))
+
+
+def _machine_part(parameters: NDArray[np.intp], covariance: Array) -> MachineCovariance:
+    """That of the dh model: its parameters less encoder zeros and place."""
+    lasting = [k for k, i in enumerate(parameters) if PARAMETERS[i].side == "robot" or NAMES[i] == "bd3"]
+    return MachineCovariance(tuple(NAMES[parameters[k]] for k in lasting), covariance[np.ix_(lasting, lasting)])
 
 
 def _machine_tcp_sigma(cell: Cell, fit: JointFit, trust: Uncertainty, k: int) -> Array:

@@ -29,7 +29,7 @@ from ident.closure import (
     rod_jacobian,
     whitening,
 )
-from ident.corrections.base import BAR, CARRIERS, GEAR, PLATE, ROD, Correction, State
+from ident.corrections.base import BAR, CARRIERS, GEAR, PLATE, ROD, Correction, State, play_width
 from ident.event import Event
 from ident.loads import Loads, MassModel, loads
 from ident.problem import Clock
@@ -158,10 +158,10 @@ def _state(model: Model, x: Array, k: int, geometry: Geometry, q: Array, speed: 
     if model.masses is None:
         zero = np.zeros((6, q.shape[0]))
         nothing = Loads(zero, zero, zero[0], zero[0])
-        return State(track.times, k, gears, bar.T, nothing, zero[0], model.sharpness)
+        return State(track.times, k, gears, bar.T, nothing, zero[0], play_width(model.cell), model.sharpness)
     acceleration = np.asarray(track.robot.spline(at, 2))
     carried = loads(model.masses, geometry, q, bar, speed, acceleration)
-    return State(track.times, k, gears, bar.T, carried, tension_at(model, x, k), model.sharpness)
+    return State(track.times, k, gears, bar.T, carried, tension_at(model, x, k), play_width(model.cell), model.sharpness)
 
 
 def tension_at(model: Model, x: Array, k: int) -> Array:

@@ -180,8 +180,18 @@ def passes(model: Model, x: Array, bars: Sequence[Array], excess: Excess, progre
         iterations += fit.iterations
         x, bars = fit.x, [p.bar for p in fit.linear.points]
         if k < count - 1:
-            excess = estimate_excess(fit)
+            excess, model = estimate_excess(fit), with_likely_tension(fit)
     return replace(fit, iterations=iterations)
+
+
+def with_likely_tension(fit: JointFit) -> Model:
+    """The model with the prior of each recording's tension knots as wide as they turned out (one step of the EM algorithm)."""
+    layout = fit.model.unknowns
+    sigma = layout.sigma.copy()
+    for own in layout.own:
+        if own.knots is not None:
+            sigma[own.knots] = np.sqrt(np.mean(fit.x[own.knots] ** 2 + np.diag(fit.covariance)[own.knots]))
+    return replace(fit.model, unknowns=replace(layout, sigma=sigma))
 
 
 def track(cell: Cell, recording: Prepared, source: str | None) -> Track:

@@ -19,7 +19,7 @@ from ident.loads import Loads
 GEAR, BAR, ROD, PLATE = 0, 6, 11, 12  # first carrier of each kind
 CARRIERS = 13
 
-SIGN_WIDTH = np.array([3.0, 3.0, 3.0, 0.3, 0.3, 0.3])  # [N m] load over which play changes sides (identification_facts sec. 4)
+PLAY_SHARE = 12.0  # a gear changes sides of its play over the load that would wind it up by this share of half the play
 TENSION_WIDTH = 3.0  # [N] likewise for the rod
 
 
@@ -44,15 +44,22 @@ class State:
     bar: Array  # (5, N) [rad] ball-bar angles as read, their zeros not in them
     loads: Loads
     tension: Array  # (N,) [N] of the rod
+    width: Array  # (6,) [N m] load over which each gear changes sides of its play
     sharpness: float = 1.0  # below 1 play changes sides over a wider load; for continuation
 
     def load_sign(self) -> Array:
         """(6, N) smooth sign of each gear's load, -1 to 1."""
-        return smooth_sign(self.loads.gears(self.tension), SIGN_WIDTH[:, None] / self.sharpness)
+        return smooth_sign(self.loads.gears(self.tension), self.width[:, None] / self.sharpness)
 
     def tension_sign(self) -> Array:
         """(N,) smooth sign of the rod's tension."""
         return smooth_sign(self.tension, TENSION_WIDTH / self.sharpness)
+
+
+def play_width(cell: Cell) -> Array:
+    """(6,) [N m] load over which play changes sides: 3 N m for the main axes of an IRB 2400 (identification_facts sec. 4)."""
+    gears = cell.robot.gears
+    return np.asarray(0.5 * gears.lost_motion * gears.stiffness / PLAY_SHARE)
 
 
 def smooth_sign(load: Array, width: Array | float) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cell.descriptions import Cell
-from ident.corrections.base import GEAR, SIGN_WIDTH, Coefficient, Correction, sign_slope
+from ident.corrections.base import GEAR, Coefficient, Correction, sign_slope
 
 SPREAD = 1.0  # of the catalogue width
 
@@ -17,6 +17,6 @@ def lost_motion(cell: Cell, joints: tuple[int, ...]) -> Correction:
         tuple(Coefficient(f"play{i + 1}", "rad", float(h), SPREAD * float(h), GEAR + i) for i, h in enumerate(half)),
         lambda state: list(-state.load_sign()),
         lambda state: list(
-            -sign_slope(state.loads.gears(state.tension), SIGN_WIDTH[:, None] / state.sharpness) * state.loads.gear_per_newton
+            -sign_slope(state.loads.gears(state.tension), state.width[:, None] / state.sharpness) * state.loads.gear_per_newton
         ),
     )
