@@ -17,6 +17,8 @@ from cell.geometry import PARAMETERS, Geometry, robot_frames
 from ident.corrections.base import BAR, CARRIERS, GEAR, Correction, State, play_width
 from ident.loads import Loads, mass_model, own_weight
 
+UNDECIDED = 0.5  # sharpness of the side on which play lies: under a small load a robot at rest may lie on either
+
 
 @dataclass(frozen=True, eq=False)
 class FreeRobot:
@@ -57,5 +59,5 @@ class FreeRobot:
         n = len(q)
         weight, none = own_weight(mass_model(self.cell), self.geometry, q), np.zeros((6, n))
         gears = (q @ self.cell.robot.joint_to_gear).T
-        state = State(np.zeros(n), -1, gears, np.zeros((5, n)), Loads(weight, none, none[0], none[0]), none[0], play_width(self.cell))
+        state = State(np.zeros(n), -1, gears, np.zeros((5, n)), Loads(weight, none, none[0], none[0]), none[0], play_width(self.cell), UNDECIDED)
         return [(c.carrier, s) for cor in self.corrections for c, s in zip(cor.coefficients, cor.signals(state), strict=True)]

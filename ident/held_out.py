@@ -14,14 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.chain import Array
-from cell.geometry import Geometry, nominal_geometry
-from ident.corrections import CORRECTIONS
-from ident.corrections.base import Correction
+from cell.geometry import nominal_geometry
 from ident.event import Event
 from ident.events import MAX_EVENTS, find_event, jumps, sized
+from ident.free_robot import FreeRobot
 from ident.identify import DEFAULT_SAMPLES, WIDEST_KNOT_SPACING, Identification, Logs, MachineCovariance, identify
-from ident.joint_fit import JointFit, Model, minimise
+from ident.joint_fit import Excess, JointFit, Model, minimise
 from ident.loads import mass_model
 from ident.machine import DEVIATION, NEEDS_LOADS, ForceSource, Prepared, continued, track, with_likely_tension
 from ident.problem import Clock
@@ -68,11 +66,15 @@ class HeldOut:
         """In words."""
         told = (
             f"Held out {self.name}: the loop closes to {self.identified.in_words}; nominal robot {self.nominal.position_rms * 1e3:.2g} mm. "
-            f"{self.identified.ratio:.2g} times what noise explains, {self.surprise:.2g} with the stated uncertainty"
+            f"{_times(self.identified.ratio)} times what noise explains, {_times(self.surprise)} with the stated uncertainty"
         )
         if self.ambiguous:
             return f"{told}; but its logs can be aligned in more than one way, so this proves nothing."
         return f"{told}." if self.acceptable else f"{told}: a misfit. The machine as identified does not explain this recording."
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.1f}" if ratio < 10.0 else f"{ratio:.0f}"
 
 
 def held_out(
@@ -92,18 +94,23 @@ def held_out(
     """
     alone = identify(machine.cell, logs.robot, logs.ballbar, logs.force, model="dh", samples=samples, progress=progress)
     recording = _prepared(alone, logs)
-    corrections = tuple(CORRECTIONS[c.name](machine.cell, machine.joints) for c in machine.corrections)
-    values = np.array([c.value for one in machine.corrections for c in one.coefficients])
+    robot, bare = machine.free_robot(), FreeRobot(machine.cell, nominal_geometry(machine.cell, np.zeros(3)))
     progress(f"closing the loop of {name}")
     events: tuple[Event, ...] = ()
-    fit = _fit(machine, machine.geometry, corrections, values, recording, force, events, progress)
-    while len(events) < MAX_EVENTS and (event := find_event(fit)) is not None:
+    fit = _fit(robot, recording, force, events, machine.excess, progress)
+    while machine.corrections and len(events) < MAX_EVENTS and (event := find_event(fit)) is not None:
         events = (*events, event)
-        fit = _fit(machine, machine.geometry, corrections, values, recording, force, events, progress)
-    nominal = _fit(machine, nominal_geometry(machine.cell, np.zeros(3)), (), np.zeros(0), recording, force, events, progress)
-    found = sized(fit, events, machine.cell.ballbar.encoder_lines)
-    surprise = float(np.sqrt(_chi2(fit) / (fit.degrees + _expected(fit, machine.machine))))
-    return HeldOut(name, _closure(fit), surprise, _closure(nominal), recording.times.size, alone.start.ambiguous, found)
+        fit = _fit(robot, recording, force, events, machine.excess, progress)
+    nominal = _fit(bare, recording, force, events, machine.excess, progress)
+    return HeldOut(
+        name,
+        _closure(fit),
+        float(np.sqrt(fit.chi2_per_dof * fit.degrees / (fit.degrees + _expected(fit, machine.machine, robot)))),
+        _closure(nominal),
+        recording.times.size,
+        alone.start.ambiguous,
+        sized(fit, events, machine.cell.ballbar.encoder_lines),
+    )
 
 
 def _prepared(alone: Identification, logs: Logs) -> Prepared:
@@ -117,18 +124,16 @@ def _prepared(alone: Identification, logs: Logs) -> Prepared:
 
 
 def _fit(
-    machine: Identification,
-    geometry: Geometry,
-    corrections: tuple[Correction, ...],
-    values: Array,
+    robot: FreeRobot,
     recording: Prepared,
     force: ForceSource,
     events: tuple[Event, ...],
+    excess: Excess,
     progress: Callable[[str], None],
 ) -> JointFit:
     """The recording's own unknowns fitted to a given robot, ball-bar and coefficients of the corrections."""
-    cell, source = machine.cell, recording.source(force)
-    loaded = bool(NEEDS_LOADS & {c.name for c in corrections})
+    cell, source = robot.cell, recording.source(force)
+    loaded = bool(NEEDS_LOADS & {c.name for c in robot.corrections})
     steps = tuple(e.time for e in events if e.kind == "clock")
     samples = replace(track(cell, recording, source if loaded else None), clock_steps=steps)
     shape = RecordingShape(
@@ -140,44 +145,43 @@ def _fit(
         len(steps),
     )
     repaired = jumps(events)
-    carried = corrections if repaired is None else (*corrections, repaired)
-    layout, _ = unknowns(cell, geometry, [shape], carried, measured_force=loaded and source != "none", rod_sigma=None)
-    layout = _held(layout, geometry, values)
-    model = Model(cell, mass_model(cell) if loaded else None, carried, layout, (samples,))
+    corrections = robot.corrections if repaired is None else (*robot.corrections, repaired)
+    layout, _ = unknowns(cell, robot.geometry, [shape], corrections, measured_force=loaded and source != "none", rod_sigma=None)
+    layout = _held(layout, robot)
+    model = Model(cell, mass_model(cell) if loaded else None, corrections, layout, (samples,))
     x, bars = layout.mean.copy(), [recording.angles(recording.times)[3]]
     if loaded and source == "none":
         x, bars = continued(model, x, bars, progress)
-    fit = minimise(model, x, bars, machine.excess)
-    return minimise(with_likely_tension(fit), fit.x, [p.bar for p in fit.linear.points], machine.excess) if loaded else fit
+    fit = minimise(model, x, bars, excess)
+    return minimise(with_likely_tension(fit), fit.x, [p.bar for p in fit.linear.points], excess) if loaded else fit
 
 
-def _held(layout: Unknowns, geometry: Geometry, values: Array) -> Unknowns:
+def _held(layout: Unknowns, robot: FreeRobot) -> Unknowns:
     """The layout with geometry and coefficients where they are."""
-    first = layout.coefficients.start
+    count = _held_count(layout, robot)
     mean, sigma = layout.mean.copy(), layout.sigma.copy()
-    mean[: layout.shared.size] = geometry.values[layout.shared]
-    mean[first : first + values.size] = values
-    sigma[: first + values.size] *= HELD
+    mean[: layout.shared.size] = robot.geometry.values[layout.shared]
+    if robot.values is not None:
+        mean[layout.shared.size : count] = robot.values
+    sigma[:count] *= HELD
     return replace(layout, mean=mean, sigma=sigma)
 
 
-def _expected(fit: JointFit, machine: MachineCovariance) -> float:
+def _held_count(layout: Unknowns, robot: FreeRobot) -> int:
+    """How many unknowns, the first ones, are the machine's; coefficients stand right behind the geometry."""
+    return layout.shared.size + (0 if robot.values is None else robot.values.size)
+
+
+def _expected(fit: JointFit, machine: MachineCovariance, robot: FreeRobot) -> float:
     """trace(C S): chi-square that the machine's uncertainty adds on average."""
     layout = fit.model.unknowns
-    first = layout.own[0].zeros.start if layout.gain is None else layout.gain
-    if jumped := [i for i, name in enumerate(layout.names) if name.startswith("jump")]:
-        first = min(first, jumped[0])
-    held = np.arange(layout.count) < first
+    held = np.arange(layout.count) < _held_count(layout, robot)
     data = fit.linear.normal - np.diag(np.where(held, layout.sigma**-2.0, 0.0))
     mixed, own = data[np.ix_(held, ~held)], data[np.ix_(~held, ~held)]
     information = data[np.ix_(held, held)] - mixed @ np.linalg.solve(own, mixed.T)
     known = [k for k, name in enumerate(machine.names) if name in layout.names]
     at = [layout.names.index(machine.names[k]) for k in known]
     return float(np.trace(machine.values[np.ix_(known, known)] @ information[np.ix_(at, at)]))
-
-
-def _chi2(fit: JointFit) -> float:
-    return fit.chi2_per_dof * fit.degrees
 
 
 def _closure(fit: JointFit) -> LoopClosure:

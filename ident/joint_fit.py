@@ -37,7 +37,8 @@ from ident.signals import SmoothLog
 from ident.unknowns import Unknowns
 
 FLOOR = 1e-7  # [m, rad]
-MAX_ITERATIONS = 30
+MAX_ITERATIONS = 40
+FREEZE_AFTER = 6  # iterations with new weights; then they stay, or loads near a reversal could change them for ever
 FREE_JOINT_STEPS = 2
 LINEAR_STEP = 1e-4  # [rad] of a free joint: a smaller one moves the tool by less than 1e-8 of its lever beyond its column
 
@@ -213,11 +214,11 @@ def play_uncertainty(model: Model, x: Array, point: Point) -> Array | float:
     return np.asarray(half * (1.0 - point.state.load_sign() ** 2))
 
 
-def settle(model: Model, x: Array, k: int, bar: Array, excess: Excess) -> tuple[Point, Whitening]:
+def settle(model: Model, x: Array, k: int, bar: Array, excess: Excess, frozen: Whitening | None) -> tuple[Point, Whitening]:
     """The point of recording k with its joints without encoder where they absorb most of the mismatch."""
     track = model.tracks[k]
     point = make_point(model, x, k, bar)
-    weights = weigh(model, point, k, excess, x)
+    weights = frozen or weigh(model, point, k, excess, x)
     for _ in range(FREE_JOINT_STEPS if track.free else 0):
         step = np.clip(weights.free_step(point.closure.error), -0.5, 0.5)
         bar = bar.copy()
@@ -226,7 +227,7 @@ def settle(model: Model, x: Array, k: int, bar: Array, excess: Excess) -> tuple[
             error = point.closure.error + np.einsum("jcn,jn->cn", point.columns[BAR:ROD][track.free], step)
             return replace(point, bar=bar, closure=replace(point.closure, error=error)), weights
         point = make_point(model, x, k, bar, point)
-        weights = weigh(model, point, k, excess, x)
+        weights = frozen or weigh(model, point, k, excess, x)
     return point, weights
 
 
@@ -297,15 +298,15 @@ class Linear:
     cost: float  # with the prior
 
 
-def linearise(model: Model, x: Array, bars: Sequence[Array], excess: Excess) -> Linear:
-    """Normal equations of all recordings and the prior."""
+def linearise(model: Model, x: Array, bars: Sequence[Array], excess: Excess, frozen: Sequence[Whitening] = ()) -> Linear:
+    """Normal equations of all recordings and the prior; frozen : weights of each recording to be kept."""
     layout = model.unknowns
     normal = np.diag(layout.sigma**-2.0)
     gradient = (x - layout.mean) / layout.sigma**2
     cost = float(gradient @ (x - layout.mean))
     points, weights, residuals = [], [], []
     for k in range(len(model.tracks)):
-        point, weight = settle(model, x, k, bars[k], excess)
+        point, weight = settle(model, x, k, bars[k], excess, frozen[k] if frozen else None)
         residual = weight(point.closure.error)
         index, columns, slope = jacobian(model, x, k, point, weight)
         flat = columns.reshape(index.size, -1)
@@ -390,7 +391,7 @@ def minimise(
             break
         x = x + share * step
         settled = now.cost - trial < negligible * max(1.0, now.cost / equations)
-        now = linearise(model, x, [p.bar for p in now.points], excess)
+        now = linearise(model, x, [p.bar for p in now.points], excess, now.weights if iterations >= FREEZE_AFTER else ())
         if settled:
             converged = True
             break
