@@ -17,9 +17,8 @@ from rich.markup import escape
 from acquisition import coarse_alignment, read_recording, report_lines
 from ballbar.compare import Comparison, compare, compare_with_truth
 from ballbar.replay import ViewerError, open_viewer, serve_web
-from ballbar.report_machine import TENSION_SOURCES, standing_at_prior
+from ballbar.report_terminal import say_identification
 from ballbar.run import OUTPUTS, REPLAY, run_scenario, simulate_scenario, write_outputs
-from ballbar.run_data import RunData
 from ballbar.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
 from cell.descriptions import load_cell
@@ -29,7 +28,7 @@ from cell.inverse import UnreachableError
 from cell.schema_errors import explain
 from ident.calibration import Calibration, load_calibration
 from ident.corrections import CORRECTIONS
-from ident.identify import DEFAULT_SAMPLES, MOSTLY_PRIOR, Identification, ModelName
+from ident.identify import DEFAULT_SAMPLES, ModelName
 from ident.machine import ForceSource
 from ident.start import StartError
 from sim.plant import PlantError
@@ -63,7 +62,7 @@ def run(scenario: ScenarioFile, out_dir: Out = None) -> None:
     folder = out_dir or Path("runs") / settings.name
     with _progress() as progress:
         data = run_scenario(settings, scenario, folder, command=_command(), progress=progress)
-    _say_identification(data)
+    say_identification(out, data)
     if data.simulation is not None:
         _say_plant(data.simulation)
     if data.comparison is not None:
@@ -116,7 +115,9 @@ def identify(
     ] = None,
     out_dir: Out = None,
     samples: Annotated[int, typer.Option(help="Instants of the logs that enter the fit.", min=50, max=100_000)] = DEFAULT_SAMPLES,
-    model: Annotated[ModelName, typer.Option(help="Kinematics alone (dh), or with corrections; auto takes what the recording asks for.")] = "auto",
+    model: Annotated[
+        ModelName, typer.Option(help="Kinematics alone (dh), or with corrections; auto takes what the recording asks for.")
+    ] = "auto",
     corrections: Annotated[
         str, typer.Option(help=f"Of the complete model: auto, or some of {', '.join(CORRECTIONS)}.", metavar="auto|NAME,NAME")
     ] = "auto",
@@ -145,8 +146,7 @@ def identify(
     with _progress() as progress:
         data = identify_recordings(recordings, validate or (), settings=settings, progress=progress)
         write_outputs(folder, data, command=_command(), replay=rerun, progress=progress)
-    _say_validations(data)
-    _say_identification(data)
+    say_identification(out, data)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if data.acceptable else 1)
 
@@ -205,62 +205,6 @@ def _settings(**given: object) -> IdentifySettings:
         return IdentifySettings.model_validate(given)
     except ValidationError as error:
         raise InputError("\n".join(text for _, text in explain(error.errors(include_url=False), IdentifySettings, given))) from None
-
-
-def _say_validations(data: RunData) -> None:
-    for one in data.validations:
-        outcome = one.outcome
-        colour = "green" if outcome.acceptable else "red"
-        out.print(f"[bold {colour}]{escape(outcome.sentence)}[/]")
-        for event in outcome.events:
-            out.print(f"[yellow]event:[/] {escape(f'{outcome.name}: {event.sentence}')}")
-
-
-def _say_identification(data: RunData) -> None:
-    result = data.identification
-    colour = "green" if result.verdict.acceptable else "red"
-    out.print(f"[bold {colour}]{escape(result.verdict.sentence)}[/]")
-    for warning in result.verdict.warnings:
-        out.print(f"[yellow]warning:[/] {escape(warning)}")
-    if result.model == "complete":
-        _say_complete(data)
-    else:
-        dropped = ", ".join(d.name for d in result.identifiability.dropped)
-        out.print(
-            f"{result.parameters.size} parameters from {result.after.t.size} samples in {result.iterations} iterations; "
-            f"left at their nominal values: {dropped or 'none'}"
-        )
-    for one in data.fitted:
-        _say_clock(one.identification, f"clock of {one.name}" if data.joined else "clock")
-    out.print(f"stated TCP uncertainty over the workspace: mean {result.tcp_sigma.mean() * 1e3:.4f} mm (1 sigma)")
-
-
-def _say_complete(data: RunData) -> None:
-    """Corrections, samples of each recording and where the rod's force came from."""
-    result = data.identification
-    values = [value for one in result.corrections for value in one.coefficients]
-    told = sum(value.by_data > MOSTLY_PRIOR for value in values)
-    samples = " + ".join(str(one.identification.after.t.size) for one in data.fitted)
-    out.print(
-        f"complete model: {result.parameters.size} parameters and {len(result.corrections)} corrections "
-        f"({', '.join(one.name for one in result.corrections)}) from {samples} samples in {result.iterations} iterations"
-    )
-    standing = ", ".join(standing_at_prior(result)) or "none"
-    out.print(f"{told} of {len(values)} coefficients told by the data, the rest by their priors; parameters at their priors: {standing}")
-    for one in data.fitted:
-        found = one.identification
-        where = f"force in the rod of {one.name}" if data.joined else "force in the rod"
-        out.print(f"{where}: {TENSION_SOURCES[found.tension_source]}, {found.tension.min():.0f} to {found.tension.max():.0f} N")
-
-
-def _say_clock(result: Identification, what: str) -> None:
-    if result.clock is None:
-        return
-    offset_sigma, skew_sigma = result.clock_sigma
-    out.print(
-        f"{escape(what)}: offset {result.clock.offset * 1e3:.4f} ms (sigma {offset_sigma * 1e6:.1f} us), "
-        f"skew {result.clock.skew * 1e6:.3f} ppm (sigma {skew_sigma * 1e6:.3f} ppm)"
-    )
 
 
 def _say_plant(simulation: Simulation) -> None:

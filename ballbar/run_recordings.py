@@ -15,6 +15,7 @@ from ballbar.run_data import Joined, RunData, Validation
 from ballbar.scenario import IdentifySettings
 from cell.descriptions import load_cell
 from cell.errors import InputError
+from cell.recording import load_recording_file
 from ident.held_out import held_out
 from ident.identify import Identification, Logs, identify_together
 from ident.start import StartError
@@ -33,12 +34,13 @@ def identify_recordings(
     Raises InputError for bad files, for recordings that do not belong together and for settings that contradict them;
     StartError when the logs of a recording do not fit together.
     """
-    names = distinct_names([*folders, *validate])
+    every = [*folders, *validate]
+    names = distinct_names(every)
     _check_settings(settings, folders)
-    progress("reading the recordings" if len(names) > 1 else "reading the recording")
-    read = [read_recording(folder) for folder in (*folders, *validate)]
-    _check_same_cell([*folders, *validate], read)
-    for folder, recording in zip((*folders, *validate), read, strict=True):
+    _check_same_cell(every)
+    progress("reading the recordings" if len(every) > 1 else "reading the recording")
+    read = [read_recording(folder) for folder in every]
+    for folder, recording in zip(every, read, strict=True):
         _check_force(settings, folder, recording)
     first = read[0].description
     cell = load_cell(first.robot, first.ballbar, first.plate, relative_to=folders[0])
@@ -98,10 +100,12 @@ def _check_settings(settings: IdentifySettings, folders: Sequence[Path]) -> None
         raise InputError(f"model dh fits one recording, {len(folders)} were given; choose model complete, or identify each by itself")
 
 
-def _check_same_cell(folders: Sequence[Path], recordings: Sequence[Recording]) -> None:
-    first = recordings[0].description
-    for folder, recording in zip(folders[1:], recordings[1:], strict=True):
-        other = recording.description
+def _check_same_cell(folders: Sequence[Path]) -> None:
+    if len(folders) == 1:
+        return
+    first = load_recording_file(folders[0])
+    for folder in folders[1:]:
+        other = load_recording_file(folder)
         pairs = (("robot", first.robot, other.robot), ("ball-bar", first.ballbar, other.ballbar), ("plate", first.plate, other.plate))
         for what, name, here in pairs:
             if _identity(here, folder) != _identity(name, folders[0]):

@@ -12,10 +12,9 @@ import numpy as np
 from cell.chain import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
+from ident.free_robot import sides_of_play
 from ident.loads import mass_model, own_weight
 from sim.truth import Truth
-
-UNDECIDED = np.array([3.0, 3.0, 3.0, 0.15, 0.15, 0.15])  # [N m]
 
 
 def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
@@ -35,6 +34,6 @@ def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
         gears = shown + error
     if plant.gear_stiffness_N_m_per_rad is not None:
         weight = own_weight(mass_model(cell), geometry, q).T
-        side = np.where(np.abs(weight) < UNDECIDED, 0.0, np.sign(weight))
+        side = sides_of_play(weight.T).T
         gears = gears - weight / np.array(plant.gear_stiffness_N_m_per_rad) - np.array(plant.gear_slack_rad) * side
     return robot_frames(geometry, gears @ robot.gear_to_joint).tip.T

@@ -17,7 +17,12 @@ from cell.geometry import PARAMETERS, Geometry, robot_frames
 from ident.corrections.base import BAR, CARRIERS, GEAR, Correction, State, play_width
 from ident.loads import Loads, mass_model, own_weight
 
-UNDECIDED = 0.5  # sharpness of the side on which play lies: under a small load a robot at rest may lie on either
+UNDECIDED = np.array([3.0, 3.0, 3.0, 0.15, 0.15, 0.15])  # [N m] load under which play counts in the middle (identification_facts sec. 1)
+
+
+def sides_of_play(load: Array) -> Array:
+    """(6, N) side, -1, 0 or 1, on which gears at rest lie under a load (6, N) [N m]; 0 where the load hardly decides."""
+    return np.where(np.abs(load) < UNDECIDED[:, None], 0.0, np.sign(load))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,5 +64,14 @@ class FreeRobot:
         n = len(q)
         weight, none = own_weight(mass_model(self.cell), self.geometry, q), np.zeros((6, n))
         gears = (q @ self.cell.robot.joint_to_gear).T
-        state = State(np.zeros(n), -1, gears, np.zeros((5, n)), Loads(weight, none, none[0], none[0]), none[0], play_width(self.cell), UNDECIDED)
+        state = State(
+            np.zeros(n),
+            -1,
+            gears,
+            np.zeros((5, n)),
+            Loads(weight, none, none[0], none[0]),
+            none[0],
+            play_width(self.cell),
+            sides=sides_of_play(weight),
+        )
         return [(c.carrier, s) for cor in self.corrections for c, s in zip(cor.coefficients, cor.signals(state), strict=True)]

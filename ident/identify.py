@@ -21,12 +21,14 @@ from cell.logs import BallBarLog, ForceLog, RobotLog
 from ident.accuracy import accuracy_grid, position_sigma, tcp_sigma
 from ident.corrections import CORRECTIONS
 from ident.event import Event
+from ident.events import as_logged, events_in_logs
 from ident.free_robot import FreeRobot
 from ident.identifiability import Dependency, Identifiability, candidates, identifiable
 from ident.joint_fit import Excess, JointFit, tension_at
 from ident.machine import ForceSource, Prepared, coefficients_of, fit_machine
 from ident.noise import noise_from_logs, rod_deviation, row_noise
 from ident.problem import Clock, Estimate, NoiseModel, Problem
+from ident.remarks import log_remarks
 from ident.sampling import sample_times
 from ident.signals import SmoothLog, smooth_log
 from ident.solver import Fit, solve
@@ -232,7 +234,7 @@ def identify_together(
 
 def _wants_more(simple: Identification) -> bool:
     """Whether the dh model leaves something that the complete one could explain."""
-    return simple.verdict.status in ("suspect", "misfit") and len(simple.joints) >= COMPLETE_ENCODERS
+    return (simple.verdict.status in ("suspect", "misfit") or bool(simple.events)) and len(simple.joints) >= COMPLETE_ENCODERS
 
 
 def _fit_alone(cell: Cell, logs: Logs, samples: int, progress: Callable[[str], None]) -> _Alone:
@@ -283,8 +285,18 @@ def _outcome(cell: Cell, alone: _Alone) -> Identification:
     geometry = _wrapped(fit.estimate.geometry)
     clock = fit.estimate.clock if problem.has_clock else None
     identified = tuple(NAMES[i] for i in fit.parameters)
+    found = events_in_logs(problem.robot, problem.bar, problem.joints, problem.signs, fit.estimate.clock)
+    events = tuple(as_logged(event, problem.bar, cell.ballbar.encoder_lines) for event in found)
     evidence = Evidence(
-        fit.converged, fit.iterations, fit.chi2_per_dof, _lag_one(whitened), fit.estimate.geometry, identified, problem.times.size, False
+        fit.converged,
+        fit.iterations,
+        fit.chi2_per_dof,
+        _lag_one(whitened),
+        fit.estimate.geometry,
+        identified,
+        problem.times.size,
+        False,
+        log_remarks(problem.robot, problem.bar, problem.joints, events),
     )
     return Identification(
         cell=cell,
@@ -312,6 +324,7 @@ def _outcome(cell: Cell, alone: _Alone) -> Identification:
         whitened=whitened,
         tcp_sigma=tcp_sigma(geometry, accuracy_grid(cell.robot), fit.parameters, covariance),
         verdict=judge(evidence, start, cell, alone.nominal, problem.joints),
+        events=events,
     )
 
 
@@ -335,6 +348,7 @@ def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncer
     deviations = np.sqrt(np.diag(covariance))
     parameters = parameters[by_data]
     point = fit.linear.points[k]
+    events = tuple(event for event in fit.events if event.recording == k)
     corrections = _correction_values(fit, trust)
     machine = _machine_unknowns(fit)
     at_prior = [NAMES[i] for i in layout.shared if i not in parameters]
@@ -347,7 +361,7 @@ def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncer
         tuple(NAMES[i] for i in parameters),
         problem.times.size,
         True,
-        tuple(event.sentence for event in fit.events if event.recording == k),
+        log_remarks(problem.robot, problem.bar, problem.joints, events),
     )
     error = point.closure.error
     found = layout.clock(fit.x, k)
@@ -380,7 +394,7 @@ def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncer
         corrections=corrections,
         tension=tension_at(fit.model, fit.x, k),
         tension_source=source,
-        events=tuple(event for event in fit.events if event.recording == k),
+        events=events,
     )
 
 

@@ -23,7 +23,7 @@ from ident.closure import complete_bar_angles
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
 from ident.event import Event
-from ident.events import MAX_EVENTS, find_event, jumps, sized
+from ident.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized
 from ident.excess import estimate_excess
 from ident.joint_fit import Excess, JointFit, Model, Track, minimise
 from ident.loads import loads, mass_model
@@ -100,9 +100,10 @@ def fit_machine(
     prune : leaves out the corrections that the data do not support.
     """
     names: list[str] = list(corrections)
-    events: tuple[Event, ...] = ()
+    events = tuple(event for k, r in enumerate(recordings) for event in events_in_logs(r.robot, r.bar, r.joints, r.signs, r.clock, k))
+    most = len(events) + MAX_EVENTS
     fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
-    while len(events) < MAX_EVENTS and (event := find_event(fit)) is not None:
+    while len(events) < most and (event := find_event(fit)) is not None:
         progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
         events = (*events, event)
         fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
@@ -224,7 +225,7 @@ def _torque_tension(cell: Cell, recording: Prepared) -> Array:
     assert log.torque is not None
     rows = max(1, round(ROWS_AVERAGED / float(np.median(np.diff(log.t)))))
     blocks = log.t.size // rows
-    middle = log.t[: blocks * rows].reshape(blocks, rows).mean(axis=1)
+    middle = recording.robot.stamps[: blocks * rows].reshape(blocks, rows).mean(axis=1)
     torque = log.torque[: blocks * rows].reshape(blocks, rows, 6).mean(axis=1)
     clock = recording.clock
     t = (middle - clock.offset) / (1.0 + clock.skew)

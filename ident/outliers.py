@@ -20,7 +20,8 @@ FAR_OUT = 6.0  # standard deviations: of a million values of white noise 0.002 a
 LONGEST_BURST = 5  # rows; what lasts longer is no outlier but something that happened
 SIDE_ROWS = 8  # sound rows on either side that judge a stretch
 REACH = 3  # times as many row periods: sound rows further away do not count
-LOCAL_ROWS = 24  # on either side: a quick motion or a loose joint spreads all values there
+LOCAL_ROWS = 24  # on either side: a quick motion spreads all values there
+NOTABLE = 4.0  # standard deviations of the values around, for a suspect that the log as a whole makes one
 NORMAL_MEDIAN = 0.6745  # median of |x| over its standard deviation, for normal x
 CUBIC = 4  # coefficients of a cubic
 
@@ -78,7 +79,7 @@ def suspects(t: Array, values: Array) -> tuple[NDArray[np.bool_], Array]:
         rows = np.flatnonzero(found[:, channel])
         around = np.clip(rows[:, None] + np.arange(-LOCAL_ROWS, LOCAL_ROWS + 1), 0, t.size - 1)
         local = np.median(error[around, channel], axis=1) / NORMAL_MEDIAN
-        rows = rows[error[rows, channel] > FAR_OUT * local]
+        rows = rows[error[rows, channel] > NOTABLE * local]
         found[:, channel] = False
         found[rows, channel] = True
         _close(found[:, channel], rows)

@@ -20,14 +20,15 @@ from scipy.interpolate import BSpline, make_lsq_spline
 
 from cell.chain import Array
 from ident.breaks import Break, find_breaks, without_breaks
-from ident.outliers import FAR_OUT, LOCAL_ROWS, SMALLEST, outliers, robust_sigma
+from ident.outliers import FAR_OUT, SIDE_ROWS, outliers, robust_sigma
 
 DEGREE = 5
 _WHITE = 0.1  # lag-one autocorrelation of the residual above which motion is left in it (smoothing alone makes it negative)
 GAP_PERIODS = 3.0  # a longer stretch without rows is not interpolated (log_formats H.5: missing samples)
 _ROWS_PER_KNOT = 3  # least-squares needs more rows than coefficients
-_QUARTILE = 1.1503  # upper quartile of |x| over its standard deviation, for normal x
-_TRIMMINGS = 20  # far more than it takes; each removes rows, so it ends anyway
+_UPPER_QUARTILE = 1.1503  # of |x| over its standard deviation, for normal x
+_WIDE = 2.0  # times the noise
+_STRIKE = 1e-4  # [rad] a joint that falls through its play moves by that within a row or two
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,7 @@ class SmoothLog:
     row_period: float  # [s] median
     knot_spacing: float  # [s]
     gaps: Array  # (G, 2) [s] stretches without rows, where the spline says nothing
+    stamps: Array  # (N,) [s] of all rows
     outliers: Outliers
     breaks: tuple[Break, ...]  # jumps that were taken out
 
@@ -78,52 +80,89 @@ def smooth_log(t: Array, values: Array, *, widest_knot_spacing: float) -> Smooth
     """
     if t.size < 4 * DEGREE:
         raise ValueError(f"a log of {t.size} rows is too short to be smoothed; at least {4 * DEGREE} are needed")
-    stamps = t
+    logged = t
     breaks = find_breaks(t, values)
     t, values = without_breaks(t, values, breaks)
     period = float(np.median(np.diff(t)))
     spacing = max(widest_knot_spacing, _ROWS_PER_KNOT * period)
     contradicted = outliers(t, values)
     while True:
-        out = contradicted.copy()
-        spline, residual, coefficients = _fit_trimmed(t, values, spacing, out)
-        if (_lag_one(residual) < _WHITE).all() or spacing * 0.5 < _ROWS_PER_KNOT * period:
-            break
+        finest = spacing * 0.5 < _ROWS_PER_KNOT * period
+        fit = _fit_rows(t, values, spacing, contradicted)
+        if finest or _is_white(np.where(_standing_out(fit.residual), 0.0, fit.residual)):
+            fit = _trimmed(t, values, spacing, fit)
+            if finest or _is_white(fit.residual):
+                break
         spacing *= 0.5
+    rows = ~fit.out.any(axis=1)
+    kept = t[rows]
+    noise = np.sqrt((fit.residual * fit.residual).sum(axis=0) / max(1, kept.size - fit.coefficients))
+    wide = np.flatnonzero(np.diff(kept) > GAP_PERIODS * period)
+    gaps = np.column_stack((kept[wide], kept[wide + 1]))
+    found, channels = np.nonzero(fit.out)
+    left_out = Outliers(logged[found], channels, t.size - kept.size, t.size)
+    spline = fit.spline
+    return SmoothLog(spline, spline.derivative(), float(kept[0]), float(kept[-1]), noise, period, spacing, gaps, t, left_out, breaks)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A spline of the rows without outliers."""
+
+    spline: BSpline
+    residual: Array  # (rows kept, channels) [rad]
+    coefficients: int
+    out: NDArray[np.bool_]  # (N, channels) the outliers
+
+
+def _fit_rows(t: Array, values: Array, spacing: float, out: NDArray[np.bool_]) -> _Fit:
     rows = ~out.any(axis=1)
-    t = t if rows.all() else t[rows]
-    dof = max(1, t.size - coefficients)
-    noise = np.sqrt((residual * residual).sum(axis=0) / dof)
-    wide = np.flatnonzero(np.diff(t) > GAP_PERIODS * period)
-    gaps = np.column_stack((t[wide], t[wide + 1]))
-    found, channels = np.nonzero(out)
-    left_out = Outliers(stamps[found], channels, int((~rows).sum()), rows.size)
-    return SmoothLog(spline, spline.derivative(), float(t[0]), float(t[-1]), noise, period, spacing, gaps, left_out, breaks)
+    if rows.all():
+        return _Fit(*_fit(t, values, spacing), out)
+    return _Fit(*_fit(t[rows], values[rows], spacing), out)
 
 
-def _fit_trimmed(t: Array, values: Array, spacing: float, out: NDArray[np.bool_]) -> tuple[BSpline, Array, int]:
-    """The spline without the rows that hold an outlier of `out` (N, channels), to which those of its residual are added in place."""
-    for _ in range(_TRIMMINGS):
-        rows = np.flatnonzero(~out.any(axis=1))
-        whole = rows.size == t.size
-        spline, residual, coefficients = _fit(t if whole else t[rows], values if whole else values[rows], spacing)
-        found = _standing_out(residual)
+def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit) -> _Fit:
+    """The fit without the values that stand out of its residual, and so on until none does.
+
+    What was left out comes back for good where the residual around it stays wide: motion too quick for the knots is no outlier.
+    """
+    motion, given = np.zeros(values.shape, dtype=bool), fit.out
+    while True:
+        rows = ~fit.out.any(axis=1)
+        found = np.zeros(values.shape, dtype=bool)
+        found[rows] = _standing_out(fit.residual)
+        found &= ~motion
         if not found.any():
-            break
-        out[rows] |= found
-    return spline, residual, coefficients
+            return fit
+        trial = _fit_rows(t, values, spacing, fit.out | found)
+        back = trial.out & ~given & _in_motion(values - trial.spline(t), trial.out)
+        motion |= back
+        out = trial.out & ~back
+        if not np.array_equal(out, fit.out):
+            fit = _fit_rows(t, values, spacing, out) if back.any() else trial
 
 
 def _standing_out(residual: Array) -> NDArray[np.bool_]:
-    """(N, channels) what is far out of the residual, and of the residual around it where that is wide: motion may be left there."""
+    """(N, channels) what is far out of the residual."""
     size = np.abs(residual)
-    found = size > np.maximum(FAR_OUT * robust_sigma(residual), SMALLEST)
-    rows, channels = np.nonzero(found)
-    offsets = np.arange(-LOCAL_ROWS, LOCAL_ROWS + 1)
-    around = rows[:, None] + offsets[np.abs(offsets) > 0]
-    local = np.quantile(size[np.clip(around, 0, size.shape[0] - 1), channels[:, None]], 0.75, axis=1) / _QUARTILE
-    found[rows, channels] = size[rows, channels] > FAR_OUT * local
-    return found
+    return np.asarray(size > np.maximum(FAR_OUT * robust_sigma(residual), _STRIKE))
+
+
+def _in_motion(residual: Array, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N, channels) the outliers around which the residual of the other rows is wide."""
+    sigma = robust_sigma(np.where(out, 0.0, residual))
+    offsets = np.concatenate((np.arange(-SIDE_ROWS, 0), np.arange(1, SIDE_ROWS + 1)))
+    rows, channels = np.nonzero(out)
+    around = np.clip(rows[:, None] + offsets, 0, residual.shape[0] - 1), channels[:, None]
+    size = np.where(out[around], 0.0, np.abs(residual[around]))
+    wide = np.zeros(out.shape, dtype=bool)
+    wide[rows, channels] = np.quantile(size, 0.75, axis=1) > _WIDE * _UPPER_QUARTILE * sigma[channels]
+    return wide
+
+
+def _is_white(residual: Array) -> bool:
+    return bool((_lag_one(residual) < _WHITE).all())
 
 
 def _fit(t: Array, values: Array, spacing: float) -> tuple[BSpline, Array, int]:

@@ -46,9 +46,12 @@ class State:
     tension: Array  # (N,) [N] of the rod
     width: Array  # (6,) [N m] load over which each gear changes sides of its play
     sharpness: float = 1.0  # below 1 play changes sides over a wider load; for continuation
+    sides: Array | None = None  # (6, N) of the play, where they are known otherwise
 
     def load_sign(self) -> Array:
-        """(6, N) smooth sign of each gear's load, -1 to 1."""
+        """(6, N) side of its play on which each gear lies, -1 to 1: a smooth sign of its load, unless it is given."""
+        if self.sides is not None:
+            return self.sides
         return smooth_sign(self.loads.gears(self.tension), self.width[:, None] / self.sharpness)
 
     def tension_sign(self) -> Array:
