@@ -107,7 +107,7 @@ def check(recording: RecordingFolder) -> None:
 @app.command(epilog="Example: `ballbar identify runs/a/recording runs/b/recording --validate runs/c/recording --out runs/together`")
 def identify(
     recordings: Annotated[
-        list[Path], typer.Argument(help="Folders with recording.yaml and the device files, of one robot.", metavar="RECORDING...")
+        list[Path], typer.Argument(help="Folders with recording.yaml and the device files, of one robot.", metavar="RECORDING")
     ],
     validate: Annotated[
         list[Path] | None,
@@ -136,7 +136,7 @@ def identify(
     settings = _settings(
         samples=samples,
         model=model,
-        corrections=None if corrections == "auto" else tuple(name.strip() for name in corrections.split(",")),
+        corrections="auto" if corrections == "auto" else [name.strip() for name in corrections.split(",")],
         force=force,
         rod_sigma_m=rod_sigma,
     )

@@ -45,9 +45,10 @@ def _complete(data: RunData) -> list[str]:
     count = sum(len(one.coefficients) for one in result.corrections)
     samples = " + ".join(str(one.identification.after.t.size) for one in data.fitted)
     standing = [*standing_at_prior(result), *(one.name for one in coefficients_at_prior(result))]
+    corrections = f"{_counted(len(result.corrections), 'correction')} ({', '.join(one.name for one in result.corrections)})"
     lines = [
-        f"complete model: {result.parameters.size} parameters and {count} coefficients of {len(result.corrections)} corrections "
-        f"({', '.join(one.name for one in result.corrections)}) from {samples} samples in {result.iterations} iterations",
+        f"complete model: {result.parameters.size} parameters and {count} coefficients of {corrections} "
+        f"from {samples} samples in {result.iterations} iterations",
         f"told by their priors and not by the data: {', '.join(standing) or 'none'}",
     ]
     for one in data.fitted:
@@ -56,6 +57,10 @@ def _complete(data: RunData) -> list[str]:
             where = f"force in the rod of {one.name}" if data.joined else "force in the rod"
             lines.append(f"{where}: {found.tension.min():.0f} to {found.tension.max():.0f} N, {TENSION_SOURCES[found.tension_source]}")
     return lines
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
 
 
 def _clock(out: Console, one: Joined, *, named: bool) -> None:

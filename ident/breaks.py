@@ -18,6 +18,8 @@ from ident.outliers import CUBIC, FAR_OUT, SIDE_ROWS, Stretches, least_squares, 
 SMALLEST_JUMP = 5e-4  # [rad] a third of a signal period of 3600 lines; play that a joint falls through is less
 SMALLEST_STEP = 2e-3  # [s] half a row of the quicker log
 EXPLAINED = 3.0  # times: by so much a jump must shrink the spread of the rows beside it
+LONG = 1.0  # [s] a cubic bridges anything across a longer gap, so only that the motion goes on as if there were none tells of a step
+CLOSE = 10.0  # times the noise of all channels: so well it does by chance only at standstill, which tells nothing of time
 REFINEMENTS = 3  # of a clock step; they converge quadratically
 
 
@@ -68,7 +70,8 @@ def _clock_steps(t: Array, values: Array, period: float) -> list[tuple[int, floa
     suspect, sigma = suspects(t, values)
     out: list[tuple[int, float]] = []
     for row in irregular:
-        if suspect[max(0, row - 2) : row + 2].any() and (size := _clock_step(t, values, suspect, sigma, int(row), period)) is not None:
+        noticed = suspect[max(0, row - 2) : row + 2].any() or t[row] - t[row - 1] > LONG
+        if noticed and (size := _clock_step(t, values, suspect, sigma, int(row), period)) is not None:
             out.append((int(row), size))
     return out
 
@@ -80,19 +83,26 @@ def _clock_step(t: Array, values: Array, suspect: NDArray[np.bool_], sigma: Arra
     sound = ~suspect[beside] | (np.abs(beside - row + 0.5) < 2.0)[:, None]
     behind = (beside >= row).astype(np.float64)
     step = float(t[row] - t[row - 1] - period)  # as though no row were missing or late
-    before, _ = _misfit(t[beside], values[beside], sound, sigma, behind, period, 0.0)
+    long = step > LONG
+    before = np.inf if long else _misfit(t[beside], values[beside], sound, sigma, behind, period, 0.0).spread
     for _ in range(REFINEMENTS):
-        after, correction = _misfit(t[beside], values[beside], sound, sigma, behind, period, step)
-        step += correction
-    after, _ = _misfit(t[beside], values[beside], sound, sigma, behind, period, step)
-    return step if abs(step) > SMALLEST_STEP and before > FAR_OUT and before > EXPLAINED * after else None
+        step += _misfit(t[beside], values[beside], sound, sigma, behind, period, step).correction
+    after = _misfit(t[beside], values[beside], sound, sigma, behind, period, step)
+    told = abs(step) > SMALLEST_STEP > FAR_OUT * after.sigma and before > max(FAR_OUT, EXPLAINED * after.spread)
+    return step if told and not (long and after.spread > CLOSE) else None
 
 
-def _misfit(
-    t: Array, values: Array, sound: NDArray[np.bool_], sigma: Array, behind: Array, period: float, step: float
-) -> tuple[float, float]:
-    """What one cubic a channel leaves of some rows, in units of the noise, with the later ones set back by a step [s]; and the
-    correction [s] of the step that would leave least."""
+@dataclass(frozen=True)
+class _Misfit:
+    """What one cubic a channel leaves of the rows beside a clock step."""
+
+    spread: float  # rms in units of the noise
+    correction: float  # [s] of the step that would leave least
+    sigma: float  # [s] of that correction
+
+
+def _misfit(t: Array, values: Array, sound: NDArray[np.bool_], sigma: Array, behind: Array, period: float, step: float) -> _Misfit:
+    """Of some rows, those `behind` set back by a step [s]."""
     t = t - step * behind
     x = (t - t.mean()) / (SIDE_ROWS * period)
     basis = powers(x, CUBIC) * sound.T[:, :, None]
@@ -105,7 +115,8 @@ def _misfit(
     # the angle behind is that of an earlier time: value(t) = P(t - step), so more step means less angle
     energy = float((moved * moved).sum())
     correction = -float((moved * left).sum()) / energy if energy > 0.0 else 0.0
-    return float(np.sqrt((left * left).sum() / max(1.0, sound.sum() - CUBIC * sigma.size))), correction
+    spread = float(np.sqrt((left * left).sum() / max(1.0, sound.sum() - CUBIC * sigma.size)))
+    return _Misfit(spread, correction, 1.0 / np.sqrt(energy) if energy > 0.0 else np.inf)
 
 
 def _channel_jumps(t: Array, values: Array, period: float) -> list[tuple[int, int | None, float]]:

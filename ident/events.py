@@ -25,6 +25,8 @@ from ident.signals import SmoothLog
 THRESHOLD = 250.0  # decrease of the cost, in units of chi-square per degree of freedom, from which a step is an event
 MARGIN = 15  # samples at either end, where a step is little more than a different start
 JUMP_PRIOR = 0.1  # [rad] of an encoder
+EXACT = 1e-9  # [rad] of one whose size is known
+WHOLE, SURE = 0.1, 0.01  # signal periods off a whole number, to be called one and to be taken for one
 Kind = Literal["encoder", "clock"]
 SMALLEST: dict[Kind, float] = {"encoder": 2e-4, "clock": 2e-3}  # [rad], [s] below it a step is something smooth that the model lacks
 MAX_EVENTS = 6  # found in the residual
@@ -111,7 +113,7 @@ def _from_the_end(values: Array) -> Array:
 
 
 def jumps(events: tuple[Event, ...]) -> Correction | None:
-    """The encoder events as a correction: one step each."""
+    """The encoder events as a correction: one step each, what the log no longer holds left out."""
     chosen = [e for e in events if e.kind == "encoder"]
     if not chosen:
         return None
@@ -119,7 +121,16 @@ def jumps(events: tuple[Event, ...]) -> Correction | None:
     def signals(state: State) -> list[Array]:
         return [((state.t >= e.time) & (state.recording == e.recording)).astype(float) for e in chosen]
 
-    coefficients = [Coefficient(f"jump{i + 1}_b{e.joint}", "rad", 0.0, JUMP_PRIOR, BAR + e.joint - 1) for i, e in enumerate(chosen)]
+    coefficients = [
+        Coefficient(
+            f"jump{i + 1}_b{e.joint}",
+            "rad",
+            e.removed - e.size if e.periods else 0.0,
+            EXACT if e.periods else JUMP_PRIOR,
+            BAR + e.joint - 1,
+        )
+        for i, e in enumerate(chosen)
+    ]
     return Correction("encoder_jumps", "encoders that jumped", tuple(coefficients), signals)
 
 
@@ -128,6 +139,37 @@ def sized(fit: JointFit, events: tuple[Event, ...], lines: int) -> tuple[Event, 
 
     A jump that the log showed and the fit put back was motion: it is no event.
     """
+    return tuple(
+        as_logged(replace(event, size=size), fit.model.tracks[event.recording].bar, lines)
+        for event, size in zip(events, _sizes(fit, events), strict=True)
+        if abs(size) > SMALLEST[event.kind]
+    )
+
+
+def with_exact_periods(fit: JointFit, events: tuple[Event, ...], lines: int) -> tuple[Event, ...]:
+    """The events, those of an encoder that slipped by whole signal periods with that size: nothing is left to be fitted of it."""
+    out = []
+    for event, size in zip(events, _sizes(fit, events), strict=True):
+        periods = size * lines / (2.0 * np.pi)
+        whole = round(periods)
+        exact = event.kind == "encoder" and whole != 0 and abs(periods - whole) < SURE
+        out.append(replace(event, size=whole * 2.0 * np.pi / lines, periods=whole) if exact else event)
+    return tuple(out)
+
+
+def as_logged(event: Event, bar: SmoothLog | None, lines: int) -> Event:
+    """The event with its time as the ball-bar's log has it, the steps of its clock included; whole signal periods recognised."""
+    steps = [one for one in bar.breaks if one.channel is None] if bar is not None else []
+    time = event.time + sum(one.size for one in steps if one.time < event.time)
+    if event.kind == "clock":
+        return replace(event, time=time)
+    periods = event.size * lines / (2.0 * np.pi)
+    whole = round(periods) if abs(periods) > 0.5 and abs(periods - round(periods)) < WHOLE else 0
+    return replace(event, time=time, periods=whole)
+
+
+def _sizes(fit: JointFit, events: tuple[Event, ...]) -> list[float]:
+    """[rad, s] what was taken out of the log and what the fit took out beyond that, together."""
     layout, out = fit.model.unknowns, []
     jump, step = 0, [0] * len(fit.model.tracks)
     for event in events:
@@ -139,17 +181,5 @@ def sized(fit: JointFit, events: tuple[Event, ...], lines: int) -> tuple[Event, 
         else:
             jump += 1
             added = float(fit.x[layout.names.index(f"jump{jump}_b{event.joint}")])
-        if abs(event.removed - added) > SMALLEST[event.kind]:
-            out.append(as_logged(replace(event, size=event.removed - added), fit.model.tracks[event.recording].bar, lines))
-    return tuple(out)
-
-
-def as_logged(event: Event, bar: SmoothLog | None, lines: int) -> Event:
-    """The event with its time as the ball-bar's log has it, the steps of its clock included; whole signal periods recognised."""
-    steps = [one for one in bar.breaks if one.channel is None] if bar is not None else []
-    time = event.time + sum(one.size for one in steps if one.time < event.time)
-    if event.kind == "clock":
-        return replace(event, time=time)
-    periods = event.size * lines / (2.0 * np.pi)
-    whole = round(periods) if abs(periods) > 0.5 and abs(periods - round(periods)) < 0.1 else 0
-    return replace(event, time=time, periods=whole)
+        out.append(event.removed - added)
+    return out

@@ -9,6 +9,7 @@ unknowns fitted, chi-square is larger by trace(C S) on average. What is left ove
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from cell.geometry import nominal_geometry
 from ident.event import Event
-from ident.events import MAX_EVENTS, find_event, jumps, sized
+from ident.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized
 from ident.free_robot import FreeRobot
 from ident.identify import DEFAULT_SAMPLES, WIDEST_KNOT_SPACING, Identification, Logs, MachineCovariance, identify
 from ident.joint_fit import Excess, JointFit, Model, minimise
@@ -41,8 +42,8 @@ class LoopClosure:
 
     @property
     def in_words(self) -> str:
-        position, largest, angle = self.position_rms * 1e3, self.position_max * 1e3, self.angle_rms * 1e3
-        return f"{position:.3g} mm rms (largest {largest:.2g}), {angle:.2g} mrad"
+        position, largest, angle = (_two_digits(v * 1e3) for v in (self.position_rms, self.position_max, self.angle_rms))
+        return f"{position} mm rms (largest {largest}), {angle} mrad"
 
 
 @dataclass(frozen=True)
@@ -64,17 +65,19 @@ class HeldOut:
     @property
     def sentence(self) -> str:
         """In words."""
+        nominal, ratio, surprise = (_two_digits(v) for v in (self.nominal.position_rms * 1e3, self.identified.ratio, self.surprise))
         told = (
-            f"Held out {self.name}: the loop closes to {self.identified.in_words}; nominal robot {self.nominal.position_rms * 1e3:.2g} mm. "
-            f"{_times(self.identified.ratio)} times what noise explains, {_times(self.surprise)} with the stated uncertainty"
+            f"Held out {self.name}: the loop closes to {self.identified.in_words}; nominal robot {nominal} mm. "
+            f"{ratio} times what noise explains, {surprise} with the stated uncertainty"
         )
         if self.ambiguous:
             return f"{told}; but its logs can be aligned in more than one way, so this proves nothing."
         return f"{told}." if self.acceptable else f"{told}: a misfit. The machine as identified does not explain this recording."
 
 
-def _times(ratio: float) -> str:
-    return f"{ratio:.1f}" if ratio < 10.0 else f"{ratio:.0f}"
+def _two_digits(value: float) -> str:
+    decimals = 1 - math.floor(math.log10(value)) if value > 0.0 else 1
+    return f"{value:.{max(0, decimals)}f}"
 
 
 def held_out(
@@ -96,9 +99,10 @@ def held_out(
     recording = _prepared(alone, logs)
     robot, bare = machine.free_robot(), FreeRobot(machine.cell, nominal_geometry(machine.cell, np.zeros(3)))
     progress(f"closing the loop of {name}")
-    events: tuple[Event, ...] = ()
+    events = events_in_logs(recording.robot, recording.bar, recording.joints, recording.signs, recording.clock)
+    most = len(events) + MAX_EVENTS if machine.model == "complete" else 0  # what a poor model leaves over passes for jumps
     fit = _fit(robot, recording, force, events, machine.excess, progress)
-    while machine.corrections and len(events) < MAX_EVENTS and (event := find_event(fit)) is not None:
+    while len(events) < most and (event := find_event(fit)) is not None:
         events = (*events, event)
         fit = _fit(robot, recording, force, events, machine.excess, progress)
     nominal = _fit(bare, recording, force, events, machine.excess, progress)

@@ -35,7 +35,7 @@ from ident.solver import Fit, solve
 from ident.start import Start, automatic_start
 from ident.uncertainty import Uncertainty, block_widening, uncertainty
 from ident.unknowns import FIXED, PLACE
-from ident.verdict import Evidence, Verdict, judge
+from ident.verdict import STRAINED, Evidence, Verdict, judge
 
 WIDEST_KNOT_SPACING = 0.08  # [s] a robot's motion below 3 Hz; finer where the residual asks for it (ident.signals)
 ROD_SIGMA_START = 2e-6  # [m] 55 N on 2.7e7 N/m, until the residuals say better
@@ -362,6 +362,7 @@ def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncer
         problem.times.size,
         True,
         log_remarks(problem.robot, problem.bar, problem.joints, events),
+        strained(fit),
     )
     error = point.closure.error
     found = layout.clock(fit.x, k)
@@ -402,6 +403,13 @@ def _left(subset: Identifiability, at_prior: Sequence[str]) -> tuple[Dependency,
     known = {d.name: d for d in subset.dropped}
     fixed = [d for d in subset.dropped if d.name in FIXED]
     return (*fixed, *(known.get(name, Dependency(name, "prior", ())) for name in at_prior if name not in FIXED))
+
+
+def strained(fit: JointFit) -> tuple[str, ...]:
+    """Shared unknowns of a fit that lie further from their priors than chance explains."""
+    layout, count = fit.model.unknowns, fit.model.unknowns.coefficients.stop
+    far = np.abs(fit.x[:count] - layout.mean[:count]) / layout.sigma[:count]
+    return tuple(layout.names[i] for i in np.argsort(-far) if far[i] > STRAINED)
 
 
 def _correction_values(fit: JointFit, trust: Uncertainty) -> tuple[CorrectionValue, ...]:

@@ -23,7 +23,7 @@ from ident.closure import complete_bar_angles
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
 from ident.event import Event
-from ident.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized
+from ident.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized, with_exact_periods
 from ident.excess import estimate_excess
 from ident.joint_fit import Excess, JointFit, Model, Track, minimise
 from ident.loads import loads, mass_model
@@ -103,13 +103,15 @@ def fit_machine(
     events = tuple(event for k, r in enumerate(recordings) for event in events_in_logs(r.robot, r.bar, r.joints, r.signs, r.clock, k))
     most = len(events) + MAX_EVENTS
     fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
-    while len(events) < most and (event := find_event(fit)) is not None:
+    while fit.converged and len(events) < most and (event := find_event(fit)) is not None:
         progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
         events = (*events, event)
         fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
-    if prune and (idle := unsupported(fit)):
-        progress(f"fitting again without {', '.join(sorted(idle))}")
-        names = [name for name in names if name not in idle]
+    exact = with_exact_periods(fit, events, cell.ballbar.encoder_lines)
+    idle = unsupported(fit) if prune else set()
+    if idle or exact != events:
+        progress(f"fitting again without {', '.join(sorted(idle))}" if idle else "fitting again with whole signal periods")
+        names, events = [name for name in names if name not in idle], exact
         fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
     return replace(fit, events=sized(fit, events, cell.ballbar.encoder_lines))
 

@@ -15,7 +15,10 @@ SUSPECT = 1.3  # above it something small is left in the residual
 PLAUSIBLE = 0.020  # [m, rad] ten times the largest error expected of a robot (thesis sec. 5.4: 2 mm or mrad)
 WELL_UNDER = 0.5  # below it the noise was overestimated
 FEW_SAMPLES = 200
-ALIKE = 0.45  # autocorrelation above which something systematic is missing from the complete model (friction alone leaves 0.3)
+# autocorrelation of the complete model's residual: 0.2 to 0.5 where nothing is missing (friction), 0.5 to 0.6 without a good
+# plate's bending, 0.7 to 0.9 without ripple, encoder harmonics, play or compliance (docs/identification.md)
+ALIKE, ALIKE_MISFIT = 0.6, 0.7
+STRAINED = 3.5  # prior deviations from which an unknown stands for something else that is not in the model
 CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
 
 
@@ -45,6 +48,7 @@ class Evidence:
     samples: int
     complete: bool  # whether every known correction was asked for
     remarks: tuple[str, ...] = ()
+    strained: tuple[str, ...] = ()  # unknowns of the complete model further from their priors than chance explains
 
 
 def judge(evidence: Evidence, start: Start, cell: Cell, nominal: Geometry, joints: tuple[int, ...]) -> Verdict:
@@ -66,6 +70,12 @@ def judge(evidence: Evidence, start: Start, cell: Cell, nominal: Geometry, joint
             "Repeat the run so that it starts and ends at rest inside both logs."
         )
         return Verdict("ambiguous", sentence, warnings)
+    if evidence.complete and evidence.autocorrelation > ALIKE_MISFIT:
+        sentence = (
+            f"Misfit: neighbouring residuals are alike (autocorrelation {evidence.autocorrelation:.2f}): something systematic is in the "
+            "data that is not in the model; the stated intervals are too narrow."
+        )
+        return Verdict("misfit", sentence, warnings)
     if evidence.chi2_per_dof > MISFIT:
         sentence = (
             f"Misfit: the residual is {ratio:.1f} times what the noise in the logs explains. "
@@ -73,13 +83,18 @@ def judge(evidence: Evidence, start: Start, cell: Cell, nominal: Geometry, joint
             "but may still be too narrow."
         )
         return Verdict("misfit", sentence, warnings)
-    if evidence.complete and evidence.autocorrelation > ALIKE:
-        return Verdict(
-            "suspect",
-            f"Usable, with care: neighbouring residuals are alike (autocorrelation {evidence.autocorrelation:.2f}), so something "
-            "systematic is not in the model; the stated intervals may be too narrow.",
-            warnings,
+    if evidence.strained:
+        sentence = (
+            f"Usable, with care: {', '.join(evidence.strained)} stand more than {STRAINED:g} standard deviations from what the cell files "
+            "expect; either the files are wrong or something else is not in the model."
         )
+        return Verdict("suspect", sentence, warnings)
+    if evidence.complete and evidence.autocorrelation > ALIKE:
+        sentence = (
+            f"Usable, with care: neighbouring residuals are alike (autocorrelation {evidence.autocorrelation:.2f}), so something "
+            "systematic is not in the model; the stated intervals may be too narrow."
+        )
+        return Verdict("suspect", sentence, warnings)
     if evidence.chi2_per_dof > SUSPECT or evidence.chi2_per_dof < WELL_UNDER:
         return Verdict("suspect", f"Usable, with care: the residual is {ratio:.2f} times what the noise in the logs explains.", warnings)
     return Verdict("good", f"Good fit: the residual is {ratio:.2f} times what the noise in the logs explains.", warnings)
