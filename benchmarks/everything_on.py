@@ -11,8 +11,10 @@ from __future__ import annotations
 
 import argparse
 import csv
+import io
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +25,13 @@ from ballbar.scenario import Scenario, load_scenario
 from cell.descriptions import Cell
 from cell.files import write_whole
 from ident.identify import Identification, Logs, identify_together
+from ident.machine import ForceSource
 from sim.simulate import simulate, write_recording
 from sim.truth import Truth
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS = ROOT / "scenarios"
+FORCES: dict[str, ForceSource] = {"none": "none", "torque": "torque", "sensor": "sensor"}
 ROD_SIGMA = 5e-6  # [m] of a measured rod
 COLUMNS = (
     "robot", "seed", "paths", "signal", "status", "tcp_mean_mm", "tcp_max_mm", "tcp_sigma_mm", "chi2", "autocorrelation",
@@ -61,7 +65,8 @@ def robot_rows(robot: str, seed: int, signals: tuple[str, ...], duration: float)
     for signal in signals:
         force, _, rod = signal.partition("+")
         logs = [m[1] for m in made]
-        found = identify_together(measured_rod(cell, truth, seed) if rod else cell, logs, model="complete", force=force, rod_sigma=ROD_SIGMA if rod else None)  # type: ignore[arg-type]
+        stands, rod_sigma = (measured_rod(cell, truth, seed), ROD_SIGMA) if rod else (cell, None)
+        found = identify_together(stands, logs, model="complete", force=FORCES[force], rod_sigma=rod_sigma)
         rows.append(row(robot, seed, "a+b", signal, found, [m[2] for m in made]))
     alone = identify_together(cell, [made[0][1]], model="complete", force="none")
     rows.append(row(robot, seed, "a", "none", alone, [truth]))
@@ -70,8 +75,6 @@ def robot_rows(robot: str, seed: int, signals: tuple[str, ...], duration: float)
 
 def measured_rod(cell: Cell, truth: Truth, seed: int) -> Cell:
     """The cell with a rod length that was measured, with its error."""
-    from dataclasses import replace
-
     d = cell.ballbar.d.copy()
     d[2] = truth.geometry["bd3"] + ROD_SIGMA * np.random.default_rng(seed).standard_normal()
     return replace(cell, ballbar=replace(cell.ballbar, d=d))
@@ -114,7 +117,8 @@ def main() -> None:
         jobs = [pool.submit(robot_rows, asked.robot, seed, signals, asked.duration) for seed in range(1, asked.robots + 1)]
         for job in jobs:
             rows += job.result()
-            print(f"robot {rows[-1]['seed']}: " + ", ".join(f"{r['paths']} {r['signal']} {r['tcp_mean_mm']:.4f}" for r in rows[-len(signals) - 1 :]), flush=True)
+            said = (f"{r['paths']} {r['signal']} {r['tcp_mean_mm']:.4f}" for r in rows[-len(signals) - 1 :])
+            print(f"robot {rows[-1]['seed']}: {', '.join(said)}", flush=True)
     out = ROOT / "docs" / "studies" / f"everything_on_{asked.robot}.csv"
     write_whole(out, _csv(rows))
     for paths, signal in sorted({(str(r["paths"]), str(r["signal"])) for r in rows}):
@@ -122,8 +126,6 @@ def main() -> None:
 
 
 def _csv(rows: list[dict[str, object]]) -> bytes:
-    import io
-
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()

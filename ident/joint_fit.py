@@ -126,7 +126,7 @@ def make_point(model: Model, x: Array, k: int, bar: Array, near: Point | None = 
     moved = np.zeros((CARRIERS, track.times.size))
     if model.corrections:
         if same and near is not None and near.state is not None:
-            state = replace(near.state, bar=bar.T, tension=tension_at(model, x, k))
+            state = replace(near.state, bar=bar.T + geometry.bar.theta[:, None], tension=tension_at(model, x, k))
             signals = tuple(
                 old if c.slopes is None else tuple(c.signals(state)) for c, old in zip(model.corrections, near.signals, strict=True)
             )
@@ -159,10 +159,19 @@ def _state(model: Model, x: Array, k: int, geometry: Geometry, q: Array, speed: 
     if model.masses is None:
         zero = np.zeros((6, q.shape[0]))
         nothing = Loads(zero, zero, zero[0], zero[0])
-        return State(track.times, k, gears, bar.T, nothing, zero[0], play_width(model.cell), model.sharpness)
+        return State(track.times, k, gears, bar.T + geometry.bar.theta[:, None], nothing, zero[0], play_width(model.cell), model.sharpness)
     acceleration = np.asarray(track.robot.spline(at, 2))
     carried = loads(model.masses, geometry, q, bar, speed, acceleration)
-    return State(track.times, k, gears, bar.T, carried, tension_at(model, x, k), play_width(model.cell), model.sharpness)
+    return State(
+        track.times,
+        k,
+        gears,
+        bar.T + geometry.bar.theta[:, None],
+        carried,
+        tension_at(model, x, k),
+        play_width(model.cell),
+        model.sharpness,
+    )
 
 
 def tension_at(model: Model, x: Array, k: int) -> Array:

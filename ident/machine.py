@@ -40,7 +40,8 @@ DEVIATION = {"none": TENSION_PRIOR, "torque": 12.0, "sensor": 2.0}  # [N] prior 
 CONTINUATION = (20.0, 6.0, 2.0)  # noise and width of play, times; without a measured tension (identification_facts sec. 4)
 CONTINUED_ITERATIONS = 8
 FIRST_EXCESS = Excess(5e-6, 1e-5, 1e-5, 1e-6)
-PASSES = 3  # fits with the noise levels of the one before
+NOISE_PASSES = 2  # fits with the noise levels of the one before
+HELPS = 0.98  # of chi-square: what a jump must bring it down to
 ROWS_AVERAGED = 0.08  # [s] of torque rows behind one value: friction and noise average out, the motion hardly changes
 NEEDS_LOADS = {"joint_compliance", "lost_motion", "rod_strain", "plate_bending"}
 SUPPORT = 4.0  # a correction stays whose coefficients are that many deviations from nothing, all together
@@ -100,19 +101,30 @@ def fit_machine(
     prune : leaves out the corrections that the data do not support.
     """
     names: list[str] = list(corrections)
+
+    def first_pass(events: tuple[Event, ...]) -> JointFit:
+        return _first_pass(cell, nominal, recordings, names, events, force, rod_sigma, progress)
+
     events = tuple(event for k, r in enumerate(recordings) for event in events_in_logs(r.robot, r.bar, r.joints, r.signs, r.clock, k))
     most = len(events) + MAX_EVENTS
-    fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
-    while fit.converged and len(events) < most and (event := find_event(fit)) is not None:
+    fit = first_pass(events)
+    while len(events) < most and (event := find_event(fit)) is not None:  # before it can pass for noise
+        progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
+        trial = first_pass((*events, event))
+        if trial.chi2_per_dof > HELPS * fit.chi2_per_dof:  # whatever is wrong, it is no jump
+            break
+        events, fit = (*events, event), trial
+    fit = noise_passes(fit, progress)
+    while len(events) < most and (event := find_event(fit)) is not None:  # what shows only once the noise is known
         progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
         events = (*events, event)
-        fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
+        fit = noise_passes(first_pass(events), progress)
     exact = with_exact_periods(fit, events, cell.ballbar.encoder_lines)
     idle = unsupported(fit) if prune else set()
     if idle or exact != events:
         progress(f"fitting again without {', '.join(sorted(idle))}" if idle else "fitting again with whole signal periods")
         names, events = [name for name in names if name not in idle], exact
-        fit = _fit_once(cell, nominal, recordings, names, events, force, rod_sigma, progress)
+        fit = noise_passes(first_pass(events), progress)
     return replace(fit, events=sized(fit, events, cell.ballbar.encoder_lines))
 
 
@@ -130,7 +142,7 @@ def unsupported(fit: JointFit) -> set[str]:
     return out
 
 
-def _fit_once(
+def _first_pass(
     cell: Cell,
     nominal: Geometry,
     recordings: Sequence[Prepared],
@@ -160,7 +172,8 @@ def _fit_once(
     bars = [r.angles(r.times)[3] for r in recordings]
     if loaded and "none" in sources:
         x, bars = continued(model, x, bars, progress)
-    return passes(model, x, bars, FIRST_EXCESS, progress)
+    progress(f"fitting {layout.count} unknowns")
+    return minimise(model, x, bars, FIRST_EXCESS)
 
 
 def continued(model: Model, x: Array, bars: list[Array], progress: Callable[[str], None]) -> tuple[Array, list[Array]]:
@@ -174,16 +187,13 @@ def continued(model: Model, x: Array, bars: list[Array], progress: Callable[[str
     return x, bars
 
 
-def passes(model: Model, x: Array, bars: Sequence[Array], excess: Excess, progress: Callable[[str], None], count: int = PASSES) -> JointFit:
-    """Fits in turn with estimates of the noise that the logs do not show."""
-    iterations = 0
-    for k in range(count):
-        progress(f"fitting {model.unknowns.count} unknowns, pass {k + 1} of {count}")
-        fit = minimise(model, x, bars, excess)
+def noise_passes(fit: JointFit, progress: Callable[[str], None]) -> JointFit:
+    """Further fits, each with the noise that the one before left unexplained and the logs do not show."""
+    iterations = fit.iterations
+    for k in range(NOISE_PASSES):
+        progress(f"fitting {fit.model.unknowns.count} unknowns with estimated noise, {k + 1} of {NOISE_PASSES}")
+        fit = minimise(with_likely_tension(fit), fit.x, [p.bar for p in fit.linear.points], estimate_excess(fit))
         iterations += fit.iterations
-        x, bars = fit.x, [p.bar for p in fit.linear.points]
-        if k < count - 1:
-            excess, model = estimate_excess(fit), with_likely_tension(fit)
     return replace(fit, iterations=iterations)
 
 

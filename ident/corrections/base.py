@@ -41,7 +41,7 @@ class State:
     t: Array  # (N,) [s] on the ball-bar's clock
     recording: int  # from 0
     gears: Array  # (6, N) [rad] gear outputs as logged
-    bar: Array  # (5, N) [rad] ball-bar angles as read, their zeros not in them
+    bar: Array  # (5, N) [rad] ball-bar joint angles, zeros in them: what is off centre turns with the joint, whatever the counter says
     loads: Loads
     tension: Array  # (N,) [N] of the rod
     width: Array  # (6,) [N m] load over which each gear changes sides of its play
