@@ -1,4 +1,4 @@
-"""Recordings to clean angles: device tables, counts and motor angles to rad, stillness, coarse clock alignment."""
+"""Recordings to clean angles and loads: device tables, counts and motor angles to rad, stillness, coarse clock alignment."""
 
 from acquisition.alignment import CoarseAlignment as CoarseAlignment
 from acquisition.alignment import coarse_alignment as coarse_alignment

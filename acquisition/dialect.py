@@ -1,6 +1,6 @@
 """Dialects: how one kind of logger writes its table, as data in `acquisition/dialects/*.yaml`.
 
-The table reader is one; a dialect tells it the separators, the time column and its unit, and which columns hold angles.
+The table reader is one; a dialect tells it the separators, the time column and its unit, and which columns hold what.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from cell.strict_yaml import load_model
 
 _FOLDER = Path(__file__).parent / "dialects"
 
+SourceName = Literal["robot", "ballbar", "force"]  # the sources of recording.yaml
 _Unit = Literal["ns", "us", "s"]
 TICKS_PER_SECOND: dict[_Unit, int] = {"ns": 1_000_000_000, "us": 1_000_000, "s": 1}
 
@@ -34,15 +35,16 @@ class TimeColumn(_Strict):
 
 
 class Dialect(_Strict):
-    """One kind of device log. Encoder counters are named by the recording, motor angles by the dialect."""
+    """One kind of device log. Encoder counters are named by the recording, the rest by the dialect."""
 
     schema_: Annotated[Literal["ballbar-dialect/1"], Field(alias="schema")]
-    source: Literal["robot", "ballbar"]
+    source: SourceName
     separators: Annotated[tuple[Literal[",", ";", "\t"], ...], Field(min_length=1)]
     time: TimeColumn
     motors: tuple[str, ...] = ()  # robot: the six motor angles [rad at the motor], in order of the joints
-    status: dict[EncoderName, str] = {}  # EL5021 status word of each encoder; columns may be absent
-    unused: tuple[str, ...] = ()  # known columns that nothing reads yet
+    torques: tuple[str, ...] = ()  # robot: what each motor exerts [N m at the motor], positive along its angle; all six or none
+    status: dict[EncoderName, str] = {}  # ballbar: EL5021 status word of each encoder; columns may be absent
+    wrench: tuple[str, ...] = ()  # force: forces x y z [N], torques x y z [N m], what the flange feels in its own frame
     period_s: tuple[float, float]  # a median period outside this range is reported
 
 

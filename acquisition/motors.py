@@ -1,5 +1,7 @@
 """Robot motor angles to joint angles, and the checks that the numbers are what the dialect says: rad, at the motor.
 
+Motor torques go with them to the gears' outputs.
+
 Units are never guessed and never converted silently. What a wrong unit does to the numbers is known, though: degrees read
 as radians put the axes 57 times too far, joint angles read as motor angles keep the robot within a degree of zero.
 """
@@ -36,6 +38,18 @@ def joint_angles(robot: Robot, table: Table, t: Array, columns: tuple[str, ...],
     _refuse_overspeed(robot, table, t, motors, axes)
     _report_limits(robot, table, axes, findings)
     return joints
+
+
+def gear_torques(robot: Robot, table: Table, columns: tuple[str, ...]) -> Array | None:
+    """(N, 6) [N m] what the motors exert at the gears' outputs, positive along the gear's angle; none if it is not logged.
+
+    columns : motor torques by joint, [N m] at the motor, positive along its angle.
+    A gear passes power on: what multiplies the angle, transmission[i, i], divides the torque. Losses count as friction, and
+    the couplings between the joints come after the gears (thesis App. A).
+    """
+    if not columns or columns[0] not in table.columns:
+        return None
+    return np.stack([table.columns[name] for name in columns], axis=1) / np.diag(robot.transmission)
 
 
 def moves(angles: Array) -> bool:

@@ -1,6 +1,6 @@
-"""A recording folder to clean angles: every device file read by its dialect, each side on its own clock.
+"""A recording folder to clean angles and loads: every device file read by its dialect, each side on its own clock.
 
-    recording.yaml -> dialects -> tables -> stamps in order -> counts or motor angles -> rad -> RobotLog, BallBarLog
+    recording.yaml -> dialects -> tables -> stamps in order -> counts or motor angles -> rad -> RobotLog, BallBarLog, ForceLog
 
 Everything that was mended on the way stands in the import report; what cannot be mended is an error with file and line.
 """
@@ -9,26 +9,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.dialect import Dialect, load_dialect
+from acquisition.dialect import Dialect, SourceName, load_dialect
 from acquisition.encoders import encoder_angles, without_faults
 from acquisition.layout import Layout
-from acquisition.motors import joint_angles, moves
+from acquisition.motors import gear_torques, joint_angles, moves
 from acquisition.report import FileSummary, Finding, ImportReport
 from acquisition.stamps import in_order, join, report_periods, seconds_from_first
 from acquisition.table import Table, read_table
 from cell.descriptions import Robot, load_robot
 from cell.errors import DescriptionError, LogError
-from cell.logs import BallBarLog, RobotLog
+from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.recording import EncoderFitting, EncoderName, RecordingFile, SourceFile, load_recording_file
 
 MINIMUM_ROWS = 50  # the complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix nothing
 
-_SideName = Literal["robot", "ballbar"]
+_DEVICES: dict[SourceName, str] = {"robot": "robot", "ballbar": "ballbar", "force": "force sensor"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +37,7 @@ class Recording:
     description: RecordingFile
     robot_log: RobotLog
     ballbar_log: BallBarLog | None  # none for a sensor-less ball-bar
+    force_log: ForceLog | None  # none without a force sensor
     report: ImportReport
 
 
@@ -46,7 +46,7 @@ class _Side:
     """One side of the recording, and how its files are written."""
 
     folder: Path
-    name: _SideName
+    name: SourceName
     source: SourceFile
     dialect: Dialect
     layout: Layout
@@ -62,7 +62,7 @@ class _Ledger:
 
 
 def read_recording(folder: Path) -> Recording:
-    """Joint angles and encoder angles of a recording folder, with the import report.
+    """Joint angles, encoder angles and logged loads of a recording folder, with the import report.
 
     Raises DescriptionError if recording.yaml is wrong or contradicts itself, LogError if a device file cannot be trusted.
     """
@@ -76,7 +76,10 @@ def read_recording(folder: Path) -> Recording:
     ballbar_log = None
     if description.sources.ballbar is not None:
         ballbar_log = _read_ballbar(folder, description.sources.ballbar, description.encoders, ledger, robot_moves=moves(robot_log.q))
-    return Recording(description, robot_log, ballbar_log, ImportReport(tuple(ledger.files), tuple(ledger.findings)))
+    force_log = None
+    if description.sources.force is not None:
+        force_log = _read_force(folder, description.sources.force, ledger)
+    return Recording(description, robot_log, ballbar_log, force_log, ImportReport(tuple(ledger.files), tuple(ledger.findings)))
 
 
 def _check_encoders(folder: Path, description: RecordingFile) -> None:
@@ -99,10 +102,11 @@ def _read_robot(folder: Path, source: SourceFile, robot: Robot, ledger: _Ledger)
     layout = Layout(
         separators=dialect.separators,
         required={dialect.time.column: dialect.time.type, **dict.fromkeys(dialect.motors, "float")},
-        unused=frozenset(dialect.unused),
+        optional=dict.fromkeys(dialect.torques, "float"),
+        together=dialect.torques,
     )
     table, t = _read_files(_Side(folder, "robot", source, dialect, layout, {}), ledger)
-    return RobotLog(t, joint_angles(robot, table, t, dialect.motors, ledger.findings))
+    return RobotLog(t, joint_angles(robot, table, t, dialect.motors, ledger.findings), gear_torques(robot, table, dialect.torques))
 
 
 def _read_ballbar(
@@ -115,14 +119,23 @@ def _read_ballbar(
         separators=dialect.separators,
         required={dialect.time.column: dialect.time.type, **{encoder.column: "integer" for encoder in fitted.values()}},
         optional=dict.fromkeys(status.values(), "integer"),
-        unused=frozenset(dialect.unused),
     )
     table, t = _read_files(_Side(folder, "ballbar", source, dialect, layout, status), ledger)
     angles = encoder_angles(table, t, fitted, robot_moves=robot_moves)
     return BallBarLog(t, angles, tuple(int(name[1]) for name in fitted))
 
 
-def _dialect_of(folder: Path, side: _SideName, source: SourceFile) -> Dialect:
+def _read_force(folder: Path, source: SourceFile, ledger: _Ledger) -> ForceLog:
+    dialect = _dialect_of(folder, "force", source)
+    layout = Layout(
+        separators=dialect.separators,
+        required={dialect.time.column: dialect.time.type, **dict.fromkeys(dialect.wrench, "float")},
+    )
+    table, t = _read_files(_Side(folder, "force", source, dialect, layout, {}), ledger)
+    return ForceLog(t, np.stack([table.columns[name] for name in dialect.wrench], axis=1))
+
+
+def _dialect_of(folder: Path, side: SourceName, source: SourceFile) -> Dialect:
     place = f"{folder / 'recording.yaml'}: sources.{side}.dialect"
     try:
         dialect = load_dialect(source.dialect)
@@ -130,19 +143,32 @@ def _dialect_of(folder: Path, side: _SideName, source: SourceFile) -> Dialect:
         raise DescriptionError(f"{place}: {error}") from None
     if dialect.source != side:
         raise DescriptionError(
-            f"{place}: {source.dialect} describes logs of the {dialect.source}, not of the {side}. Are the files swapped?"
+            f"{place}: {source.dialect} describes logs of the {_DEVICES[dialect.source]}, not of the {_DEVICES[side]}. "
+            "Are the files swapped?"
         )
     return dialect
 
 
 def _read_files(side: _Side, ledger: _Ledger) -> tuple[Table, NDArray[np.float64]]:
     """All files of one side as one table, and (N,) [s] their time from its first row."""
-    table = join([_read_file(side, file, ledger) for file in side.source.files], side.dialect.time)
+    tables = [_read_file(side, file, ledger) for file in side.source.files]
+    _refuse_differing(tables, side.layout.together)
+    table = join(tables, side.dialect.time)
     if len(table) < MINIMUM_ROWS:
         raise LogError(f"{', '.join(table.files)}: {len(table)} usable rows; at least {MINIMUM_ROWS} are needed.")
     t = seconds_from_first(table.columns[side.dialect.time.column], side.dialect.time)
     report_periods(table, t, side.dialect.period_s, ledger.findings)
     return table, t
+
+
+def _refuse_differing(tables: list[Table], together: tuple[str, ...]) -> None:
+    """Columns that only some files have would be lost to all when they are joined."""
+    without = [table.files[0] for table in tables if not table.columns.keys() >= set(together)]
+    if without and len(without) < len(tables):
+        raise LogError(
+            f"{without[0]}: columns {', '.join(together)} missing, and other files of this source have them. "
+            "Log them in every file, or remove them from all."
+        )
 
 
 def _read_file(side: _Side, file: str, ledger: _Ledger) -> Table:

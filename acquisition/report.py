@@ -13,6 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.dialect import SourceName
+
 Severity = Literal["repaired", "warning"]
 LINES_SHOWN = 5  # line numbers kept with a finding; enough to open the file at the place
 
@@ -34,7 +36,7 @@ class FileSummary:
     """How one device file was read."""
 
     file: str
-    source: Literal["robot", "ballbar"]
+    source: SourceName
     dialect: str
     encoding: str
     separator: str

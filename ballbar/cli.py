@@ -13,27 +13,32 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from pydantic import ValidationError
 from rich.console import Console
 from rich.markup import escape
 
 from acquisition import coarse_alignment, read_recording, report_lines
-from ballbar.compare import Comparison, compare, reference_of
+from ballbar.compare import Comparison, compare, compare_with_truth
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
 from ballbar.replay import ViewerError, open_viewer, serve_web
-from ballbar.run import OUTPUTS, REPLAY, identify_folder, run_scenario, simulate_scenario, write_outputs
-from ballbar.run_data import RunData
-from ballbar.scenario import load_scenario
+from ballbar.report_terminal import say_identification
+from ballbar.run import OUTPUTS, REPLAY, run_scenario, simulate_scenario, write_outputs
+from ballbar.run_recordings import identify_recordings
+from ballbar.scenario import IdentifySettings, load_scenario
 from ballbar.sweep_check import load as load_sweep
 from ballbar.sweep_command import run_bar, say_outcome
 from ballbar.sweep_run import SweepError, run_sweep
 from ballbar.sweep_workers import dask_cluster, processes
 from ballbar.trial import run_trial
-from cell.descriptions import load_robot
+from cell.descriptions import load_cell
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from cell.inverse import UnreachableError
+from cell.schema_errors import explain
 from ident.calibration import Calibration, load_calibration
-from ident.identify import DEFAULT_SAMPLES, Identification
+from ident.corrections import CORRECTIONS
+from ident.identify import DEFAULT_SAMPLES, ModelName
+from ident.machine import ForceSource
 from ident.start import StartError
 from sim.plant import PlantError
 from sim.simulate import Simulation, truth_path
@@ -66,7 +71,7 @@ def run(scenario: ScenarioFile, out_dir: Out = None) -> None:
     folder = out_dir or Path("runs") / settings.name
     with _progress() as progress:
         data = run_scenario(settings, scenario, folder, command=_command(), progress=progress)
-    _say_identification(data.identification)
+    say_identification(out, data)
     if data.simulation is not None:
         _say_plant(data.simulation)
     if data.comparison is not None:
@@ -108,23 +113,51 @@ def check(recording: RecordingFolder) -> None:
     out.print(f"coarse clock offset: {found.offset_s:+.2f} s over {found.overlap_s:.0f} s of overlap{rival}")
 
 
-@app.command(epilog="Example: `ballbar identify runs/irb2400/recording --out runs/identified --rerun`")
+@app.command(epilog="Example: `ballbar identify runs/a/recording runs/b/recording --validate runs/c/recording --out runs/together`")
 def identify(
-    recording: RecordingFolder,
+    recordings: Annotated[
+        list[Path], typer.Argument(help="Folders with recording.yaml and the device files, of one robot.", metavar="RECORDING")
+    ],
+    validate: Annotated[
+        list[Path] | None,
+        typer.Option("--validate", help="A recording to try the result on, not fitted; may be repeated.", metavar="RECORDING"),
+    ] = None,
     out_dir: Out = None,
-    samples: Annotated[int, typer.Option(help="Instants of the logs that enter the fit.", min=50)] = DEFAULT_SAMPLES,
+    samples: Annotated[int, typer.Option(help="Instants of the logs that enter the fit.", min=50, max=100_000)] = DEFAULT_SAMPLES,
+    model: Annotated[
+        ModelName, typer.Option(help="Kinematics alone (dh), or with corrections; auto takes what the recording asks for.")
+    ] = "auto",
+    corrections: Annotated[
+        str, typer.Option(help=f"Of the complete model: auto, or some of {', '.join(CORRECTIONS)}.", metavar="auto|NAME,NAME")
+    ] = "auto",
+    force: Annotated[ForceSource, typer.Option(help="Where the rod's force comes from; auto takes the best that was logged.")] = "auto",
+    rod_sigma: Annotated[
+        float | None,
+        typer.Option(help="Standard deviation [m] of a measured rod, whose length is bd3 of the ball-bar's file.", metavar="METRES"),
+    ] = None,
     rerun: Annotated[bool, typer.Option("--rerun", help="Write the replay file run.rrd too.")] = False,
 ) -> None:
-    """Identify the robot from a recording; writes calibration.yaml and report.html to DIR (default RECORDING-identified)."""
-    folder = out_dir or recording.with_name(recording.resolve().name + "-identified")
+    """Identify a robot from one recording, or from several together; try it on others.
+
+    Writes calibration.yaml and report.html to DIR (default: the first RECORDING's folder with -identified behind its name).
+    Exits with 1 when the fit or a held-out recording is not acceptable.
+    """
+    settings = _settings(
+        samples=samples,
+        model=model,
+        corrections="auto" if corrections == "auto" else [name.strip() for name in corrections.split(",")],
+        force=force,
+        rod_sigma_m=rod_sigma,
+    )
+    first = recordings[0]
+    folder = out_dir or first.with_name(first.resolve().name + "-identified")
     claim_folder(folder, OUTPUTS, "the result")
     with _progress() as progress:
-        read, result = identify_folder(recording, samples=samples, progress=progress)
-        data = RunData(recording.resolve().name, recording, read, result)
+        data = identify_recordings(recordings, validate or (), settings=settings, progress=progress)
         write_outputs(folder, data, command=_command(), replay=rerun, progress=progress)
-    _say_identification(result)
+    say_identification(out, data)
     out.print(f"Results in {escape(str(folder))}")
-    raise typer.Exit(0 if result.verdict.acceptable else 1)
+    raise typer.Exit(0 if data.acceptable else 1)
 
 
 @app.command(name="compare", epilog="Example: `ballbar compare runs/irb2400/calibration.yaml runs/irb2400/recording.truth.yaml`")
@@ -220,39 +253,28 @@ def sweep(
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
-    robot = load_robot(model.file.robot, relative_to=calibration.parent)
+    cell = load_cell(model.file.robot, model.file.ballbar, model.file.plate, relative_to=calibration.parent)
     identified = [name for name, entry in model.file.parameters.items() if entry.identified]
     if reference.name.endswith(".truth.yaml"):
         truth = load_truth(reference)
         clock = model.file.clock
-        errors = (clock.offset_s - truth.offset, clock.skew - truth.skew) if clock else None
-        return compare(robot, model.geometry, model.nominal, reference_of(truth), identified, clock=errors)
+        found = (clock.offset_s, clock.skew) if clock else None
+        return compare_with_truth(model.free_robot(cell), model.nominal, truth, identified, found)
     other = load_calibration(reference)
     if other.file.robot != model.file.robot:
         raise InputError(
             f"{reference}: is of robot {other.file.robot}, {calibration} of {model.file.robot}; only the same robot can be compared"
         )
     shared = [name for name in identified if other.file.parameters[name].identified]
-    return compare(robot, model.geometry, model.nominal, other.geometry, shared)
+    return compare(model.free_robot(cell), model.nominal, other.free_robot(cell), shared)
 
 
-def _say_identification(result: Identification) -> None:
-    colour = "green" if result.verdict.acceptable else "red"
-    out.print(f"[bold {colour}]{escape(result.verdict.sentence)}[/]")
-    for warning in result.verdict.warnings:
-        out.print(f"[yellow]warning:[/] {escape(warning)}")
-    dropped = ", ".join(d.name for d in result.identifiability.dropped)
-    out.print(
-        f"{result.parameters.size} parameters from {result.after.t.size} samples in {result.iterations} iterations; "
-        f"left at their nominal values: {dropped or 'none'}"
-    )
-    if result.clock is not None:
-        offset_sigma, skew_sigma = result.clock_sigma
-        out.print(
-            f"clock: offset {result.clock.offset * 1e3:.4f} ms (sigma {offset_sigma * 1e6:.1f} us), "
-            f"skew {result.clock.skew * 1e6:.3f} ppm (sigma {skew_sigma * 1e6:.3f} ppm)"
-        )
-    out.print(f"stated TCP uncertainty over the workspace: mean {result.tcp_sigma.mean() * 1e3:.4f} mm (1 sigma)")
+def _settings(**given: object) -> IdentifySettings:
+    """Options as settings of a scenario, checked alike."""
+    try:
+        return IdentifySettings.model_validate(given)
+    except ValidationError as error:
+        raise InputError("\n".join(text for _, text in explain(error.errors(include_url=False), IdentifySettings, given))) from None
 
 
 def _say_plant(simulation: Simulation) -> None:

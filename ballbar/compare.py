@@ -12,9 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballbar.scenario import AcceptSettings
-from cell.descriptions import Robot
+from ballbar.true_robot import true_tool
+from cell.chain import Array
+from cell.descriptions import Cell
 from cell.geometry import INDEX, PARAMETERS, Geometry, mirrored
-from ident.accuracy import TcpError, accuracy_grid, tcp_error
+from ident.accuracy import TcpError, accuracy_grid, position_error
+from ident.free_robot import FreeRobot
 from ident.identify import Identification
 from sim.truth import Truth
 
@@ -40,23 +43,43 @@ class Comparison:
         return max(self.deviations.items(), key=lambda item: abs(item[1]))
 
 
-def compare(
-    robot: Robot, model: Geometry, nominal: Geometry, reference: Geometry, names: Sequence[str], *, clock: tuple[float, float] | None = None
+def compare(model: FreeRobot, nominal: Geometry, reference: FreeRobot, names: Sequence[str]) -> Comparison:
+    """Model and nominal robot against another identified robot; `names` are the parameters compared one by one."""
+    return _compared(model, nominal, reference.geometry, reference.tool(accuracy_grid(model.cell.robot)), names, None)
+
+
+def compare_with_truth(
+    model: FreeRobot, nominal: Geometry, truth: Truth, names: Sequence[str], clock: tuple[float, float] | None
 ) -> Comparison:
-    """Model and nominal robot against a reference geometry; `names` are the parameters compared one by one.
-
-    clock : (offset [s], skew) errors, if both sides have a clock.
-    """
-    grid = accuracy_grid(robot)
-    deviations = {name: _difference(name, model, reference) for name in names}
-    offset, skew = clock if clock else (None, None)
-    return Comparison(deviations, tcp_error(model, reference, grid), tcp_error(nominal, reference, grid), offset, skew)
+    """Model and nominal robot against what the recording was simulated from; clock : (offset [s], skew) as identified."""
+    reference = reference_of(truth)
+    errors = (clock[0] - truth.offset, clock[1] - truth.skew) if clock else None
+    actual = true_tool(model.cell, truth, reference, accuracy_grid(model.cell.robot))
+    return _compared(model, nominal, reference, actual, names, errors)
 
 
-def compare_with_truth(result: Identification, truth: Truth) -> Comparison:
+def identification_against_truth(result: Identification, truth: Truth) -> Comparison:
     """The result against what the recording was simulated from."""
-    clock = (result.clock.offset - truth.offset, result.clock.skew - truth.skew) if result.clock else None
-    return compare(result.cell.robot, result.geometry, result.nominal, reference_of(truth), list(result.sigma), clock=clock)
+    clock = (result.clock.offset, result.clock.skew) if result.clock else None
+    return compare_with_truth(result.free_robot(), result.nominal, truth, list(result.sigma), clock)
+
+
+def compare_kinematics(
+    cell: Cell, model: Geometry, nominal: Geometry, reference: Geometry, names: Sequence[str], *, clock: tuple[float, float] | None = None
+) -> Comparison:
+    """Rigid robots against each other; clock : (offset [s], skew) errors, if both sides have a clock."""
+    actual = FreeRobot(cell, reference).tool(accuracy_grid(cell.robot))
+    return _compared(FreeRobot(cell, model), nominal, reference, actual, names, clock)
+
+
+def _compared(
+    model: FreeRobot, nominal: Geometry, reference: Geometry, actual: Array, names: Sequence[str], clock: tuple[float, float] | None
+) -> Comparison:
+    grid = accuracy_grid(model.cell.robot)
+    deviations = {name: _difference(name, model.geometry, reference) for name in names}
+    offset, skew = clock if clock else (None, None)
+    bare = FreeRobot(model.cell, nominal)
+    return Comparison(deviations, position_error(model.tool(grid), actual), position_error(bare.tool(grid), actual), offset, skew)
 
 
 def reference_of(truth: Truth) -> Geometry:

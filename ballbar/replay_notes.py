@@ -69,7 +69,7 @@ def _figures(result: Identification) -> list[tuple[str, str]]:
         rows.append(("clock skew", f"{result.clock.skew * 1e6:.3f} ± {skew_sigma * 1e6:.3f} ppm"))
     rows.append(("iterations", f"{result.iterations}, from the automatic start"))
     rows.append(("samples; equations each", f"{result.after.t.size}; {result.whitened.shape[0]}"))
-    rows.append(("chi-square per degree of freedom", f"{result.fit.chi2_per_dof:.3f}"))
+    rows.append(("chi-square per degree of freedom", f"{result.chi2_per_dof:.3f}"))
     rows.append(("rank; condition number", f"{result.identifiability.rank}; {result.identifiability.condition:.0f}"))
     return rows
 

@@ -6,7 +6,7 @@ RunData -> words and tables (report_tables), figures (report_figures), provenanc
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,13 +15,15 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ballbar import report_figures as figures
+from ballbar import report_machine as machine
 from ballbar import report_tables as tables
 from ballbar.report_numbers import rms_norm, significant, to_sigma
-from ballbar.report_provenance import input_files, versions, without_folders
+from ballbar.report_provenance import InputFile, input_files, versions, without_folders
 from ballbar.run_data import RunData
 from cell.chain import Array
 from cell.files import write_whole
-from ident.accuracy import accuracy_grid, tcp_error
+from ident.accuracy import accuracy_grid, position_error
+from ident.free_robot import FreeRobot
 from ident.identify import Identification
 
 _TONES = {"good": "Acceptable", "suspect": "Acceptable, with care"}
@@ -72,7 +74,7 @@ def render_report(data: RunData, *, command: str, written: datetime) -> str:
         tiles=_tiles(data, tcp),
         tcp=tcp,
         tcp_rows=_tcp_rows(data, tcp),
-        figures={name: Markup(svg) for name, svg in _figures(result, tcp).items()},  # no text from files is in them
+        figures={name: Markup(svg) for name, svg in _figures(data, tcp).items()},  # no text from files is in them
         position_rows=tables.residual_rows(result.before.position, result.after.position, 1e6),
         angle_rows=tables.residual_rows(result.before.angle, result.after.angle, 1e6),
         groups=tables.parameter_groups(result, data.comparison),
@@ -85,14 +87,45 @@ def render_report(data: RunData, *, command: str, written: datetime) -> str:
         noise=tables.noise_rows(result, _resolutions(data)),
         scale_ppm=result.cell.plate.length_sigma / result.cell.plate.length * 1e6,
         versions=versions(simulated=data.simulation is not None),
-        inputs=input_files(data.recording, data.folder),
+        machine=_machine(data),
+        imports=[(one.name, one.recording.report) for one in data.fitted]
+        + [(one.outcome.name, one.recording.report) for one in data.validations],
+        inputs=_inputs(data),
         command=without_folders(command),
         written=f"{written:%Y-%m-%d %H:%M:%S} UTC",
         significant=significant,
     )
 
 
+def _machine(data: RunData) -> dict[str, object]:
+    """Sections about the complete model, joint fits and held-out recordings; empty where there are none."""
+    result = data.identification
+    return {
+        "held_out": machine.held_out_groups(data.validations),
+        "sentences": [(one.outcome.sentence, one.outcome.acceptable) for one in data.validations],
+        "recordings": machine.recording_columns(data.joined),
+        "recording_rows": machine.RECORDING_ROWS,
+        "corrections": machine.correction_tables(result),
+        "at_prior": machine.standing_at_prior(result),
+        "coefficients_at_prior": [(one.name, machine.coefficient_in_words(one)) for one in machine.coefficients_at_prior(result)],
+        "groups": machine.groups(result) if result.corrections else [],
+        "tension": machine.tension_sentences(data),
+        "events": machine.event_rows(data),
+    }
+
+
+def _inputs(data: RunData) -> list[InputFile]:
+    """The files of every recording; under its name where there are several."""
+    read = [(one.name, one.recording, one.folder) for one in data.fitted]
+    read += [(one.outcome.name, one.recording, one.folder) for one in data.validations]
+    if len(read) == 1:
+        return input_files(data.recording, data.folder)
+    return [replace(file, name=f"{name}/{file.name}") for name, recording, folder in read for file in input_files(recording, folder)]
+
+
 def _heading(data: RunData) -> str:
+    if failed := [one.outcome.name for one in data.validations if not one.outcome.acceptable]:
+        return f"Held-out recording not explained: {', '.join(failed)}"
     missed = [limit.what for limit in data.limits if not limit.met]
     if data.identification.verdict.acceptable and missed:
         return f"Limits of the scenario missed: {', '.join(missed)}"
@@ -105,7 +138,8 @@ def tcp_view(data: RunData) -> TcpView:
     if data.comparison:
         before, after = data.comparison.tcp_nominal, data.comparison.tcp
         return TcpView(True, before.position, before.error, after.error, "TCP error before", "TCP error after")
-    shift = tcp_error(result.nominal, result.geometry, accuracy_grid(result.cell.robot))
+    grid = accuracy_grid(result.cell.robot)
+    shift = position_error(FreeRobot(result.cell, result.nominal).tool(grid), result.free_robot().tool(grid))
     return TcpView(False, shift.position, shift.error, result.tcp_sigma, "TCP correction", "Stated TCP sigma")
 
 
@@ -129,8 +163,9 @@ def _tiles(data: RunData, tcp: TcpView) -> list[Tile]:
     result = data.identification
     before, after = rms_norm(result.before.position), rms_norm(result.after.position)
     angles = rms_norm(result.before.angle), rms_norm(result.after.angle)
-    poor = "" if result.fit.converged else ", not converged"
-    equations, unknowns = result.whitened.shape[0], result.covariance.shape[0]
+    poor = "" if result.converged else ", not converged"
+    equations = result.whitened.shape[0]
+    each = f"{equations} equation{'s' * (equations > 1)} each"
     return [
         _tcp_tile(result, tcp),
         _clock_tile(data),
@@ -140,8 +175,13 @@ def _tiles(data: RunData, tcp: TcpView) -> list[Tile]:
             f"angle {significant(angles[0] * 1e6)} → {significant(angles[1] * 1e6)} µrad",
         ),
         Tile("Iterations", f"{result.iterations}", f"from the automatic start{poor}"),
-        Tile("Samples", f"{result.after.t.size}", f"{equations} equation{'s' * (equations > 1)} each, {unknowns} unknowns"),
+        Tile("Samples", " + ".join(str(one.identification.after.t.size) for one in data.fitted), f"{each}, {_unknowns(result)}"),
     ]
+
+
+def _unknowns(result: Identification) -> str:
+    count = sum(len(one.coefficients) for one in result.corrections)
+    return f"{result.parameters.size} parameters, {count} coefficients" if count else f"{result.covariance.shape[0]} unknowns"
 
 
 def _tcp_tile(result: Identification, tcp: TcpView) -> Tile:
@@ -170,14 +210,17 @@ def _tcp_rows(data: RunData, tcp: TcpView) -> list[tuple[str, str, str, str, str
     return [*errors, tables.tcp_row("stated sigma", data.identification.tcp_sigma, None)]
 
 
-def _figures(result: Identification, tcp: TcpView) -> Mapping[str, str]:
+def _figures(data: RunData, tcp: TcpView) -> Mapping[str, str]:
+    result = data.identification
     landmarks = figures.Landmarks(result.geometry.origin, result.geometry["bd3"])
     before, after, clock = result.before, result.after, "robot" if result.clock is None else "ball-bar"
     curves = [figures.Curve(tcp.before_label, tcp.before, figures.BEFORE), figures.Curve(tcp.after_label, tcp.after, figures.AFTER)]
     if tcp.against_truth:
         curves += [figures.Curve("Stated TCP sigma", result.tcp_sigma, figures.AFTER, dashed=True)]
     position, angle = "position residual [µm]", "angle residual [µrad]"
-    return {
+    pulled = [one.identification for one in data.fitted if one.identification.tension.any()]
+    tension = {f"tension_{k}": figures.tension_over_time(one.after.t, one.tension, clock=clock) for k, one in enumerate(pulled)}
+    return tension | {
         "cumulative": figures.cumulative(curves, label="TCP error" if tcp.against_truth else "distance of the TCP"),
         "map_before": figures.workspace_map(tcp.position, tcp.before, landmarks, label=f"{tcp.before_label}, mean", before=True),
         "map_after": figures.workspace_map(tcp.position, tcp.after, landmarks, label=f"{tcp.after_label}, mean", before=False),

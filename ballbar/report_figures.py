@@ -147,6 +147,16 @@ def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> 
         return _svg(figure)
 
 
+def tension_over_time(t: Array, tension: Array, *, clock: str) -> str:
+    """Force in the rod [N], pulling positive."""
+    with matplotlib.rc_context(_STYLE):
+        figure, axes = _one_panel(2.4)
+        axes.axhline(0.0, color=_QUIET, linewidth=0.6)
+        axes.plot(t, tension, color=AFTER)
+        axes.set(xlabel=f"time on the {clock} clock [s]", ylabel="force in the rod [N]", xlim=(t[0], t[-1]))
+        return _svg(figure)
+
+
 def whitened_histogram(whitened: Array) -> str:
     """Residuals in units of their standard deviation, with the unit normal curve that they should follow."""
     values = whitened.ravel()

@@ -86,8 +86,8 @@ def z_rms(result: Identification, comparison: Comparison) -> float:
 
 
 def leftovers(result: Identification) -> list[Leftover]:
-    """Parameters that were asked for and could not be identified, with reason and consequence."""
-    return [_leftover(result, one) for one in result.identifiability.dropped]
+    """Parameters that were asked for and stay at nominal, with reason and consequence; those at their priors are not among them."""
+    return [_leftover(result, one) for one in result.identifiability.dropped if one.reason != "prior"]
 
 
 def never_asked(result: Identification) -> list[str]:

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from acquisition import Recording, read_recording
-from ballbar.compare import compare_with_truth, limits_of
+from ballbar.compare import identification_against_truth, limits_of
 from ballbar.replay import write_replay
 from ballbar.report import write_report
 from ballbar.run_data import RunData
-from ballbar.scenario import Scenario
-from cell.descriptions import load_cell
+from ballbar.run_recordings import Progress, identify_recordings
+from ballbar.scenario import IdentifySettings, Scenario
 from cell.errors import InputError
 from cell.files import claim_folder
 from cell.logs import RobotLog
 from cell.recording import load_recording_file
 from ident.calibration import write_calibration
-from ident.identify import DEFAULT_SAMPLES, Identification, identify
+from ident.identify import DEFAULT_SAMPLES, Identification
 from sim.settings import PathSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
 
@@ -27,8 +27,6 @@ REPORT = "report.html"
 REPLAY = "run.rrd"
 
 OUTPUTS = {CALIBRATION, REPORT, REPLAY}
-
-Progress = Callable[[str], None]
 
 
 def simulate_scenario(scenario: Scenario, scenario_file: Path, folder: Path, *, progress: Progress) -> Simulation:
@@ -62,17 +60,22 @@ def claim_recording(folder: Path) -> None:
 
 def identify_folder(folder: Path, *, samples: int = DEFAULT_SAMPLES, progress: Progress) -> tuple[Recording, Identification]:
     """Reads and identifies a recording. Raises InputError for bad files, StartError when the logs do not fit together."""
-    progress("reading the recording")
-    recording = read_recording(folder)
-    file = recording.description
-    cell = load_cell(file.robot, file.ballbar, file.plate, relative_to=folder)
-    return recording, identify(cell, recording.robot_log, recording.ballbar_log, samples=samples, progress=progress)
+    data = identify_recordings([folder], settings=IdentifySettings(samples=samples), progress=progress)
+    return data.recording, data.identification
 
 
 def write_outputs(out: Path, data: RunData, *, command: str, replay: bool, progress: Progress) -> None:
     """Writes calibration.yaml, report.html and, if asked for, run.rrd."""
     file = data.recording.description
-    write_calibration(out / CALIBRATION, data.identification, robot=file.robot, ballbar=file.ballbar, plate=file.plate)
+    write_calibration(
+        out / CALIBRATION,
+        data.identification,
+        robot=file.robot,
+        ballbar=file.ballbar,
+        plate=file.plate,
+        recordings=[(one.name, one.identification) for one in data.joined],
+        held_out=[one.outcome for one in data.validations],
+    )
     progress("writing the report")
     write_report(out / REPORT, data, command=command)
     if replay:
@@ -93,9 +96,9 @@ def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command:
     claim_folder(out, {RECORDING, truth_path(out / RECORDING).name, *OUTPUTS}, "a run")
     folder = out / RECORDING
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress)
-    recording, result = identify_folder(folder, samples=scenario.identify.samples, progress=progress)
-    comparison = compare_with_truth(result, simulation.truth)
-    limits = limits_of(comparison, result.iterations, scenario.accept)
-    data = RunData(scenario.name, folder, recording, result, simulation, comparison, limits)
+    found = identify_recordings([folder], settings=scenario.identify, progress=progress)
+    comparison = identification_against_truth(found.identification, simulation.truth)
+    limits = limits_of(comparison, found.identification.iterations, scenario.accept)
+    data = replace(found, name=scenario.name, simulation=simulation, comparison=comparison, limits=limits)
     write_outputs(out, data, command=command, replay=True, progress=progress)
     return data

@@ -5,13 +5,31 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
+from ident.corrections import CORRECTIONS
 from ident.costs import ENCODERS_NEEDED
+from ident.identify import ModelName
+from ident.machine import ForceSource
 from sim.settings import SimulationSettings
+
+
+def _known_correction(name: str) -> str:
+    if name not in CORRECTIONS:
+        raise ValueError(f"unknown; there are {', '.join(CORRECTIONS)}")
+    return name
+
+
+def _unless_auto(value: object) -> object:
+    if value == "auto":
+        return None
+    return tuple(value) if isinstance(value, list) else value
+
+
+Corrections = Annotated[tuple[Annotated[str, AfterValidator(_known_correction)], ...], Field(min_length=1)]
 
 
 class IdentifySettings(Strict):
@@ -33,6 +51,14 @@ class IdentifySettings(Strict):
     )
     shift_rounds: Annotated[int, Field(ge=0, le=50)] = Field(
         0, description="Of a cost on samples: how often to identify and move one log to the least cost before the fit (thesis sec. 5.2)."
+    )
+    model: ModelName = Field("auto", description="Kinematics alone (dh), with corrections (complete), or what the recording asks for.")
+    corrections: Annotated[Corrections | None, BeforeValidator(_unless_auto)] = Field(
+        None, description="Of the complete model, by name; `auto` keeps those that the data support."
+    )
+    force: ForceSource = Field("auto", description="Where the rod's force comes from; auto takes the best signal that was logged.")
+    rod_sigma_m: Annotated[float, Field(gt=0.0, le=0.01)] | None = Field(
+        None, description="Of a measured rod: bd3 of the ball-bar's file is that length. Without it, the catalogue's tolerance."
     )
 
 

@@ -13,14 +13,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from acquisition import Recording
-from ballbar.compare import Comparison, compare, compare_with_truth, reference_of
-from ballbar.run import RECORDING, identify_folder, recorded_log
+from ballbar.compare import Comparison, compare_kinematics, compare_with_truth, identification_against_truth
+from ballbar.run import RECORDING, recorded_log
+from ballbar.run_recordings import identify_recordings
 from ballbar.sample_trial import cost_parameters, fit_cost_to_samples, fit_ml_to_samples, sampled_cell
 from ballbar.scenario import Scenario
 from cell.chain import Array
 from cell.geometry import BAR_ROWS, NAMES
 from ident.cost_fit import CostFit, fit_cost
 from ident.costs import cost_named
+from ident.free_robot import FreeRobot
 from ident.identify import Identification
 from ident.verdict import MISFIT, SUSPECT, WELL_UNDER
 from sim.sample_errors import delay_of
@@ -44,7 +46,7 @@ def run_trial(scenario: Scenario, folder: Path) -> Row:
 def _cost_samples_row(scenario: Scenario, folder: Path) -> Row:
     samples, fit, shift = fit_cost_to_samples(scenario, folder)
     names = [NAMES[i] for i in fit.parameters]
-    row = _cost_row(fit, compare(sampled_cell(scenario, folder).robot, fit.geometry, samples.nominal, samples.true, names))
+    row = _cost_row(fit, compare_kinematics(sampled_cell(scenario, folder), fit.geometry, samples.nominal, samples.true, names))
     if shift is not None:  # robot time = t - shift
         row["clock_offset_error_us"] = (delay_of(scenario.errors) - shift) * 1e6
     if scenario.identify.rod_sign:
@@ -57,7 +59,8 @@ def _ml_samples_row(scenario: Scenario, folder: Path) -> Row:
     fit, true_offset = found.fit, -delay_of(scenario.errors)  # what the robot did at t stands in its samples at t - delay
     clock = (found.clock.offset - true_offset, found.clock.skew) if scenario.encoders.fitted else None
     names = [NAMES[i] for i in fit.parameters]
-    comparison = compare(sampled_cell(scenario, folder).robot, found.geometry, samples.nominal, samples.true, names, clock=clock)
+    cell = sampled_cell(scenario, folder)
+    comparison = compare_kinematics(cell, found.geometry, samples.nominal, samples.true, names, clock=clock)
     status = _status(fit.chi2_per_dof) if fit.converged else "not converged"
     return _row(comparison, found.iterations, fit.converged, _rms(fit.final.residual), ml=(fit.chi2_per_dof, status))
 
@@ -68,17 +71,19 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
     with TemporaryDirectory(prefix="ballbar-trial-") as top:
         logs = Path(top) / RECORDING
         write_recording(simulation, scenario, logs)
-        recording, result = identify_folder(logs, samples=scenario.identify.samples, progress=lambda _: None)
+        found = identify_recordings([logs], settings=scenario.identify, progress=lambda _: None)
+    recording, result = found.recording, found.identification
     if scenario.identify.cost == "ml":
-        fit = result.fit
-        comparison = compare_with_truth(result, simulation.truth)
-        return _row(comparison, result.iterations, fit.converged, _rms(result.whitened), ml=(fit.chi2_per_dof, result.verdict.status))
+        comparison = identification_against_truth(result, simulation.truth)
+        judged = (result.chi2_per_dof, result.verdict.status)
+        return _row(comparison, result.iterations, result.converged, _rms(result.whitened), ml=judged)
     cost = cost_named(scenario.identify.cost, scenario.identify.form)
     q, b = _angles_on_one_clock(recording, result)
     zeros = {name: result.geometry[name] for name in NAMES if name.startswith("btheta")}
     fitted = fit_cost(cost, result.nominal.replaced(zeros), q, b, cost_parameters(scenario, folder))
     names = [NAMES[i] for i in fitted.parameters]
-    return _cost_row(fitted, compare(simulation.cell.robot, fitted.geometry, result.nominal, reference_of(simulation.truth), names))
+    robot = FreeRobot(simulation.cell, fitted.geometry)
+    return _cost_row(fitted, compare_with_truth(robot, result.nominal, simulation.truth, names, None))
 
 
 def _with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:

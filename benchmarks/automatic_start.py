@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition import Recording, read_recording
-from ballbar.compare import compare_with_truth
+from ballbar.compare import identification_against_truth
 from cell.errors import InputError
 from cell.inverse import UnreachableError
 from cell.logs import BallBarLog
@@ -106,7 +106,7 @@ def one(draw: int) -> dict[str, object]:
         result = identify(simulation.cell, recording.robot_log, log)
     except StartError as error:
         return row | {"solved": False, "status": f"failed: {error}"}
-    comparison = compare_with_truth(result, simulation.truth)
+    comparison = identification_against_truth(result, simulation.truth)
     late = abs(result.clock.offset - offset) if result.clock else 0.0
     limit = 1e-4 if log is not None else 1.5e-3
     return row | {

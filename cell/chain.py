@@ -110,7 +110,11 @@ def forward(chain: Chain, q: Array, *, base_rotation: Array | None = None, base_
 
 def cross(u: Array, v: Array) -> Array:
     """Cross product along the first axis of (3, N) arrays; several times faster than np.cross."""
-    return np.stack((u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]))
+    out = np.empty(np.broadcast_shapes(u.shape, v.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(u[j], v[k], out=out[i])
+        out[i] -= u[k] * v[j]
+    return out
 
 
 def screw(frames: Frames, kind: str, row: int) -> Array:
@@ -128,13 +132,25 @@ def screw(frames: Frames, kind: str, row: int) -> Array:
     else:
         raise ValueError(f"parameter kind {kind!r} is none of {KINDS}")
     out = np.empty((6, axis.shape[1]))
-    if kind in ("a", "d"):
-        out[:3], out[3:] = axis, 0.0
-    else:
-        out[:3], out[3:] = cross(axis, frames.tip - point), axis
+    _write_screw(out, axis, None if kind in ("a", "d") else frames.tip - point)
     return out
+
+
+def _write_screw(out: Array, axis: Array, arm: Array | None) -> None:
+    """A shift along an axis (3, N), or a turn about it of a tip at `arm` (3, N) from it, into out (6, N)."""
+    if arm is None:
+        out[:3], out[3:] = axis, 0.0
+        return
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(axis[j], arm[k], out=out[i])
+        out[i] -= axis[k] * arm[j]
+    out[3:] = axis
 
 
 def joint_screws(frames: Frames) -> Array:
     """(J, 6, N) motion of the last frame for a unit speed of each joint."""
-    return np.stack([screw(frames, "theta", i) for i in range(frames.x_link.shape[0])])
+    rows = frames.x_link.shape[0]
+    out = np.empty((rows, 6, frames.tip.shape[1]))
+    for i in range(rows):
+        _write_screw(out[i], frames.z[i], frames.tip - frames.origin[i])
+    return out

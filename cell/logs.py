@@ -1,4 +1,4 @@
-"""What a recording is once it has been read: angles over time, each side on its own clock.
+"""What a recording is once it has been read: angles and loads over time, each side on its own clock.
 
 Acquisition makes these, identification takes them, simulation never sees them. Times are float64 seconds counted from the
 first row of their own log, so that `t_robot = offset + (1 + skew) * t_bar` defines the clock parameters everywhere.
@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class RobotLog:
-    """Robot joint angles on the robot's clock."""
+    """Robot joint angles, and motor torques where they are logged, on the robot's clock."""
 
     t: NDArray[np.float64]  # (N,) [s] from the first row, strictly increasing
     q: NDArray[np.float64]  # (N, 6) [rad] joint angles, DH convention
+    torque: NDArray[np.float64] | None = None  # (N, 6) [N m] of the motors at the gears' outputs, positive along the gear's angle
 
     def __post_init__(self) -> None:
         _check_series("robot log", self.t, self.q, 6)
+        if self.torque is not None:
+            _check_series("robot log, torque", self.t, self.torque, 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +38,17 @@ class BallBarLog:
         _check_series("ball-bar log", self.t, self.angles, len(self.joints))
         if list(self.joints) != sorted(set(self.joints)) or not set(self.joints) <= {1, 2, 3, 4, 5}:
             raise ValueError(f"ball-bar log: joints {self.joints} are not distinct, increasing and within 1..5")
+
+
+@dataclass(frozen=True, eq=False)
+class ForceLog:
+    """What plate and ball-bar exert on the flange, on the force sensor's clock."""
+
+    t: NDArray[np.float64]  # (N,) [s] from the first row, strictly increasing
+    wrench: NDArray[np.float64]  # (N, 6) [N, N m] forces x y z, torques x y z about the flange's origin, flange frame
+
+    def __post_init__(self) -> None:
+        _check_series("force log", self.t, self.wrench, 6)
 
 
 def _check_series(what: str, t: NDArray[np.float64], values: NDArray[np.float64], columns: int) -> None:

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from cell.chain import cross
-
 Array = NDArray[np.float64]
 
 _SMALL = 1e-4  # [rad] below it the series is exact to rounding: next term is phi^4/360 ~ 3e-19
@@ -49,7 +47,15 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
     safe = np.where(small, 1.0, angle)
     half = 0.5 * safe
     factor = np.where(small, 1.0 / 12.0 + square / 720.0, (1.0 - half / np.tan(half)) / (safe * safe))
-    w = np.moveaxis(vectors, -2, 0)
-    once = cross(rotvec.reshape(3, *(1,) * (w.ndim - 2), -1) + np.zeros_like(w), w)
-    twice = cross(rotvec.reshape(3, *(1,) * (w.ndim - 2), -1) + np.zeros_like(w), once)
-    return np.moveaxis(w - 0.5 * once + factor * twice, 0, -2)
+    x, y, z = rotvec
+    xx, yy, zz = factor * x * x, factor * y * y, factor * z * z
+    xy, xz, yz = factor * x * y, factor * x * z, factor * y * z
+    a, b, c = 0.5 * x, 0.5 * y, 0.5 * z
+    one = 1.0 - (xx + yy + zz)
+    rows = ((one + xx, xy + c, xz - b), (xy - c, one + yy, yz + a), (xz + b, yz - a, one + zz))
+    out = np.empty_like(vectors)
+    for i, row in enumerate(rows):
+        np.multiply(row[0], vectors[..., 0, :], out=out[..., i, :])
+        out[..., i, :] += row[1] * vectors[..., 1, :]
+        out[..., i, :] += row[2] * vectors[..., 2, :]
+    return out

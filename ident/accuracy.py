@@ -44,8 +44,12 @@ def accuracy_grid(robot: Robot) -> Array:
 
 
 def tcp_error(model: Geometry, truth: Geometry, grid: Array) -> TcpError:
-    """Error of `model` against `truth` at joint angles grid (G, 6) [rad], after the best rigid motion of the base."""
-    predicted, actual = robot_frames(model, grid).tip.T, robot_frames(truth, grid).tip.T
+    """Kinematic error of `model` against `truth` at joint angles grid (G, 6) [rad], after the best rigid motion of the base."""
+    return position_error(robot_frames(model, grid).tip.T, robot_frames(truth, grid).tip.T)
+
+
+def position_error(predicted: Array, actual: Array) -> TcpError:
+    """Error of predicted tool positions (G, 3) [m] against actual ones, after the best rigid motion of the base."""
     rigid = np.linalg.norm(_aligned(predicted, actual, scale=False) - actual, axis=1)
     scaled = np.linalg.norm(_aligned(predicted, actual, scale=True) - actual, axis=1)
     return TcpError(predicted, rigid, scaled)
@@ -66,12 +70,20 @@ def tcp_sigma(geometry: Geometry, grid: Array, parameters: NDArray[np.intp], cov
     """
     on_robot = np.array([PARAMETERS[i].side == "robot" for i in parameters], dtype=bool)
     frames = robot_frames(geometry, grid)
-    moves = np.stack([screw(frames, PARAMETERS[i].kind, PARAMETERS[i].row)[:3] for i in parameters[on_robot]], axis=-1)
-    columns = moves.transpose(1, 0, 2).reshape(-1, int(on_robot.sum()))  # (3G, P)
-    columns = columns - _rigid_basis(frames.tip.T) @ (_rigid_basis(frames.tip.T).T @ columns)
+    moves = np.stack([screw(frames, PARAMETERS[i].kind, PARAMETERS[i].row)[:3] for i in parameters[on_robot]])
     chosen = np.flatnonzero(on_robot)
-    spread = columns @ covariance[np.ix_(chosen, chosen)]
-    variance = (spread * columns).sum(axis=1).reshape(-1, 3).sum(axis=1)
+    return position_sigma(frames.tip.T, moves, covariance[np.ix_(chosen, chosen)])
+
+
+def position_sigma(positions: Array, moves: Array, covariance: Array) -> Array:
+    """(G,) [m] standard deviation of tool positions (G, 3), base aligned.
+
+    moves : (P, 3, G) change of the tool per unit of each unknown; covariance : (P, P).
+    """
+    columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))  # (3G, P)
+    basis = _rigid_basis(positions)
+    columns = columns - basis @ (basis.T @ columns)
+    variance = ((columns @ covariance) * columns).sum(axis=1).reshape(-1, 3).sum(axis=1)
     return np.asarray(np.sqrt(variance))
 
 

@@ -54,12 +54,20 @@ def _of_robot(closure: Closure, motion: Array) -> Array:
 def parameter_jacobian(closure: Closure, parameters: Sequence[Parameter]) -> Array:
     """(P, 6, N) derivative of the mismatch with respect to geometric parameters [m or rad per unit]."""
     out = np.empty((len(parameters), 6, closure.error.shape[1]))
-    robot_side = np.array([p.side == "robot" for p in parameters], dtype=bool)
     for k, parameter in enumerate(parameters):
         out[k] = parameter_screw(closure.geometry, closure.robot, closure.bar, parameter)
-    out[robot_side] = _of_robot(closure, out[robot_side])
-    out[~robot_side] = _of_bar(closure, out[~robot_side])
+    for side, of in (("robot", _of_robot), ("bar", _of_bar)):
+        chosen = [k for k, p in enumerate(parameters) if (p.side == "robot") == (side == "robot")]
+        for first, last in _runs(chosen):
+            of(closure, out[first:last])
     return out
+
+
+def _runs(indices: list[int]) -> list[tuple[int, int]]:
+    """Stretches (first, one past last) of consecutive indices."""
+    starts = [i for n, i in enumerate(indices) if n == 0 or indices[n - 1] != i - 1]
+    ends = [i + 1 for n, i in enumerate(indices) if n == len(indices) - 1 or indices[n + 1] != i + 1]
+    return list(zip(starts, ends, strict=True))
 
 
 def robot_joint_jacobian(closure: Closure) -> Array:
@@ -128,7 +136,7 @@ class Whitening:
         return -step
 
     def _reflected(self, columns: Array) -> Array:
-        out = _solve_lower(self.factor, columns)
+        out = solve_lower(self.factor, columns)
         for vector in self.reflections:
             out -= 2.0 * vector * (vector * out).sum(axis=-2, keepdims=True)
         return out
@@ -136,8 +144,8 @@ class Whitening:
 
 def whitening(covariances: Array, free_columns: Array) -> Whitening:
     """Weights from C (6, 6, N) and the columns (m, 6, N) of the ball-bar joints that carry no encoder."""
-    factor = _cholesky(covariances)
-    columns = _solve_lower(factor, free_columns)
+    factor = cholesky(covariances)
+    columns = solve_lower(factor, free_columns)
     m, _, n = free_columns.shape
     vectors = np.zeros((m, 6, n))
     for k in range(m):
@@ -155,7 +163,8 @@ def whitening(covariances: Array, free_columns: Array) -> Whitening:
     return Whitening(factor, vectors, triangle)
 
 
-def _cholesky(matrices: Array) -> Array:
+def cholesky(matrices: Array) -> Array:
+    """Lower factors of (6, 6, N) positive definite matrices, all samples at once."""
     lower = np.zeros_like(matrices)
     for j in range(6):
         rest = matrices[j:, j] - (lower[j:, :j] * lower[j, :j]).sum(axis=1)
@@ -163,7 +172,7 @@ def _cholesky(matrices: Array) -> Array:
     return lower
 
 
-def _solve_lower(lower: Array, columns: Array) -> Array:
+def solve_lower(lower: Array, columns: Array) -> Array:
     """L^-1 times columns (..., 6, N), forward substitution over all samples at once."""
     out = np.empty_like(columns)
     for i in range(6):

@@ -1,12 +1,15 @@
-"""From two logs to the robot's parameters, with their uncertainty and a verdict in words.
+"""From logs to the robot's parameters, with their uncertainty and a verdict in words.
 
-smooth -> automatic start -> identifiable subset -> whitened fit with the clock as parameter -> variance of the rod -> fit.
+Each recording: smooth -> automatic start -> identifiable subset -> whitened fit of the `dh` model with the clock as parameter.
+Where that leaves something systematic, or several recordings are given: the complete model of all recordings together
+(ident.machine).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,20 +17,42 @@ from numpy.typing import NDArray
 from cell.chain import Array
 from cell.descriptions import Cell
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, nominal_geometry
-from cell.logs import BallBarLog, RobotLog
-from ident.accuracy import accuracy_grid, tcp_sigma
-from ident.identifiability import Identifiability, candidates, identifiable
+from cell.logs import BallBarLog, ForceLog, RobotLog
+from ident.accuracy import accuracy_grid, position_sigma, tcp_sigma
+from ident.corrections import CORRECTIONS
+from ident.event import Event
+from ident.events import as_logged, events_in_logs
+from ident.free_robot import FreeRobot
+from ident.identifiability import Dependency, Identifiability, candidates, identifiable
+from ident.joint_fit import Excess, JointFit, tension_at
+from ident.machine import ForceSource, Prepared, coefficients_of, fit_machine
 from ident.noise import noise_from_logs, rod_deviation, row_noise
 from ident.problem import Clock, Estimate, NoiseModel, Problem
+from ident.remarks import log_remarks
 from ident.sampling import sample_times
 from ident.signals import SmoothLog, smooth_log
 from ident.solver import Fit, solve
 from ident.start import Start, automatic_start
-from ident.verdict import Verdict, judge
+from ident.uncertainty import Uncertainty, block_widening, uncertainty
+from ident.unknowns import FIXED, PLACE
+from ident.verdict import STRAINED, Evidence, Verdict, judge
 
 WIDEST_KNOT_SPACING = 0.08  # [s] a robot's motion below 3 Hz; finer where the residual asks for it (ident.signals)
 ROD_SIGMA_START = 2e-6  # [m] 55 N on 2.7e7 N/m, until the residuals say better
 DEFAULT_SAMPLES = 1500  # thesis sec. 3.5
+COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (identification_facts sec. 2)
+MOSTLY_PRIOR = 0.5  # share of an unknown's knowledge below which it is said to stand at its prior
+
+ModelName = Literal["auto", "dh", "complete"]
+
+
+@dataclass(frozen=True, eq=False)
+class Logs:
+    """The logs of one recording, as read."""
+
+    robot: RobotLog
+    ballbar: BallBarLog | None  # None for a ball-bar without encoders
+    force: ForceLog | None = None  # of a sensor at the flange
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +64,39 @@ class Residuals:
     angle: Array  # (N, 3) [rad] robot base frame
 
 
+@dataclass(frozen=True)
+class CoefficientValue:
+    """One coefficient of a correction, as found."""
+
+    name: str
+    unit: str
+    value: float
+    sigma: float
+    prior: float
+    prior_sigma: float
+    by_data: float  # 0 to 1: how much of the knowledge is the data's and not the prior's
+
+
+@dataclass(frozen=True)
+class CorrectionValue:
+    """One correction, as found."""
+
+    name: str
+    sentence: str
+    coefficients: tuple[CoefficientValue, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class MachineCovariance:
+    """How far the unknowns are known that belong to robot, ball-bar and corrections, and not to one recording."""
+
+    names: tuple[str, ...]  # of kinematic parameters, then of coefficients; what is not named was taken as exact
+    values: Array  # (U, U) SI units
+
+
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """What one recording says about the robot."""
+    """What one recording, or the first of several, says about the robot."""
 
     cell: Cell
     joints: tuple[int, ...]
@@ -50,13 +105,16 @@ class Identification:
     sigma: dict[str, float]  # [m, rad] of the identified parameters, scaled up where the fit is poor
     covariance: Array  # (P [+ 2], P [+ 2]) of `parameters`, then offset and skew; scaled likewise
     parameters: NDArray[np.intp]
+    machine: MachineCovariance
     clock: Clock | None
     clock_sigma: tuple[float, float]  # [s], [1]; zero without encoders
     signs: tuple[int, ...]  # of each encoder relative to the declared sense
     noise: NoiseModel  # of the samples in the fit
     log_noise: NoiseModel  # of one row of the logs
+    excess: Excess  # beyond what the logs show, found from the residual
     autocorrelation: float  # of the whitened residual, one sample apart, mean over the equations
-    fit: Fit
+    chi2_per_dof: float
+    converged: bool
     start: Start
     iterations: int  # of the chosen hypothesis and the final fits together
     identifiability: Identifiability
@@ -65,25 +123,123 @@ class Identification:
     whitened: Array  # (6 - m, N) residuals of the final fit in units of their standard deviation
     tcp_sigma: Array  # (G,) [m] stated TCP uncertainty over the accuracy grid
     verdict: Verdict
+    corrections: tuple[CorrectionValue, ...] = ()
+    tension: Array = field(default_factory=lambda: np.zeros(0))  # (N,) [N] of the rod at the samples, complete model only
+    tension_source: str = ""  # "sensor", "torque" or "none"
+    events: tuple[Event, ...] = ()
+
+    @property
+    def model(self) -> Literal["dh", "complete"]:
+        return "complete" if self.corrections else "dh"
+
+    def free_robot(self) -> FreeRobot:
+        """The robot as identified, without ball-bar."""
+        return free_robot(self.cell, self.geometry, self.joints, self.corrections)
+
+
+def free_robot(cell: Cell, geometry: Geometry, joints: tuple[int, ...], corrections: Sequence[CorrectionValue]) -> FreeRobot:
+    """A robot with the corrections that were found; joints : encoders of the ball-bar that found them."""
+    made = tuple(CORRECTIONS[c.name](cell, joints) for c in corrections)
+    values = np.array([c.value for one in corrections for c in one.coefficients])
+    return FreeRobot(cell, geometry, made, values)
+
+
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """One recording fitted with the dh model."""
+
+    problem: Problem
+    nominal: Geometry
+    start: Start
+    subset: Identifiability
+    fit: Fit
+    iterations: int
+    logs: Logs
+
+    @property
+    def estimate(self) -> Estimate:
+        return self.fit.estimate
+
+    def prepared(self) -> Prepared:
+        """For the complete model."""
+        p = self.problem
+        here, logs = self.estimate, self.logs
+        return Prepared(p.robot, p.bar, p.joints, p.signs, here.geometry, here.clock, p.times, logs.robot, logs.force)
 
 
 def identify(
     cell: Cell,
     robot_log: RobotLog,
     ballbar_log: BallBarLog | None,
+    force_log: ForceLog | None = None,
     *,
+    model: ModelName = "auto",
+    corrections: Sequence[str] | None = None,
+    force: ForceSource = "auto",
+    rod_sigma: float | None = None,
     samples: int = DEFAULT_SAMPLES,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
     """Identify robot, ball-bar position, encoder zeros and clock from one recording.
 
-    ballbar_log : None for a ball-bar without encoders.
+    ballbar_log : None for a ball-bar without encoders. force_log : of a sensor at the flange.
+    model : `dh`, the parameters of thesis Table 3.1; `complete`, with corrections; `auto`, complete where dh leaves something.
+    corrections : names of ident.corrections; None for those that the data support.
+    force : where the rod's force comes from; `auto` takes the best signal that was logged.
+    rod_sigma : [m] of a measured rod length (the ball-bar's bd3 is then that length); None for the catalogue's tolerance.
     progress : called with a short sentence at each stage.
 
-    Raises StartError when the logs cannot be brought together.
+    Raises StartError when the logs cannot be brought together; ValueError for an unknown correction.
     """
+    logs = [Logs(robot_log, ballbar_log, force_log)]
+    return identify_together(
+        cell, logs, model=model, corrections=corrections, force=force, rod_sigma=rod_sigma, samples=samples, progress=progress
+    )[0]
+
+
+def identify_together(
+    cell: Cell,
+    recordings: Sequence[Logs],
+    *,
+    model: ModelName = "auto",
+    corrections: Sequence[str] | None = None,
+    force: ForceSource = "auto",
+    rod_sigma: float | None = None,
+    samples: int = DEFAULT_SAMPLES,
+    progress: Callable[[str], None] = lambda _: None,
+) -> list[Identification]:
+    """One robot from several recordings: an Identification each, with the robot in common.
+
+    Each recording has its own clock, encoder zeros and ball-bar place; options as in `identify`. Raises as `identify` does.
+    """
+    for name in corrections or ():
+        if name not in CORRECTIONS:
+            raise ValueError(f"unknown correction {name!r}; there are {', '.join(CORRECTIONS)}")
+    alone = [_fit_alone(cell, logs, samples, progress) for logs in recordings]
+    if len(alone) == 1:
+        simple = _outcome(cell, alone[0])
+        if model == "dh" or (model == "auto" and corrections is None and not _wants_more(simple)):
+            return [simple]
+    elif model == "dh":
+        raise ValueError("model: dh fits one recording; several together need the complete model")
+    asked = list(CORRECTIONS) if corrections is None else list(corrections)
+    prepared = [one.prepared() for one in alone]
+    fit = fit_machine(
+        cell, alone[0].nominal, prepared, asked, force=force, rod_sigma=rod_sigma, prune=corrections is None, progress=progress
+    )
+    trust = uncertainty(fit)
+    sources = [one.source(force) for one in prepared]
+    return [_of_machine(cell, alone, fit, trust, k, sources[k]) for k in range(len(alone))]
+
+
+def _wants_more(simple: Identification) -> bool:
+    """Whether the dh model leaves something that the complete one could explain."""
+    return (simple.verdict.status in ("suspect", "misfit") or bool(simple.events)) and len(simple.joints) >= COMPLETE_ENCODERS
+
+
+def _fit_alone(cell: Cell, logs: Logs, samples: int, progress: Callable[[str], None]) -> _Alone:
     progress("smoothing both logs")
-    robot, bar, joints = _smoothed(robot_log, ballbar_log)
+    robot, bar, joints = _smoothed(logs.robot, logs.ballbar)
     spacing = (robot.end - robot.start) / samples
     noise = noise_from_logs(robot, bar, joints, spacing=spacing, rod=ROD_SIGMA_START)
     nominal = nominal_geometry(cell, np.zeros(3))
@@ -99,7 +255,7 @@ def identify(
     first = solve(problem, _on_nominal(problem, here, nominal, subset.parameters), subset.parameters)
     problem = replace(problem, noise=replace(noise, rod=rod_deviation(replace(problem, noise=replace(noise, rod=0.0)), first.estimate)))
     fit = solve(problem, first.estimate, subset.parameters)
-    return _outcome(cell, problem, nominal, start, subset, fit, chosen.fit.iterations + first.iterations + fit.iterations)
+    return _Alone(problem, nominal, start, subset, fit, chosen.fit.iterations + first.iterations + fit.iterations, logs)
 
 
 def _smoothed(robot_log: RobotLog, ballbar_log: BallBarLog | None) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
@@ -118,40 +274,185 @@ def _on_nominal(problem: Problem, estimate: Estimate, nominal: Geometry, paramet
     return problem.start(Geometry(values), estimate.clock)
 
 
-def _outcome(
-    cell: Cell, problem: Problem, nominal: Geometry, start: Start, subset: Identifiability, fit: Fit, iterations: int
-) -> Identification:
+def _outcome(cell: Cell, alone: _Alone) -> Identification:
+    """The dh model's result."""
+    problem, fit, start = alone.problem, alone.fit, alone.start
     whitened = fit.final.residual.reshape(-1, problem.times.size)
     inflation = max(1.0, fit.chi2_per_dof)  # a misfit widens the intervals; it never narrows them
-    covariance = fit.covariance * inflation
+    widening = block_widening(fit.covariance @ _scores(fit), problem.times)
+    covariance = fit.covariance * inflation * np.outer(widening, widening)
     deviations = np.sqrt(np.diag(covariance))
     geometry = _wrapped(fit.estimate.geometry)
-    origin = {name: geometry[name] for name in ("ox", "oy", "oz")}
     clock = fit.estimate.clock if problem.has_clock else None
+    identified = tuple(NAMES[i] for i in fit.parameters)
+    found = events_in_logs(problem.robot, problem.bar, problem.joints, problem.signs, fit.estimate.clock)
+    events = tuple(as_logged(event, problem.bar, cell.ballbar.encoder_lines) for event in found)
+    evidence = Evidence(
+        fit.converged,
+        fit.iterations,
+        fit.chi2_per_dof,
+        _lag_one(whitened),
+        fit.estimate.geometry,
+        identified,
+        problem.times.size,
+        False,
+        log_remarks(problem.robot, problem.bar, problem.joints, events),
+    )
     return Identification(
         cell=cell,
         joints=problem.joints,
-        nominal=nominal.replaced(origin),
+        nominal=_placed(alone.nominal, geometry),
         geometry=geometry,
         sigma={NAMES[i]: float(s) for i, s in zip(fit.parameters, deviations, strict=False)},
         covariance=covariance,
         parameters=fit.parameters,
+        machine=_machine_part(fit.parameters, covariance),
         clock=clock,
         clock_sigma=(float(deviations[-2]), float(deviations[-1])) if clock else (0.0, 0.0),
         signs=start.chosen.hypothesis.signs,
         noise=problem.noise,
         log_noise=row_noise(problem.robot, problem.bar, problem.joints, rod=problem.noise.rod),
-        autocorrelation=_lag_one(whitened),
-        fit=fit,
+        excess=Excess(rod=problem.noise.rod),
+        autocorrelation=evidence.autocorrelation,
+        chi2_per_dof=fit.chi2_per_dof,
+        converged=fit.converged,
         start=start,
-        iterations=iterations,
-        identifiability=subset,
-        before=_residuals(problem, _nominal_robot_fit(problem, fit.estimate, nominal)),
+        iterations=alone.iterations,
+        identifiability=alone.subset,
+        before=_residuals(problem, _nominal_robot_fit(problem, fit.estimate, alone.nominal)),
         after=_residuals(problem, fit.estimate),
         whitened=whitened,
         tcp_sigma=tcp_sigma(geometry, accuracy_grid(cell.robot), fit.parameters, covariance),
-        verdict=judge(fit, start, problem, cell, nominal, _lag_one(whitened)),
+        verdict=judge(evidence, start, cell, alone.nominal, problem.joints),
+        events=events,
     )
+
+
+def _scores(fit: Fit) -> Array:
+    """(P, N) gradient of half the cost that each sample contributes."""
+    final, n = fit.final, fit.final.closure.error.shape[1]
+    return np.asarray((final.jacobian * final.residual).reshape(final.jacobian.shape[0], -1, n).sum(axis=1))
+
+
+def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncertainty, k: int, source: str) -> Identification:
+    """The complete model's result for recording k."""
+    layout, one = fit.model.unknowns, alone[k]
+    problem = one.problem
+    geometry = _wrapped(layout.geometry(fit.x, k))
+    place, clock = layout.own[k].place, layout.own[k].clock
+    unknowns = np.concatenate((np.arange(layout.shared.size), _indices(layout.own[k].zeros), _indices(place)))
+    parameters = np.concatenate((layout.shared, layout.zero_parameters[k], [INDEX[n] for n in PLACE])).astype(np.intp)
+    by_data = trust.told_by_data[unknowns] > MOSTLY_PRIOR
+    told = unknowns[by_data] if clock is None else np.concatenate((unknowns[by_data], _indices(clock)))
+    covariance = trust.covariance[np.ix_(told, told)]
+    deviations = np.sqrt(np.diag(covariance))
+    parameters = parameters[by_data]
+    point = fit.linear.points[k]
+    events = tuple(event for event in fit.events if event.recording == k)
+    corrections = _correction_values(fit, trust)
+    machine = _machine_unknowns(fit)
+    at_prior = [NAMES[i] for i in layout.shared if i not in parameters]
+    evidence = Evidence(
+        fit.converged,
+        fit.iterations,
+        fit.chi2_per_dof,
+        trust.autocorrelation,
+        geometry,
+        tuple(NAMES[i] for i in parameters),
+        problem.times.size,
+        True,
+        log_remarks(problem.robot, problem.bar, problem.joints, events),
+        strained(fit),
+    )
+    error = point.closure.error
+    found = layout.clock(fit.x, k)
+    return Identification(
+        cell=cell,
+        joints=problem.joints,
+        nominal=_placed(one.nominal, geometry),
+        geometry=geometry,
+        sigma={NAMES[i]: float(s) for i, s in zip(parameters, deviations, strict=False)},
+        covariance=covariance,
+        parameters=parameters,
+        machine=MachineCovariance(tuple(layout.names[i] for i in machine), trust.covariance[np.ix_(machine, machine)]),
+        clock=None if clock is None else found,
+        clock_sigma=(0.0, 0.0) if clock is None else (float(deviations[-2]), float(deviations[-1])),
+        signs=one.start.chosen.hypothesis.signs,
+        noise=replace(problem.noise, rod=fit.excess.rod),
+        log_noise=row_noise(problem.robot, problem.bar, problem.joints, rod=fit.excess.rod),
+        excess=fit.excess,
+        autocorrelation=trust.autocorrelation,
+        chi2_per_dof=fit.chi2_per_dof,
+        converged=fit.converged,
+        start=one.start,
+        iterations=one.iterations + fit.iterations,
+        identifiability=replace(one.subset, parameters=parameters, dropped=_left(one.subset, at_prior)),
+        before=_residuals(problem, _nominal_robot_fit(problem, one.estimate, one.nominal)),
+        after=Residuals(problem.times, error[:3].T, error[3:].T),
+        whitened=fit.linear.residuals[k],
+        tcp_sigma=_machine_tcp_sigma(cell, fit, trust, k),
+        verdict=judge(evidence, one.start, cell, one.nominal, problem.joints),
+        corrections=corrections,
+        tension=tension_at(fit.model, fit.x, k),
+        tension_source=source,
+        events=events,
+    )
+
+
+def _left(subset: Identifiability, at_prior: Sequence[str]) -> tuple[Dependency, ...]:
+    known = {d.name: d for d in subset.dropped}
+    fixed = [d for d in subset.dropped if d.name in FIXED]
+    return (*fixed, *(known.get(name, Dependency(name, "prior", ())) for name in at_prior if name not in FIXED))
+
+
+def strained(fit: JointFit) -> tuple[str, ...]:
+    """Shared unknowns of a fit that lie further from their priors than chance explains."""
+    layout, count = fit.model.unknowns, fit.model.unknowns.coefficients.stop
+    far = np.abs(fit.x[:count] - layout.mean[:count]) / layout.sigma[:count]
+    return tuple(layout.names[i] for i in np.argsort(-far) if far[i] > STRAINED)
+
+
+def _correction_values(fit: JointFit, trust: Uncertainty) -> tuple[CorrectionValue, ...]:
+    layout, deviations = fit.model.unknowns, np.sqrt(np.diag(trust.covariance))
+    out = []
+    for correction in fit.model.corrections:
+        if correction.name not in CORRECTIONS:  # jumps of encoders belong to a recording, not to the machine
+            continue
+        where = _indices(coefficients_of(fit, correction))
+        rows = [
+            CoefficientValue(c.name, c.unit, *(float(v[i]) for v in (fit.x, deviations, layout.mean, layout.sigma, trust.told_by_data)))
+            for c, i in zip(correction.coefficients, where, strict=True)
+        ]
+        out.append(CorrectionValue(correction.name, correction.sentence, tuple(rows)))
+    return tuple(out)
+
+
+def _machine_unknowns(fit: JointFit) -> NDArray[np.intp]:
+    """Where geometry and coefficients stand in x; jumps of encoders belong to a recording, not to the machine."""
+    layout = fit.model.unknowns
+    lasting = [_indices(coefficients_of(fit, c)) for c in fit.model.corrections if c.name in CORRECTIONS]
+    return np.concatenate((np.arange(layout.shared.size), *lasting))
+
+
+def _machine_part(parameters: NDArray[np.intp], covariance: Array) -> MachineCovariance:
+    """That of the dh model: its parameters less encoder zeros and place."""
+    lasting = [k for k, i in enumerate(parameters) if PARAMETERS[i].side == "robot" or NAMES[i] == "bd3"]
+    return MachineCovariance(tuple(NAMES[parameters[k]] for k in lasting), covariance[np.ix_(lasting, lasting)])
+
+
+def _machine_tcp_sigma(cell: Cell, fit: JointFit, trust: Uncertainty, k: int) -> Array:
+    layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
+    robot = FreeRobot(cell, layout.geometry(fit.x, k), fit.model.corrections, fit.x[layout.coefficients])
+    unknowns = np.concatenate((np.arange(layout.shared.size), _indices(layout.coefficients)))
+    return position_sigma(robot.tool(grid), robot.jacobian(grid, layout.shared), trust.covariance[np.ix_(unknowns, unknowns)])
+
+
+def _indices(where: slice) -> NDArray[np.intp]:
+    return np.arange(where.start, where.stop)
+
+
+def _placed(nominal: Geometry, geometry: Geometry) -> Geometry:
+    return nominal.replaced({name: geometry[name] for name in ("ox", "oy", "oz")})
 
 
 def _nominal_robot_fit(problem: Problem, estimate: Estimate, nominal: Geometry) -> Estimate:

@@ -20,7 +20,7 @@ from ident.identifiability import candidates, identifiable
 from ident.noise import rod_deviation
 from ident.problem import Clock, NoiseModel, Problem
 from ident.sampling import MARGIN
-from ident.signals import DEGREE, SmoothLog
+from ident.signals import DEGREE, Outliers, SmoothLog
 from ident.solver import Fit, solve
 
 ROD_SIGMA_START = 2e-6  # [m] as for recordings (ident.identify)
@@ -69,8 +69,10 @@ def through_samples(t: Array, angles: Array) -> SmoothLog:
     if t.size <= 2 * DIFFERENCES:
         raise ValueError(f"{t.size} samples are too few; at least {2 * DIFFERENCES + 1} are needed")
     spline = make_interp_spline(t, angles, k=DEGREE)
-    period = float(t[1] - t[0])
-    return SmoothLog(spline, spline.derivative(), float(t[0]), float(t[-1]), noise_of(angles), period, period, np.empty((0, 2)))
+    period, nothing = float(t[1] - t[0]), Outliers(np.empty(0), np.empty(0, dtype=np.intp), 0, t.size)
+    return SmoothLog(
+        spline, spline.derivative(), float(t[0]), float(t[-1]), noise_of(angles), period, period, np.empty((0, 2)), t, nothing, ()
+    )
 
 
 def noise_of(angles: Array) -> Array:

@@ -26,6 +26,7 @@ from ident.closure import (
 )
 from ident.signals import SmoothLog
 
+ALIKE_OFFSET, ALIKE_SKEW = 2e-5, 1e-7  # [s], [1]
 FREE_JOINT_STEPS = 2  # Gauss-Newton steps for the joints without encoder at each linearisation; they converge quadratically
 
 
@@ -38,6 +39,10 @@ class Clock:
 
     def robot_time(self, t_bar: Array) -> Array:
         return self.offset + (1.0 + self.skew) * t_bar
+
+    def alike(self, other: Clock) -> bool:
+        """Whether both show the same within what a ripple of the gears could notice."""
+        return abs(self.offset - other.offset) < ALIKE_OFFSET and abs(self.skew - other.skew) < ALIKE_SKEW
 
 
 @dataclass(frozen=True, eq=False)

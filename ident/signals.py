@@ -5,6 +5,9 @@ other, and they are linear, so white noise comes out known: a log with `n` rows 
 variance at the samples, and the residual gives the noise level itself without a dwell.
 
 The knot spacing is the widest one whose residual is white: a coarser one would bend the motion, a finer one keep noise.
+
+Before that the log is made continuous (ident.breaks) and rows that its neighbours contradict are left out (ident.outliers);
+then those that stand out of the spline's residual, until no more do. All of it is kept with the result, to be reported.
 """
 
 from __future__ import annotations
@@ -16,11 +19,26 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_lsq_spline
 
 from cell.chain import Array
+from ident.breaks import Break, find_breaks, without_breaks
+from ident.outliers import FAR_OUT, SIDE_ROWS, outliers, robust_sigma
 
 DEGREE = 5
 _WHITE = 0.1  # lag-one autocorrelation of the residual above which motion is left in it (smoothing alone makes it negative)
 GAP_PERIODS = 3.0  # a longer stretch without rows is not interpolated (log_formats H.5: missing samples)
 _ROWS_PER_KNOT = 3  # least-squares needs more rows than coefficients
+_UPPER_QUARTILE = 1.1503  # of |x| over its standard deviation, for normal x
+_WIDE = 2.0  # times the noise
+_STRIKE = 1e-4  # [rad] a joint that falls through its play moves by that within a row or two
+
+
+@dataclass(frozen=True, eq=False)
+class Outliers:
+    """Values of a log that no motion explains; their rows were left out."""
+
+    times: Array  # (K,) [s] on the log's clock
+    channels: NDArray[np.intp]  # (K,) from 0
+    rows: int  # left out; fewer than K where a row has several
+    of: int  # rows of the log
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +53,9 @@ class SmoothLog:
     row_period: float  # [s] median
     knot_spacing: float  # [s]
     gaps: Array  # (G, 2) [s] stretches without rows, where the spline says nothing
+    stamps: Array  # (N,) [s] of all rows
+    outliers: Outliers
+    breaks: tuple[Break, ...]  # jumps that were taken out
 
     def covers(self, t: Array) -> NDArray[np.bool_]:
         """(N,) whether rows stand on both sides close by: inside the log and in no gap."""
@@ -52,24 +73,96 @@ class SmoothLog:
 
 
 def smooth_log(t: Array, values: Array, *, widest_knot_spacing: float) -> SmoothLog:
-    """Spline of one log; t (N,) [s], values (N, channels) [rad].
+    """Spline of one log without its jumps and outliers; t (N,) [s], values (N, channels) [rad].
 
+    Where the clock jumped, the spline's time is that of the clock before its first step.
     Raises ValueError when the log has fewer rows than a spline needs.
     """
     if t.size < 4 * DEGREE:
         raise ValueError(f"a log of {t.size} rows is too short to be smoothed; at least {4 * DEGREE} are needed")
+    logged = t
+    breaks = find_breaks(t, values)
+    t, values = without_breaks(t, values, breaks)
     period = float(np.median(np.diff(t)))
     spacing = max(widest_knot_spacing, _ROWS_PER_KNOT * period)
+    contradicted = outliers(t, values)
     while True:
-        spline, residual, coefficients = _fit(t, values, spacing)
-        if (_lag_one(residual) < _WHITE).all() or spacing * 0.5 < _ROWS_PER_KNOT * period:
-            break
+        finest = spacing * 0.5 < _ROWS_PER_KNOT * period
+        fit = _fit_rows(t, values, spacing, contradicted)
+        if finest or _is_white(np.where(_standing_out(fit.residual), 0.0, fit.residual)):
+            fit = _trimmed(t, values, spacing, fit)
+            if finest or _is_white(fit.residual):
+                break
         spacing *= 0.5
-    dof = max(1, t.size - coefficients)
-    noise = np.sqrt((residual * residual).sum(axis=0) / dof)
-    wide = np.flatnonzero(np.diff(t) > GAP_PERIODS * period)
-    gaps = np.column_stack((t[wide], t[wide + 1]))
-    return SmoothLog(spline, spline.derivative(), float(t[0]), float(t[-1]), noise, period, spacing, gaps)
+    rows = ~fit.out.any(axis=1)
+    kept = t[rows]
+    noise = np.sqrt((fit.residual * fit.residual).sum(axis=0) / max(1, kept.size - fit.coefficients))
+    wide = np.flatnonzero(np.diff(kept) > GAP_PERIODS * period)
+    gaps = np.column_stack((kept[wide], kept[wide + 1]))
+    found, channels = np.nonzero(fit.out)
+    left_out = Outliers(logged[found], channels, t.size - kept.size, t.size)
+    spline = fit.spline
+    return SmoothLog(spline, spline.derivative(), float(kept[0]), float(kept[-1]), noise, period, spacing, gaps, t, left_out, breaks)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A spline of the rows without outliers."""
+
+    spline: BSpline
+    residual: Array  # (rows kept, channels) [rad]
+    coefficients: int
+    out: NDArray[np.bool_]  # (N, channels) the outliers
+
+
+def _fit_rows(t: Array, values: Array, spacing: float, out: NDArray[np.bool_]) -> _Fit:
+    rows = ~out.any(axis=1)
+    if rows.all():
+        return _Fit(*_fit(t, values, spacing), out)
+    return _Fit(*_fit(t[rows], values[rows], spacing), out)
+
+
+def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit) -> _Fit:
+    """The fit without the values that stand out of its residual, and so on until none does.
+
+    What was left out comes back for good where the residual around it stays wide: motion too quick for the knots is no outlier.
+    """
+    motion, given = np.zeros(values.shape, dtype=bool), fit.out
+    while True:
+        rows = ~fit.out.any(axis=1)
+        found = np.zeros(values.shape, dtype=bool)
+        found[rows] = _standing_out(fit.residual)
+        found &= ~motion
+        if not found.any():
+            return fit
+        trial = _fit_rows(t, values, spacing, fit.out | found)
+        back = trial.out & ~given & _in_motion(values - trial.spline(t), trial.out)
+        motion |= back
+        out = trial.out & ~back
+        if not np.array_equal(out, fit.out):
+            fit = _fit_rows(t, values, spacing, out) if back.any() else trial
+
+
+def _standing_out(residual: Array) -> NDArray[np.bool_]:
+    """(N, channels) what is far out of the residual."""
+    size = np.abs(residual)
+    return np.asarray(size > np.maximum(FAR_OUT * robust_sigma(residual), _STRIKE))
+
+
+def _in_motion(residual: Array, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N, channels) the outliers around which the residual of the other rows is wide."""
+    sigma = robust_sigma(np.where(out, 0.0, residual))
+    offsets = np.concatenate((np.arange(-SIDE_ROWS, 0), np.arange(1, SIDE_ROWS + 1)))
+    rows, channels = np.nonzero(out)
+    around = np.clip(rows[:, None] + offsets, 0, residual.shape[0] - 1), channels[:, None]
+    size = np.where(out[around], 0.0, np.abs(residual[around]))
+    wide = np.zeros(out.shape, dtype=bool)
+    wide[rows, channels] = np.quantile(size, 0.75, axis=1) > _WIDE * _UPPER_QUARTILE * sigma[channels]
+    return wide
+
+
+def _is_white(residual: Array) -> bool:
+    return bool((_lag_one(residual) < _WHITE).all())
 
 
 def _fit(t: Array, values: Array, spacing: float) -> tuple[BSpline, Array, int]:

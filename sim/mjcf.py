@@ -17,10 +17,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.bodies import bar_bodies, flange_on_link6, robot_bodies
 from cell.chain import Array, Chain, forward
 from cell.descriptions import Cell, Link, ServoGains
 from cell.geometry import BAR_ROWS, ROBOT_ROWS, Geometry
-from sim.bodies import bar_bodies, flange_on_link6, robot_bodies
 from sim.plant_effects import PlantEffects
 
 WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (mujoco_facts sec. 2)

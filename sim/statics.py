@@ -25,7 +25,8 @@ MOTOR, GEAR, BAR = slice(0, 6), slice(6, 12), slice(12, 17)
 ROD, PLATE, BASE = 17, 18, slice(19, 22)
 COORDINATES = 22
 INSIDE_PLAY = 1e-4  # stiffness inside a dead band, of that outside
-_MAX_STEPS = 300
+_MAX_STEPS = 400
+_PATIENCE = 40  # Newton steps before they are halved; without play ten suffice
 _FORCE_TOLERANCE = 1e-8  # [N m, N] remaining generalised force
 _CLOSURE_TOLERANCE = 1e-13  # [m, rad]
 
@@ -78,7 +79,7 @@ def rest(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGain
     x[MOTOR], x[BAR] = q, b
     multipliers = np.zeros(6)
     active = machine.active
-    for _ in range(_MAX_STEPS):
+    for k in range(_MAX_STEPS):
         ends = _ends(machine, x)
         closed, columns = _closure(ends), _closure_columns(ends)[:, active]
         force, hessian = _forces(machine, ends, x)
@@ -87,8 +88,9 @@ def rest(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGain
             return _as_rest(machine, x, float(force[ROD] - _rod_weight(machine, ends)))
         system = np.block([[hessian[np.ix_(active, active)], columns.T], [columns, np.zeros((6, 6))]])
         solution = np.linalg.solve(system, -np.concatenate((force[active], closed)))
-        x[active] += np.clip(solution[: active.size], -0.1, 0.1)
-        multipliers = solution[active.size :]
+        share = 0.5 ** (k // _PATIENCE)  # steps may hop between the ends of a play for ever; shorter ones come to rest
+        x[active] += share * np.clip(solution[: active.size], -0.1, 0.1)
+        multipliers += share * (solution[active.size :] - multipliers)
     raise NoEquilibriumError(f"statics: no equilibrium in {_MAX_STEPS} steps; loop open by {np.abs(closed).max():.3g}")
 
 

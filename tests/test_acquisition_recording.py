@@ -120,12 +120,6 @@ def test_a_bar_without_sensors_has_no_ballbar_log(tmp_path: Path) -> None:
     assert len(recording.robot_log.t) == 800
 
 
-def test_torque_columns_are_known_and_not_used(tmp_path: Path) -> None:
-    lines = robot_lines()
-    lines = [lines[0] + "," + ",".join(f"tau{i}" for i in range(1, 7))] + [line + ",1,2,3,4,5,6" for line in lines[1:]]
-    assert found(read_recording(write(tmp_path, robot=lines))) == []
-
-
 def test_files_of_one_source_are_joined_in_order_of_time(tmp_path: Path) -> None:
     lines = bar_lines()
 
@@ -327,7 +321,8 @@ ROBOT_FILES = ("sources", "robot", "files")
     [
         (
             put("sources", "robot", "dialect", value="abb-moto"),
-            "sources.robot.dialect: unknown dialect 'abb-moto'. Did you mean abb-motor? Valid dialects: abb-motor, twincat-plc",
+            "sources.robot.dialect: unknown dialect 'abb-moto'. Did you mean abb-motor? "
+            "Valid dialects: abb-motor, force-torque, twincat-plc",
         ),
         (put("sources", "robot", "dialect", value="../twincat-plc"), "unknown dialect '../twincat-plc'"),
         (
@@ -378,8 +373,10 @@ def test_the_same_file_named_twice_overlaps_itself(tmp_path: Path) -> None:
 
 
 def test_every_dialect_says_what_its_side_needs() -> None:
-    assert {"abb-motor", "twincat-plc"} <= set(dialect_names())
+    assert {"abb-motor", "force-torque", "twincat-plc"} <= set(dialect_names())
     for name in dialect_names():
         dialect = load_dialect(name)
         assert len(dialect.motors) == (6 if dialect.source == "robot" else 0)
+        assert len(dialect.torques) in ((0, 6) if dialect.source == "robot" else (0,))
+        assert len(dialect.wrench) == (6 if dialect.source == "force" else 0)
         assert 0.0 < dialect.period_s[0] < dialect.period_s[1]

@@ -12,7 +12,7 @@ from acquisition.report import Finding
 from acquisition.table import Form, Table, read_table
 from cell.errors import LogError
 
-COUNTERS = Layout((";", ","), {"time": "integer", "b1": "integer", "b2": "integer"}, {"s1": "integer"}, frozenset({"note"}))
+COUNTERS = Layout((";", ","), {"time": "integer", "b1": "integer", "b2": "integer"}, {"s1": "integer"})
 MOTORS = Layout((",", ";", "\t"), {"time": "float", "m1": "float", "m2": "float"})
 EPOCH = 1_100_000_000_000_000_001  # [ns] near 2034 in time since 2000; the last digit is lost in a float64
 
@@ -48,7 +48,7 @@ def test_columns_are_found_by_name_in_any_order_and_separator_and_others_are_nam
     table, form, findings = read(tmp_path, "note,b2,extra,time,s1,b1\nx,2,hello,10,7,1\ny,4,world,20,8,3\n")
     assert {name: column.tolist() for name, column in table.columns.items()} == {"time": [10, 20], "b1": [1, 3], "b2": [2, 4], "s1": [7, 8]}
     assert form.separator == "comma"
-    assert [(one.kind, one.severity, one.sentence) for one in findings] == [("column not used", "warning", "extra.")]
+    assert [(one.kind, one.severity, one.sentence) for one in findings] == [("column not used", "warning", "note, extra.")]
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r", "\n\r\n"])

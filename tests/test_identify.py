@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from acquisition import read_recording
-from ballbar.compare import compare_with_truth
+from ballbar.compare import identification_against_truth
 from ballbar.run import identify_folder, run_scenario
 from ballbar.scenario import load_scenario
 from cell.descriptions import load_cell
@@ -68,7 +68,7 @@ def test_any_number_of_encoders_goes_through_the_same_code(tmp_path: Path, fitte
     assert result.parameters.size == parameters
     assert result.verdict.status in ("good", "suspect")
     assert result.iterations <= 10
-    comparison = compare_with_truth(result, recorded.simulation.truth)
+    comparison = identification_against_truth(result, recorded.simulation.truth)
     assert comparison.tcp_nominal.mean > 1e-3
     assert comparison.tcp.mean * 1e3 < tcp_mm
     if fitted:
@@ -89,7 +89,7 @@ def test_the_other_robot_and_another_rod_work_too(tmp_path: Path) -> None:
         path={"kind": "lissajous", "file": str(tmp_path / "path.yaml"), "duration_s": 60.0, "dwell_s": 2.0, "stops": 1},
         plant={"kind": "kinematic"},
     )
-    comparison = compare_with_truth(identified(recorded), recorded.simulation.truth)
+    comparison = identification_against_truth(identified(recorded), recorded.simulation.truth)
     assert comparison.tcp.mean < 0.03e-3 < comparison.tcp_nominal.mean
 
 
@@ -149,7 +149,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_whi
     for seed in range(12):
         recorded = record(tmp_path / str(seed) / "recording", plant={"kind": "kinematic"}, seed=100 + seed)
         result = identified(recorded, samples=400)
-        deviations = compare_with_truth(result, recorded.simulation.truth).deviations
+        deviations = identification_against_truth(result, recorded.simulation.truth).deviations
         hits += [abs(d) < 1.96 * result.sigma[name] for name, d in deviations.items()]
     assert 0.90 < np.mean(hits) < 0.99
 

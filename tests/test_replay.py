@@ -19,7 +19,7 @@ from rerun.chunk import RrdReader
 
 from acquisition.recording import read_recording
 from ballbar import replay
-from ballbar.compare import Limit, compare, reference_of
+from ballbar.compare import Limit, identification_against_truth
 from ballbar.replay import open_viewer, recording_id, serve_web, write_replay
 from ballbar.replay_layout import rounded_up
 from ballbar.replay_motion import base_alignment, cell_motion, quat_xyzw, true_tool
@@ -83,7 +83,7 @@ def _run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
     write_recording(simulation, scenario, folder / "recording")
     recording = read_recording(folder / "recording")
     found = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=300)
-    comparison = compare(simulation.cell.robot, found.geometry, found.nominal, reference_of(simulation.truth), list(found.sigma))
+    comparison = identification_against_truth(found, simulation.truth)
     limits = (Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm"), Limit("iterations", 11.0, 10.0, ""))
     return RunData("minute", folder / "recording", recording, found, simulation, comparison, limits)
 

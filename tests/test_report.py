@@ -15,7 +15,7 @@ import pytest
 
 from acquisition import read_recording
 from ballbar import report_figures
-from ballbar.compare import Limit, compare_with_truth
+from ballbar.compare import Limit, identification_against_truth
 from ballbar.report import write_report
 from ballbar.report_numbers import MISSING, fixed, significant, to_sigma
 from ballbar.report_provenance import without_folders
@@ -55,7 +55,7 @@ def _run(folder: Path, fitted: tuple[int, ...]) -> RunData:
     write_recording(simulation, settings, folder)
     recording = read_recording(folder)
     result = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=250)
-    return RunData("irb2400", folder, recording, result, simulation, compare_with_truth(result, simulation.truth))
+    return RunData("irb2400", folder, recording, result, simulation, identification_against_truth(result, simulation.truth))
 
 
 @pytest.fixture(scope="module")

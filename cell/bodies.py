@@ -1,4 +1,4 @@
-"""Mass properties in the frames where the MuJoCo model needs them.
+"""Mass properties in the frames that turn with their joints: what a plant or a dynamic model needs.
 
 Descriptions give centres of mass and inertias in a base frame with all joints at zero. Body i turns with joint i, so its
 frame is that of DH row i-1 at zero.
@@ -15,6 +15,16 @@ from cell.descriptions import Cell, Link
 def robot_bodies(cell: Cell) -> list[Link]:
     """Links 1..6 of the robot, each in the frame that turns with its joint."""
     return _local(_robot_chain(cell), cell.robot.links[1:])
+
+
+def carried_bodies(cell: Cell) -> list[list[Link]]:
+    """Links 1..6 of the robot and, on the sixth, the plate; each in the frame that turns with its joint."""
+    rotation, flange = flange_on_link6(cell)
+    plate = cell.plate.body
+    on_link6 = Link(plate.mass, flange + rotation @ plate.com, rotation @ plate.inertia @ rotation.T)
+    bodies = [[link] for link in robot_bodies(cell)]
+    bodies[5].append(on_link6)
+    return bodies
 
 
 def bar_bodies(cell: Cell) -> list[Link]:

@@ -1,0 +1,20 @@
+"""The offset plate bends as a cantilever: a hinge a third of its length from the sixth axis (thesis sec. 4.5)."""
+
+from __future__ import annotations
+
+from cell.descriptions import Cell
+from ident.corrections.base import PLATE, Coefficient, Correction
+
+SPREAD = 1.0  # of the catalogue compliance
+
+
+def plate_bending(cell: Cell, joints: tuple[int, ...]) -> Correction:
+    """Compliance of the hinge [rad/(N m)]."""
+    compliance = 1.0 / (cell.plate.tip_stiffness * (2.0 / 3.0 * cell.plate.length) ** 2)
+    return Correction(
+        "plate_bending",
+        "bending plate",
+        (Coefficient("plate_compliance", "rad/(N m)", compliance, SPREAD * compliance, PLATE),),
+        lambda state: [state.loads.plate_moment(state.tension)],
+        lambda state: [state.loads.plate_per_newton],
+    )

@@ -1,0 +1,85 @@
+"""What the gears, the plate and the rod carry, as a linear function of one unknown: the tension F of the rod.
+
+    tau = tau_0 + tau_1 F       torque at each gear's output that carries and moves the arm and holds the ball-bar
+
+With frictionless ball-bar joints five of the six components of the force at the tool follow from the weight of the
+ball-bar's links, and the sixth is F: `A' w = g_b + e_rod F`, A the motions of the ball-bar's end for its five joints and the
+rod's stretch. The robot carries its own links and plate (mass model of the cell files) and `-w` at the tool.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.bodies import bar_bodies, carried_bodies
+from cell.chain import Array, Frames, cross, joint_screws, screw
+from cell.descriptions import Cell, Link
+from cell.dynamics import joint_torques
+from cell.geometry import Geometry, bar_frames, robot_frames
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """Loads of N samples; each the sum of a part that is known and a part per newton of rod tension."""
+
+    gear: Array  # (6, N) [N m] at the gears' outputs, positive along the gear: what the motors must give
+    gear_per_newton: Array  # (6, N) [m]
+    plate: Array  # (N,) [N m] moment that bends the plate, positive along the tool's y
+    plate_per_newton: Array  # (N,) [m]
+
+    def gears(self, tension: Array) -> Array:
+        """(6, N) [N m] at a rod tension (N,) [N]."""
+        return self.gear + self.gear_per_newton * tension
+
+    def plate_moment(self, tension: Array) -> Array:
+        """(N,) [N m] at a rod tension (N,) [N]."""
+        return self.plate + self.plate_per_newton * tension
+
+
+@dataclass(frozen=True, eq=False)
+class MassModel:
+    """Masses of one cell, in the frames that turn with the joints."""
+
+    arm: list[list[Link]]
+    bar: list[list[Link]]
+    gravity: Array  # (3,) [m/s^2]
+    gear_to_joint: Array  # (6, 6)
+
+
+def mass_model(cell: Cell) -> MassModel:
+    """The cell files' masses."""
+    return MassModel(carried_bodies(cell), [[link] for link in bar_bodies(cell)], cell.robot.gravity, cell.robot.gear_to_joint)
+
+
+def loads(masses: MassModel, geometry: Geometry, q: Array, b: Array, speed: Array, acceleration: Array) -> Loads:
+    """Loads along a motion: robot angles q, speeds and accelerations (N, 6), ball-bar angles b (N, 5), zeros not in them."""
+    robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
+    arm = joint_torques(robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration)
+    weight, per_newton = on_ballbar(masses, bar, b)
+    screws = joint_screws(robot)
+    held = arm + (screws * weight).sum(axis=1)
+    held_per_newton = (screws * per_newton).sum(axis=1)
+    hinge = robot.tip - (2.0 / 3.0 * geometry["ra6"]) * robot.x[-1]
+    lever = cross(robot.y[-1], robot.tip - hinge)
+    bend, bend_per_newton = (-(lever * w[:3]).sum(axis=0) - (robot.y[-1] * w[3:]).sum(axis=0) for w in (weight, per_newton))
+    return Loads(masses.gear_to_joint @ held, masses.gear_to_joint @ held_per_newton, bend, bend_per_newton)
+
+
+def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Array:
+    """(6, N) [N m] at the gears' outputs: the free robot with its plate, at rest at q (N, 6) [rad]."""
+    return np.asarray(masses.gear_to_joint @ joint_torques(robot_frames(geometry, q), masses.arm, q, gravity=masses.gravity))
+
+
+def on_ballbar(masses: MassModel, bar: Frames, b: Array) -> tuple[Array, Array]:
+    """(6, N) [N, N m] what the tool exerts on the ball-bar's end (moment about the tip) without tension, and per newton of it."""
+    motions = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None]))  # (6, 6, N)
+    hinges = joint_torques(bar, masses.bar, b, gravity=masses.gravity)
+    riding = sum(link.mass for links in masses.bar[2:] for link in links)
+    along = -riding * (masses.gravity @ bar.z[2])
+    asked = np.concatenate((hinges, along[None])).T
+    tension = np.zeros_like(asked)
+    tension[:, 5] = 1.0
+    solved = np.linalg.solve(motions.transpose(2, 0, 1), np.stack((asked, tension), axis=2))
+    return solved[:, :, 0].T.copy(), solved[:, :, 1].T.copy()
