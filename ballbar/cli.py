@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
@@ -18,6 +19,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from acquisition import coarse_alignment, read_recording, report_lines
+from ballbar.claim_command import say_verdicts, write_page
+from ballbar.claim_run import judge_all, topics
 from ballbar.compare import Comparison, compare, compare_with_truth
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
 from ballbar.replay import ViewerError, open_viewer, serve_web
@@ -28,7 +31,7 @@ from ballbar.scenario import IdentifySettings, load_scenario
 from ballbar.sweep_check import load as load_sweep
 from ballbar.sweep_command import run_bar, say_outcome
 from ballbar.sweep_run import SweepError, run_sweep
-from ballbar.sweep_workers import dask_cluster, processes
+from ballbar.sweep_workers import dask_cluster, process_pool, processes
 from ballbar.trial import run_trial
 from cell.descriptions import load_cell
 from cell.errors import InputError
@@ -44,6 +47,8 @@ from sim.plant import PlantError
 from sim.simulate import Simulation, truth_path
 from sim.statics import NoEquilibriumError
 from sim.truth import load_truth
+
+CLAIM_WORKERS = 2  # processes: claims are for a laptop, and for continuous integration
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -250,6 +255,28 @@ def sweep(
     with run_bar(err, settings.plan) as progress:
         outcome = run_sweep(settings, folder, run_trial, computing, progress=progress)
     raise typer.Exit(0 if say_outcome(out, outcome) else 1)
+
+
+@app.command(epilog="Example: `ballbar claims --quick`, or `ballbar claims noise`")
+def claims(
+    names: Annotated[list[str] | None, typer.Argument(help="Of scenarios/claims, or files; default all.", metavar="NAME")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer points and seeds: less than a minute.")] = False,
+    page: Annotated[Path | None, typer.Option("--out", help="Write them, with figures, as a page.", metavar="FILE.md")] = None,
+) -> None:
+    """Check what the thesis says against what comes out here, by the runs behind each claim.
+
+    Exits with 1 when a check fails.
+    """
+    if page is not None and names:
+        raise InputError("--out: the page is of all claims; leave the names out.")
+    chosen = topics(names or ())
+    with TemporaryDirectory(prefix="ballbar-claims-") as work, process_pool(CLAIM_WORKERS) as computing:
+        judged = judge_all(chosen, Path(work), computing, quick=quick, showing=partial(run_bar, err))
+    passed = say_verdicts(out, judged)
+    if page is not None:
+        write_page(page, judged)
+        out.print(f"Page {escape(str(page))}")
+    raise typer.Exit(0 if passed else 1)
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:

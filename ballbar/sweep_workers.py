@@ -49,7 +49,7 @@ def process_pool(count: int) -> Iterator[Callable[[Job], AbstractContextManager[
 
         def submit(job: Job, part: int) -> Future[list[Row]]:
             try:
-                with _interrupt_held():  # the pool starts its processes here
+                with _stop_signals_held():  # the pool starts its processes here
                     return pool.submit(run_part, job.text, part, job.work, job.top)
             except BrokenProcessPool as error:  # told like every other part's, when it is collected
                 broken: Future[list[Row]] = Future()
@@ -60,7 +60,7 @@ def process_pool(count: int) -> Iterator[Callable[[Job], AbstractContextManager[
             yield lambda job: nullcontext(Workers(partial(submit, job), lambda: count))
         except BaseException:
             for process in set(multiprocessing.active_children()) - others:
-                process.kill()
+                process.kill()  # not `terminate`, which they do not hear
             raise
         finally:
             pool.shutdown(cancel_futures=True)
@@ -116,9 +116,12 @@ def _end_with_driver() -> None:
 
 
 @contextmanager
-def _interrupt_held() -> Iterator[None]:
-    """Processes started within never see Ctrl-C, which the terminal sends to all: the driver lets them finish their part."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+def _stop_signals_held() -> Iterator[None]:
+    """Processes started within never see Ctrl-C, nor the SIGTERM of a batch system.
+
+    Both go to all processes at once; the driver hears them and lets its workers finish their part.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:

@@ -215,19 +215,40 @@ def driver_peak(runs: int) -> float:
 
 
 def dask() -> None:
-    """One against two Dask workers, real runs."""
+    """One against two Dask workers, real runs; beside them as many plain processes, which is what the machine could give."""
+    gains: list[tuple[float, float]] = []
+    for _ in range(2):
+        (one, plain_one), (two, plain_two) = ((dask_rate(count), plain_rate(count)) for count in (1, 2))
+        gains.append((two / one, plain_two / plain_one))
+    there, plain = np.median(gains, axis=0)
+    print(f"two Dask workers against one: {there:.2f} times the runs a second (required 1.7), two plain processes {plain:.2f} times")
+    print("  rounds: " + ", ".join(f"{a:.2f} and {b:.2f}" for a, b in gains))
+
+
+def dask_rate(workers: int) -> float:
+    """[runs/s] of a local cluster."""
     from distributed import LocalCluster  # noqa: PLC0415
 
-    rates: dict[int, list[float]] = {1: [], 2: []}
-    for _ in range(2):
-        for count, found in rates.items():
-            with LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
-                there = partial(dask_cluster, address=cluster.scheduler_address)
-                swept(trial, 40, there)  # workers import and plan their path
-                found.append(swept(trial, 160 * count, there).steady)
-    one, two = (float(np.median(found)) for found in rates.values())
-    ratios = ", ".join(f"{b / a:.2f}" for a, b in zip(*rates.values(), strict=True))
-    print(f"two Dask workers against one: {two / one:.2f} times the runs a second (required 1.7; rounds {ratios})")
+    with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        there = partial(dask_cluster, address=cluster.scheduler_address)
+        swept(trial, 40, there)  # workers import and plan their path
+        return swept(trial, 160 * workers, there).steady
+
+
+def plain_rate(count: int) -> float:
+    """[runs/s] of plain processes, together."""
+    with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as pool:
+        return sum(pool.map(_rate, [160] * count))
+
+
+def _rate(runs: int) -> float:
+    with TemporaryDirectory() as top:
+        plan = sweep_of(Path(top), runs).plan
+    trial(run_of(plan, 0).scenario, SCENARIOS)
+    begin = time.perf_counter()
+    for number in range(runs):
+        trial(run_of(plan, number).scenario, SCENARIOS)
+    return runs / (time.perf_counter() - begin)
 
 
 def million() -> None:

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.chain import Array
-from ident.outliers import CUBIC, FAR_OUT, SIDE_ROWS, Stretches, least_squares, powers, stretches, suspects
+from ident.outliers import CUBIC, FAR_OUT, NORMAL_MEDIAN, SIDE_ROWS, Stretches, least_squares, outliers, powers, stretches, suspects
 
-SMALLEST_JUMP = 5e-4  # [rad] a third of a signal period of 3600 lines; play that a joint falls through is less
+SMALLEST_JUMP = 6e-4  # [rad] a third of a signal period of 3600 lines; a joint that strikes in its play moves by less
 SMALLEST_STEP = 2e-3  # [s] half a row of the quicker log
 EXPLAINED = 3.0  # times: by so much a jump must shrink the spread of the rows beside it
 LONG = 1.0  # [s] a cubic bridges anything across a longer gap, so only that the motion goes on as if there were none tells of a step
@@ -36,9 +36,10 @@ class Break:
 def find_breaks(t: Array, values: Array) -> tuple[Break, ...]:
     """The jumps of a log with rows t (N,) [s], values (N, C) [rad], in order of time."""
     period = float(np.median(np.diff(t)))
-    steps = _clock_steps(t, values, period)
+    out = outliers(t, values)
+    steps = _clock_steps(t, values, out, period)
     clock = continuous_clock(t, steps)
-    found = [(row, None, size) for row, size in steps] + _channel_jumps(clock, values, period)
+    found = [(row, None, size) for row, size in steps] + _channel_jumps(clock, values, out, period)
     middle = 0.5 * (clock[1:] + clock[:-1])
     return tuple(Break(row, float(middle[row - 1]), channel, size) for row, channel, size in sorted(found, key=lambda one: one[0]))
 
@@ -62,41 +63,48 @@ def continuous_clock(t: Array, steps: list[tuple[int, float]]) -> Array:
     return out
 
 
-def _clock_steps(t: Array, values: Array, period: float) -> list[tuple[int, float]]:
-    """First row behind and size [s] of each step of the clock."""
+def _clock_steps(t: Array, values: Array, out: NDArray[np.bool_], period: float) -> list[tuple[int, float]]:
+    """First row behind and size [s] of each step of the clock; out (N, C) values that must not speak."""
     irregular = np.flatnonzero(np.abs(np.diff(t) - period) > SMALLEST_STEP) + 1
     if irregular.size == 0:
         return []
     suspect, sigma = suspects(t, values)
-    out: list[tuple[int, float]] = []
+    steps: list[tuple[int, float]] = []
     for row in irregular:
         noticed = suspect[max(0, row - 2) : row + 2].any() or t[row] - t[row - 1] > LONG
-        if noticed and (size := _clock_step(t, values, suspect, sigma, int(row), period)) is not None:
-            out.append((int(row), size))
-    return out
+        if noticed and (size := _clock_step(t, values, out, sigma, int(row), period)) is not None:
+            steps.append((int(row), size))
+    return steps
 
 
-def _clock_step(t: Array, values: Array, suspect: NDArray[np.bool_], sigma: Array, row: int, period: float) -> float | None:
+def _clock_step(t: Array, values: Array, out: NDArray[np.bool_], sigma: Array, row: int, period: float) -> float | None:
     """[s] by how much the rows behind must be set back for the motion to go on; None if that does not explain them."""
-    beside = np.arange(max(0, row - SIDE_ROWS - 2), min(t.size, row + SIDE_ROWS + 2))
-    # an outlier close by must not speak; the rows at the step itself are suspect because of it
-    sound = ~suspect[beside] | (np.abs(beside - row + 0.5) < 2.0)[:, None]
-    behind = (beside >= row).astype(np.float64)
-    step = float(t[row] - t[row - 1] - period)  # as though no row were missing or late
-    long = step > LONG
-    before = np.inf if long else _misfit(t[beside], values[beside], sound, sigma, behind, period, 0.0).spread
+    beside = slice(max(0, row - SIDE_ROWS - 2), min(t.size, row + SIDE_ROWS + 2))
+    behind = (np.arange(t.size)[beside] >= row).astype(np.float64)
+    stamps, angles, sound = t[beside], values[beside], ~out[beside]
+    guess = step = float(t[row] - t[row - 1] - period)  # as though no row were missing or late
     for _ in range(REFINEMENTS):
-        step += _misfit(t[beside], values[beside], sound, sigma, behind, period, step).correction
-    after = _misfit(t[beside], values[beside], sound, sigma, behind, period, step)
-    told = abs(step) > SMALLEST_STEP > FAR_OUT * after.sigma and before > max(FAR_OUT, EXPLAINED * after.spread)
-    return step if told and not (long and after.spread > CLOSE) else None
+        after = _misfit(stamps, angles, sound, sigma, behind, period, step)
+        step += after.correction
+        # an outlier beside a step is not seen before, since the rows around it agree on nothing
+        sound = sound & (after.left < FAR_OUT * max(1.0, float(np.median(after.left[sound])) / NORMAL_MEDIAN))
+    if abs(step - guess) > period or abs(step) < SMALLEST_STEP:
+        return None
+    after = _misfit(stamps, angles, sound, sigma, behind, period, step)
+    if FAR_OUT * after.sigma > SMALLEST_STEP:
+        return None
+    if guess > LONG:
+        return step if after.spread < CLOSE else None
+    before = _misfit(stamps, angles, sound, sigma, behind, period, 0.0).spread
+    return step if before > max(FAR_OUT, EXPLAINED * after.spread) else None
 
 
 @dataclass(frozen=True)
 class _Misfit:
     """What one cubic a channel leaves of the rows beside a clock step."""
 
-    spread: float  # rms in units of the noise
+    left: Array  # (n, C) size in units of the noise
+    spread: float  # its rms where sound
     correction: float  # [s] of the step that would leave least
     sigma: float  # [s] of that correction
 
@@ -116,33 +124,41 @@ def _misfit(t: Array, values: Array, sound: NDArray[np.bool_], sigma: Array, beh
     energy = float((moved * moved).sum())
     correction = -float((moved * left).sum()) / energy if energy > 0.0 else 0.0
     spread = float(np.sqrt((left * left).sum() / max(1.0, sound.sum() - CUBIC * sigma.size)))
-    return _Misfit(spread, correction, 1.0 / np.sqrt(energy) if energy > 0.0 else np.inf)
+    everywhere = np.abs(values - powers(x, CUBIC) @ coefficients.T) / sigma
+    return _Misfit(everywhere, spread, correction, 1.0 / np.sqrt(energy) if energy > 0.0 else np.inf)
 
 
-def _channel_jumps(t: Array, values: Array, period: float) -> list[tuple[int, int | None, float]]:
-    """First row behind, channel and size [rad] of each jump of one channel."""
-    suspect, _ = suspects(t, values)
-    out: list[tuple[int, int | None, float]] = []
-    for channel in np.flatnonzero(suspect.any(axis=0)):
-        column = values[:, channel]
-        where = stretches(t, suspect[:, channel], period)
-        behind = np.repeat([False, True], SIDE_ROWS)
-        enough = (where.counts[:, ~behind].sum(axis=1) >= CUBIC) & (where.counts[:, behind].sum(axis=1) >= CUBIC)
-        where = where.take(enough)
-        if where.first.size == 0:
-            continue
-        smooth = powers(where.clock(t, where.beside, period), CUBIC)
-        stepped = np.concatenate((smooth, np.broadcast_to(behind[:, None], (*smooth.shape[:2], 1))), axis=2)
-        without, _, _ = _spread(smooth, column, where)
-        spread, coefficients, inverse = _spread(stepped, column, where)
-        size = coefficients[:, -1]
-        clear = np.abs(size) > np.maximum(SMALLEST_JUMP, FAR_OUT * spread * np.sqrt(inverse[:, -1, -1]))
-        for k in np.flatnonzero(clear & (without > EXPLAINED * spread)):
-            rows = np.arange(where.first[k], where.last[k] + 1)
-            x = where.take(np.array([k])).clock(t, rows[None], period)[0]
-            error = column[rows] - powers(x, CUBIC) @ coefficients[k, :-1]
-            out.append((int(rows[0]) + _split(np.abs(error), np.abs(error - size[k])), int(channel), float(size[k])))
-    return out
+def _channel_jumps(t: Array, values: Array, out: NDArray[np.bool_], period: float) -> list[tuple[int, int | None, float]]:
+    """First row behind, channel and size [rad] of each jump of one channel; out (N, C) values that must not speak."""
+    jumps: list[tuple[int, int | None, float]] = []
+    for channel in range(values.shape[1]):
+        rows = np.flatnonzero(~out[:, channel])
+        jumps += [(int(rows[row]), channel, size) for row, size in _jumps(t[rows], values[rows, channel], period)]
+    return jumps
+
+
+def _jumps(t: Array, values: Array, period: float) -> list[tuple[int, float]]:
+    """First row behind and size [rad] of each jump of one channel (N,)."""
+    suspect, _ = suspects(t, values[:, None])
+    where = stretches(t, suspect[:, 0], period)
+    behind = np.repeat([False, True], SIDE_ROWS)
+    enough = (where.counts[:, ~behind].sum(axis=1) >= CUBIC) & (where.counts[:, behind].sum(axis=1) >= CUBIC)
+    where = where.take(enough)
+    if where.first.size == 0:
+        return []
+    smooth = powers(where.clock(t, where.beside, period), CUBIC)
+    stepped = np.concatenate((smooth, np.broadcast_to(behind[:, None], (*smooth.shape[:2], 1))), axis=2)
+    without, _, _ = _spread(smooth, values, where)
+    spread, coefficients, inverse = _spread(stepped, values, where)
+    size = coefficients[:, -1]
+    clear = np.abs(size) > np.maximum(SMALLEST_JUMP, FAR_OUT * spread * np.sqrt(inverse[:, -1, -1]))
+    jumps = []
+    for k in np.flatnonzero(clear & (without > EXPLAINED * spread)):
+        rows = np.arange(where.first[k], where.last[k] + 1)
+        x = where.take(np.array([k])).clock(t, rows[None], period)[0]
+        error = values[rows] - powers(x, CUBIC) @ coefficients[k, :-1]
+        jumps.append((int(rows[0]) + _split(np.abs(error), np.abs(error - size[k])), float(size[k])))
+    return jumps
 
 
 def _spread(basis: Array, column: Array, where: Stretches) -> tuple[Array, Array, Array]:

@@ -223,6 +223,8 @@ def identify_together(
     elif model == "dh":
         raise ValueError("model: dh fits one recording; several together need the complete model")
     asked = list(CORRECTIONS) if corrections is None else list(corrections)
+    if model == "auto" and corrections is None and len(alone) == 1 and len(alone[0].problem.joints) < COMPLETE_ENCODERS:
+        asked = []  # jumps can be sized all the same
     prepared = [one.prepared() for one in alone]
     fit = fit_machine(
         cell, alone[0].nominal, prepared, asked, force=force, rod_sigma=rod_sigma, prune=corrections is None, progress=progress
@@ -233,8 +235,9 @@ def identify_together(
 
 
 def _wants_more(simple: Identification) -> bool:
-    """Whether the dh model leaves something that the complete one could explain."""
-    return (simple.verdict.status in ("suspect", "misfit") or bool(simple.events)) and len(simple.joints) >= COMPLETE_ENCODERS
+    """Whether the dh model leaves something that the complete one could explain, or a jump to be sized."""
+    left = simple.verdict.status in ("suspect", "misfit") and len(simple.joints) >= COMPLETE_ENCODERS
+    return left or bool(simple.events)
 
 
 def _fit_alone(cell: Cell, logs: Logs, samples: int, progress: Callable[[str], None]) -> _Alone:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cell.chain import Array
 
 SMALLEST = 5e-5  # [rad] what deviates by less may stay: it is within a few times the noise of every sensor of the cell
-FAR_OUT = 6.0  # standard deviations: of a million values of white noise 0.002 are further out
+FAR_OUT = 5.0  # standard deviations: of a million values of white noise 0.6 are further out
 LONGEST_BURST = 5  # rows; what lasts longer is no outlier but something that happened
 SIDE_ROWS = 8  # sound rows on either side that judge a stretch
 REACH = 3  # times as many row periods: sound rows further away do not count
@@ -88,7 +88,7 @@ def suspects(t: Array, values: Array) -> tuple[NDArray[np.bool_], Array]:
 
 def _close(found: NDArray[np.bool_], rows: NDArray[np.intp]) -> None:
     """Marks the rows between suspects that a burst may join; in place."""
-    for k in np.flatnonzero((np.diff(rows) > 1) & (np.diff(rows) < LONGEST_BURST)):
+    for k in np.flatnonzero((np.diff(rows) > 1) & (np.diff(rows) <= LONGEST_BURST + 1)):
         found[rows[k] : rows[k + 1]] = True
 
 
@@ -106,14 +106,28 @@ def stretches(t: Array, suspect: NDArray[np.bool_], period: float) -> Stretches:
 
 def outliers(t: Array, values: Array) -> NDArray[np.bool_]:
     """(N, C) values that are not where the sound rows around them put them; t (N,) [s], values (N, C) [rad]."""
-    suspect, sigma = suspects(t, values)
-    period = float(np.median(np.diff(t)))
+    suspect, _ = suspects(t, values)
     out = np.zeros(values.shape, dtype=bool)
     for channel in np.flatnonzero(suspect.any(axis=0)):
-        where = stretches(t, suspect[:, channel], period)
-        where = where.take(where.counts.sum(axis=1) > CUBIC + 1)
-        if where.first.size:
-            _judge(t, values[:, channel], where, float(sigma[channel]), period, out[:, channel])
+        rows = np.arange(t.size)
+        while True:  # what stood in the shadow of a larger one shows once that is left out
+            found = _contradicted(t[rows], values[rows, channel])
+            if not found.any():
+                break
+            out[rows[found], channel] = True
+            rows = rows[~found]
+    return out
+
+
+def _contradicted(t: Array, values: Array) -> NDArray[np.bool_]:
+    """(N,) of one channel, the suspects that the rows beside them contradict."""
+    suspect, sigma = suspects(t, values[:, None])
+    period = float(np.median(np.diff(t)))
+    out = np.zeros(t.size, dtype=bool)
+    where = stretches(t, suspect[:, 0], period)
+    where = where.take(where.counts.sum(axis=1) > CUBIC + 1)
+    if where.first.size:
+        _judge(t, values, where, float(sigma[0]), period, out)
     return out
 
 

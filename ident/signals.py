@@ -20,7 +20,7 @@ from scipy.interpolate import BSpline, make_lsq_spline
 
 from cell.chain import Array
 from ident.breaks import Break, find_breaks, without_breaks
-from ident.outliers import FAR_OUT, SIDE_ROWS, outliers, robust_sigma
+from ident.outliers import FAR_OUT, SIDE_ROWS, SMALLEST, outliers, robust_sigma
 
 DEGREE = 5
 _WHITE = 0.1  # lag-one autocorrelation of the residual above which motion is left in it (smoothing alone makes it negative)
@@ -28,7 +28,7 @@ GAP_PERIODS = 3.0  # a longer stretch without rows is not interpolated (log_form
 _ROWS_PER_KNOT = 3  # least-squares needs more rows than coefficients
 _UPPER_QUARTILE = 1.1503  # of |x| over its standard deviation, for normal x
 _WIDE = 2.0  # times the noise
-_STRIKE = 1e-4  # [rad] a joint that falls through its play moves by that within a row or two
+STRIKE = 1e-4  # [rad] a joint that falls through its play moves by that within a row or two; no outlier where there are no others
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,23 +86,42 @@ def smooth_log(t: Array, values: Array, *, widest_knot_spacing: float) -> Smooth
     period = float(np.median(np.diff(t)))
     spacing = max(widest_knot_spacing, _ROWS_PER_KNOT * period)
     contradicted = outliers(t, values)
+    smallest = SMALLEST if contradicted.any() else STRIKE
     while True:
         finest = spacing * 0.5 < _ROWS_PER_KNOT * period
         fit = _fit_rows(t, values, spacing, contradicted)
-        if finest or _is_white(np.where(_standing_out(fit.residual), 0.0, fit.residual)):
-            fit = _trimmed(t, values, spacing, fit)
+        if finest or _is_white(np.where(_standing_out(fit.residual, smallest), 0.0, fit.residual)):
+            fit = _trimmed(t, values, spacing, fit, smallest)
             if finest or _is_white(fit.residual):
                 break
         spacing *= 0.5
     rows = ~fit.out.any(axis=1)
     kept = t[rows]
     noise = np.sqrt((fit.residual * fit.residual).sum(axis=0) / max(1, kept.size - fit.coefficients))
-    wide = np.flatnonzero(np.diff(kept) > GAP_PERIODS * period)
-    gaps = np.column_stack((kept[wide], kept[wide + 1]))
+    missing = _stretches(t, GAP_PERIODS * period)
+    left = _stretches(kept, max(GAP_PERIODS * period, spacing))  # where outliers lie, up to a knot interval is bridged
     found, channels = np.nonzero(fit.out)
     left_out = Outliers(logged[found], channels, t.size - kept.size, t.size)
     spline = fit.spline
-    return SmoothLog(spline, spline.derivative(), float(kept[0]), float(kept[-1]), noise, period, spacing, gaps, t, left_out, breaks)
+    return SmoothLog(
+        spline,
+        spline.derivative(),
+        float(kept[0]),
+        float(kept[-1]),
+        noise,
+        period,
+        spacing,
+        np.unique(np.concatenate((missing, left)), axis=0),
+        t,
+        left_out,
+        breaks,
+    )
+
+
+def _stretches(t: Array, longest: float) -> Array:
+    """(G, 2) [s] where rows t (N,) are further apart."""
+    wide = np.flatnonzero(np.diff(t) > longest)
+    return np.column_stack((t[wide], t[wide + 1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +141,7 @@ def _fit_rows(t: Array, values: Array, spacing: float, out: NDArray[np.bool_]) -
     return _Fit(*_fit(t[rows], values[rows], spacing), out)
 
 
-def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit) -> _Fit:
+def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit, smallest: float) -> _Fit:
     """The fit without the values that stand out of its residual, and so on until none does.
 
     What was left out comes back for good where the residual around it stays wide: motion too quick for the knots is no outlier.
@@ -131,7 +150,7 @@ def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit) -> _Fit:
     while True:
         rows = ~fit.out.any(axis=1)
         found = np.zeros(values.shape, dtype=bool)
-        found[rows] = _standing_out(fit.residual)
+        found[rows] = _standing_out(fit.residual, smallest)
         found &= ~motion
         if not found.any():
             return fit
@@ -143,10 +162,10 @@ def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit) -> _Fit:
             fit = _fit_rows(t, values, spacing, out) if back.any() else trial
 
 
-def _standing_out(residual: Array) -> NDArray[np.bool_]:
-    """(N, channels) what is far out of the residual."""
+def _standing_out(residual: Array, smallest: float) -> NDArray[np.bool_]:
+    """(N, channels) what is far out of the residual, and by no less than `smallest` [rad]."""
     size = np.abs(residual)
-    return np.asarray(size > np.maximum(FAR_OUT * robust_sigma(residual), _STRIKE))
+    return np.asarray(size > np.maximum(FAR_OUT * robust_sigma(residual), smallest))
 
 
 def _in_motion(residual: Array, out: NDArray[np.bool_]) -> NDArray[np.bool_]:

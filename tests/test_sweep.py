@@ -428,7 +428,7 @@ def test_a_torn_part_is_named_and_only_its_runs_are_repeated(reference: tuple[Lo
 def test_a_worker_that_dies_ends_the_sweep_in_words(tmp_path: Path) -> None:
     sweep = loaded(tmp_path, GRID)
     with pytest.raises(SweepError, match=r"a worker process died, runs \d+ to \d+ were under way\. Is there enough memory\?"):
-        swept(sweep, tmp_path / "out", partial(processes, count=1), sweep_work.figures_or_death)
+        swept(sweep, tmp_path / "out", partial(processes, count=2), sweep_work.figures_or_death)
 
 
 def test_a_worker_of_another_version_is_refused(tmp_path: Path) -> None:
@@ -526,7 +526,10 @@ def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) ->
             while len(list((tmp_path / "broken" / "parts").glob("*.parquet"))) < parts and time.monotonic() < until:
                 time.sleep(0.02)
             workers = psutil.Process(sweep.pid).children(recursive=True)
-            sweep.send_signal(number)
+            if number == signal.SIGKILL:
+                sweep.kill()
+            else:
+                os.killpg(sweep.pid, number)  # as a terminal does: workers hear it too
             said, _ = sweep.communicate(timeout=60.0)
         return sweep.returncode, said, workers
 

@@ -1,0 +1,127 @@
+"""The kinds of checks that a claim can make, and the numbers they look at. A closed set: nothing in a claim is evaluated."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from ballbar.beam import FIGURES
+from cell.schema import Strict
+from cell.schema_errors import nearest, wrong_key
+
+Scalar = str | int | float | bool | None
+Rows = dict[str, Scalar | list[Scalar]]  # column -> value, or values, of the runs meant
+Statistic = Literal["median", "mean", "min", "max", "rms", "largest", "spread"]  # largest: by size; spread: standard deviation
+TableName = Literal["3.2", "3.3", "3.4", "3.5", "sec. 3.3"]
+
+DISTANCE = "distance_mm_mrad"
+
+
+class Measure(Strict):
+    """A number out of some runs."""
+
+    what: str = Field(description="In words, before the number.")
+    statistic: Statistic = "median"
+    column: str = DISTANCE
+    rows: Rows = Field({}, description="The runs meant: column and value, or values.")
+    each: str | None = Field(None, description="One number for every value of this column.")
+
+
+class Bound(Measure):
+    """A number, or each of several, on one side of a limit."""
+
+    kind: Literal["at_most", "at_least"]
+    limit: float
+    reason: str
+
+
+class Ratio(Measure):
+    """A number of some runs over that of others."""
+
+    kind: Literal["ratio"]
+    of: Rows
+    over: Rows
+    at_least: float | None = None
+    at_most: float | None = None
+    reason: str
+
+    @model_validator(mode="after")
+    def _limited(self) -> Ratio:
+        if self.at_least is None and self.at_most is None:
+            raise ValueError("give at_least, at_most, or both")
+        return self
+
+
+class Ordered(Measure):
+    """Numbers of groups of runs, from small to large."""
+
+    kind: Literal["ordered"]
+    by: str = Field(description="Column that tells the groups apart.")
+    order: Annotated[list[Scalar], Field(min_length=2)] = Field(description="Its values, smallest number first.")
+    apart: Annotated[float, Field(gt=0.0)] = Field(1.0, description="Least factor from one to the next.")
+    reason: str
+
+
+class Monotonic(Measure):
+    """A number that rises, or falls, with a varied value."""
+
+    kind: Literal["monotonic"]
+    over: str
+    direction: Literal["rising", "falling"]
+    slack: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(0.0, description="Relative step the other way that is let pass.")
+    reason: str
+
+
+class AmongLargest(Strict):
+    """How many of the places among the largest errors of each run some parameters take."""
+
+    kind: Literal["among_largest"]
+    what: str
+    rows: Rows = Field({})
+    places: Annotated[int, Field(ge=1)]
+    parameters: Annotated[list[str], Field(min_length=1)] = Field(description="Names, or how they begin: `btheta`.")
+    at_least: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    at_most: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    reason: str
+
+
+class Difference(Strict):
+    """One entry of a printed table that comes out differently here."""
+
+    entry: str = Field(description="Row of the table: a cost, or the parameter left out.")
+    thesis: list[str] = Field([], description="Printed, and not found here.")
+    here: list[str] = Field([], description="Found here, and not printed.")
+    why: str
+
+
+class EqualTable(Strict):
+    """A table of ident.thesis_tables, but for the exceptions stated."""
+
+    kind: Literal["equal_table"]
+    what: str
+    table: TableName
+    exceptions: list[Difference] = Field([])
+    reason: str
+
+
+class Formula(Strict):
+    """A figure from first principles (ballbar.beam)."""
+
+    kind: Literal["formula"]
+    what: str
+    figure: str
+    value: float
+    unit: Literal["mm", "um", "urad"]
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(description="Relative.")
+    reason: str
+
+    @model_validator(mode="after")
+    def _known(self) -> Formula:
+        if self.figure not in FIGURES:
+            raise wrong_key("figure", message=f"there is no such figure.{nearest(self.figure, FIGURES, noun='figure')}")
+        return self
+
+
+Check = Annotated[Bound | Ratio | Ordered | Monotonic | AmongLargest | EqualTable | Formula, Field(discriminator="kind")]
+OF_RUNS = (Bound, Ratio, Ordered, Monotonic, AmongLargest)
