@@ -64,6 +64,8 @@ def _ratio(check: Ratio, evidence: Evidence) -> Outcome:
     above, below = numbers(check, evidence.table, check.of), numbers(check, evidence.table, check.over)
     if above.keys() != below.keys():
         raise InputError(f"{check.each}: the runs of `of` have the values {list(above)}, those of `over` {list(below)}")
+    if not all(below.values()):
+        raise InputError(f"{check.column}: the runs of `over` have 0, so there is no ratio")
     ratios = [above[value] / below[value] for value in above]
     least, most = check.at_least, check.at_most
     met = all((least is None or x >= least) and (most is None or x <= most) for x in ratios)
@@ -117,19 +119,12 @@ def _equal_table(check: EqualTable, evidence: Evidence) -> Outcome:
         if entry not in entries:
             raise InputError(f"exceptions: table {check.table} has no entry {entry}; it has {', '.join(entries)}")
     none: frozenset[str] = frozenset()
-    differ = {}
-    for entry in entries:
-        there, here = printed.get(entry, none), found.get(entry, none)
-        if there != here:
-            differ[entry] = (there - here, here - there)
-    surprises = [
-        f"{entry}: {_difference(*differ.get(entry, (none, none)))}"
-        for entry in {**expected, **differ}
-        if differ.get(entry) != expected.get(entry)
-    ]
-    shared = sum(len(printed.get(entry, none) & found.get(entry, none)) for entry in entries)
-    more = sum(len(here) for _, here in differ.values())
-    said = f"{check.what}: {shared} of {sum(map(len, printed.values()))} printed found here, {more or 'none'} more"
+    only = {
+        entry: (printed.get(entry, none) - found.get(entry, none), found.get(entry, none) - printed.get(entry, none)) for entry in entries
+    }
+    surprises = [f"{entry}: {_difference(*only[entry])}" for entry in entries if only[entry] != expected.get(entry, (none, none))]
+    items, missing, more = sum(map(len, printed.values())), *(sum(len(side[k]) for side in only.values()) for k in (0, 1))
+    said = f"{check.what}: {items - missing} of {items} printed found here, {more or 'none'} more"
     if surprises:
         return Outcome(False, f"{said}; not as stated: {'; '.join(surprises)}", "equal but for the exceptions")
     return Outcome(True, said, "equal but for the exceptions")

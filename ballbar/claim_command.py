@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from os.path import normpath
 from pathlib import Path
 
 from rich.console import Console
@@ -54,5 +55,5 @@ def write_page(page: Path, judged: Sequence[Judged]) -> None:
         if file.sweep is not None:
             commands[name] = f"ballbar sweep {folder}/{file.sweep}"
         elif file.identifiability is not None:
-            commands[name] = f"ballbar identifiability {folder}/{file.identifiability} --cost all"
+            commands[name] = f"ballbar identifiability {normpath(f'{folder}/{file.identifiability}')} --cost all"
     write_whole(page, page_text(judged, images, commands).encode())

@@ -83,9 +83,9 @@ def judge_all(chosen: Sequence[Topic], work: Path, computing: Computing, *, quic
 
     Raises InputError and DescriptionError for what is wrong in a file, SweepError when workers die.
     """
-    sweeps = {topic.name: _sweep_of(topic, quick=quick) for topic in chosen if topic.file.sweep is not None}
+    sweeps = [_sweep_of(topic, quick=quick) if topic.file.sweep is not None else None for topic in chosen]
     tables: dict[str, Path] = {}
-    for sweep in sweeps.values():
+    for sweep in filter(None, sweeps):
         plan = sweep.plan
         if plan.digest not in tables:
             with showing(plan) as progress:
@@ -93,7 +93,7 @@ def judge_all(chosen: Sequence[Topic], work: Path, computing: Computing, *, quic
             if not outcome.finished:
                 raise KeyboardInterrupt
             tables[plan.digest] = outcome.folder.table
-    return [_judged(topic, sweeps.get(topic.name), tables) for topic in chosen]
+    return [_judged(topic, sweep, tables) for topic, sweep in zip(chosen, sweeps, strict=True)]
 
 
 def _judged(topic: Topic, sweep: LoadedSweep | None, tables: dict[str, Path]) -> Judged:

@@ -88,7 +88,9 @@ def numbers(measure: Measure, table: pd.DataFrame, *also: Rows) -> dict[Any, flo
     column = _known(kept, measure.column)
     if measure.each is None:
         return {None: statistic(measure.statistic, _figures(kept, column))}
-    groups = kept.groupby(_known(kept, measure.each), sort=True)
+    if without := int(kept[_known(kept, measure.each)].isna().sum()):
+        raise InputError(f"{measure.each}: {without} of the {len(kept)} runs meant have no such value")
+    groups = kept.groupby(measure.each, sort=True)
     return {value: statistic(measure.statistic, _figures(rows, column)) for value, rows in groups}
 
 

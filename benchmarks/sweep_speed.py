@@ -217,7 +217,7 @@ def driver_peak(runs: int) -> float:
 def dask() -> None:
     """One against two Dask workers, real runs; beside them as many plain processes, which is what the machine could give."""
     gains: list[tuple[float, float]] = []
-    for _ in range(2):
+    for _ in range(3):
         (one, plain_one), (two, plain_two) = ((dask_rate(count), plain_rate(count)) for count in (1, 2))
         gains.append((two / one, plain_two / plain_one))
     there, plain = np.median(gains, axis=0)

@@ -50,6 +50,7 @@ TABLE = pd.DataFrame(
             "error.ra1": -3.0 * seed,
             "error.btheta1": 1.0,
             "error.oy": 2.0 if cost == "length" else None,
+            "zero": 0.0,
             "status": "done",
         }
         for cost, factor in (("length", 5e4), ("transform", 1e4))
@@ -127,7 +128,9 @@ def test_a_step_the_other_way_is_let_pass_only_as_slack() -> None:
         ("at_most", {"rows": {"identify.cost": "position"}, "limit": 1}, "no run has identify.cost = position"),
         ("at_most", {"column": "error.oy", "limit": 1}, "error.oy: 6 of the 12 runs meant have no such figure"),
         ("ratio", {"of": {"size": 1e-5}, "over": {"identify.cost": "length"}, "each": "size", "at_least": 1}, "have the values"),
+        ("ratio", {"of": {"size": 1e-5}, "over": {"size": 1e-6}, "column": "zero", "at_least": 1}, "the runs of `over` have 0"),
         ("ordered", {"by": "size", "order": [1e-6, 1e-5], "each": "size"}, "not every group of size has the same values"),
+        ("at_most", {"each": "label", "limit": 1}, "label: 6 of the 12 runs meant have no such value"),
         ("monotonic", {"rows": {"size": 1e-5}, "over": "size", "direction": "rising"}, "one value alone neither rises nor falls"),
         ("among_largest", {"places": 1, "parameters": ["bthet9"]}, "none of the identified ones is, or begins with, bthet9"),
     ],
@@ -196,7 +199,7 @@ claims:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("expected: holds", "expected: differs", ":5: claims[0].finding is missing"),
+        ("expected: holds", "expected: differs", ":5: claims[0]: say what is found instead, since it differs"),
         (
             "figure: rod_stretch",
             "figure: rod_strech",
