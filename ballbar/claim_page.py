@@ -52,7 +52,10 @@ def _section(one: Judged, images: Sequence[str], command: str) -> Iterator[str]:
     beside = any(verdict.ml for verdict in one.verdicts)
     yield from ("", f"| thesis | here |{' `ml` |' * beside} verdict |", f"|---|---|{'---|' * beside}---|")
     for verdict in one.verdicts:
-        cells = [f'"{verdict.claim.says}" ({verdict.claim.source})', "<br>".join(outcome.found for outcome in verdict.outcomes)]
+        cells = [
+            f'"{verdict.claim.says}" ({verdict.claim.source})',
+            "<br>".join(dict.fromkeys(outcome.found for outcome in verdict.outcomes)),
+        ]
         cells += ["<br>".join(verdict.ml)] * beside
         yield f"| {' | '.join(_cell(text) for text in (*cells, _verdict(verdict)))} |"
     yield from ("", "<details><summary>Checks and their limits</summary>", "")

@@ -67,7 +67,8 @@ def drawn(plot: Plot | Ranking | PlatePlot, evidence: Evidence) -> bytes:
         else:
             _ranking(axes, plot, selected(evidence.table, plot.rows))
         if axes.get_legend_handles_labels()[0]:
-            figure.legend(loc="outside right upper", borderpad=0.0)
+            below = isinstance(plot, Ranking)  # many names across, few lines
+            figure.legend(loc="outside lower center" if below else "outside right upper", ncols=4 if below else 1, borderpad=0.0)
         written = io.StringIO()
         figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     hundredths = re.sub(r"(\.\d\d)\d+", r"\1", written.getvalue())  # of a point

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from cell.chain import Array
 from cell.descriptions import Robot, joints_to_motors
 from sim.sensor_effects import EncoderEffects, ResolverEffects
+from sim.settings import JointNoise
+from sim.streams import stream
 
 SURE_BITS = 6  # of a signal period are never frozen (log_formats A.3: 12 bits set, 6 left at the highest speed)
 WEAK_SIGNAL = 1 << 4 | 1 << 14  # amplitude error, and data suspect (EL5021 6001:05 and 6000:0F)
@@ -71,7 +73,8 @@ def healthy_status(cycles: NDArray[np.int64]) -> NDArray[np.int64]:
     return (cycles & 1) << 15
 
 
-def motor_angles(robot: Robot, q: Array, *, noise_sigma: float, rng: np.random.Generator, resolvers: ResolverEffects | None) -> Array:
-    """(N, 6) [rad] motor angles of joint angles (N, 6); the noise [rad] is that of the joint angle they give."""
-    motors = joints_to_motors(robot, q + rng.normal(0.0, noise_sigma, q.shape))
+def motor_angles(robot: Robot, q: Array, noise: JointNoise | None, resolvers: ResolverEffects | None, seed: int) -> Array:
+    """(N, 6) [rad] motor angles of joint angles (N, 6) as the robot logs them."""
+    sigma = noise.sigma_rad if noise else 0.0
+    motors = joints_to_motors(robot, q + stream(seed, "joint_noise").normal(0.0, sigma, q.shape))
     return resolvers.read_angles(motors) if resolvers else motors

@@ -178,10 +178,8 @@ def _robot_log(settings: SimulationSettings, cell: Cell, q: Array) -> Array:
     robot, errors = cell.robot, settings.errors
     gears = q @ robot.joint_to_gear
     shown = (gears - plant_effects(errors, cell, settings.seed).transmission_error(gears)) @ robot.gear_to_joint
-    sigma = errors.joint_noise.sigma_rad if errors.joint_noise else 0.0
     resolvers = resolver_effects(errors.resolver_error, seed=settings.seed) if errors.resolver_error else None
-    motors = motor_angles(robot, shown, noise_sigma=sigma, rng=stream(settings.seed, "joint_noise"), resolvers=resolvers)
-    return np.asarray(motors @ robot.transmission)
+    return np.asarray(motor_angles(robot, shown, errors.joint_noise, resolvers, settings.seed) @ robot.transmission)
 
 
 def _ballbar_log(settings: SimulationSettings, cell: Cell, path: SampledPath) -> Array:

@@ -79,11 +79,8 @@ def simulate(settings: SimulationSettings, *, relative_to: Path, recorded: Robot
 def write_recording(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
     """Writes `folder/raw/*`, the truth as `folder.truth.yaml` beside it, and `folder/recording.yaml` last."""
     motion, times = simulation.motion, simulation.times
-    noise = settings.errors.joint_noise
     q, _ = motion.at(times.robot_true)
-    sigma = noise.sigma_rad if noise else 0.0
-    rng = stream(settings.seed, "joint_noise")
-    motors = motor_angles(simulation.cell.robot, q, noise_sigma=sigma, rng=rng, resolvers=simulation.resolvers)
+    motors = motor_angles(simulation.cell.robot, q, settings.errors.joint_noise, simulation.resolvers, settings.seed)
     rows = simulation.rows.robot
     log, sensor, drawn = settings.logs.torque, settings.logs.force_sensor, simulation.truth.logs.loads
     torques = motor_torques(simulation.cell.robot, motion, times.robot_true, log, drawn, settings.seed)[rows] if log else None

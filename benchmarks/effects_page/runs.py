@@ -85,9 +85,7 @@ class View:
         if self.run.pairs:
             return self.samples.q
         robot, settings = self.simulation.cell.robot, self.run.settings
-        noise, rng = settings.errors.joint_noise, stream(settings.seed, "joint_noise")
-        sigma = noise.sigma_rad if noise else 0.0
-        motors = motor_angles(robot, self.true_angles[0], noise_sigma=sigma, rng=rng, resolvers=self.simulation.resolvers)
+        motors = motor_angles(robot, self.true_angles[0], settings.errors.joint_noise, self.simulation.resolvers, settings.seed)
         return np.asarray(motors @ robot.transmission)
 
     @cached_property
