@@ -270,6 +270,8 @@ SECTIONS = {"speed": speed, "overhead": overhead, "memory": memory, "dask": dask
 
 def main() -> None:
     """Runs the sections that are named, or all."""
+    if unknown := [name for name in sys.argv[1:] if name not in SECTIONS]:
+        sys.exit(f"no section {', '.join(unknown)}: there are {', '.join(SECTIONS)}")
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # of the processes started from here
     for name in sys.argv[1:] or SECTIONS:
         SECTIONS[name]()
