@@ -116,9 +116,7 @@ def select(columns: Array, names: Sequence[str], nominal: Geometry, *, known: Se
     kept: list[int] = []
     dependent: list[Dependency] = []
     for k in (k for k in order if names[k] not in none):
-        rest = columns[k] / lengths[k]
-        for _ in range(2):  # twice is enough (Kahan, in Parlett 1980, sec. 6.9)
-            rest = rest - basis.T @ (basis @ rest)
+        rest = remainder_of(columns[k] / lengths[k], basis)
         remainder = float(np.linalg.norm(rest))
         if remainder < STRUCTURAL:
             partners = _combination(columns, lengths, names, kept, k, basis)
@@ -128,6 +126,13 @@ def select(columns: Array, names: Sequence[str], nominal: Geometry, *, known: Se
             basis = np.vstack((basis, rest / remainder))
             kept.append(k)
     return Selection(tuple(names[k] for k in kept), tuple(names[k] for k in order if names[k] in none), tuple(dependent))
+
+
+def remainder_of(column: Array, basis: Array) -> Array:
+    """(M,) what is left of a column (M,) when its combination of the orthonormal rows (K, M) is taken away."""
+    for _ in range(2):  # twice is enough (Kahan, in Parlett 1980, sec. 6.9)
+        column = column - basis.T @ (basis @ column)
+    return column
 
 
 def groups(columns: Array, names: Sequence[str], nominal: Geometry) -> tuple[Group, ...]:

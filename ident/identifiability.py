@@ -19,6 +19,7 @@ from cell.chain import Array, Chain
 from cell.geometry import BAR_ROWS, INDEX, NAMES, PARAMETERS, ROBOT_ROWS, Geometry, bar_frames
 from cell.inverse import UnreachableError, refine
 from ident.closure import bar_joint_jacobian, close_loop, covariance, parameter_jacobian, robot_joint_jacobian, whitening
+from ident.dependencies import remainder_of
 from ident.problem import Estimate, Problem
 
 DEPENDENT = 1e-6  # relative length of a column's remainder below which it counts as a combination; structural ones give 1e-12
@@ -122,9 +123,7 @@ def _greedy(columns: Array, names: list[str]) -> tuple[list[int], list[Dependenc
         if lengths[k] < DEPENDENT * typical:
             dropped.append(Dependency(names[k], "no effect", ()))
             continue
-        rest = column / lengths[k]
-        for _ in range(2):  # twice is enough (Kahan, in Parlett 1980, sec. 6.9)
-            rest = rest - basis.T @ (basis @ rest)
+        rest = remainder_of(column / lengths[k], basis)
         remainder = float(np.linalg.norm(rest))
         if remainder < DEPENDENT:
             dropped.append(Dependency(names[k], "depends on", _involved(columns, kept, k, names)))
