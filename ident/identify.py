@@ -145,7 +145,7 @@ def free_robot(cell: Cell, geometry: Geometry, joints: tuple[int, ...], correcti
 
 
 @dataclass(frozen=True, eq=False)
-class _Alone:
+class Alone:
     """One recording fitted with the dh model."""
 
     problem: Problem
@@ -215,7 +215,7 @@ def identify_together(
     for name in corrections or ():
         if name not in CORRECTIONS:
             raise ValueError(f"unknown correction {name!r}; there are {', '.join(CORRECTIONS)}")
-    alone = [_fit_alone(cell, logs, samples, progress) for logs in recordings]
+    alone = [fit_alone(cell, logs, samples, progress) for logs in recordings]
     if len(alone) == 1:
         simple = _outcome(cell, alone[0])
         if model == "dh" or (model == "auto" and corrections is None and not _wants_more(simple)):
@@ -240,7 +240,8 @@ def _wants_more(simple: Identification) -> bool:
     return left or bool(simple.events)
 
 
-def _fit_alone(cell: Cell, logs: Logs, samples: int, progress: Callable[[str], None]) -> _Alone:
+def fit_alone(cell: Cell, logs: Logs, samples: int = DEFAULT_SAMPLES, progress: Callable[[str], None] = lambda _: None) -> Alone:
+    """The dh fit of one recording, from its logs. Raises StartError when they cannot be brought together."""
     progress("smoothing both logs")
     robot, bar, joints = _smoothed(logs.robot, logs.ballbar)
     spacing = (robot.end - robot.start) / samples
@@ -258,7 +259,7 @@ def _fit_alone(cell: Cell, logs: Logs, samples: int, progress: Callable[[str], N
     first = solve(problem, _on_nominal(problem, here, nominal, subset.parameters), subset.parameters)
     problem = replace(problem, noise=replace(noise, rod=rod_deviation(replace(problem, noise=replace(noise, rod=0.0)), first.estimate)))
     fit = solve(problem, first.estimate, subset.parameters)
-    return _Alone(problem, nominal, start, subset, fit, chosen.fit.iterations + first.iterations + fit.iterations, logs)
+    return Alone(problem, nominal, start, subset, fit, chosen.fit.iterations + first.iterations + fit.iterations, logs)
 
 
 def _smoothed(robot_log: RobotLog, ballbar_log: BallBarLog | None) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
@@ -277,12 +278,12 @@ def _on_nominal(problem: Problem, estimate: Estimate, nominal: Geometry, paramet
     return problem.start(Geometry(values), estimate.clock)
 
 
-def _outcome(cell: Cell, alone: _Alone) -> Identification:
+def _outcome(cell: Cell, alone: Alone) -> Identification:
     """The dh model's result."""
     problem, fit, start = alone.problem, alone.fit, alone.start
     whitened = fit.final.residual.reshape(-1, problem.times.size)
     inflation = max(1.0, fit.chi2_per_dof)  # a misfit widens the intervals; it never narrows them
-    widening = block_widening(fit.covariance @ _scores(fit), problem.times)
+    widening = block_widening(fit.covariance, _scores(fit), problem.times)
     covariance = fit.covariance * inflation * np.outer(widening, widening)
     deviations = np.sqrt(np.diag(covariance))
     geometry = _wrapped(fit.estimate.geometry)
@@ -337,7 +338,7 @@ def _scores(fit: Fit) -> Array:
     return np.asarray((final.jacobian * final.residual).reshape(final.jacobian.shape[0], -1, n).sum(axis=1))
 
 
-def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncertainty, k: int, source: str) -> Identification:
+def _of_machine(cell: Cell, alone: Sequence[Alone], fit: JointFit, trust: Uncertainty, k: int, source: str) -> Identification:
     """The complete model's result for recording k."""
     layout, one = fit.model.unknowns, alone[k]
     problem = one.problem
