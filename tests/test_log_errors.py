@@ -634,6 +634,7 @@ SWITCHED_ON_AT_SIZE_ZERO: dict[str, dict[str, Any]] = {
     "slipped_periods": {"errors": {"slipped_periods": [{"encoder": 1, "at_s": 9.0, "periods": 0}]}},
     "coupling_slips": {"errors": {"coupling_slips": [{"encoder": 1, "at_s": 9.0, "angle_rad": 0.0}]}},
     "resolver_error": {"errors": {"resolver_error": {"amplitude_rad": [0.0, 0.0], "quantum_rad": 0.0}}},
+    "outliers": {"errors": {"outliers": {"size_rad": [0.0, 0.0]}}},
     "ballbar_axes": {"errors": {"ballbar_axes": {"sigma_m": 0.0, "sigma_rad": 0.0}}},
     "base_tilt": {"errors": {"base_tilt": {"sigma_rad": 0.0}}},
     "plate_length": {"errors": {"plate_length": {"sigma_m": 0.0}}},
