@@ -115,7 +115,9 @@ def _neighbours(sound: NDArray[np.bool_], row: int) -> tuple[int | None, int | N
     return (int(before[-1]) if before.size else None), (int(behind[0]) + row if behind.size else None)
 
 
-def _goes_on(stamps: Stamps, angles: Array, sound: NDArray[np.bool_], row: int, before: int, behind: int, period: float) -> bool:
+def _goes_on(
+    stamps: Stamps, angles: Array, sound: NDArray[np.bool_], row: int, before: int, behind: int, period: float, *, anew: bool
+) -> bool:
     """Whether the angles behind a boundary are where a few periods of motion lead; anew : the logger ran anew."""
     speed = np.zeros(angles.shape[1])
     for start, stop in ((max(0, row - _LOOK), row), (row, min(row + _LOOK, stamps.size))):

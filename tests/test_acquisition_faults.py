@@ -177,7 +177,7 @@ def test_another_unit_or_side_is_refused_with_what_it_may_be(tmp_path: Path, val
 def test_torques_that_no_motor_has_are_refused(tmp_path: Path) -> None:
     at_gears = np.random.default_rng(1).normal(0.0, 400.0, (ROBOT_T.size, 6))
     rows = [f"{line},{','.join(map(repr, row))}" for line, row in zip(robot_lines()[1:], at_gears.tolist(), strict=True)]
-    with pytest.raises(LogError, match=r"raw/robot.csv:\d+: column tau\d: .* N m at the motor would be .*Torques at the gear's output"):
+    with pytest.raises(LogError, match=r"raw/robot.csv:\d+: column tau\d: .* N m at the motor would be .*At the gear's output"):
         read_recording(write(tmp_path, robot=[f"{robot_lines()[0]},{','.join(TORQUES)}", *rows]))
 
 

@@ -197,7 +197,7 @@ BAD = {
     unknown_dialect: ("abb-moter", "abb-motor", "twincat-plc"),
     nul_bytes: ("raw/robot.csv:301", "NUL"),
     decimal_comma: ("decimal comma with comma separator",),
-    out_of_order: ("raw/robot.csv:501", "out of the order of its neighbours"),
+    out_of_order: ("raw/robot.csv:502", "out of the order of its neighbours"),
     degrees: ("degrees",),
     dead_encoder: ("b1",),
     empty: ("raw/ballbar.csv", "empty"),
