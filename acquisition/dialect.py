@@ -39,9 +39,12 @@ class Dialect(_Strict):
 
     schema_: Annotated[Literal["ballbar-dialect/1"], Field(alias="schema")]
     source: SourceName
-    separators: Annotated[tuple[Literal[",", ";", "\t"], ...], Field(min_length=1)]
+    container: Literal["text", "twincat-scope", "json-lines", "egm", "rosbag", "abb-mpe"] = "text"
+    separators: tuple[Literal[",", ";", "\t"], ...] = ()  # of a text
     time: TimeColumn
     motors: tuple[str, ...] = ()  # robot: the six motor angles [rad at the motor], in order of the joints
+    axes: tuple[str, ...] = ()  # or the six angles that the controller shows
+    angle_unit: Literal["rad", "deg"] = "rad"
     torques: tuple[str, ...] = ()  # robot: what each motor exerts [N m at the motor], positive along its angle; all six or none
     status: dict[EncoderName, str] = {}  # ballbar: EL5021 status word of each encoder; columns may be absent
     wrench: tuple[str, ...] = ()  # force: forces x y z [N], torques x y z [N m], what the flange feels in its own frame

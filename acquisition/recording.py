@@ -13,13 +13,14 @@ from pathlib import Path, PureWindowsPath
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.containers import read_file
 from acquisition.dialect import Dialect, SourceName, load_dialect
 from acquisition.encoders import encoder_angles, without_faults
 from acquisition.layout import Layout
 from acquisition.motors import gear_torques, joint_angles, moves
 from acquisition.report import FileSummary, Finding, ImportReport
 from acquisition.stamps import in_order, join, report_periods, seconds_from_first
-from acquisition.table import Table, read_table
+from acquisition.table import Table
 from cell.descriptions import Robot, load_robot
 from cell.errors import DescriptionError, LogError
 from cell.logs import BallBarLog, ForceLog, RobotLog
@@ -172,7 +173,7 @@ def _refuse_differing(tables: list[Table], together: tuple[str, ...]) -> None:
 
 
 def _read_file(side: _Side, file: str, ledger: _Ledger) -> Table:
-    table, form = read_table(_inside(side.folder, file), file, side.layout, ledger.findings)
+    table, form = read_file(_inside(side.folder, file), file, side.dialect, side.layout, ledger.findings)
     table = without_faults(in_order(table, side.dialect.time, ledger.findings), side.status, ledger.findings)
     if not len(table):
         raise LogError(f"{file}: no usable row is left of {form.rows_read}; the encoders report faults throughout.")
