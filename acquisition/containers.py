@@ -37,9 +37,7 @@ def read_file(path: Path, file: str, dialect: Dialect, layout: Layout, findings:
         return read_table(path, file, layout, findings)
     reader, kind, unit = _READERS[dialect.container]
     if (dialect.time.type, dialect.time.unit) != (kind, unit):
-        raise DescriptionError(
-            f"{file}: the times of a {dialect.container} file are type: {kind}, unit: {unit}; the dialect says otherwise."
-        )
+        raise DescriptionError(f"{file}: times of {dialect.container} have type: {kind}, unit: {unit}; the dialect says otherwise.")
     table, form = reader(path, file, dialect.time.column, layout, findings)
     report_spikes(table, [name for name in layout.required if name != dialect.time.column], findings)
     return table, form

@@ -88,6 +88,7 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
     if log.is_file() and log.stat().st_size:
         sentence = f"{log.name} beside it holds messages that the recorder had not yet moved in; run `ros2 bag reindex` or convert."
         findings.append(finding("write-ahead log", "warning", file, sentence, count=1))
+    _check_size(path, file)
     looks = 1000 + _LOOKS_PER_MB * (path.stat().st_size // 1_000_000)
     connection = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
     try:
@@ -100,13 +101,29 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
         for name, form in topics.values():
             if form != "cdr":
                 raise LogError(f"{file}: topic {name} is encoded as {form!r}; ROS 2 writes cdr.")
-        for key, data in connection.execute("SELECT topic_id, data FROM messages ORDER BY id"):
+        lost, last = 0, 0
+        for number, key, data in connection.execute("SELECT id, topic_id, data FROM messages ORDER BY id"):
+            lost, last = lost + (last > 0 and number != last + 1), number
             if key in topics:
                 yield topics[key][0], _blob(data, f"{file}: {topics[key][0]}")
+        if lost:
+            findings.append(finding("missing messages", "warning", file, "the numbers of the messages have gaps.", count=lost))
     except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
         raise LogError(f"{file}: the database cannot be read ({error}): damaged, or cut off. SQLite's `.recover` may save it.") from None
     finally:
         connection.close()
+
+
+def _check_size(path: Path, file: str) -> None:
+    """The head of the database says how many pages it has (SQLite file format, section 1.3)."""
+    with path.open("rb") as opened:
+        head = opened.read(100)
+    if len(head) < 100:
+        raise LogError(f"{file}: the database is cut off within its head.")
+    page, pages = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
+    claimed, size = (65_536 if page == 1 else page) * pages, path.stat().st_size
+    if claimed != size:
+        raise LogError(f"{file}: the database has {claimed} bytes by its head, the file {size}: cut off, or still open. Copy it again.")
 
 
 def _lock_down(connection: sqlite3.Connection, looks: int) -> None:

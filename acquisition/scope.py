@@ -8,8 +8,9 @@
     Data-Type<TAB>UINT32<TAB>UINT32<TAB>Data-Type<TAB>REAL32
     ...
                                                            data: a time [ms from the start, or FILETIME] and the values of each group
-A group that ends early is padded with blanks, or the rows get shorter. Values stand as the Scope displays them, scaled, so a
-counter must not be scaled there. Metadata follow the decimal mark of Windows, data the one of the export.
+A group that ends early is padded with blanks, or the rows get shorter. Whether offset and scale factor have been applied to
+the values is an option of the export that the file does not show: a counter that has any is refused. Metadata follow the
+decimal mark of Windows, data the one of the export.
 Source: exports of TwinCAT 3 Scope 3.4.3145.3 among the test data of pytcs.
 """
 
@@ -51,7 +52,7 @@ class Channel:
 
     name: str
     data_type: str
-    scaled: bool  # by the Scope, from what the PLC has
+    scaled: bool  # has an offset or a scale factor, applied to the values or not
     time_ns: NDArray[np.int64]  # (N,) [ns] since 1970, UTC
     values: NDArray[Any]  # (N,) whole numbers exact: int64, or uint64 where needed; else float64
     line: NDArray[np.int64]  # (N,) line number, counted from 1
@@ -300,10 +301,10 @@ def _check_end(export: _Export, channels: list[Channel], findings: list[Finding]
 
 def _check_kind(file: str, channel: Channel, kind: str, findings: list[Finding]) -> None:
     if kind == "integer" and (channel.scaled or channel.data_type not in _INTEGERS or channel.values.dtype != np.int64):
-        why = "scaled in the Scope" if channel.scaled else channel.data_type
+        why = "scaled in the Scope (offset, scale factor or unit)" if channel.scaled else channel.data_type
         raise LogError(f"{file}: channel {channel.name!r} is {why}; a counter must be a whole number as the PLC has it.")
     if kind == "float" and channel.scaled:
-        sentence = f"{channel.name!r} is scaled in the Scope; the values are read as they stand."
+        sentence = f"{channel.name!r} has an offset or scale factor in the Scope; the values are read as they stand."
         findings.append(finding("scaled channel", "warning", file, sentence, count=1))
 
 

@@ -35,23 +35,28 @@ def spikes(values: NDArray[np.float64]) -> NDArray[np.int64]:
     if values.size < 2 * _NEARBY + 3:
         return np.empty(0, dtype=np.int64)
     steps = np.abs(np.diff(values))
-    quantum = np.percentile(steps[steps > 0.0], 1) if steps.any() else 0.0  # a value at rest may flicker by one
+    quantum = steps[steps > 0.0].min(initial=steps.max())  # a value at rest may flicker by one
     differs = np.pad(values[1:-1] - 0.5 * (values[:-2] + values[2:]), 2)  # the ends have no two neighbours
     size = np.abs(differs)
     largest = np.argsort(size)[::-1][: 3 * _MOST]
     found = []
-    for i in largest[size[largest] > USUAL * quantum]:
+    for i in largest[size[largest] > 0.0]:
         nearby = np.concatenate((size[max(i - 1 - _NEARBY, 0) : i - 1], size[i + 2 : i + 2 + _NEARBY]))
         beside = differs[[i - 1, i + 1]] / differs[i]
         inside = beside[[i >= 3, i <= values.size - 2]]  # where the neighbour has a difference of its own
-        if size[i] > USUAL * nearby.max() and (np.abs(inside + 0.5) < _SHAPE).all():
+        if size[i] > USUAL * _usual(nearby, quantum) and (np.abs(inside + 0.5) < _SHAPE).all():
             found.append(i - 1)
     for end, step in ((0, 1), (values.size - 1, -1)):  # an end lies on the line through the two beside it
         off = abs(values[end] - 2.0 * values[end + step] + values[end + 2 * step])
-        nearby = 2.0 * size[2:-2][1 : 1 + _NEARBY] if step > 0 else 2.0 * size[2:-2][-1 - _NEARBY : -1]
-        if off > USUAL * max(nearby.max(), quantum) and not {end + step, end + 2 * step} & set(found):
+        nearby = 2.0 * (size[4 : 4 + _NEARBY] if step > 0 else size[-4 - _NEARBY : -4])
+        if off > USUAL * _usual(nearby, quantum) and not {end + step, end + 2 * step} & set(found):
             found.append(end)
     return np.sort(np.array(found, dtype=np.int64))
+
+
+def _usual(nearby: NDArray[np.float64], quantum: float) -> float:
+    """The largest difference nearby; at rest, where there is none, the smallest step of all."""
+    return float(max(nearby.max(), quantum if not nearby.all() else 0.0))
 
 
 def _unwrapped(values: NDArray[Any]) -> NDArray[np.float64]:
