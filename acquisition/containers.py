@@ -39,5 +39,5 @@ def read_file(path: Path, file: str, dialect: Dialect, layout: Layout, findings:
     if (dialect.time.type, dialect.time.unit) != (kind, unit):
         raise DescriptionError(f"{file}: times of {dialect.container} have type: {kind}, unit: {unit}; the dialect says otherwise.")
     table, form = reader(path, file, dialect.time.column, layout, findings)
-    report_spikes(table, [name for name in layout.required if name != dialect.time.column], findings)
+    report_spikes(table, dialect.time.column, [name for name in layout.required if name != dialect.time.column], findings)
     return table, form

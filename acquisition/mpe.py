@@ -46,7 +46,9 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout, findings: list[Fi
     if rest:
         sentence = f"the last row has {rest} of {width} bytes (bytes {len(raw) - rest} to {len(raw) - 1}); dropped."
         findings.append(finding("torn row", "repaired", file, sentence, count=1))
-    rows = np.frombuffer(raw, dtype="<f4", offset=at, count=(len(raw) - at - rest) // 4).reshape(-1, len(names)).astype(np.float64)
+    numbers = np.frombuffer(raw, dtype="<f4", offset=at, count=(len(raw) - at - rest) // 4)
+    with np.errstate(invalid="ignore"):  # signalling NaNs, refused below
+        rows = numbers.reshape(-1, len(names)).astype(np.float64)
     filled = _without_nul(rows, file, findings)
     if not filled.size:
         raise LogError(f"{file}: a head but no complete row behind it.")

@@ -41,6 +41,7 @@ _INTEGERS = {"BIT": (0, 1)} | {
     for bits in (8, 16, 32, 64)
 }
 _FREE_TEXT = {"Name", "SymbolComment"}  # a channel may be called as the key is
+_SAMPLE_TIME = "SampleTime[ms]"
 _UNSCALED = {"Offset": 0.0, "ScaleFactor": 1.0, "Unit ScaleFactor": 1.0, "Unit Offset": 0.0}
 _INTEGER = re.compile(r"[+-]?[0-9]+")
 _FLOAT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -98,6 +99,10 @@ def read_scope(path: Path, file: str, time: str, layout: Layout, findings: list[
             raise LogError(f"{file}: {export.names.count(name)} channels are called {name!r}. Rename them in the Scope.")
     channels = _channels(export, findings, only=tuple(wanted))
     _check_end(export, channels, findings)
+    unknown = [key for key in _UNSCALED if key not in export.meta]
+    if unknown:
+        sentence = f"no line {', '.join(unknown)} in the metadata: whether a channel was scaled is unknown."
+        findings.append(finding("scaling unknown", "warning", file, sentence, count=1))
     for channel in channels:
         _check_kind(file, channel, wanted[channel.name], findings)
     first, common = channels[0], channels[0].time_ns
@@ -165,8 +170,10 @@ def _metadata(lines: list[str], separator: str, place: str) -> tuple[dict[str, l
         cells = line.split(separator)
         if cells[0] in meta:
             raise LogError(f"{place}: the line {cells[0]!r} of the metadata stands twice.")
-        if cells[width:] in ([], [""]):  # else a decimal comma with comma separator: SampleTime[ms] of 0,2
+        if cells[width:] in ([], [""]) and len(cells) >= width:
             meta[cells[0]] = cells[:width]
+        elif separator != "," or cells[0] != _SAMPLE_TIME:  # 0,2 ms with comma separator has a field too many
+            raise LogError(f"{place}: the line {cells[0][:30]!r} of the metadata has {len(cells)} fields, `Name` has {width}.")
     if "Data-Type" not in meta:
         raise LogError(f"{place}: the metadata have no line `Data-Type` with a field for each column of `Name`.")
     starts = [i for i, cell in enumerate(meta["Data-Type"]) if cell == "Data-Type"]
@@ -277,12 +284,12 @@ def _times(export: _Export, cells: list[str], line: NDArray[np.int64]) -> NDArra
 
 def _check_grid(export: _Export, group: _Group, time_ns: NDArray[np.int64], line: NDArray[np.int64], findings: list[Finding]) -> None:
     """Times off the declared sample time are appended to `findings`."""
-    if "SampleTime[ms]" not in export.meta:
+    if _SAMPLE_TIME not in export.meta:
         return
-    cell = export.meta["SampleTime[ms]"][group.start + 1].replace(",", ".")
+    cell = export.meta[_SAMPLE_TIME][group.start + 1].replace(",", ".")
     step = round(float(cell) * 1e6) if _FLOAT.fullmatch(cell) else 0
     if not 0 < step < 2**62:
-        raise LogError(f"{export.file}: SampleTime[ms] {cell!r} of {export.meta['Name'][group.start + 1]!r} is no time.")
+        raise LogError(f"{export.file}: {_SAMPLE_TIME} {cell!r} of {export.meta['Name'][group.start + 1]!r} is no time.")
     late = np.flatnonzero(np.diff(time_ns) != step) + 1
     if late.size:
         sentence = f"times do not follow at the sample time of {cell} ms: rows are missing, or a time is damaged."

@@ -1,7 +1,8 @@
 """Single values that do not lie between their neighbours as all others do: a changed digit or bit in a file without checksum.
 
-A robot moves smoothly: sampled every few milliseconds, a value differs from the mean of its two neighbours by little. One
-changed value shows as (-d/2, d, -d/2) in these differences, which motion, noise and steps do not do at this size.
+A robot moves smoothly: sampled every few milliseconds, a value differs little from the cubic through the two before and the two
+behind it. One changed value shows in its own difference and, in known proportion, in those of the four beside it, which
+motion, noise, steps and late samples do not do at this size.
 """
 
 from __future__ import annotations
@@ -15,53 +16,72 @@ from numpy.typing import NDArray
 from acquisition.report import Finding, finding
 from acquisition.table import Table
 
-USUAL = 12.0  # times the largest difference nearby
-_NEARBY = 10  # rows on each side that say what is usual
-_SHAPE = 0.25  # how far the two neighbours' differences may be from half, as a fraction
-_MOST = 100  # spikes looked for in a column: a column with more is no smooth signal
+USUAL = 20.0  # times the upper quartile of the differences nearby, which a second spike does not raise
+_NEARBY = 12  # rows on each side that say what is usual
+_SHAPE = 0.15  # how far the differences beside may be from their proportion; a sudden change of speed is 0.17 off
+_MOST = 300  # rows looked at in a column: those with the largest differences
+_STEEPEST = 8.0  # weight of a neighbour in the cubic; late samples make larger ones, and differences without meaning
+_ROUNDING = 1e-13  # of the largest value: below it, differences are those of float64
+
+Array = NDArray[np.float64]
 
 
-def report_spikes(table: Table, names: Iterable[str], findings: list[Finding]) -> None:
-    """Rows where one of these columns has a spike are appended to `findings` as a warning; nothing is changed."""
-    for name in names:
-        rows = spikes(_unwrapped(table.columns[name]))
-        if rows.size:
-            sentence = f"{name} stands out from its neighbours as no motion does: a damaged number?"
-            findings.append(finding("spike", "warning", table.files[0], sentence, lines=table.line[rows]))
+def report_spikes(table: Table, time: str, names: Iterable[str], findings: list[Finding]) -> None:
+    """Rows where the time or one of these columns has a spike are appended to `findings` as a warning; nothing is changed."""
+    stamps = table.columns[time]
+    rows = np.flatnonzero(np.concatenate(([True], np.diff(stamps) > 0)))
+    if len(rows) < 2 * _NEARBY or (np.diff(stamps) < 0).any():
+        return  # too short to say what is usual; a time that goes back is refused later
+    t = (stamps[rows] - stamps[0]).astype(np.float64)
+    found = {time: spikes(np.arange(len(rows), dtype=np.float64), t)}
+    found |= {name: spikes(t, _unwrapped(table.columns[name][rows])) for name in names}
+    for name, at in found.items():
+        if at.size:
+            sentence = f"{name} stands out from its neighbours as nothing else nearby does: a damaged number?"
+            findings.append(finding("spike", "warning", table.files[0], sentence, lines=table.line[rows[at]]))
 
 
-def spikes(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Indices of values that differ from the mean of their neighbours by more than USUAL times what is usual nearby."""
-    if values.size < 2 * _NEARBY + 3:
-        return np.empty(0, dtype=np.int64)
+def spikes(t: Array, values: Array) -> NDArray[np.int64]:
+    """Indices of (N,) values that differ from the cubic through their neighbours far more than those nearby do.
+
+    t : (N,) strictly increasing, in any unit.
+    """
+    stencil, weights = _cubics(t)
+    differs = values - (weights * values[stencil]).sum(axis=1)
+    size = np.abs(differs) / (1.0 + np.abs(weights).sum(axis=1))
+    size[np.abs(weights).max(axis=1) > _STEEPEST] = 0.0
     steps = np.abs(np.diff(values))
-    quantum = steps[steps > 0.0].min(initial=steps.max())  # a value at rest may flicker by one
-    differs = np.pad(values[1:-1] - 0.5 * (values[:-2] + values[2:]), 2)  # the ends have no two neighbours
-    size = np.abs(differs)
-    largest = np.argsort(size)[::-1][: 3 * _MOST]
+    quantum = float(steps[steps > 0.0].min(initial=steps.max()))
     found = []
-    for i in largest[size[largest] > 0.0]:
-        nearby = np.concatenate((size[max(i - 1 - _NEARBY, 0) : i - 1], size[i + 2 : i + 2 + _NEARBY]))
-        beside = differs[[i - 1, i + 1]] / differs[i]
-        inside = beside[[i >= 3, i <= values.size - 2]]  # where the neighbour has a difference of its own
-        if size[i] > USUAL * _usual(nearby, quantum) and (np.abs(inside + 0.5) < _SHAPE).all():
-            found.append(i - 1)
-    for end, step in ((0, 1), (values.size - 1, -1)):  # an end lies on the line through the two beside it
-        off = abs(values[end] - 2.0 * values[end + step] + values[end + 2 * step])
-        nearby = 2.0 * (size[4 : 4 + _NEARBY] if step > 0 else size[-4 - _NEARBY : -4])
-        if off > USUAL * _usual(nearby, quantum) and not {end + step, end + 2 * step} & set(found):
-            found.append(end)
+    for i in np.argsort(size)[::-1][:_MOST]:
+        beside = slice(max(i - _NEARBY - 4, 0), i + _NEARBY + 5)
+        touched = stencil[beside] == i  # (R, 4)
+        nearby = size[beside][~touched.any(axis=1) & (np.arange(len(t))[beside] != i)]
+        # At rest, where nothing differs, a value may still flicker by the smallest step.
+        usual = max(float(np.quantile(nearby, 0.75)), quantum if np.median(nearby) == 0.0 else 0.0, _ROUNDING * float(np.abs(values).max()))
+        off = (differs[beside] + (weights[beside] * touched).sum(axis=1) * differs[i])[touched.any(axis=1)]
+        if size[i] > USUAL * usual and (np.abs(off) < _SHAPE * np.abs(differs[i])).all():
+            found.append(i)
     return np.sort(np.array(found, dtype=np.int64))
 
 
-def _usual(nearby: NDArray[np.float64], quantum: float) -> float:
-    """The largest difference nearby; at rest, where there is none, the smallest step of all."""
-    return float(max(nearby.max(), quantum if not nearby.all() else 0.0))
+def _cubics(t: Array) -> tuple[NDArray[np.int64], Array]:
+    """(N, 4) indices of the four rows nearest to each, and their weights in the cubic through them (Lagrange)."""
+    rows = np.arange(t.size)
+    first = np.clip(rows - 2, 0, t.size - 5)[:, None] + np.arange(5)
+    stencil = first[first != rows[:, None]].reshape(-1, 4)
+    away = t[stencil] - t[:, None]
+    weights = np.ones_like(away)
+    for k in range(4):
+        for m in range(4):
+            if m != k:
+                weights[:, k] *= away[:, m] / (away[:, m] - away[:, k])
+    return stencil, weights
 
 
-def _unwrapped(values: NDArray[Any]) -> NDArray[np.float64]:
+def _unwrapped(values: NDArray[Any]) -> Array:
     """Floats as they are; counters of 32 bits without their wraps."""
     if values.dtype == np.float64:
-        return values
+        return np.asarray(values, dtype=np.float64)
     steps = (np.diff(values) + 2**31) % 2**32 - 2**31
     return np.concatenate(([0.0], np.cumsum(steps, dtype=np.float64)))

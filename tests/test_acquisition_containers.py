@@ -542,16 +542,25 @@ def test_one_changed_angle_is_reported_where_no_checksum_shows_it(kind: str, tmp
             read(tmp_path, written, bytes(content))
 
 
-def test_smooth_courses_steps_and_flicker_at_rest_are_no_spikes() -> None:
+def test_smooth_courses_steps_late_samples_and_flicker_at_rest_are_no_spikes() -> None:
     rng = np.random.default_rng(5)
-    course = np.cumsum(np.cumsum(rng.normal(0.0, 1e-6, 3000)))
-    rest = np.zeros(300)
+    t = 0.004 * np.arange(3000)
+    late = np.sort(t + 0.003 * (rng.random(3000) < 0.02))  # stamped when they were taken
+    noisy = 40.0 * np.sin(late) + rng.normal(0.0, 1e-5, 3000)
+    rest = np.zeros(3000)
     rest[[40, 41, 90]] = 1e-4
-    step = np.repeat([0.0, 0.5], 100)
-    for values in (course, np.round(course, 4), rest, step, rng.normal(0.0, 1.0, 3000), np.round(100.0 * np.sin(np.arange(900) / 90.0), 3)):
-        assert spikes(values).size == 0
-    course[1234] += 1e-3
-    assert list(spikes(course)) == [1234]
+    speed = np.maximum(t - 5.0, 0.0)
+    step = np.repeat([0.0, 0.5, 0.2], 1000)
+    counter = np.floor(1e5 * np.sin(t))
+    missing = np.delete(np.arange(3000), [70, 71, 900])
+    courses = [(late, noisy), (late, np.round(noisy, 3)), (t, rest), (t, step), (t, speed), (t, counter), (t, rng.normal(0.0, 1.0, 3000))]
+    courses.append((t[missing], np.sin(t[missing])))
+    for times, values in courses:
+        assert spikes(times, values).size == 0
+    for i in (0, 1, 2, 1234, 2997, 2998, 2999):
+        changed = noisy.copy()
+        changed[i] += 1.5e-2 if i in (0, 2999) else 1e-3
+        assert list(spikes(late, changed)) == [i]
 
 
 def test_a_dialect_with_another_unit_of_time_is_refused(tmp_path: Path) -> None:
