@@ -53,7 +53,9 @@ def spikes(t: Array, values: Array) -> NDArray[np.int64]:
     steps = np.abs(np.diff(values))
     quantum = float(steps[steps > 0.0].min(initial=steps.max()))
     found = []
-    for i in np.argsort(size)[::-1][:_MOST]:
+    largest = np.argsort(size)[::-1][:_MOST]
+    around = np.clip(largest[:, None] + np.arange(-_NEARBY, _NEARBY + 1), 0, t.size - 1)
+    for i in largest[size[largest] > USUAL * np.median(size[around], axis=1)]:  # at most nine of these 25 are touched by one spike
         beside = slice(max(i - _NEARBY - 4, 0), i + _NEARBY + 5)
         touched = stencil[beside] == i  # (R, 4)
         nearby = size[beside][~touched.any(axis=1) & (np.arange(len(t))[beside] != i)]
