@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.dialect import SourceName
+from cell.recording import SourceName
 
 Severity = Literal["repaired", "warning"]
 LINES_SHOWN = 5  # line numbers kept with a finding; enough to open the file at the place
@@ -43,6 +43,7 @@ class FileSummary:
     decimal: str
     rows_read: int  # below the header, blank lines not counted
     rows_kept: int
+    time: str  # form of the time stamps, and their column
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ def report_lines(report: ImportReport) -> list[str]:
     for file in report.files:
         lines.append(
             f"{file.file}: {file.rows_kept} of {file.rows_read} rows kept ({file.source}, dialect {file.dialect}, "
-            f"{file.encoding}, separator {file.separator}, decimal {file.decimal})"
+            f"{file.encoding}, separator {file.separator}, decimal {file.decimal}, {file.time})"
         )
     lines += [f"{_place(one)}: {one.severity}: {one.kind}{_times(one)}: {one.sentence}" for one in report.findings]
     if not report.findings:

@@ -7,8 +7,14 @@ else Windows-1252, which is what European Windows writes.
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import lzma
+import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +22,8 @@ from numpy.typing import NDArray
 from acquisition.report import Finding, finding
 from cell.errors import LogError
 
+MOST_BYTES = 2_000_000_000  # of one file, unpacked: fifty hours of a robot's log; a packed file may claim anything
+_PACKED: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 _MARKS = ((b"\xef\xbb\xbf", "utf-8", 1), (b"\xff\xfe", "utf-16-le", 2), (b"\xfe\xff", "utf-16-be", 2))  # mark, codec, bytes per ASCII
 
 
@@ -46,10 +54,7 @@ def read_text(path: Path, file: str, findings: list[Finding]) -> LogText:
     """
     if not path.is_file():
         raise LogError(f"{file}: no such file (looked for {path}).")
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{file}: cannot be read: {error.strerror}.") from None
+    raw = read_bytes(path, file, findings)
     if not raw:
         raise LogError(f"{file}: the file is empty.")
     decoded = _decode(raw)
@@ -57,6 +62,42 @@ def read_text(path: Path, file: str, findings: list[Finding]) -> LogText:
         findings.append(finding("encoding", "repaired", file, f"read as {decoded.encoding}.", count=1))
     text = _without_nul(decoded, file, findings)
     return _complete_lines(text, file, decoded.encoding, findings)
+
+
+def read_bytes(path: Path, file: str, findings: list[Finding]) -> bytes:
+    """The content of a device file, unpacked; a packed file that was cut off gives what it holds, and `findings` says so.
+
+    Raises LogError if it cannot be read or unpacked.
+    """
+    if path.suffix.lower() in (".zst", ".zip", ".7z", ".rar"):
+        raise LogError(f"{file}: packed in a way that is not read here. Unpack it first, or use .gz, .bz2 or .xz.")
+    unpack = _PACKED.get(path.suffix.lower())
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise LogError(f"{file}: more than {MOST_BYTES:_} bytes. Is it a log?")
+        return path.read_bytes() if unpack is None else _unpacked(unpack(path), file, findings)
+    except (gzip.BadGzipFile, lzma.LZMAError, zlib.error) as error:
+        raise LogError(f"{file}: is no {path.suffix} file, or damaged: {error}.") from None
+    except OSError as error:
+        raise LogError(f"{file}: cannot be read: {error.strerror or error}.") from None
+
+
+def _unpacked(packed: Any, file: str, findings: list[Finding]) -> bytes:
+    parts, size = [], 0
+    with packed:
+        while True:
+            try:
+                part = packed.read1(1 << 20)  # what there is, so that a cut file gives all it holds
+            except EOFError:
+                findings.append(finding("packed file cut off", "repaired", file, "what it holds up to there is read.", count=1))
+                break
+            if not part:
+                break
+            size += len(part)
+            if size > MOST_BYTES:
+                raise LogError(f"{file}: unpacks to more than {MOST_BYTES:_} bytes. Is it a log?")
+            parts.append(part)
+    return b"".join(parts)
 
 
 def _decode(raw: bytes) -> _Decoded:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cell.chain import Array
 from cell.descriptions import Cell
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, nominal_geometry
-from cell.logs import BallBarLog, ForceLog, RobotLog
+from cell.logs import BallBarLog, ForceLog, RobotLog, segment_starts
 from ident.accuracy import accuracy_grid, position_sigma, tcp_sigma
 from ident.corrections import CORRECTIONS
 from ident.event import Event
@@ -262,10 +262,12 @@ def _fit_alone(cell: Cell, logs: Logs, samples: int, progress: Callable[[str], N
 
 
 def _smoothed(robot_log: RobotLog, ballbar_log: BallBarLog | None) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
-    robot = smooth_log(robot_log.t, robot_log.q, widest_knot_spacing=WIDEST_KNOT_SPACING)
+    robot = smooth_log(robot_log.t, robot_log.q, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=segment_starts(robot_log.segment))
     if ballbar_log is None:
         return robot, None, ()
-    return robot, smooth_log(ballbar_log.t, ballbar_log.angles, widest_knot_spacing=WIDEST_KNOT_SPACING), ballbar_log.joints
+    starts = segment_starts(ballbar_log.segment)
+    bar = smooth_log(ballbar_log.t, ballbar_log.angles, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=starts)
+    return robot, bar, ballbar_log.joints
 
 
 def _on_nominal(problem: Problem, estimate: Estimate, nominal: Geometry, parameters: NDArray[np.intp]) -> Estimate:

@@ -234,7 +234,7 @@ def test_damage_and_gaps_of_a_force_log_are_repaired_and_counted(tmp_path: Path)
     kept = np.delete(np.arange(FORCE_T.size), [49, -1])
     np.testing.assert_allclose(force_log(recording).t, t[kept], atol=1e-14)
     np.testing.assert_array_equal(force_log(recording).wrench, wrench_course()[kept])
-    assert "raw/force.csv: 398 of 400 rows kept (force, dialect force-torque, utf-8, separator comma, decimal point)" in (
+    assert "raw/force.csv: 398 of 400 rows kept (force, dialect force-torque, utf-8, separator comma, decimal point, time in s)" in (
         report_lines(recording.report)
     )
 
@@ -269,11 +269,7 @@ def test_files_of_a_force_sensor_are_joined_in_order_of_time(tmp_path: Path) -> 
         (change_line(force_lines(), 9, "17.014,1,2,nan,4,5,6"), "raw/force.csv:9: column fz: 'nan' is not a number"),
         (change_line(force_lines(), 9, "17.014,1,2,3,4,5,inf"), "raw/force.csv:9: column tz: 'inf' is not a number"),
         (change_line(force_lines(), 9, "17.014,1,2,,4,5,6"), "raw/force.csv:9: column fz: '' is an empty cell; a number was expected"),
-        (
-            change_line(force_lines(), 300, stamped(force_lines()[299], 17.5)),
-            "raw/force.csv:300: stamp goes back by 94 ms. The clock was set or the recorder restarted: split the file before this line",
-        ),
-        (change_line(force_lines(), 2, stamped(force_lines()[1], -1.0)), "raw/force.csv:2: time stamp -1.0 is negative"),
+        (change_line(force_lines(), 2, stamped(force_lines()[1], -1.0)), "raw/force.csv:2: time stamp -1 s is negative"),
     ],
 )
 def test_a_force_log_that_cannot_be_trusted_is_refused(tmp_path: Path, lines: list[str], message: str) -> None:
