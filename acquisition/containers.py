@@ -13,7 +13,6 @@ from acquisition.mpe import read_mpe
 from acquisition.report import Finding
 from acquisition.ros_bag import read_ros_bag
 from acquisition.scope import read_scope
-from acquisition.spikes import report_spikes
 from acquisition.table import Form, Table, read_table
 from cell.errors import DescriptionError
 
@@ -38,6 +37,4 @@ def read_file(path: Path, file: str, dialect: Dialect, layout: Layout, findings:
     reader, kind, unit = _READERS[dialect.container]
     if (dialect.time.type, dialect.time.unit) != (kind, unit):
         raise DescriptionError(f"{file}: times of {dialect.container} have type: {kind}, unit: {unit}; the dialect says otherwise.")
-    table, form = reader(path, file, dialect.time.column, layout, findings)
-    report_spikes(table, dialect.time.column, [name for name in layout.required if name != dialect.time.column], findings)
-    return table, form
+    return reader(path, file, dialect.time.column, layout, findings)

@@ -42,6 +42,7 @@ _INTEGERS = {"BIT": (0, 1)} | {
 }
 _FREE_TEXT = {"Name", "SymbolComment"}  # a channel may be called as the key is
 _SAMPLE_TIME = "SampleTime[ms]"
+_MAY_DIFFER = {_SAMPLE_TIME, "SymbolComment"}  # 0,2 ms with comma separator has a field too many, empty comments one too few
 _UNSCALED = {"Offset": 0.0, "ScaleFactor": 1.0, "Unit ScaleFactor": 1.0, "Unit Offset": 0.0}
 _INTEGER = re.compile(r"[+-]?[0-9]+")
 _FLOAT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -172,7 +173,7 @@ def _metadata(lines: list[str], separator: str, place: str) -> tuple[dict[str, l
             raise LogError(f"{place}: the line {cells[0]!r} of the metadata stands twice.")
         if cells[width:] in ([], [""]) and len(cells) >= width:
             meta[cells[0]] = cells[:width]
-        elif separator != "," or cells[0] != _SAMPLE_TIME:  # 0,2 ms with comma separator has a field too many
+        elif cells[0] not in _MAY_DIFFER:
             raise LogError(f"{place}: the line {cells[0][:30]!r} of the metadata has {len(cells)} fields, `Name` has {width}.")
     if "Data-Type" not in meta:
         raise LogError(f"{place}: the metadata have no line `Data-Type` with a field for each column of `Name`.")

@@ -35,10 +35,10 @@ class Written:
     integers: tuple[str, ...] = ()  # encoder columns, which the recording names
 
 
-def angles_deg(rows: int = ROWS) -> NDArray[np.float64]:
-    """(N, 6) [deg] a smooth course at 4 ms."""
+def angles_deg(rows: int = ROWS, scale: float = 1.0) -> NDArray[np.float64]:
+    """(N, 6) [deg] a smooth course at 4 ms; `scale` writes it in another unit."""
     t = 0.004 * np.arange(rows)
-    return np.stack([40.0 * np.sin((1.0 + 0.2 * i) * t + 0.7 * i) + 3.0 * i for i in range(6)], axis=1)
+    return scale * np.stack([40.0 * np.sin((1.0 + 0.2 * i) * t + 0.7 * i) + 3.0 * i for i in range(6)], axis=1)
 
 
 def counts(rows: int = ROWS) -> NDArray[np.int64]:
@@ -99,9 +99,9 @@ def scope(*, separator: str = "\t", decimal: str = ".", own_times: bool = False,
 # ---- JSON lines
 
 
-def json_lines(rows: int = ROWS) -> Written:
+def json_lines(rows: int = ROWS, scale: float = 1.0) -> Written:
     """Ten axis slots of a Comau, four of them not there."""
-    angles, time = angles_deg(rows), EPOCH_NS // 1000 + 4000 * np.arange(rows)
+    angles, time = angles_deg(rows, scale), EPOCH_NS // 1000 + 4000 * np.arange(rows)
     lines = [
         json.dumps({**dict(zip(AXES, row, strict=True)), **dict.fromkeys(("J7", "J8", "J9", "J10"), 0.0), "time": int(stamp)})
         for row, stamp in zip(angles.tolist(), time, strict=True)
@@ -146,9 +146,9 @@ def egm_message(seqno: int, time_ns: int, joints: list[float]) -> bytes:
     return sub(1, header) + sub(2, feedback) + sub(4, num(1, 1)) + dbl(10, 12.5)
 
 
-def egm(rows: int = ROWS) -> Written:
+def egm(rows: int = ROWS, scale: float = 1.0) -> Written:
     """Messages at 4.032 ms."""
-    angles, time = angles_deg(rows), EPOCH_NS + 4_032_000 * np.arange(rows)
+    angles, time = angles_deg(rows, scale), EPOCH_NS + 4_032_000 * np.arange(rows)
     messages = [egm_message(7 + i, int(time[i]), row) for i, row in enumerate(angles.tolist())]
     return Written("abb-egm", ".egm", FILE_START + b"".join(map(frame, messages)), {"time": time, **_named(AXES, angles)})
 
@@ -172,9 +172,9 @@ def _cdr_text(text: str) -> bytes:
     return struct.pack("<I", len(raw)) + raw
 
 
-def _joint_states(rows: int) -> tuple[list[bytes], Columns]:
+def _joint_states(rows: int, scale: float) -> tuple[list[bytes], Columns]:
     """Messages whose joints change their order from one to the next."""
-    angles, time = np.deg2rad(angles_deg(rows)), EPOCH_NS + 4_000_001 * np.arange(rows)
+    angles, time = np.deg2rad(angles_deg(rows, scale)), EPOCH_NS + 4_000_001 * np.arange(rows)
     messages = []
     for i, row in enumerate(angles.tolist()):
         order = (np.arange(6) + i) % 6
@@ -182,9 +182,9 @@ def _joint_states(rows: int) -> tuple[list[bytes], Columns]:
     return messages, {"stamp": time, **_named(JOINTS, angles)}
 
 
-def db3(folder: Path, rows: int = ROWS) -> Written:
+def db3(folder: Path, rows: int = ROWS, scale: float = 1.0) -> Written:
     """A bag in SQLite, as rosbag2 of ROS 2 Humble writes it; `folder` holds it while it is being made."""
-    messages, columns = _joint_states(rows)
+    messages, columns = _joint_states(rows, scale)
     path = folder / "making.db3"
     path.unlink(missing_ok=True)
     connection = sqlite3.connect(path)
@@ -203,9 +203,9 @@ def db3(folder: Path, rows: int = ROWS) -> Written:
     return Written("ros-joint-state", ".db3", path.read_bytes(), columns)
 
 
-def mcap(rows: int = ROWS, *, packed: str = "ZSTD") -> Written:
+def mcap(rows: int = ROWS, scale: float = 1.0, *, packed: str = "ZSTD") -> Written:
     """A bag in MCAP with checksums; packed : NONE, LZ4 or ZSTD."""
-    messages, columns = _joint_states(rows)
+    messages, columns = _joint_states(rows, scale)
     stream = io.BytesIO()
     writer = Writer(stream, chunk_size=4096, compression=CompressionType[packed])
     writer.start(profile="ros2", library="")
@@ -220,10 +220,10 @@ def mcap(rows: int = ROWS, *, packed: str = "ZSTD") -> Written:
 # ---- abb_motion_program_exec
 
 
-def mpe(rows: int = ROWS) -> Written:
+def mpe(rows: int = ROWS, scale: float = 1.0) -> Written:
     """A log of one robot, 4 ms."""
     time = (0.004 * np.arange(1, rows + 1)).astype(np.float32)
-    angles = angles_deg(rows).astype(np.float32)
+    angles = angles_deg(rows, scale).astype(np.float32)
     command = np.full(rows, 3, dtype=np.float32)
     header, stamp = b"timestamp,cmdnum,J1,J2,J3,J4,J5,J6", b"2024-05-01T10-20-30"
     head = struct.pack("<ff", 10011, len(stamp)) + stamp + struct.pack("<f", len(header)) + header
