@@ -21,9 +21,10 @@ from acquisition.containers import read_file
 from acquisition.dialect import load_dialect
 from acquisition.egm import FILE_START, frame, read_frames
 from acquisition.layout import Layout
+from acquisition.recording import read_ballbar, read_robot
 from acquisition.report import Finding
 from acquisition.scope import Channel, read_channels
-from acquisition.spikes import spikes
+from acquisition.sources import Ledger
 from acquisition.table import Table
 from benchmarks.container_files import (
     AXES,
@@ -33,6 +34,7 @@ from benchmarks.container_files import (
     ROWS,
     Written,
     angles_deg,
+    counts,
     db3,
     egm,
     egm_message,
@@ -42,8 +44,13 @@ from benchmarks.container_files import (
     mpe,
     scope,
 )
+from benchmarks.mutated_containers import campaign, families
+from cell.descriptions import joints_to_axes, load_robot
 from cell.errors import DescriptionError, InputError, LogError
+from cell.logs import RobotLog
+from cell.recording import EncoderFitting, SourceFile
 
+ROBOT = load_robot("irb2400")
 SAMPLES = Path(__file__).parent / "data/twincat_scope"
 START_NS = (FILETIME - 116_444_736_000_000_000) * 100  # of the sample exports too
 
@@ -524,43 +531,86 @@ def test_mpe_logs_are_refused_in_words(what: str, tmp_path: Path) -> None:
 # ---- all of them
 
 
-@pytest.mark.parametrize("kind", ["json lines", "mpe", "mcap, not packed"])
-def test_one_changed_angle_is_reported_where_no_checksum_shows_it(kind: str, tmp_path: Path) -> None:
+def in_folder(folder: Path, written: Written, content: bytes | None = None) -> tuple[RobotLog, list[tuple[str, str]]]:
+    """A robot's file behind all checks of the recording's reader."""
+    name, ledger = "log" + written.suffix, Ledger([], [])
+    (folder / name).write_bytes(written.content if content is None else content)
+    log = read_robot(folder, SourceFile(files=(name,), dialect=written.dialect), ROBOT, ledger)
+    return log, [(one.kind, one.severity) for one in ledger.findings]
+
+
+ROBOTS = [kind for kind in ALL if not kind.startswith("scope")]
+
+
+@pytest.mark.parametrize("kind", ROBOTS)
+def test_a_robots_file_gives_joint_angles_on_its_own_clock(kind: str, tmp_path: Path) -> None:
+    log, findings = in_folder(tmp_path, ALL[kind](tmp_path))
+    axes = np.deg2rad(angles_deg().astype(np.float32) if kind == "mpe" else angles_deg())
+    # axes of the IRB 2400: joint 3 turns with joint 2 (thesis App. A)
+    assert np.allclose(joints_to_axes(ROBOT, log.q), axes, rtol=0.0, atol=1e-6 if kind == "mpe" else 1e-14)
+    step = {"egm": 0.004032, "db3": 0.004000001}.get(kind, 0.004000001 if kind.startswith("mcap") else 0.004)
+    assert np.allclose(log.t, step * np.arange(ROWS), rtol=0.0, atol=3e-8 if kind == "mpe" else 1e-15)
+    assert findings == []
+
+
+def changed_angle(written: Written, row: int) -> bytes:
+    """J4 of one row off by 0.02 deg, the file otherwise as it was."""
+    if written.suffix == ".bin":
+        return with_cell(row, 5, float(written.columns["J4"][row]) + 0.02)(written.content)
+    lines = [json.loads(line) for line in written.content.decode().splitlines()]
+    lines[row]["J4"] += 0.02
+    return ("\n".join(map(json.dumps, lines)) + "\n").encode()
+
+
+@pytest.mark.parametrize("row", [0, 1, 2, 33, ROWS - 3, ROWS - 2, ROWS - 1])
+@pytest.mark.parametrize("kind", ["json lines", "mpe"])
+def test_one_changed_angle_is_reported_where_no_checksum_shows_it(kind: str, row: int, tmp_path: Path) -> None:
     written = ALL[kind](tmp_path)
-    if kind == "json lines":
-        lines = [json.loads(line) for line in written.content.decode().splitlines()]
-        lines[33]["J4"] += 0.05
-        changed = ("\n".join(map(json.dumps, lines)) + "\n").encode()
-        assert read(tmp_path, written, changed)[1] == [("spike", "warning")]
-    elif kind == "mpe":
-        changed = with_cell(33, 5, float(written.columns["J4"][33]) + 0.05)(written.content)
-        assert read(tmp_path, written, changed)[1] == [("spike", "warning")]
-    else:
-        content = bytearray(written.content)
-        content[written.content.rindex(b"joint_3") + 40] ^= 0x10
-        with pytest.raises(LogError, match=r"crc validation|checksum|damaged"):
-            read(tmp_path, written, bytes(content))
+    log, findings = in_folder(tmp_path, written, changed_angle(written, row))
+    assert findings[0][1] == "repaired"
+    assert findings[1:] in ([], [("overrun", "warning")])  # where the row was
+    assert len(log.t) == ROWS - 1
 
 
-def test_smooth_courses_steps_late_samples_and_flicker_at_rest_are_no_spikes() -> None:
-    rng = np.random.default_rng(5)
-    t = 0.004 * np.arange(3000)
-    late = np.sort(t + 0.003 * (rng.random(3000) < 0.02))  # stamped when they were taken
-    noisy = 40.0 * np.sin(late) + rng.normal(0.0, 1e-5, 3000)
-    rest = np.zeros(3000)
-    rest[[40, 41, 90]] = 1e-4
-    speed = np.maximum(t - 5.0, 0.0)
-    step = np.repeat([0.0, 0.5, 0.2], 1000)
-    counter = np.floor(1e5 * np.sin(t))
-    missing = np.delete(np.arange(3000), [70, 71, 900])
-    courses = [(late, noisy), (late, np.round(noisy, 3)), (t, rest), (t, step), (t, speed), (t, counter), (t, rng.normal(0.0, 1.0, 3000))]
-    courses.append((t[missing], np.sin(t[missing])))
-    for times, values in courses:
-        assert spikes(times, values).size == 0
-    for i in (0, 1, 2, 1234, 2997, 2998, 2999):
-        changed = noisy.copy()
-        changed[i] += 1.5e-2 if i in (0, 2999) else 1e-3
-        assert list(spikes(late, changed)) == [i]
+def test_a_changed_bit_in_an_mcap_bag_is_refused(tmp_path: Path) -> None:
+    written = mcap(packed="NONE")
+    content = bytearray(written.content)
+    content[written.content.rindex(b"joint_3") + 40] ^= 0x10
+    with pytest.raises(LogError, match="checksum"):
+        read(tmp_path, written, bytes(content))
+
+
+OTHER_UNITS: dict[str, Callable[[Path], Written]] = {
+    "json lines": lambda _: json_lines(scale=np.pi / 180.0),
+    "egm": lambda _: egm(scale=np.pi / 180.0),
+    "mpe": lambda _: mpe(scale=np.pi / 180.0),
+    "db3": lambda folder: db3(folder, scale=180.0 / np.pi),
+    "mcap": lambda _: mcap(scale=180.0 / np.pi),
+}
+
+
+@pytest.mark.parametrize("kind", OTHER_UNITS)
+def test_angles_in_another_unit_than_the_container_has_are_refused(kind: str, tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"(?i)(in rad|degrees).* where .* declared"):
+        in_folder(tmp_path, OTHER_UNITS[kind](tmp_path))
+
+
+def test_scope_counters_become_encoder_angles(tmp_path: Path) -> None:
+    (tmp_path / "bar.csv").write_bytes(scope().content)
+    fitted = {name: EncoderFitting(column=name, lines=3600, bits=12) for name in ("b1", "b2")}
+    log = read_ballbar(tmp_path, SourceFile(files=("bar.csv",), dialect="twincat-scope"), fitted, Ledger([], []), robot_moves=True)
+    course = (counts() + 2**31) % 2**32 - 2**31
+    assert np.allclose(np.diff(log.angles, axis=0), np.diff(course, axis=0) * 2.0 * np.pi / (3600 * 2**12), rtol=0.0, atol=1e-12)
+    assert np.allclose(log.t, 0.01 * np.arange(ROWS), rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("family", range(6))
+def test_damaged_files_are_equal_reported_or_refused(family: int, tmp_path: Path) -> None:
+    """A few files of the campaign in benchmarks.mutated_containers."""
+    (tmp_path / "made").mkdir()
+    written, mutations = list(families(tmp_path / "made").values())[family]
+    tally = campaign(written, mutations, 5 * len(mutations), tmp_path / "made", np.random.default_rng(family))
+    assert not {"silent", "crash", "hang"} & tally.counts.keys(), tally.examples
 
 
 def test_a_dialect_with_another_unit_of_time_is_refused(tmp_path: Path) -> None:
