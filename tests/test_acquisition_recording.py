@@ -206,10 +206,14 @@ def test_the_report_reads_as_lines_and_goes_through_json(tmp_path: Path) -> None
         "sentence": "expected 5 fields, got 1; treated as torn line and dropped.",
     }
     text = report_lines(report)
-    assert text[0] == "raw/robot.csv: 800 of 800 rows kept (robot, dialect abb-motor, utf-8, separator comma, decimal point, time in s)"
-    assert text[1].startswith("raw/ballbar.csv: 299 of 300 rows kept")
-    assert "raw/ballbar.csv:151: repaired: torn line: expected 5 fields, got 1; treated as torn line and dropped." in text
-    assert report_lines(replace(report, findings=()))[-1] == "nothing to report: no repairs, no warnings"
+    assert text[:3] == [
+        "FILES",
+        "  raw/robot.csv: 800 of 800 rows used",
+        "    robot, dialect abb-motor; utf-8, separator comma, decimal point; time in s",
+    ]
+    assert text[3] == "  raw/ballbar.csv: 299 of 300 rows used"
+    assert "  raw/ballbar.csv:151: torn line: expected 5 fields, got 1; treated as torn line and dropped." in text
+    assert report_lines(replace(report, findings=()))[-2:] == ["REPAIRED: none", "WARNINGS: none"]
 
 
 def motor_rows(motors: np.ndarray) -> list[str]:
