@@ -56,7 +56,7 @@ class Dialect(_Strict):
 
     schema_: Annotated[Literal["ballbar-dialect/1"], Field(alias="schema")]
     source: SourceName
-    container: Literal["text"] = "text"
+    container: Literal["text", "twincat-scope", "json-lines", "egm", "rosbag", "abb-mpe"] = "text"
     separators: tuple[Separator, ...] = ()
     decimal: Literal["either", "point", "comma"] = "either"  # of numbers that are no integers
     time: TimeColumn

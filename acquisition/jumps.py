@@ -2,13 +2,15 @@
 
 Two tests. A step that would need more than the mechanism's greatest speed is a jump: back within LONGEST rows it was a
 damaged value, else something happened (a counter was reset). Below that speed, a single value is damaged where the six rows
-around it lie on one cubic and it does not; a kink or a step in the motion leaves the six on none, and nothing is concluded.
+around it lie on one cubic and it does not (at an end, the six next to it); a kink or a step in the motion leaves the six on
+none, and nothing is concluded.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -109,7 +111,21 @@ def damaged_values(t: Array, values: Array, breaks: NDArray[np.bool_]) -> NDArra
         beside = row + _BESIDE
         if not out[beside, channel].any() and _contradicted(t, values[:, channel], row, beside, float(sigma[channel])):
             out[row, channel] = True
+    for row, beside in _ends(stretch):
+        if np.ptp(t[[row, *beside]]) < _REACH * period:
+            for channel in range(values.shape[1]):
+                if not out[beside, channel].any() and _contradicted(t, values[:, channel], row, beside, float(sigma[channel])):
+                    out[row, channel] = True
     return out
+
+
+def _ends(stretch: NDArray[np.intp]) -> Iterator[tuple[int, NDArray[np.intp]]]:
+    """The first and last three rows of each stretch, and for each the six rows next to them inside."""
+    bounds = np.flatnonzero(np.diff(stretch, prepend=stretch[0] - 1, append=stretch[-1] + 1))
+    for start, stop in pairwise(bounds.tolist()):
+        for k in range(3) if stop - start >= 9 else ():
+            yield start + k, np.arange(start + 3, start + 9)
+            yield stop - 1 - k, np.arange(stop - 9, stop - 3)
 
 
 def _contradicted(t: Array, column: Array, row: int, beside: NDArray[np.intp], sigma: float) -> bool:
