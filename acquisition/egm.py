@@ -1,0 +1,191 @@
+"""ABB EGM feedback: EgmRobot messages decoded from the wire, and the file in which they are kept as they came.
+
+EGM (externally guided motion) sends one protobuf message a UDP datagram, each 4.032 ms or a multiple. Read are, by field number:
+
+    EgmRobot     1 header, 2 feedBack
+    EgmHeader    1 seqno, 2 tm [ms]
+    EgmFeedBack  1 joints, 4 time, 5 timeStamp (RobotWare 7)
+    EgmJoints    1 joints [deg], axis angles of the controller
+    EgmClock     1 sec, 2 usec;  EgmTimestamp  1 sec, 2 nsec
+
+Everything else is skipped, known or not. The clock starts where the controller likes: it is not always Unix time.
+
+File: FILE_START, then one frame a message: length (uint32), CRC-32 of length and message (uint32), message; little-endian.
+The sum is there because a flipped bit in a double is a joint angle like any other.
+
+Source: egm.proto in ros-industrial/abb_libegm (V1.1), the RobotWare 7 fields in ABBRobotEGM 1.0.7; protobuf wire format.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from cell.errors import LogError
+
+FILE_START = b"EGM-RAW/1\r\n"  # the line end shows a copy in text mode
+LONGEST_MESSAGE = 65_507  # bytes that fit a UDP datagram; a real message has about a hundred
+
+_FRAME = struct.Struct("<II")
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5  # wire types; 3 and 4 are groups, which EGM never had
+_LONGEST_VARINT = 10  # bytes of a 64-bit varint
+
+
+@dataclass(frozen=True)
+class EgmFeedback:
+    """What one message says about the robot."""
+
+    seqno: int | None
+    tm_ms: int | None  # controller's time of sending, whole ms
+    time_ns: int | None  # controller's clock at the feedback; from RobotWare 6.07
+    joints_deg: tuple[float, ...]  # axis angles; empty before the first feedback
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The messages of a file, and what of it could not be used."""
+
+    messages: list[bytes]
+    numbers: list[int]  # number in the file of each message, counted from 1
+    damaged: list[int] = field(default_factory=list)  # numbers of the frames whose sum is wrong
+    torn: tuple[int, int] | None = None  # first and last byte of a frame or NUL block that ends the file
+
+
+def decode(message: bytes) -> EgmFeedback:
+    """The feedback in one EgmRobot message; absent fields are None, or empty.
+
+    Raises LogError if the bytes are no such message, or hold a joint angle or a time that cannot be.
+    """
+    if len(message) > LONGEST_MESSAGE:
+        raise LogError(f"EGM message of {len(message)} bytes; a datagram has at most {LONGEST_MESSAGE}.")
+    robot = _submessages(message)
+    header, feedback = _fields(robot.get(1, b"")), robot.get(2, b"")
+    parts = _submessages(feedback)
+    numbers = {number: value for number, wire, value in header if wire == _VARINT}
+    joints = _doubles(parts.get(1, b""))
+    if not all(math.isfinite(angle) for angle in joints):
+        raise LogError(f"EGM message: joint angles {joints} are not finite.")
+    return EgmFeedback(_uint32(numbers.get(1)), _uint32(numbers.get(2)), _time_ns(parts), joints)
+
+
+def frame(message: bytes) -> bytes:
+    """A message as it stands in a file, behind FILE_START.
+
+    Raises ValueError if it is empty or longer than a datagram.
+    """
+    if not 0 < len(message) <= LONGEST_MESSAGE:
+        raise ValueError(f"an EGM message has 1 to {LONGEST_MESSAGE} bytes, this one {len(message)}")
+    length = len(message).to_bytes(4, "little")
+    return _FRAME.pack(len(message), zlib.crc32(message, zlib.crc32(length))) + message
+
+
+def read_frames(raw: bytes) -> Frames:
+    """The messages of a file, in order. A frame whose sum is wrong is left out; an incomplete one ends the file.
+
+    Raises LogError if the file does not begin with FILE_START, or a frame claims a length that no message has.
+    """
+    if not raw.startswith(FILE_START):
+        copied = raw.startswith(FILE_START.replace(b"\r\n", b"\n"))
+        hint = " It was copied in text mode: copy the file again in binary mode." if copied else ""
+        raise LogError(f"the file does not begin with {FILE_START!r}: no file of raw EGM messages.{hint}")
+    found = Frames([], [])
+    at = len(FILE_START)
+    end = len(raw.rstrip(b"\0"))
+    while at < len(raw):
+        if end <= at or len(raw) - at < _FRAME.size:  # NUL to the end, or half a frame's head
+            return _torn(found, at, len(raw))
+        length, checksum = _FRAME.unpack_from(raw, at)
+        number = len(found.numbers) + len(found.damaged) + 1
+        if not 0 < length <= LONGEST_MESSAGE:
+            raise LogError(f"message {number} (byte {at}) claims {length} bytes; a datagram has 1 to {LONGEST_MESSAGE}. Damaged here.")
+        message = raw[at + _FRAME.size : at + _FRAME.size + length]
+        if len(message) < length:
+            return _torn(found, at, len(raw))
+        if zlib.crc32(message, zlib.crc32(raw[at : at + 4])) == checksum:
+            found.messages.append(message)
+            found.numbers.append(number)
+        else:
+            found.damaged.append(number)
+        at += _FRAME.size + length
+    return found
+
+
+def _torn(found: Frames, first: int, size: int) -> Frames:
+    return Frames(found.messages, found.numbers, found.damaged, (first, size - 1))
+
+
+def _time_ns(parts: dict[int, bytes]) -> int | None:
+    """[ns] of timeStamp, else of time, else none."""
+    for field_number, ticks_per_second in ((5, 1_000_000_000), (4, 1_000_000)):
+        if field_number not in parts:
+            continue
+        clock = {number: value for number, wire, value in _fields(parts[field_number]) if wire == _VARINT}
+        seconds, ticks = clock.get(1), clock.get(2)
+        if not isinstance(seconds, int) or not isinstance(ticks, int):
+            raise LogError("EGM message: a time without seconds, or without its fraction.")
+        time_ns = seconds * 1_000_000_000 + ticks * (1_000_000_000 // ticks_per_second)
+        if ticks >= ticks_per_second or time_ns >= 2**63:
+            raise LogError(f"EGM message: a time of {seconds} s and {ticks}/{ticks_per_second} s cannot be.")
+        return time_ns
+    return None
+
+
+def _uint32(value: int | bytes | None) -> int | None:
+    return value & 0xFFFFFFFF if isinstance(value, int) else None
+
+
+def _doubles(message: bytes) -> tuple[float, ...]:
+    """Repeated double field 1, one by one or packed."""
+    values: list[float] = []
+    for number, wire, value in _fields(message):
+        if number == 1 and wire in (_FIXED64, _BYTES) and isinstance(value, bytes):
+            if len(value) % 8:
+                raise LogError(f"EGM message: joint angles of {len(value)} bytes; a double has 8.")
+            values += struct.unpack(f"<{len(value) // 8}d", value)
+    return tuple(values)
+
+
+def _submessages(message: bytes) -> dict[int, bytes]:
+    """Length-delimited fields by number; one that stands several times is joined, as protobuf merges messages."""
+    parts: dict[int, bytes] = {}
+    for number, wire, value in _fields(message):
+        if wire == _BYTES and isinstance(value, bytes):
+            parts[number] = parts.get(number, b"") + value
+    return parts
+
+
+def _fields(message: bytes) -> Iterator[tuple[int, int, int | bytes]]:
+    """Number, wire type and value of each field; fixed-width and length-delimited ones as bytes."""
+    at = 0
+    while at < len(message):
+        key, at = _varint(message, at)
+        number, wire = key >> 3, key & 7
+        if not 0 < number < 2**29:
+            raise LogError(f"EGM message: field number {number} at byte {at - 1} cannot be.")
+        if wire == _VARINT:
+            value, at = _varint(message, at)
+            yield number, wire, value
+            continue
+        if wire == _BYTES:
+            length, at = _varint(message, at)
+        elif wire in (_FIXED64, _FIXED32):
+            length = 8 if wire == _FIXED64 else 4
+        else:
+            raise LogError(f"EGM message: field {number} has wire type {wire}, which EGM does not use.")
+        if length > len(message) - at:
+            raise LogError(f"EGM message: field {number} claims {length} bytes, {len(message) - at} are left.")
+        yield number, wire, message[at : at + length]
+        at += length
+
+
+def _varint(message: bytes, at: int) -> tuple[int, int]:
+    """The number that begins at a byte, and where the next begins."""
+    value = 0
+    for i, byte in enumerate(message[at : at + _LONGEST_VARINT]):
+        value |= (byte & 0x7F) << (7 * i)
+        if byte < 0x80:
+            return value & (2**64 - 1), at + i + 1
+    raise LogError(f"EGM message: the number at byte {at} has no end.")
