@@ -280,7 +280,9 @@ def claims(
     raise typer.Exit(0 if passed else 1)
 
 
-@app.command(epilog="Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 --plc 5.12.82.20.1.1 --egm 192.168.125.10:6510`")
+@app.command(
+    epilog="Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 --plc 5.12.82.20.1.1 --egm 192.168.125.10:6510`"
+)
 def record(
     folder: Annotated[Path, typer.Argument(help="A new folder for the recording.", metavar="DIR")],
     robot: Annotated[str, typer.Option(help="A robot of cell/robots, or a file.", metavar="NAME")],

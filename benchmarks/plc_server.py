@@ -103,8 +103,22 @@ class Plc:
             self._server = None
 
     def restart(self) -> None:
-        """A cold start: samples count from 0, later in time."""
+        """A cold start: samples count from 0 again."""
+        self._header["written"] = 0
         self._header["started"] += 1
+
+    def peek(self, offset: int, size: int) -> bytes:
+        """The ring's memory, without a network."""
+        return bytes(self._ring[offset : offset + size])
+
+    def set_back(self, *, at: int, by_ns: int) -> None:
+        """Sets the clock back from sample `at` of the ring on."""
+        self._slots["time"][at:] -= np.uint64(by_ns)
+
+    def poke(self, **header: int) -> None:
+        """Changes the header."""
+        for name, value in header.items():
+            self._header[name] = value
 
     def _cycle(self) -> None:
         """All samples that are due, about every millisecond: a cycle that comes late writes several."""
