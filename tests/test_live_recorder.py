@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import resource
 import signal
 import socket
@@ -26,6 +27,7 @@ from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import PlcSource
 from acquisition.live.recorder import Progress, State
+from acquisition.live.ring import HEADER, LAYOUT, SAMPLE
 from acquisition.live.session import LiveRecording
 from acquisition.live.source import Source
 from ballbar.record_command import RING
@@ -396,3 +398,34 @@ def test_the_live_view_shows_angles_and_faults_on_one_timeline(tmp_path: Path) -
     times = np.concatenate([batch.column(TIMELINE).cast("int64").to_numpy() for batch in batches])
     assert np.array_equal(angles, np.concatenate([batch.values for batch in shown]))
     assert np.allclose(np.diff(times), 1e6, atol=1e3)  # 1 ms, to the microsecond
+
+
+DOCUMENT = ROOT / "docs" / "recorder.md"
+SIZES = {"ULINT": "<u8", "UDINT": "<u4", "UINT": "<u2"}
+
+
+def structure(name: str) -> np.dtype[np.void]:
+    """A structure of the Structured Text listing, members at their natural alignment as TwinCAT places them."""
+    listing = DOCUMENT.read_text()
+    body = re.search(rf"TYPE ST_{name} :\nSTRUCT\n(.*?)END_STRUCT", listing, re.DOTALL)
+    assert body
+    members: list[tuple[str, object, int]] = []
+    for member, low, high, kind in re.findall(r"(\w+)\s*: (?:ARRAY\[(\d)\.\.(\d+)\] OF )?(\w+);", body[1]):
+        count = int(high) - int(low) + 1 if high else 1
+        element = structure(kind.removeprefix("ST_")) if kind.startswith("ST_") else np.dtype(SIZES[kind])
+        members.append((member[1:].lower(), element, count))
+    return np.dtype([(name, element) if count == 1 else (name, element, count) for name, element, count in members], align=True)
+
+
+def test_the_listing_for_the_plc_has_the_layout_that_the_recorder_reads() -> None:
+    assert structure("BallBarSample") == np.dtype(SAMPLE.descr, align=True)
+    assert structure("BallBarSample").itemsize == SAMPLE.itemsize
+    ring = structure("BallBarRing")
+    assert ring.fields is not None
+    header = [(name, ring.fields[name][0].str, ring.fields[name][1]) for name in HEADER.names]
+    assert header == [(name, HEADER.fields[name][0].str, HEADER.fields[name][1]) for name in HEADER.names]
+    assert ring.fields["sample"][1] == HEADER.itemsize
+    assert f"nLayout := 16#{LAYOUT:X};" in DOCUMENT.read_text()
+    assert f"CAPACITY : UDINT := {ring.fields['sample'][0].shape[0]};" in DOCUMENT.read_text()
+    assert "stRing : ST_BallBarRing;" in DOCUMENT.read_text()
+    assert RING == "GVL_BallBar.stRing"

@@ -151,6 +151,16 @@ def test_a_clock_that_is_set_back_ends_the_file_before_that_sample() -> None:
     assert len(source.poll().records) == 10
 
 
+def test_a_clock_that_stands_still_makes_no_new_file() -> None:
+    memory = ring_memory(2000)
+    source = PlcSource(memory, lines=3600)
+    source.connect()
+    memory.plc.write(30)
+    memory.plc.set_clock(0)
+    batch = source.poll()
+    assert (len(batch.records), batch.ends) == (30, "")
+
+
 def test_angles_for_the_eye_count_on_over_polls_and_wraps() -> None:
     memory = ring_memory(4000)
     source = PlcSource(memory, lines=3600)

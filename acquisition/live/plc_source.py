@@ -43,7 +43,7 @@ class PlcSource:
         self._ring = RingReader(memory.read)
         self.encoders = Encoders()  # what the PLC says of its terminals, once it was connected
         self._held = _no_samples()  # taken and not yet handed on; those behind a step of the clock wait here for the next file
-        self._last_time = 0
+        self._last_time: int | None = None  # stamp of the segment's last sample
         self._last: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None  # counter words, and counts since the first sample
 
     @property
@@ -60,7 +60,7 @@ class PlcSource:
         if self.encoders.joints and self._ring.encoders != self.encoders:
             raise DeviceSilentError("the PLC reads other encoders than before, or at another resolution: end this recording")
         self.encoders = self._ring.encoders
-        self._last_time = 0
+        self._last_time = None
 
     def poll(self) -> Batch:
         lost = 0
@@ -82,7 +82,8 @@ class PlcSource:
     def _batch(self, lost: int, *, ends: str = "") -> Batch:
         """The samples held, up to a step back of their clock."""
         samples, self._held = self._held, _no_samples()
-        back = np.flatnonzero(np.diff(samples["time"].astype(np.int64), prepend=self._last_time) <= 0)
+        time = samples["time"].astype(np.int64)
+        back = np.flatnonzero(np.diff(time, prepend=time[:1] if self._last_time is None else self._last_time) < 0)
         if back.size:
             ends = "the PLC's clock was set back"
             samples, self._held = samples[: back[0]], samples[back[0] :]
