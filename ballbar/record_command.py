@@ -17,7 +17,7 @@ from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import Memory, PlcSource
 from acquisition.live.session import LiveRecording
 from acquisition.live.source import Batch, Source
-from ballbar.record_terminal import say_recording, show_until_stopped
+from ballbar.record_terminal import quiet_libraries, say_recording, show_until_stopped
 from cell.descriptions import load_cell
 from cell.errors import InputError
 
@@ -60,7 +60,7 @@ def record(folder: Path, options: RecordOptions, out: Console) -> bool:
             sources.append(egm)
         watch = stack.enter_context(_live_view()) if options.live else None
         recording = LiveRecording(RecordingFolder(folder, names), sources, watch=watch)
-        with _ended_by_signals(recording):
+        with _ended_by_signals(recording), quiet_libraries(out):
             recording.start()
             try:
                 show_until_stopped(out, recording, duration=options.duration)

@@ -6,7 +6,8 @@ import os
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -27,13 +28,33 @@ def status_words(word: int) -> str:
     return ", ".join(kind for bit, kind in _WORDS.items() if word & bit) or "ok"
 
 
+@contextmanager
+def quiet_libraries(console: Console) -> Iterator[None]:
+    """Keeps what native libraries write to standard error from running through a table on a terminal.
+
+    The ADS library reports each attempt to connect there, whatever its caller does about it.
+    """
+    if not console.is_terminal:
+        yield
+        return
+    sys.stderr.flush()
+    spoken = os.dup(2)
+    try:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(spoken, 2)
+        os.close(spoken)
+
+
 def show_until_stopped(console: Console, recording: LiveRecording, *, duration: float | None) -> None:
     """Shows the recording until it stops, or `duration` [s] after the first records.
 
     A table on a terminal; elsewhere a line for each thing that happens.
     """
     begun, shown = None, _Lines(console)
-    with _table(console) if console.is_terminal else _no_table() as live:
+    with Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else nullcontext() as live:
         while not recording.wait(_REFRESH):
             progress = recording.progress
             if begun is None and any(source.records for source in progress):
@@ -79,8 +100,11 @@ def status_table(progress: list[Progress], elapsed: float) -> RenderableType:
             Text(str(source.lost), style=troubled),
             str(source.gaps),
         )
-    lines = [line for source in progress for line in _details(source)]
-    return Group(table, *lines)
+    details = Table.grid()
+    for source in progress:
+        for line in _details(source):
+            details.add_row(line)
+    return Group(table, details)
 
 
 def _details(source: Progress) -> list[Text]:
@@ -88,14 +112,14 @@ def _details(source: Progress) -> list[Text]:
         return [Text(f"{source.name}: {source.reason}", style="yellow")]
     if source.latest is None:
         return []
-    angles = {name: f"{angle:+9.3f} deg" for name, angle in zip(source.channels, source.latest, strict=False)}
+    angles = dict(zip(source.channels, source.latest, strict=False))
     words, ever = dict(_named(source, ever=False)), dict(_named(source, ever=True))
     if not words:
-        return [Text("   ".join(f"{name} {angle}" for name, angle in angles.items()))]
+        return [Text("deg: " + "  ".join(f"{name} {angle:+.3f}" for name, angle in angles.items()))]
     lines = []
     for name, angle in angles.items():
         now, before = status_words(words[name]), status_words(ever[name])
-        line = Text(f"{name} {angle}  ").append(now, style="green" if now == "ok" else "red")
+        line = Text(f"{name} {angle:+9.3f} deg  ").append(now, style="green" if now == "ok" else "red")
         lines.append(line if before == now else line.append(f"  (was: {before})", style="yellow"))
     return lines
 
@@ -122,23 +146,3 @@ class _Lines:
             if self._said.get(source.name) != text:
                 self._said[source.name] = text
                 self._console.print(f"{source.name}: {escape(text)}")
-
-
-@contextmanager
-def _table(console: Console) -> Iterator[Live | None]:
-    """A table that stays in its place, with what native libraries say kept from running through it."""
-    sys.stderr.flush()
-    spoken = os.dup(2)
-    try:
-        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123  a device
-            os.dup2(nowhere.fileno(), 2)
-        with Live(console=console, auto_refresh=False, transient=True) as live:
-            yield live
-    finally:
-        os.dup2(spoken, 2)
-        os.close(spoken)
-
-
-@contextmanager
-def _no_table() -> Iterator[Live | None]:
-    yield None

@@ -17,6 +17,8 @@ from acquisition.live.source import Batch, Source
 from ballbar.replay_viewer import live_viewer
 
 FLUSH = 2.0  # [s] for the last records to reach the window
+ROWS = 10  # of a batch that are shown: 100 Hz is enough for the eye, and a slow screen keeps up
+COLOURS = [(31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75)]
 TIMELINE = "recording_time"
 APPLICATION = "ballbar-record"
 _TITLES: dict[SourceName, str] = {"ballbar": "Ball-bar encoders [deg]", "robot": "Robot axes [deg]"}
@@ -39,16 +41,16 @@ class LiveView:
         """Shows a batch; called from the recorder's threads."""
         if not batch.t_ns.size:
             return
-        stamps = batch.t_ns - batch.t_ns[0]
-        anchor = self._anchor(source.name, batch.t_ns)
-        t = anchor + stamps * 1e-9
         first = source.name not in self._last
+        t = self._anchor(source.name, batch.t_ns) + (batch.t_ns - batch.t_ns[0]) * 1e-9
         self._last[source.name] = float(t[-1])
-        at = [rr.TimeColumn(TIMELINE, duration=t)]
         entity = f"/{source.name}/angle_deg"
         if first:
-            self._stream.log(entity, rr.SeriesLines(names=list(source.channels)), static=True)
-        self._stream.send_columns(entity, indexes=at, columns=rr.Scalars.columns(scalars=batch.values))
+            lines = rr.SeriesLines(names=list(source.channels), colors=COLOURS[: len(source.channels)])
+            self._stream.log(entity, lines, static=True)
+        few = slice(None, None, -(-batch.t_ns.size // ROWS))
+        at = [rr.TimeColumn(TIMELINE, duration=t[few])]
+        self._stream.send_columns(entity, indexes=at, columns=rr.Scalars.columns(scalars=batch.values[few]))
         if batch.status.size:
             self._faults(source, batch, float(t[-1]))
 

@@ -79,9 +79,13 @@ def live_viewer() -> str:
     with socket.socket() as probe:
         probe.bind((LOOPBACK, 0))
         port = probe.getsockname()[1]
-    # A session of its own, so that the Ctrl-C that ends a recording does not close the window too.
+    # A session of its own, so that the Ctrl-C that ends a recording does not close the window too; silent, so that it does not
+    # write into the caller's terminal.
     viewer = subprocess.Popen(
-        [_rerun(), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", "--expect-data-soon"], start_new_session=True
+        [_rerun(), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", "--expect-data-soon"],
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
     )
     try:
         _wait_for(viewer, port, "the viewer")

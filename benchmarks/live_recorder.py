@@ -70,13 +70,13 @@ def _compare(raw: bytes, plc: Plc, rate: int, made: int, processor: float) -> Ou
     distinct = np.unique(numbers[off_grid == 0])
     return Outcome(
         rate_hz=rate,
-        seconds=float(stamps[-1] - stamps[0]) * 1e-9,
+        seconds=round(float(stamps[-1] - stamps[0]) * 1e-9, 3),
         samples_made=made - first,
         records=stamps.size,
         missing=last - first + 1 - distinct.size,
         doubled=stamps.size - distinct.size,
         byte_exact=raw == text_of(plc_samples(first, last - first + 1, plc.period_ns)),
-        tail_s=(made - 1 - last) * plc.period_ns * 1e-9,
+        tail_s=round((made - 1 - last) * plc.period_ns * 1e-9, 3),
         processor_s=round(processor, 1),
     )
 

@@ -396,8 +396,8 @@ def test_the_live_view_shows_angles_and_faults_on_one_timeline(tmp_path: Path) -
     batches = [chunk.to_record_batch() for chunk in chunks]
     angles = np.concatenate([batch.column("Scalars:scalars").flatten().to_numpy().reshape(-1, 4) for batch in batches])
     times = np.concatenate([batch.column(TIMELINE).cast("int64").to_numpy() for batch in batches])
-    assert np.array_equal(angles, np.concatenate([batch.values for batch in shown]))
-    assert np.allclose(np.diff(times), 1e6, atol=1e3)  # 1 ms, to the microsecond
+    assert np.array_equal(angles, np.concatenate([batch.values[::10] for batch in shown]))
+    assert np.allclose(np.diff(times), 10e6, atol=1e3)  # 10 ms, to the microsecond
 
 
 DOCUMENT = ROOT / "docs" / "recorder.md"

@@ -12,6 +12,14 @@ import pyads
 from acquisition.live.source import DeviceSilentError
 
 TIMEOUT_MS = 1000  # beyond it the connection counts as lost; a healthy PLC answers within a few cycles
+# What the common error codes of ADS mean for someone who stands at the machine.
+_MEANING = {
+    -1: "the connection was closed",
+    6: "nothing answers there. Is TwinCAT running, and this PC entered under its routes?",
+    7: "not found. Is its net id right, and this PC entered under its routes?",
+    1808: "it has no such variable. Is the program of docs/recorder.md loaded?",
+    1861: f"no answer within {TIMEOUT_MS / 1000:g} s",
+}
 
 
 class AdsMemory:
@@ -38,7 +46,7 @@ class AdsMemory:
             self._group, self._offset = found.index_group, found.index_offset
         except (pyads.ADSError, RuntimeError) as error:
             self.close()
-            raise DeviceSilentError(f"PLC {self._address}: {_words(error)} (variable {self._symbol})") from None
+            raise DeviceSilentError(f"PLC {self._address}, {self._symbol}: {_words(error)}") from None
 
     def read(self, offset: int, size: int) -> bytes:
         """Bytes of the variable.
@@ -62,5 +70,4 @@ class AdsMemory:
 
 
 def _words(error: Exception) -> str:
-    text = str(error).removeprefix("ADSError: ").strip()
-    return text or "no answer"
+    return _MEANING.get(getattr(error, "err_code", 0)) or str(error).removeprefix("ADSError: ").strip(" .") or "no answer"
