@@ -244,7 +244,7 @@ def test_egm_messages_are_kept_as_they_came_and_lost_ones_counted(egm: EgmSource
     assert progress.latest is not None
     assert progress.latest.tolist() == pytest.approx([10.0 * j + 0.299 for j in range(6)])
     description = load_recording_file(tmp_path / "r")
-    assert description.sources.robot.dialect == "egm-raw"
+    assert description.sources.robot.dialect == "abb-egm"
     assert description.encoders == {}
 
 

@@ -31,7 +31,7 @@ class EgmSource:
     """
 
     name: SourceName = "robot"
-    dialect = "egm-raw"
+    dialect = "abb-egm"
     file_suffix = ".egm"
     encoders = Encoders()
     channels = tuple(f"q{j}" for j in range(1, _AXES + 1))
