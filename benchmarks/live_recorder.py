@@ -1,10 +1,12 @@
 """The live recorder against the ADS test server on loopback: is each sample in the file, once, byte for byte?
 
     python -m benchmarks.live_recorder [--seconds 300] [--out docs/studies/live_recorder.csv]
+    python -m benchmarks.live_recorder --kills 20 [--out docs/studies/live_recorder_kills.csv]
 
 A PLC (benchmarks.plc_server) makes samples at 100 Hz and at 1 kHz, each of which follows from its number; `ballbar record` runs as a
 process of its own. The file must be what those samples are in the dialect `twincat-plc`, from its first row to its last, and
-the last must be younger than two polls when the recorder is asked to stop.
+the last must be younger than two polls when the recorder is asked to stop. With --kills it is killed (SIGKILL) at random instants
+at 1 kHz instead, and what is missing at the end of the file is measured.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -43,16 +45,22 @@ class Outcome:
     processor_s: float  # of the recorder, its start included
 
 
+@dataclass(frozen=True)
+class Kill:
+    """One recording that was killed."""
+
+    after_s: float  # since its file appeared
+    records: int  # whole ones
+    byte_exact: bool
+    torn_bytes: int  # behind the last whole record
+    lost_s: float  # samples that the PLC had made and the file has not
+
+
 def measure(rate: int, seconds: float) -> Outcome:
     """Records for some time and compares."""
     with TemporaryDirectory() as work, Plc(ADDRESS, rate) as plc:
-        folder = Path(work) / "recording"
-        file = folder / "raw" / "ballbar.csv"
-        command = [sys.executable, "-m", "ballbar", "record", str(folder), "--robot", "irb2400", "--ballbar", "lund_600"]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        recorder = subprocess.Popen([*command, "--plc", plc.net_id])
-        while not file.exists():
-            time.sleep(0.05)
+        recorder, file = _started(Path(work) / "recording", plc)
         time.sleep(seconds)
         made = plc.written
         recorder.send_signal(signal.SIGINT)
@@ -61,6 +69,32 @@ def measure(rate: int, seconds: float) -> Outcome:
         if code:
             raise SystemExit(f"the recorder ended with code {code}")
         return _compare(file.read_bytes(), plc, rate, made, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+
+
+def kill(after: float) -> Kill:
+    """Records at 1 kHz, kills, and compares."""
+    with TemporaryDirectory() as work, Plc(ADDRESS, 1000) as plc:
+        recorder, file = _started(Path(work) / "recording", plc)
+        time.sleep(after)
+        made = plc.written
+        recorder.kill()
+        recorder.wait()
+        raw = file.read_bytes()
+        whole = raw[: raw.rindex(b"\n") + 1]
+        found = _compare(whole, plc, 1000, made, 0.0)
+        return Kill(round(after, 3), found.records, found.byte_exact, len(raw) - len(whole), found.tail_s)
+
+
+def _started(folder: Path, plc: Plc) -> tuple[subprocess.Popen[bytes], Path]:
+    """A recorder, and its file, which is there already."""
+    file = folder / "raw" / "ballbar.csv"
+    command = [sys.executable, "-m", "ballbar", "record", str(folder), "--robot", "irb2400", "--ballbar", "lund_600"]
+    recorder = subprocess.Popen([*command, "--plc", plc.net_id], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while not file.exists() or not file.stat().st_size:
+        if recorder.poll() is not None:
+            raise SystemExit(f"the recorder ended with code {recorder.returncode}")
+        time.sleep(0.05)
+    return recorder, file
 
 
 def _compare(raw: bytes, plc: Plc, rate: int, made: int, processor: float) -> Outcome:
@@ -82,17 +116,19 @@ def _compare(raw: bytes, plc: Plc, rate: int, made: int, processor: float) -> Ou
 
 
 def main() -> None:
-    """Measures both rates and prints, or writes, a table."""
+    """Measures both rates, or kills, and prints, or writes, a table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("--seconds", type=float, default=300.0)
+    parser.add_argument("--kills", type=int, default=0)
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
-    outcomes = [measure(rate, options.seconds) for rate in RATES]
+    rng = np.random.default_rng(1)
+    outcomes = [kill(rng.uniform(0.5, 2.0)) for _ in range(options.kills)] or [measure(rate, options.seconds) for rate in RATES]
     for outcome in outcomes:
         print(outcome)
     if options.out is not None:
         with options.out.open("w", newline="") as file:
-            writer = csv.DictWriter(file, [field.name for field in fields(Outcome)], lineterminator="\n")
+            writer = csv.DictWriter(file, list(asdict(outcomes[0])), lineterminator="\n")
             writer.writeheader()
             writer.writerows(asdict(outcome) for outcome in outcomes)
 

@@ -51,12 +51,14 @@ def text_of(samples: NDArray[np.void], joints: tuple[int, ...] = JOINTS) -> byte
 class _Memory(AdvancedHandler):
     """The data area of the PLC: reads may begin anywhere inside a variable, as on TwinCAT."""
 
-    def __init__(self, ring: bytearray) -> None:
+    def __init__(self, ring: bytearray, header_reads: list[int]) -> None:
         super().__init__()
-        self.ring = ring
+        self.ring, self.header_reads = ring, header_reads
         self.add_variable(PLCVariable(SYMBOL, bytes(len(ring)), ADST_VOID, "ST_BallBarRing", GROUP, OFFSET))
 
     def get_variable_by_indices(self, index_group: int, index_offset: int) -> PLCVariable:
+        if index_offset == OFFSET:
+            self.header_reads.append(int(np.frombuffer(self.ring, dtype=HEADER, count=1)["written"][0]))
         found = super().get_variable_by_indices(index_group, OFFSET)
         found.value = memoryview(self.ring)[index_offset - OFFSET :]
         return found
@@ -68,6 +70,7 @@ class Plc:
     def __init__(self, address: str, rate: float, *, capacity: int = CAPACITY, joints: tuple[int, ...] = JOINTS) -> None:
         self.address, self.period_ns, self.capacity = address, round(1e9 / rate), capacity
         self.net_id = f"{address}.1.1"
+        self.header_reads: list[int] = []  # `written` whenever a recorder looked at it
         self._ring = bytearray(HEADER.itemsize + capacity * SAMPLE.itemsize)
         self._header = np.frombuffer(self._ring, dtype=HEADER, count=1)
         self._slots = np.frombuffer(self._ring, dtype=SAMPLE, offset=HEADER.itemsize)
@@ -92,7 +95,7 @@ class Plc:
         self.disconnect()
 
     def connect(self) -> None:
-        self._server = AdsTestServer(_Memory(self._ring), ip_address=self.address, logging=False)
+        self._server = AdsTestServer(_Memory(self._ring, self.header_reads), ip_address=self.address, logging=False)
         self._server.start()
 
     def disconnect(self) -> None:

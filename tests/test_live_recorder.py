@@ -26,7 +26,7 @@ from acquisition.live.ads import AdsMemory
 from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import PlcSource
-from acquisition.live.recorder import Progress, State
+from acquisition.live.recorder import POLL, Progress, State
 from acquisition.live.ring import HEADER, LAYOUT, SAMPLE
 from acquisition.live.session import LiveRecording
 from acquisition.live.source import Source
@@ -171,18 +171,20 @@ def test_samples_that_the_ring_could_not_hold_are_counted_as_lost(address: str, 
 
 
 @pytest.mark.slow
-def test_kill_9_loses_at_most_the_last_fifth_of_a_second(address: str, tmp_path: Path) -> None:
+def test_kill_9_loses_at_most_the_last_poll(address: str, tmp_path: Path) -> None:
+    """A poll is on disk before the next one begins; with 0.1 s between them and a machine that keeps up that is 0.2 s at most."""
     folder, file = tmp_path / "r", tmp_path / "r" / "raw" / "ballbar.csv"
     with Plc(address, 1000) as plc:
         recorder = subprocess.Popen(recorder_command(folder, plc), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         until(lambda: file.exists() and file.stat().st_size > 50_000)
-        made = plc.written
         recorder.send_signal(signal.SIGKILL)
         recorder.wait()
+        polls = plc.header_reads
         raw = file.read_bytes()
         whole = raw[: raw.rindex(b"\n") + 1]
         _, last = assert_made_by(whole, plc)
-    assert last >= made - 1 - 200
+    assert last >= polls[-4] - 1  # of the last poll but one; each poll looks twice
+    assert POLL <= 0.1
     read = read_recording(with_robot_log(folder))
     assert read.ballbar_log is not None
     assert read.ballbar_log.t.size == len(whole.splitlines()) - 1
@@ -229,7 +231,7 @@ def test_ctrl_c_ends_cleanly_and_says_what_is_missing(address: str, tmp_path: Pa
 
 def test_egm_messages_are_kept_as_they_came_and_lost_ones_counted(egm: EgmSource, tmp_path: Path) -> None:
     recording = started(tmp_path / "r", egm)
-    messages = [egm_message(n, np.arange(6) * 10.0 + 1e-3 * n) for n in range(100, 300)]
+    messages = [egm_message(n, [10.0 * j + 1e-3 * n for j in range(6)]) for n in range(100, 300)]
     dropped, swapped = 50, 80
     sent = [*messages[:dropped], *messages[dropped + 3 :]]
     sent[swapped], sent[swapped + 1] = sent[swapped + 1], sent[swapped]
@@ -341,7 +343,7 @@ def test_the_table_shows_rate_losses_and_what_an_encoder_complained_of() -> None
     shown = console.file.getvalue()  # type: ignore[attr-defined]
     assert "ballbar  recording  2        1234  100.0 Hz     7     0" in shown
     assert "b1    +1.500 deg  ok  (was: amplitude error)" in shown
-    assert "b2    -2.000 deg  amplitude error\n" in shown
+    assert "b2    -2.000 deg  amplitude error " in shown
     assert "ballbar: segment 1 ended: PLC restarted." in shown
 
 
