@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition.encoders import FAULTS, SYNC_ERROR
-from acquisition.live.recorder import Progress, State
+from acquisition.live.progress import Progress, State
 from acquisition.live.session import LiveRecording, notes
 
 _REFRESH = 0.25  # [s]
@@ -96,7 +96,7 @@ def status_table(progress: list[Progress], elapsed: float) -> RenderableType:
             state,
             str(source.segments or ""),
             str(source.records),
-            f"{source.rate:.1f} Hz",
+            f"{source.rate:.1f} Hz" if running else "",
             Text(str(source.lost), style=troubled),
             str(source.gaps),
         )

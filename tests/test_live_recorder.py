@@ -26,10 +26,11 @@ from acquisition.live.ads import AdsMemory
 from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
 from acquisition.live.plc_source import PlcSource
-from acquisition.live.recorder import POLL, Progress, State
+from acquisition.live.progress import Progress, State
+from acquisition.live.recorder import POLL
 from acquisition.live.ring import HEADER, LAYOUT, SAMPLE
 from acquisition.live.session import LiveRecording
-from acquisition.live.source import Source
+from acquisition.live.source import Batch, Source
 from ballbar.record_command import RING
 from ballbar.record_terminal import say_recording, status_table, status_words
 from ballbar.record_view import APPLICATION, TIMELINE, LiveView, layout
@@ -310,9 +311,23 @@ def test_a_plc_that_is_not_there_is_waited_for_and_named(address: str, tmp_path:
     assert not (tmp_path / "r" / "recording.yaml").exists()
 
 
+def test_a_live_view_that_fails_does_not_end_the_recording(egm: EgmSource, tmp_path: Path) -> None:
+    def fail(source: Source, batch: Batch) -> None:
+        raise ConnectionError("no window")
+
+    recording = LiveRecording(RecordingFolder(tmp_path / "r", CELL), [egm], watch=fail)
+    recording.start()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for n in range(2):
+            robot.sendto(egm_message(n, [0.0] * 6), egm.address)
+            until(lambda n=n: recording.progress[0].records == n + 1)
+    recording.finish()
+    assert "robot: the live view ended: no window." in yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())["notes"]
+
+
 def test_a_folder_that_holds_something_is_not_recorded_into(tmp_path: Path) -> None:
     (tmp_path / "recording.yaml").write_text("schema: ballbar-recording/1\n")
-    with pytest.raises(InputError, match=r"holds something else \(recording.yaml\)"):
+    with pytest.raises(InputError, match="exists already; nothing was written"):
         RecordingFolder(tmp_path, CELL)
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from acquisition.dialect import SourceName
 from acquisition.live.source import Encoders, Source
-from cell.files import claim_folder, write_yaml
+from cell.errors import InputError
+from cell.files import write_yaml
 
 _MISSING: dict[SourceName, str] = {
     "robot": "the robot's log: copy it into raw/ and declare it under sources.robot, with its dialect",
@@ -36,7 +37,8 @@ class RecordingFolder:
     """
 
     def __init__(self, path: Path, cell: CellNames) -> None:
-        claim_folder(path, set(), "the recording")
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise InputError(f"{path}: exists already; nothing was written. A recording needs a folder that is new or empty.")
         (path / "raw").mkdir(parents=True, exist_ok=True)
         self.path = path
         self._cell = cell
@@ -65,7 +67,7 @@ class RecordingFolder:
     def finish(self, notes: str) -> None:
         """Enters what happened on the way. Raises OSError if that cannot be written."""
         with self._lock:
-            if self._files:
+            if self._files and notes:
                 self._write(notes)
 
     @property

@@ -14,54 +14,15 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from enum import Enum
 
-import numpy as np
-from numpy.typing import NDArray
-
-from acquisition.dialect import SourceName
 from acquisition.live.folder import RecordingFolder
+from acquisition.live.progress import Progress, State, Tally
 from acquisition.live.segment_file import SegmentFile
 from acquisition.live.source import Batch, DeviceSilentError, Source
-from acquisition.stamps import GAP
 
 POLL = 0.1  # [s] between polls: what a crash loses, and half of what may be lost
 RETRY = 0.5  # [s] between attempts to reach a silent device
-_RATE_POLLS = 20  # polls over which the rate is shown
-
-
-class State(Enum):
-    """Where a recorder stands; the value is what the terminal shows."""
-
-    WAIT = "waiting"
-    OPEN = "opening"
-    RECORD = "recording"
-    FLUSH = "writing"
-    CLOSE = "closing"
-    END = "ended"
-
-
-@dataclass(frozen=True, eq=False)
-class Progress:
-    """What a recorder has done so far."""
-
-    name: SourceName
-    state: State = State.WAIT
-    reason: str = ""  # why it waits
-    segments: int = 0
-    records: int = 0
-    lost: int = 0  # made by the device and never delivered
-    gaps: int = 0  # steps of the stamps beyond three periods
-    refused: int = 0  # datagrams that are no message of the device
-    rate: float = 0.0  # [Hz] by the device's stamps, over the last two seconds
-    channels: tuple[str, ...] = ()
-    latest: NDArray[np.float64] | None = None  # (K,) [deg]
-    status: NDArray[np.int64] | None = None  # (K,) of the last poll that brought any
-    ever: NDArray[np.int64] | None = None  # (K,) or-ed over all polls
-    events: tuple[str, ...] = ()  # what ended the segments
 
 
 class RecorderError(RuntimeError):
@@ -74,14 +35,17 @@ class Recorder:
     def __init__(
         self, source: Source, folder: RecordingFolder, stop: threading.Event, *, watch: Callable[[Source, Batch], None] | None = None
     ) -> None:
-        self.progress = Progress(source.name)
         self.failure: Exception | None = None
         self._source, self._folder, self._stop, self._watch = source, folder, stop, watch
         self._batch: Batch | None = None
         self._file: SegmentFile | None = None
         self._declared = False
-        self._period = self._last_stamp = 0
-        self._recent: deque[tuple[int, int]] = deque(maxlen=_RATE_POLLS)  # last stamp [ns], records so far
+        self._tally = Tally(source.name)
+
+    @property
+    def progress(self) -> Progress:
+        """As it is now; may be read from any thread."""
+        return self._tally.progress
 
     def run(self) -> None:
         """The state machine, until the end. An error is kept in `failure`, and stops the other recorders too."""
@@ -95,7 +59,7 @@ class Recorder:
         state = State.WAIT
         try:
             while state is not State.END:
-                self._show(state=state)
+                self._tally.show(state=state)
                 state = step[state]()
         except OSError as error:
             self.failure = self._broken(error)
@@ -103,7 +67,7 @@ class Recorder:
             self.failure = error
         finally:
             self._give_up()
-            self._show(state=State.END)
+            self._tally.show(state=State.END)
 
     def _wait(self) -> State:
         """Until there are records, or the stop."""
@@ -113,14 +77,14 @@ class Recorder:
                 while not self._stop.is_set():
                     self._batch = self._source.poll()
                     if self._batch.records:
-                        self._show(reason="")
+                        self._tally.show(reason="")
                         return State.OPEN
-                    self._count(self._batch)
-                    self._show(reason=self._source.quiet)
+                    self._tally.count(self._batch)
+                    self._tally.show(reason=self._source.quiet)
                     self._stop.wait(POLL)
             except DeviceSilentError as error:
                 self._source.disconnect()
-                self._show(reason=str(error))
+                self._tally.show(reason=str(error))
                 self._stop.wait(RETRY)
         self._source.disconnect()
         return State.END
@@ -128,16 +92,15 @@ class Recorder:
     def _open(self) -> State:
         path = self._folder.next_file(self._source.name, self._source.file_suffix)
         self._file, self._declared = SegmentFile(path, self._source.file_start()), False
-        self._period = self._last_stamp = 0
-        self._recent.clear()
-        self._show(segments=self.progress.segments + 1, channels=self._source.channels)
+        self._tally.new_segment()
+        self._tally.show(segments=self.progress.segments + 1, channels=self._source.channels)
         return State.FLUSH
 
     def _record(self) -> State:
         try:
             self._batch = self._source.poll()
         except DeviceSilentError as error:
-            self._note(str(error))
+            self._tally.note(str(error))
             return State.CLOSE
         return State.FLUSH
 
@@ -149,11 +112,10 @@ class Recorder:
         if batch.records:
             file.append(batch.records)
             self._declare(file)
-        self._count(batch)
-        if self._watch is not None and batch.records:
-            self._watch(self._source, batch)
+        self._tally.count(batch)
+        self._show(batch)
         if batch.ends:
-            self._note(batch.ends)
+            self._tally.note(batch.ends)
             return State.CLOSE
         if stopping:
             return State.CLOSE
@@ -167,50 +129,19 @@ class Recorder:
             return State.END
         return State.WAIT
 
+    def _show(self, batch: Batch) -> None:
+        if self._watch is None or not batch.records:
+            return
+        try:
+            self._watch(self._source, batch)
+        except Exception as error:  # a picture must not end a recording
+            self._watch = None
+            self._tally.warn(f"the live view ended: {error}")
+
     def _declare(self, file: SegmentFile) -> None:
         if not self._declared:
             self._folder.declare(self._source, file.path)
             self._declared = True
-
-    def _count(self, batch: Batch) -> None:
-        before = self.progress
-        gaps = self._gaps(batch.t_ns)
-        records = before.records + len(batch.records)
-        if batch.t_ns.size:
-            self._recent.append((int(batch.t_ns[-1]), records))
-        ever = batch.status if before.ever is None or not before.ever.size else before.ever | batch.status
-        self._show(
-            records=records,
-            lost=before.lost + batch.lost,
-            refused=before.refused + batch.refused,
-            gaps=before.gaps + gaps,
-            rate=self._rate(),
-            latest=batch.values[-1] if len(batch.values) else before.latest,
-            status=batch.status if batch.records else before.status,
-            ever=ever,
-        )
-
-    def _gaps(self, stamps: NDArray[np.int64]) -> int:
-        """Steps of more than three periods within the segment; the period is the median of the first batch that has one."""
-        if not stamps.size:
-            return 0
-        steps = np.diff(stamps, prepend=self._last_stamp) if self._last_stamp else np.diff(stamps)
-        self._last_stamp = int(stamps[-1])
-        if not self._period and steps.size:
-            self._period = int(np.median(steps))
-        return int((steps > GAP * self._period).sum()) if self._period else 0
-
-    def _rate(self) -> float:
-        if len(self._recent) < 2 or self._recent[-1][0] <= self._recent[0][0]:
-            return 0.0
-        (first, before), (last, now) = self._recent[0], self._recent[-1]
-        return (now - before) / ((last - first) * 1e-9)
-
-    def _note(self, event: str) -> None:
-        self._show(events=(*self.progress.events, event))
-
-    def _show(self, **changes: object) -> None:
-        self.progress = replace(self.progress, **changes)  # type: ignore[arg-type]
 
     def _close_file(self) -> None:
         if self._file is not None:

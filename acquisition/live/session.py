@@ -6,7 +6,8 @@ import threading
 from collections.abc import Callable, Sequence
 
 from acquisition.live.folder import RecordingFolder
-from acquisition.live.recorder import POLL, Progress, Recorder
+from acquisition.live.progress import Progress
+from acquisition.live.recorder import POLL, Recorder
 from acquisition.live.source import Batch, Source
 
 CLOSING = 5.0  # [s] for a source to end; a device that hangs loses nothing that was polled
@@ -66,4 +67,4 @@ def notes(progress: Progress) -> list[str]:
         sentences.append(f"{progress.name}: {progress.lost} records were lost before the recorder got them.")
     if progress.refused:
         sentences.append(f"{progress.name}: {progress.refused} datagrams were not of this robot and were left out.")
-    return sentences
+    return [*sentences, *(f"{progress.name}: {warning}." for warning in progress.warnings)]
