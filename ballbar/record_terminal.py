@@ -20,6 +20,7 @@ from acquisition.live.progress import Progress, State
 from acquisition.live.session import LiveRecording, notes
 
 _REFRESH = 0.25  # [s]
+_SILENT = 1.0  # [s] without a record from a device that is recorded
 _WORDS = {**{bit: kind for bit, (kind, _) in FAULTS.items()}, SYNC_ERROR: "sync error"}
 
 
@@ -88,16 +89,14 @@ def status_table(progress: list[Progress], elapsed: float) -> RenderableType:
     for name in ("source", "state", "file", "records", "rate", "lost", "gaps"):
         table.add_column(name, justify="left" if name in ("source", "state", "file") else "right")
     for source in progress:
-        running = source.state in (State.RECORD, State.FLUSH)
-        state = Text("recording", style="green") if running else Text(source.state.value, style="yellow")
-        troubled = "red" if source.lost else ""
+        state, delivers = _state(source)
         table.add_row(
             source.name,
             state,
             str(source.segments or ""),
             str(source.records),
-            f"{source.rate:.1f} Hz" if running else "",
-            Text(str(source.lost), style=troubled),
+            f"{source.rate:.1f} Hz" if delivers else "",
+            Text(str(source.lost), style="red" if source.lost else ""),
             str(source.gaps),
         )
     details = Table.grid()
@@ -105,6 +104,16 @@ def status_table(progress: list[Progress], elapsed: float) -> RenderableType:
         for line in _details(source):
             details.add_row(line)
     return Group(table, details)
+
+
+def _state(source: Progress) -> tuple[Text, bool]:
+    """What a source does, and whether its records come."""
+    if source.state not in (State.RECORD, State.FLUSH):
+        return Text(source.state.value, style="yellow"), False
+    silent = time.monotonic() - source.heard
+    if silent > _SILENT:
+        return Text(f"silent for {silent:.0f} s", style="red"), False
+    return Text("recording", style="green"), True
 
 
 def _details(source: Progress) -> list[Text]:

@@ -47,7 +47,8 @@ class LiveView:
         entity = f"/{source.name}/angle_deg"
         if first:
             lines = rr.SeriesLines(names=list(source.channels), colors=COLOURS[: len(source.channels)])
-            self._stream.log(entity, lines, static=True)
+            for shown in (entity, f"/{source.name}/fault"):
+                self._stream.log(shown, lines, static=True)
         few = slice(None, None, -(-batch.t_ns.size // ROWS))
         at = [rr.TimeColumn(TIMELINE, duration=t[few])]
         self._stream.send_columns(entity, indexes=at, columns=rr.Scalars.columns(scalars=batch.values[few]))

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -346,6 +347,7 @@ def test_the_table_shows_rate_losses_and_what_an_encoder_complained_of() -> None
         records=1234,
         lost=7,
         rate=99.98,
+        heard=time.monotonic(),
         channels=("b1", "b2"),
         latest=np.array([1.5, -2.0]),
         status=np.array([0x8000, 0x10]),
@@ -360,6 +362,8 @@ def test_the_table_shows_rate_losses_and_what_an_encoder_complained_of() -> None
     assert "b1    +1.500 deg  ok  (was: amplitude error)" in shown
     assert "b2    -2.000 deg  amplitude error " in shown
     assert "ballbar: segment 1 ended: PLC restarted." in shown
+    console.print(status_table([replace(progress, heard=time.monotonic() - 5.0)], 12.0))
+    assert "ballbar  silent for 5 s  2        1234           7     0" in console.file.getvalue()  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import socket
 import time
+from itertools import islice
 
 import numpy as np
 
@@ -21,6 +22,7 @@ DEFAULT_PORT = 6510  # ABB's for UdpUc devices
 SILENCE = 2.0  # [s] without a message: the EGM session has ended; gaps of a running one reach 25 ms (log_formats sec. D)
 _BUFFER = 1 << 22  # bytes for the kernel to hold: several seconds of messages
 _REORDERED = 10  # messages; a network may swap neighbours, a session that starts anew goes back further
+_MOST = 10_000  # messages a poll: whoever sends faster than they are read must not keep a poll from ending
 _AXES = 6
 
 
@@ -74,8 +76,7 @@ class EgmSource:
     def poll(self) -> Batch:
         messages, refused = self._held, 0
         self._held = []
-        while (datagram := self._receive()) is not None:
-            content, sender = datagram
+        for content, sender in islice(iter(self._receive, None), _MOST):
             read = _read(content) if self._sender in (None, sender) else None
             if read is None:
                 refused += 1

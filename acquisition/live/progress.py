@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -40,6 +41,7 @@ class Progress:
     gaps: int = 0  # steps of the stamps beyond three periods
     refused: int = 0  # datagrams that are no message of the device
     rate: float = 0.0  # [Hz] by the device's stamps, over the last two seconds
+    heard: float = 0.0  # time.monotonic() when the last records came
     channels: tuple[str, ...] = ()
     latest: NDArray[np.float64] | None = None  # (K,) [deg]
     status: NDArray[np.int64] | None = None  # (K,) of the last poll that brought any
@@ -86,6 +88,7 @@ class Tally:
             refused=before.refused + batch.refused,
             gaps=before.gaps + gaps,
             rate=self._rate(),
+            heard=time.monotonic() if batch.records else before.heard,
             latest=batch.values[-1] if len(batch.values) else before.latest,
             status=batch.status if batch.records else before.status,
             ever=ever,
