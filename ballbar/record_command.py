@@ -20,6 +20,7 @@ from acquisition.live.source import Batch, Source
 from ballbar.record_terminal import quiet_libraries, say_recording, show_until_stopped
 from cell.descriptions import load_cell
 from cell.errors import InputError
+from cell.files import write_whole
 
 PLC_PORT = 851  # of the first PLC project of TwinCAT 3
 RING = "GVL_BallBar.stRing"  # docs/recorder.md
@@ -39,6 +40,16 @@ class RecordOptions:
     plate: str
     duration: float | None
     live: bool
+
+    @property
+    def cell(self) -> tuple[str, str, str]:
+        """Names or files of robot, ball-bar and plate."""
+        return self.robot, self.ballbar, self.plate
+
+    @property
+    def own_files(self) -> tuple[str, ...]:
+        """Those of the cell that are the user's files."""
+        return tuple(name for name in self.cell if name.endswith(".yaml"))
 
 
 def record(folder: Path, options: RecordOptions, out: Console) -> bool:
@@ -60,6 +71,8 @@ def record(folder: Path, options: RecordOptions, out: Console) -> bool:
             sources.append(egm)
         watch = stack.enter_context(_live_view()) if options.live else None
         recording = LiveRecording(RecordingFolder(folder, names), sources, watch=watch)
+        for name in options.own_files:
+            write_whole(folder / Path(name).name, Path(name).read_bytes())
         with _ended_by_signals(recording), quiet_libraries(out):
             recording.start()
             try:
@@ -85,11 +98,12 @@ def _say(out: Console, folder: Path, recording: LiveRecording) -> bool:
 
 
 def _cell_names(options: RecordOptions) -> CellNames:
-    """The cell as recording.yaml names it: files by their whole path, since the folder is not the one we stand in."""
+    """The cell as recording.yaml names it. Files of the user's own go into the recording, so that it stays whole when it is moved."""
     cell = load_cell(options.robot, options.ballbar, options.plate)
-    robot, ballbar, plate = (
-        str(Path(name).resolve()) if name.endswith(".yaml") else name for name in (options.robot, options.ballbar, options.plate)
-    )
+    files = [Path(name).name for name in options.own_files]
+    if len({*files, "recording.yaml"}) <= len(files):
+        raise InputError(f"{', '.join(map(str, options.own_files))}: cannot stand in one folder beside recording.yaml. Rename one of them.")
+    robot, ballbar, plate = (Path(name).name if name in options.own_files else name for name in options.cell)
     return CellNames(robot, ballbar, plate, cell.ballbar.encoder_lines)
 
 

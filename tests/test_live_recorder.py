@@ -10,6 +10,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -32,6 +33,7 @@ from acquisition.live.recorder import POLL
 from acquisition.live.ring import HEADER, LAYOUT, SAMPLE
 from acquisition.live.session import LiveRecording
 from acquisition.live.source import Batch, Source
+from ballbar import replay_viewer
 from ballbar.record_command import RING
 from ballbar.record_terminal import say_recording, status_table, status_words
 from ballbar.record_view import APPLICATION, TIMELINE, LiveView, layout
@@ -61,6 +63,12 @@ def egm() -> Iterator[EgmSource]:
     source = EgmSource(0)
     yield source
     source.close()
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def plc_source(plc: Plc) -> PlcSource:
@@ -382,6 +390,43 @@ def test_options_that_cannot_be_are_refused(
     code, _, error = ballbar(monkeypatch, capsys, "record", tmp_path / "r", *NAMES, *options)
     assert code == 2
     assert words in error
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_bytes((ROOT / "cell" / "robots" / "irb2400.yaml").read_bytes())
+    folder = tmp_path / "r"
+    port = free_port()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        beat = threading.Event()
+
+        def send() -> None:
+            for n in range(10_000):
+                if beat.wait(0.01):
+                    return
+                robot.sendto(egm_message(n, [0.0] * 6), ("127.0.0.1", port))
+
+        sending = threading.Thread(target=send)
+        sending.start()
+        options = ["--robot", mine, "--ballbar", "lund_600", "--egm", port, "--duration", "0.2"]
+        code, _, _ = ballbar(monkeypatch, capsys, "record", folder, *options)
+        beat.set()
+        sending.join()
+    assert code == 0
+    assert load_recording_file(folder).robot == "mine.yaml"
+    assert (folder / "mine.yaml").read_bytes() == mine.read_bytes()
+
+
+def test_a_viewer_that_does_not_start_is_named_before_anything_is_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(replay_viewer, "_rerun", lambda: "false")
+    code, _, error = ballbar(monkeypatch, capsys, "record", tmp_path / "r", *NAMES, "--egm", free_port(), "--live")
+    assert code == 1
+    assert "Record without --live where there is no screen" in error
     assert not (tmp_path / "r").exists()
 
 
