@@ -101,7 +101,7 @@ def damaged_values(t: Array, values: Array, breaks: NDArray[np.bool_]) -> NDArra
     if t.size < 2 * _BESIDE.size:
         return out
     error, sigma = _four_row_errors(t, values)
-    stretch = np.cumsum(breaks)
+    stretch = np.cumsum(breaks, dtype=np.intp)
     period = float(np.median(np.diff(t)))
     near = np.zeros(t.size, dtype=bool)
     near[3:-3] = (stretch[6:] == stretch[:-6]) & (t[6:] - t[:-6] < _REACH * period) & (t[6:] > t[:-6])

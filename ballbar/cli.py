@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from acquisition import explain_lines, read_recording
+from acquisition.live.recorder import RecorderError
 from ballbar import check as check_page
 from ballbar.claim_command import say_verdicts, write_page
 from ballbar.claim_run import judge_all, topics
@@ -287,6 +288,34 @@ def claims(
     raise typer.Exit(0 if passed else 1)
 
 
+@app.command(
+    epilog="Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 --plc 5.12.82.20.1.1 --egm 192.168.125.10:6510`"
+)
+def record(
+    folder: Annotated[Path, typer.Argument(help="A new folder for the recording.", metavar="DIR")],
+    robot: Annotated[str, typer.Option(help="A robot of cell/robots, or a file.", metavar="NAME")],
+    ballbar: Annotated[str, typer.Option(help="A ball-bar of cell/ballbars, or a file.", metavar="NAME")],
+    plate: Annotated[str, typer.Option(help="An offset plate of cell/plates, or a file.", metavar="NAME")] = "plate_250",
+    plc: Annotated[str | None, typer.Option(help="AMS address of the PLC that reads the encoders.", metavar="NETID[:PORT][@HOST]")] = None,
+    egm: Annotated[
+        str | None,
+        typer.Option(help="Where to hear the robot's EGM feedback; a port alone is this machine only.", metavar="[ADDRESS:]PORT"),
+    ] = None,
+    duration: Annotated[float | None, typer.Option(help="Seconds after the first record; default until Ctrl-C.", min=0.1)] = None,
+    live: Annotated[bool, typer.Option("--live", help="Show the angles in a rerun window as they come.")] = False,
+) -> None:
+    """Record live: encoders from a TwinCAT PLC over ADS, robot axes from ABB EGM, into a recording that can be read at any moment.
+
+    The PLC runs the program of docs/recorder.md. Waits for the devices, starts a new file when one was away, ends with Ctrl-C.
+    Exits with 1 when the disk is full, or a device delivered nothing.
+    """
+    from ballbar.record_command import RecordOptions  # noqa: PLC0415  sockets and threads only for who records
+    from ballbar.record_command import record as record_live  # noqa: PLC0415
+
+    options = RecordOptions(plc=plc, egm=egm, robot=robot, ballbar=ballbar, plate=plate, duration=duration, live=live)
+    raise typer.Exit(0 if record_live(folder, options, out) else 1)
+
+
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
     cell = load_cell(model.file.robot, model.file.ballbar, model.file.plate, relative_to=calibration.parent)
     identified = [name for name, entry in model.file.parameters.items() if entry.identified]
@@ -354,7 +383,7 @@ def main() -> None:
     except InputError as error:
         err.print(f"[red]error:[/] {escape(str(error))}")
         sys.exit(2)
-    except (StartError, PlantError, NoEquilibriumError, UnreachableError, ViewerError, SweepError) as error:
+    except (StartError, PlantError, NoEquilibriumError, UnreachableError, ViewerError, SweepError, RecorderError) as error:
         err.print(f"[red]failed:[/] {escape(str(error))}")
         sys.exit(1)
     except OSError as error:

@@ -1,4 +1,7 @@
-"""Opening a replay: the native viewer, or the web viewer served on this machine alone. Both come with the rerun package."""
+"""Opening a replay, or a window for live data: the native viewer, or the web viewer served on this machine alone.
+
+Both come with the rerun package.
+"""
 
 from __future__ import annotations
 
@@ -61,11 +64,35 @@ def web_server(path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT) 
     ports = ["--port", str(data_port), "--web-viewer-port", str(port)]
     server = subprocess.Popen([_rerun(), "--serve-web", "--bind", LOOPBACK, *ports, str(path)])
     try:
-        _wait_for(server, port, path)
+        _wait_for(server, port, f"{path}: the web viewer")
         yield web_url(port, data_port), server
     finally:
         server.terminate()
         server.wait()
+
+
+def live_viewer() -> str:
+    """Starts a native viewer that waits for data on this machine alone; its address. The window outlives the program.
+
+    Raises ViewerError if it does not start.
+    """
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        port = probe.getsockname()[1]
+    # A session of its own, so that the Ctrl-C that ends a recording does not close the window too; silent, so that it does not
+    # write into the caller's terminal.
+    viewer = subprocess.Popen(
+        [_rerun(), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", "--expect-data-soon"],
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        _wait_for(viewer, port, "the viewer")
+    except ViewerError as error:
+        viewer.terminate()
+        raise ViewerError(f"{error} Record without --live where there is no screen or graphics driver.") from None
+    return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
 def web_url(port: int, data_port: int) -> str:
@@ -97,14 +124,14 @@ def _check_free(port: int) -> None:
             raise InputError(f"port {port} on {LOOPBACK} cannot be used ({error.strerror}); choose another.") from None
 
 
-def _wait_for(server: subprocess.Popen[bytes], port: int, path: Path) -> None:
+def _wait_for(server: subprocess.Popen[bytes], port: int, what: str) -> None:
     deadline = time.monotonic() + _START_TIMEOUT
     while time.monotonic() < deadline:
         if server.poll() is not None:
-            raise ViewerError(f"{path}: the web viewer ended with code {server.returncode} before it answered.")
+            raise ViewerError(f"{what} ended with code {server.returncode} before it answered.")
         with socket.socket() as probe:
             probe.settimeout(0.2)
             if probe.connect_ex((LOOPBACK, port)) == 0:
                 return
         time.sleep(0.05)
-    raise ViewerError(f"{path}: the web viewer did not answer on port {port} within {_START_TIMEOUT:.0f} s.")
+    raise ViewerError(f"{what} did not answer on port {port} within {_START_TIMEOUT:.0f} s.")

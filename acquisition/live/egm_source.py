@@ -1,0 +1,145 @@
+"""Feedback of an ABB controller over EGM: each UDP message kept as it came, in the file form of `acquisition.egm`.
+
+The robot sends, the recorder only listens. It hears the first sender of a segment and counts what others send.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+import time
+from itertools import islice
+
+import numpy as np
+
+from acquisition.egm import FILE_START, LONGEST_MESSAGE, EgmFeedback, decode, frame
+from acquisition.live.source import Batch, DeviceSilentError, Encoders
+from cell.errors import InputError, LogError
+from cell.recording import SourceName
+
+LOOPBACK = "127.0.0.1"
+DEFAULT_PORT = 6510  # ABB's for UdpUc devices
+SILENCE = 2.0  # [s] without a message: the EGM session has ended; gaps of a running one reach 25 ms (log_formats sec. D)
+_BUFFER = 1 << 22  # bytes for the kernel to hold: several seconds of messages
+_REORDERED = 10  # messages; a network may swap neighbours, a session that starts anew goes back further
+_MOST = 10_000  # messages a poll: whoever sends faster than they are read must not keep a poll from ending
+_AXES = 6
+
+
+class EgmSource:
+    """A UDP socket that takes EGM feedback. It is bound at once, so that a taken port is known before the recording begins.
+
+    Raises InputError if the address cannot be bound.
+    """
+
+    name: SourceName = "robot"
+    dialect = "abb-egm"
+    file_suffix = ".egm"
+    encoders = Encoders()
+    channels = tuple(f"q{j}" for j in range(1, _AXES + 1))
+
+    def __init__(self, port: int = DEFAULT_PORT, *, address: str = LOOPBACK) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+        try:
+            self._socket.bind((address, port))
+        except OSError as error:
+            self._socket.close()
+            known = {errno.EADDRINUSE: "another program listens there", errno.EADDRNOTAVAIL: "no network card has this address"}
+            reason = known.get(error.errno or 0, error.strerror)
+            raise InputError(f"--egm {address}:{port}: {reason}. Name another port or address.") from None
+        self._sender: tuple[str, int] | None = None
+        self._last_seqno: int | None = None
+        self._held: list[tuple[bytes, EgmFeedback]] = []  # of the next session
+        self._missing: set[int] = set()  # numbers skipped lately
+        self._heard = 0.0
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Where it listens."""
+        host, port = self._socket.getsockname()
+        return host, port
+
+    @property
+    def quiet(self) -> str:
+        host, port = self.address
+        return f"no EGM message at {host}:{port} yet"
+
+    def file_start(self) -> bytes:
+        return FILE_START
+
+    def connect(self) -> None:
+        """Forgets the sender and the numbers of the last session."""
+        self._sender, self._last_seqno, self._missing, self._heard = None, None, set(), time.monotonic()
+
+    def poll(self) -> Batch:
+        messages, refused = self._held, 0
+        self._held = []
+        for content, sender in islice(iter(self._receive, None), _MOST):
+            read = _read(content) if self._sender in (None, sender) else None
+            if read is None:
+                refused += 1
+                continue
+            self._sender = sender
+            messages.append((content, read))
+        if messages:
+            self._heard = time.monotonic()
+        elif self._last_seqno is not None and time.monotonic() - self._heard > SILENCE:
+            raise DeviceSilentError(f"no EGM message for {SILENCE:g} s")
+        return self._batch(messages, refused)
+
+    def disconnect(self) -> None:
+        """The socket stays bound: the robot may start its next session at any time."""
+
+    def close(self) -> None:
+        """Frees the port."""
+        self._socket.close()
+
+    def _receive(self) -> tuple[bytes, tuple[str, int]] | None:
+        try:
+            return self._socket.recvfrom(LONGEST_MESSAGE)
+        except (BlockingIOError, InterruptedError):
+            return None
+
+    def _batch(self, messages: list[tuple[bytes, EgmFeedback]], refused: int) -> Batch:
+        lost, last = 0, self._last_seqno
+        for i, (_, feedback) in enumerate(messages):
+            number = feedback.seqno
+            if number is None:
+                continue
+            if last is not None and last - number > _REORDERED:
+                self._held = messages[i:]
+                messages = messages[:i]
+                break
+            skipped = range(number if last is None else last + 1, number)
+            lost += len(skipped) - (number in self._missing)  # late is not lost
+            self._missing = {n for n in (*self._missing, *skipped[-_REORDERED:]) if n > number - _REORDERED and n != number}
+            last = number if last is None else max(last, number)
+        self._last_seqno = last
+        ends = "the controller started a new EGM session" if self._held else ""
+        shown = [feedback for _, feedback in messages if len(feedback.joints_deg) >= _AXES]
+        return Batch(
+            records=[frame(content) for content, _ in messages],
+            t_ns=np.array([_stamp(feedback) for feedback in shown], dtype=np.int64),
+            values=np.array([feedback.joints_deg[:_AXES] for feedback in shown], dtype=np.float64).reshape(len(shown), _AXES),
+            status=np.zeros(0, dtype=np.int64),
+            lost=lost,
+            refused=refused,
+            ends=ends,
+        )
+
+
+def _read(content: bytes) -> EgmFeedback | None:
+    """The message, or None if the datagram is none that a reader could use."""
+    try:
+        feedback = decode(content)
+        return feedback if content else None
+    except LogError:
+        return None
+
+
+def _stamp(feedback: EgmFeedback) -> int:
+    if feedback.time_ns is not None:
+        return feedback.time_ns
+    return (feedback.tm_ms or 0) * 1_000_000

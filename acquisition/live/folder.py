@@ -1,0 +1,96 @@
+"""The recording folder while it grows: names of the device files, and a recording.yaml that is right at every moment.
+
+A file is declared once it holds records, so recording.yaml never names a file that no reader can use.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.live.source import Encoders, Source
+from cell.errors import InputError
+from cell.files import write_yaml
+from cell.recording import SourceName
+
+_MISSING: dict[SourceName, str] = {
+    "robot": "the robot's log: copy it into raw/ and declare it under sources.robot, with its dialect",
+    "ballbar": "the ball-bar's log: copy it into raw/, declare it under sources.ballbar, and the encoders with lines, bits and sign",
+}
+
+
+@dataclass(frozen=True)
+class CellNames:
+    """What stands in the cell, as recording.yaml names it, and the lines of its encoders."""
+
+    robot: str
+    ballbar: str
+    plate: str
+    lines: int
+
+
+class RecordingFolder:
+    """A new folder that takes a recording.
+
+    Raises InputError if something is in it already.
+    """
+
+    def __init__(self, path: Path, cell: CellNames) -> None:
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise InputError(f"{path}: exists already; nothing was written. A recording needs a folder that is new or empty.")
+        (path / "raw").mkdir(parents=True, exist_ok=True)
+        self.path = path
+        self._cell = cell
+        self._encoders = Encoders()
+        self._files: dict[SourceName, list[str]] = {}
+        self._dialects: dict[SourceName, str] = {}
+        self._lock = threading.Lock()  # each source declares its files from a thread of its own
+
+    def next_file(self, source: SourceName, suffix: str) -> Path:
+        """Where the next segment of a source goes: raw/ballbar.csv, raw/ballbar_2.csv, .."""
+        taken = len(self._files.get(source, ()))
+        return self.path / "raw" / f"{source}{f'_{taken + 1}' if taken else ''}{suffix}"
+
+    def declare(self, source: Source, file: Path) -> None:
+        """Enters a file that holds records into recording.yaml.
+
+        Raises OSError if that cannot be written.
+        """
+        with self._lock:
+            self._files.setdefault(source.name, []).append(f"raw/{file.name}")
+            self._dialects[source.name] = source.dialect
+            if source.encoders.joints:
+                self._encoders = source.encoders
+            self._write("")
+
+    def finish(self, notes: str) -> None:
+        """Enters what happened on the way. Raises OSError if that cannot be written."""
+        with self._lock:
+            if self._files and notes:
+                self._write(notes)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """What the recording still needs before it can be read, in words."""
+        return tuple(words for name, words in _MISSING.items() if name not in self._files)
+
+    def _write(self, notes: str) -> None:
+        recorded = {name: {"files": self._files[name], "dialect": self._dialects[name]} for name in sorted(self._files, reverse=True)}
+        # The sense of rotation is left at +1: identification finds it, from either start.
+        fitted = {
+            f"b{j}": {"column": f"b{j}", "lines": self._cell.lines, "bits": self._encoders.bits, "sign": 1} for j in self._encoders.joints
+        }
+        write_yaml(
+            self.path / "recording.yaml",
+            {
+                "schema": "ballbar-recording/1",
+                "kind": "real",
+                "robot": self._cell.robot,
+                "ballbar": self._cell.ballbar,
+                "plate": self._cell.plate,
+                "sources": recorded,
+                "encoders": fitted if "ballbar" in recorded else {},
+                "notes": notes,
+            },
+        )

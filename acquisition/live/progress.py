@@ -1,0 +1,111 @@
+"""What a recorder has done so far, for the eye: records, losses, gaps, rate, the last angles and what the encoders complained of."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.live.source import Batch
+from acquisition.stamps import GAP
+from cell.recording import SourceName
+
+_RATE_POLLS = 20  # polls over which the rate is taken: two seconds
+
+
+class State(Enum):
+    """Where a recorder stands; the value is what the terminal shows."""
+
+    WAIT = "waiting"
+    OPEN = "opening"
+    RECORD = "recording"
+    FLUSH = "writing"
+    CLOSE = "closing"
+    END = "ended"
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """What a recorder has done so far."""
+
+    name: SourceName
+    state: State = State.WAIT
+    reason: str = ""  # why it waits
+    segments: int = 0
+    records: int = 0
+    lost: int = 0  # made by the device and never delivered
+    gaps: int = 0  # steps of the stamps beyond three periods
+    refused: int = 0  # datagrams that are no message of the device
+    rate: float = 0.0  # [Hz] by the device's stamps, over the last two seconds
+    heard: float = 0.0  # time.monotonic() when the last records came
+    channels: tuple[str, ...] = ()
+    latest: NDArray[np.float64] | None = None  # (K,) [deg]
+    status: NDArray[np.int64] | None = None  # (K,) of the last poll that brought any
+    ever: NDArray[np.int64] | None = None  # (K,) or-ed over all polls
+    events: tuple[str, ...] = ()  # what ended the segments
+    warnings: tuple[str, ...] = ()  # what else went wrong
+
+
+class Tally:
+    """Counts the batches of one source into a Progress; others may read `progress` at any time."""
+
+    def __init__(self, name: SourceName) -> None:
+        self.progress = Progress(name)
+        self.new_segment()
+
+    def new_segment(self) -> None:
+        """Neither gaps nor the rate reach over the end of a segment."""
+        self._period = self._last_stamp = 0
+        self._recent: deque[tuple[int, int]] = deque(maxlen=_RATE_POLLS)  # last stamp [ns], records so far
+
+    def show(self, **changes: object) -> None:
+        """Replaces fields of the progress."""
+        self.progress = replace(self.progress, **changes)  # type: ignore[arg-type]
+
+    def note(self, event: str) -> None:
+        """Adds why a segment ended."""
+        self.show(events=(*self.progress.events, event))
+
+    def warn(self, warning: str) -> None:
+        """Adds what went wrong without harm to the records."""
+        self.show(warnings=(*self.progress.warnings, warning))
+
+    def count(self, batch: Batch) -> None:
+        """Adds a batch."""
+        before = self.progress
+        gaps = self._gaps(batch.t_ns)
+        records = before.records + len(batch.records)
+        if batch.t_ns.size:
+            self._recent.append((int(batch.t_ns[-1]), records))
+        ever = batch.status if before.ever is None or not before.ever.size else before.ever | batch.status
+        self.show(
+            records=records,
+            lost=before.lost + batch.lost,
+            refused=before.refused + batch.refused,
+            gaps=before.gaps + gaps,
+            rate=self._rate(),
+            heard=time.monotonic() if batch.records else before.heard,
+            latest=batch.values[-1] if len(batch.values) else before.latest,
+            status=batch.status if batch.records else before.status,
+            ever=ever,
+        )
+
+    def _gaps(self, stamps: NDArray[np.int64]) -> int:
+        """Steps of more than three periods within the segment; the period is the median of the first batch that has one."""
+        if not stamps.size:
+            return 0
+        steps = np.diff(stamps, prepend=self._last_stamp) if self._last_stamp else np.diff(stamps)
+        self._last_stamp = int(stamps[-1])
+        if not self._period and steps.size:
+            self._period = int(np.median(steps))
+        return int((steps > GAP * self._period).sum()) if self._period else 0
+
+    def _rate(self) -> float:
+        if len(self._recent) < 2 or self._recent[-1][0] <= self._recent[0][0]:
+            return 0.0
+        (first, before), (last, now) = self._recent[0], self._recent[-1]
+        return (now - before) / ((last - first) * 1e-9)

@@ -1,0 +1,164 @@
+"""The recorder of one source: the state machine of thesis sec. 4.6, without its 5 ms of waiting for a file.
+
+    WAIT    until the device delivers                        -> OPEN
+    OPEN    a new device file, a segment of the recording    -> FLUSH
+    RECORD  one poll of the device                           -> FLUSH, or CLOSE when it falls silent
+    FLUSH   the records to disk, then a pause until the next poll -> RECORD, or CLOSE when asked to stop
+    CLOSE   the file                                         -> WAIT for the device to come back, or the end
+
+The thesis's program sampled in RECORD and lost a cycle when the file was slow (its overruns). Here the PLC samples into a ring;
+a slow disk delays the next poll, and nothing is lost before the ring has gone round.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from acquisition.live.folder import RecordingFolder
+from acquisition.live.progress import Progress, State, Tally
+from acquisition.live.segment_file import SegmentFile
+from acquisition.live.source import Batch, DeviceSilentError, Source
+
+POLL = 0.1  # [s] between polls: what a crash loses, and half of what may be lost
+RETRY = 0.5  # [s] between attempts to reach a silent device
+
+
+class RecorderError(RuntimeError):
+    """The recording could not be continued; what was written before is whole."""
+
+
+class Recorder:
+    """Records one source until `stop` is set. `watch` sees each batch once it is on disk."""
+
+    def __init__(
+        self, source: Source, folder: RecordingFolder, stop: threading.Event, *, watch: Callable[[Source, Batch], None] | None = None
+    ) -> None:
+        self.failure: Exception | None = None
+        self._source, self._folder, self._stop, self._watch = source, folder, stop, watch
+        self._batch: Batch | None = None
+        self._file: SegmentFile | None = None
+        self._declared = False
+        self._tally = Tally(source.name)
+
+    @property
+    def progress(self) -> Progress:
+        """As it is now; may be read from any thread."""
+        return self._tally.progress
+
+    def run(self) -> None:
+        """The state machine, until the end. An error is kept in `failure`, and stops the other recorders too."""
+        step = {
+            State.WAIT: self._wait,
+            State.OPEN: self._open,
+            State.RECORD: self._record,
+            State.FLUSH: self._flush,
+            State.CLOSE: self._close,
+        }
+        state = State.WAIT
+        try:
+            while state is not State.END:
+                self._tally.show(state=state)
+                state = step[state]()
+        except OSError as error:
+            self.failure = self._broken(error)
+        except Exception as error:  # whatever it is: the files are closed, and the main thread raises it
+            self.failure = error
+        finally:
+            self._give_up()
+            self._tally.show(state=State.END)
+
+    def _wait(self) -> State:
+        """Until there are records, or the stop."""
+        while not self._stop.is_set():
+            try:
+                self._source.connect()
+                while not self._stop.is_set():
+                    self._batch = self._source.poll()
+                    if self._batch.records:
+                        self._tally.show(reason="")
+                        return State.OPEN
+                    self._tally.count(self._batch)
+                    self._tally.show(reason=self._source.quiet)
+                    self._stop.wait(POLL)
+            except DeviceSilentError as error:
+                self._source.disconnect()
+                self._tally.show(reason=str(error))
+                self._stop.wait(RETRY)
+        self._source.disconnect()
+        return State.END
+
+    def _open(self) -> State:
+        path = self._folder.next_file(self._source.name, self._source.file_suffix)
+        self._file, self._declared = SegmentFile(path, self._source.file_start()), False
+        self._tally.new_segment()
+        self._tally.show(segments=self.progress.segments + 1, channels=self._source.channels)
+        return State.FLUSH
+
+    def _record(self) -> State:
+        try:
+            self._batch = self._source.poll()
+        except DeviceSilentError as error:
+            self._tally.note(str(error))
+            return State.CLOSE
+        return State.FLUSH
+
+    def _flush(self) -> State:
+        batch, file = self._batch, self._file
+        assert batch is not None, "FLUSH follows a poll"
+        assert file is not None, "FLUSH follows OPEN"
+        stopping, polled = self._stop.is_set(), time.monotonic()
+        if batch.records:
+            file.append(batch.records)
+            self._declare(file)
+        self._tally.count(batch)
+        self._show(batch)
+        if batch.ends:
+            self._tally.note(batch.ends)
+            return State.CLOSE
+        if stopping:
+            return State.CLOSE
+        self._stop.wait(max(0.0, polled + POLL - time.monotonic()))
+        return State.RECORD  # also when asked to stop: one last poll
+
+    def _close(self) -> State:
+        self._close_file()
+        if self._stop.is_set():
+            self._source.disconnect()
+            return State.END
+        return State.WAIT
+
+    def _show(self, batch: Batch) -> None:
+        if self._watch is None or not batch.records:
+            return
+        try:
+            self._watch(self._source, batch)
+        except Exception as error:  # a picture must not end a recording
+            self._watch = None
+            self._tally.warn(f"the live view ended: {error}")
+
+    def _declare(self, file: SegmentFile) -> None:
+        if not self._declared:
+            self._folder.declare(self._source, file.path)
+            self._declared = True
+
+    def _close_file(self) -> None:
+        if self._file is not None:
+            file, self._file = self._file, None
+            file.close()
+
+    def _give_up(self) -> None:
+        """Closes what is open; on the regular way nothing is."""
+        try:
+            self._close_file()
+        except OSError as error:
+            self.failure = self.failure or self._broken(error)
+        if self.failure is not None:
+            self._stop.set()
+            self._source.disconnect()
+
+    def _broken(self, error: OSError) -> RecorderError:
+        where = self._file.path if self._file is not None else self._folder.path
+        kept = f"{self._file.records} whole records are in it and can be read. " if self._file is not None else ""
+        return RecorderError(f"{where}: cannot be written: {error.strerror or error}. {kept}Make room or record to another disk.")

@@ -1,0 +1,114 @@
+"""The ring buffer that the PLC fills and the recorder empties: no sample lost or doubled, or it is said.
+
+    header  layout, capacity, fitted, bits: UDINT; started, written: ULINT                       32 bytes
+    sample  sequence, time: ULINT; counter: 5 UDINT; status: 5 UINT; spare: UINT                 48 bytes each
+
+The PLC writes sample n (counted from 0) to slot n mod capacity, with n + 1 as its sequence number, and only then counts `written`
+up. So the slots below `written` are complete, and sample n is overwritten from the moment that `written` reaches n + capacity:
+`written` is read again after the samples, and those that may have been overwritten meanwhile are left out and counted as lost.
+`started` is the time of the PLC's first cycle: another one is another life of the PLC, whose samples count from 0 again.
+
+The Structured Text of both structures is in docs/recorder.md. Little-endian, as every TwinCAT target.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.live.source import DeviceSilentError, Encoders
+
+LAYOUT = 0x31424244  # "DBB1" in memory
+HEADER = np.dtype([("layout", "<u4"), ("capacity", "<u4"), ("fitted", "<u4"), ("bits", "<u4"), ("started", "<u8"), ("written", "<u8")])
+SAMPLE = np.dtype([("sequence", "<u8"), ("time", "<u8"), ("counter", "<u4", 5), ("status", "<u2", 5), ("spare", "<u2")])
+CAPACITIES = range(16, 1 << 20)  # samples
+SAMPLES_A_READ = 500  # 24 kB; larger ADS reads only keep the PLC's router busy longer
+
+Read = Callable[[int, int], bytes]  # offset, size -> the ring's bytes; raises DeviceSilentError
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """Samples out of the ring, in order."""
+
+    samples: NDArray[np.void]  # (N,) SAMPLE
+    lost: int  # samples before or among them that were overwritten unread
+
+
+@dataclass(frozen=True)
+class _Header:
+    capacity: int
+    started: int
+    written: int
+    encoders: Encoders
+
+
+class RingReader:
+    """Takes samples out of the ring, each once. `read` may fail at any time; the position survives, also a reconnection."""
+
+    def __init__(self, read: Read) -> None:
+        self._read = read
+        self._life: int | None = None  # `started` of the PLC's life that `_next` counts in
+        self._next = 0  # the sample wanted next
+        self.encoders = Encoders()
+
+    def attach(self) -> None:
+        """Finds the place to go on: the present at first, later the sample after the last one taken.
+
+        Raises DeviceSilentError if the memory holds no ring of this layout.
+        """
+        header = self._header()
+        if self._life is None:
+            self._next = header.written
+        elif header.started != self._life or header.written < self._next:
+            self._next = 0
+        self._life = header.started
+        self.encoders = header.encoders
+
+    def take(self) -> Taken:
+        """The samples since the last call, at most SAMPLES_A_READ.
+
+        Raises DeviceSilentError if the PLC was restarted or its memory has moved: attach again.
+        """
+        before = self._living_header()
+        first = max(self._next, before.written - before.capacity)
+        count = min(before.written - first, SAMPLES_A_READ)
+        samples = self._slots(first, count, before.capacity)
+        after = self._living_header()
+        overwritten = min(max(0, after.written - after.capacity + 1 - first), count)
+        samples = samples[overwritten:]
+        expected = np.arange(first + overwritten, first + count, dtype=np.uint64) + np.uint64(1)
+        if not np.array_equal(samples["sequence"], expected):
+            raise DeviceSilentError("the ring's sequence numbers do not follow one another; the PLC's program was changed")
+        lost = first + overwritten - self._next
+        self._next = first + count
+        return Taken(samples, lost)
+
+    def _slots(self, first: int, count: int, capacity: int) -> NDArray[np.void]:
+        parts, at = [np.zeros(0, dtype=SAMPLE)], first
+        while at < first + count:  # twice where the ring's end lies between
+            slot = at % capacity
+            size = min(first + count - at, capacity - slot)
+            raw = self._read(HEADER.itemsize + slot * SAMPLE.itemsize, size * SAMPLE.itemsize)
+            parts.append(np.frombuffer(raw, dtype=SAMPLE))
+            at += size
+        return np.concatenate(parts)
+
+    def _living_header(self) -> _Header:
+        header = self._header()
+        if header.started != self._life or header.written < self._next:
+            raise DeviceSilentError("the PLC was restarted")
+        return header
+
+    def _header(self) -> _Header:
+        raw = np.frombuffer(self._read(0, HEADER.itemsize), dtype=HEADER)[0]
+        layout, capacity, fitted, bits = (int(raw[name]) for name in ("layout", "capacity", "fitted", "bits"))
+        if layout != LAYOUT or capacity not in CAPACITIES:
+            raise DeviceSilentError("the PLC's ring has another layout than that of docs/recorder.md, or its program does not run yet")
+        if not 0 < fitted < 32 or not 8 <= bits <= 13:
+            raise DeviceSilentError(f"the PLC's ring names no encoder, or none of an EL5021: fitted = {fitted}, bits = {bits}")
+        encoders = Encoders(tuple(j for j in range(1, 6) if fitted >> (j - 1) & 1), bits)
+        return _Header(capacity, int(raw["started"]), int(raw["written"]), encoders)

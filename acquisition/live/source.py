@@ -1,0 +1,73 @@
+"""What a recorder expects of a device: whole records of its log, as they become available."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.recording import SourceName
+
+
+class DeviceSilentError(Exception):
+    """The device does not answer, or no longer. The text says why; the recorder waits for it to come back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What a device delivered since it was last asked."""
+
+    records: list[bytes]  # lines or frames of the file, each complete
+    t_ns: NDArray[np.int64]  # (N,) [ns] the device's stamps of the records
+    values: NDArray[np.float64]  # (N, K) for the eye: encoder angles [deg] unwrapped from 0, or joint angles [deg]
+    status: NDArray[np.int64]  # (K,) status words of the encoders, or-ed over the records; empty for a robot
+    lost: int = 0  # records that the device made and that cannot be had any more
+    refused: int = 0  # datagrams that are no message of this device
+    ends: str = ""  # why the segment ends behind these records; what follows goes into a new file
+
+
+@dataclass(frozen=True)
+class Encoders:
+    """Which ball-bar encoders the device reads."""
+
+    joints: tuple[int, ...] = ()  # of 1..5, increasing
+    bits: int = 0  # of interpolation, EL5021 object 8001:11
+
+
+class Source(Protocol):
+    """A device. `connect` may be called again after each DeviceSilentError."""
+
+    @property
+    def name(self) -> SourceName: ...
+
+    @property
+    def dialect(self) -> str: ...
+
+    @property
+    def file_suffix(self) -> str: ...
+
+    @property
+    def encoders(self) -> Encoders:
+        """What recording.yaml declares of the ball-bar's encoders; known once connected, empty for a robot."""
+
+    @property
+    def quiet(self) -> str:
+        """What to say of a device that is there and delivers nothing."""
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the columns of Batch.values."""
+
+    def file_start(self) -> bytes:
+        """What stands before the records in each file."""
+
+    def connect(self) -> None:
+        """Raises DeviceSilentError when the device does not answer."""
+
+    def poll(self) -> Batch:
+        """Returns at once. Raises DeviceSilentError when the device has gone."""
+
+    def disconnect(self) -> None:
+        """Lets go of the device. Never raises."""
