@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from acquisition.dialect import Side
 from acquisition.report import Finding, finding
@@ -32,6 +33,7 @@ MOVES = 0.1  # [rad] a path for calibration turns some axis by more
 HEAVY = 20.0  # times the arm's own weight at full reach: no motor bears more at its gear's output, one in another unit does
 SENTINEL = 8.9e9  # controllers write 9E9 for an axis that is not there
 
+OUTLIER_ROWS = 5  # in a median over so many, two are outvoted
 _MANY = 0.01  # of the rows: a single bad number makes one or two rows too fast or too far, a wrong unit makes many
 _MEANT: dict[tuple[Side, Unit], str] = {
     ("motors", "rad"): "motor angles in rad",
@@ -75,7 +77,8 @@ def refuse_other_angles(
     logged, joints, axes = (angles, joints, axes) if sound.all() else (angles[rows], joints[rows], axes[rows])
     if moves(joints) and _fits(robot, t[rows], axes):
         return
-    far, fast = _excess(robot, axes) > FAR, _overspeed(robot, t[rows], axes)
+    usual = median_filter(axes, size=(OUTLIER_ROWS, 1), mode="nearest")  # without single values that are wrong, however many
+    far, fast = _excess(robot, axes) > FAR, _overspeed(robot, t[rows], usual)
     if (far.any(axis=1)).sum() > max(1.0, _MANY * rows.size):
         row, axis = (int(index) for index in np.argwhere(far)[0])
         lower, upper = np.rad2deg(robot.axis_lower[axis]), np.rad2deg(robot.axis_upper[axis])
@@ -85,7 +88,7 @@ def refuse_other_angles(
         )
     if fast.any(axis=1).sum() > max(2.0, _MANY * rows.size):
         row, axis = (int(index) for index in np.argwhere(fast)[0])
-        speed = abs(axes[row + 1, axis] - axes[row, axis]) / max(t[rows[row + 1]] - t[rows[row]], 1e-9)
+        speed = abs(usual[row + 1, axis] - usual[row, axis]) / max(t[rows[row + 1]] - t[rows[row]], 1e-9)
         raise LogError(
             f"{table.place(rows[row + 1])}: axis {axis + 1} of {robot.name} would turn at {speed:.4g} rad/s; it reaches "
             f"{robot.axis_speed_max[axis]:.3g} rad/s. {fast.any(axis=1).sum()} such steps.{_hint(robot, t[rows], logged, side, unit)}"
