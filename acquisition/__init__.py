@@ -2,6 +2,7 @@
 
 from acquisition.alignment import CoarseAlignment as CoarseAlignment
 from acquisition.alignment import coarse_alignment as coarse_alignment
+from acquisition.explain import explain_lines as explain_lines
 from acquisition.recording import Recording as Recording
 from acquisition.recording import read_recording as read_recording
 from acquisition.report import ImportReport as ImportReport

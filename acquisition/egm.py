@@ -183,6 +183,8 @@ def _fields(message: bytes) -> Iterator[tuple[int, int, int | bytes]]:
 
 def _varint(message: bytes, at: int) -> tuple[int, int]:
     """The number that begins at a byte, and where the next begins."""
+    if at < len(message) and message[at] < 0x80:  # most are of one byte
+        return message[at], at + 1
     value = 0
     for i, byte in enumerate(message[at : at + _LONGEST_VARINT]):
         value |= (byte & 0x7F) << (7 * i)

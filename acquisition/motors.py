@@ -1,43 +1,152 @@
-"""Robot motor angles to joint angles, and the checks that the numbers are what the dialect says: rad, at the motor.
+"""Logged robot angles to joint angles, and the checks that the numbers are what the dialect says: which angles, in which unit.
+
+A dialect holds motor angles, the controller's axis angles or the DH model's joint angles, in rad or degrees. Units and sides
+are never guessed and never converted silently. What a wrong one does to the numbers is known, though: degrees read as
+radians put the axes 57 times too far, joint angles read as motor angles keep the robot within a degree of zero. What
+contradicts the robot is refused, and every reading that would fit is named. What nobody can see in the numbers: motor radians
+taken for axis degrees, or the other way, are off by a factor of two to three only (gear ratio over 57) and stay within all
+limits; the residual of identification shows them.
 
 Motor torques go with them to the gears' outputs.
-
-Units are never guessed and never converted silently. What a wrong unit does to the numbers is known, though: degrees read
-as radians put the axes 57 times too far, joint angles read as motor angles keep the robot within a degree of zero.
 """
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.dialect import Side
 from acquisition.report import Finding, finding
 from acquisition.table import Table
-from cell.descriptions import Robot, joints_to_axes, motors_to_joints
+from cell.descriptions import Robot, controller_to_joints, joints_to_axes, motors_to_joints
 from cell.errors import LogError
 
 Array = NDArray[np.float64]
+Unit = Literal["rad", "deg"]
 
 FAR = 0.2  # of an axis's range beyond its limits: no calibration offset is as large, a wrong unit is
 OVERSPEED = 2.0  # times the axis's greatest speed: beyond it lies no motion
 MOVES = 0.1  # [rad] a path for calibration turns some axis by more
-UNIT_ROWS = 10  # a single bad number makes one or two rows too fast, a wrong unit makes many
+HEAVY = 20.0  # times the arm's own weight at full reach: no motor bears more at its gear's output, one in another unit does
+SENTINEL = 8.9e9  # controllers write 9E9 for an axis that is not there
+
+_MANY = 0.01  # of the rows: a single bad number makes one or two rows too fast or too far, a wrong unit makes many
+_MEANT: dict[tuple[Side, Unit], str] = {
+    ("motors", "rad"): "motor angles in rad",
+    ("motors", "deg"): "motor angles in degrees",
+    ("axes", "rad"): "axis angles in rad",
+    ("axes", "deg"): "axis angles in degrees",
+    ("joints", "rad"): "joint angles in rad",
+    ("joints", "deg"): "joint angles in degrees",
+}
 
 
-def joint_angles(robot: Robot, table: Table, t: Array, columns: tuple[str, ...], findings: list[Finding]) -> Array:
-    """(N, 6) [rad] joint angles of logged motor angles; axes a little beyond their limits are appended to `findings`.
+def to_joints(robot: Robot, angles: Array, side: Side, unit: Unit) -> Array:
+    """(N, 6) [rad] joint angles of logged angles (N, 6) of that side and unit."""
+    angles = np.deg2rad(angles) if unit == "deg" else angles
+    match side:
+        case "motors":
+            return motors_to_joints(robot, angles)
+        case "axes":
+            return controller_to_joints(robot, angles)
+        case "joints":
+            return np.asarray(angles, dtype=np.float64)
 
-    t : (N,) [s]. columns : motor angles by joint, [rad].
-    Raises LogError if the angles cannot be motor angles in rad, or jump.
+
+def refuse_other_angles(
+    robot: Robot,
+    table: Table,
+    t: Array,
+    angles: Array,
+    joints: Array,
+    axes: Array,
+    *,
+    side: Side,
+    unit: Unit,
+    sound: NDArray[np.bool_],
+) -> None:
+    """Raises LogError if the logged angles (N, 6) cannot be what they are declared to be.
+
+    t : (N,) [s]. joints, axes : (N, 6) [rad] what they are as declared. sound : (N,) rows to judge.
     """
-    motors = np.stack([table.columns[name] for name in columns], axis=1)
-    joints = motors_to_joints(robot, motors)
-    axes = joints_to_axes(robot, joints)
-    _refuse_joint_side(robot, table, motors, joints)
-    _refuse_far_axes(robot, table, motors, axes)
-    _refuse_overspeed(robot, table, t, motors, axes)
-    _report_limits(robot, table, axes, findings)
-    return joints
+    rows = np.arange(t.size) if sound.all() else np.flatnonzero(sound)
+    logged, joints, axes = (angles, joints, axes) if sound.all() else (angles[rows], joints[rows], axes[rows])
+    if moves(joints) and _fits(robot, t[rows], axes):
+        return
+    far, fast = _excess(robot, axes) > FAR, _overspeed(robot, t[rows], axes)
+    if (far.any(axis=1)).sum() > max(1.0, _MANY * rows.size):
+        row, axis = (int(index) for index in np.argwhere(far)[0])
+        lower, upper = np.rad2deg(robot.axis_lower[axis]), np.rad2deg(robot.axis_upper[axis])
+        raise LogError(
+            f"{table.place(rows[row])}: axis {axis + 1} of {robot.name} would stand at {np.rad2deg(axes[row, axis]):.5g} deg, far beyond "
+            f"its limits {lower:.4g} to {upper:.4g} deg.{_hint(robot, t[rows], logged, side, unit)}"
+        )
+    if fast.any(axis=1).sum() > max(2.0, _MANY * rows.size):
+        row, axis = (int(index) for index in np.argwhere(fast)[0])
+        speed = abs(axes[row + 1, axis] - axes[row, axis]) / max(t[rows[row + 1]] - t[rows[row]], 1e-9)
+        raise LogError(
+            f"{table.place(rows[row + 1])}: axis {axis + 1} of {robot.name} would turn at {speed:.4g} rad/s; it reaches "
+            f"{robot.axis_speed_max[axis]:.3g} rad/s. {fast.any(axis=1).sum()} such steps.{_hint(robot, t[rows], logged, side, unit)}"
+        )
+    if moves(logged) and not moves(joints) and (others := _others_that_fit(robot, t[rows], logged, side, unit)):
+        span = np.rad2deg(np.ptp(joints, axis=0).max())
+        raise LogError(
+            f"{table.place(rows[0])}: {_meant(others)} where {_MEANT[side, unit]} are declared? As declared they turn no axis by more than "
+            f"{span:.2g} deg, the other way they fit the axis limits. Name the dialect of what was logged, or convert the log."
+        )
+
+
+def _hint(robot: Robot, t: Array, logged: Array, side: Side, unit: Unit) -> str:
+    others = _others_that_fit(robot, t, logged, side, unit)
+    if unit == "rad" and (side, "deg") not in others and _fits(robot, t, joints_to_axes(robot, to_joints(robot, logged, side, "deg"))):
+        others.append((side, "deg"))
+    if not others:
+        return f" Is this the log of the robot that recording.yaml names, and does it hold {_MEANT[side, unit]}?"
+    if unit == "rad" and (side, "deg") in others:
+        rest = [one for one in others if one != (side, "deg")]
+        also = f" Or {_meant(rest, capital=False)}?" if rest else ""
+        return (
+            " Degrees where radians are declared? Read as degrees, all axes stay within their limits: convert the log, or declare degrees."
+            + also
+        )
+    return f" {_meant(others)} where {_MEANT[side, unit]} are declared? That way all axes stay within their limits."
+
+
+def _meant(others: list[tuple[Side, Unit]], *, capital: bool = True) -> str:
+    text = " or ".join(_MEANT[one] for one in others)
+    return text[0].upper() + text[1:] if capital else text
+
+
+def _others_that_fit(robot: Robot, t: Array, logged: Array, side: Side, unit: Unit) -> list[tuple[Side, Unit]]:
+    """Other readings of the numbers under which the robot moves within its limits and speeds; rad before degrees."""
+    out: list[tuple[Side, Unit]] = []
+    for other in _MEANT:
+        if other == (side, unit):
+            continue
+        joints = to_joints(robot, logged, *other)
+        if moves(joints) and _fits(robot, t, joints_to_axes(robot, joints)):
+            out.append(other)
+    return out
+
+
+def _fits(robot: Robot, t: Array, axes: Array) -> bool:
+    """Whether axis angles (N, 6) stay about within limits and speeds."""
+    extremes = np.stack((axes.min(axis=0), axes.max(axis=0)))
+    return not (_excess(robot, extremes) > FAR).any() and not _overspeed(robot, t, axes).any()
+
+
+def axis_speed_limits(robot: Robot) -> Array:
+    """(6,) [rad/s] of the axes, beyond which lies no motion."""
+    return OVERSPEED * robot.axis_speed_max
+
+
+def _overspeed(robot: Robot, t: Array, axes: Array) -> NDArray[np.bool_]:
+    """(N-1, 6) steps that would need more than an axis's speed."""
+    step = np.diff(t)
+    usual = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
+    return np.asarray(np.abs(np.diff(axes, axis=0)) / np.maximum(step, 0.5 * usual)[:, None] > axis_speed_limits(robot))
 
 
 def gear_torques(robot: Robot, table: Table, columns: tuple[str, ...]) -> Array | None:
@@ -46,10 +155,28 @@ def gear_torques(robot: Robot, table: Table, columns: tuple[str, ...]) -> Array 
     columns : motor torques by joint, [N m] at the motor, positive along its angle.
     A gear passes power on: what multiplies the angle, transmission[i, i], divides the torque. Losses count as friction, and
     the couplings between the joints come after the gears (thesis App. A).
+    Raises LogError for torques that no motor of the robot has.
     """
     if not columns or columns[0] not in table.columns:
         return None
-    return np.stack([table.columns[name] for name in columns], axis=1) / np.diag(robot.transmission)
+    torque = np.stack([table.columns[name] for name in columns], axis=1) / np.diag(robot.transmission)
+    bound = HEAVY * full_weight(robot)
+    heavy = np.abs(torque) > bound
+    if heavy.any():
+        row, motor = (int(index) for index in np.argwhere(heavy)[0])
+        value = table.columns[columns[motor]][row]
+        raise LogError(
+            f"{table.place(row)}: column {columns[motor]}: {value:.5g} N m at the motor would be {abs(torque[row, motor]):.3g} N m at the "
+            f"gear's output of axis {motor + 1}, more than {HEAVY:g} times the weight of the whole arm stretched out. "
+            f"{int(heavy.any(axis=1).sum())} such rows. At the gear's output, in percent, in N mm? Here are N m at the motor."
+        )
+    return torque
+
+
+def full_weight(robot: Robot) -> float:
+    """[N m] moment of the arm's whole weight at its full reach."""
+    reach = float(np.abs(robot.a).sum() + np.abs(robot.d).sum())
+    return float(sum(link.mass for link in robot.links[1:]) * np.linalg.norm(robot.gravity) * reach)
 
 
 def moves(angles: Array) -> bool:
@@ -57,59 +184,42 @@ def moves(angles: Array) -> bool:
     return bool(np.ptp(angles, axis=0).max() > MOVES)
 
 
-def _excess(robot: Robot, axes: Array) -> Array:
-    """(N, 6) how far each axis is beyond its limits, as a fraction of its range; 0 within."""
-    span = robot.axis_upper - robot.axis_lower
-    return np.maximum(np.maximum(axes - robot.axis_upper, robot.axis_lower - axes), 0.0) / span
+def without_stand_ins(table: Table, columns: tuple[str, ...], findings: list[Finding]) -> Table:
+    """The rows of one file without those that hold 9E9 for an angle, or all zeros before the first true one.
+
+    Raises LogError if a column holds nothing else.
+    """
+    angles = np.stack([table.columns[name] for name in columns], axis=1)
+    absent = np.abs(angles) >= SENTINEL
+    if absent.all(axis=0).any():
+        column = columns[int(np.flatnonzero(absent.all(axis=0))[0])]
+        raise LogError(f"{table.place(0)}: column {column}: 9E9 in every row, which stands for an axis that is not there.")
+    drop = absent.any(axis=1)
+    if drop.any():
+        sentence = "9E9 stands for no value; row left out."
+        findings.append(finding("sentinel", "repaired", table.files[0], sentence, lines=table.line[drop]))
+    zero = ~drop & (angles == 0.0).all(axis=1)
+    first = int(np.argmin(zero)) if not zero.all() else 0
+    if first and np.abs(angles[first]).max() > MOVES:  # a robot that starts at zero leaves it slowly
+        sentence = "all angles are 0 before the first true ones; rows left out."
+        findings.append(finding("zeros at the start", "repaired", table.files[0], sentence, lines=table.line[:first]))
+        drop[:first] = True
+    return table.take(~drop) if drop.any() else table
 
 
-def _refuse_joint_side(robot: Robot, table: Table, motors: Array, joints: Array) -> None:
-    if not moves(motors) or moves(joints) or _excess(robot, joints_to_axes(robot, motors)).any():
+def report_limits(robot: Robot, table: Table, axes: Array, sound: NDArray[np.bool_], findings: list[Finding]) -> None:
+    """Appends axes a little beyond their limits to `findings`; axes : (N, 6) [rad]."""
+    if not _excess(robot, np.stack((axes.min(axis=0), axes.max(axis=0)))).any():
         return
-    span = np.rad2deg(np.ptp(joints, axis=0).max())
-    raise LogError(
-        f"{table.place(0)}: joint angles where motor angles are declared? As motor angles they turn no axis by more than {span:.2g} deg, "
-        "as joint angles they fit the axis limits. Log motor angles, or name the dialect that has joint angles."
-    )
-
-
-def _refuse_far_axes(robot: Robot, table: Table, motors: Array, axes: Array) -> None:
-    far = _excess(robot, axes) > FAR
-    if not far.any():
-        return
-    row, axis = (int(index) for index in np.argwhere(far)[0])
-    lower, upper = np.rad2deg(robot.axis_lower[axis]), np.rad2deg(robot.axis_upper[axis])
-    raise LogError(
-        f"{table.place(row)}: axis {axis + 1} of {robot.name} would stand at {np.rad2deg(axes[row, axis]):.5g} deg, far beyond its limits "
-        f"{lower:.4g} to {upper:.4g} deg.{_degrees_hint(robot, motors)}"
-    )
-
-
-def _refuse_overspeed(robot: Robot, table: Table, t: Array, motors: Array, axes: Array) -> None:
-    time = np.diff(t)
-    # A jittered stamp may follow closely: never divide by less than half the usual time between rows.
-    speed = np.abs(np.diff(axes, axis=0)) / np.maximum(time, 0.5 * np.median(time))[:, None]
-    fast = np.argwhere(speed > OVERSPEED * robot.axis_speed_max)
-    if not fast.size:
-        return
-    row, axis = (int(index) for index in fast[0])
-    hint = _degrees_hint(robot, motors) if len(fast) > UNIT_ROWS else " A number in this row or the one before is damaged."
-    raise LogError(
-        f"{table.place(row + 1)}: axis {axis + 1} of {robot.name} would turn at {speed[row, axis]:.4g} rad/s; "
-        f"it reaches {robot.axis_speed_max[axis]:.3g} rad/s. {len(fast)} such steps.{hint}"
-    )
-
-
-def _degrees_hint(robot: Robot, motors: Array) -> str:
-    if _excess(robot, joints_to_axes(robot, motors_to_joints(robot, np.deg2rad(motors)))).any():
-        return " Is this the log of the robot that recording.yaml names, in rad at the motor?"
-    return " Degrees where radians are declared? Read as degrees, all axes stay within their limits: convert the log to rad."
-
-
-def _report_limits(robot: Robot, table: Table, axes: Array, findings: list[Finding]) -> None:
-    excess = _excess(robot, axes)
+    excess = np.where(sound[:, None], _excess(robot, axes), 0.0)
     for axis in np.flatnonzero(excess.any(axis=0)):
         rows = np.flatnonzero(excess[:, axis])
         beyond = np.rad2deg(excess[:, axis].max() * (robot.axis_upper - robot.axis_lower)[axis])
         sentence = f"axis {axis + 1} is up to {beyond:.3g} deg beyond its limits; is it the right robot?"
         findings.append(finding("axis beyond its limits", "warning", table.files[table.file[rows[0]]], sentence, lines=table.line[rows]))
+
+
+def _excess(robot: Robot, axes: Array) -> Array:
+    """(N, 6) how far each axis is beyond its limits, as a fraction of its range; 0 within."""
+    span = robot.axis_upper - robot.axis_lower
+    return np.asarray(np.maximum(np.maximum(axes - robot.axis_upper, robot.axis_lower - axes), 0.0) / span)

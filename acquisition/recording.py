@@ -1,33 +1,60 @@
 """A recording folder to clean angles and loads: every device file read by its dialect, each side on its own clock.
 
-    recording.yaml -> dialects -> tables -> stamps in order -> counts or motor angles -> rad -> RobotLog, BallBarLog, ForceLog
+    recording.yaml -> dialects -> tables -> stamps in order -> counts or motor angles -> rad -> segments -> RobotLog, BallBarLog, ForceLog
 
 Everything that was mended on the way stands in the import report; what cannot be mended is an error with file and line.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path, PureWindowsPath
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.dialect import Dialect, SourceName, load_dialect
-from acquisition.encoders import encoder_angles, without_faults
-from acquisition.layout import Layout
-from acquisition.motors import gear_torques, joint_angles, moves
-from acquisition.report import FileSummary, Finding, ImportReport
-from acquisition.stamps import in_order, join, report_periods, seconds_from_first
-from acquisition.table import Table, read_table
-from cell.descriptions import Robot, load_robot
+from acquisition.encoders import (
+    counter_words,
+    encoder_angles,
+    jump_flags,
+    powered_up,
+    refuse_standing,
+    report_damaged,
+    status_flags,
+)
+from acquisition.flags import Flags, RowFlag, usable
+from acquisition.jumps import damaged_values, find_jumps
+from acquisition.motors import (
+    axis_speed_limits,
+    gear_torques,
+    moves,
+    refuse_other_angles,
+    report_limits,
+    to_joints,
+    without_stand_ins,
+)
+from acquisition.report import FileSummary, Finding, ImportReport, finding
+from acquisition.segments import Segments, find_segments
+from acquisition.selectors import require
+from acquisition.sources import (
+    MINIMUM_ROWS,
+    Ledger,
+    LogRows,
+    Side,
+    ballbar_layout,
+    dialect_of,
+    force_layout,
+    joined,
+    read_files,
+    robot_layout,
+)
+from acquisition.stamps import STAMP, report_periods, seconds_from
+from acquisition.table import Table
+from cell.descriptions import Robot, joints_to_axes, load_robot
 from cell.errors import DescriptionError, LogError
 from cell.logs import BallBarLog, ForceLog, RobotLog
-from cell.recording import EncoderFitting, EncoderName, RecordingFile, SourceFile, load_recording_file
-
-MINIMUM_ROWS = 50  # the complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix nothing
-
-_DEVICES: dict[SourceName, str] = {"robot": "robot", "ballbar": "ballbar", "force": "force sensor"}
+from cell.recording import EncoderFitting, EncoderName, RecordingFile, SourceFile, SourceName, load_recording_file
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,26 +66,7 @@ class Recording:
     ballbar_log: BallBarLog | None  # none for a sensor-less ball-bar
     force_log: ForceLog | None  # none without a force sensor
     report: ImportReport
-
-
-@dataclass(frozen=True)
-class _Side:
-    """One side of the recording, and how its files are written."""
-
-    folder: Path
-    name: SourceName
-    source: SourceFile
-    dialect: Dialect
-    layout: Layout
-    status: dict[EncoderName, str]  # status column of each fitted encoder
-
-
-@dataclass
-class _Ledger:
-    """What the report will say, while files are being read."""
-
-    files: list[FileSummary]
-    findings: list[Finding]
+    rows: dict[SourceName, LogRows] = field(default_factory=dict)
 
 
 def read_recording(folder: Path) -> Recording:
@@ -71,15 +79,16 @@ def read_recording(folder: Path) -> Recording:
     description = load_recording_file(folder)
     _check_encoders(folder, description)
     robot = load_robot(description.robot, relative_to=folder)
-    ledger = _Ledger([], [])
-    robot_log = _read_robot(folder, description.sources.robot, robot, ledger)
+    ledger = Ledger([], [])
+    robot_log = read_robot(folder, description.sources.robot, robot, ledger)
     ballbar_log = None
     if description.sources.ballbar is not None:
-        ballbar_log = _read_ballbar(folder, description.sources.ballbar, description.encoders, ledger, robot_moves=moves(robot_log.q))
+        ballbar_log = read_ballbar(folder, description.sources.ballbar, description.encoders, ledger, robot_moves=moves(robot_log.q))
     force_log = None
     if description.sources.force is not None:
         force_log = _read_force(folder, description.sources.force, ledger)
-    return Recording(description, robot_log, ballbar_log, force_log, ImportReport(tuple(ledger.files), tuple(ledger.findings)))
+    report = ImportReport(tuple(ledger.files), tuple(ledger.findings))
+    return Recording(description, robot_log, ballbar_log, force_log, report, ledger.rows)
 
 
 def _check_encoders(folder: Path, description: RecordingFile) -> None:
@@ -92,104 +101,121 @@ def _check_encoders(folder: Path, description: RecordingFile) -> None:
     if description.sources.ballbar is not None and not fitted:
         raise DescriptionError(f"{place}: sources.ballbar is given, but no encoder is declared. Declare those that are fitted.")
     columns = [encoder.column for encoder in fitted.values()]
+    require(columns, f"{place}: encoders")
     for column in columns:
         if columns.count(column) > 1:
             raise DescriptionError(f"{place}: encoders: column {column} is declared for {columns.count(column)} encoders.")
 
 
-def _read_robot(folder: Path, source: SourceFile, robot: Robot, ledger: _Ledger) -> RobotLog:
-    dialect = _dialect_of(folder, "robot", source)
-    layout = Layout(
-        separators=dialect.separators,
-        required={dialect.time.column: dialect.time.type, **dict.fromkeys(dialect.motors, "float")},
-        optional=dict.fromkeys(dialect.torques, "float"),
-        together=dialect.torques,
-    )
-    table, t = _read_files(_Side(folder, "robot", source, dialect, layout, {}), ledger)
-    return RobotLog(t, joint_angles(robot, table, t, dialect.motors, ledger.findings), gear_torques(robot, table, dialect.torques))
+def read_robot(folder: Path, source: SourceFile, robot: Robot, ledger: Ledger) -> RobotLog:
+    """The robot's side of a recording."""
+    dialect = dialect_of(folder, "robot", source)
+    side = Side(folder, "robot", source, dialect, robot_layout(source, dialect))
+    columns = dialect.angles
+    tables = [without_stand_ins(table, columns, ledger.findings) for table in read_files(side, ledger)]
+    table = joined(tables)
+    t = seconds_from(table.columns[STAMP], table.columns[STAMP][0])
+    logged = np.stack([table.columns[name] for name in columns], axis=1)
+    joints = to_joints(robot, logged, dialect.side, dialect.angle_unit)
+    axes = joints_to_axes(robot, joints)
+    jumps = find_jumps(t, axes, axis_speed_limits(robot))
+    flags, findings = table.flags, ledger.findings
+    if not jumps.many():
+        flags[jumps.damaged] |= np.uint32(RowFlag.IMPLAUSIBLE)
+    sound = usable(flags)
+    refuse_other_angles(robot, table, t, logged, joints, axes, side=dialect.side, unit=dialect.angle_unit, sound=sound)
+    report_damaged(table, np.flatnonzero(jumps.damaged), [], None, findings)
+    if jumps.elsewhere.size:
+        sentence = "the angles jump here and do not come back: another start of the logger; a new segment."
+        findings.append(finding("angles jump", "warning", table.files[0], sentence, lines=table.line[jumps.elsewhere]))
+    segments = find_segments(table, joints, usable(flags), findings, reset=_unrelated(t, jumps.elsewhere))
+    flags |= _damaged(table, segments, joints, usable(flags), [f"joint {k}" for k in range(1, 7)], findings)
+    report_limits(robot, table, axes, usable(flags), findings)
+    table, t, kept = _used(side, table, segments, flags, ledger)
+    torque = gear_torques(robot, table, dialect.torque_columns)
+    return RobotLog(t, joints[kept], torque, segments.segment[kept], table.flags)
 
 
-def _read_ballbar(
-    folder: Path, source: SourceFile, encoders: dict[EncoderName, EncoderFitting], ledger: _Ledger, *, robot_moves: bool
+def _unrelated(t: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Rows at which angles jump while the clock goes on."""
+    return rows[np.diff(t)[rows - 1] > 0] if rows.size else rows
+
+
+def read_ballbar(
+    folder: Path, source: SourceFile, encoders: dict[EncoderName, EncoderFitting], ledger: Ledger, *, robot_moves: bool
 ) -> BallBarLog:
-    dialect = _dialect_of(folder, "ballbar", source)
+    """The ball-bar's side of a recording; robot_moves : whether standing counters are a fault."""
+    dialect = dialect_of(folder, "ballbar", source)
     fitted = dict(sorted(encoders.items()))
     status = {name: dialect.status[name] for name in fitted if name in dialect.status}
-    layout = Layout(
-        separators=dialect.separators,
-        required={dialect.time.column: dialect.time.type, **{encoder.column: "integer" for encoder in fitted.values()}},
-        optional=dict.fromkeys(status.values(), "integer"),
-    )
-    table, t = _read_files(_Side(folder, "ballbar", source, dialect, layout, status), ledger)
-    angles = encoder_angles(table, t, fitted, robot_moves=robot_moves)
-    return BallBarLog(t, angles, tuple(int(name[1]) for name in fitted))
+    side = Side(folder, "ballbar", source, dialect, ballbar_layout(source, dialect, fitted), status)
+    findings = ledger.findings
+    tables, preset = read_files(side, ledger), []
+    for table in tables:
+        flags, rows = status_flags(table, status, findings)
+        table.flags[:] |= flags
+        preset.append(table.line[rows])
+        if not usable(table.flags).any():
+            raise LogError(f"{table.files[0]}: no usable row is left of {len(table)}; the encoders report faults throughout.")
+    table = joined(tables)
+    flags = table.flags
+    t = seconds_from(table.columns[STAMP], table.columns[STAMP][0])
+    cell_words = counter_words(table, fitted)
+    jumped, reset = jump_flags(table, t, cell_words, usable(flags), fitted, findings)
+    reset = np.unique(np.concatenate((reset, np.flatnonzero(flags & np.uint32(RowFlag.PRESET)))))
+    flags |= jumped
+    angles = encoder_angles(cell_words, usable(flags), fitted)
+    on = partial(powered_up, cell_words, fitted)
+    segments = find_segments(table, angles, usable(flags), findings, reset=reset, powered_up=on)
+    flags |= _damaged(table, segments, angles, usable(flags), [f"encoder {name}" for name in fitted], findings)
+    refuse_standing(table, cell_words, flags, fitted, robot_moves=robot_moves)
+    table, t, kept = _used(side, table, segments, flags, ledger)
+    return BallBarLog(t, angles[kept], tuple(int(name[1]) for name in fitted), segments.segment[kept], table.flags)
 
 
-def _read_force(folder: Path, source: SourceFile, ledger: _Ledger) -> ForceLog:
-    dialect = _dialect_of(folder, "force", source)
-    layout = Layout(
-        separators=dialect.separators,
-        required={dialect.time.column: dialect.time.type, **dict.fromkeys(dialect.wrench, "float")},
-    )
-    table, t = _read_files(_Side(folder, "force", source, dialect, layout, {}), ledger)
-    return ForceLog(t, np.stack([table.columns[name] for name in dialect.wrench], axis=1))
+def _damaged(
+    table: Table, segments: Segments, angles: NDArray[np.float64], sound: NDArray[np.bool_], names: list[str], findings: list[Finding]
+) -> Flags:
+    """(N,) flags of single values that their neighbours contradict."""
+    rows = np.flatnonzero(sound)
+    breaks = np.diff(segments.segment[rows].astype(np.int64), prepend=0) != 0
+    found = damaged_values(seconds_from(segments.stamps[rows], segments.stamps[rows[0]]), angles[rows], breaks)
+    here, channels = np.nonzero(found)
+    flags = np.zeros(len(table), dtype=np.uint32)
+    if here.size:
+        flags[rows[here]] |= np.uint32(RowFlag.IMPLAUSIBLE)
+        report_damaged(table, rows[np.unique(here)], names, channels, findings)
+    return flags
 
 
-def _dialect_of(folder: Path, side: SourceName, source: SourceFile) -> Dialect:
-    place = f"{folder / 'recording.yaml'}: sources.{side}.dialect"
-    try:
-        dialect = load_dialect(source.dialect)
-    except DescriptionError as error:
-        raise DescriptionError(f"{place}: {error}") from None
-    if dialect.source != side:
-        raise DescriptionError(
-            f"{place}: {source.dialect} describes logs of the {_DEVICES[dialect.source]}, not of the {_DEVICES[side]}. "
-            "Are the files swapped?"
-        )
-    return dialect
+def _used(
+    side: Side, table: Table, segments: Segments, flags: Flags, ledger: Ledger
+) -> tuple[Table, NDArray[np.float64], NDArray[np.intp]]:
+    """The rows that a fit uses, (K,) [s] their time from the first of them, and which they are."""
+    used = segments.used & usable(flags)
+    kept = np.flatnonzero(used)
+    if kept.size < MINIMUM_ROWS:
+        raise LogError(f"{', '.join(table.files)}: {kept.size} usable rows; at least {MINIMUM_ROWS} are needed.")
+    t = seconds_from(segments.stamps, segments.stamps[kept[0]])
+    timed = report_periods(table.take(kept), t[kept], side.dialect.period_s, ledger.findings)
+    flags[kept] |= timed
+    ledger.rows[side.name] = LogRows(t, flags, segments.segment, used)
+    for index, file in enumerate(table.files):
+        place = next(k for k, one in enumerate(ledger.files) if one.file == file and one.source == side.name)
+        ledger.files[place] = _replaced(ledger.files[place], int((table.file[kept] == index).sum()))
+    table = Table(table.columns, table.files, table.file, table.line, flags, table.begins).take(kept)
+    return table, t[kept], kept
 
 
-def _read_files(side: _Side, ledger: _Ledger) -> tuple[Table, NDArray[np.float64]]:
-    """All files of one side as one table, and (N,) [s] their time from its first row."""
-    tables = [_read_file(side, file, ledger) for file in side.source.files]
-    _refuse_differing(tables, side.layout.together)
-    table = join(tables, side.dialect.time)
-    if len(table) < MINIMUM_ROWS:
-        raise LogError(f"{', '.join(table.files)}: {len(table)} usable rows; at least {MINIMUM_ROWS} are needed.")
-    t = seconds_from_first(table.columns[side.dialect.time.column], side.dialect.time)
-    report_periods(table, t, side.dialect.period_s, ledger.findings)
-    return table, t
+def _replaced(summary: FileSummary, kept: int) -> FileSummary:
+    return FileSummary(**{**vars(summary), "rows_kept": kept})
 
 
-def _refuse_differing(tables: list[Table], together: tuple[str, ...]) -> None:
-    """Columns that only some files have would be lost to all when they are joined."""
-    without = [table.files[0] for table in tables if not table.columns.keys() >= set(together)]
-    if without and len(without) < len(tables):
-        raise LogError(
-            f"{without[0]}: columns {', '.join(together)} missing, and other files of this source have them. "
-            "Log them in every file, or remove them from all."
-        )
-
-
-def _read_file(side: _Side, file: str, ledger: _Ledger) -> Table:
-    table, form = read_table(_inside(side.folder, file), file, side.layout, ledger.findings)
-    table = without_faults(in_order(table, side.dialect.time, ledger.findings), side.status, ledger.findings)
-    if not len(table):
-        raise LogError(f"{file}: no usable row is left of {form.rows_read}; the encoders report faults throughout.")
-    name, dialect = side.name, side.source.dialect
-    ledger.files.append(FileSummary(file, name, dialect, form.encoding, form.separator, form.decimal, form.rows_read, len(table)))
-    return table
-
-
-def _inside(folder: Path, file: str) -> Path:
-    """The path of a device file, which must lie inside the recording folder, links followed."""
-    named = PureWindowsPath(file)  # splits at both kinds of slash
-    try:
-        inside = not named.anchor and ".." not in named.parts and (folder / file).resolve().is_relative_to(folder.resolve())
-    except (OSError, RuntimeError, ValueError):  # a link to itself, a NUL in the name
-        inside = False
-    if not inside:
-        raise DescriptionError(
-            f"{folder / 'recording.yaml'}: file {file!r} lies outside the recording folder. Move or copy it into the folder."
-        )
-    return folder / file
+def _read_force(folder: Path, source: SourceFile, ledger: Ledger) -> ForceLog:
+    dialect = dialect_of(folder, "force", source)
+    side = Side(folder, "force", source, dialect, force_layout(source, dialect))
+    table = joined(read_files(side, ledger))
+    wrench = np.stack([table.columns[name] for name in dialect.wrench], axis=1)
+    segments = find_segments(table, wrench, usable(table.flags), ledger.findings)
+    table, t, kept = _used(side, table, segments, table.flags, ledger)
+    return ForceLog(t, wrench[kept])

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.dialect import SourceName
+from cell.recording import SourceName
 
 Severity = Literal["repaired", "warning"]
 LINES_SHOWN = 5  # line numbers kept with a finding; enough to open the file at the place
@@ -43,6 +43,7 @@ class FileSummary:
     decimal: str
     rows_read: int  # below the header, blank lines not counted
     rows_kept: int
+    time: str  # form of the time stamps, and their column
 
 
 @dataclass(frozen=True)
@@ -68,17 +69,23 @@ def finding(
 
 
 def report_lines(report: ImportReport) -> list[str]:
-    """The report as lines of text: each file, then each finding with its place."""
-    lines = []
+    """The report as lines of text: how each file was read, what was repaired, what else to know; headings are not indented."""
+    lines = ["FILES"]
     for file in report.files:
-        lines.append(
-            f"{file.file}: {file.rows_kept} of {file.rows_read} rows kept ({file.source}, dialect {file.dialect}, "
-            f"{file.encoding}, separator {file.separator}, decimal {file.decimal})"
-        )
-    lines += [f"{_place(one)}: {one.severity}: {one.kind}{_times(one)}: {one.sentence}" for one in report.findings]
-    if not report.findings:
-        lines.append("nothing to report: no repairs, no warnings")
+        lines += [
+            f"  {file.file}: {file.rows_kept} of {file.rows_read} rows used",
+            f"    {file.source}, dialect {file.dialect}; {file.encoding}, separator {file.separator}, decimal {file.decimal}; {file.time}",
+        ]
+    headings: tuple[tuple[str, Severity], ...] = (("REPAIRED", "repaired"), ("WARNINGS", "warning"))
+    for heading, severity in headings:
+        found = [one for one in report.findings if one.severity == severity]
+        lines += [heading, *(f"  {finding_line(one)}" for one in found)] if found else [f"{heading}: none"]
     return lines
+
+
+def finding_line(one: Finding) -> str:
+    """A finding with its place, as a line of text."""
+    return f"{_place(one)}: {one.kind}{_times(one)}: {one.sentence}"
 
 
 def _place(one: Finding) -> str:

@@ -7,17 +7,20 @@ of fields are no torn lines: the worst case is decimal commas with comma separat
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import repeat
+from operator import contains
 from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.layout import SEPARATORS, Header, split_fields
+from acquisition.layout import SEPARATORS, Header, Layout, split_fields
 from acquisition.report import Finding, finding
 from acquisition.text import LogText
 from cell.errors import LogError
 
 TORN_LIMIT = 0.01  # a recorder that loses more than one line in a hundred is not torn, it writes something else
+_END = "EOF"  # last line of TwinCAT exports
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,31 +30,76 @@ class PlainRows:
     file: str
     lines: list[str]  # as written
     plain: list[str]  # without quotes and decimal commas
+    separator: str  # of the plain lines
     number: NDArray[np.int64]  # (N,) line number, counted from 1
+    begins: NDArray[np.bool_]  # (N,) whether the header stands again before the row
+    repaired: NDArray[np.bool_]  # (N,) whether something in this very line was mended
     decimal: str
 
 
-def plain_rows(text: LogText, header: Header, findings: list[Finding]) -> PlainRows:
-    """The complete rows of a text whose first line is the header; repairs are appended to `findings`.
+def plain_rows(text: LogText, header: Header, layout: Layout, findings: list[Finding]) -> PlainRows:
+    """The complete rows of a text below its header; repairs are appended to `findings`.
 
     Raises LogError if there are none, if more than TORN_LIMIT are torn, or if commas and points are mixed.
     """
-    lines, number = text.lines[1:], text.number[1:]
+    lines, number = text.lines[header.row :], text.number[header.row :]
+    if header.glued:
+        lines, number = [header.glued, *lines], np.concatenate(([text.number[header.row - 1]], number))
+    if lines and lines[-1].strip() == _END:
+        lines, number = lines[:-1], number[:-1]
+    begins = np.zeros(len(lines), dtype=bool)
+    if header.line and header.line in lines:
+        lines, number, begins = _without_headers(lines, number, header.line, text.file, findings)
     if not lines:
         raise LogError(f"{text.file}: a header but no complete row below it.")
-    full = _full_rows(lines, number, header, text.file, findings)
+    separator = header.separator
+    if separator == " ":
+        lines, separator = ["\t".join(line.split()) for line in lines], "\t"
+    lines = _without_end(lines, separator, len(header.names), text.file, findings)
+    full = _full_rows(lines, number, header, separator, text, findings)
     if not full.size:
         raise LogError(f"{text.file}: the only row below the header is torn.")
-    lines, number = [lines[i] for i in full], number[full]
-    commas = _decimal_commas(lines, header, text.file, findings)
-    plain = _plain_lines(lines, header.separator, commas=bool(commas))
-    return PlainRows(text.file, lines, plain, number, "comma" if commas else "point")
+    if full.size < len(lines):
+        begins = _carried(begins, full)
+        lines, number = [lines[i] for i in full], number[full]
+    commas = _decimal_commas(lines, header, separator, layout, text.file, findings)
+    plain = _plain_lines(lines, separator, quoted=text.quoted, commas=bool(commas))
+    repaired = np.zeros(len(lines), dtype=bool)
+    repaired[0] = bool(header.glued)
+    return PlainRows(text.file, lines, plain, separator, number, begins, repaired, "comma" if commas else "point")
 
 
-def _full_rows(lines: list[str], number: NDArray[np.int64], header: Header, file: str, findings: list[Finding]) -> NDArray[np.int64]:
+def _without_headers(
+    lines: list[str], number: NDArray[np.int64], header: str, file: str, findings: list[Finding]
+) -> tuple[list[str], NDArray[np.int64], NDArray[np.bool_]]:
+    again = np.array([line == header for line in lines], dtype=bool)
+    sentence = "the header stands here again: the logger was restarted; a new segment."
+    findings.append(finding("header again", "repaired", file, sentence, lines=number[again]))
+    rows = np.flatnonzero(~again)
+    return [lines[i] for i in rows], number[rows], _carried(np.concatenate(([False], again[:-1])) & ~again, rows, again)
+
+
+def _carried(begins: NDArray[np.bool_], kept: NDArray[np.intp], also: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    """(K,) for each kept row whether it, or a row left out before it, begins something."""
+    total = np.cumsum(begins if also is None else also)
+    return np.diff(total[kept], prepend=0) > 0
+
+
+def _without_end(lines: list[str], separator: str, width: int, file: str, findings: list[Finding]) -> list[str]:
+    """The lines without a separator at their end, if they have one."""
+    closed = [line.endswith(separator) and _width(line, separator) == width + 1 for line in lines[:20]]
+    if not all(closed):
+        return lines
+    findings.append(finding("separator at the line end", "repaired", file, "left out.", count=len(lines)))
+    return [line[:-1] if line.endswith(separator) and _width(line, separator) == width + 1 else line for line in lines]
+
+
+def _full_rows(
+    lines: list[str], number: NDArray[np.int64], header: Header, separator: str, text: LogText, findings: list[Finding]
+) -> NDArray[np.int64]:
     """Indices of the rows that have as many fields as the header; the torn ones are reported."""
     expected = len(header.names)
-    width = np.array([_width(line, header.separator) for line in lines], dtype=np.int64)
+    width, file = _widths(lines, separator, quoted=text.quoted), text.file
     torn = np.flatnonzero(width != expected)
     if torn.size > max(1.0, TORN_LIMIT * width.size):
         _refuse_widths([lines[i] for i in torn], width[torn], number[torn], header, f"{file}:{number[torn[0]]}", total=width.size)
@@ -59,6 +107,12 @@ def _full_rows(lines: list[str], number: NDArray[np.int64], header: Header, file
         sentence = f"expected {expected} fields, got {width[torn[0]]}; treated as torn line and dropped."
         findings.append(finding("torn line", "repaired", file, sentence, lines=number[torn]))
     return np.flatnonzero(width == expected)
+
+
+def _widths(lines: list[str], separator: str, *, quoted: bool) -> NDArray[np.int64]:
+    if quoted:
+        return np.array([_width(line, separator) for line in lines], dtype=np.int64)
+    return np.fromiter(map(str.count, lines, repeat(separator)), dtype=np.int64, count=len(lines)) + 1
 
 
 def _width(line: str, separator: str) -> int:
@@ -75,7 +129,7 @@ def _refuse_widths(
             "Export again with decimal points, or with semicolons between the fields."
         )
     for other, name in SEPARATORS.items():
-        if other != header.separator and _width(lines[0], other) == expected:
+        if other not in (header.separator, " ") and _width(lines[0], other) == expected:
             raise LogError(f"{place}: the header is separated by {SEPARATORS[header.separator]}, the rows by {name}. Use one of them.")
     raise LogError(
         f"{place}: {number.size} of {total} rows do not have the header's number of fields: expected {expected} fields, "
@@ -83,29 +137,33 @@ def _refuse_widths(
     )
 
 
-def _decimal_commas(lines: list[str], header: Header, file: str, findings: list[Finding]) -> list[str]:
+def _decimal_commas(lines: list[str], header: Header, separator: str, layout: Layout, file: str, findings: list[Finding]) -> list[str]:
     """The float columns written with decimal commas, which only another separator allows.
 
     Raises LogError if one column has both commas and points.
     """
-    if header.separator == "," or not any("," in line for line in lines):
+    if separator == "," or layout.decimal == "point" or not any(map(contains, lines, repeat(","))):
         return []
-    cells = [split_fields(line, header.separator) for line in lines]
+    cells = [split_fields(line, separator) for line in lines]
     found = []
-    for name, position in zip(header.columns, header.positions, strict=True):
+    for (name, kind), position in zip(header.columns.items(), header.positions, strict=True):
         comma = next((row[position] for row in cells if "," in row[position]), None)
         point = next((row[position] for row in cells if "." in row[position]), None)
         if comma and point:
             raise LogError(f"{file}: column {name} has decimal commas and decimal points: {comma!r} and {point!r}. Export it again.")
-        if comma and header.columns[name] == "float":
+        if comma and kind != "integer":
             found.append(name)
-    if found:
+        if point and kind != "integer" and layout.decimal == "comma":
+            raise LogError(f"{file}: column {name} has decimal points ({point!r}), the dialect declares decimal commas.")
+    if found and layout.decimal == "either":
         findings.append(finding("decimal comma", "repaired", file, f"read as decimal point in {', '.join(found)}.", count=len(lines)))
     return found
 
 
-def _plain_lines(lines: list[str], separator: str, *, commas: bool) -> list[str]:
+def _plain_lines(lines: list[str], separator: str, *, quoted: bool, commas: bool) -> list[str]:
     """Lines without quotes and decimal commas. A quoted separator becomes `?`, which no number contains."""
+    if not commas and not quoted:
+        return lines
     plain = [
         line if '"' not in line else separator.join(cell.replace(separator, "?") for cell in split_fields(line, separator))
         for line in lines

@@ -7,14 +7,16 @@ numpy's loadtxt parses strictly (no underscores, no integer from `1e5`) and as f
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.layout import SEPARATORS, Header, Layout, read_header, split_fields
+from acquisition.flags import Flags, RowFlag
+from acquisition.layout import SEPARATORS, Header, Kind, Layout, read_header, split_fields
 from acquisition.report import Finding
 from acquisition.rows import PlainRows, plain_rows
 from acquisition.text import read_text
@@ -31,10 +33,18 @@ _DTYPE = {"integer": np.int64, "float": np.float64}
 class Table:
     """Columns of one or several device files, each row with the place it came from."""
 
-    columns: dict[str, NDArray[Any]]  # (N,) int64 or float64 each
+    columns: dict[str, NDArray[Any]]  # (N,) int64, float64 or text each
     files: tuple[str, ...]
     file: NDArray[np.int64]  # (N,) index into files
     line: NDArray[np.int64]  # (N,) line number, counted from 1
+    flags: Flags = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))  # (N,) row flags
+    begins: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (N,) rows from which the logger ran anew
+
+    def __post_init__(self) -> None:
+        for name in ("flags", "begins"):
+            values = getattr(self, name)
+            if values.size != self.line.size:
+                object.__setattr__(self, name, np.zeros(self.line.size, dtype=values.dtype))
 
     def __len__(self) -> int:
         return int(self.line.size)
@@ -45,7 +55,14 @@ class Table:
 
     def take(self, rows: NDArray[Any]) -> Table:
         """The chosen rows, by mask or index."""
-        return Table({name: values[rows] for name, values in self.columns.items()}, self.files, self.file[rows], self.line[rows])
+        index = np.flatnonzero(rows) if rows.dtype == bool else rows
+        begins = np.diff(np.cumsum(self.begins)[index], prepend=0) > 0  # also where the row that began was left out
+        columns = {name: values[index] for name, values in self.columns.items()}
+        return Table(columns, self.files, self.file[index], self.line[index], self.flags[index], begins)
+
+    def cell_place(self, row: int | np.integer, column: str) -> str:
+        """`file:line: column name` of a cell."""
+        return f"{self.place(row)}: column {column}"
 
 
 @dataclass(frozen=True)
@@ -66,33 +83,48 @@ def read_table(path: Path, file: str, layout: Layout, findings: list[Finding]) -
     """
     text = read_text(path, file, findings)
     header = read_header(text, layout, findings)
-    rows = plain_rows(text, header, findings)
+    rows = plain_rows(text, header, layout, findings)
     line = rows.number
-    table = Table(_parse(rows, header), (file,), np.zeros(line.size, dtype=np.int64), line)
-    return table, Form(text.encoding, SEPARATORS[header.separator], rows.decimal, len(text.lines) - 1)
+    flags = np.where(rows.repaired, np.uint32(RowFlag.REPAIRED), np.uint32(0))
+    table = Table(_parse(rows, header), (file,), np.zeros(line.size, dtype=np.int64), line, flags, rows.begins)
+    return table, Form(text.encoding, SEPARATORS[header.separator], rows.decimal, len(text.lines) - header.row + bool(header.glued))
 
 
 def _parse(rows: PlainRows, header: Header) -> dict[str, NDArray[Any]]:
-    dtype = np.dtype([(f"f{i}", _DTYPE[kind]) for i, kind in enumerate(header.columns.values())])
-    try:
-        values = np.loadtxt(rows.plain, dtype=dtype, delimiter=header.separator, comments=None, usecols=header.positions, ndmin=1)
-    except ValueError:
+    """The columns; text that holds nothing but whole numbers comes as such."""
+    kinds: dict[str, Kind] = {name: "integer" if kind == "text" else kind for name, kind in header.columns.items()}
+    columns = _numbers(rows, header, kinds)
+    if columns is None and "text" in header.columns.values():
+        columns = _numbers(rows, header, {name: kind for name, kind in header.columns.items() if kind != "text"})
+    if columns is None:
         _refuse_cell(rows, header)
-    columns = {name: np.ascontiguousarray(values[f"f{i}"]) for i, name in enumerate(header.columns)}
-    if not all(np.isfinite(column).all() for column in columns.values()):
-        _refuse_cell(rows, header)
+    for name, position in zip(header.columns, header.positions, strict=True):
+        if name not in columns:
+            cells = [line.split(rows.separator, position + 1)[position].strip() for line in rows.plain]
+            columns[name] = np.array(cells, dtype=object)
     return columns
+
+
+def _numbers(rows: PlainRows, header: Header, kinds: Mapping[str, Kind]) -> dict[str, NDArray[Any]] | None:
+    """Columns of numbers; None if some cell is none."""
+    if not kinds:
+        return {}
+    where = dict(zip(header.columns, header.positions, strict=True))
+    dtype = np.dtype([(f"f{i}", _DTYPE[kind]) for i, kind in enumerate(kinds.values())])
+    positions = [where[name] for name in kinds]
+    try:
+        values = np.loadtxt(rows.plain, dtype=dtype, delimiter=rows.separator, comments=None, usecols=positions, ndmin=1)
+    except ValueError:
+        return None
+    columns = {name: np.ascontiguousarray(values[f"f{i}"]) for i, name in enumerate(kinds)}
+    return columns if all(np.isfinite(column).all() for column in columns.values()) else None
 
 
 def _refuse_cell(rows: PlainRows, header: Header) -> NoReturn:
     for line, number, mended in zip(rows.lines, rows.number, rows.plain, strict=True):
-        written, cells = split_fields(line, header.separator), split_fields(mended, header.separator)
-        if tuple(written) == header.names:
-            raise LogError(
-                f"{rows.file}:{number}: the header stands here again: the logger was restarted. Split the file before this line."
-            )
+        written, cells = split_fields(line, rows.separator), split_fields(mended, rows.separator)
         for (name, kind), position in zip(header.columns.items(), header.positions, strict=True):
-            wrong = _wrong_number(cells[position], kind)
+            wrong = _wrong_number(cells[position], kind) if kind != "text" else ""
             if wrong:
                 raise LogError(f"{rows.file}:{number}: column {name}: {written[position]!r} {wrong}")
     raise LogError(f"{rows.file}: the table holds a cell that is no number.")

@@ -7,8 +7,14 @@ else Windows-1252, which is what European Windows writes.
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import lzma
+import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +22,8 @@ from numpy.typing import NDArray
 from acquisition.report import Finding, finding
 from cell.errors import LogError
 
+MOST_BYTES = 2_000_000_000  # of one file, unpacked: fifty hours of a robot's log; a packed file may claim anything
+_PACKED: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 _MARKS = ((b"\xef\xbb\xbf", "utf-8", 1), (b"\xff\xfe", "utf-16-le", 2), (b"\xfe\xff", "utf-16-be", 2))  # mark, codec, bytes per ASCII
 
 
@@ -27,6 +35,7 @@ class LogText:
     encoding: str
     lines: list[str]
     number: NDArray[np.int64]  # line number of each, counted from 1
+    quoted: bool  # whether there are quotes in it
 
 
 @dataclass(frozen=True)
@@ -46,10 +55,7 @@ def read_text(path: Path, file: str, findings: list[Finding]) -> LogText:
     """
     if not path.is_file():
         raise LogError(f"{file}: no such file (looked for {path}).")
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{file}: cannot be read: {error.strerror}.") from None
+    raw = read_bytes(path, file, findings)
     if not raw:
         raise LogError(f"{file}: the file is empty.")
     decoded = _decode(raw)
@@ -57,6 +63,42 @@ def read_text(path: Path, file: str, findings: list[Finding]) -> LogText:
         findings.append(finding("encoding", "repaired", file, f"read as {decoded.encoding}.", count=1))
     text = _without_nul(decoded, file, findings)
     return _complete_lines(text, file, decoded.encoding, findings)
+
+
+def read_bytes(path: Path, file: str, findings: list[Finding]) -> bytes:
+    """The content of a device file, unpacked; a packed file that was cut off gives what it holds, and `findings` says so.
+
+    Raises LogError if it cannot be read or unpacked.
+    """
+    if path.suffix.lower() in (".zst", ".zip", ".7z", ".rar"):
+        raise LogError(f"{file}: packed in a way that is not read here. Unpack it first, or use .gz, .bz2 or .xz.")
+    unpack = _PACKED.get(path.suffix.lower())
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise LogError(f"{file}: more than {MOST_BYTES:_} bytes. Is it a log?")
+        return path.read_bytes() if unpack is None else _unpacked(unpack(path), file, findings)
+    except (gzip.BadGzipFile, lzma.LZMAError, zlib.error) as error:
+        raise LogError(f"{file}: is no {path.suffix} file, or damaged: {error}.") from None
+    except OSError as error:
+        raise LogError(f"{file}: cannot be read: {error.strerror or error}.") from None
+
+
+def _unpacked(packed: Any, file: str, findings: list[Finding]) -> bytes:
+    parts, size = [], 0
+    with packed:
+        while True:
+            try:
+                part = packed.read1(1 << 20)  # what there is, so that a cut file gives all it holds
+            except EOFError:
+                findings.append(finding("packed file cut off", "repaired", file, "what it holds up to there is read.", count=1))
+                break
+            if not part:
+                break
+            size += len(part)
+            if size > MOST_BYTES:
+                raise LogError(f"{file}: unpacks to more than {MOST_BYTES:_} bytes. Is it a log?")
+            parts.append(part)
+    return b"".join(parts)
 
 
 def _decode(raw: bytes) -> _Decoded:
@@ -100,19 +142,28 @@ def _nul_inside(text: str, decoded: _Decoded, file: str) -> str:
 
 
 def _complete_lines(text: str, file: str, encoding: str, findings: list[Finding]) -> LogText:
-    lines = _universal_newlines(text).split("\n")
+    lines = _split_lines(text)
     torn = lines.pop()
     if torn:
         sentence = "the last line has no line end, so it may be cut inside a number; dropped."
         findings.append(finding("unterminated last line", "repaired", file, sentence, lines=[len(lines) + 1]))
-    filled = np.array([bool(line.strip()) for line in lines], dtype=bool)
-    if not filled.any():
-        raise LogError(f"{file}: the file holds no complete line.")
-    if not filled.all():
+    number = np.arange(1, len(lines) + 1, dtype=np.int64)
+    if not all(lines) or any(map(str.isspace, lines)):
+        filled = np.array([bool(line.strip()) for line in lines], dtype=bool)
         blank = np.flatnonzero(~filled) + 1
         findings.append(finding("blank line", "repaired", file, "skipped.", lines=blank))
-        lines = [line for line in lines if line.strip()]
-    return LogText(file, encoding, lines, np.flatnonzero(filled).astype(np.int64) + 1)
+        lines, number = [line for line in lines if line.strip()], number[filled]
+    if not lines:
+        raise LogError(f"{file}: the file holds no complete line.")
+    return LogText(file, encoding, lines, number, '"' in text)
+
+
+def _split_lines(text: str) -> list[str]:
+    if "\r" not in text:
+        return text.split("\n")
+    if text.count("\r") == text.count("\n") == text.count("\r\n"):
+        return text.split("\r\n")
+    return _universal_newlines(text).split("\n")
 
 
 def _universal_newlines(text: str) -> str:

@@ -18,8 +18,9 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.markup import escape
 
-from acquisition import coarse_alignment, read_recording, report_lines
+from acquisition import explain_lines, read_recording
 from acquisition.live.recorder import RecorderError
+from ballbar import check as check_page
 from ballbar.claim_command import say_verdicts, write_page
 from ballbar.claim_run import judge_all, topics
 from ballbar.compare import Comparison, compare, compare_with_truth
@@ -51,8 +52,8 @@ from sim.truth import load_truth
 
 CLAIM_WORKERS = 2  # processes: claims are for a laptop, and for continuous integration
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+out = Console(highlight=False, soft_wrap=True, emoji=False)  # file.csv:100: is line 100
+err = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
@@ -100,23 +101,30 @@ def simulate(scenario: ScenarioFile, out_dir: Out = None) -> None:
     out.print(f"Recording {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
 
 
-@app.command(epilog="Example: `ballbar check runs/irb2400/recording`")
-def check(recording: RecordingFolder) -> None:
+@app.command(epilog="Example: `ballbar check runs/irb2400/recording`, or for programs `ballbar check runs/irb2400/recording --json`")
+def check(
+    recording: RecordingFolder,
+    explain_reading: Annotated[
+        bool, typer.Option("--explain", help="Say first how each file will be read, and why: dialect, columns, time, units, encoders.")
+    ] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 if anything had to be repaired or left out.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the import report as JSON.")] = False,
+) -> None:
     """Read a recording and report what was found and repaired, without identifying anything."""
+    if explain_reading and not as_json:
+        for line in explain_lines(recording):
+            out.print(escape(line))
+        out.print()
     read = read_recording(recording)
-    for line in report_lines(read.report):
-        out.print(escape(line))
-    robot, bar = read.robot_log, read.ballbar_log
-    out.print(f"robot log: {robot.t.size} samples over {robot.t[-1]:.2f} s")
-    if bar is None:
-        out.print("no encoders: the ball-bar's length is the only measurement")
-        return
-    out.print(f"ball-bar log: {bar.t.size} samples over {bar.t[-1]:.2f} s, encoders {', '.join(f'b{j}' for j in bar.joints)}")
-    found = coarse_alignment(robot, bar)
-    rival = ""
-    if found.runner_up_offset_s is not None:
-        rival = f"; next best {found.runner_up_offset_s:+.2f} s with {found.runner_up_score / found.score:.0%} of the score"
-    out.print(f"coarse clock offset: {found.offset_s:+.2f} s over {found.overlap_s:.0f} s of overlap{rival}")
+    alignment = check_page.aligned(read)
+    if as_json:
+        typer.echo(json.dumps(check_page.check_data(read, alignment), indent=2))
+    else:
+        for line in check_page.check_lines(read, alignment):
+            out.print(f"[bold]{escape(line)}[/]" if line[0] != " " else escape(line))
+    if strict and (repaired := check_page.repairs(read)):
+        err.print(f"[red]not as logged:[/] {len(repaired)} kinds of repairs were needed, and --strict allows none")
+        raise typer.Exit(1)
 
 
 @app.command(epilog="Example: `ballbar identify runs/a/recording runs/b/recording --validate runs/c/recording --out runs/together`")

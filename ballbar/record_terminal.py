@@ -21,7 +21,7 @@ from acquisition.live.session import LiveRecording, notes
 
 _REFRESH = 0.25  # [s]
 _SILENT = 1.0  # [s] without a record from a device that is recorded
-_WORDS = {**{bit: kind for bit, (kind, _) in FAULTS.items()}, SYNC_ERROR: "sync error"}
+_WORDS = {**{bit: kind for bit, (_, kind, _) in FAULTS.items()}, SYNC_ERROR: "sync error"}
 
 
 def status_words(word: int) -> str:

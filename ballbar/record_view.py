@@ -11,10 +11,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from acquisition.dialect import SourceName
 from acquisition.encoders import FAULTS
 from acquisition.live.source import Batch, Source
 from ballbar.replay_viewer import live_viewer
+from cell.recording import SourceName
 
 FLUSH = 2.0  # [s] for the last records to reach the window
 ROWS = 10  # of a batch that are shown: 100 Hz is enough for the eye, and a slow screen keeps up

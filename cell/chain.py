@@ -54,6 +54,10 @@ class Frames:
     origin: Array  # (J+1, 3, N) [m]
     x_link: Array  # (J, 3, N) x axis of row i before its Hayati angle: the axis of a_i and alpha_i
 
+    def part(self, samples: slice) -> Frames:
+        """Some of the samples."""
+        return Frames(*(getattr(self, field.name)[..., samples] for field in fields(self)))
+
     @property
     def tip(self) -> Array:
         """(3, N) [m] origin of the last frame."""
@@ -117,11 +121,11 @@ def cross(u: Array, v: Array) -> Array:
     return out
 
 
-def screw(frames: Frames, kind: str, row: int) -> Array:
+def screw(frames: Frames, kind: str, row: int, out: Array | None = None) -> Array:
     """(6, N) motion of the last frame for a unit change of one parameter, in base coordinates.
 
     Components 0..2 [m per unit]: velocity of the tip; 3..5 [rad per unit]: angular velocity. `kind` is one of KINDS,
-    `row` counts from 0; the joint angle q_i moves the end as `theta` of the same row does.
+    `row` counts from 0; the joint angle q_i moves the end as `theta` of the same row does. out : (6, N) to write to.
     """
     if kind in ("theta", "d"):
         axis, point = frames.z[row], frames.origin[row]
@@ -131,7 +135,7 @@ def screw(frames: Frames, kind: str, row: int) -> Array:
         axis, point = frames.x_link[row], frames.origin[row + 1]
     else:
         raise ValueError(f"parameter kind {kind!r} is none of {KINDS}")
-    out = np.empty((6, axis.shape[1]))
+    out = np.empty((6, axis.shape[1])) if out is None else out
     _write_screw(out, axis, None if kind in ("a", "d") else frames.tip - point)
     return out
 

@@ -145,12 +145,12 @@ def bar_frames(geometry: Geometry, b: Array) -> Frames:
     return forward(geometry.bar, b, base_rotation=geometry.bar_base_rotation, base_origin=geometry.origin)
 
 
-def parameter_screw(geometry: Geometry, robot: Frames, bar: Frames, parameter: Parameter) -> Array:
+def parameter_screw(geometry: Geometry, robot: Frames, bar: Frames, parameter: Parameter, out: Array | None = None) -> Array:
     """(6, N) motion of that side's tool frame for a unit change of one parameter, base coordinates (see chain.screw)."""
     if parameter.side != "base":
-        return screw(robot if parameter.side == "robot" else bar, parameter.kind, parameter.row)
-    n = bar.tip.shape[1]
-    out = np.zeros((6, n))
+        return screw(robot if parameter.side == "robot" else bar, parameter.kind, parameter.row, out)
+    out = np.empty((6, bar.tip.shape[1])) if out is None else out
+    out[:] = 0.0
     if parameter.kind == "origin":
         out[parameter.row] = 1.0
         return out

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from cell.strict_yaml import load_model
 
 EncoderName = Literal["b1", "b2", "b3", "b4", "b5"]
+SourceName = Literal["robot", "ballbar", "force"]  # the sources of a recording
 
 
 class _Strict(BaseModel):
@@ -22,8 +23,10 @@ class _Strict(BaseModel):
 class SourceFile(_Strict):
     """The device files of one side, and the dialect they are written in."""
 
-    files: Annotated[tuple[str, ...], Field(min_length=1)]  # relative to recording.yaml
-    dialect: str
+    files: Annotated[tuple[str, ...], Field(min_length=1)]  # relative to recording.yaml; .gz, .bz2 and .xz are unpacked
+    dialect: str  # a shipped one, or a file of the recording folder that ends in .yaml
+    time: str | None = None  # form of the time stamps (acquisition.times), where they do not tell it themselves
+    columns: tuple[str, ...] | None = None  # names of all columns, for files without header
 
 
 class Sources(_Strict):

@@ -52,10 +52,5 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
     xy, xz, yz = factor * x * y, factor * x * z, factor * y * z
     a, b, c = 0.5 * x, 0.5 * y, 0.5 * z
     one = 1.0 - (xx + yy + zz)
-    rows = ((one + xx, xy + c, xz - b), (xy - c, one + yy, yz + a), (xz + b, yz - a, one + zz))
-    out = np.empty_like(vectors)
-    for i, row in enumerate(rows):
-        np.multiply(row[0], vectors[..., 0, :], out=out[..., i, :])
-        out[..., i, :] += row[1] * vectors[..., 1, :]
-        out[..., i, :] += row[2] * vectors[..., 2, :]
-    return out
+    matrix = np.array(((one + xx, xy + c, xz - b), (xy - c, one + yy, yz + a), (xz + b, yz - a, one + zz)))
+    return np.asarray(np.einsum("ijn,...jn->...in", matrix, vectors))

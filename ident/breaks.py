@@ -7,6 +7,7 @@ stamp, and the motion goes on smoothly only if time is set back. A channel that 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,11 +34,14 @@ class Break:
     size: float  # [rad] or [s]: behind minus before
 
 
-def find_breaks(t: Array, values: Array) -> tuple[Break, ...]:
-    """The jumps of a log with rows t (N,) [s], values (N, C) [rad], in order of time."""
+def find_breaks(t: Array, values: Array, starts: Sequence[int] = ()) -> tuple[Break, ...]:
+    """The jumps of a log with rows t (N,) [s], values (N, C) [rad], in order of time.
+
+    starts : rows at which the reader has joined two segments, whose stamps may be off though they look regular.
+    """
     period = float(np.median(np.diff(t)))
     out = outliers(t, values)
-    steps = _clock_steps(t, values, out, period)
+    steps = _clock_steps(t, values, out, period, starts)
     clock = continuous_clock(t, steps)
     found = [(row, None, size) for row, size in steps] + _channel_jumps(clock, values, out, period)
     middle = 0.5 * (clock[1:] + clock[:-1])
@@ -63,9 +67,9 @@ def continuous_clock(t: Array, steps: list[tuple[int, float]]) -> Array:
     return out
 
 
-def _clock_steps(t: Array, values: Array, out: NDArray[np.bool_], period: float) -> list[tuple[int, float]]:
+def _clock_steps(t: Array, values: Array, out: NDArray[np.bool_], period: float, starts: Sequence[int]) -> list[tuple[int, float]]:
     """First row behind and size [s] of each step of the clock; out (N, C) values that must not speak."""
-    irregular = np.flatnonzero(np.abs(np.diff(t) - period) > SMALLEST_STEP) + 1
+    irregular = np.union1d(np.flatnonzero(np.abs(np.diff(t) - period) > SMALLEST_STEP) + 1, np.asarray(starts, dtype=np.intp))
     if irregular.size == 0:
         return []
     suspect, sigma = suspects(t, values)

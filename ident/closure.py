@@ -11,14 +11,14 @@ whitened metric), so 0, 2, 4 or 5 encoders are one code path with 1, 3, 5 or 6 e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cell.chain import Array, Frames, joint_screws, screw
-from cell.geometry import BAR_ROWS, Geometry, Parameter, bar_frames, parameter_screw, robot_frames
+from cell.geometry import BAR_ROWS, ROBOT_ROWS, Geometry, Parameter, bar_frames, parameter_screw, robot_frames
 from cell.inverse import bar_angles, bar_roll
 from cell.rotation import inverse_left_jacobian, rotvec_from_matrix
 
@@ -31,6 +31,10 @@ class Closure:
     robot: Frames
     bar: Frames
     error: Array  # (6, N) [m, m, m, rad, rad, rad]
+
+    def part(self, samples: slice) -> Closure:
+        """Some of the samples."""
+        return Closure(self.geometry, self.robot.part(samples), self.bar.part(samples), self.error[:, samples])
 
 
 def close_loop(geometry: Geometry, q: Array, b: Array) -> Closure:
@@ -55,19 +59,19 @@ def parameter_jacobian(closure: Closure, parameters: Sequence[Parameter]) -> Arr
     """(P, 6, N) derivative of the mismatch with respect to geometric parameters [m or rad per unit]."""
     out = np.empty((len(parameters), 6, closure.error.shape[1]))
     for k, parameter in enumerate(parameters):
-        out[k] = parameter_screw(closure.geometry, closure.robot, closure.bar, parameter)
-    for side, of in (("robot", _of_robot), ("bar", _of_bar)):
-        chosen = [k for k, p in enumerate(parameters) if (p.side == "robot") == (side == "robot")]
-        for first, last in _runs(chosen):
-            of(closure, out[first:last])
+        parameter_screw(closure.geometry, closure.robot, closure.bar, parameter, out[k])
+    for first, last, of_robot in _sides(parameters):
+        (_of_robot if of_robot else _of_bar)(closure, out[first:last])
     return out
 
 
-def _runs(indices: list[int]) -> list[tuple[int, int]]:
-    """Stretches (first, one past last) of consecutive indices."""
-    starts = [i for n, i in enumerate(indices) if n == 0 or indices[n - 1] != i - 1]
-    ends = [i + 1 for n, i in enumerate(indices) if n == len(indices) - 1 or indices[n + 1] != i + 1]
-    return list(zip(starts, ends, strict=True))
+def _sides(parameters: Sequence[Parameter]) -> Iterator[tuple[int, int, bool]]:
+    """Stretches of one side: first, one past last, and whether it is the robot."""
+    first = 0
+    for of_robot, some in groupby(parameters, key=lambda p: p.side == "robot"):
+        last = first + sum(1 for _ in some)
+        yield first, last, of_robot
+        first = last
 
 
 def robot_joint_jacobian(closure: Closure) -> Array:
@@ -91,19 +95,15 @@ def covariance(closure: Closure, joint_sigma: Array, encoder_sigma: Array, rod_s
     joint_sigma : (6,) [rad]; encoder_sigma : (5,) [rad], 0 where no encoder is fitted; rod_sigma : [m].
     `C = Jq Sq Jq' + Jb Sb Jb' + Jl Sl Jl' + floor`; errors in variables, so both logs count as measured.
     """
-    columns = np.concatenate(
-        (
-            robot_joint_jacobian(closure) * joint_sigma[:, None, None],
-            bar_joint_jacobian(closure) * encoder_sigma[:, None, None],
-            rod_jacobian(closure)[None] * rod_sigma,
-        )
-    )
-    spread = columns.transpose(2, 1, 0)
-    out = (spread @ spread.transpose(0, 2, 1)).transpose(1, 2, 0)
+    columns = np.empty((ROBOT_ROWS + BAR_ROWS + 1, *closure.error.shape))
+    np.multiply(robot_joint_jacobian(closure), joint_sigma[:, None, None], out=columns[:ROBOT_ROWS])
+    np.multiply(bar_joint_jacobian(closure), encoder_sigma[:, None, None], out=columns[ROBOT_ROWS:-1])
+    np.multiply(rod_jacobian(closure), rod_sigma, out=columns[-1])
+    out = np.einsum("kin,kjn->ijn", columns, columns)
     floor = FLOOR_SIGMA**2
     for i in range(6):
         out[i, i] += floor
-    return out
+    return np.asarray(out)
 
 
 FLOOR_SIGMA = 1e-7  # [m, rad] rounding of counts and times; keeps C positive definite where noise leaves a direction free
@@ -111,56 +111,77 @@ FLOOR_SIGMA = 1e-7  # [m, rad] rounding of counts and times; keeps C positive de
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """Frozen weights of one linearisation: Cholesky factor of C, and the reflections that remove free joints."""
+    """Frozen weights of one linearisation: what takes a mismatch to independent unit noise, free joints eliminated."""
 
-    factor: Array  # (6, 6, N) lower triangular
-    reflections: NDArray[np.float64]  # (m, 6, N) unit Householder vectors, m = joints without encoder
-    triangle: Array  # (m, m, N) what the free joints' columns become; upper triangular
-
-    @property
-    def equations(self) -> int:
-        return 6 - len(self.reflections)
+    matrix: Array  # (6 - m, 6, N), m = joints without encoder: the left null space of their columns, in the whitened metric
+    absorbing: Array  # (m, 6, N) the other rows: what the free joints can absorb
+    triangle: Array  # (m, m, N) what the free joints' columns become in them; upper triangular
 
     def __call__(self, columns: Array) -> Array:
         """Whitened columns (..., 6, N) with the free directions removed: (..., 6 - m, N)."""
-        return self._reflected(columns)[..., self.reflections.shape[0] :, :]
+        return _applied(self.matrix, columns)
+
+    def part(self, samples: slice) -> Whitening:
+        """Some of the samples."""
+        return Whitening(self.matrix[..., samples], self.absorbing[..., samples], self.triangle[..., samples])
+
+    def jacobian(self, closure: Closure, parameters: Sequence[Parameter], out: Array | None = None) -> Array:
+        """(P, 6 - m, N): what whitening makes of `parameter_jacobian`, without forming that; out : to write to."""
+        out = np.empty((len(parameters), *self.matrix.shape[::2])) if out is None else out
+        of_motion = self.of_robot(closure), self.of_bar(closure)
+        for first, last, of_robot in _sides(parameters):
+            screws = np.empty((last - first, 6, out.shape[2]))
+            for k in range(first, last):
+                parameter_screw(closure.geometry, closure.robot, closure.bar, parameters[k], screws[k - first])
+            np.einsum("ejn,pjn->pen", of_motion[0 if of_robot else 1], screws, out=out[first:last])
+        return out
+
+    def of_robot(self, closure: Closure) -> Array:
+        """(6 - m, 6, N) what takes a motion of the robot's tool frame to whitened change of the mismatch."""
+        return -self._turned(closure.error[3:])
+
+    def of_bar(self, closure: Closure) -> Array:
+        """(6 - m, 6, N) the same of the ball-bar's."""
+        return self._turned(-closure.error[3:])
+
+    def _turned(self, angle: Array) -> Array:
+        """The matrix times `J_l(-angle)^-1` on its right, which is `J_l(angle)^-1` on its rows."""
+        return np.concatenate((self.matrix[:, :3], inverse_left_jacobian(angle, self.matrix[:, 3:])), axis=1)
 
     def free_step(self, error: Array) -> Array:
         """(m, N) [rad] change of the joints without encoder that best absorbs a mismatch (6, N)."""
-        m = self.reflections.shape[0]
-        head = self._reflected(error)[:m]
+        head = _applied(self.absorbing, error)
         step = np.zeros_like(head)
-        for i in range(m - 1, -1, -1):
+        for i in range(len(head) - 1, -1, -1):
             rest = head[i] - (self.triangle[i, i + 1 :] * step[i + 1 :]).sum(axis=0)
             step[i] = rest / self.triangle[i, i]
         return -step
 
-    def _reflected(self, columns: Array) -> Array:
-        out = solve_lower(self.factor, columns)
-        for vector in self.reflections:
-            out -= 2.0 * vector * (vector * out).sum(axis=-2, keepdims=True)
-        return out
-
 
 def whitening(covariances: Array, free_columns: Array) -> Whitening:
     """Weights from C (6, 6, N) and the columns (m, 6, N) of the ball-bar joints that carry no encoder."""
-    factor = cholesky(covariances)
-    columns = solve_lower(factor, free_columns)
     m, _, n = free_columns.shape
-    vectors = np.zeros((m, 6, n))
-    for k in range(m):
+    identity = np.broadcast_to(np.eye(6)[:, :, None], (6, 6, n))
+    rows = solve_lower(cholesky(covariances), identity).transpose(1, 0, 2).copy()
+    columns = _applied(rows, free_columns)
+    for k in range(m):  # Householder reflections
         head = columns[k, k:]
         norm = np.sqrt((head * head).sum(axis=0))
-        vector = vectors[k, k:]
-        vector[:] = head
+        vector = head.copy()
         vector[0] += np.where(head[0] < 0.0, -norm, norm)
         vector /= np.maximum(np.sqrt((vector * vector).sum(axis=0)), np.finfo(float).tiny)
-        columns[k:] -= 2.0 * vectors[k] * (vectors[k] * columns[k:]).sum(axis=1, keepdims=True)
+        columns[k:, k:] -= 2.0 * vector * (vector * columns[k:, k:]).sum(axis=1, keepdims=True)
+        rows[k:] -= 2.0 * vector[:, None] * (vector[:, None] * rows[k:]).sum(axis=0)
     triangle = columns[:, :m].transpose(1, 0, 2).copy()
     for i in range(m):  # a joint that turns nothing (a singular pose) is left where it is
         size = np.abs(triangle[i, i])
         triangle[i, i, size < 1e-9 * max(float(np.median(size)), np.finfo(float).tiny)] = np.inf
-    return Whitening(factor, vectors, triangle)
+    return Whitening(rows[m:], rows[:m], triangle)
+
+
+def _applied(matrix: Array, columns: Array) -> Array:
+    """Matrix (E, 6, N) times columns (..., 6, N), sample by sample: (..., E, N)."""
+    return np.asarray(np.einsum("ejn,...jn->...en", matrix, columns))
 
 
 def cholesky(matrices: Array) -> Array:

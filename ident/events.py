@@ -60,20 +60,14 @@ def find_event(fit: JointFit) -> Event | None:
     best, found = THRESHOLD * max(1.0, fit.chi2_per_dof), None
     for k, (point, weights, residual) in enumerate(zip(fit.linear.points, fit.linear.weights, fit.linear.residuals, strict=True)):
         track, layout = fit.model.tracks[k], fit.model.unknowns
-        index, columns, slope = jacobian(fit.model, fit.x, k, point, weights)
         carriers = weights(point.columns)
         candidates: list[tuple[Kind, int, Array]] = [("encoder", j, carriers[BAR:ROD][j - 1]) for j in track.joints]
         if layout.own[k].clock is not None:
             candidates.append(("clock", 0, np.einsum("gen,gn->en", carriers[GEAR:BAR], point.speed)))
-        knots = layout.own[k].knots
-        for kind, joint, column in candidates:
-            shared = np.zeros((layout.count, residual.shape[1]))
-            shared[index] = (columns * column).sum(axis=1)
-            if slope is not None and knots is not None:
-                shared[knots] = track.knots * (slope * column).sum(axis=0)
-            behind = _from_the_end(shared)
-            score, energy = _from_the_end((column * residual).sum(axis=0)), _from_the_end((column * column).sum(axis=0))
-            left = energy - np.einsum("pn,pn->n", behind, fit.covariance @ behind)
+        columns = np.stack([column for _, _, column in candidates])
+        scores, energies = _from_the_end((columns * residual).sum(axis=1)), _from_the_end((columns * columns).sum(axis=1))
+        rows = zip(candidates, scores, energies, energies - _explained(fit, k, columns), strict=True)
+        for (kind, joint, _), score, energy, left in rows:
             gain = np.where(left > 1e-3 * energy.max(), score**2 / np.maximum(left, 1e-3 * energy.max()), 0.0)
             gain[:MARGIN] = gain[-MARGIN:] = 0.0
             i = int(gain.argmax())
@@ -86,6 +80,22 @@ def find_event(fit: JointFit) -> Event | None:
                     time = _at_a_stamp(track, layout.clock(fit.x, k), time, (likely[0], likely[-1]), size)
                 found = Event(k, kind, joint, time, size)
     return found
+
+
+def _explained(fit: JointFit, k: int, columns: Array) -> Array:
+    """(C, N) how much of each column (C, E, N) of recording k, from each sample on, the unknowns of the fit could make up for."""
+    model, track, knots = fit.model, fit.model.tracks[k], fit.model.unknowns.own[k].knots
+    out, beyond = np.empty(columns[:, 0].shape), np.zeros((len(columns), model.unknowns.count))
+    for block in jacobian(model, fit.x, k, fit.linear.points[k], fit.linear.weights[k]):
+        for c, column in enumerate(columns[..., block.samples]):
+            shared = np.zeros((model.unknowns.count, column.shape[1]))
+            shared[block.index] = (block.values * column).sum(axis=1)
+            if block.slope is not None and knots is not None:
+                shared[knots] = (track.knots[:, block.samples] * (block.slope * column).sum(axis=0)).toarray()
+            behind = _from_the_end(shared) + beyond[c][:, None]
+            beyond[c] = behind[:, 0]
+            out[c, block.samples] = np.einsum("pn,pn->n", behind, fit.covariance @ behind)
+    return out
 
 
 def _at_a_stamp(track: Track, clock: Clock, time: float, within: tuple[float, float], size: float) -> float:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.geometry import nominal_geometry
+from cell.logs import segment_starts
 from ident.event import Event
 from ident.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized
 from ident.free_robot import FreeRobot
@@ -119,10 +120,11 @@ def held_out(
 
 def _prepared(alone: Identification, logs: Logs) -> Prepared:
     """The recording, started from its own dh fit."""
-    robot = smooth_log(logs.robot.t, logs.robot.q, widest_knot_spacing=WIDEST_KNOT_SPACING)
+    robot = smooth_log(logs.robot.t, logs.robot.q, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=segment_starts(logs.robot.segment))
     bar = None
     if logs.ballbar is not None:
-        bar = smooth_log(logs.ballbar.t, logs.ballbar.angles, widest_knot_spacing=WIDEST_KNOT_SPACING)
+        starts = segment_starts(logs.ballbar.segment)
+        bar = smooth_log(logs.ballbar.t, logs.ballbar.angles, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=starts)
     signs, clock = np.array(alone.signs, dtype=float), alone.clock or Clock(0.0, 0.0)
     return Prepared(robot, bar, alone.joints, signs, alone.geometry, clock, alone.after.t, logs.robot, logs.force)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cell.chain import Array
 from cell.descriptions import Cell
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, nominal_geometry
-from cell.logs import BallBarLog, ForceLog, RobotLog
+from cell.logs import BallBarLog, ForceLog, RobotLog, segment_starts
 from ident.accuracy import accuracy_grid, position_sigma, tcp_sigma
 from ident.corrections import CORRECTIONS
 from ident.event import Event
@@ -145,7 +145,7 @@ def free_robot(cell: Cell, geometry: Geometry, joints: tuple[int, ...], correcti
 
 
 @dataclass(frozen=True, eq=False)
-class _Alone:
+class Alone:
     """One recording fitted with the dh model."""
 
     problem: Problem
@@ -215,7 +215,7 @@ def identify_together(
     for name in corrections or ():
         if name not in CORRECTIONS:
             raise ValueError(f"unknown correction {name!r}; there are {', '.join(CORRECTIONS)}")
-    alone = [_fit_alone(cell, logs, samples, progress) for logs in recordings]
+    alone = [fit_alone(cell, logs, samples, progress) for logs in recordings]
     if len(alone) == 1:
         simple = _outcome(cell, alone[0])
         if model == "dh" or (model == "auto" and corrections is None and not _wants_more(simple)):
@@ -240,7 +240,8 @@ def _wants_more(simple: Identification) -> bool:
     return left or bool(simple.events)
 
 
-def _fit_alone(cell: Cell, logs: Logs, samples: int, progress: Callable[[str], None]) -> _Alone:
+def fit_alone(cell: Cell, logs: Logs, samples: int = DEFAULT_SAMPLES, progress: Callable[[str], None] = lambda _: None) -> Alone:
+    """The dh fit of one recording, from its logs. Raises StartError when they cannot be brought together."""
     progress("smoothing both logs")
     robot, bar, joints = _smoothed(logs.robot, logs.ballbar)
     spacing = (robot.end - robot.start) / samples
@@ -258,14 +259,16 @@ def _fit_alone(cell: Cell, logs: Logs, samples: int, progress: Callable[[str], N
     first = solve(problem, _on_nominal(problem, here, nominal, subset.parameters), subset.parameters)
     problem = replace(problem, noise=replace(noise, rod=rod_deviation(replace(problem, noise=replace(noise, rod=0.0)), first.estimate)))
     fit = solve(problem, first.estimate, subset.parameters)
-    return _Alone(problem, nominal, start, subset, fit, chosen.fit.iterations + first.iterations + fit.iterations, logs)
+    return Alone(problem, nominal, start, subset, fit, chosen.fit.iterations + first.iterations + fit.iterations, logs)
 
 
 def _smoothed(robot_log: RobotLog, ballbar_log: BallBarLog | None) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
-    robot = smooth_log(robot_log.t, robot_log.q, widest_knot_spacing=WIDEST_KNOT_SPACING)
+    robot = smooth_log(robot_log.t, robot_log.q, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=segment_starts(robot_log.segment))
     if ballbar_log is None:
         return robot, None, ()
-    return robot, smooth_log(ballbar_log.t, ballbar_log.angles, widest_knot_spacing=WIDEST_KNOT_SPACING), ballbar_log.joints
+    starts = segment_starts(ballbar_log.segment)
+    bar = smooth_log(ballbar_log.t, ballbar_log.angles, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=starts)
+    return robot, bar, ballbar_log.joints
 
 
 def _on_nominal(problem: Problem, estimate: Estimate, nominal: Geometry, parameters: NDArray[np.intp]) -> Estimate:
@@ -277,12 +280,12 @@ def _on_nominal(problem: Problem, estimate: Estimate, nominal: Geometry, paramet
     return problem.start(Geometry(values), estimate.clock)
 
 
-def _outcome(cell: Cell, alone: _Alone) -> Identification:
+def _outcome(cell: Cell, alone: Alone) -> Identification:
     """The dh model's result."""
     problem, fit, start = alone.problem, alone.fit, alone.start
     whitened = fit.final.residual.reshape(-1, problem.times.size)
     inflation = max(1.0, fit.chi2_per_dof)  # a misfit widens the intervals; it never narrows them
-    widening = block_widening(fit.covariance @ _scores(fit), problem.times)
+    widening = block_widening(fit.covariance, _scores(fit), problem.times)
     covariance = fit.covariance * inflation * np.outer(widening, widening)
     deviations = np.sqrt(np.diag(covariance))
     geometry = _wrapped(fit.estimate.geometry)
@@ -337,7 +340,7 @@ def _scores(fit: Fit) -> Array:
     return np.asarray((final.jacobian * final.residual).reshape(final.jacobian.shape[0], -1, n).sum(axis=1))
 
 
-def _of_machine(cell: Cell, alone: Sequence[_Alone], fit: JointFit, trust: Uncertainty, k: int, source: str) -> Identification:
+def _of_machine(cell: Cell, alone: Sequence[Alone], fit: JointFit, trust: Uncertainty, k: int, source: str) -> Identification:
     """The complete model's result for recording k."""
     layout, one = fit.model.unknowns, alone[k]
     problem = one.problem

@@ -67,6 +67,12 @@ def loads(masses: MassModel, geometry: Geometry, q: Array, b: Array, speed: Arra
     return Loads(masses.gear_to_joint @ held, masses.gear_to_joint @ held_per_newton, bend, bend_per_newton)
 
 
+def no_loads(samples: int) -> Loads:
+    """Where no correction asks for any."""
+    gears, one = np.zeros((6, samples)), np.zeros(samples)
+    return Loads(gears, gears, one, one)
+
+
 def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Array:
     """(6, N) [N m] at the gears' outputs: the free robot with its plate, at rest at q (N, 6) [rad]."""
     return np.asarray(masses.gear_to_joint @ joint_torques(robot_frames(geometry, q), masses.arm, q, gravity=masses.gravity))

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
+from scipy.sparse import csr_array
 
 from cell.chain import Array
 from cell.descriptions import Cell
@@ -25,7 +26,7 @@ from ident.corrections.base import Correction
 from ident.event import Event
 from ident.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized, with_exact_periods
 from ident.excess import estimate_excess
-from ident.joint_fit import Excess, JointFit, Model, Track, minimise
+from ident.joint_fit import Excess, JointFit, Model, Track, approach, minimise
 from ident.loads import loads, mass_model
 from ident.noise import noise_from_logs
 from ident.problem import Clock
@@ -114,17 +115,19 @@ def fit_machine(
         if trial.chi2_per_dof > HELPS * fit.chi2_per_dof:  # whatever is wrong, it is no jump
             break
         events, fit = (*events, event), trial
-    fit = noise_passes(fit, progress)
+    begin = _next_pass(fit)
+    del fit  # large with many samples
+    fit = noise_passes(begin, progress)
     while len(events) < most and (event := find_event(fit)) is not None:  # what shows only once the noise is known
         progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
         events = (*events, event)
-        fit = noise_passes(first_pass(events), progress)
+        fit = noise_passes(_next_pass(first_pass(events)), progress)
     exact = with_exact_periods(fit, events, cell.ballbar.encoder_lines)
     idle = unsupported(fit) if prune else set()
     if idle or exact != events:
         progress(f"fitting again without {', '.join(sorted(idle))}" if idle else "fitting again with whole signal periods")
         names, events = [name for name in names if name not in idle], exact
-        fit = noise_passes(first_pass(events), progress)
+        fit = noise_passes(_next_pass(first_pass(events)), progress)
     return replace(fit, events=sized(fit, events, cell.ballbar.encoder_lines))
 
 
@@ -152,12 +155,30 @@ def _first_pass(
     rod_sigma: float | None,
     progress: Callable[[str], None],
 ) -> JointFit:
+    progress("preparing the complete model")
+    model, x, bars = posed(cell, nominal, recordings, corrections, force, rod_sigma=rod_sigma, events=events)
+    if model.masses is not None and "none" in [r.source(force) for r in recordings]:
+        x, bars = continued(model, x, bars, progress)
+    progress(f"fitting {model.unknowns.count} unknowns")
+    return minimise(model, approach(model, x, bars, FIRST_EXCESS), bars, FIRST_EXCESS)
+
+
+def posed(
+    cell: Cell,
+    nominal: Geometry,
+    recordings: Sequence[Prepared],
+    corrections: Sequence[str],
+    force: ForceSource,
+    *,
+    rod_sigma: float | None = None,
+    events: tuple[Event, ...] = (),
+) -> tuple[Model, Array, list[Array]]:
+    """What is to be fitted, and where the fit starts: the model, the unknowns, the ball-bar angles (N, 5) [rad] of each recording."""
     chosen = tuple(CORRECTIONS[name](cell, recordings[0].joints) for name in corrections)
     if (repaired := jumps(events)) is not None:
         chosen = (*chosen, repaired)
     loaded = bool(NEEDS_LOADS & set(corrections))
     sources = [r.source(force) for r in recordings]
-    progress("deriving the force in the rod" if loaded and set(sources) != {"none"} else "preparing the complete model")
     tracks = tuple(
         replace(track(cell, r, s if loaded else None), clock_steps=tuple(e.time for e in events if e.kind == "clock" and e.recording == k))
         for k, (r, s) in enumerate(zip(recordings, sources, strict=True))
@@ -169,11 +190,7 @@ def _first_pass(
     measured = loaded and any(s != "none" for s in sources)
     layout, x = unknowns(cell, nominal, shapes, chosen, measured_force=measured, rod_sigma=rod_sigma)
     model = Model(cell, mass_model(cell) if loaded else None, chosen, layout, tracks)
-    bars = [r.angles(r.times)[3] for r in recordings]
-    if loaded and "none" in sources:
-        x, bars = continued(model, x, bars, progress)
-    progress(f"fitting {layout.count} unknowns")
-    return minimise(model, x, bars, FIRST_EXCESS)
+    return model, x, [r.angles(r.times)[3] for r in recordings]
 
 
 def continued(model: Model, x: Array, bars: list[Array], progress: Callable[[str], None]) -> tuple[Array, list[Array]]:
@@ -187,14 +204,32 @@ def continued(model: Model, x: Array, bars: list[Array], progress: Callable[[str
     return x, bars
 
 
-def noise_passes(fit: JointFit, progress: Callable[[str], None]) -> JointFit:
-    """Further fits, each with the noise that the one before left unexplained and the logs do not show."""
-    iterations = fit.iterations
-    for k in range(NOISE_PASSES):
-        progress(f"fitting {fit.model.unknowns.count} unknowns with estimated noise, {k + 1} of {NOISE_PASSES}")
-        fit = minimise(with_likely_tension(fit), fit.x, [p.bar for p in fit.linear.points], estimate_excess(fit))
-        iterations += fit.iterations
-    return replace(fit, iterations=iterations)
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """Where a fit begins that knows the noise of the one before."""
+
+    model: Model
+    x: Array  # (P,)
+    bars: list[Array]  # (N, 5) [rad] of each recording
+    excess: Excess
+    iterations: int  # so far
+
+
+def _next_pass(fit: JointFit) -> Pass:
+    """With the noise that a fit left unexplained and the logs do not show."""
+    return Pass(with_likely_tension(fit), fit.x, [p.bar for p in fit.linear.points], estimate_excess(fit), fit.iterations)
+
+
+def noise_passes(begin: Pass, progress: Callable[[str], None]) -> JointFit:
+    """Further fits, each with the noise found by the one before."""
+    for k in range(1, NOISE_PASSES + 1):
+        progress(f"fitting {begin.model.unknowns.count} unknowns with estimated noise, {k} of {NOISE_PASSES}")
+        fit = minimise(begin.model, begin.x, begin.bars, begin.excess)
+        fit = replace(fit, iterations=begin.iterations + fit.iterations)
+        if k < NOISE_PASSES:
+            begin = _next_pass(fit)
+            del fit
+    return fit
 
 
 def with_likely_tension(fit: JointFit) -> Model:
@@ -212,7 +247,7 @@ def track(cell: Cell, recording: Prepared, source: str | None) -> Track:
     times = recording.times
     spacing = float(np.median(np.diff(times)))
     noise = noise_from_logs(recording.robot, recording.bar, recording.joints, spacing=spacing, rod=0.0)
-    knots = np.zeros((0, times.size)) if source is None else tension_splines(times)
+    knots = csr_array((0, times.size)) if source is None else tension_splines(times)
     tension = np.zeros(times.size)
     if source == "torque":
         tension = _torque_tension(cell, recording)
@@ -223,12 +258,12 @@ def track(cell: Cell, recording: Prepared, source: str | None) -> Track:
     )
 
 
-def tension_splines(times: Array) -> Array:
+def tension_splines(times: Array) -> csr_array:
     """(K, N) cubic B-splines on uniform knots over the samples."""
     count = max(8, int(KNOTS_PER_SECOND * (times[-1] - times[0])))
     inner = np.linspace(times[0], times[-1], count - 2)
     knots = np.concatenate((np.repeat(inner[0], 3), inner, np.repeat(inner[-1], 3)))
-    return np.asarray(BSpline.design_matrix(np.clip(times, inner[0], inner[-1]), knots, 3).toarray().T)
+    return csr_array(BSpline.design_matrix(np.clip(times, inner[0], inner[-1]), knots, 3).T)
 
 
 def _torque_tension(cell: Cell, recording: Prepared) -> Array:

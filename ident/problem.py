@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.chain import Array, joint_screws
 from cell.geometry import BAR_ROWS, PARAMETERS, Geometry
 from ident.closure import (
     Closure,
@@ -20,8 +20,6 @@ from ident.closure import (
     close_loop,
     complete_bar_angles,
     covariance,
-    parameter_jacobian,
-    robot_joint_jacobian,
     whitening,
 )
 from ident.signals import SmoothLog
@@ -111,6 +109,10 @@ class Problem:
         spread = covariance(closure, self.noise.joint, self.noise.encoder, self.noise.rod)
         return whitening(spread, bar_joint_jacobian(closure)[self.free_joints])
 
+    def thinned(self, step: int) -> Problem:
+        """Every `step`-th sample."""
+        return replace(self, times=self.times[::step])
+
     def settle(self, estimate: Estimate) -> Estimate:
         """The same estimate with the joints without encoder where they absorb most of the mismatch."""
         if not self.free_joints:
@@ -143,19 +145,20 @@ def linearise(problem: Problem, estimate: Estimate, parameters: NDArray[np.intp]
     estimate = problem.settle(estimate)
     closure = problem.closure(estimate)
     weights = problem.whitening(closure)
-    columns = parameter_jacobian(closure, [PARAMETERS[i] for i in parameters])
+    columns = weights.jacobian(closure, [PARAMETERS[i] for i in parameters])
     if problem.has_clock:
         speeds = problem.robot_speeds(estimate.clock)
-        offset = np.einsum("jcn,nj->cn", robot_joint_jacobian(closure), speeds)
+        motion = np.einsum("jcn,nj->cn", joint_screws(closure.robot), speeds)
+        offset = np.einsum("ecn,cn->en", weights.of_robot(closure), motion)
         columns = np.concatenate((columns, offset[None], (offset * problem.times)[None]))
     residual = weights(closure.error).reshape(-1)
-    return Linearisation(estimate, closure, weights, residual, weights(columns).reshape(columns.shape[0], -1))
+    return Linearisation(estimate, closure, weights, residual, columns.reshape(columns.shape[0], -1))
 
 
-def cost_at(problem: Problem, estimate: Estimate, weights: Whitening) -> float:
-    """Chi-square of an estimate under the weights of another linearisation."""
-    residual = weights(problem.closure(estimate).error)
-    return float((residual * residual).sum())
+def moved(problem: Problem, estimate: Estimate, here: Linearisation) -> Linearisation:
+    """Residual of an estimate close by, under the weights and with the Jacobian of another one."""
+    closure = problem.closure(estimate)
+    return replace(here, estimate=estimate, closure=closure, residual=here.weights(closure.error).reshape(-1))
 
 
 def stepped(estimate: Estimate, parameters: NDArray[np.intp], step: Array, *, has_clock: bool) -> Estimate:

@@ -12,6 +12,7 @@ then those that stand out of the spline's residual, until no more do. All of it 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,8 +73,10 @@ class SmoothLog:
         return np.asarray(self.noise * np.sqrt(min(1.0, self.row_period / min(spacing, self.knot_spacing))))
 
 
-def smooth_log(t: Array, values: Array, *, widest_knot_spacing: float) -> SmoothLog:
+def smooth_log(t: Array, values: Array, *, widest_knot_spacing: float, starts: Sequence[int] = ()) -> SmoothLog:
     """Spline of one log without its jumps and outliers; t (N,) [s], values (N, channels) [rad].
+
+    starts : rows at which a segment begins (cell.logs.segment_starts).
 
     Where the clock jumped, the spline's time is that of the clock before its first step.
     Raises ValueError when the log has fewer rows than a spline needs.
@@ -81,7 +84,7 @@ def smooth_log(t: Array, values: Array, *, widest_knot_spacing: float) -> Smooth
     if t.size < 4 * DEGREE:
         raise ValueError(f"a log of {t.size} rows is too short to be smoothed; at least {4 * DEGREE} are needed")
     logged = t
-    breaks = find_breaks(t, values)
+    breaks = find_breaks(t, values, starts)
     t, values = without_breaks(t, values, breaks)
     period = float(np.median(np.diff(t)))
     spacing = max(widest_knot_spacing, _ROWS_PER_KNOT * period)

@@ -3,23 +3,26 @@
 Columns are scaled to unit norm and the damping starts at rounding level, so the first steps are full Gauss-Newton steps and
 the damping grows only when one does not lower the cost. Weights and null space are frozen within an iteration, so a trial
 step is judged by the cost it was made for. Stops when the *undamped* step predicts a negligible decrease: the damped one
-is small after rejections whether or not the minimum is near.
+is small after rejections whether or not the minimum is near. Many samples are preceded by a fit of a few of them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from cell.chain import Array
-from ident.problem import Estimate, Linearisation, Problem, cost_at, linearise, stepped
+from ident.problem import Estimate, Linearisation, Problem, linearise, moved, stepped
 
 DAMPING_START = 1e-12
 DAMPING_MAX = 1e6
 MAX_ITERATIONS = 50
+NEAR = 25.0  # five standard deviations each: the Jacobian at either end of such a step gives the same covariance
+QUICK = 1e-2  # of the predicted decrease: a step that leaves less of it needs no new Jacobian for the next
+COARSE_SAMPLES, COARSE_SHARE = 250, 4  # a fit of so many samples comes first, where there are so many times more
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,34 +77,56 @@ def solve(
         1e-4 leaves the estimate a hundredth of its standard deviation from the minimum.
     """
     belief = prior or Prior(start.geometry.values[parameters], np.full(parameters.size, np.inf))
-    damping = DAMPING_START
+    coarse = 0
+    if (thin := problem.times.size // COARSE_SAMPLES) >= COARSE_SHARE:
+        near = _minimise(problem.thinned(thin), replace(start, bar=start.bar[::thin]), parameters, belief, 1.0, max_iterations, np.inf)
+        if near.converged:
+            start, coarse = problem.start(near.estimate.geometry, near.estimate.clock), near.iterations
+    fit = _minimise(problem, start, parameters, belief, negligible, max_iterations, NEAR)
+    return replace(fit, iterations=fit.iterations + coarse)
+
+
+def _minimise(
+    problem: Problem, start: Estimate, parameters: NDArray[np.intp], belief: Prior, negligible: float, max_iterations: int, near: float
+) -> Fit:
+    """As `solve`; near : predicted decrease for each unknown below which a Jacobian holds as far as its step goes."""
+    damping, iterations = DAMPING_START, 0
     now = linearise(problem, start, parameters)
-    converged = False
-    iterations = 0
+    normal = _normal(now, belief)
+    first = ahead = _predicted_decrease(now, normal, belief, parameters)
     while True:
-        normal, gradient = _normal_equations(now, belief, parameters)
-        step, decrease = _step(normal, gradient, DAMPING_START)
-        unit = max(1.0, now.cost / max(1, now.residual.size - step.size))
-        converged = bool(decrease < negligible * unit)
+        unit = max(1.0, now.cost / max(1, now.residual.size - len(normal)))
+        converged = ahead < negligible * unit
         if converged or iterations == max_iterations:
             break
-        iterations += 1
-        accepted, damping = _accepted_step(problem, now, belief, parameters, damping, normal, gradient)
+        accepted, damping = _accepted_step(problem, now, belief, parameters, damping, normal)
         if accepted is None:
             break
-        now = linearise(problem, accepted, parameters)
-    covariance = _inverse(normal)
-    return Fit(parameters, now, covariance, _prior_cost(now.estimate, belief, parameters), iterations, converged)
+        iterations += 1
+        now, before, ahead = accepted, ahead, _predicted_decrease(accepted, normal, belief, parameters)
+        if first > near * len(normal) * unit or ahead > max(negligible * unit, QUICK * before):
+            now = linearise(problem, now.estimate, parameters)
+            normal = _normal(now, belief)
+            first = ahead = _predicted_decrease(now, normal, belief, parameters)
+    return Fit(parameters, now, _inverse(normal), _prior_cost(now.estimate, belief, parameters), iterations, converged)
 
 
-def _normal_equations(now: Linearisation, prior: Prior, parameters: NDArray[np.intp]) -> tuple[Array, Array]:
-    normal = now.jacobian @ now.jacobian.T
+def _predicted_decrease(now: Linearisation, normal: Array, belief: Prior, parameters: NDArray[np.intp]) -> float:
+    """What an undamped step would gain."""
+    _, decrease = _step(normal, _gradient(now, belief, parameters), DAMPING_START)
+    return decrease
+
+
+def _normal(now: Linearisation, prior: Prior) -> Array:
+    normal, k = now.jacobian @ now.jacobian.T, prior.sigma.size
+    normal[np.arange(k), np.arange(k)] += prior.sigma**-2.0
+    return normal
+
+
+def _gradient(now: Linearisation, prior: Prior, parameters: NDArray[np.intp]) -> Array:
     gradient = now.jacobian @ now.residual
-    weight = 1.0 / prior.sigma**2
-    k = parameters.size
-    normal[np.arange(k), np.arange(k)] += weight
-    gradient[:k] += weight * (now.estimate.geometry.values[parameters] - prior.mean)
-    return normal, gradient
+    gradient[: parameters.size] += (now.estimate.geometry.values[parameters] - prior.mean) / prior.sigma**2
+    return gradient
 
 
 def _step(normal: Array, gradient: Array, damping: float) -> tuple[Array, float]:
@@ -119,13 +144,14 @@ def _accepted_step(
     parameters: NDArray[np.intp],
     damping: float,
     normal: Array,
-    gradient: Array,
-) -> tuple[Estimate | None, float]:
+) -> tuple[Linearisation | None, float]:
+    """Where a step leads that lowers the cost, seen with the present Jacobian; and the damping for the next."""
+    gradient = _gradient(now, prior, parameters)
     cost = now.cost + _prior_cost(now.estimate, prior, parameters)
     while damping <= DAMPING_MAX:
         step, _ = _step(normal, gradient, damping)
-        trial = stepped(now.estimate, parameters, step, has_clock=problem.has_clock)
-        if cost_at(problem, trial, now.weights) + _prior_cost(trial, prior, parameters) < cost:
+        trial = moved(problem, stepped(now.estimate, parameters, step, has_clock=problem.has_clock), now)
+        if trial.cost + _prior_cost(trial.estimate, prior, parameters) < cost:
             return trial, max(DAMPING_START, damping * 0.01)
         damping = max(1e-6, damping * 10.0)
     return None, damping

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.chain import Array
 from ident.joint_fit import JointFit, Linear, Model, jacobian
@@ -31,10 +32,9 @@ class Uncertainty:
 
 def uncertainty(fit: JointFit) -> Uncertainty:
     """Honest covariance of a fit."""
-    model, sigma = fit.model, fit.model.unknowns.sigma
-    influence = [fit.covariance @ score for score in _scores(fit)]
-    inflation = max(1.0, fit.chi2_per_dof)
-    widening = block_widening(np.concatenate(influence, axis=1), np.concatenate([_after(k, t.times) for k, t in enumerate(model.tracks)]))
+    sigma, inflation = fit.model.unknowns.sigma, max(1.0, fit.chi2_per_dof)
+    power, sums = _scores(fit)
+    widening = _widening(fit.covariance, power, sums)
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
     covariance = inflation * data * np.outer(widening, widening) + prior
@@ -42,40 +42,46 @@ def uncertainty(fit: JointFit) -> Uncertainty:
     return Uncertainty(0.5 * (covariance + covariance.T), widening, share, autocorrelation(fit.linear))
 
 
-def block_widening(influence: Array, times: Array) -> Array:
+def block_widening(covariance: Array, scores: Array, times: Array) -> Array:
     """(P,) at least 1: deviation from sums over blocks of time over that of independent samples.
 
-    influence : (P, N) of each sample on each unknown; times : (N,) [s], increasing.
+    covariance : (P, P). scores : (P, N) gradient of half the cost that each sample contributes; times : (N,) [s], increasing.
     """
-    white = (influence * influence).sum(axis=1)
-    blocked = (_block_sums(influence, times) ** 2).sum(axis=1)
+    block = _block_of(times)
+    sums = np.zeros((len(scores), block[-1] + 1))
+    np.add.at(sums.T, block, scores.T)
+    return _widening(covariance, scores @ scores.T, sums)
+
+
+def _widening(covariance: Array, power: Array, sums: Array) -> Array:
+    """(P,) from the scores' products (P, P), summed over the samples, and their sums (P, B) over blocks."""
+    white = np.einsum("ij,jk,ik->i", covariance, power, covariance, optimize=True)
+    blocked = ((covariance @ sums) ** 2).sum(axis=1)
     return np.asarray(np.sqrt(np.maximum(1.0, blocked / np.where(white > 0.0, white, 1.0))))
 
 
-def _after(recording: int, times: Array) -> Array:
-    """Times of one recording, moved so that no block spans two."""
-    return np.asarray(times - times[0] + recording * 1e6 * BLOCK)
+def _block_of(times: Array) -> NDArray[np.intp]:
+    """(N,) number of each sample's block of time, from 0."""
+    return np.cumsum(np.diff(np.floor((times - times[0]) / BLOCK), prepend=0.0) > 0)
 
 
-def _scores(fit: JointFit) -> list[Array]:
-    """(P, N) gradient of half the cost that each sample of each recording contributes."""
+def _scores(fit: JointFit) -> tuple[Array, Array]:
+    """Products (P, P) of the scores, summed over all samples, and their sums (P, B) over blocks of time, none across recordings."""
     model, layout = fit.model, fit.model.unknowns
-    out = []
+    power, sums = np.zeros((layout.count, layout.count)), []
     for k, (point, weights, residual) in enumerate(zip(fit.linear.points, fit.linear.weights, fit.linear.residuals, strict=True)):
-        index, columns, slope = jacobian(model, fit.x, k, point, weights)
-        score = np.zeros((layout.count, residual.shape[1]))
-        score[index] = (columns * residual).sum(axis=1)
-        knots = layout.own[k].knots
-        if slope is not None and knots is not None:
-            score[knots] = model.tracks[k].knots * (slope * residual).sum(axis=0)
-        out.append(score)
-    return out
-
-
-def _block_sums(influence: Array, times: Array) -> Array:
-    """(P, B) sums over blocks of time."""
-    edges = np.flatnonzero(np.diff(np.floor((times - times[0]) / BLOCK)) > 0) + 1
-    return np.asarray(np.add.reduceat(influence, np.concatenate(([0], edges)), axis=1))
+        where, knots = _block_of(model.tracks[k].times), layout.own[k].knots
+        own = np.zeros((layout.count, where[-1] + 1))
+        for block in jacobian(model, fit.x, k, point, weights):
+            some = residual[:, block.samples]
+            score = np.zeros((layout.count, some.shape[1]))
+            score[block.index] = (block.values * some).sum(axis=1)
+            if block.slope is not None and knots is not None:
+                score[knots] = (model.tracks[k].knots[:, block.samples] * (block.slope * some).sum(axis=0)).toarray()
+            power += score @ score.T
+            np.add.at(own.T, where[block.samples], score.T)
+        sums.append(own)
+    return power, np.concatenate(sums, axis=1)
 
 
 def autocorrelation(linear: Linear) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cell.chain import Array
 from cell.descriptions import Robot, joints_to_motors
 from sim.sensor_effects import EncoderEffects, ResolverEffects
-from sim.settings import JointNoise
+from sim.settings import ErrorSettings
 from sim.streams import stream
 
 SURE_BITS = 6  # of a signal period are never frozen (log_formats A.3: 12 bits set, 6 left at the highest speed)
@@ -73,8 +73,11 @@ def healthy_status(cycles: NDArray[np.int64]) -> NDArray[np.int64]:
     return (cycles & 1) << 15
 
 
-def motor_angles(robot: Robot, q: Array, noise: JointNoise | None, resolvers: ResolverEffects | None, seed: int) -> Array:
+def motor_angles(robot: Robot, q: Array, errors: ErrorSettings, resolvers: ResolverEffects | None, seed: int) -> Array:
     """(N, 6) [rad] motor angles of joint angles (N, 6) as the robot logs them."""
-    sigma = noise.sigma_rad if noise else 0.0
-    motors = joints_to_motors(robot, q + stream(seed, "joint_noise").normal(0.0, sigma, q.shape))
+    sigma = errors.joint_noise.sigma_rad if errors.joint_noise else 0.0
+    logged = q + stream(seed, "joint_noise").normal(0.0, sigma, q.shape)
+    if errors.outliers:
+        logged += errors.outliers.on_robot(len(q), seed)
+    motors = joints_to_motors(robot, logged)
     return resolvers.read_angles(motors) if resolvers else motors

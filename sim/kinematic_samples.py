@@ -33,7 +33,7 @@ MOVING = 1e-3  # [rad/s] joint speed from which the robot counts as moving (iden
 STICKING = 1e-3  # [m/s] vertical speed below which friction keeps its sign
 CHORDS = 10  # steps with the nominal Jacobian; errors of 1 mm and 1 mrad need five
 ARRIVED = 1e-13  # [rad] of a step (cell.inverse.refine)
-COUNTED = ("frozen_bits", "amplitude_errors", "slipped_periods")
+COUNTED = ("frozen_bits", "amplitude_errors", "slipped_periods", "outliers")
 STAMPED = ("wander", "step", "quantum", "jitter", "dropped_rows", "duplicated_rows", "restart")
 
 
@@ -179,7 +179,7 @@ def _robot_log(settings: SimulationSettings, cell: Cell, q: Array) -> Array:
     gears = q @ robot.joint_to_gear
     shown = (gears - plant_effects(errors, cell, settings.seed).transmission_error(gears)) @ robot.gear_to_joint
     resolvers = resolver_effects(errors.resolver_error, seed=settings.seed) if errors.resolver_error else None
-    return np.asarray(motor_angles(robot, shown, errors.joint_noise, resolvers, settings.seed) @ robot.transmission)
+    return np.asarray(motor_angles(robot, shown, errors, resolvers, settings.seed) @ robot.transmission)
 
 
 def _ballbar_log(settings: SimulationSettings, cell: Cell, path: SampledPath) -> Array:

@@ -14,6 +14,7 @@ from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from sim.clock_errors import LEAD, ClockStep, ClockWander, DroppedRows, DuplicatedRows, LoggerRestart, StampJitter, StampQuantum
 from sim.load_logs import LoadLogs
+from sim.outliers import Outliers
 from sim.plant_effects import PlantErrors
 from sim.sample_errors import SampleErrors
 from sim.sensor_errors import EncoderNumber, SensorErrors
@@ -140,6 +141,7 @@ class ErrorSettings(PlantErrors, SensorErrors, SampleErrors):
     base_tilt: BaseTilt | None = None
     plate_length: PlateLength | None = None
     joint_noise: JointNoise | None = None
+    outliers: Outliers | None = None
 
 
 class EncoderSettings(Strict):

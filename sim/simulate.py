@@ -80,7 +80,7 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
     """Writes `folder/raw/*`, the truth as `folder.truth.yaml` beside it, and `folder/recording.yaml` last."""
     motion, times = simulation.motion, simulation.times
     q, _ = motion.at(times.robot_true)
-    motors = motor_angles(simulation.cell.robot, q, settings.errors.joint_noise, simulation.resolvers, settings.seed)
+    motors = motor_angles(simulation.cell.robot, q, settings.errors, simulation.resolvers, settings.seed)
     rows = simulation.rows.robot
     log, sensor, drawn = settings.logs.torque, settings.logs.force_sensor, simulation.truth.logs.loads
     torques = motor_torques(simulation.cell.robot, motion, times.robot_true, log, drawn, settings.seed)[rows] if log else None
@@ -89,14 +89,16 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
         first, last = float(times.robot_true[0]), float(times.robot_true[-1])
         write_force_torque(folder / "raw" / "force.csv", *sensor_rows(motion, first, last, sensor, drawn, settings.seed))
     if simulation.encoders:
-        _write_ballbar(simulation, settings.seed, folder)
+        _write_ballbar(simulation, settings, folder)
     simulation.truth.write(truth_path(folder))
     write_yaml(folder / "recording.yaml", _recording_yaml(simulation, settings))
 
 
-def _write_ballbar(simulation: Simulation, seed: int, folder: Path) -> None:
-    times = simulation.times
+def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
+    times, seed = simulation.times, settings.seed
     _, b = simulation.motion.at(times.bar_true)
+    if outliers := settings.errors.outliers:
+        b[:, [e.joint - 1 for e in simulation.encoders]] += outliers.on_ballbar(len(b), len(simulation.encoders), seed)
     columns, status = {}, {}
     for e in simulation.encoders:
         columns[f"b{e.joint}"] = e.counts(b[:, e.joint - 1], times.bar_true, stream(seed, f"encoder_noise_b{e.joint}"))

@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.encoders import counts_to_rad, encoder_angles, unwrap_counter, without_faults
+from acquisition import encoders
+from acquisition.encoders import counter_words, counts_to_rad, jump_flags, powered_up, refuse_standing, status_flags, unwrap_counter
+from acquisition.flags import RowFlag, usable
 from acquisition.report import Finding
 from acquisition.table import Table
 from cell.errors import LogError
@@ -30,6 +32,14 @@ def turning(*, period: float = 0.01, count: int = 400) -> tuple[np.ndarray, np.n
 
 def fitted(*names: str) -> dict:
     return {name: EncoderFitting(column=name, lines=LINES, bits=BITS) for name in names}
+
+
+def encoder_angles(table: Table, t: np.ndarray, names: dict, *, robot_moves: bool, findings: list[Finding] | None = None) -> np.ndarray:
+    """As the reader does: words, jumps, angles, standing columns."""
+    words, sound = counter_words(table, names), usable(table.flags)
+    flags, _ = jump_flags(table, t, words, sound, names, [] if findings is None else findings)
+    refuse_standing(table, words, table.flags | flags, names, robot_moves=robot_moves)
+    return encoders.encoder_angles(words, usable(table.flags | flags), names)
 
 
 @given(
@@ -63,11 +73,47 @@ def test_angles_survive_the_wrap_of_the_counter_exactly() -> None:
     np.testing.assert_array_equal(angles, expected)
 
 
-def test_a_counter_that_was_reset_is_an_implausible_jump_at_its_row() -> None:
+def test_a_counter_that_was_reset_is_found_at_its_row_and_its_angle_jumps() -> None:
     t, first, second = turning()
     first[250:] -= first[249] - 4_000_000  # the counter starts anew, 1.7 rad away
-    with pytest.raises(LogError, match=r"raw/bar.csv:252: encoder b1 jumps by -?\d.* rad within 10 ms .* 1 such rows"):
-        encoder_angles(table_of(b1=first % 2**32, b2=second % 2**32), t, fitted("b1", "b2"), robot_moves=True)
+    findings: list[Finding] = []
+    table = table_of(b1=first % 2**32, b2=second % 2**32)
+    names = fitted("b1", "b2")
+    flags, reset = jump_flags(table, t, counter_words(table, names), usable(table.flags), names, findings)
+    assert reset.tolist() == [250]
+    assert flags[250] == RowFlag.PRESET
+    assert [(one.kind, one.severity, one.lines) for one in findings] == [("counter jumped", "warning", (252,))]
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+@pytest.mark.parametrize("at", [0, 120, -1])
+def test_rows_that_are_off_for_a_moment_are_flagged_and_add_no_wrap(rows: int, at: int) -> None:
+    t, first, _ = turning()
+    words = first.copy()
+    damaged = np.arange(rows) if at == 0 else np.arange(400 - rows, 400) if at < 0 else np.arange(at, at + rows)
+    words[damaged] = words[120] + 3_000_000_000
+    findings: list[Finding] = []
+    angles = encoder_angles(table_of(b1=words % 2**32), t, fitted("b1"), robot_moves=True, findings=findings)
+    sound = np.delete(np.arange(400), damaged)
+    expected = counts_to_rad(first, lines=LINES, bits=BITS, sign=1)
+    assert np.ptp(angles[sound, 0] - expected[sound]) < 1e-12  # at the start the first word is another, and so is the zero
+    assert [(one.kind, one.lines) for one in findings] == [("implausible value", tuple((damaged + 2).tolist()))]
+
+
+def test_an_encoder_that_jumps_all_the_time_is_declared_wrongly() -> None:
+    t, first, _ = turning()
+    with pytest.raises(LogError, match=r"raw/bar.csv:\d+: encoder b1 jumps by -?\d.* rad within 0.01 ms .* such rows.*lines and bits"):
+        encoder_angles(table_of(b1=first % 2**32), 1e-3 * t, fitted("b1"), robot_moves=True)
+
+
+def test_counters_that_start_near_zero_after_a_pause_were_switched_off() -> None:
+    near, far = 4 * 2**BITS, 400 * 2**BITS
+    names = fitted("b1", "b2")
+    words = np.array([[far, 3], [near, 2**32 - 5], [far + 9, 2]])
+    assert powered_up(words, names, 0, 1)
+    assert not powered_up(words, names, 0, 2)  # went on counting
+    assert not powered_up(words, names, 1, 1)  # was near zero before
+    assert not powered_up(words, names, None, 1)
 
 
 def test_a_fast_but_possible_motion_is_no_jump() -> None:
@@ -103,29 +149,38 @@ def test_a_number_that_is_no_counter_word_is_refused(first: int, second: int) ->
         encoder_angles(table_of(b1=np.array([first, second])), np.array([0.0, 0.01]), fitted("b1"), robot_moves=True)
 
 
-@pytest.mark.parametrize(("bit", "kind"), [(3, "frequency error"), (4, "amplitude error"), (14, "invalid process data")])
-def test_rows_with_a_faulty_encoder_are_left_out_and_counted(bit: int, kind: str) -> None:
+FAULTS = [
+    (3, "frequency error", RowFlag.FREQUENCY),
+    (4, "amplitude error", RowFlag.AMPLITUDE),
+    (14, "invalid process data", RowFlag.INVALID),
+]
+
+
+@pytest.mark.parametrize(("bit", "kind", "flag"), FAULTS)
+def test_rows_with_a_faulty_encoder_are_flagged_and_counted(bit: int, kind: str, flag: RowFlag) -> None:
     _, first, second = turning()
     toggle = (np.arange(400) % 2) << 15
     status = np.zeros(400, dtype=np.int64)
-    status[[10, 11, 12, 13, 14, 15, 200]] = 1 << bit
-    first[10:16] = 3_000_000_000  # what a lost signal counts
+    faulty = [10, 11, 12, 13, 14, 15, 200]
+    status[faulty] = 1 << bit
     findings: list[Finding] = []
-    kept = without_faults(table_of(b1=first % 2**32, b2=second % 2**32, s1=status + toggle, s2=toggle), STATUS, findings)
-    assert len(kept) == 393
-    assert 3_000_000_000 not in kept.columns["b1"]
+    flags, preset = status_flags(table_of(b1=first % 2**32, b2=second % 2**32, s1=status + toggle, s2=toggle), STATUS, findings)
+    assert np.flatnonzero(flags).tolist() == faulty
+    assert set(flags[faulty]) == {flag}
+    assert np.flatnonzero(~usable(flags)).tolist() == faulty
+    assert preset.size == 0
     assert [(one.kind, one.severity, one.lines, one.count) for one in findings] == [(kind, "repaired", (12, 13, 14, 15, 16), 7)]
 
 
 def test_garbage_words_between_good_ones_add_no_wrap() -> None:
     t, first, _ = turning()
-    status = np.zeros(400, dtype=np.int64)
-    status[[100, 101]] = 1 << 14
     words = first.copy()
     words[[100, 101]] = words[99] + np.array([1_500_000_000, 3_000_000_000])
-    kept = without_faults(table_of(b1=words % 2**32, s1=status), {"b1": "s1"}, [])
-    angles = encoder_angles(kept, np.delete(t, [100, 101]), fitted("b1"), robot_moves=True)
-    np.testing.assert_array_equal(angles[:, 0], counts_to_rad(np.delete(first, [100, 101]), lines=LINES, bits=BITS, sign=1))
+    table = table_of(b1=words % 2**32)
+    table.flags[[100, 101]] = RowFlag.INVALID
+    angles = encoder_angles(table, t, fitted("b1"), robot_moves=True)
+    good = np.delete(np.arange(400), [100, 101])
+    np.testing.assert_array_equal(angles[good, 0], counts_to_rad(first[good], lines=LINES, bits=BITS, sign=1))
 
 
 def test_sync_errors_are_reported_and_their_rows_kept() -> None:
@@ -133,28 +188,42 @@ def test_sync_errors_are_reported_and_their_rows_kept() -> None:
     status = np.zeros(400, dtype=np.int64)
     status[5] = 1 << 13
     findings: list[Finding] = []
-    assert len(without_faults(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, findings)) == 400
+    flags, _ = status_flags(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, findings)
+    assert usable(flags).all()
+    assert flags[5] == RowFlag.SYNC
     assert [(one.kind, one.severity, one.lines) for one in findings] == [("sync error", "warning", (7,))]
 
 
-def test_a_counter_preset_during_the_log_is_refused_and_one_before_it_is_not() -> None:
+def test_a_toggle_that_stands_still_tells_of_old_data_only_where_every_cycle_is_logged() -> None:
+    _, first, _ = turning()
+    toggle = np.arange(400) % 2
+    toggle[200:] ^= 1  # row 200 has the data of row 199 again
+    for log, stale in ((toggle, [200]), (np.zeros(400, dtype=np.int64), []), (np.arange(400) // 7 % 2, [])):
+        findings: list[Finding] = []
+        flags, _ = status_flags(table_of(b1=first % 2**32, s1=log << 15), {"b1": "s1"}, findings)
+        assert np.flatnonzero(flags == RowFlag.STALE).tolist() == stale
+        assert [one.kind for one in findings] == ["stale process data"] * len(stale)
+
+
+def test_a_counter_preset_during_the_log_is_found_and_one_before_it_is_not() -> None:
     _, first, _ = turning()
     status = np.full(400, 1 << 2)
-    assert len(without_faults(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, [])) == 400
+    assert status_flags(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, [])[1].size == 0
     status[:50] = 0
-    with pytest.raises(LogError, match=r"raw/bar.csv:52: the counter of encoder b1 was preset here"):
-        without_faults(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, [])
+    flags, preset = status_flags(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, [])
+    assert preset.tolist() == [50]
+    assert np.flatnonzero(flags == RowFlag.PRESET).tolist() == [50]
 
 
 def test_a_number_that_is_no_status_word_is_refused() -> None:
     with pytest.raises(LogError, match=r"raw/bar.csv:3: column s1: 65536 is no 16-bit status word"):
-        without_faults(table_of(b1=np.zeros(3), s1=np.array([0, 65536, 0])), {"b1": "s1"}, [])
+        status_flags(table_of(b1=np.zeros(3), s1=np.array([0, 65536, 0])), {"b1": "s1"}, [])
 
 
 def test_an_encoder_without_status_column_is_warned_of() -> None:
     _, first, second = turning()
     findings: list[Finding] = []
-    without_faults(table_of(b1=first % 2**32, b2=second % 2**32, s1=np.zeros(400)), STATUS, findings)
+    status_flags(table_of(b1=first % 2**32, b2=second % 2**32, s1=np.zeros(400)), STATUS, findings)
     assert [(one.kind, one.severity, one.sentence) for one in findings] == [
         ("no status word", "warning", "encoders b2 have no status column, so their faults cannot be seen.")
     ]

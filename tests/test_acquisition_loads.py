@@ -165,7 +165,7 @@ def test_torques_are_logged_for_all_six_motors_or_for_none(tmp_path: Path, names
 def test_torques_under_other_names_are_not_read_and_the_report_asks(tmp_path: Path) -> None:
     recording = read_recording(write(tmp_path, robot=torque_lines([name.title() for name in TAU])))
     assert recording.robot_log.torque is None
-    assert "raw/robot.csv: warning: column not used: Tau1, Tau2, Tau3, Tau4, Tau5, Tau6. Is 'Tau1' meant for tau1? Then rename it." in (
+    assert "  raw/robot.csv: column not used: Tau1, Tau2, Tau3, Tau4, Tau5, Tau6. Is 'Tau1' meant for tau1? Then rename it." in (
         report_lines(recording.report)
     )
 
@@ -234,9 +234,7 @@ def test_damage_and_gaps_of_a_force_log_are_repaired_and_counted(tmp_path: Path)
     kept = np.delete(np.arange(FORCE_T.size), [49, -1])
     np.testing.assert_allclose(force_log(recording).t, t[kept], atol=1e-14)
     np.testing.assert_array_equal(force_log(recording).wrench, wrench_course()[kept])
-    assert "raw/force.csv: 398 of 400 rows kept (force, dialect force-torque, utf-8, separator comma, decimal point)" in (
-        report_lines(recording.report)
-    )
+    assert "  raw/force.csv: 398 of 400 rows used" in (report_lines(recording.report))
 
 
 def test_files_of_a_force_sensor_are_joined_in_order_of_time(tmp_path: Path) -> None:
@@ -269,11 +267,7 @@ def test_files_of_a_force_sensor_are_joined_in_order_of_time(tmp_path: Path) -> 
         (change_line(force_lines(), 9, "17.014,1,2,nan,4,5,6"), "raw/force.csv:9: column fz: 'nan' is not a number"),
         (change_line(force_lines(), 9, "17.014,1,2,3,4,5,inf"), "raw/force.csv:9: column tz: 'inf' is not a number"),
         (change_line(force_lines(), 9, "17.014,1,2,,4,5,6"), "raw/force.csv:9: column fz: '' is an empty cell; a number was expected"),
-        (
-            change_line(force_lines(), 300, stamped(force_lines()[299], 17.5)),
-            "raw/force.csv:300: stamp goes back by 94 ms. The clock was set or the recorder restarted: split the file before this line",
-        ),
-        (change_line(force_lines(), 2, stamped(force_lines()[1], -1.0)), "raw/force.csv:2: time stamp -1.0 is negative"),
+        (change_line(force_lines(), 2, stamped(force_lines()[1], -1.0)), "raw/force.csv:2: time stamp -1 s is negative"),
     ],
 )
 def test_a_force_log_that_cannot_be_trusted_is_refused(tmp_path: Path, lines: list[str], message: str) -> None:

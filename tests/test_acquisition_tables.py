@@ -168,11 +168,17 @@ def test_quoted_decimal_commas_with_comma_separator_are_refused(tmp_path: Path) 
         ("time;b1;b2\n1;2,0;3\n", "raw/log.csv:2: column b1: '2,0' is not a number"),
         (f"time;b1;b2\n1;{2**63};3\n", "does not fit a 64-bit integer"),
         (f"time;b1;b2\n1;{'9' * 6000};3\n", "does not fit a 64-bit integer"),
-        ("time;b1;b2\n1;2;3\ntime;b1;b2\n2;3;4\n", "raw/log.csv:3: the header stands here again: the logger was restarted"),
     ],
 )
 def test_a_table_of_counters_that_cannot_be_trusted_is_refused(tmp_path: Path, content: str, message: str) -> None:
     assert message in refusal(tmp_path, content)
+
+
+def test_a_header_that_stands_again_is_left_out_and_the_row_below_begins_a_stretch(tmp_path: Path) -> None:
+    table, _, findings = read(tmp_path, "time;b1;b2\n1;2;3\ntime;b1;b2\n2;3;4\n3;4;5\n")
+    assert table.columns["time"].tolist() == [1, 2, 3]
+    assert table.begins.tolist() == [False, True, False]
+    assert kinds(findings) == [("header again", (3,), 1)]
 
 
 @pytest.mark.parametrize(

@@ -154,9 +154,11 @@ def decimal_comma(folder: Path) -> None:
     rewritten(folder / "raw/robot.csv", [lines[0], *(line.replace(b".", b",") for line in lines[1:])])
 
 
-def backwards(folder: Path) -> None:
+def out_of_order(folder: Path) -> None:
     lines = (folder / "raw/robot.csv").read_bytes().splitlines()
-    rewritten(folder / "raw/robot.csv", lines[:500] + lines[300:])
+    for row in range(500, len(lines) - 1, 20):
+        lines[row], lines[row + 1] = lines[row + 1], lines[row]
+    rewritten(folder / "raw/robot.csv", lines)
 
 
 def degrees(folder: Path) -> None:
@@ -195,7 +197,7 @@ BAD = {
     unknown_dialect: ("abb-moter", "abb-motor", "twincat-plc"),
     nul_bytes: ("raw/robot.csv:301", "NUL"),
     decimal_comma: ("decimal comma with comma separator",),
-    backwards: ("raw/robot.csv:501", "back"),
+    out_of_order: ("raw/robot.csv:502", "out of the order of its neighbours"),
     degrees: ("degrees",),
     dead_encoder: ("b1",),
     empty: ("raw/ballbar.csv", "empty"),

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
+from scipy.sparse import csr_array
 
 from cell.chain import Array
 from cell.descriptions import load_cell
@@ -69,13 +70,13 @@ def model() -> tuple[Model, Array, Array]:
 def test_every_column_is_the_derivative_of_the_whitened_mismatch(model: tuple[Model, Array, Array]) -> None:
     """Loads are frozen by design but for their tension, so lengths and angles of the arm may differ by what moves the loads."""
     made, x, bar = model
-    point, weights = settle(made, x, 0, bar, EXCESS, None)
-    index, columns, slope = jacobian(made, x, 0, point, weights)
+    point, weights = settle(made, x, 0, bar, EXCESS, None, None)
+    (block,) = jacobian(made, x, 0, point, weights)
     layout = made.unknowns
-    assert sorted({*index, *range(*layout.own[0].knots.indices(layout.count))}) == list(range(layout.count))
-    full = np.zeros((layout.count, *columns.shape[1:]))
-    full[index] = columns
-    full[layout.own[0].knots] = made.tracks[0].knots[:, None, :] * slope
+    assert sorted({*block.index, *range(*layout.own[0].knots.indices(layout.count))}) == list(range(layout.count))
+    full = np.zeros((layout.count, *block.values.shape[1:]))
+    full[block.index] = block.values
+    full[layout.own[0].knots] = made.tracks[0].knots.toarray()[:, None, :] * block.slope
     for i, name in enumerate(layout.names):
         h = 1e-4 * min(layout.sigma[i], 1e-2)
         there, back = (weights(make_point(made, x + sign * h * np.eye(x.size)[i], 0, point.bar).closure.error) for sign in (1.0, -1.0))
@@ -86,7 +87,7 @@ def test_every_column_is_the_derivative_of_the_whitened_mismatch(model: tuple[Mo
 
 def test_a_rigid_mechanism_is_found_again_from_values_off_its_prior(model: tuple[Model, Array, Array]) -> None:
     made, _, bar = model
-    track = replace(made.tracks[0], knots=np.zeros((0, 200)), tension=np.zeros(200), clock_steps=())
+    track = replace(made.tracks[0], knots=csr_array((0, 200)), tension=np.zeros(200), clock_steps=())
     layout, x = unknowns(CELL, NOMINAL, [RecordingShape(ENCODERS, NOMINAL, Clock(0.0, 0.0), 0)], (), measured_force=False, rod_sigma=None)
     start = x + 0.2 * np.minimum(layout.sigma, 1e-3) * np.random.default_rng(4).standard_normal(x.size)
     fit = minimise(Model(CELL, None, (), layout, (track,)), start, [bar], EXCESS)
@@ -118,9 +119,9 @@ def test_white_influence_is_not_widened_and_slow_influence_is() -> None:
     times = np.arange(0.0, 120.0, 0.08)
     rng = np.random.default_rng(0)
     white = rng.standard_normal((40, times.size))
-    assert np.median(block_widening(white, times)) == pytest.approx(1.0, abs=0.1)
+    assert np.median(block_widening(np.eye(40), white, times)) == pytest.approx(1.0, abs=0.1)
     slow = np.repeat(rng.standard_normal((40, 150)), 10, axis=1)  # alike over 0.8 s: ten samples tell as much as one
-    assert np.median(block_widening(slow, times)) == pytest.approx(np.sqrt(10.0), rel=0.15)
+    assert np.median(block_widening(np.eye(40), slow, times)) == pytest.approx(np.sqrt(10.0), rel=0.15)
 
 
 def test_covariance_keeps_the_prior_where_the_data_are_silent(model: tuple[Model, Array, Array]) -> None:

@@ -12,10 +12,10 @@ from itertools import islice
 
 import numpy as np
 
-from acquisition.dialect import SourceName
 from acquisition.egm import FILE_START, LONGEST_MESSAGE, EgmFeedback, decode, frame
 from acquisition.live.source import Batch, DeviceSilentError, Encoders
 from cell.errors import InputError, LogError
+from cell.recording import SourceName
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 6510  # ABB's for UdpUc devices

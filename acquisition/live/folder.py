@@ -9,10 +9,10 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.dialect import SourceName
 from acquisition.live.source import Encoders, Source
 from cell.errors import InputError
 from cell.files import write_yaml
+from cell.recording import SourceName
 
 _MISSING: dict[SourceName, str] = {
     "robot": "the robot's log: copy it into raw/ and declare it under sources.robot, with its dialect",

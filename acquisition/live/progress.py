@@ -10,9 +10,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.dialect import SourceName
 from acquisition.live.source import Batch
 from acquisition.stamps import GAP
+from cell.recording import SourceName
 
 _RATE_POLLS = 20  # polls over which the rate is taken: two seconds
 

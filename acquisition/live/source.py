@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.dialect import SourceName
+from cell.recording import SourceName
 
 
 class DeviceSilentError(Exception):

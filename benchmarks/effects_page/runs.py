@@ -85,7 +85,7 @@ class View:
         if self.run.pairs:
             return self.samples.q
         robot, settings = self.simulation.cell.robot, self.run.settings
-        motors = motor_angles(robot, self.true_angles[0], settings.errors.joint_noise, self.simulation.resolvers, settings.seed)
+        motors = motor_angles(robot, self.true_angles[0], settings.errors, self.simulation.resolvers, settings.seed)
         return np.asarray(motors @ robot.transmission)
 
     @cached_property

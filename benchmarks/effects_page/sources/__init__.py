@@ -4,7 +4,7 @@ from benchmarks.effects_page.sources.geometry import GEOMETRY
 from benchmarks.effects_page.sources.logs import CLOCKS, LOADS, LOGGERS
 from benchmarks.effects_page.sources.pairs import PAIRS
 from benchmarks.effects_page.sources.plant import BAR, GEARS
-from benchmarks.effects_page.sources.sensors import ENCODERS, ROBOT_SENSORS
+from benchmarks.effects_page.sources.sensors import ENCODERS, OUTLIERS, ROBOT_SENSORS
 from benchmarks.effects_page.sources.source import Source as Source
 
 GROUPS: dict[str, tuple[Source, ...]] = {
@@ -14,7 +14,7 @@ GROUPS: dict[str, tuple[Source, ...]] = {
     "Robot's angle sensors": ROBOT_SENSORS,
     "Ball-bar encoders": ENCODERS,
     "Clocks and stamps": CLOCKS,
-    "Loggers: which rows stand in the file": LOGGERS,
+    "Loggers: what stands in the file": (*LOGGERS, OUTLIERS),
     "Logged loads": LOADS,
     "Paired samples": PAIRS,
 }

@@ -46,6 +46,24 @@ ROBOT_SENSORS = (
     ),
 )
 
+OUTLIERS = Source(
+    "errors.outliers",
+    "`angle + s`, s of log-uniform size and drawn sign, on one angle of a row.",
+    "Both logs: joint angles before the motor angles are formed, ball-bar angles before they are counted.",
+    "Assumed: bits flipped, frames torn, encoders disturbed. A share of 5 % is far more than any healthy device has.",
+    "Single values off the motion; they do not repeat.",
+    Plot(
+        signals.time,
+        signals.robot_angle(1, 1e3),
+        (T, "q1, change [mrad]"),
+        {"": merged(KINEMATIC, error("outliers"))},
+        KINEMATIC,
+        window=(10.0, 12.0),
+        points=200,
+        marks=True,
+    ),
+)
+
 FAST: Changes = {"path": {"duration_s": 26.0}}  # the encoders' signals pass the onset of freezing
 ENCODERS = (
     Source(

@@ -1,0 +1,90 @@
+"""One ROS 2 JointState message (sensor_msgs/msg/JointState) from CDR, the wire format of DDS; nothing in a bag is executed.
+
+    encapsulation (4 bytes: 00 01 = little-endian) | stamp sec int32, nanosec uint32 | frame_id | name[] | position[] | ...
+
+Every number is aligned to its own size, counted from behind the encapsulation; strings and sequences begin with a uint32 count.
+Bags bring the definitions of their messages along, from which general readers make code; this message is always the same.
+Source: OMG DDS-XTypes 1.3, section 7.4.3 (plain CDR); sensor_msgs/msg/JointState.msg.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+
+from cell.errors import LogError
+
+_LARGEST = 1_000_000  # bytes; a robot's message has a few hundred
+
+
+@dataclass(frozen=True)
+class JointState:
+    """Positions of some joints at one time."""
+
+    stamp_ns: int  # header.stamp, not the time of recording
+    positions: dict[str, float]  # [rad] by name: the order may change from message to message
+
+
+class _Cdr:
+    """Where the reading of a message stands."""
+
+    def __init__(self, message: bytes) -> None:
+        if not 4 < len(message) <= _LARGEST or message[0] or message[1] not in {0, 1}:
+            raise LogError(f"JointState: {len(message)} bytes that begin with {message[:4].hex()!r} are no plain CDR message.")
+        self._order = "<" if message[1] else ">"
+        self._body = message[4:]
+        self._at = 0
+
+    def numbers(self, code: str, count: int = 1) -> tuple[float, ...]:
+        """So many numbers of the struct module's code."""
+        size = struct.calcsize(code)
+        at = self._at + -self._at % size if count else self._at
+        if count * size > len(self._body) - at:
+            raise LogError(f"JointState: {count} numbers of {size} bytes claimed at byte {at + 4}, {len(self._body) - at} bytes are left.")
+        self._at = at + count * size
+        return struct.unpack_from(f"{self._order}{count}{code}", self._body, at)
+
+    def count(self) -> int:
+        """The count before a string or a sequence."""
+        return int(self.numbers("I")[0])
+
+    def text(self) -> str:
+        """A string, which ends in NUL."""
+        count = self.count()
+        stop = self._at + count
+        if not 0 < count <= len(self._body) - self._at or self._body[stop - 1]:
+            raise LogError(f"JointState: a text of {count} bytes at byte {self._at + 4} has no end.")
+        text = self._body[self._at : stop - 1]
+        self._at = stop
+        try:
+            return text.decode("utf-8")
+        except UnicodeDecodeError:
+            raise LogError(f"JointState: {text[:30]!r} is no UTF-8.") from None
+
+
+def decode_joint_state(message: bytes) -> JointState:
+    """Stamp and positions of one message.
+
+    Raises LogError if the bytes are no such message, a joint stands twice, or a position is not finite.
+    """
+    cdr = _Cdr(message)
+    (seconds,), (nanoseconds,) = cdr.numbers("i"), cdr.numbers("I")
+    if seconds < 0 or nanoseconds >= 1_000_000_000:
+        raise LogError(f"JointState: a stamp of {seconds} s and {nanoseconds} ns cannot be.")
+    cdr.text()
+    names = [cdr.text() for _ in range(_at_most(cdr.count(), len(message)))]
+    positions = cdr.numbers("d", _at_most(cdr.count(), len(message)))
+    if len(set(names)) < len(names) or len(positions) not in {0, len(names)}:
+        raise LogError(f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}.")
+    if not all(math.isfinite(position) for position in positions):
+        raise LogError("JointState: a position is not finite.")
+    for _ in range(2):  # velocity and effort, often empty: only the end of the message is checked
+        cdr.numbers("d", _at_most(cdr.count(), len(message)))
+    return JointState(int(seconds) * 1_000_000_000 + int(nanoseconds), dict(zip(names, positions, strict=False)))
+
+
+def _at_most(count: int, size: int) -> int:
+    if count > size:
+        raise LogError(f"JointState: a sequence of {count} claimed in a message of {size} bytes.")
+    return count

@@ -1,0 +1,90 @@
+"""Messages of an MCAP bag, read as a stream: that recovers all complete chunks of a bag cut off by a crash.
+
+Chunks are unpacked here, not by the library: what they claim to unpack to is checked first, and no more is unpacked.
+Needs the extra `ros`. Source: MCAP format specification, version 0.
+"""
+
+from __future__ import annotations
+
+import mmap
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import lz4.frame
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Channel, Chunk, Message, Schema
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+
+from acquisition.report import Finding, finding
+from cell.errors import LogError
+
+_LARGEST_CHUNK = 100_000_000  # bytes unpacked; recorders make chunks of 1 to 4 MB
+_MAGIC = b"\x89MCAP0\r\n"
+
+
+def mcap_messages(path: Path, file: str, kind: str, findings: list[Finding]) -> Iterator[tuple[str, bytes]]:
+    """Topic and CDR bytes of each message of one type, as they stand in the bag.
+
+    Raises LogError if the bag is damaged; one that is only cut off is reported.
+    """
+    schemas: dict[int, str] = {}
+    topics: dict[int, str] = {}
+    with path.open("rb") as opened, mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as stream:
+        size, complete = len(stream), 0
+        if stream[: len(_MAGIC)] != _MAGIC:
+            raise LogError(f"{file}: no MCAP bag: it does not begin with {_MAGIC!r}.")
+        try:
+            for record in _records(stream, size):
+                complete = stream.tell()
+                if isinstance(record, Schema):
+                    schemas[record.id] = record.name
+                elif isinstance(record, Channel) and schemas.get(record.schema_id) == kind:
+                    if record.message_encoding != "cdr":
+                        raise LogError(f"topic {record.topic} is encoded as {record.message_encoding!r}; ROS 2 writes cdr.")
+                    topics[record.id] = record.topic
+                elif isinstance(record, Message) and record.channel_id in topics:
+                    yield topics[record.channel_id], record.data
+        except LogError as error:
+            raise LogError(f"{file}: behind byte {complete}: {error}") from None
+        except (McapError, CRCValidationError, UnicodeDecodeError, struct.error, ValueError, OverflowError) as error:
+            if stream.tell() < size or not isinstance(error, (McapError, struct.error)):
+                raise LogError(f"{file}: damaged behind byte {complete}: {error}") from None
+            sentence = f"the bag is cut off: no whole record behind byte {complete} of {size}; what stands before it is read."
+            findings.append(finding("torn end", "repaired", file, sentence, count=1))
+
+
+def _records(stream: mmap.mmap, size: int) -> Iterator[Any]:
+    """All records of the bag, those of the chunks included."""
+    for record in StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=size).records:  # type: ignore[arg-type]
+        if isinstance(record, Chunk):
+            yield from breakup_chunk(replace(record, compression="", data=_unpack(record)))
+        else:
+            yield record
+
+
+def _unpack(chunk: Chunk) -> bytes:
+    """The content of a chunk: as long as it claims, and never more in memory."""
+    claimed = chunk.uncompressed_size
+    if claimed > _LARGEST_CHUNK:
+        raise LogError(f"a chunk claims to unpack to {claimed} bytes; at most {_LARGEST_CHUNK} are read.")
+    try:
+        if chunk.compression == "zstd":
+            data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(claimed + 1)
+        elif chunk.compression == "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=claimed + 1)
+        elif not chunk.compression:
+            data = chunk.data
+        else:
+            raise LogError(f"a chunk is packed with {chunk.compression!r}; lz4 and zstd are read.")
+    except (zstandard.ZstdError, RuntimeError) as error:
+        raise LogError(f"a chunk cannot be unpacked ({error}). The bag is damaged.") from None
+    if len(data) != claimed:
+        raise LogError(f"a chunk that claims {claimed} bytes has {'more' if len(data) > claimed else len(data)}. The bag is damaged.")
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise LogError("the checksum of a chunk is wrong. The bag is damaged: `mcap recover` may save the other chunks.")
+    return bytes(data)

@@ -1,0 +1,259 @@
+"""Time stamps of device logs to integer nanoseconds, exactly: clock counts of several epochs and units, dates, IEC times.
+
+A clock that counts from an epoch shows which one by its size: from 2016 to 2036 the counts of Windows (100 ns since 1601),
+of the distributed clock (ns since 2000) and of Unix (since 1970) lie in ranges that do not overlap. Counts without epoch
+(up-time, CPU counter) show nothing of the kind: their unit is declared, never guessed.
+
+Stamps with an epoch become ns since 1970, others ns since wherever the clock began.
+Sources: Beckhoff, time sources of TwinCAT; FILETIME, DCTIME64 and TIME conversions of its libraries.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.report import Finding, finding
+from cell.errors import LogError
+
+Stamps = NDArray[np.int64]
+TimeForm = Literal[
+    "s", "ms", "us", "100ns", "ns",
+    "ms-32bit", "ns-32bit",
+    "filetime", "dc", "unix-s", "unix-ms", "unix-us", "unix-ns",
+    "date", "iec-time",
+]  # fmt: skip
+
+TIME_FORMS: tuple[TimeForm, ...] = get_args(TimeForm)
+COARSEST = 1_000_000  # [ns] a stamp that a spreadsheet rounded is still a stamp if it is no coarser
+EARLIEST, LATEST = 1980, 2100  # years; a controller that has lost its battery starts in 1980
+_WHOLE, _DECIMAL = re.compile(r"[+-]?[0-9]{1,20}"), re.compile(r"([+-]?)([0-9]*)\.?([0-9]*)")
+_EXPONENT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][+-]?[0-9]{1,3}")
+_DATE = re.compile(
+    r"(?:DT#|DATE_AND_TIME#|LDT#)?(\d{4}-\d\d-\d\d)[- T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|\+00:00)?", re.IGNORECASE
+)  # SYSTEMTIME_TO_STRING and DCTIME64_TO_STRING put a dash between date and time
+_IEC = re.compile(r"L?T(?:IME)?#(-?)(?:(\d+)d)?_?(?:(\d+)h)?_?(?:(\d+)m(?!s))?_?(?:(\d+)s)?_?(?:(\d+)ms)?", re.IGNORECASE)
+_FILETIME_1970 = 116_444_736_000_000_000  # [100 ns] from 1601 to 1970
+_DC_1970 = 946_684_800_000_000_000  # [ns] from 1970 to 2000
+_WRAP = 2**32
+
+
+@dataclass(frozen=True)
+class _Count:
+    """A number of ticks."""
+
+    tick: int  # [ns]
+    start: int = 0  # [ticks] count at 1970
+    between: tuple[float, float] | None = None  # counts from 2016 to 2036, which tell the form; None if nothing does
+    wraps: bool = False  # after 32 bits
+    words: str = ""
+
+
+_COUNTS: dict[str, _Count] = {
+    "s": _Count(10**9, words="s"),
+    "ms": _Count(10**6, words="ms"),
+    "us": _Count(10**3, words="us"),
+    "100ns": _Count(100, words="100 ns"),
+    "ns": _Count(1, words="ns"),
+    "ms-32bit": _Count(10**6, wraps=True, words="ms in 32 bits"),
+    "ns-32bit": _Count(1, wraps=True, words="ns in 32 bits"),
+    "filetime": _Count(100, _FILETIME_1970, (1.31e17, 1.38e17), words="100 ns since 1601 (FILETIME)"),
+    "dc": _Count(1, -_DC_1970, (5.0e17, 1.14e18), words="ns since 2000 (distributed clock)"),
+    "unix-s": _Count(10**9, 0, (1.45e9, 2.1e9), words="s since 1970"),
+    "unix-ms": _Count(10**6, 0, (1.45e12, 2.1e12), words="ms since 1970"),
+    "unix-us": _Count(10**3, 0, (1.45e15, 2.1e15), words="us since 1970"),
+    "unix-ns": _Count(1, 0, (1.45e18, 2.1e18), words="ns since 1970"),
+}
+_WORDS = {"date": "dates with time of day", "iec-time": "IEC times (T#1h2m3s4ms)"}
+
+
+@dataclass(frozen=True, eq=False)
+class TimeCells:
+    """The time column of one file as it stands there."""
+
+    file: str
+    column: str
+    cells: Sequence[str] | NDArray[Any]  # (N,) text; int64 or float64 where the file holds numbers
+    line: NDArray[np.int64]  # (N,)
+
+    def place(self, row: int) -> str:
+        return f"{self.file}:{self.line[row]}: column {self.column}: {str(self.cells[row])!r}"
+
+
+def words(form: TimeForm) -> str:
+    """A form in words."""
+    return _COUNTS[form].words if form in _COUNTS else _WORDS[form]
+
+
+def recognised(cell: str, forms: Sequence[TimeForm]) -> TimeForm | None:
+    """The only one of some forms that a stamp may be of; None if none or several."""
+    if _DATE.fullmatch(cell):
+        return "date" if "date" in forms else None
+    if _is_iec(cell):
+        return "iec-time" if "iec-time" in forms else None
+    try:
+        value = float(cell)
+    except ValueError:
+        return None
+    fits: list[TimeForm] = []
+    for form in forms:
+        between = _COUNTS[form].between if form in _COUNTS else None
+        if between is not None and between[0] <= value <= between[1]:
+            fits.append(form)
+    return fits[0] if len(fits) == 1 else None
+
+
+def stamps_ns(time: TimeCells, form: TimeForm, findings: list[Finding]) -> Stamps:
+    """(N,) [ns] of the stamps of one file; what was rounded in the file is appended to `findings`.
+
+    Raises LogError for a stamp that is not of that form.
+    """
+    if form == "date":
+        return _dates(time)
+    if form == "iec-time":
+        return unwrapped(_iec_times(time), 10**6)
+    count = _COUNTS[form]
+    ns = _counts(time, count, findings)
+    if ns.size and count.between is not None:
+        _refuse_other_epoch(time, ns, count)
+    return unwrapped(ns, count.tick) if count.wraps else ns
+
+
+def unwrapped(ns: Stamps, tick: int) -> Stamps:
+    """Stamps (N,) [ns] of a clock of 32 bits of `tick` [ns] without its wraps; one that goes back by half of that has wrapped."""
+    span = _WRAP * tick
+    back = np.diff(ns, prepend=ns[:1])
+    return np.asarray(ns + span * np.cumsum(back < -(span // 2)))
+
+
+def _is_iec(cell: str) -> bool:
+    return bool((found := _IEC.fullmatch(cell)) and any(found.groups()[1:]))
+
+
+def _counts(time: TimeCells, count: _Count, findings: list[Finding]) -> Stamps:
+    """(N,) [ns since 1970, or since the clock began] of numbers of ticks."""
+    cells = time.cells
+    if isinstance(cells, np.ndarray) and cells.dtype.kind in "iu":
+        return _scaled(time, cells.astype(np.int64), count)
+    if isinstance(cells, np.ndarray) and cells.dtype.kind == "f":
+        return np.asarray(np.rint((cells - count.start) * count.tick), dtype=np.int64)
+    try:
+        whole = np.array(cells, dtype=np.int64) if all(map(_WHOLE.fullmatch, cells)) else None
+    except (OverflowError, ValueError):
+        whole = None
+    return _scaled(time, whole, count) if whole is not None else _decimals(time, count, findings)
+
+
+def _scaled(time: TimeCells, whole: Stamps, count: _Count) -> Stamps:
+    from_start = whole - count.start
+    far = np.flatnonzero(np.abs(from_start.astype(np.float64)) * count.tick > 9.2e18)
+    if far.size:
+        raise LogError(f"{time.place(far[0])} is no time stamp in {count.words}.")
+    return np.asarray(from_start * count.tick)
+
+
+def _decimals(time: TimeCells, count: _Count, findings: list[Finding]) -> Stamps:
+    """Decimal by decimal: a float64 resolves today's time to 0.2 us only."""
+    digits = len(str(count.tick)) - 1  # decimals that a nanosecond needs
+    out, rounded = np.empty(len(time.cells), dtype=np.int64), []
+    for row, cell in enumerate(time.cells):
+        found = _DECIMAL.fullmatch(cell)
+        if found and (found[2] or found[3]) and len(found[2]) < 20:
+            sign, whole, fraction = found.groups()
+            ticks = int(whole or 0) * count.tick + (_fraction(fraction, digits) if digits else _no_fraction(time, row, fraction))
+            value = (-ticks if sign == "-" else ticks) - count.start * count.tick
+        elif _EXPONENT.fullmatch(cell):
+            exact = Decimal(cell)
+            exponent = exact.as_tuple().exponent
+            quantum = Decimal(10) ** (exponent if isinstance(exponent, int) else 0) * count.tick
+            if quantum > COARSEST or abs(exact) * count.tick > 10**20:
+                raise LogError(
+                    f"{time.place(row)} is in exponent form: a spreadsheet has rounded it and digits are lost. "
+                    "Use the file as the logger wrote it."
+                )
+            if quantum > 1:
+                rounded.append(row)
+            value = int((exact * count.tick).to_integral_value()) - count.start * count.tick
+        else:
+            raise LogError(f"{time.place(row)} {_why_not(cell)}")
+        if not -(2**63) <= value < 2**63:
+            raise LogError(f"{time.place(row)} is no time stamp in {count.words}.")
+        out[row] = value
+    if rounded:
+        sentence = "in exponent form, rounded to no worse than 1 ms by a spreadsheet."
+        findings.append(finding("rounded stamp", "repaired", time.file, sentence, lines=time.line[rounded]))
+    return out
+
+
+def _fraction(fraction: str, digits: int) -> int:
+    """Nanoseconds of the decimals of a tick; beyond them is rounded."""
+    kept = int(fraction[:digits].ljust(digits, "0"))
+    return kept + (1 if fraction[digits : digits + 1] >= "5" else 0)
+
+
+def _no_fraction(time: TimeCells, row: int, fraction: str) -> int:
+    if fraction.strip("0"):
+        raise LogError(f"{time.place(row)} is not a whole number of nanoseconds.")
+    return 0
+
+
+def _why_not(cell: str) -> str:
+    if not cell:
+        return "is an empty cell; a time stamp was expected."
+    if _DATE.fullmatch(cell) or _is_iec(cell):
+        return "is a time stamp of another form than those before it, or than the declared one."
+    if _WHOLE.fullmatch(cell) or re.fullmatch(r"[+-]?[0-9]+", cell):
+        return "does not fit a 64-bit integer."
+    return "is not a number."
+
+
+def _refuse_other_epoch(time: TimeCells, ns: Stamps, count: _Count) -> None:
+    assert count.between is not None
+    ticks = ns[[0, -1]].astype(np.float64) / count.tick + count.start
+    for row, value in zip((0, -1), ticks, strict=True):
+        if value < 0:
+            raise LogError(f"{time.place(row)}: time stamp is negative.")
+        if not 0.5 * count.between[0] <= value <= 2.0 * count.between[1]:
+            raise LogError(f"{time.place(row)} is no {count.words}: that would be the year {1970 + ns[row] / 3.156e16:.0f}. Another form?")
+
+
+def _dates(time: TimeCells) -> Stamps:
+    texts = []
+    for row, cell in enumerate(time.cells):
+        found = _DATE.fullmatch(str(cell))
+        if not found:
+            raise LogError(f"{time.place(row)} is no date with time of day, such as 2016-04-20-13:45:10.123.")
+        if not EARLIEST <= int(found[1][:4]) <= LATEST:
+            raise LogError(f"{time.place(row)} is no date of our time.")
+        texts.append(f"{found[1]}T{found[2]}.{(found[3] or '').ljust(9, '0')}")
+    try:
+        return np.array(texts, dtype="datetime64[ns]").astype(np.int64)
+    except ValueError:
+        row = next(i for i, text in enumerate(texts) if not _is_date(text))
+        raise LogError(f"{time.place(row)} is no date of the calendar.") from None
+
+
+def _is_date(text: str) -> bool:
+    try:
+        np.datetime64(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _iec_times(time: TimeCells) -> Stamps:
+    out = np.empty(len(time.cells), dtype=np.int64)
+    for row, cell in enumerate(time.cells):
+        found = _IEC.fullmatch(str(cell))
+        parts = [int(part or 0) for part in found.groups()[1:]] if found and any(found.groups()[1:]) else []
+        if not parts or found is None or found[1] or max(parts) >= _WRAP:
+            raise LogError(f"{time.place(row)} is no IEC time, such as T#1h2m3s4ms.")
+        days, hours, minutes, seconds, ms = parts
+        out[row] = ((((days * 24 + hours) * 60 + minutes) * 60 + seconds) * 1000 + ms) * 10**6
+    return out

@@ -1,0 +1,173 @@
+"""How fast the identifier is, and what memory it takes.
+
+    python -m benchmarks.identifier_speed         # about half a minute
+
+Processor time of one core, medians; arrays to estimate and covariance. The rival gets the same residual, vectorised, and scipy's
+Levenberg-Marquardt with its numeric Jacobian.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from acquisition import read_recording
+from ballbar.sample_trial import trial_samples
+from ballbar.scenario import Scenario, load_scenario
+from ballbar.sweep_part import ONE_THREAD
+from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
+from cell.chain import Array
+from cell.descriptions import Cell, load_cell
+from cell.geometry import Geometry
+from ident.corrections import CORRECTIONS
+from ident.identifiability import candidates, identifiable
+from ident.identify import Logs, fit_alone
+from ident.joint_fit import JointFit, approach, minimise
+from ident.machine import FIRST_EXCESS, posed
+from ident.paired_samples import through_samples
+from ident.problem import Clock, Estimate, NoiseModel, Problem
+from ident.solver import Fit, solve
+
+T = TypeVar("T")
+SAMPLES, MANY = 1500, 15_000
+JOINTS = (1, 2, 3, 4, 5)
+ROD = 2e-6  # [m]
+
+
+def spent(function: Callable[[], object], times: int) -> float:
+    """[ms] Median processor time of a call."""
+    function()
+    found = []
+    for _ in range(times):
+        begin = time.process_time()
+        function()
+        found.append(time.process_time() - begin)
+    return 1e3 * float(np.median(found))
+
+
+def white_scenario() -> Scenario:
+    """1 mm and 1 mrad of static errors, noise of 10 urad, five encoders."""
+    asked = load_scenario(SCENARIOS / "irb2400.yaml").model_dump(mode="json", by_alias=True, exclude_none=True)
+    asked["plant"]["kind"] = "kinematic"
+    asked["errors"] = {"static": {"sigma_m": 1e-3, "sigma_rad": 1e-3}, "joint_noise": {"sigma_rad": 1e-5}}
+    asked["encoders"]["fitted"] = list(JOINTS)
+    asked["identify"] = {"data": "samples", "samples": SAMPLES}
+    return Scenario.model_validate(asked, strict=False)
+
+
+def kinematic() -> None:
+    """The complete kinematic model and the clock, against scipy."""
+    samples = trial_samples(white_scenario(), SCENARIOS)
+    inside = samples.t[20:-20]
+
+    def problem() -> Problem:
+        robot, bar = through_samples(samples.t, samples.q), through_samples(samples.t, samples.b)
+        return Problem(robot, bar, JOINTS, np.ones(5), inside, NoiseModel(robot.noise, bar.noise, ROD))
+
+    ready = problem()
+    start = ready.start(samples.nominal, Clock(0.0, 0.0))
+    chosen = identifiable(ready, start, samples.nominal, candidates(JOINTS, complete=True)).parameters
+
+    def ours() -> Fit:
+        made = problem()
+        return solve(made, made.start(samples.nominal, Clock(0.0, 0.0)), chosen)
+
+    def rival() -> Array:
+        made = problem()
+        here = made.start(samples.nominal, Clock(0.0, 0.0))
+        weights = made.whitening(made.closure(here))
+
+        def residual(x: Array) -> Array:
+            values = here.geometry.values.copy()
+            values[chosen] = x[:-2]
+            at = Estimate(Geometry(values), Clock(x[-2], x[-1]), here.bar)
+            return weights(made.closure(at).error).reshape(-1)
+
+        found = least_squares(residual, np.concatenate((here.geometry.values[chosen], [0.0, 0.0])), method="lm")
+        np.linalg.inv(found.jac.T @ found.jac)
+        return np.asarray(found.x)
+
+    fit = ours()
+    sigma = np.sqrt(np.diag(fit.covariance))[:-2]
+    apart = np.abs(rival()[:-2] - fit.estimate.geometry.values[chosen]) / sigma
+    mine, theirs = spent(ours, 15), spent(rival, 3)
+    print(f"complete kinematic model and clock, {len(fit.covariance)} parameters, {SAMPLES} samples: {mine:.1f} ms (required 15)")
+    print(f"scipy lm with numeric Jacobian: {theirs:.0f} ms, {theirs / mine:.0f} times slower (required 15)")
+    print(f"  largest difference of the answers: {apart.max():.1e} standard deviations")
+
+
+def record(folder: Path) -> None:
+    """One IRB 2400, 120 s, everything on."""
+    recorded(scenario_of("irb2400", "a", 1, 120.0), folder)
+
+
+def read(folder: Path) -> tuple[Cell, Logs]:
+    """What an identifier gets."""
+    recording = read_recording(folder)
+    asked = recording.description
+    return load_cell(asked.robot, asked.ballbar, asked.plate), Logs(recording.robot_log, recording.ballbar_log, recording.force_log)
+
+
+def corrected(folder: Path, count: int) -> tuple[float, int]:
+    """[ms] of a fit with all corrections, from what one recording's dh fit leaves to the covariance; and the number of unknowns."""
+    cell, logs = read(folder)
+    alone = fit_alone(cell, logs, count)
+    model, x, bars = posed(cell, alone.nominal, [alone.prepared()], list(CORRECTIONS), "torque")
+
+    def fit() -> JointFit:
+        return minimise(model, approach(model, x, bars, FIRST_EXCESS), bars, FIRST_EXCESS)
+
+    return spent(fit, 5), model.unknowns.count
+
+
+IDENTIFY = """
+import resource, sys
+from acquisition import read_recording
+from cell.descriptions import load_cell
+from ident.identify import identify
+read = read_recording(__import__("pathlib").Path(sys.argv[1]))
+cell = load_cell(read.description.robot, read.description.ballbar, read.description.plate)
+identify(cell, read.robot_log, read.ballbar_log, model="complete", samples=int(sys.argv[2]))
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
+
+
+def peak_memory(folder: Path, count: int) -> float:
+    """[MB] Largest resident memory of a process that does nothing but read a recording and identify it with everything."""
+    run = subprocess.run([sys.executable, "-c", IDENTIFY, str(folder), str(count)], capture_output=True, text=True, check=True)
+    return float(run.stdout)
+
+
+def in_own_process(function: Callable[..., T], *arguments: object) -> T:
+    """What a function returns in a fresh process, which takes the number of BLAS threads from the environment."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(function, *arguments).result()
+
+
+def main() -> None:
+    """Prints all rows."""
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    in_own_process(kinematic)
+    with tempfile.TemporaryDirectory() as top:
+        folder = Path(top) / "a"
+        in_own_process(record, folder)
+        few, unknowns = in_own_process(corrected, folder, SAMPLES)
+        many, _ = in_own_process(corrected, folder, MANY)
+        print(f"all corrections, {unknowns} unknowns, {SAMPLES} samples: {few:.0f} ms (required 120)")
+        print(f"{MANY} samples: {many:.0f} ms, {many / few:.1f} times as long (required 12)")
+        print(f"largest memory, {MANY} samples, everything: {peak_memory(folder, MANY):.0f} MB (required 400)")
+
+
+if __name__ == "__main__":
+    main()

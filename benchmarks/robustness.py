@@ -1,0 +1,107 @@
+"""What gross faults in the logs do to the answer: outliers, a slipped signal period, a clock that was set.
+
+    python -m benchmarks.robustness                 # 8 IRB 2400, everything on, two paths each; five minutes on two cores
+
+Each drawn robot is identified from the same two recordings with and without each fault in the first one; the ratio of the TCP
+errors says what the fault costs. Writes docs/studies/robustness.csv, a row for each robot and fault.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ballbar.compare import identification_against_truth
+from ballbar.scenario import Scenario
+from benchmarks.everything_on import ROOT, recorded, scenario_of
+from cell.descriptions import Cell
+from cell.files import write_whole
+from ident.identify import Identification, Logs, identify_together
+from sim.truth import Truth
+
+SLIP_S, STEP_S = 37.3, 71.9  # [s] after the start of the path
+FAULTS: dict[str, dict[str, object]] = {
+    "none": {},
+    "outliers": {"errors": {"outliers": {}}},
+    "slipped period": {"errors": {"slipped_periods": [{"encoder": 2, "at_s": SLIP_S}]}},
+    "clock step": {"clocks": {"step": {"at_s": STEP_S, "step_s": 0.05}}},
+    "all three": {
+        "errors": {"outliers": {}, "slipped_periods": [{"encoder": 2, "at_s": SLIP_S}]},
+        "clocks": {"step": {"at_s": STEP_S, "step_s": 0.05}},
+    },
+}
+
+
+def faulty(scenario: Scenario, changes: dict[str, object]) -> Scenario:
+    """The scenario with one fault more."""
+    asked = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
+    for section, more in changes.items():
+        asked[section] = {**asked.get(section, {}), **more}  # type: ignore[dict-item]
+    return Scenario.model_validate(asked, strict=False)
+
+
+def robot_rows(seed: int, duration: float) -> list[dict[str, object]]:
+    """All faults of one drawn robot."""
+    with tempfile.TemporaryDirectory() as folder:
+        second = recorded(scenario_of("irb2400", "b", seed, duration), Path(folder) / "b")
+        rows: list[dict[str, object]] = []
+        for number, (fault, changes) in enumerate(FAULTS.items()):
+            cell, logs, truth = recorded(faulty(scenario_of("irb2400", "a", seed, duration), changes), Path(folder) / str(number))
+            rows.append(row(seed, fault, cell, [logs, second[1]], truth))
+    for each in rows:
+        each["ratio"] = float(each["tcp_mean_mm"]) / float(rows[0]["tcp_mean_mm"])  # type: ignore[arg-type]
+    return rows
+
+
+def row(seed: int, fault: str, cell: Cell, logs: list[Logs], truth: Truth) -> dict[str, object]:
+    """Figures of one identification."""
+    found = identify_together(cell, logs, model="complete", force="torque")
+    compared = identification_against_truth(found[0], truth)
+    return {
+        "seed": seed, "fault": fault, "status": found[0].verdict.status,
+        "tcp_mean_mm": compared.tcp.mean * 1e3, "tcp_max_mm": compared.tcp.maximum * 1e3,
+        "clock_us": np.nan if compared.offset is None else compared.offset * 1e6, **events_of(found, truth),
+        "remarks": "; ".join(found[0].verdict.warnings),
+    }  # fmt: skip
+
+
+def events_of(found: list[Identification], truth: Truth) -> dict[str, object]:
+    """What was reported, with how far its time is from the truth [s]."""
+    start = truth.logs.first_rows.ballbar_s
+    told = [event for one in found for event in one.events]
+    slips = [event for event in told if event.kind == "encoder"]
+    steps = [event for event in told if event.kind == "clock"]
+    return {
+        "events": len(told),
+        "slip_found_s": slips[0].time + start - SLIP_S if len(slips) == 1 else np.nan,
+        "slip_periods": slips[0].periods if len(slips) == 1 else 0,
+        "step_found_s": steps[0].time + start - STEP_S if len(steps) == 1 else np.nan,
+        "step_ms": steps[0].size * 1e3 if len(steps) == 1 else np.nan,
+    }
+
+
+def main() -> None:
+    """Draws, identifies, writes the rows and prints medians and worst cases."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robots", type=int, default=8)
+    parser.add_argument("--duration", type=float, default=120.0)
+    asked = parser.parse_args()
+    with ProcessPoolExecutor(2) as pool:
+        jobs = [pool.submit(robot_rows, seed, asked.duration) for seed in range(1, asked.robots + 1)]
+        table = pd.DataFrame([each for job in jobs for each in job.result()])
+    write_whole(ROOT / "docs" / "studies" / "robustness.csv", table.to_csv(index=False, float_format="%.6g").encode())
+    for fault, rows in table.groupby("fault", sort=False):
+        print(
+            f"{fault}: TCP error {rows.tcp_mean_mm.median():.4f} mm, {rows.ratio.median():.2f} times the clean one "
+            f"(worst {rows.ratio.max():.2f}), events {sorted(rows.events)}"
+        )
+    print(table[["seed", "fault", "status", "ratio", "slip_found_s", "slip_periods", "step_found_s", "step_ms"]].to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
