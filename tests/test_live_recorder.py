@@ -38,6 +38,7 @@ from ballbar.record_command import RING
 from ballbar.record_terminal import say_recording, status_table, status_words
 from ballbar.record_view import APPLICATION, TIMELINE, LiveView, layout
 from benchmarks.plc_server import START, Plc, plc_samples, text_of
+from cell.descriptions import controller_to_joints, load_robot
 from cell.errors import InputError
 from cell.recording import load_recording_file
 from tests.egm_robot import egm_message, frames_of
@@ -296,19 +297,22 @@ def test_the_receiver_listens_on_this_machine_alone_unless_told_otherwise(egm: E
 
 @pytest.mark.slow
 def test_both_devices_make_a_complete_recording(address: str, egm: EgmSource, tmp_path: Path) -> None:
+    angles = [[10.0 * np.sin(0.01 * n + j) for j in range(6)] for n in range(80)]
     with Plc(address, 1000) as plc, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
         recording = started(tmp_path / "r", plc_source(plc), egm)
-        for n in range(60):
-            robot.sendto(egm_message(n, [0.0] * 6), egm.address)
-        until(lambda: min(source.records for source in recording.progress) >= 60)
+        for n, joints in enumerate(angles):
+            robot.sendto(egm_message(n, joints), egm.address)
+        until(lambda: min(source.records for source in recording.progress) >= 80)
         recording.finish()
-    description = load_recording_file(tmp_path / "r")
-    assert description.sources.robot.files == ("raw/robot.egm",)
-    assert description.sources.ballbar is not None
-    assert {name: (fitted.lines, fitted.bits) for name, fitted in description.encoders.items()} == dict.fromkeys(
-        ("b1", "b2", "b4", "b5"), (3600, 12)
-    )
     assert recording.missing == ()
+    read = read_recording(tmp_path / "r")
+    robot_file = load_robot("irb2400")
+    assert np.allclose(controller_to_joints(robot_file, np.deg2rad(angles)), read.robot_log.q, atol=1e-12)
+    assert np.allclose(read.robot_log.t, np.arange(80) * 0.004032, atol=1e-6)  # the message has microseconds
+    assert read.ballbar_log is not None
+    assert read.ballbar_log.t.size == recording.progress[0].records
+    fitted = {name: (encoder.lines, encoder.bits) for name, encoder in read.description.encoders.items()}
+    assert fitted == dict.fromkeys(("b1", "b2", "b4", "b5"), (3600, 12))
 
 
 def test_a_plc_that_is_not_there_is_waited_for_and_named(address: str, tmp_path: Path) -> None:
