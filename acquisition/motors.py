@@ -55,15 +55,26 @@ def to_joints(robot: Robot, angles: Array, side: Side, unit: Unit) -> Array:
             return np.asarray(angles, dtype=np.float64)
 
 
-def refuse_other_angles(robot: Robot, table: Table, t: Array, angles: Array, side: Side, unit: Unit, sound: NDArray[np.bool_]) -> None:
+def refuse_other_angles(
+    robot: Robot,
+    table: Table,
+    t: Array,
+    angles: Array,
+    joints: Array,
+    axes: Array,
+    *,
+    side: Side,
+    unit: Unit,
+    sound: NDArray[np.bool_],
+) -> None:
     """Raises LogError if the logged angles (N, 6) cannot be what they are declared to be.
 
-    t : (N,) [s]. sound : (N,) rows to judge.
+    t : (N,) [s]. joints, axes : (N, 6) [rad] what they are as declared. sound : (N,) rows to judge.
     """
-    rows = np.flatnonzero(sound)
-    logged = angles[rows]
-    joints = to_joints(robot, logged, side, unit)
-    axes = joints_to_axes(robot, joints)
+    rows = np.arange(t.size) if sound.all() else np.flatnonzero(sound)
+    logged, joints, axes = (angles, joints, axes) if sound.all() else (angles[rows], joints[rows], axes[rows])
+    if moves(joints) and _fits(robot, t[rows], axes):
+        return
     far, fast = _excess(robot, axes) > FAR, _overspeed(robot, t[rows], axes)
     if (far.any(axis=1)).sum() > max(1.0, _MANY * rows.size):
         row, axis = (int(index) for index in np.argwhere(far)[0])
@@ -89,7 +100,7 @@ def refuse_other_angles(robot: Robot, table: Table, t: Array, angles: Array, sid
 
 def _hint(robot: Robot, t: Array, logged: Array, side: Side, unit: Unit) -> str:
     others = _others_that_fit(robot, t, logged, side, unit)
-    if unit == "rad" and (side, "deg") not in others and _fits(robot, t, to_joints(robot, logged, side, "deg")):
+    if unit == "rad" and (side, "deg") not in others and _fits(robot, t, joints_to_axes(robot, to_joints(robot, logged, side, "deg"))):
         others.append((side, "deg"))
     if not others:
         return f" Is this the log of the robot that recording.yaml names, and does it hold {_MEANT[side, unit]}?"
@@ -115,14 +126,15 @@ def _others_that_fit(robot: Robot, t: Array, logged: Array, side: Side, unit: Un
         if other == (side, unit):
             continue
         joints = to_joints(robot, logged, *other)
-        if moves(joints) and _fits(robot, t, joints):
+        if moves(joints) and _fits(robot, t, joints_to_axes(robot, joints)):
             out.append(other)
     return out
 
 
-def _fits(robot: Robot, t: Array, joints: Array) -> bool:
-    axes = joints_to_axes(robot, joints)
-    return not (_excess(robot, axes) > FAR).any() and not _overspeed(robot, t, axes).any()
+def _fits(robot: Robot, t: Array, axes: Array) -> bool:
+    """Whether axis angles (N, 6) stay about within limits and speeds."""
+    extremes = np.stack((axes.min(axis=0), axes.max(axis=0)))
+    return not (_excess(robot, extremes) > FAR).any() and not _overspeed(robot, t, axes).any()
 
 
 def axis_speed_limits(robot: Robot) -> Array:
@@ -195,9 +207,11 @@ def without_stand_ins(table: Table, columns: tuple[str, ...], findings: list[Fin
     return table.take(~drop) if drop.any() else table
 
 
-def report_limits(robot: Robot, table: Table, joints: Array, sound: NDArray[np.bool_], findings: list[Finding]) -> None:
-    """Appends axes a little beyond their limits to `findings`; joints : (N, 6) [rad]."""
-    excess = np.where(sound[:, None], _excess(robot, joints_to_axes(robot, joints)), 0.0)
+def report_limits(robot: Robot, table: Table, axes: Array, sound: NDArray[np.bool_], findings: list[Finding]) -> None:
+    """Appends axes a little beyond their limits to `findings`; axes : (N, 6) [rad]."""
+    if not _excess(robot, np.stack((axes.min(axis=0), axes.max(axis=0)))).any():
+        return
+    excess = np.where(sound[:, None], _excess(robot, axes), 0.0)
     for axis in np.flatnonzero(excess.any(axis=0)):
         rows = np.flatnonzero(excess[:, axis])
         beyond = np.rad2deg(excess[:, axis].max() * (robot.axis_upper - robot.axis_lower)[axis])

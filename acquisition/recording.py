@@ -117,18 +117,20 @@ def read_robot(folder: Path, source: SourceFile, robot: Robot, ledger: Ledger) -
     t = seconds_from(table.columns[STAMP], table.columns[STAMP][0])
     logged = np.stack([table.columns[name] for name in columns], axis=1)
     joints = to_joints(robot, logged, dialect.side, dialect.angle_unit)
-    jumps = find_jumps(t, joints_to_axes(robot, joints), axis_speed_limits(robot))
+    axes = joints_to_axes(robot, joints)
+    jumps = find_jumps(t, axes, axis_speed_limits(robot))
     flags, findings = table.flags, ledger.findings
     if not jumps.many():
         flags[jumps.damaged] |= np.uint32(RowFlag.IMPLAUSIBLE)
-    refuse_other_angles(robot, table, t, logged, dialect.side, dialect.angle_unit, usable(flags))
+    sound = usable(flags)
+    refuse_other_angles(robot, table, t, logged, joints, axes, side=dialect.side, unit=dialect.angle_unit, sound=sound)
     report_damaged(table, np.flatnonzero(jumps.damaged), [], None, findings)
     if jumps.elsewhere.size:
         sentence = "the angles jump here and do not come back: another start of the logger; a new segment."
         findings.append(finding("angles jump", "warning", table.files[0], sentence, lines=table.line[jumps.elsewhere]))
     segments = find_segments(table, joints, usable(flags), findings, reset=_unrelated(t, jumps.elsewhere))
     flags |= _damaged(table, segments, joints, usable(flags), [f"joint {k}" for k in range(1, 7)], findings)
-    report_limits(robot, table, joints, usable(flags), findings)
+    report_limits(robot, table, axes, usable(flags), findings)
     table, t, kept = _used(side, table, segments, flags, ledger)
     torque = gear_torques(robot, table, dialect.torque_columns)
     return RobotLog(t, joints[kept], torque, segments.segment[kept], table.flags)

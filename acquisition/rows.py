@@ -7,6 +7,8 @@ of fields are no torn lines: the worst case is decimal commas with comma separat
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import repeat
+from operator import contains
 from typing import NoReturn
 
 import numpy as np
@@ -54,14 +56,14 @@ def plain_rows(text: LogText, header: Header, layout: Layout, findings: list[Fin
     if separator == " ":
         lines, separator = ["\t".join(line.split()) for line in lines], "\t"
     lines = _without_end(lines, separator, len(header.names), text.file, findings)
-    full = _full_rows(lines, number, header, separator, text.file, findings)
+    full = _full_rows(lines, number, header, separator, text, findings)
     if not full.size:
         raise LogError(f"{text.file}: the only row below the header is torn.")
     if full.size < len(lines):
         begins = _carried(begins, full)
         lines, number = [lines[i] for i in full], number[full]
     commas = _decimal_commas(lines, header, separator, layout, text.file, findings)
-    plain = _plain_lines(lines, separator, commas=bool(commas))
+    plain = _plain_lines(lines, separator, quoted=text.quoted, commas=bool(commas))
     repaired = np.zeros(len(lines), dtype=bool)
     repaired[0] = bool(header.glued)
     return PlainRows(text.file, lines, plain, separator, number, begins, repaired, "comma" if commas else "point")
@@ -93,11 +95,11 @@ def _without_end(lines: list[str], separator: str, width: int, file: str, findin
 
 
 def _full_rows(
-    lines: list[str], number: NDArray[np.int64], header: Header, separator: str, file: str, findings: list[Finding]
+    lines: list[str], number: NDArray[np.int64], header: Header, separator: str, text: LogText, findings: list[Finding]
 ) -> NDArray[np.int64]:
     """Indices of the rows that have as many fields as the header; the torn ones are reported."""
     expected = len(header.names)
-    width = np.array([_width(line, separator) for line in lines], dtype=np.int64)
+    width, file = _widths(lines, separator, quoted=text.quoted), text.file
     torn = np.flatnonzero(width != expected)
     if torn.size > max(1.0, TORN_LIMIT * width.size):
         _refuse_widths([lines[i] for i in torn], width[torn], number[torn], header, f"{file}:{number[torn[0]]}", total=width.size)
@@ -105,6 +107,12 @@ def _full_rows(
         sentence = f"expected {expected} fields, got {width[torn[0]]}; treated as torn line and dropped."
         findings.append(finding("torn line", "repaired", file, sentence, lines=number[torn]))
     return np.flatnonzero(width == expected)
+
+
+def _widths(lines: list[str], separator: str, *, quoted: bool) -> NDArray[np.int64]:
+    if quoted:
+        return np.array([_width(line, separator) for line in lines], dtype=np.int64)
+    return np.fromiter(map(str.count, lines, repeat(separator)), dtype=np.int64, count=len(lines)) + 1
 
 
 def _width(line: str, separator: str) -> int:
@@ -134,7 +142,7 @@ def _decimal_commas(lines: list[str], header: Header, separator: str, layout: La
 
     Raises LogError if one column has both commas and points.
     """
-    if separator == "," or layout.decimal == "point" or not any("," in line for line in lines):
+    if separator == "," or layout.decimal == "point" or not any(map(contains, lines, repeat(","))):
         return []
     cells = [split_fields(line, separator) for line in lines]
     found = []
@@ -152,8 +160,10 @@ def _decimal_commas(lines: list[str], header: Header, separator: str, layout: La
     return found
 
 
-def _plain_lines(lines: list[str], separator: str, *, commas: bool) -> list[str]:
+def _plain_lines(lines: list[str], separator: str, *, quoted: bool, commas: bool) -> list[str]:
     """Lines without quotes and decimal commas. A quoted separator becomes `?`, which no number contains."""
+    if not commas and not quoted:
+        return lines
     plain = [
         line if '"' not in line else separator.join(cell.replace(separator, "?") for cell in split_fields(line, separator))
         for line in lines

@@ -7,6 +7,7 @@ numpy's loadtxt parses strictly (no underscores, no integer from `1e5`) and as f
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.flags import Flags, RowFlag
-from acquisition.layout import SEPARATORS, Header, Layout, read_header, split_fields
+from acquisition.layout import SEPARATORS, Header, Kind, Layout, read_header, split_fields
 from acquisition.report import Finding
 from acquisition.rows import PlainRows, plain_rows
 from acquisition.text import read_text
@@ -90,24 +91,33 @@ def read_table(path: Path, file: str, layout: Layout, findings: list[Finding]) -
 
 
 def _parse(rows: PlainRows, header: Header) -> dict[str, NDArray[Any]]:
-    where = dict(zip(header.columns, header.positions, strict=True))
-    numbers = {name: _DTYPE[kind] for name, kind in header.columns.items() if kind != "text"}
-    columns: dict[str, NDArray[Any]] = {}
-    if numbers:
-        dtype = np.dtype([(f"f{i}", one) for i, one in enumerate(numbers.values())])
-        positions = [where[name] for name in numbers]
-        try:
-            values = np.loadtxt(rows.plain, dtype=dtype, delimiter=rows.separator, comments=None, usecols=positions, ndmin=1)
-        except ValueError:
-            _refuse_cell(rows, header)
-        columns = {name: np.ascontiguousarray(values[f"f{i}"]) for i, name in enumerate(numbers)}
-    if not all(np.isfinite(column).all() for column in columns.values()):
+    """The columns; text that holds nothing but whole numbers comes as such."""
+    kinds: dict[str, Kind] = {name: "integer" if kind == "text" else kind for name, kind in header.columns.items()}
+    columns = _numbers(rows, header, kinds)
+    if columns is None and "text" in header.columns.values():
+        columns = _numbers(rows, header, {name: kind for name, kind in header.columns.items() if kind != "text"})
+    if columns is None:
         _refuse_cell(rows, header)
-    for name, position in where.items():
-        if name not in numbers:
+    for name, position in zip(header.columns, header.positions, strict=True):
+        if name not in columns:
             cells = [line.split(rows.separator, position + 1)[position].strip() for line in rows.plain]
             columns[name] = np.array(cells, dtype=object)
     return columns
+
+
+def _numbers(rows: PlainRows, header: Header, kinds: Mapping[str, Kind]) -> dict[str, NDArray[Any]] | None:
+    """Columns of numbers; None if some cell is none."""
+    if not kinds:
+        return {}
+    where = dict(zip(header.columns, header.positions, strict=True))
+    dtype = np.dtype([(f"f{i}", _DTYPE[kind]) for i, kind in enumerate(kinds.values())])
+    positions = [where[name] for name in kinds]
+    try:
+        values = np.loadtxt(rows.plain, dtype=dtype, delimiter=rows.separator, comments=None, usecols=positions, ndmin=1)
+    except ValueError:
+        return None
+    columns = {name: np.ascontiguousarray(values[f"f{i}"]) for i, name in enumerate(kinds)}
+    return columns if all(np.isfinite(column).all() for column in columns.values()) else None
 
 
 def _refuse_cell(rows: PlainRows, header: Header) -> NoReturn:

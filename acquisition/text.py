@@ -35,6 +35,7 @@ class LogText:
     encoding: str
     lines: list[str]
     number: NDArray[np.int64]  # line number of each, counted from 1
+    quoted: bool  # whether there are quotes in it
 
 
 @dataclass(frozen=True)
@@ -141,19 +142,28 @@ def _nul_inside(text: str, decoded: _Decoded, file: str) -> str:
 
 
 def _complete_lines(text: str, file: str, encoding: str, findings: list[Finding]) -> LogText:
-    lines = _universal_newlines(text).split("\n")
+    lines = _split_lines(text)
     torn = lines.pop()
     if torn:
         sentence = "the last line has no line end, so it may be cut inside a number; dropped."
         findings.append(finding("unterminated last line", "repaired", file, sentence, lines=[len(lines) + 1]))
-    filled = np.array([bool(line.strip()) for line in lines], dtype=bool)
-    if not filled.any():
-        raise LogError(f"{file}: the file holds no complete line.")
-    if not filled.all():
+    number = np.arange(1, len(lines) + 1, dtype=np.int64)
+    if not all(lines) or any(map(str.isspace, lines)):
+        filled = np.array([bool(line.strip()) for line in lines], dtype=bool)
         blank = np.flatnonzero(~filled) + 1
         findings.append(finding("blank line", "repaired", file, "skipped.", lines=blank))
-        lines = [line for line in lines if line.strip()]
-    return LogText(file, encoding, lines, np.flatnonzero(filled).astype(np.int64) + 1)
+        lines, number = [line for line in lines if line.strip()], number[filled]
+    if not lines:
+        raise LogError(f"{file}: the file holds no complete line.")
+    return LogText(file, encoding, lines, number, '"' in text)
+
+
+def _split_lines(text: str) -> list[str]:
+    if "\r" not in text:
+        return text.split("\n")
+    if text.count("\r") == text.count("\n") == text.count("\r\n"):
+        return text.split("\r\n")
+    return _universal_newlines(text).split("\n")
 
 
 def _universal_newlines(text: str) -> str:

@@ -1,0 +1,130 @@
+"""How long reading a 10-minute recording takes, and how much memory, against pandas on the same bytes.
+
+    python -m benchmarks.import_speed
+
+150 000 robot rows (time and six motor angles), 60 000 ball-bar rows (time, five counters, five status words). Processor time,
+the median of ROUNDS; memory is the peak of a process of its own that reads nothing else, less what it held before.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from acquisition import read_recording
+from acquisition.containers import read_file
+from acquisition.dialect import load_dialect
+from acquisition.sources import ballbar_layout, robot_layout
+from cell.descriptions import joints_to_motors, load_robot
+from cell.recording import SourceFile, load_recording_file
+
+ROUNDS = 5
+ROBOT_ROWS, BAR_ROWS = 150_000, 60_000
+PER_RAD = 3600 * 2**12 / (2 * np.pi)
+
+
+def write_recording(folder: Path) -> None:
+    """A clean recording of ten minutes."""
+    robot = load_robot("irb2400")
+    t = 0.004 * np.arange(ROBOT_ROWS)
+    q = np.stack([0.2 * (i - 2.5) + 0.4 * np.sin((0.3 + 0.1 * i) * t + i) for i in range(6)], axis=1)
+    rng = np.random.default_rng(1)
+    table = np.column_stack((100.0 + t, joints_to_motors(robot, q + rng.normal(0, 1e-5, q.shape))))
+    form = ",".join(["%.6f"] + ["%.9f"] * 6)
+    (folder / "raw").mkdir()
+    lines = ["time,m1,m2,m3,m4,m5,m6", *(form % tuple(row) for row in table.tolist())]
+    (folder / "raw/robot.csv").write_text("\n".join(lines) + "\n")
+    ticks = 0.01 * np.arange(BAR_ROWS)
+    angles = np.stack([0.3 * np.sin(0.8 * ticks + i) for i in range(5)], axis=1) + rng.normal(0, 1e-5, (BAR_ROWS, 5))
+    counts = np.rint(angles * PER_RAD).astype(np.int64) % 2**32
+    stamps = 830_000_000_000_000_000 + 10_000_000 * np.arange(BAR_ROWS)
+    rows = np.column_stack((stamps, counts, np.zeros((BAR_ROWS, 5), dtype=np.int64)))
+    head = ";".join(["time", *(f"b{k}" for k in range(1, 6)), *(f"s{k}" for k in range(1, 6))])
+    (folder / "raw/ballbar.csv").write_text("\r\n".join([head, *(";".join(map(str, row)) for row in rows.tolist())]) + "\r\n", newline="")
+    description = {
+        "schema": "ballbar-recording/1",
+        "kind": "real",
+        "robot": "irb2400",
+        "ballbar": "lund_600",
+        "sources": {
+            "robot": {"files": ["raw/robot.csv"], "dialect": "abb-motor"},
+            "ballbar": {"files": ["raw/ballbar.csv"], "dialect": "twincat-plc"},
+        },
+        "encoders": {f"b{k}": {"column": f"b{k}", "lines": 3600, "bits": 12} for k in range(1, 6)},
+    }
+    (folder / "recording.yaml").write_text(yaml.safe_dump(description))
+
+
+def with_pandas(folder: Path) -> None:
+    """The same bytes as pandas reads them: clean, known separators, nothing checked."""
+    pd.read_csv(folder / "raw/robot.csv")
+    pd.read_csv(folder / "raw/ballbar.csv", sep=";")
+
+
+def with_read_table(folder: Path) -> None:
+    """Only the tables: what pandas does, with every check of form."""
+    dialects = load_dialect("abb-motor"), load_dialect("twincat-plc")
+    fitted = load_recording_file(folder).encoders
+    sources = [SourceFile(files=(name,), dialect="") for name in ("raw/robot.csv", "raw/ballbar.csv")]
+    layouts = robot_layout(sources[0], dialects[0]), ballbar_layout(sources[1], dialects[1], fitted)
+    for source, dialect, layout in zip(sources, dialects, layouts, strict=True):
+        read_file(folder / source.files[0], source.files[0], dialect, layout, [])
+
+
+def seconds(job: Callable[[Path], object], folder: Path) -> float:
+    """[s] processor time, median of ROUNDS."""
+    spent = []
+    for _ in range(ROUNDS):
+        start = time.process_time()
+        job(folder)
+        spent.append(time.process_time() - start)
+    return median(spent)
+
+
+def _peak_kb() -> int:
+    """Peak memory of this process alone; getrusage would tell its parent's."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.split("VmHWM:")[1].split()[0])
+
+
+def peak_mb(folder: Path) -> tuple[float, float]:
+    """[MB] that reading adds to a process, and its peak with all libraries."""
+    run = subprocess.run([sys.executable, "-m", "benchmarks.import_speed", str(folder)], check=True, capture_output=True, text=True)
+    added, whole = (float(word) for word in run.stdout.split())
+    return added, whole
+
+
+def main() -> None:
+    """Prints one line for each measurement."""
+    if len(sys.argv) > 1:
+        before = _peak_kb()
+        read_recording(Path(sys.argv[1]))
+        print((_peak_kb() - before) / 1000.0, _peak_kb() / 1000.0)
+        return
+    with tempfile.TemporaryDirectory() as work:
+        folder = Path(work)
+        write_recording(folder)
+        ours, theirs = seconds(read_recording, folder), seconds(with_pandas, folder)
+        size = sum(file.stat().st_size for file in (folder / "raw").iterdir()) / 1e6
+        print(f"{ROBOT_ROWS} robot and {BAR_ROWS} ball-bar rows, {size:.1f} MB")
+        added, whole = peak_mb(folder)
+        tables = seconds(with_read_table, folder)
+        print(f"read_recording     {ours:.3f} s (allowed 3 s)")
+        print(f"  of which tables  {tables:.3f} s")
+        print(
+            f"pandas.read_csv    {theirs:.3f} s; tables take {tables / theirs:.2f} times as long, everything {ours / theirs:.2f} times (allowed 3)"
+        )
+        print(f"memory             {added:.0f} MB added, {whole:.0f} MB with all libraries (allowed 300 MB)")
+
+
+if __name__ == "__main__":
+    main()
