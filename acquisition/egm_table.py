@@ -26,7 +26,7 @@ def read_egm(path: Path, file: str, time: str, layout: Layout, findings: list[Fi
     The lines are message numbers, counted from 1. Repeated messages, leading zeros and a torn end are left out and reported.
     Raises LogError if the file is damaged beyond DAMAGED_LIMIT, or messages have no joint angles or no time.
     """
-    raw = stored_bytes(path, file)
+    raw = stored_bytes(path, file, findings)
     try:
         frames = read_frames(raw)
     except LogError as error:

@@ -111,10 +111,12 @@ def damaged_values(t: Array, values: Array, breaks: NDArray[np.bool_]) -> NDArra
         beside = row + _BESIDE
         if not out[beside, channel].any() and _contradicted(t, values[:, channel], row, beside, float(sigma[channel])):
             out[row, channel] = True
+    # Six rows on one side say less than three on either: stamps of whole milliseconds make steps outside them, seen as usual elsewhere.
+    usual = np.maximum(sigma, np.quantile(error, 0.95, axis=0))
     for row, beside in _ends(stretch):
         if np.ptp(t[[row, *beside]]) < _REACH * period:
             for channel in range(values.shape[1]):
-                if not out[beside, channel].any() and _contradicted(t, values[:, channel], row, beside, float(sigma[channel])):
+                if not out[beside, channel].any() and _contradicted(t, values[:, channel], row, beside, float(usual[channel])):
                     out[row, channel] = True
     return out
 

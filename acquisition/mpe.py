@@ -31,7 +31,7 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout, findings: list[Fi
 
     Raises LogError if the head is no such log's, columns are missing, or a number cannot be.
     """
-    raw = stored_bytes(path, file)
+    raw = stored_bytes(path, file, findings)
     version = _number(raw, 0, file)
     if version not in _VERSIONS:
         raise LogError(f"{file}: begins with {version:g}, not with a file version of abb_motion_program_exec (10011).")

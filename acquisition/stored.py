@@ -11,27 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.layout import Kind, Layout
+from acquisition.report import Finding
 from acquisition.table import Table
+from acquisition.text import MOST_BYTES, read_bytes
 from cell.errors import LogError
 
-MAX_BYTES = 1_000_000_000  # ten hours of the densest log; a larger file is something else
 DAMAGED_LIMIT = 0.01  # of the records; a file that has lost more was not damaged, it holds something else
 
 
-def stored_bytes(path: Path, file: str) -> bytes:
-    """The content of a device file.
+def stored_bytes(path: Path, file: str, findings: list[Finding]) -> bytes:
+    """The content of a device file, unpacked if its name ends in .gz, .bz2 or .xz.
 
-    file : the name that errors give it.
-    Raises LogError if it is missing, unreadable, empty or larger than MAX_BYTES.
+    file : the name that errors and findings give it.
+    Raises LogError if it is missing, unreadable, empty or too large.
     """
-    check_stored(path, file)
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{file}: cannot be read: {error.strerror}.") from None
+    check_stored(path, file, largest=MOST_BYTES)
+    raw = read_bytes(path, file, findings)
+    if not raw:
+        raise LogError(f"{file}: the file is empty.")
+    return raw
 
 
-def check_stored(path: Path, file: str, *, largest: int = MAX_BYTES) -> None:
+def check_stored(path: Path, file: str, *, largest: int) -> None:
     """Raises LogError if there is no such file, or it is empty or too large."""
     if not path.is_file():
         raise LogError(f"{file}: no such file (looked for {path}).")

@@ -109,6 +109,15 @@ def test_every_cut_is_seen(kind: str, tmp_path: Path) -> None:
         assert findings or len(table) == ROWS or between_records(written, stop)
 
 
+@pytest.mark.parametrize("kind", ["scope", "json lines", "egm", "mpe"])
+def test_packed_files_are_read_as_well(kind: str, tmp_path: Path) -> None:
+    written = ALL[kind](tmp_path)
+    packed = Written(written.dialect, written.suffix + ".gz", gzip.compress(written.content), written.columns, written.integers)
+    table, findings = read(tmp_path, packed)
+    assert equal(table, written)
+    assert findings == []
+
+
 def between_records(written: Written, stop: int) -> bool:
     """Whether a file without mark of its end, cut there, is a shorter one and nothing else."""
     match written.suffix:
@@ -124,21 +133,16 @@ def between_records(written: Written, stop: int) -> bool:
 # ---- TwinCAT Scope: real exports
 
 
-def channels(name: str, folder: Path) -> tuple[list[Channel], Path]:
-    path = SAMPLES / name
-    if path.suffix == ".gz":
-        path = folder / path.stem
-        path.write_bytes(gzip.decompress((SAMPLES / name).read_bytes()))
+def channels(name: str) -> list[Channel]:
     findings = list[Finding]()
-    found = read_channels(path, name, findings)
+    found = read_channels(SAMPLES / name, name, findings)
     assert findings == []
-    return found, path
+    return found
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in SAMPLES.glob("tc3*")))
-def test_scope_exports_read_as_pytcs_reads_them(name: str, tmp_path: Path) -> None:
-    found, path = channels(name, tmp_path)
-    other = pytcs.ScopeFile(str(path))
+def test_scope_exports_read_as_pytcs_reads_them(name: str) -> None:
+    found, other = channels(name), pytcs.ScopeFile(str(SAMPLES / name))
     other.load()
     assert [channel.name for channel in found if channel.name] == list(other)
     for channel in found:
@@ -148,9 +152,9 @@ def test_scope_exports_read_as_pytcs_reads_them(name: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in SAMPLES.glob("tc3*")))
-def test_scope_channels_are_what_the_recorded_program_counted(name: str, tmp_path: Path) -> None:
+def test_scope_channels_are_what_the_recorded_program_counted(name: str) -> None:
     """The PLC counted its cycles from 0 into variables of every type, and the Scope scaled some as `1 - x`, which one export left out."""
-    found = {channel.name: channel for channel in channels(name, tmp_path)[0]}
+    found = {channel.name: channel for channel in channels(name)}
     cycles = np.arange(1000)
     for bits in (8, 16, 32, 64):
         whole, signed = found[f"var_UINT{bits}"], found[f"var_INT{bits}"]

@@ -326,7 +326,7 @@ ROBOT_FILES = ("sources", "robot", "files")
         (
             put("sources", "robot", "dialect", value="abb-moto"),
             "sources.robot.dialect: unknown dialect 'abb-moto'. Did you mean abb-motor? "
-            "Valid dialects: abb-labcomm, abb-libegm, abb-motor, ",
+            "Valid dialects: abb-egm, abb-labcomm, abb-libegm, abb-motor, ",
         ),
         (put("sources", "robot", "dialect", value="../twincat-plc"), "unknown dialect '../twincat-plc'"),
         (
