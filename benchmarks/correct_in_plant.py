@@ -27,7 +27,7 @@ from cell.inverse import pose_mismatch
 from ident.accuracy import accuracy_grid, position_error
 from ident.free_robot import FreeRobot
 from ident.identify import identify_together
-from ident.inverse_calibration import corrected_targets, target_faults
+from ident.inverse_calibration import TargetError, corrected_targets
 from sim.held_poses import HeldPoses, hold_poses
 from sim.plant_effects import PlantEffects, plant_effects
 from sim.sensor_effects import ResolverEffects, resolver_effects
@@ -67,16 +67,19 @@ def pose_error(wanted: Frames, held: HeldPoses) -> tuple[Array, Array]:
 
 def study(plant: PlantRobot, identified: FreeRobot, poses: int) -> dict[str, object]:
     """Figures of one robot: pose errors of held targets, nominal and corrected."""
-    grid = accuracy_grid(plant.cell.robot)[:poses]
-    faults = target_faults(identified, plant.nominal, grid)
-    q = np.delete(grid, list(faults), axis=0)
+    q = accuracy_grid(plant.cell.robot)[:poses]
+    while True:
+        try:
+            corrected = corrected_targets(identified, plant.nominal, q)
+            break
+        except TargetError as error:  # at a singularity; counted
+            q = np.delete(q, list(error.faults), axis=0)
     wanted = robot_frames(plant.nominal, q)
-    corrected = corrected_targets(identified, plant.nominal, q)
     before, after = plant.hold(q), plant.hold(corrected.q)
     (p0, a0), (p1, a1) = pose_error(wanted, before), pose_error(wanted, after)
     return {
         "poses": len(q),
-        "refused": len(faults),
+        "refused": poses - len(q),
         "before_mean_mm": p0.mean() * 1e3,
         "before_max_mm": p0.max() * 1e3,
         "after_mean_mm": p1.mean() * 1e3,

@@ -5,7 +5,7 @@ from Newton steps; the target that leaves the joints there, after gears have yie
 and taken up their play, from `q = joints - correction(q)`, which gains two digits a turn.
 
 The whole pose is kept, so what holds for the ball-bar's end of the plate holds for any tool that is fixed to it.
-Source: Mooring, Roth & Driels 1991, ch. 7 (accuracy compensation); thesis sec. 1.1 for the purpose.
+Source: Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration (accuracy compensation).
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array, Frames, joint_screws
+from cell.chain import Array, Chain, Frames, joint_screws
 from cell.descriptions import Robot, joints_to_axes
 from cell.geometry import Geometry, robot_frames
-from cell.inverse import pose_mismatch, refine
+from cell.inverse import UnreachableError, pose_mismatch, refine
 from ident.free_robot import FreeRobot
 
 LARGEST_CORRECTION = 0.1  # [rad] thirty times what geometry asks for away from singularities; more is a sign of one
+_CONVERGED = 1e-11  # [rad] last Newton step; rounding leaves 1e-13 near a singularity
 _TURNS = 12  # of the fixed point; gear ripple changes by less than 1 % of the change of its angle, so six reach rounding
 
 
@@ -52,12 +53,11 @@ def corrected_targets(robot: FreeRobot, nominal: Geometry, q: Array) -> Correcte
 
     Raises TargetError for rows out of range, out of reach or too near to a singularity.
     """
-    faults = target_faults(robot, nominal, q)
+    faults = _out_of_range(robot.cell.robot, q, "given") | _singular(robot, nominal, q)
     if faults:
         raise TargetError(faults)
     wanted = robot_frames(nominal, q)
-    joints = refine(robot.geometry.robot, q, wanted.poses())
-    target = joints
+    joints = target = _joints_at(robot.geometry.robot, q, wanted.poses())
     for _ in range(_TURNS):
         target = joints - (robot.joints(target) - target)
     faults = _out_of_range(robot.cell.robot, target, "corrected")
@@ -67,9 +67,23 @@ def corrected_targets(robot: FreeRobot, nominal: Geometry, q: Array) -> Correcte
     return CorrectedTargets(target, *before, *after)
 
 
-def target_faults(robot: FreeRobot, nominal: Geometry, q: Array) -> dict[int, str]:
-    """Rows of q (N, 6) [rad] that cannot be corrected, and why, in words."""
-    faults = _out_of_range(robot.cell.robot, q, "given")
+def _joints_at(chain: Chain, q: Array, poses: Array) -> Array:
+    """(N, 6) [rad] joints that bring the chain to poses (N, 4, 4), from q close by. Raises TargetError naming all that fail."""
+    try:
+        return refine(chain, q, poses, tolerance=_CONVERGED)
+    except UnreachableError:
+        faults = {}
+        for row in range(len(q)):
+            try:
+                refine(chain, q[row : row + 1], poses[row : row + 1], tolerance=_CONVERGED)
+            except UnreachableError:
+                faults[row] = "the identified robot does not reach the wanted pose near this target. Move the target."
+        raise TargetError(faults) from None
+
+
+def _singular(robot: FreeRobot, nominal: Geometry, q: Array) -> dict[int, str]:
+    """Rows whose first Newton step is out of proportion."""
+    faults = {}
     wanted, there = robot_frames(nominal, q), robot_frames(robot.geometry, q)
     mismatch = pose_mismatch(wanted.rotation(), wanted.tip, there)
     u, s, vt = np.linalg.svd(joint_screws(there).transpose(2, 1, 0))
@@ -78,10 +92,9 @@ def target_faults(robot: FreeRobot, nominal: Geometry, q: Array) -> dict[int, st
     for row in np.flatnonzero(np.abs(step).max(axis=1) > LARGEST_CORRECTION):
         joint = int(np.abs(step[row]).argmax())
         asked = f"{min(float(np.degrees(np.abs(step[row, joint]))), 180.0):.0f}"
-        faults.setdefault(
-            int(row),
+        faults[int(row)] = (
             f"the robot stands at a singularity or at the edge of its reach: the wanted pose would need a correction of about {asked} deg "
-            f"in joint {joint + 1} (joint 5 stands at {np.degrees(q[row, 4]):.1f} deg). Move the target away from it.",
+            f"in joint {joint + 1} (joint 5 stands at {np.degrees(q[row, 4]):.1f} deg). Move the target away from it."
         )
     return faults
 
