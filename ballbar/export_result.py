@@ -20,7 +20,6 @@ EFFECTS = {
     "lost_motion": "play of the gears",
     "gear_ripple": "transmission error and resolver harmonics",
 }
-OF_THE_BALLBAR = ("encoder_harmonics", "rod_strain", "plate_bending")  # say nothing about the free robot
 ROBOT = tuple(p for p in PARAMETERS if p.side == "robot")
 
 
@@ -82,7 +81,8 @@ def notes(result: Result) -> list[str]:
         "Base: frame 0, z along axis 1. Tool: end of the offset plate, where the ball-bar was held.",
         "NOT in this file, which is geometry alone:",
         *(f"  - {what}" for what in result.left_out),
-        "`ballbar correct` takes them into account. Parameters of the robot and their standard deviations:",
+        "What is called identified there is in the JSON export, and `ballbar correct` takes it into account.",
+        "Parameters of the robot and their standard deviations:",
         *(f"  {parameter_note(result, p)}" for p in ROBOT),
     ]
     return [" ".join(line.split()) if not line.startswith("  ") else "  " + " ".join(line.split()) for line in lines]

@@ -92,13 +92,13 @@ def study(plant: PlantRobot, identified: FreeRobot, poses: int) -> dict[str, obj
     }
 
 
-def robot_row(robot: str, seed: int, duration: float) -> dict[str, object]:
+def robot_row(robot: str, seed: int, duration: float, poses: int = POSES) -> dict[str, object]:
     """One drawn robot: recorded, identified, corrected, held."""
     scenario = scenario_of(robot, "a", seed, duration)
     with tempfile.TemporaryDirectory() as folder:
         made = [recorded(scenario_of(robot, p, seed, duration), Path(folder) / p) for p in "ab"]
     found = identify_together(made[0][0], [logs for _, logs, _ in made], model="complete", force="torque")[0]
-    return {"robot": robot, "seed": seed} | study(PlantRobot(scenario), found.free_robot(), POSES)
+    return {"robot": robot, "seed": seed} | study(PlantRobot(scenario), found.free_robot(), poses)
 
 
 def main() -> None:
