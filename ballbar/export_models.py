@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -119,7 +120,7 @@ def _numbers(values: Iterable[float]) -> str:
     return " ".join(number(v) for v in values)
 
 
-def _comment(lines: list[str]) -> ET.Element:
+def _comment(lines: list[str]) -> ET.Element[Any]:
     text = "\n".join(lines).replace("--", "- -")
     return ET.Comment(f"\n{text}\n")
 

@@ -73,4 +73,3 @@ def _short(name: str) -> str:
 
 def _listed(values: Iterable[float]) -> str:
     return ", ".join(number(v) for v in values)
-

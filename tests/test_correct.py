@@ -11,15 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.correct_in_plant import PlantRobot, pose_error, robot_row
+from benchmarks.correct_in_plant import PlantRobot, known_robot, pose_error, robot_row
 from benchmarks.everything_on import scenario_of
-from cell.chain import Array
+from cell.chain import Array, joint_screws
 from cell.descriptions import Cell, controller_to_joints, joints_to_axes
-from cell.geometry import Geometry, robot_frames
+from cell.geometry import Geometry, nominal_geometry, robot_frames
 from ident.accuracy import accuracy_grid
 from ident.calibration import load_calibration
-from ident.corrections import CORRECTIONS
-from ident.corrections.gear_ripple import harmonic_orders
 from ident.free_robot import FreeRobot
 from ident.inverse_calibration import TargetError, corrected_targets
 from sim.held_poses import hold_poses
@@ -35,16 +33,15 @@ AXES = ",".join(f"axis{i + 1}_deg" for i in range(6))
 def result(tmp_path: Path, cell: Cell, nominal: Geometry) -> Path:
     rng = np.random.default_rng(3)
     folder = tmp_path / "run"
-    write_calibration_of(
-        folder / "calibration.yaml", nominal, perturbed(nominal, rng, 5e-4), corrections=corrections_of(cell, GEARS, rng)
-    )
+    write_calibration_of(folder / "calibration.yaml", nominal, perturbed(nominal, rng, 5e-4), corrections=corrections_of(cell, GEARS, rng))
     return folder
 
 
 def easy_targets(cell: Cell, count: int) -> Array:
-    """Targets of the accuracy box with the wrist bent."""
+    """Targets of the accuracy box away from stretched elbow and stretched wrist."""
     grid = accuracy_grid(cell.robot)
-    return grid[np.abs(np.sin(grid[:, 4])) > 0.3][:count]
+    screws = joint_screws(robot_frames(nominal_geometry(cell, np.zeros(3)), grid))
+    return grid[np.linalg.svd(screws.transpose(2, 1, 0), compute_uv=False).min(axis=1) > 0.1][:count]
 
 
 def test_the_identified_robot_takes_the_nominal_pose_at_the_corrected_target(result: Path, cell: Cell) -> None:
@@ -66,35 +63,21 @@ def test_a_robot_that_is_nominal_is_told_what_it_was_told_before(cell: Cell, nom
     assert np.abs(corrected_targets(FreeRobot(cell, nominal), nominal, q).q - q).max() < 1e-12
 
 
-def known_robot(plant: PlantRobot) -> FreeRobot:
-    """The identified robot of a perfect identification: the plant's own numbers as coefficients, resolvers left out."""
-    effects, cell = plant.effects, plant.cell
-    assert effects.gear_stiffness is not None
-    ripples = {(r.gear, r.order): r for r in effects.ripples}
-    waves = []
-    for gear, order, _ in harmonic_orders(cell):
-        ripple = ripples.get((gear, order))
-        waves += [ripple.amplitude * np.cos(ripple.phase), ripple.amplitude * np.sin(ripple.phase)] if ripple else [0.0, 0.0]
-    values = np.concatenate((1.0 / effects.gear_stiffness, effects.gear_slack, waves))
-    return FreeRobot(cell, plant.true, tuple(CORRECTIONS[name](cell, ()) for name in GEARS), values)
-
-
 def without_play(plant: PlantRobot) -> PlantRobot:
-    plant.effects = replace(plant.effects, gear_slack=np.zeros(6), friction_scale=0.0)
-    plant.resolvers = None
+    plant.effects = replace(plant.effects, gear_slack=np.zeros(6))
     return plant
 
 
 def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None:
-    """Elastic gears, ripple and weight exactly known, no play: what is left is how far the plant has come to rest."""
+    """Friction, elastic gears, ripple, resolvers; no play: what is left are the steps of the resolvers' converters."""
     plant = without_play(PlantRobot(scenario_of("irb2400", "a", 2, 120.0)))
     robot, q = known_robot(plant), easy_targets(cell, 12)
     done = corrected_targets(robot, plant.nominal, q)
     wanted = robot_frames(plant.nominal, q)
     before, after = plant.hold(q), plant.hold(done.q)
-    assert np.abs(after.miss).max() < 1e-6, "the controller brought the readings to the targets"
+    assert np.abs(after.miss).max() < 5e-6, "the controller brought the readings to the targets"
     assert pose_error(wanted, before)[0].mean() > 1e-3
-    assert pose_error(wanted, after)[0].max() < 5e-6  # the oscillation has died away to 1 urad of 1 mrad
+    assert pose_error(wanted, after)[0].max() < 5e-6  # [m] a step is 2.2 urad at the wrist, 0.7 at the main axes
     geometry_only = corrected_targets(FreeRobot(cell, plant.true), plant.nominal, q)
     sagging = pose_error(wanted, plant.hold(geometry_only.q))[0]
     assert sagging.mean() > 2e-4, "compliance is worth more than the tolerance: geometry alone does not do"
@@ -110,8 +93,8 @@ def test_a_held_pose_without_any_error_is_the_nominal_pose(cell: Cell, nominal: 
 
 @pytest.mark.slow
 def test_an_identified_robot_reaches_the_nominal_poses_in_the_full_plant() -> None:
-    """Asked for: 0.05 mm (issue 8). Two minutes of recording instead of four, so the identification is a little worse."""
-    row = robot_row("irb2400", 1, 60.0, poses=60)
+    """Asked for: 0.05 mm (issue 8). Recordings of 80 s instead of 120, so the identification is a little worse."""
+    row = robot_row("irb2400", 1, 80.0, poses=60, samples=500)
     assert float(str(row["before_mean_mm"])) > 1.0
     assert float(str(row["after_mean_mm"])) < 0.05
     assert float(str(row["after_max_mm"])) < 0.2
@@ -135,7 +118,7 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(tmp_path
     code, said, _ = ballbar("correct", given, "--with", result)
     assert code == 0
     assert "5 targets corrected for geometry, elastic gears under the robot's own weight, play of the gears" in said
-    rows = list(csv.DictReader((tmp_path / "deg-corrected.csv").open()))
+    rows = list(csv.DictReader((tmp_path / "deg-corrected.csv").read_text().splitlines()))
     assert [row["name"] for row in rows] == [n.strip('"') for n in names]
     assert {row["speed"] for row in rows} == {"v100"}
     out = tmp_path / "out.csv"
@@ -146,7 +129,7 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(tmp_path
     assert data["file"] == str(out)
     assert 1e-4 < data["predicted_position_error_m"]["mean"] < 1e-2
     by_degrees = controller_to_joints(cell.robot, np.radians([[float(row[f"axis{i + 1}_deg"]) for i in range(6)] for row in rows]))
-    by_radians = np.array([[float(row[f"q{i + 1}"]) for i in range(6)] for row in csv.DictReader(out.open())])
+    by_radians = np.array([[float(row[f"q{i + 1}"]) for i in range(6)] for row in csv.DictReader(out.read_text().splitlines())])
     assert np.abs(by_degrees - by_radians).max() < 1e-12
     calibration = load_calibration(result / "calibration.yaml")
     expected = corrected_targets(calibration.free_robot(cell), calibration.nominal, q).q

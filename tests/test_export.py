@@ -10,6 +10,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import get_args
 
 import mujoco
 import numpy as np
@@ -176,6 +177,10 @@ READERS: dict[Format, Callable[[str, Array], Array]] = {
     "abb": read_rapid,
     "json": read_json,
 }
+
+
+def test_every_format_has_a_reader_here() -> None:
+    assert set(READERS) == set(FORMATS) == set(get_args(Format))
 
 
 @pytest.mark.parametrize("to", FORMATS)
