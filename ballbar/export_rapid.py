@@ -18,9 +18,9 @@ from cell.descriptions import joints_to_motors
 _HOW = (
     "HOW TO USE",
     "1. motor_offset_rad: what the calibration adds to each motor's angle so that joint offsets rtheta are right. Save the",
-    "   present calibration offsets first. Change one axis at a time and look at the axis angle that the controller shows while",
-    "   the robot stands still: it must change by axis_change_deg. If it changes the other way, the sign convention of your",
-    "   controller is the opposite: take the negative. Fine calibration then holds until a motor is changed.",
+    "   present calibration offsets first. Change all six, since the wrist's motors turn each other's axes, and look at the axis",
+    "   angles that the controller shows while the robot stands still: they must change by axis_change_deg. If they change the",
+    "   other way, the sign convention of your controller is the opposite: take the negative.",
     "2. dh_*: the whole geometry, for your own kinematics; a controller without absolute accuracy cannot take it. dh_theta_deg goes",
     "   with the motors' present offsets. Or correct the programmed targets off line with `ballbar correct`.",
     "3. Do one or the other: targets from `ballbar correct` hold for a controller whose offsets are as they were when recorded.",
@@ -54,7 +54,7 @@ def rapid_module(result: Result) -> str:
         "Standard DH: T = product over rows of Rz(theta + q) Tz(d) Tx(a) Rx(alpha); sigma -1: not identified, nominal.",
         "Then the tool turns about its y by dh_tool_beta_deg.",
     ]
-    lines = [*(f"! {line}" for line in [*said, *notes(result)]), f"MODULE {_short(result.name)}_identified"]
+    lines = [f"MODULE {_short(result.name)}_identified", *(f"  ! {line}" for line in [*said, *notes(result)])]
     lines += [f"  CONST dnum {name}{{6}} := [{_listed(values)}];" for name, values in data.items()]
     lines.append(f"  CONST dnum dh_tool_beta_deg := {number(np.degrees(rows.tool_beta))};")
     lines += [f"  CONST dnum {name}{{6}} := [{_listed(_sigma(result, kind, unit))}];" for name, (kind, unit) in sigmas.items()]
