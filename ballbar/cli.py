@@ -24,6 +24,9 @@ from ballbar import check as check_page
 from ballbar.claim_command import say_verdicts, write_page
 from ballbar.claim_run import judge_all, topics
 from ballbar.compare import Comparison, compare, compare_with_truth
+from ballbar.correct import correct_file, correction_data, correction_lines, write_corrected
+from ballbar.export import Format, export_summary, exported, write_export
+from ballbar.export_result import load_result
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.report_terminal import say_identification
@@ -64,6 +67,7 @@ app = typer.Typer(
 
 ScenarioFile = Annotated[Path, typer.Argument(help="A scenario, such as scenarios/irb2400.yaml.", metavar="SCENARIO")]
 RecordingFolder = Annotated[Path, typer.Argument(help="A folder with recording.yaml and the device files.", metavar="RECORDING")]
+ResultFile = Annotated[Path, typer.Argument(help="A calibration.yaml, or the folder that holds it.", metavar="RESULT")]
 Out = Annotated[Path | None, typer.Option("--out", help="Folder for the output; nothing else may be in it.", metavar="DIR")]
 
 
@@ -314,6 +318,57 @@ def record(
 
     options = RecordOptions(plc=plc, egm=egm, robot=robot, ballbar=ballbar, plate=plate, duration=duration, live=live)
     raise typer.Exit(0 if record_live(folder, options, out) else 1)
+
+
+@app.command(epilog="Example: `ballbar export runs/irb2400 --to urdf --out irb2400.urdf`, or `ballbar export runs/irb2400 --to dh`")
+def export(
+    result: ResultFile,
+    to: Annotated[
+        Format,
+        typer.Option("--to", help="Robot models, tables (mdh: Craig's DH; poe: screw axes), RAPID data, or everything as JSON."),
+    ],
+    file: Annotated[Path | None, typer.Option("--out", help="A new file; default: print it.", metavar="FILE")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was exported as JSON.")] = False,
+) -> None:
+    """Write the identified robot for other programs: URDF, MJCF, DH tables, screws, RAPID, JSON.
+
+    Each says in comments what it leaves out (elastic gears, play, ripple), every sigma, and what stayed nominal.
+    """
+    read = load_result(result)
+    text = exported(read, to)
+    if file is not None:
+        write_export(file, text)
+    if as_json:
+        typer.echo(json.dumps(export_summary(read, to, text, file), indent=2))
+    elif file is None:
+        typer.echo(text, nl=False)
+    else:
+        out.print(f"Wrote {escape(str(file))}. Not in it: {escape('; '.join(read.left_out))}")
+
+
+@app.command(epilog="Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`")
+def correct(
+    path: Annotated[
+        Path, typer.Argument(help="CSV with columns q1..q6 [rad, DH joints] or axis1_deg..axis6_deg [controller].", metavar="PATH.csv")
+    ],
+    result: Annotated[Path, typer.Option("--with", help="A calibration.yaml, or the folder that holds it.", metavar="RESULT")],
+    file: Annotated[Path | None, typer.Option("--out", help="A new file; default PATH-corrected.csv.", metavar="FILE")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
+) -> None:
+    """Turn targets planned with the nominal robot into targets that reach the same poses with the identified robot.
+
+    Geometry, and of the gears what was identified: compliance under the robot's own weight, play, ripple. Other columns are kept.
+    """
+    read = load_result(result)
+    done = correct_file(path, read)
+    written = file or path.with_name(f"{path.stem}-corrected.csv")
+    write_corrected(written, done, read)
+    if as_json:
+        typer.echo(json.dumps(correction_data(done, read, written), indent=2))
+        return
+    for line in correction_lines(done):
+        out.print(escape(line))
+    out.print(f"Wrote {escape(str(written))}")
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:

@@ -97,8 +97,19 @@ def plant_spec(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: Ser
 
     geometry : true kinematic parameters, encoder zeros left out (they belong to the encoders).
     """
-    spec = mujoco.MjSpec()
+    spec = free_robot_spec(cell, geometry, effects, gains, timestep=timestep)
     spec.modelname = f"{cell.robot.name} with {cell.ballbar.name}"
+    _add_bar(spec, cell, geometry, effects)
+    weld = spec.add_equality(name="closure", type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_SITE, name1="bar_end", name2="tool")
+    weld.solref = WELD_SOLREF
+    weld.solimp = WELD_SOLIMP
+    return spec
+
+
+def free_robot_spec(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, *, timestep: float) -> mujoco.MjSpec:
+    """Robot and plate alone, as they are before and after the ball-bar is mounted; arguments as of `plant_spec`."""
+    spec = mujoco.MjSpec()
+    spec.modelname = cell.robot.name
     spec.compiler.degree = False
     option = spec.option
     option.timestep = timestep
@@ -109,10 +120,6 @@ def plant_spec(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: Ser
     option.disableflags = UNUSED
     _add_robot(spec, cell, geometry, effects)
     _add_gears(spec, cell, effects, gains)
-    _add_bar(spec, cell, geometry, effects)
-    weld = spec.add_equality(name="closure", type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_SITE, name1="bar_end", name2="tool")
-    weld.solref = WELD_SOLREF
-    weld.solimp = WELD_SOLIMP
     return spec
 
 

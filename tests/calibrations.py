@@ -1,0 +1,72 @@
+"""Calibration files for tests of what is done with a result: any geometry, with or without corrections of the gears."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from cell.descriptions import Cell
+from cell.files import write_yaml
+from cell.geometry import NAMES, Geometry
+from ident.corrections import CORRECTIONS
+
+GEARS = ("joint_compliance", "lost_motion", "gear_ripple")
+
+
+def corrections_of(cell: Cell, names: tuple[str, ...], rng: np.random.Generator) -> dict[str, dict[str, dict[str, object]]]:
+    """Corrections with coefficients drawn about their priors."""
+    out: dict[str, dict[str, dict[str, object]]] = {}
+    for name in names:
+        made = CORRECTIONS[name](cell, (1, 2, 4, 5)).coefficients
+        out[name] = {
+            c.name: {
+                "value": float(c.mean + 0.3 * c.sigma * rng.standard_normal()),
+                "sigma": 0.1 * c.sigma,
+                "prior": c.mean,
+                "prior_sigma": c.sigma,
+                "by_data": 0.9,
+                "unit": c.unit,
+            }
+            for c in made
+        }
+    return out
+
+
+def write_calibration_of(
+    path: Path,
+    nominal: Geometry,
+    identified: Geometry,
+    *,
+    left: tuple[str, ...] = ("rd1", "rtheta1"),
+    corrections: Mapping[str, object] | None = None,
+    status: str = "good",
+    robot: str = "irb2400",
+) -> Path:
+    """A calibration.yaml; `left` stays nominal in it and is marked so."""
+    parameters = {}
+    for name in NAMES:
+        entry: dict[str, object] = {"nominal": nominal[name], "value": nominal[name] if name in left else identified[name]}
+        parameters[name] = entry | ({"identified": False} if name in left else {"sigma": 2e-6, "identified": True})
+    fit = {
+        "status": status, "sentence": "Made for a test.", "warnings": [], "iterations": 4, "samples": 500, "chi2_per_dof": 1.0,
+        "autocorrelation": 0.0, "rank": 40, "condition": 100.0, "tcp_sigma_mean_m": 1e-5,
+    }  # fmt: skip
+    write_yaml(
+        path,
+        {
+            "schema": "ballbar-calibration/1",
+            "robot": robot,
+            "ballbar": "lund_600",
+            "plate": "plate_250",
+            "cost": "ml",
+            "parameters": parameters,
+            "dropped": [{"name": name, "reason": "gauge -- held"} for name in left],
+            "senses": {f"b{j}": 1 for j in (1, 2, 4, 5)},
+            "corrections": dict(corrections or {}),
+            "noise": {"joint_rad": [1e-5] * 6, "encoder_rad": {"b1": 1e-5}, "rod_m": 1e-6},
+            "fit": fit,
+        },
+    )
+    return path
