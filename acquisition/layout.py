@@ -17,7 +17,7 @@ from acquisition.report import Finding, finding
 from acquisition.text import LogText
 from cell.errors import LogError
 
-Kind = Literal["integer", "float", "text"]
+Kind = Literal["integer", "float", "decimal", "text"]  # decimal: text where a float would lose digits
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blank"}
 PREAMBLE = 200  # lines before a header, at most
 _TORN = "?"  # stands for a line whose quotes do not close; no number and no column is called that
