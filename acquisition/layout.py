@@ -183,6 +183,8 @@ def _is_number(name: str) -> bool:
 def _refuse_missing(place: str, names: list[str], strange: list[str], missing: list[str]) -> None:
     if missing:
         shown = ", ".join(repr(name[:40]) for name in names[:12])
+        if why := selectors.why_not(missing[0], names):
+            raise LogError(f"{place}:{why} The header has {shown}.")
         raise LogError(f"{place}: {_columns(missing)} missing; the header has {shown}.{_meant(missing[0], strange)}")
 
 
