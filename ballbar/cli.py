@@ -20,6 +20,7 @@ from rich.markup import escape
 
 from acquisition import explain_lines, read_recording
 from acquisition.live.recorder import RecorderError
+from acquisition.times import TIME_FORMS
 from ballbar import check as check_page
 from ballbar.claim_command import say_verdicts, write_page
 from ballbar.claim_run import judge_all, topics
@@ -28,6 +29,7 @@ from ballbar.correct import correct_file, correction_data, correction_lines, wri
 from ballbar.export import Format, export_summary, exported, write_export
 from ballbar.export_result import load_result
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
+from ballbar.new_recording import Told, new_recording
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.report_terminal import say_identification
 from ballbar.run import OUTPUTS, REPLAY, run_scenario, simulate_scenario, write_outputs
@@ -129,6 +131,43 @@ def check(
     if strict and (repaired := check_page.repairs(read)):
         err.print(f"[red]not as logged:[/] {len(repaired)} kinds of repairs were needed, and --strict allows none")
         raise typer.Exit(1)
+
+
+@app.command(epilog="Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer what it asks")
+def new(
+    folder: Annotated[Path, typer.Argument(help="The recording folder to make.", metavar="DIR")],
+    robot_log: Annotated[Path, typer.Argument(help="The robot's log.", metavar="ROBOTLOG", exists=True, dir_okay=False)],
+    ballbar_log: Annotated[Path, typer.Argument(help="The ball-bar's log.", metavar="BALLBARLOG", exists=True, dir_okay=False)],
+    robot: Annotated[str | None, typer.Option(help="Robot, by name or .yaml file.")] = None,
+    ballbar: Annotated[str | None, typer.Option(help="Ball-bar, by name or .yaml file.")] = None,
+    robot_dialect: Annotated[str | None, typer.Option(help="Dialect of the robot's log, or a .yaml file of your own.")] = None,
+    ballbar_dialect: Annotated[str | None, typer.Option(help="Dialect of the ball-bar's log, or a .yaml file.")] = None,
+    robot_time: Annotated[str | None, typer.Option(help=f"Its time stamps, if they do not show it: {', '.join(TIME_FORMS)}.")] = None,
+    ballbar_time: Annotated[str | None, typer.Option(help="Likewise.")] = None,
+    encoder: Annotated[list[str] | None, typer.Option(help="Counter column of an encoder; repeat.", metavar="b1=COLUMN[:-1]")] = None,
+    lines: Annotated[int | None, typer.Option(help="Lines of the encoders a turn.", min=1)] = None,
+    bits: Annotated[int | None, typer.Option(help="Bits of their interpolation.", min=8, max=13)] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Take what is proposed without asking; fail where nothing can be.")] = False,
+) -> None:
+    """Make a recording folder from two log files: what they show is proposed, what they cannot show is asked.
+
+    The folder appears only once it has been read without error.
+    """
+    told = Told(robot, ballbar, robot_dialect, ballbar_dialect, robot_time, ballbar_time, tuple(encoder or ()), lines, bits)
+    read = new_recording(folder, robot_log, ballbar_log, told, partial(_answer, proposals_taken=yes))
+    for line in check_page.check_lines(read, None):
+        out.print(f"[bold]{escape(line)}[/]" if line[0] != " " else escape(line))
+    out.print(f"Made {escape(str(folder))}. Look at recording.yaml in it, then: ballbar check {escape(str(folder))}")
+
+
+def _answer(question: str, proposal: str | None, *, proposals_taken: bool) -> str:
+    """What the user answers, or the proposal."""
+    if proposals_taken and proposal is not None:
+        out.print(f"{escape(question)} [bold]{escape(proposal)}[/]")
+        return proposal
+    if proposals_taken or not sys.stdin.isatty():
+        raise InputError(f"not told: {question}{f' Proposed: {proposal}; --yes takes it.' * bool(proposal)} Nothing was written.")
+    return str(typer.prompt(question, default=proposal))
 
 
 @app.command(epilog="Example: `ballbar identify runs/a/recording runs/b/recording --validate runs/c/recording --out runs/together`")
