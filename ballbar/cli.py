@@ -23,6 +23,7 @@ from ballbar.claim_command import say_verdicts, write_page
 from ballbar.claim_run import judge_all, topics
 from ballbar.compare import Comparison, compare, compare_with_truth
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
+from ballbar.plan_command import parse_position, plan_path
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.report_terminal import say_identification
 from ballbar.run import OUTPUTS, REPLAY, run_scenario, simulate_scenario, write_outputs
@@ -277,6 +278,24 @@ def claims(
         write_page(page, judged)
         out.print(f"Page {escape(str(page))}")
     raise typer.Exit(0 if passed else 1)
+
+
+@app.command(epilog="Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`")
+def plan(
+    request: Annotated[Path, typer.Argument(help="What is asked for, such as scenarios/plans/irb2400.yaml.", metavar="REQUEST")],
+    out_dir: Out = None,
+    seconds: Annotated[float, typer.Option(help="For the search; 0 takes the first path that can be run.", min=0.0)] = 115.0,
+    path: Annotated[Path | None, typer.Option("--path", help="Judge, check and export this path file instead.", metavar="FILE")] = None,
+    position: Annotated[str | None, typer.Option(help="Where the ball-bar stands [m], with --path.", metavar="X,Y,Z")] = None,
+) -> None:
+    """Plan a path for the cell: what it will tell, before anyone goes there, and programs that run it.
+
+    Writes path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and programs for ABB (.mod) and Comau (.pdl) to DIR (default
+    runs/NAME-plan). Exits with 1 when the path violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best path so far.
+    """
+    place = None if position is None else parse_position(position)
+    kept = plan_path(request, out_dir=out_dir, path=path, position=place, seconds=seconds, out=out, err=err)
+    raise typer.Exit(0 if kept else 1)
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:

@@ -1,0 +1,126 @@
+"""What `ballbar plan` does and shows: a search with the best so far, files, picture, numbers at a glance."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from ballbar.plan_picture import plan_picture
+from cell.errors import InputError
+from cell.files import claim_folder, write_whole
+from planning.candidate import Candidate
+from planning.clearance import clearance
+from planning.files import OUTPUTS, write_plan
+from planning.judge import judges
+from planning.plan import Plan, assessed, make_plan
+from planning.request import PlanRequest, load_request
+from planning.search import Progress
+from planning.verify import Check, checks, run_in_plant, violations_in
+from sim.simulate import load_lissajous
+
+CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and one drawn
+EVALUATIONS = 6000  # of CMA-ES: about 100 s on two quiet cores
+
+
+def plan_path(
+    file: Path, *, out_dir: Path | None, path: Path | None, position: tuple[float, float, float] | None, seconds: float, out: Console, err: Console
+) -> bool:
+    """Plans, or takes the path that is given, checks it, writes the files and says what they hold. Returns whether no limit is violated."""
+    request = load_request(file)
+    folder = out_dir or Path("runs") / f"{request.name}-plan"
+    claim_folder(folder, {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}, "the plan")
+    since = time.monotonic()
+    if path is None:
+        with showing(err) as show:
+            plan = make_plan(
+                request, workers=os.cpu_count() or 1, seconds=seconds, evaluations=EVALUATIONS, show=show, since=lambda: time.monotonic() - since
+            )
+    else:
+        plan = given_path(request, path, position)
+    names = write_plan(plan, folder)
+    write_whole(folder / "plan.svg", plan_picture(plan))
+    say_plan(out, plan)
+    with err.status("running it in MuJoCo on soft servo ..."):
+        found = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
+    violated = sum(violations_in(one) for _, one in found)
+    say_checks(out, found)
+    out.print(f"Files in {escape(str(folder))}: {', '.join([*names, 'plan.svg'])}")
+    return violated == 0
+
+
+def given_path(request: PlanRequest, path: Path, position: tuple[float, float, float] | None) -> Plan:
+    """A path file, judged as a plan. Raises InputError where it cannot be run or no position is known."""
+    place = request.cell.ballbar_position_m if position is None else position
+    if place is None:
+        raise InputError("--path needs to know where the ball-bar stands: give --position X,Y,Z, or cell.ballbar_position_m in the request")
+    judge = judges(request)[request.cell.ballbar]
+    return assessed(judge, Candidate(load_lissajous(path), np.array(place)))
+
+
+def check_in_plant(plan: Plan, seed: int) -> list[Check]:
+    """All limits over one robot's run."""
+    cell, request = plan.judge.cell, plan.request
+    motion = run_in_plant(cell, request, plan.found.candidate, seed=seed)
+    return checks(cell, request.limits, clearance(cell, request.cell), motion)
+
+
+@contextmanager
+def showing(err: Console) -> Iterator[Callable[[Progress], None]]:
+    """The best so far, on a terminal; nothing in a pipe."""
+    since = time.monotonic()
+    with err.status("looking for a first path (Ctrl-C stops and keeps the best)") as status:
+        yield lambda p: status.update(
+            f"{time.monotonic() - since:.0f} s: TCP sigma {p.tcp * 1e6:.1f} um, {p.evaluated} tried, {p.feasible} can be run "
+            "(Ctrl-C stops and keeps the best)"
+        )
+
+
+def say_plan(out: Console, plan: Plan) -> None:
+    """Numbers at a glance."""
+    typical, forces = plan.typical, plan.found.forces
+    assert forces is not None
+    position = ", ".join(f"{v:.3f}" for v in plan.found.candidate.position)
+    if plan.stopped:
+        out.print("[yellow]stopped[/] before its time; this is the best so far")
+    out.print(f"path found in {plan.seconds:.0f} s, {plan.evaluated} tried; ball-bar {plan.rod} at ({position}) m")
+    out.print(
+        f"predicted TCP sigma over the workspace: {np.median(plan.tcp) * 1e6:.1f} um rms ({plan.tcp.min() * 1e6:.1f} to "
+        f"{plan.tcp.max() * 1e6:.1f} over {len(plan.tcp)} robots), largest {typical.tcp_sigma.max() * 1e6:.0f} um; "
+        f"the plate's own length adds {plan.plate_adds * 1e6:.1f} um"
+    )
+    out.print(f"sphere covered {plan.coverage:.0%}, rod force {forces.tension.min():.0f} to {forces.tension.max():.0f} N expected")
+    out.print(f"sign changes of the load of gears 1 to 6: {', '.join(f'{n:.0f}' for n in plan.reversals)}")
+    out.print("observability " + ", ".join(f"{name} {value:.3g}" for name, value in plan.indices().items()))
+    unseen = [n for n, s in typical.sigma.items() if s > 0.9 * typical.layout.sigma[typical.layout.names.index(n)]]
+    out.print(f"hardly seen by the path ({len(unseen)}): {' '.join(unseen)}")
+
+
+def say_checks(out: Console, found: list[tuple[int, list[Check]]]) -> None:
+    """Limits against what MuJoCo did."""
+    shown = Table(box=None, pad_edge=False)
+    for heading in ("limit", "allowed", *(f"robot {seed}" for seed, _ in found), "violated"):
+        shown.add_column(heading, justify="left" if heading == "limit" else "right")
+    for rows in zip(*(one for _, one in found), strict=True):
+        bad = sum(row.instants for row in rows)
+        colour = "red" if bad else "green"
+        values = (f"{row.worst:.3g} {row.unit}".strip() for row in rows)
+        shown.add_row(rows[0].limit, f"{rows[0].allowed:.3g}", *values, f"[{colour}]{bad} of {sum(row.looked_at for row in rows)}[/]")
+    out.print("MuJoCo, soft servo, robots with errors; worst value of each limit:")
+    out.print(shown)
+
+
+def parse_position(text: str) -> tuple[float, float, float]:
+    """`0.7,0,0.54` as metres. Raises InputError."""
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--position {text}: give three numbers in metres, such as 0.7,0,0.54") from None
+    return x, y, z
