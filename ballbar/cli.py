@@ -44,11 +44,13 @@ from ident.corrections import CORRECTIONS
 from ident.identify import DEFAULT_SAMPLES, ModelName
 from ident.machine import ForceSource
 from ident.start import StartError
+from planning.what_if import CHANGES, ENCODERS
 from sim.plant import PlantError
 from sim.simulate import Simulation, truth_path
 from sim.statics import NoEquilibriumError
 from sim.truth import load_truth
 
+WHAT_IF = (*CHANGES, ENCODERS)
 CLAIM_WORKERS = 2  # processes: claims are for a laptop, and for continuous integration
 
 out = Console(highlight=False, soft_wrap=True)
@@ -287,6 +289,12 @@ def plan(
     seconds: Annotated[float, typer.Option(help="For the search; 0 takes the first path that can be run.", min=0.0)] = 115.0,
     path: Annotated[Path | None, typer.Option("--path", help="Judge, check and export this path file instead.", metavar="FILE")] = None,
     position: Annotated[str | None, typer.Option(help="Where the ball-bar stands [m], with --path.", metavar="X,Y,Z")] = None,
+    what_if: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--what-if", help=f"Expected TCP error if one of {', '.join(WHAT_IF)} were another; may be repeated.", metavar="KEY=A,B"
+        ),
+    ] = None,
 ) -> None:
     """Plan a path for the cell: what it will tell, before anyone goes there, and programs that run it.
 
@@ -294,7 +302,7 @@ def plan(
     runs/NAME-plan). Exits with 1 when the path violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best path so far.
     """
     place = None if position is None else parse_position(position)
-    kept = plan_path(request, out_dir=out_dir, path=path, position=place, seconds=seconds, out=out, err=err)
+    kept = plan_path(request, out_dir=out_dir, path=path, position=place, seconds=seconds, what_if=what_if or (), out=out, err=err)
     raise typer.Exit(0 if kept else 1)
 
 

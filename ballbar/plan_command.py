@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,7 +15,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ballbar.plan_picture import plan_picture
+from ballbar.beam import FIGURES, OFFSET_PLATE, PLATE_FORCE
+from ballbar.plan_picture import plan_picture, plate_picture, what_if_picture
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from planning.candidate import Candidate
@@ -24,6 +27,7 @@ from planning.plan import Plan, assessed, make_plan
 from planning.request import PlanRequest, load_request
 from planning.search import Progress
 from planning.verify import Check, checks, run_in_plant, violations_in
+from planning.what_if import Answer, Question, answers, question
 from sim.simulate import load_lissajous
 
 CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and one drawn
@@ -31,17 +35,34 @@ EVALUATIONS = 6000  # of CMA-ES: about 100 s on two quiet cores
 
 
 def plan_path(
-    file: Path, *, out_dir: Path | None, path: Path | None, position: tuple[float, float, float] | None, seconds: float, out: Console, err: Console
+    file: Path,
+    *,
+    out_dir: Path | None,
+    path: Path | None,
+    position: tuple[float, float, float] | None,
+    seconds: float,
+    what_if: Sequence[str],
+    out: Console,
+    err: Console,
 ) -> bool:
-    """Plans, or takes the path that is given, checks it, writes the files and says what they hold. Returns whether no limit is violated."""
-    request = load_request(file)
+    """Plans, or takes the path that is given, checks it, writes the files and says what they hold; then answers what_if questions.
+
+    Returns whether no limit is violated.
+    """
+    request, questions = load_request(file), [question(text) for text in what_if]
     folder = out_dir or Path("runs") / f"{request.name}-plan"
     claim_folder(folder, {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}, "the plan")
     since = time.monotonic()
     if path is None:
         with showing(err) as show:
             plan = make_plan(
-                request, workers=os.cpu_count() or 1, seconds=seconds, evaluations=EVALUATIONS, show=show, since=lambda: time.monotonic() - since
+                request,
+                relative_to=file.parent,
+                workers=os.cpu_count() or 1,
+                seconds=seconds,
+                evaluations=EVALUATIONS,
+                show=show,
+                since=lambda: time.monotonic() - since,
             )
     else:
         plan = given_path(request, path, position)
@@ -52,8 +73,59 @@ def plan_path(
         found = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
     violated = sum(violations_in(one) for _, one in found)
     say_checks(out, found)
+    if questions:
+        names += answer(plan, questions, folder, out, err)
     out.print(f"Files in {escape(str(folder))}: {', '.join([*names, 'plan.svg'])}")
     return violated == 0
+
+
+def answer(plan: Plan, questions: Sequence[Question], folder: Path, out: Console, err: Console) -> list[str]:
+    """Prints and writes what other rigs would come to."""
+    given = []
+    with err.status("what if ...") as status:
+        for one in answers(plan, questions):
+            given.append(one)
+            status.update(f"what if {one.key} were {one.value} ...")
+    say_answers(out, plan, given)
+    write_whole(folder / "what_if.csv", answers_csv(given))
+    write_whole(folder / "what_if.svg", what_if_picture(plan, given))
+    names = ["what_if.csv", "what_if.svg"]
+    if any(q.key == "plate_thickness" for q in questions):
+        say_plate(out)
+        write_whole(folder / "plate.svg", plate_picture())
+        names.append("plate.svg")
+    return names
+
+
+def say_answers(out: Console, plan: Plan, given: Sequence[Answer]) -> None:
+    """The table: expected TCP error with one thing changed at a time."""
+    shown = Table(box=None, pad_edge=False)
+    for heading in ("what if", "value", "TCP sigma [um]", "plate's length adds [um]", "together [um]", ""):
+        shown.add_column(heading, justify="left" if heading in ("what if", "") else "right")
+    here = plan.found.tcp
+    shown.add_row("as planned", "", f"{here * 1e6:.1f}", f"{plan.plate_adds * 1e6:.1f}", f"{np.hypot(here, plan.plate_adds) * 1e6:.1f}", "")
+    for one in given:
+        sigma, total = ("-" if v is None else f"{v * 1e6:.1f}" for v in (one.tcp, one.total))
+        shown.add_row(one.key, one.value, sigma, f"{one.scale * 1e6:.1f}", total, escape(one.note))
+    out.print(shown)
+
+
+def say_plate(out: Console) -> None:
+    """The rule of thesis sec. 4.5."""
+    sinks, turns = FIGURES["plate_deflection"]() * 1e6, FIGURES["plate_slope"]() * 1e6
+    out.print(
+        f"plate rule: {OFFSET_PLATE.thickness * 1e3:.0f} mm of aluminium, {OFFSET_PLATE.length * 1e3:.0f} mm long, {PLATE_FORCE:.0f} N: the "
+        f"tip sinks by {sinks:.1f} um, {sinks:.1f} urad seen from 1 m (thesis Fig. 4.4: 10), and turns by {turns:.0f} urad"
+    )
+
+
+def answers_csv(given: Sequence[Answer]) -> bytes:
+    """The table as a file, SI units."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(("what_if", "value", "tcp_sigma_m", "plate_length_adds_m", "note"))
+    rows.writerows((a.key, a.value, "" if a.tcp is None else f"{a.tcp:.4g}", f"{a.scale:.4g}", a.note) for a in given)
+    return text.getvalue().encode()
 
 
 def given_path(request: PlanRequest, path: Path, position: tuple[float, float, float] | None) -> Plan:

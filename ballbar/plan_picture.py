@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
-import matplotlib as mpl
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.typing import RcKeyType
 
+from ballbar.beam import GRAVITY, OFFSET_PLATE, PLATE_ALLOWED, PLATE_FORCE, STEEL_PLATE, tip_deflection
 from cell.descriptions import joints_to_axes
 from cell.geometry import bar_frames
 from planning.plan import Plan
+from planning.what_if import Answer
 
+STYLE: dict[RcKeyType, Any] = {"svg.hashsalt": "ballbar", "font.size": 9, "axes.spines.top": False, "axes.spines.right": False}
 INK, WEAK = "#1b3a5c", "#b9c4d0"
 COLOURS = ("#1b3a5c", "#c4542b", "#3d8f6b", "#8a5fa8", "#c49a1a", "#5f6b78")
 
 
 def plan_picture(plan: Plan) -> bytes:
     """SVG."""
-    with mpl.rc_context({"svg.hashsalt": "ballbar", "font.size": 9, "axes.spines.top": False, "axes.spines.right": False}):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11.0, 8.0), layout="constrained")
         grid = figure.subplot_mosaic([["sphere", "axes"], ["load", "sigma"]])
         _sphere(grid["sphere"], plan)
@@ -29,8 +36,50 @@ def plan_picture(plan: Plan) -> bytes:
         figure.suptitle(
             f"{plan.request.name}: predicted TCP sigma {np.median(plan.tcp) * 1e6:.1f} um rms over the workspace", x=0.01, ha="left"
         )
-        out = io.BytesIO()
-        figure.savefig(out, format="svg", metadata={"Date": None})
+        return _svg(figure)
+
+
+def what_if_picture(plan: Plan, given: Sequence[Answer]) -> bytes:
+    """SVG: a panel for each question, expected TCP error over the values; open: with what the plate's own length adds."""
+    keys = list(dict.fromkeys(answer.key for answer in given))
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(3.2 * len(keys) + 0.6, 3.0), layout="constrained")
+        for axes, key in zip(np.atleast_1d(figure.subplots(1, len(keys), sharey=True)), keys, strict=True):
+            answers = [a for a in given if a.key == key]
+            place = np.arange(len(answers))
+            axes.plot(place, [np.nan if a.tcp is None else a.tcp * 1e6 for a in answers], "o-", color=INK, label="from the path")
+            total = [np.nan if a.total is None else a.total * 1e6 for a in answers]
+            axes.plot(place, total, "o--", color=INK, mfc="white", label="and the plate's length")
+            axes.axhline(plan.found.tcp * 1e6, color=WEAK, lw=0.8)
+            axes.set_xticks(place, [a.value for a in answers], rotation=30, ha="right")
+            axes.set_title(key.replace("_", " "), fontsize=9)
+            axes.set_ylim(bottom=0.0)
+        figure.axes[0].set_ylabel("TCP sigma [um rms]")
+        figure.axes[0].legend(frameon=False, fontsize=7)
+        return _svg(figure)
+
+
+def plate_picture() -> bytes:
+    """SVG of thesis Fig. 4.4: deflection at the tip and weight over thickness, aluminium and steel."""
+    thickness = np.linspace(0.020, 0.070, 60)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(7.0, 3.0), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        for (label, material), colour in zip({"aluminium": OFFSET_PLATE, "steel": STEEL_PLATE}.items(), COLOURS, strict=False):
+            plates = [replace(material, thickness=float(h)) for h in thickness]
+            left.plot(thickness * 1e3, [tip_deflection(p, PLATE_FORCE) * 1e6 for p in plates], color=colour, label=label)
+            right.plot(thickness * 1e3, [p.weight * p.length / GRAVITY for p in plates], color=colour)
+        left.axhline(PLATE_ALLOWED * 1e6, color=WEAK, lw=0.8)
+        left.set_yscale("log")
+        left.set(xlabel="thickness [mm]", ylabel="deflection [um], or urad from 1 m")
+        right.set(xlabel="thickness [mm]", ylabel="mass [kg]", ylim=(0.0, None))
+        left.legend(frameon=False)
+        return _svg(figure)
+
+
+def _svg(figure: Figure) -> bytes:
+    out = io.BytesIO()
+    figure.savefig(out, format="svg", metadata={"Date": None})
     return out.getvalue()
 
 

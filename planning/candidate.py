@@ -66,6 +66,23 @@ class Space:
         return Lissajous(centre, swing * room, whole, 2.0 * np.pi * phase), position
 
 
+def numbers_of(space: Space, candidate: Candidate) -> Array:
+    """The numbers (size,) that give a candidate, or the nearest to it that the space holds."""
+    shape = candidate.shape
+    flip = shape.amplitude < 0.0
+    centre = np.remainder(shape.centre + np.pi, 2.0 * np.pi) - np.pi
+    middle, room = 0.5 * (centre / np.pi + 1.0), np.full(BAR_ROWS, space.widest)
+    for k in SIDED:
+        low, high = -np.pi + space.margin, -space.margin
+        middle[k] = (centre[k] - low) / (high - low)
+        room[k] = min(centre[k] - low, high - centre[k])
+    phase = np.remainder(shape.phase + np.pi * flip, 2.0 * np.pi) / (2.0 * np.pi)
+    wide = np.where(space.upper > space.lower, space.upper - space.lower, 1.0)
+    place = np.where(space.upper > space.lower, (candidate.position - space.lower) / wide, 0.0)
+    swing = np.abs(shape.amplitude) / np.maximum(room, 1e-9)
+    return np.clip(np.concatenate((middle, swing, phase, (shape.cycles - 0.5) / space.cycles, place)), 0.0, 1.0)
+
+
 def rounded(candidate: Candidate) -> Candidate:
     """As it will stand in the files, so that what is judged, checked and exported is what is written."""
     shape = candidate.shape

@@ -122,13 +122,14 @@ def _segments(of: Clearance, robot: Frames, bar: Frames) -> Array:
     flange = _flange(of, robot)
     ball, tip = bar.origin[0], bar.tip
     along = (tip - ball) / np.linalg.norm(tip - ball, axis=0)
+    fore = (o[4] - o[2]) / np.linalg.norm(o[4] - o[2], axis=0)
     foot = np.broadcast_to(np.array([[0.0], [0.0], [of.floor]]), (3, n))
     column_top = np.array([[0.0], [0.0], [1.0]]) * np.maximum(o[1][2] - of.radii["column"], of.floor)
     base = np.stack([ball[0], ball[1], np.full(n, of.floor)])
     ends: Sequence[tuple[Array, Array]] = (
         (foot, column_top),
         (o[1], o[2]),
-        (o[2], o[4]),
+        (o[2], o[4] - of.radii["forearm"] * fore),  # its round end reaches the wrist's centre
         (o[4], flange),
         (ball + GIMBAL * along, tip - GIMBAL * along),
         (base, ball - np.array([[0.0], [0.0], [GIMBAL]])),

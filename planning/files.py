@@ -23,8 +23,18 @@ EVERYTHING_ON: dict[str, object] = {
     **{
         name: {}
         for name in (
-            "transmission_error", "gear_friction", "resolver_error", "rod_strain", "rod_backlash", "bar_friction", "plate_bending",
-            "base_compliance", "ballbar_axes", "base_tilt", "encoder_eccentricity", "subdivisional_error",
+            "transmission_error",
+            "gear_friction",
+            "resolver_error",
+            "rod_strain",
+            "rod_backlash",
+            "bar_friction",
+            "plate_bending",
+            "base_compliance",
+            "ballbar_axes",
+            "base_tilt",
+            "encoder_eccentricity",
+            "subdivisional_error",
         )
     },
 }  # fmt: skip  as in scenarios/irb2400_full.yaml

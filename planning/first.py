@@ -22,7 +22,7 @@ with warnings.catch_warnings():
 
 SECONDS = 30.0  # a request for which nothing is found in this time most likely allows nothing
 BATCHES = 8  # screened for one descent
-GENERATIONS = 40  # of one descent
+GENERATIONS = 20  # of one descent
 
 
 def first_path(given: dict[str, Judge], *, seconds: float = SECONDS) -> tuple[Start, int]:
@@ -41,19 +41,19 @@ def first_path(given: dict[str, Judge], *, seconds: float = SECONDS) -> tuple[St
         screened = screen(judge.cell, space, judge.limits, z)
         tried += len(z)
         reasons.update(screened.reason[screened.excess > 0.0].tolist())
-        best, least = _descent(judge, space, z[int(screened.excess.argmin())], int(rng.integers(2**31)))
+        best, least = descent(judge, space, z[int(screened.excess.argmin())], int(rng.integers(2**31)))
         if least < VIOLATES:
             return Start(rod, best, least), tried
         if least < min(near[0], OFF):
             near = (least, checked(judge, space.candidate(best)).violations[0].sentence)
     miss = f" The nearest miss: {near[1]}." if near[1] else ""
     raise InputError(
-        f"no path found: {tried} random paths and descents from the best of them failed, the random ones by: {tally(reasons)}.{miss} Move the "
-        "ball-bar (cell.ballbar_region_m), take another rod, or widen the limit that stands in the way."
+        f"no path found: {tried} random paths and descents from the best of them failed, the random ones by: {tally(reasons)}.{miss} "
+        "Move the ball-bar (cell.ballbar_region_m), take another rod, or widen the limit that stands in the way."
     )
 
 
-def _descent(judge: Judge, space: Space, z: Array, seed: int) -> tuple[Array, float]:
+def descent(judge: Judge, space: Space, z: Array, seed: int) -> tuple[Array, float]:
     """The first candidate that violates nothing, or the one that violates least, and its figure."""
     free = free_numbers(space)
     search = cma.CMAEvolutionStrategy(z[free], SPREAD, {"seed": seed + 1, "verbose": -9, "verb_log": 0})

@@ -18,13 +18,12 @@ from cell.geometry import nominal_geometry
 from ident.accuracy import rigid_basis
 from ident.free_robot import FreeRobot
 from ident.loads import mass_model
-from ident.unknowns import unknowns
 from planning.candidate import Candidate
 from planning.clearance import Clearance, clearance, nearest
 from planning.course import Course, course_over
 from planning.force import ForceModel, Forces, force_model, predicted_forces
 from planning.limits import Violation, violations
-from planning.predict import Prediction, Predictor, moving, predict, predictor
+from planning.predict import Prediction, Predictor, moving, planned_unknowns, predict, predictor
 from planning.request import PlanLimits, PlanRequest, tightened
 
 NEARLY = 0.5  # excess of the motion up to which forces and clearance are looked at
@@ -112,14 +111,18 @@ def checked(judge: Judge, candidate: Candidate) -> Judgement:
             return one
         if best is None or one.excess < best.excess:
             best = one
-    return best or Judgement(candidate, (Violation("reach", 10.0, "the robot does not reach all of it"),), None, None, np.inf, examined=False)
+    return best or Judgement(
+        candidate, (Violation("reach", 10.0, "the robot does not reach all of it"),), None, None, np.inf, examined=False
+    )
 
 
 def _too_strong(forces: Forces, limit: float, course: Course) -> list[Violation]:
     if forces.largest <= limit:
         return []
     k = int(np.abs(forces.tension).max(axis=0).argmax())
-    return [Violation("force_N", forces.largest / limit - 1.0, f"{forces.largest:.0f} N in the rod at t = {course.t[k]:.1f} s, limit {limit:g}")]
+    return [
+        Violation("force_N", forces.largest / limit - 1.0, f"{forces.largest:.0f} N in the rod at t = {course.t[k]:.1f} s, limit {limit:g}")
+    ]
 
 
 def _too_near(judge: Judge, course: Course) -> list[Violation]:
@@ -144,7 +147,7 @@ def tcp_rms(judge: Judge, found: Prediction) -> float:
 def _gram(on: Predictor) -> Array:
     """The free robot does not depend on where the ball-bar stands, so neither do these columns."""
     nominal = nominal_geometry(on.cell, np.zeros(3))
-    layout, x = unknowns(on.cell, nominal, (), on.corrections, measured_force=False, rod_sigma=on.sensors.rod_sigma_m)
+    layout, x = planned_unknowns(on, nominal, ())
     free = FreeRobot(on.cell, nominal, on.corrections, x[layout.coefficients])
     moves = free.jacobian(on.grid, layout.shared)
     columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))

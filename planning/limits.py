@@ -63,7 +63,7 @@ def _axis_rates(cell: Cell, limits: PlanLimits, course: Course) -> list[Violatio
         ("axis_speed_share", fast, "deg/s", np.degrees(allowed)),
         ("axis_acceleration_deg_per_s2", hard, "deg/s^2", np.full(6, limits.axis_acceleration_deg_per_s2)),
     ):
-        k, axis = np.unravel_index(int(ratio.argmax()), ratio.shape)
+        k, axis = (int(i) for i in np.unravel_index(int(ratio.argmax()), ratio.shape))
         text = f"axis {axis + 1} at {ratio[k, axis] * top[axis]:.0f} {unit}, limit {top[axis]:.0f}"
         out.append(_over(key, ratio[k, axis] - 1.0, text, course.t[k]))
     k = int(course.tip_speed.argmax())

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from cell.chain import Array
+from cell.descriptions import Cell
 from cell.errors import InputError
-from cell.geometry import PARAMETERS, bar_frames
+from cell.geometry import PARAMETERS, bar_frames, nominal_geometry, robot_frames
 from ident.corrections.base import play_width
 from ident.uncertainty import observability
-from planning.candidate import Candidate, rounded, space_of
+from planning.candidate import Candidate, numbers_of, rounded, space_of
 from planning.course import Course
+from planning.first import first_path
 from planning.force import load_reversals
 from planning.judge import Judge, Judgement, judged, judges
 from planning.predict import Prediction, predict
 from planning.request import PlanRequest
-from planning.first import first_path
-from planning.search import Progress, search
+from planning.sample import VIOLATES
+from planning.search import Progress, Start, search
 from planning.workers import judging_processes
+from sim.simulate import load_lissajous
 
 COVERED_WITHIN = np.radians(10.0)  # of the path, by which a point of the sphere counts as covered (mujoco_facts sec. 10)
 SPHERE_POINTS = 2000
@@ -52,10 +56,7 @@ class Plan:
     @property
     def plate_adds(self) -> float:
         """[m] root mean square TCP error that the plate's own length adds: pure scale, which no data show."""
-        positions = self.typical.free.tool(self.typical.grid)
-        spread = float(np.sqrt(((positions - positions.mean(axis=0)) ** 2).sum(axis=1).mean()))
-        plate = self.judge.cell.plate
-        return spread * plate.length_sigma / plate.length
+        return scale_error(self.judge.predictor.grid, self.judge.cell)
 
     @property
     def tcp(self) -> Array:
@@ -85,6 +86,13 @@ class Plan:
         return observability(typical.model, typical.normal, np.array(robot))
 
 
+def scale_error(grid: Array, cell: Cell) -> float:
+    """[m] root mean square TCP error over poses grid (G, 6) [rad] of a plate that is one deviation longer than it is said to be."""
+    positions = robot_frames(nominal_geometry(cell, np.zeros(3)), grid).tip
+    spread = float(np.sqrt(((positions - positions.mean(axis=1, keepdims=True)) ** 2).sum(axis=0).mean()))
+    return spread * cell.plate.length_sigma / cell.plate.length
+
+
 def covered(directions: Array) -> float:
     """Share of the unit sphere within COVERED_WITHIN of directions (3, N)."""
     k = np.arange(SPHERE_POINTS) + 0.5
@@ -96,6 +104,7 @@ def covered(directions: Array) -> float:
 def make_plan(
     request: PlanRequest,
     *,
+    relative_to: Path,
     workers: int,
     seconds: float,
     evaluations: int,
@@ -104,7 +113,7 @@ def make_plan(
 ) -> Plan:
     """The best path within `seconds` and `evaluations`; with 0 seconds the first that can be run.
 
-    since : seconds since planning began. Raises InputError where there is none.
+    relative_to : folder of the request, for paths it names. since : seconds since planning began. Raises InputError where there is none.
     """
     given = judges(request)
     first, tried = first_path(given)
@@ -114,12 +123,30 @@ def make_plan(
     if seconds > 0.0:
         with judging_processes(request, workers) as pool:
             progress = search(
-                request, pool, workers=workers, seconds=seconds - since(), evaluations=evaluations, first=[first], show=show
+                request,
+                pool,
+                workers=workers,
+                seconds=seconds - since(),
+                evaluations=evaluations,
+                first=[first],
+                hints=hints(request, relative_to),
+                show=show,
             )
     assert progress.best is not None
     judge = given[progress.best.rod]
     candidate = rounded(space_of(request).candidate(progress.best.z))
     return assessed(judge, candidate, evaluated=tried + progress.evaluated, seconds=since(), stopped=progress.stopped)
+
+
+def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
+    """Paths that the request names, as starts that may yet violate limits. Raises DescriptionError for a bad file."""
+    space = space_of(request)
+    middle = 0.5 * (space.lower + space.upper)
+    return [
+        Start(rod, numbers_of(space, Candidate(load_lissajous(relative_to / file), middle)), VIOLATES)
+        for file in request.start_from
+        for rod in (request.cell.ballbar, *request.cell.ballbar_choices)
+    ]
 
 
 def assessed(judge: Judge, candidate: Candidate, *, evaluated: int = 0, seconds: float = 0.0, stopped: bool = False) -> Plan:

@@ -77,7 +77,9 @@ class PlanTiming(Strict):
     """How long the run is, and where it rests."""
 
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 120.0
-    dwell_s: Annotated[float, Field(ge=1.0)] = Field(4.0, description="Standstill at both ends and each stop: the clocks are matched there.")
+    dwell_s: Annotated[float, Field(ge=1.0)] = Field(
+        4.0, description="Standstill at both ends and each stop: the clocks are matched there."
+    )
     stops: Annotated[int, Field(ge=0, le=50)] = Field(2, description="Standstills between the ends.")
 
 
@@ -101,17 +103,17 @@ class PlanLimits(Strict):
     axis_speed_share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(0.25, description="Of each axis's top speed.")
     axis_acceleration_deg_per_s2: Positive = Field(60.0, description="Assumed: inertia stays below a tenth of the weight.")
     tcp_speed_m_per_s: Positive = Field(0.25, description="Reduced speed of ISO 10218-1.")
-    wrist_margin_deg: Positive = Field(20.0, description="Of axis 5 from its singularity.")
+    wrist_margin_deg: Positive = Field(10.0, description="Of axis 5 from its singularity.")
     elbow_margin_deg: Positive = Field(15.0, description="Of the arm from being stretched out.")
     shoulder_margin_m: Positive = Field(0.15, description="Of the wrist's centre from axis 1.")
-    ballbar_margin_deg: Positive = Field(25.0, description="Of b2 and b4 from their singularities (thesis sec. 5.1).")
+    ballbar_margin_deg: Positive = Field(15.0, description="Of b2 and b4 from their singularities (thesis sec. 5.1).")
     cable_turns: Positive = Field(1.0, description="Of each ball-bar joint, end to end; the thesis's cables allowed 2 and were in the way.")
     force_N: Positive = Field(150.0, description="In the rod under soft servo (thesis Fig. 5.7), for a robot of 1 mm, 1 mrad.")
     clearance_m: Positive = Field(0.03, description="Between capsules of robot, plate, rod and everything else.")
 
 
 # What the soft servo may add to a plan: added to margins, a share of rates and forces. Measured by planning.verify.
-RESERVE_DEG, RESERVE_M, RESERVE_RATE, RESERVE_FORCE = 1.0, 0.01, 0.9, 0.75
+RESERVE_DEG, RESERVE_M, RESERVE_RATE, RESERVE_FORCE = 1.0, 0.01, 0.9, 0.8
 
 
 def tightened(limits: PlanLimits) -> PlanLimits:
@@ -119,7 +121,7 @@ def tightened(limits: PlanLimits) -> PlanLimits:
     changed = {f"{name}_margin_deg": getattr(limits, f"{name}_margin_deg") + RESERVE_DEG for name in ("axis", "wrist", "elbow", "ballbar")}
     changed |= {name: getattr(limits, name) + RESERVE_M for name in ("clearance_m", "shoulder_margin_m")}
     changed |= {name: getattr(limits, name) * RESERVE_RATE for name in ("axis_speed_share", "tcp_speed_m_per_s", "cable_turns")}
-    changed["axis_acceleration_deg_per_s2"] = limits.axis_acceleration_deg_per_s2 * RESERVE_FORCE
+    changed["axis_acceleration_deg_per_s2"] = limits.axis_acceleration_deg_per_s2 * RESERVE_RATE
     return limits.model_copy(update=changed | {"force_N": limits.force_N * RESERVE_FORCE})
 
 
@@ -141,6 +143,9 @@ class PlanRequest(Strict):
     limits: PlanLimits = PlanLimits()
     workspace: Workspace | None = Field(None, description="Default: the robot file's accuracy box.")
     servo: str = Field("soft", description="A gain set of the robot's file.")
+    start_from: tuple[str, ...] = Field(
+        (), description="Path files to begin the search with, relative to this one; its ball-bar in the middle."
+    )
     cycles_max: Annotated[int, Field(ge=1, le=12)] = Field(5, description="Of a ball-bar joint in one run.")
     seed: Annotated[int, Field(ge=0)] = 1
 

@@ -62,7 +62,9 @@ def screen(cell: Cell, space: Space, limits: PlanLimits, z: Array) -> Screened:
     best = total.argmin(axis=0)
     at_best = worst[best, np.arange(m)]
     unreached = lost.mean(axis=1)
-    excess = np.where(unreached > 0.0, UNREACHED * (0.1 + unreached), np.where(total.min(axis=0) > 0.0, total.min(axis=0), at_best.max(axis=1)))
+    excess = np.where(
+        unreached > 0.0, UNREACHED * (0.1 + unreached), np.where(total.min(axis=0) > 0.0, total.min(axis=0), at_best.max(axis=1))
+    )
     which = np.where(unreached > 0.0, 0, 1 + at_best.argmax(axis=1))
     return Screened(np.asarray(excess), np.array(REASONS)[which])
 

@@ -28,7 +28,8 @@ with warnings.catch_warnings():
     import cma
 
 SLICE = 1.5  # [s] of random candidates between two looks at the clock
-RANDOM_SHARE = 0.15  # of the time goes into random candidates
+RANDOM_SHARE = 0.15  # of the time goes into random candidates, at most
+STARTS = 80  # random candidates that can be run are enough
 SPREAD = 0.08  # first step of an island, of each number's range
 STALLED = 25  # generations without a gain of GAIN end an island
 GAIN = 0.003  # of the natural logarithm of the TCP sigma
@@ -73,11 +74,12 @@ def search(
     seconds: float,
     evaluations: int,
     first: list[Start],
+    hints: list[Start],
     show: Callable[[Progress], None] = lambda _: None,
 ) -> Progress:
     """The best candidate found within `seconds` and about `evaluations` of CMA-ES; Ctrl-C ends the search and keeps the best so far.
 
-    first : candidates that are known to be runnable.
+    first : candidates that are known to be runnable. hints : where else islands may begin, runnable or not.
     """
     progress, since = Progress(), time.monotonic()
     starts = list(first)
@@ -86,8 +88,8 @@ def search(
     rods = (request.cell.ballbar, *request.cell.ballbar_choices)
     try:
         starts += _random(request, pool, rods, workers, since + RANDOM_SHARE * seconds, progress, show)
-        if starts:
-            _islands(request, pool, workers, since + seconds, evaluations, sorted(starts, key=lambda s: s.figure), progress, show)
+        starts = hints + _apart(sorted(starts, key=lambda s: s.figure))
+        _islands(request, pool, workers, since + seconds, evaluations, starts, progress, show)
     except KeyboardInterrupt:
         progress.stopped = True
     return progress
@@ -104,7 +106,7 @@ def _random(
 ) -> list[Start]:
     starts: list[Start] = []
     seed = request.seed + 1  # the first feasible path was drawn with the seed itself
-    while time.monotonic() < until:
+    while time.monotonic() < until and len(starts) < STARTS:
         jobs = [(rods[(seed + k) % len(rods)], seed + k) for k in range(workers)]
         futures = [pool.submit(sampled_there, rod, s, SLICE) for rod, s in jobs]
         seed += workers
@@ -132,7 +134,7 @@ def _islands(
 ) -> None:
     """Islands side by side; where one ends, the next best start begins another."""
     space = space_of(request)
-    waiting = _apart(starts)
+    waiting = starts
     islands = [Island(space, waiting.pop(0), request.seed + k) for k in range(min(workers, len(waiting)))]
     asked: list[list[Future[float]]] = [island.ask(pool) for island in islands]
     last = progress.evaluated + evaluations
@@ -150,7 +152,9 @@ def _islands(
 
 def _apart(starts: list[Start]) -> list[Start]:
     """The best start of each set of cycles first, then the others."""
-    seen, one, more = set(), [], []
+    seen: set[object] = set()
+    one: list[Start] = []
+    more: list[Start] = []
     for start in starts:
         key = (start.rod, tuple(start.z[CYCLES].round(1)))
         (more if key in seen else one).append(start)

@@ -12,7 +12,7 @@ import numpy as np
 
 from cell.chain import Array
 from cell.descriptions import Cell, joints_to_axes
-from cell.geometry import bar_frames, nominal_geometry
+from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from planning.candidate import Candidate
 from planning.clearance import Clearance, distances_along
 from planning.limits import arm_margins, from_singular
@@ -64,8 +64,16 @@ def run_in_plant(cell: Cell, request: PlanRequest, candidate: Candidate, *, seed
         cell.robot, nominal, candidate.shape, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops, step=PATH_STEP
     )
     errors = plant_errors(table=seed == 0)
-    true = true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed)
+    true = set_without_strain(true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed), path.q[:1])
     return run_plant(cell, true, plant_effects(errors, cell, seed), path, servo=request.servo, timestep=TIMESTEP)
+
+
+def set_without_strain(true: Geometry, q: Array) -> Geometry:
+    """The cell with the ball-bar's base moved along the rod, as one sets it with the robot at rest at the first target q (1, 6) [rad]."""
+    tool = robot_frames(true, q).tip[:, 0]
+    out = tool - true.origin
+    moved = out * (1.0 - true["bd3"] / np.linalg.norm(out))
+    return true.replaced({f"o{axis}": true[f"o{axis}"] + float(step) for axis, step in zip("xyz", moved, strict=True)})
 
 
 def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) -> list[Check]:
@@ -81,7 +89,9 @@ def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) ->
     return [
         _at_least("axis_margin_deg", np.degrees(inside), limits.axis_margin_deg, "deg"),
         _at_most("axis_speed_share", fastest, limits.axis_speed_share, ""),
-        _at_most("axis_acceleration_deg_per_s2", np.degrees(np.abs(accelerations)).max(axis=1), limits.axis_acceleration_deg_per_s2, "deg/s^2"),
+        _at_most(
+            "axis_acceleration_deg_per_s2", np.degrees(np.abs(accelerations)).max(axis=1), limits.axis_acceleration_deg_per_s2, "deg/s^2"
+        ),
         _at_most("tcp_speed_m_per_s", speed, limits.tcp_speed_m_per_s, "m/s"),
         _at_least("wrist_margin_deg", np.degrees(from_singular(motion.q[:, 4])), limits.wrist_margin_deg, "deg"),
         _at_least("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg"),

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing.process import BaseProcess
 
 from cell.chain import Array
 from planning.judge import Judge, judges
@@ -49,4 +50,10 @@ def _begin(request: PlanRequest) -> None:
     _judges.update(judges(request))
     asked = multiprocessing.parent_process()
     if asked is not None:
-        threading.Thread(target=lambda: (asked.join(), os._exit(1)), daemon=True).start()
+        threading.Thread(target=_leave_with, args=(asked,), daemon=True).start()
+
+
+def _leave_with(asked: BaseProcess) -> None:
+    """Ends this process when the one that asked is gone, were it killed."""
+    asked.join()
+    os._exit(1)
