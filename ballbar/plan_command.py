@@ -114,7 +114,7 @@ def say_plate(out: Console) -> None:
     """The rule of thesis sec. 4.5."""
     sinks, turns = FIGURES["plate_deflection"]() * 1e6, FIGURES["plate_slope"]() * 1e6
     out.print(
-        f"plate rule: {OFFSET_PLATE.thickness * 1e3:.0f} mm of aluminium, {OFFSET_PLATE.length * 1e3:.0f} mm long, {PLATE_FORCE:.0f} N: the "
+        f"plate: {OFFSET_PLATE.thickness * 1e3:.0f} mm of aluminium, {OFFSET_PLATE.length * 1e3:.0f} mm long, {PLATE_FORCE:.0f} N: the "
         f"tip sinks by {sinks:.1f} um, {sinks:.1f} urad seen from 1 m (thesis Fig. 4.4: 10), and turns by {turns:.0f} urad"
     )
 

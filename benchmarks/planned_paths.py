@@ -1,11 +1,11 @@
 """What planning gains: predicted, against random paths and the hand-made one; and confirmed, by identifying simulated recordings.
 
     python -m benchmarks.planned_paths predicted                # 200 random paths that can be run, both robots: minutes
-    python -m benchmarks.planned_paths identified               # 10 drawn robots with everything on, both robots: half an hour
+    python -m benchmarks.planned_paths identified               # 10 drawn robots with everything on, both robots: ten minutes
 
-Paths: scenarios/paths/ROBOT_planned.yaml as `ballbar plan scenarios/plans/ROBOT.yaml` found it, and ROBOT_a.yaml, the hand-made path of
-the thesis's kind. Four encoders, 120 s, one recording a fit, no force or torque signal. Writes docs/studies/planned_paths_random.csv and
-docs/studies/planned_paths_identified.csv.
+Paths: scenarios/paths/ROBOT_planned.yaml, and ROBOT_a.yaml, the hand-made path of the thesis's kind (mujoco_facts sec. 10). Four
+encoders, 120 s, one recording a fit, no force or torque signal; the hand-made path's fits are those of benchmarks.everything_on, of the
+same drawn robots. Writes docs/studies/planned_paths_random.csv and docs/studies/planned_paths_identified.csv.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ def predicted_of(robot: str, path: str) -> float:
     return float(np.median(figures))
 
 
-def identified(robot: str, path: str, seed: int) -> dict[str, object]:
-    """TCP error of one drawn robot, identified from one recording of one path."""
-    asked = _scenario(robot, path).model_dump(mode="json", by_alias=True, exclude_none=True)
+def identified(robot: str, seed: int) -> dict[str, object]:
+    """TCP error of one drawn robot, identified from one recording of the planned path."""
+    asked = _scenario(robot, "planned").model_dump(mode="json", by_alias=True, exclude_none=True)
     asked["errors"]["static"] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "thesis"}
     scenario = Scenario.model_validate(asked | {"seed": seed}, strict=False)
     with tempfile.TemporaryDirectory() as folder:
@@ -65,10 +65,17 @@ def identified(robot: str, path: str, seed: int) -> dict[str, object]:
     found = identify_together(cell, [logs], model="complete", force="none")[0]
     tcp = identification_against_truth(found, truth).tcp
     return {
-        "robot": robot, "path": path, "seed": seed, "status": found.verdict.status, "tcp_mean_mm": tcp.mean * 1e3,
-        "tcp_max_mm": tcp.maximum * 1e3, "stated_sigma_mm": float(found.tcp_sigma.mean()) * 1e3,
-        "rod_force_min_N": truth.rod_force_min, "rod_force_max_N": truth.rod_force_max,
+        "robot": robot, "path": "planned", "seed": seed, "status": found.verdict.status, "tcp_mean_mm": tcp.mean * 1e3,
+        "tcp_max_mm": tcp.maximum * 1e3, "tcp_sigma_mm": float(found.tcp_sigma.mean()) * 1e3,
     }  # fmt: skip
+
+
+def by_hand(robot: str, seeds: int) -> list[dict[str, object]]:
+    """The same robots identified from the hand-made path alone, as benchmarks.everything_on left them."""
+    columns = ("robot", "seed", "status", "tcp_mean_mm", "tcp_max_mm", "tcp_sigma_mm")
+    with (STUDIES / f"everything_on_{robot}.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["paths"] == "a" and row["signal"] == "none" and int(row["seed"]) <= seeds]
+    return [{"robot": row["robot"], "path": "a"} | {c: row[c] for c in columns[1:]} for row in rows]
 
 
 def _judge(robot: str) -> Judge:
@@ -91,8 +98,8 @@ def main() -> None:
         if asked.half == "predicted":
             _say_predicted(dict(zip(ROBOTS, pool.map(random_figures, ROBOTS), strict=True)))
         else:
-            jobs = [(r, p, s) for r in ROBOTS for s in range(1, asked.seeds + 1) for p in ("a", "planned")]
-            rows = []
+            jobs = [(robot, seed) for robot in ROBOTS for seed in range(1, asked.seeds + 1)]
+            rows = [row for robot in ROBOTS for row in by_hand(robot, asked.seeds)]
             for row in pool.map(identified, *zip(*jobs, strict=True)):
                 rows.append(row)
                 print(", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items()), flush=True)
@@ -113,17 +120,18 @@ def _say_predicted(figures: dict[str, list[float]]) -> None:
 
 
 def _say_identified(rows: list[dict[str, object]]) -> None:
+    def column(robot: str, path: str, name: str) -> np.ndarray:
+        return np.array([float(str(row[name])) for row in rows if row["robot"] == robot and row["path"] == path])
+
     for robot in ROBOTS:
-        means = {
-            p: np.array([float(str(r["tcp_mean_mm"])) for r in rows if r["robot"] == robot and r["path"] == p]) for p in ("a", "planned")
-        }
-        largest = {p: np.array([float(str(r["tcp_max_mm"])) for r in rows if r["robot"] == robot and r["path"] == p]) for p in means}
-        print(
-            f"{robot}: TCP error mean over {means['a'].size} robots: by hand {means['a'].mean():.4f}, planned "
-            f"{means['planned'].mean():.4f} mm ({means['a'].mean() / means['planned'].mean():.2f} times smaller; medians {np.median(means['a']):.4f}, "
-            f"{np.median(means['planned']):.4f}: {np.median(means['a']) / np.median(means['planned']):.2f} times); largest, median robot: "
-            f"{np.median(largest['a']):.4f}, {np.median(largest['planned']):.4f} mm"
-        )
+        for name in ("tcp_mean_mm", "tcp_max_mm"):
+            hand, planned = column(robot, "a", name), column(robot, "planned", name)
+            print(
+                f"{robot} {name}: by hand {hand.mean():.4f}, planned {planned.mean():.4f}, "
+                f"{hand.mean() / planned.mean():.2f} times smaller; "
+                f"medians {np.median(hand):.4f}, {np.median(planned):.4f}, {np.median(hand) / np.median(planned):.2f} times "
+                f"({planned.size} robots)"
+            )
 
 
 def _csv(rows: list[dict[str, object]]) -> bytes:

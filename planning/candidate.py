@@ -80,7 +80,7 @@ def numbers_of(space: Space, candidate: Candidate) -> Array:
     wide = np.where(space.upper > space.lower, space.upper - space.lower, 1.0)
     place = np.where(space.upper > space.lower, (candidate.position - space.lower) / wide, 0.0)
     swing = np.abs(shape.amplitude) / np.maximum(room, 1e-9)
-    return np.clip(np.concatenate((middle, swing, phase, (shape.cycles - 0.5) / space.cycles, place)), 0.0, 1.0)
+    return np.asarray(np.clip(np.concatenate((middle, swing, phase, (shape.cycles - 0.5) / space.cycles, place)), 0.0, 1.0))
 
 
 def rounded(candidate: Candidate) -> Candidate:

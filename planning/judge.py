@@ -1,7 +1,7 @@
 """A candidate judged: the best configuration of the arm, what it violates, and how well it would do.
 
-The figure is the root mean square of the predicted TCP sigma over the workspace, over robots whose errors differ: which loads reverse,
-and so which play is seen, depends on the force in the rod, and that on the robot.
+The figure is the root mean square of the predicted TCP sigma over the workspace. Which loads reverse,
+and so which play is seen, depends on the force in the rod, and that on the robot: a report looks at several.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from planning.request import PlanLimits, PlanRequest, tightened
 
 NEARLY = 0.5  # excess of the motion up to which forces and clearance are looked at
 UNEXAMINED = 5.0
-ROBOTS = 2  # whose tension enters a judgement; the report takes all of planning.force
+ROBOTS = 1  # whose tension enters a judgement; the report takes all of planning.force
 
 
 @dataclass(frozen=True, eq=False)

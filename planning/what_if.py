@@ -15,7 +15,6 @@ import numpy as np
 from cell.chain import Array
 from cell.descriptions import BallBar, Cell, Link, Plate
 from cell.errors import InputError
-from cell.geometry import BAR_ROWS
 from cell.schema_errors import nearest
 from planning.candidate import Candidate, numbers_of, space_of
 from planning.first import descent

@@ -40,8 +40,9 @@ def read_rapid(text: str) -> Program:
     assert int(count[1]) == len(axes)
     lists = {key: np.array([float(x) for x in _list(joined, key, len(axes))]) for key in ("seconds", "rest")}
     known = (
-        r"MODULE \w+", r"ENDMODULE", r"CONST .*", r"\[\[.*", r"\];", r"PROC \w+\(\)", r"ENDPROC", r"MoveAbsJ .*;", r"Stop;", r"WaitTime rest\{\w+\};",
-        r"SoftAct \d,\d+\\Ramp:=\d+;", r"SoftDeact;", rf"FOR i FROM 2 TO {len(axes)} DO", r"ENDFOR", r"IF rest\{i\}>0 THEN", r"ELSE", r"ENDIF",
+        r"MODULE \w+", r"ENDMODULE", r"CONST .*", r"\[\[.*", r"\];", r"PROC \w+\(\)", r"ENDPROC", r"MoveAbsJ .*;", r"Stop;",
+        r"WaitTime rest\{\w+\};",         r"SoftAct \d,\d+\\Ramp:=\d+;", r"SoftDeact;", rf"FOR i FROM 2 TO {len(axes)} DO", r"ENDFOR",
+        r"IF rest\{i\}>0 THEN", r"ELSE", r"ENDIF",
     )  # fmt: skip
     for line in code:
         if not any(re.fullmatch(pattern, line) for pattern in known):
@@ -70,16 +71,16 @@ def read_pdl2(text: str) -> Program:
         if line.startswith("--"):
             comments.append(line[2:].strip())
             continue
-        line = line.split("--")[0].strip()
-        if move := re.fullmatch(rf"(MOVE|MOVEFLY) JOINT TO \{{((?:{NUMBER}, ){{5}}{NUMBER})\}}( ADVANCE)?", line):
+        code = line.split("--")[0].strip()
+        if move := re.fullmatch(rf"(MOVE|MOVEFLY) JOINT TO \{{((?:{NUMBER}, ){{5}}{NUMBER})\}}( ADVANCE)?", code):
             assert (move[1] == "MOVEFLY") == bool(move[3])
             axes.append([float(x) for x in move[2].split(", ")])
             rests.append(0.0)
             overrides.append(override)
-        elif delay := re.fullmatch(r"DELAY (\d+)", line):
+        elif delay := re.fullmatch(r"DELAY (\d+)", code):
             rests[-1] = float(delay[1]) * 1e-3
-        elif changed := re.fullmatch(r"\$PROG_SPD_OVR := (\d+)", line):
+        elif changed := re.fullmatch(r"\$PROG_SPD_OVR := (\d+)", code):
             override = float(changed[1])
-        elif line not in ("BEGIN", "PAUSE"):
+        elif code not in ("BEGIN", "PAUSE"):
             raise ValueError(f"not PDL2 as we write it: {line}")
     return Program(np.array(axes), np.array(rests), np.zeros(len(axes)), np.array(overrides), {}, comments)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from ballbar.cli import app
 from cell.descriptions import joints_to_axes, load_cell
@@ -36,7 +37,6 @@ from planning.workers import judging_processes
 from sim.simulate import load_lissajous
 from sim.static_errors import true_geometry
 from tests.program_reader import read_pdl2, read_rapid
-from typer.testing import CliRunner
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS = ROOT / "scenarios"
@@ -171,9 +171,7 @@ def test_capsules_are_as_far_apart_as_two_segments(by_hand: Candidate) -> None:
 
 
 def test_a_request_that_cannot_be_met_says_why() -> None:
-    far = request().model_copy(
-        update={"cell": PlanCell(robot="irb2400", ballbar="lund_600", ballbar_position_m=(3.5, 0.0, 0.5))}
-    )
+    far = request().model_copy(update={"cell": PlanCell(robot="irb2400", ballbar="lund_600", ballbar_position_m=(3.5, 0.0, 0.5))})
     with pytest.raises(InputError, match=r"no path found: \d+ random paths .* out of reach 100%.*Move the ball-bar"):
         first_path(judges(far), seconds=1.0)
 
