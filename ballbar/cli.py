@@ -30,6 +30,7 @@ from ballbar.export import Format, export_summary, exported, write_export
 from ballbar.export_result import load_result
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
 from ballbar.new_recording import Told, new_recording
+from ballbar.plan_command import parse_position, plan_path
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.report_terminal import say_identification
 from ballbar.run import OUTPUTS, REPLAY, run_scenario, simulate_scenario, write_outputs
@@ -50,11 +51,13 @@ from ident.corrections import CORRECTIONS
 from ident.identify import DEFAULT_SAMPLES, ModelName
 from ident.machine import ForceSource
 from ident.start import StartError
+from planning.what_if import CHANGES, ENCODERS
 from sim.plant import PlantError
 from sim.simulate import Simulation, truth_path
 from sim.statics import NoEquilibriumError
 from sim.truth import load_truth
 
+WHAT_IF = (*CHANGES, ENCODERS)
 CLAIM_WORKERS = 2  # processes: claims are for a laptop, and for continuous integration
 
 out = Console(highlight=False, soft_wrap=True, emoji=False)  # file.csv:100: is line 100
@@ -408,6 +411,30 @@ def correct(
     for line in correction_lines(done):
         out.print(escape(line))
     out.print(f"Wrote {escape(str(written))}")
+
+
+@app.command(epilog="Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`")
+def plan(
+    request: Annotated[Path, typer.Argument(help="What is asked for, such as scenarios/plans/irb2400.yaml.", metavar="REQUEST")],
+    out_dir: Out = None,
+    seconds: Annotated[float, typer.Option(help="For the search; 0 takes the first path that can be run.", min=0.0)] = 115.0,
+    path: Annotated[Path | None, typer.Option("--path", help="Judge, check and export this path file instead.", metavar="FILE")] = None,
+    position: Annotated[str | None, typer.Option(help="Where the ball-bar stands [m], with --path.", metavar="X,Y,Z")] = None,
+    what_if: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--what-if", help=f"Expected TCP error if one of {', '.join(WHAT_IF)} were another; may be repeated.", metavar="KEY=A,B"
+        ),
+    ] = None,
+) -> None:
+    """Plan a path for the cell: what it will tell, before anyone goes there, and programs that run it.
+
+    Writes path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and programs for ABB (.mod) and Comau (.pdl) to DIR (default
+    runs/NAME-plan). Exits with 1 when the path violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best path so far.
+    """
+    place = None if position is None else parse_position(position)
+    kept = plan_path(request, out_dir=out_dir, path=path, position=place, seconds=seconds, what_if=what_if or (), out=out, err=err)
+    raise typer.Exit(0 if kept else 1)
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
