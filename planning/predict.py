@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csr_array
 
 from cell.chain import Array
 from cell.descriptions import Cell
@@ -57,14 +58,14 @@ class Predictor:
         return np.linspace(margin, self.timing.duration_s - margin, self.samples)
 
     @cached_property
-    def knots(self) -> Array:
+    def knots(self) -> csr_array:
         """(K, N) splines of the tension at the samples."""
         return tension_splines(self.instants)
 
     @cached_property
     def to_knots(self) -> Array:
         """(K, N) least-squares spline of a tension at the samples."""
-        return np.asarray(np.linalg.pinv(self.knots.T))
+        return np.asarray(np.linalg.pinv(self.knots.toarray().T))
 
     @property
     def dilution(self) -> float:
