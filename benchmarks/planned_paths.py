@@ -106,7 +106,7 @@ def main() -> None:
                 for row in pool.map(identified, [robot] * asked.seeds, range(1, asked.seeds + 1)):
                     rows.append(row)
                     print(", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items()), flush=True)
-                write_whole(STUDIES / f"planned_paths_identified_{robot}.csv", _csv(rows))
+                    write_whole(STUDIES / f"planned_paths_identified_{robot}.csv", _csv(rows))
                 _say_identified(robot, rows)
 
 
