@@ -8,6 +8,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,6 +29,7 @@ from ballbar.correct import correct_file, correction_data, correction_lines, wri
 from ballbar.export import Format, export_summary, exported, write_export
 from ballbar.export_result import load_result
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
+from ballbar.iterations import IterationLog
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.report_terminal import say_identification
 from ballbar.run import OUTPUTS, REPLAY, run_scenario, simulate_scenario, write_outputs
@@ -171,7 +173,9 @@ def identify(
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     claim_folder(folder, OUTPUTS, "the result")
     with _progress() as progress:
-        data = identify_recordings(recordings, validate or (), settings=settings, progress=progress)
+        log = IterationLog(progress)
+        data = identify_recordings(recordings, validate or (), settings=settings, progress=log.progress, watch=log.watch if rerun else None)
+        data = replace(data, iterations=tuple(log.steps))
         write_outputs(folder, data, command=_command(), replay=rerun, progress=progress)
     say_identification(out, data)
     out.print(f"Results in {escape(str(folder))}")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from acquisition import Recording, read_recording
 from ballbar.compare import identification_against_truth, limits_of
+from ballbar.iterations import IterationLog
 from ballbar.replay import write_replay
 from ballbar.report import write_report
 from ballbar.run_data import RunData
@@ -96,9 +97,18 @@ def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command:
     claim_folder(out, {RECORDING, truth_path(out / RECORDING).name, *OUTPUTS}, "a run")
     folder = out / RECORDING
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress)
-    found = identify_recordings([folder], settings=scenario.identify, progress=progress)
+    log = IterationLog(progress)
+    found = identify_recordings([folder], settings=scenario.identify, progress=log.progress, watch=log.watch)
     comparison = identification_against_truth(found.identification, simulation.truth)
     limits = limits_of(comparison, found.identification.iterations, scenario.accept)
-    data = replace(found, name=scenario.name, simulation=simulation, comparison=comparison, limits=limits)
+    data = replace(
+        found,
+        name=scenario.name,
+        simulation=simulation,
+        comparison=comparison,
+        limits=limits,
+        scenario=scenario,
+        iterations=tuple(log.steps),
+    )
     write_outputs(out, data, command=command, replay=True, progress=progress)
     return data
