@@ -12,9 +12,13 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from ballbar.replay_layout import CELL, NOTES, layout
+from ballbar.replay_coverage import coverage, log_coverage
+from ballbar.replay_events import log_events, run_events
+from ballbar.replay_iterations import log_iterations
+from ballbar.replay_layout import CELL, NOTES, SCENARIO, layout
 from ballbar.replay_motion import CellMotion, TrueTool, cell_motion, true_tool
-from ballbar.replay_notes import replay_notes
+from ballbar.replay_notes import replay_notes, scenario_page
+from ballbar.replay_parameters import log_parameters
 from ballbar.replay_scene import log_mechanism, log_tool, log_truth
 from ballbar.replay_series import log_series, run_series
 from ballbar.replay_viewer import ViewerError, open_viewer, serve_web
@@ -60,7 +64,12 @@ def _write(path: Path, data: RunData, motion: CellMotion, truth: TrueTool | None
             stream.send_recording_name(data.name)
             stream.log(NOTES, rr.TextDocument(replay_notes(data), media_type=rr.MediaType.MARKDOWN), static=True)
             stream.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            stream.log(SCENARIO, rr.TextDocument(scenario_page(data), media_type=rr.MediaType.MARKDOWN), static=True)
             log_mechanism(stream, data.identification, motion)
+            log_coverage(stream, coverage(motion.t, motion.tool, origin), origin, data.identification.geometry["bd3"])
+            log_events(stream, run_events(data, motion))
+            log_parameters(stream, data)
+            log_iterations(stream, data)
             log_tool(stream, motion)
             if truth is not None:
                 log_truth(stream, truth, motion.t, data.identification)
