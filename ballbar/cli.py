@@ -31,8 +31,9 @@ from ballbar.export_result import load_result
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
 from ballbar.iterations import IterationLog
 from ballbar.replay import ViewerError, open_viewer, serve_web
+from ballbar.replay_command import Layout, chosen_replay
 from ballbar.report_terminal import say_identification
-from ballbar.run import OUTPUTS, REPLAY, run_scenario, simulate_scenario, write_outputs
+from ballbar.run import OUTPUTS, run_scenario, simulate_scenario, write_outputs
 from ballbar.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
 from ballbar.sweep_check import load as load_sweep
@@ -231,25 +232,25 @@ def identifiability(
     out.print(f"[dim]{escape(LEGEND)}[/]")
 
 
-@app.command(epilog="Example: `ballbar replay runs/irb2400 --web`")
+@app.command(epilog="Example: `ballbar replay runs/irb2400 --web`, or `ballbar replay runs/irb2400 --against runs/nj220`")
 def replay(
     run_dir: Annotated[Path, typer.Argument(help="A folder with run.rrd, or the file itself.", metavar="RUN")],
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine (loopback only).")] = False,
-    save: Annotated[Path | None, typer.Option("--save", help="Copy the replay file instead of opening it.", metavar="FILE")] = None,
+    save: Annotated[Path | None, typer.Option("--save", help="Write the replay file instead of opening it.", metavar="FILE")] = None,
+    layout: Annotated[Layout, typer.Option(help="What to look at: the run, or how the identification converged.")] = "run",
+    against: Annotated[Path | None, typer.Option(help="Another run, to compare this one with.", metavar="RUN")] = None,
 ) -> None:
-    """Open the replay of a run in the rerun viewer."""
-    file = run_dir / REPLAY if run_dir.is_dir() else run_dir
-    if not file.is_file():
-        raise InputError(f"{file}: no replay file. Make one with `ballbar run`, or `ballbar identify RECORDING --rerun`.")
-    if save is not None:
-        if save.exists():
-            raise InputError(f"{save}: exists already; nothing was written. Name another file.")
-        write_whole(save, file.read_bytes())
-        out.print(f"Saved {escape(str(save))}")
-    elif web:
-        serve_web(file)
-    else:
-        open_viewer(file)
+    """Open the replay of a run in the rerun viewer; its iterations with --layout identify, two runs with --against."""
+    if save is not None and save.exists():
+        raise InputError(f"{save}: exists already; nothing was written. Name another file.")
+    with chosen_replay(run_dir, layout, against) as file:
+        if save is not None:
+            write_whole(save, file.read_bytes())
+            out.print(f"Saved {escape(str(save))}")
+        elif web:
+            serve_web(file)
+        else:
+            open_viewer(file)
 
 
 @app.command(epilog="Example: `ballbar sweep scenarios/sweeps/noise.yaml --workers 4`, or on a cluster `--scheduler tcp://10.0.0.5:8786`")

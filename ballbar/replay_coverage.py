@@ -14,7 +14,9 @@ from cell.chain import Array
 
 PATCHES = 800  # over the whole sphere: 0.08 of the radius across
 _COVERED: Colour = (90, 150, 235)
-_SIZE = 0.92  # of a patch's own radius: neighbours stay apart
+_SIZE = 0.85  # of a patch's own radius: neighbours stay apart
+_THICKNESS = 0.002  # [m]
+_INSIDE = 0.985  # of the radius: the path stays in sight
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +55,10 @@ def log_coverage(stream: rr.RecordingStream, covered: Coverage, centre: Array, r
     size = _SIZE * radius * np.sqrt(4.0 / PATCHES)
     upright = np.array([[0.0, 0.0, 1.0]])
     turns = np.array([Rotation.align_vectors(d[None], upright)[0].as_quat() for d in covered.directions])
-    fixed = rr.Ellipsoids3D.from_fields(half_sizes=[(size, size, 0.002)], colors=[(*_COVERED, 255)], fill_mode="solid")
+    fixed = rr.Ellipsoids3D.from_fields(colors=[_COVERED], fill_mode="solid")
     stream.log(COVERED, fixed, static=True)
-    places = centre + radius * covered.directions
-    stream.send_columns(COVERED, indexes=at(covered.t), columns=rr.Ellipsoids3D.columns(centers=places, quaternions=turns))
+    places = centre + _INSIDE * radius * covered.directions
+    discs = rr.Ellipsoids3D.columns(half_sizes=np.tile((size, size, _THICKNESS), (covered.t.size, 1)), centers=places, quaternions=turns)
+    stream.send_columns(COVERED, indexes=at(covered.t), columns=discs)
     stream.log(COVERAGE_SHARE, rr.SeriesLines(names=["covered"], colors=[_COVERED]), static=True)
     stream.send_columns(COVERAGE_SHARE, indexes=at(covered.t), columns=rr.Scalars.columns(scalars=covered.share * 100.0))

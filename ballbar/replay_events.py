@@ -67,19 +67,13 @@ class Events:
 def run_events(data: RunData, motion: CellMotion) -> Events:
     """The events of a run."""
     result, recording = data.identification, data.recording
-    wrist = np.where(np.sin(motion.q[:, 4]) < 0.0, "q5 below 0", "q5 above 0")
-    turned = motion.b[:, [1, 3]] + data.identification.geometry.bar.theta[[1, 3]]
-    signs = np.sin(turned) > 0.0
-    bar = np.array([[f"b2 {'+' * v}{'-' * (not v)}, b4 {'+' * w}{'-' * (not w)}" for w in (False, True)] for v in (False, True)])
     lanes = {
-        "robot": _lane(motion.t, np.where(_speed(motion) < STILL, "dwells", "moves"), marked="dwells"),
-        "wrist": _lane(motion.t, wrist),
-        "ballbar": _lane(motion.t, bar[signs[:, 0].astype(int), signs[:, 1].astype(int)]),
+        "robot": _lane(motion.t, np.where(_speed(motion) < STILL, "still", "moves"), marked="still"),
+        "configuration": _lane(motion.t, _configuration(result, motion)),
     }
-    remarks = [Remark(0.0, "INFO", "the robot's log begins")]
-    for name, what in (("wrist", "robot's wrist passes q5 = 0"), ("ballbar", "ball-bar passes a singular pose")):
-        lane = lanes[name]
-        remarks += [Remark(float(t), "INFO", f"{what}: now {s}") for t, s in zip(lane.t[1:], lane.states[1:], strict=True)]
+    turned = lanes["configuration"]
+    remarks = [Remark(0.0, "INFO", f"the robot's log begins; configuration {turned.states[0]}")]
+    remarks += [Remark(float(t), "INFO", f"configuration is now {s}") for t, s in zip(turned.t[1:], turned.states[1:], strict=True)]
     robot, ballbar = recording.robot_log, recording.ballbar_log
     lanes["robot_log"] = _log_lane("robot's log", robot.t, robot.t, robot.q, robot.flags, robot.segment, remarks)
     if ballbar is not None:
@@ -87,6 +81,14 @@ def run_events(data: RunData, motion: CellMotion) -> Events:
         lanes["encoders"] = _log_lane("encoders", shown, ballbar.t, ballbar.angles, ballbar.flags, ballbar.segment, remarks)
     remarks += _jumps(result)
     return Events(lanes, tuple(sorted(remarks, key=lambda one: one.t)))
+
+
+def _configuration(result: Identification, motion: CellMotion) -> NDArray[np.str_]:
+    """(N,) on which side of their singular poses the robot's wrist (q5 = 0) and the ball-bar (b2, b4 = 0 or half a turn) are."""
+    b = motion.b + result.geometry.bar.theta
+    sides = np.sin(np.stack((motion.q[:, 4], b[:, 1], b[:, 3]))) > 0.0
+    signs = np.where(sides, "+", "-")
+    return np.array([f"q5 {q5}, b2 {b2}, b4 {b4}" for q5, b2, b4 in signs.T])
 
 
 def _speed(motion: CellMotion) -> Array:

@@ -35,7 +35,7 @@ from ident.accuracy import accuracy_grid
 
 ARROWS = 150
 _LONGEST = 0.5  # of the rod: the mean arrow at the beginning
-_SMALLEST = 1e-6  # [um, urad] what is drawn for nothing at all, as its logarithm
+_SMALLEST = 1e-3  # [um, urad] what is drawn for less, as its logarithm
 
 
 def log_iterations(stream: rr.RecordingStream, data: RunData) -> None:

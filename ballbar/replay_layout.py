@@ -50,7 +50,7 @@ STEEL_GREY = (178, 184, 192)
 
 _EYE = np.array([0.28, -0.69, 0.31])  # from the robot's right and a little in front, above; times the size of the scene
 _BACKGROUND = (30, 34, 42)
-_ROOM_FOR_LEGEND = 1.3  # time axis over duration: the legend lies on the plot, so some of it stays free
+ROOM_FOR_LEGEND = 1.3  # time axis over duration: the legend lies on the plot, so some of it stays free
 _PLAYBACK_SPEED = 4.0  # a run takes minutes; four times as fast the eye still follows
 
 
@@ -65,7 +65,7 @@ def layout(plots: Mapping[str, float], *, duration: float, looking_at: Array, re
     plots : entities of the curves in the file, and the largest absolute value of each; duration : [s] of the run;
     looking_at : (3,) [m] middle of the scene; reach : [m] its size.
     """
-    end = duration * _ROOM_FOR_LEGEND
+    end = duration * ROOM_FOR_LEGEND
     whole = rrb.TimeRange(rrb.TimeRangeBoundary.absolute(seconds=0.0), rrb.TimeRangeBoundary.absolute(seconds=end))
     shown = rrb.StateTimelineView(origin=LANES, name="Events", time_view=rrb.TimeAxis(view_range=whole))
     rows = rrb.Vertical(_residuals(plots, whole), shown, _row(_angles(plots, whole)), _more(plots, whole), row_shares=[5, 4, 5, 5])
@@ -107,6 +107,7 @@ def _scene(looking_at: Array, reach: float) -> rrb.Spatial3DView:
     so_far = rrb.VisibleTimeRange(TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative())
     return rrb.Spatial3DView(
         origin=CELL,
+        contents=["$origin/**", f"- {MISMATCH}/**"],
         name="Cell: path of the tool on the sphere of the rod (yellow: so far), patches covered so far",
         background=_BACKGROUND,
         eye_controls=rrb.EyeControls3D(position=looking_at + reach * _EYE, look_target=looking_at, eye_up=(0.0, 0.0, 1.0)),

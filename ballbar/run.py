@@ -9,6 +9,7 @@ from acquisition import Recording, read_recording
 from ballbar.compare import identification_against_truth, limits_of
 from ballbar.iterations import IterationLog
 from ballbar.replay import write_replay
+from ballbar.replay_command import REPLAY
 from ballbar.report import write_report
 from ballbar.run_data import RunData
 from ballbar.run_recordings import Progress, identify_recordings
@@ -25,7 +26,6 @@ from sim.simulate import Simulation, simulate, truth_path, write_recording
 RECORDING = "recording"
 CALIBRATION = "calibration.yaml"
 REPORT = "report.html"
-REPLAY = "run.rrd"
 
 OUTPUTS = {CALIBRATION, REPORT, REPLAY}
 
