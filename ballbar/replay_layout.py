@@ -37,6 +37,7 @@ CLOCK_ERROR = "/clock/error_us"
 COVERED, COVERAGE_SHARE = "/cell/sphere/covered", "/sphere/covered_percent"
 LANES, EVENT_LOG = "/events/lanes", "/events/log"
 PARAMETER_AXES, PARAMETER_VALUES = "/parameters/axes", "/parameters/values"
+PARAMETER_TABLE = "/parameter_table"  # the numbers behind the picture
 NOTES, SCENARIO = "/notes", "/scenario"
 MISMATCH = "/cell/mismatch"
 MISMATCH_POSITION, MISMATCH_ANGLE = "/identify/mismatch/position_um_log10", "/identify/mismatch/angle_urad_log10"

@@ -34,6 +34,7 @@ from ballbar.replay_layout import (
     MISMATCH,
     NOTES,
     PARAMETER_AXES,
+    PARAMETER_TABLE,
     PARAMETER_VALUES,
     PATH_SO_FAR,
     POSITION,
@@ -43,6 +44,7 @@ from ballbar.replay_layout import (
     TIMELINE,
     parameter_view,
 )
+from ballbar.replay_parameters import common_ends, log_axes, log_values, read_table
 from cell.errors import InputError
 
 BLUE, YELLOW = (90, 150, 235), (240, 190, 70)  # run A, run B
@@ -110,20 +112,19 @@ def _written(application: str, name: str, chunks: Sequence[Chunk], blueprint: rr
                 stream.send_recording_name(name)
                 stream.send_chunks(chunks)
                 if application == COMPARE:
-                    _tell_apart(stream)
+                    _tell_apart(stream, chunks)
         finally:
             stream.disconnect()
         yield path
 
 
-def _tell_apart(stream: rr.RecordingStream) -> None:
+def _tell_apart(stream: rr.RecordingStream, chunks: Sequence[Chunk]) -> None:
     """The two runs in one picture: each in its colours, the parameters of the second a little lower."""
-    stream.log(f"/B{PARAMETER_VALUES}", rr.Transform3D(translation=[0.0, _LOWER, 0.0]), static=True)
-    for root, colour in (("/A", BLUE), ("/B", YELLOW)):
-        for name in ("change", "interval"):
-            stream.log(f"{root}{PARAMETER_VALUES}/{name}", rr.LineStrips2D.from_fields(colors=[colour]), static=True)
-        for name in ("identified", "sizes"):
-            stream.log(f"{root}{PARAMETER_VALUES}/{name}", rr.Points2D.from_fields(colors=[colour]), static=True)
+    tables = {chunk.entity_path[:2]: read_table(chunk) for chunk in chunks if chunk.entity_path.endswith(PARAMETER_TABLE)}
+    log_axes(stream, list(tables.values()))
+    ends = common_ends(list(tables.values()))
+    for root, colour, lower in (("/A", BLUE, 0.0), ("/B", YELLOW, _LOWER)):
+        log_values(stream, f"{PARAMETER_VALUES}{root}", tables[root], ends, (colour, colour), lower=lower)
         shades = [tuple(int(c * share) for c in colour) for share in (1.0, 0.8, 0.6)]
         for entity in (f"{AFTER}/{POSITION}", f"{AFTER}/{ANGLE}"):
             names = [f"{root[1:]} {axis}" for axis in "xyz"]
@@ -169,7 +170,7 @@ def _compare_layout(entities: set[str], titles: tuple[str, ...], duration: float
         _over(entities, CLOCK, "Clock offset [ms]", whole),
     ]
     shown = [view for view in curves if view is not None]
-    parameters = parameter_view(f"/A{PARAMETER_AXES}", f"/A{PARAMETER_VALUES}", f"/B{PARAMETER_VALUES}")
+    parameters = parameter_view(PARAMETER_AXES, PARAMETER_VALUES)
     notes = [rrb.TextDocumentView(origin=f"/{root}{NOTES}", name=f"{root}: {title}") for root, title in zip("AB", titles, strict=True)]
     overview = rrb.Horizontal(
         rrb.Vertical(rrb.Horizontal(*cells), rrb.Horizontal(*notes)),
