@@ -7,7 +7,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -32,6 +32,7 @@ from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nom
 from ballbar.iterations import IterationLog
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.replay_command import Layout, chosen_replay
+from ballbar.replay_live import live_run
 from ballbar.report_terminal import say_identification
 from ballbar.run import OUTPUTS, run_scenario, simulate_scenario, write_outputs
 from ballbar.run_recordings import identify_recordings
@@ -75,7 +76,11 @@ Out = Annotated[Path | None, typer.Option("--out", help="Folder for the output; 
 
 
 @app.command(epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`")
-def run(scenario: ScenarioFile, out_dir: Out = None) -> None:
+def run(
+    scenario: ScenarioFile,
+    out_dir: Out = None,
+    live: Annotated[bool, typer.Option("--live", help="Show the cell and the identification in a rerun window as they come.")] = False,
+) -> None:
     """Simulate a scenario, identify the robot from its logs, compare with the truth, write report and replay.
 
     Writes recording/, calibration.yaml, report.html and run.rrd to DIR (default runs/NAME).
@@ -83,8 +88,8 @@ def run(scenario: ScenarioFile, out_dir: Out = None) -> None:
     """
     settings = load_scenario(scenario)
     folder = out_dir or Path("runs") / settings.name
-    with _progress() as progress:
-        data = run_scenario(settings, scenario, folder, command=_command(), progress=progress)
+    with live_run() if live else nullcontext() as window, _progress() as progress:
+        data = run_scenario(settings, scenario, folder, command=_command(), progress=progress, live=window)
     say_identification(out, data)
     if data.simulation is not None:
         _say_plant(data.simulation)

@@ -12,6 +12,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from ballbar.iterations import Step
 from ballbar.replay_layout import (
     COST,
     FROM_RESULT,
@@ -63,6 +64,17 @@ def log_iterations(stream: rr.RecordingStream, data: RunData) -> None:
     stream.send_columns(STAGE, indexes=_at(numbers), columns=rr.TextDocument.columns(text=texts))
 
 
+def log_step(stream: rr.RecordingStream, number: int, step: Step) -> None:
+    """One iteration while it is made, when neither the result nor the best magnification is known."""
+    made = step.iteration
+    rms = np.array([_rms(made.error[:3].T) * 1e6, _rms(made.error[3:].T) * 1e6])
+    stream.set_time(ITERATION, sequence=number)
+    stream.log(STAGE, rr.TextDocument(_page(number, None, step.stage, rms), media_type=rr.MediaType.MARKDOWN))
+    for entity, value in ((MISMATCH_POSITION, rms[0]), (MISMATCH_ANGLE, rms[1]), (COST, made.chi2_per_sample)):
+        stream.log(entity, rr.Scalars(np.log10(max(float(value), _SMALLEST))))
+    stream.reset_time()
+
+
 def _at(numbers: NDArray[np.int64]) -> list[rr.TimeColumn]:
     return [rr.TimeColumn(ITERATION, sequence=numbers)]
 
@@ -106,9 +118,9 @@ def _log_arrows(stream: rr.RecordingStream, data: RunData, states: list[tuple[Ar
     stream.log(f"{MISMATCH}/legend", legend, static=True)
 
 
-def _page(number: int, last: int, stage: str, rms: Array) -> str:
+def _page(number: int, last: int | None, stage: str, rms: Array) -> str:
     return (
-        f"## Iteration {number} of {last}\n\n{stage}\n\n"
+        f"## Iteration {number}{f' of {last}' if last else ''}\n\n{stage}\n\n"
         f"Root mean square mismatch **{rms[0]:.3g} um**, **{rms[1]:.3g} urad**.\n\n"
         "Each solver that is started begins with its starting point; where only few samples or wider noise are taken, cost and "
         f"mismatch may rise from one stage to the next."

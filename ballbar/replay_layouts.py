@@ -62,7 +62,7 @@ def identify_replay(file: Path) -> Iterator[Path]:
     entities = {chunk.entity_path for chunk in chunks}
     if STAGE not in entities:
         raise InputError(f"{file}: holds no iterations. Write it again with `ballbar run`, or `ballbar identify RECORDING --rerun`.")
-    with _written(IDENTIFY, _title(file), chunks, _identify_layout(FROM_TRUTH in entities)) as path:
+    with _written(IDENTIFY, _title(file), chunks, identify_layout([one for one in (FROM_RESULT, FROM_TRUTH) if one in entities])) as path:
         yield path
 
 
@@ -134,17 +134,18 @@ def _tell_apart(stream: rr.RecordingStream, chunks: Sequence[Chunk]) -> None:
             stream.log(f"{root}{entity}", rr.SeriesLines.from_fields(names=[name], colors=[colour]), static=True)
 
 
-def _identify_layout(with_truth: bool) -> rrb.Blueprint:
+def identify_layout(distances: Sequence[str] = ()) -> rrb.Blueprint:
+    """The iterations: mismatch in the scene, its size, cost and distance as curves; distances : entities of these."""
     arrows = rrb.Spatial3DView(
         origin=CELL,
         contents=[f"{CELL}/sphere", f"{CELL}/tool/path", f"{CELL}/ballbar/stand/**", f"{CELL}/robot/base/**", f"{MISMATCH}/**"],
         name="Mismatch of robot and ball-bar along the path, magnified: it shrinks",
         background=(30, 34, 42),
     )
-    tool = [FROM_RESULT, *([FROM_TRUTH] if with_truth else [])]
+    tool = [_powers("Tool over the workspace, rigid robot: powers of ten of um", *distances)] if distances else []
     curves = rrb.Vertical(
         _powers("Mismatch, RMS: powers of ten of um and urad", "/identify/mismatch/**"),
-        _powers("Tool over the workspace, rigid robot: powers of ten of um", *tool),
+        *tool,
         _powers("Chi-square of each whitened residual: powers of ten; 0 is what noise explains", COST),
     )
     left = rrb.Vertical(arrows, rrb.TextDocumentView(origin=STAGE, name="What the identifier is doing"), row_shares=[3, 1])

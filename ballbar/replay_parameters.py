@@ -71,9 +71,7 @@ def log_parameters(stream: rr.RecordingStream, data: RunData) -> None:
 def read_table(chunk: Chunk) -> ParameterTable:
     """The table that a replay holds at PARAMETER_TABLE."""
     batch = chunk.to_record_batch()
-    found = {
-        name: batch.column(name)[0].as_py() for name in batch.schema.names if name in ("names", "moved", "sigma", "error", "has_truth")
-    }
+    found = {name: batch.column(name)[0].as_py() for name in ("names", "moved", "sigma", "error", "has_truth")}
     moved, sigma, error = (np.array(found[name], dtype=float) for name in ("moved", "sigma", "error"))
     return ParameterTable(tuple(found["names"]), moved, sigma, error, bool(found["has_truth"][0]))
 

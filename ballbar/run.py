@@ -10,6 +10,7 @@ from ballbar.compare import identification_against_truth, limits_of
 from ballbar.iterations import IterationLog
 from ballbar.replay import write_replay
 from ballbar.replay_command import REPLAY
+from ballbar.replay_live import LiveRun
 from ballbar.report import write_report
 from ballbar.run_data import RunData
 from ballbar.run_recordings import Progress, identify_recordings
@@ -84,8 +85,10 @@ def write_outputs(out: Path, data: RunData, *, command: str, replay: bool, progr
         write_replay(out / REPLAY, data)
 
 
-def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command: str, progress: Progress) -> RunData:
-    """Simulate, identify, compare with the truth, report, replay.
+def run_scenario(
+    scenario: Scenario, scenario_file: Path, out: Path, *, command: str, progress: Progress, live: LiveRun | None = None
+) -> RunData:
+    """Simulate, identify, compare with the truth, report, replay; live : shown each of it as it comes.
 
     Raises InputError when the scenario cannot be run, asks for another identification, or `out` holds something else.
     """
@@ -97,7 +100,9 @@ def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command:
     claim_folder(out, {RECORDING, truth_path(out / RECORDING).name, *OUTPUTS}, "a run")
     folder = out / RECORDING
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress)
-    log = IterationLog(progress)
+    if live:
+        live.simulated(simulation)
+    log = IterationLog(progress, live.iterated if live else None)
     found = identify_recordings([folder], settings=scenario.identify, progress=log.progress, watch=log.watch)
     comparison = identification_against_truth(found.identification, simulation.truth)
     limits = limits_of(comparison, found.identification.iterations, scenario.accept)
@@ -110,5 +115,7 @@ def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command:
         scenario=scenario,
         iterations=tuple(log.steps),
     )
+    if live:
+        live.finished(data)
     write_outputs(out, data, command=command, replay=True, progress=progress)
     return data
