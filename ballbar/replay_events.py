@@ -69,7 +69,7 @@ def run_events(data: RunData, motion: CellMotion) -> Events:
     result, recording = data.identification, data.recording
     lanes = {
         "robot": _lane(motion.t, np.where(_speed(motion) < STILL, "still", "moves"), marked="still"),
-        "configuration": _lane(motion.t, _configuration(result, motion)),
+        "configuration": _lane(motion.t, _configuration(data, motion)),
     }
     turned = lanes["configuration"]
     remarks = [Remark(0.0, "INFO", f"the robot's log begins; configuration {turned.states[0]}")]
@@ -83,9 +83,14 @@ def run_events(data: RunData, motion: CellMotion) -> Events:
     return Events(lanes, tuple(sorted(remarks, key=lambda one: one.t)))
 
 
-def _configuration(result: Identification, motion: CellMotion) -> NDArray[np.str_]:
+def _configuration(data: RunData, motion: CellMotion) -> NDArray[np.str_]:
     """(N,) on which side of their singular poses the robot's wrist (q5 = 0) and the ball-bar (b2, b4 = 0 or half a turn) are."""
+    result, log = data.identification, data.recording.ballbar_log
     b = motion.b + result.geometry.bar.theta
+    if log is not None:  # before and after its log the ball-bar is drawn in either of its configurations
+        ends = on_robot_clock(result, log.t[[0, -1]])
+        inside = np.flatnonzero((motion.t >= ends[0]) & (motion.t <= ends[1]))
+        b = b[np.clip(np.arange(len(b)), inside[0], inside[-1])]
     sides = np.sin(np.stack((motion.q[:, 4], b[:, 1], b[:, 3]))) > 0.0
     signs = np.where(sides, "+", "-")
     return np.array([f"q5 {q5}, b2 {b2}, b4 {b4}" for q5, b2, b4 in signs.T])

@@ -106,12 +106,15 @@ def _log_arrows(stream: rr.RecordingStream, data: RunData, states: list[tuple[Ar
     length = result.geometry["bd3"]
     factor = magnification(_rms(states[0][1]), _LONGEST * length)
     stream.log(MISMATCH, rr.Arrows3D.from_fields(colors=[RED], radii=[0.006 * length]), static=True)
-    for number, (t, position, _) in enumerate(states):
+    feet, arrows = [], []
+    for t, position, _ in states:
         rows = np.arange(0, t.size, max(1, t.size // ARROWS))
         q = np.stack([np.interp(on_robot_clock(result, t[rows]), log.t, column) for column in log.q.T], axis=1)
-        stream.set_time(ITERATION, sequence=number)
-        stream.log(MISMATCH, rr.Arrows3D(origins=robot_frames(result.geometry, q).tip.T, vectors=factor * position[rows]))
-    stream.reset_time()
+        feet.append(robot_frames(result.geometry, q).tip.T)
+        arrows.append(factor * position[rows])
+    columns = rr.Arrows3D.columns(origins=np.concatenate(feet), vectors=np.concatenate(arrows))
+    each = columns.partition([len(one) for one in arrows])
+    stream.send_columns(MISMATCH, indexes=_at(np.arange(len(states))), columns=each)
     place = result.geometry.origin + np.array([0.0, 0.0, 1.5 * length])
     label = f"mismatch of robot and ball-bar, arrows x {f'{factor:,}'.replace(',', ' ')}"
     legend = rr.Points3D([place], colors=[RED], radii=[0.01], labels=[label], show_labels=True)
