@@ -1,7 +1,7 @@
 """The web viewer's page as this machine serves it: rerun's own, without the outside hosts it names, and forbidden to call any.
 
-rerun's page loads a font from outside and the viewer reports usage and looks for news. A content security policy makes the
-browser itself refuse all of that; the links are taken out too, so that nothing is even tried.
+rerun's page loads a font from outside, and the viewer reports usage and looks for news. The links are taken out of the page, and a
+content security policy makes the browser refuse what the viewer tries by itself.
 """
 
 from __future__ import annotations

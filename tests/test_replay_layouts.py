@@ -272,12 +272,12 @@ def test_the_viewer_draws_every_layout_without_an_error(file, other, tmp_path):
         for layout, against, timeline in (("run", None, "robot_time"), ("identify", None, "iteration"), ("run", other, "robot_time")):
             with chosen_replay(file, layout, against) as path:
                 viewer.open(str(path.resolve()))
-                time.sleep(0.5)
+                time.sleep(0.3)
                 while viewer.get_state().loading:
                     time.sleep(0.1)
                 at = {"sequence": 1} if timeline == "iteration" else {"duration": 20.0}
                 viewer.set_time(timeline, **at, play_state="paused")
-                time.sleep(1.0)
+                time.sleep(0.5)
                 state = viewer.get_state()
                 assert len(state.views) >= 5
                 assert not [report for view in state.views for report in view.reports]
