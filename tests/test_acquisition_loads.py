@@ -71,6 +71,7 @@ def loaded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     return record(tmp_path_factory.mktemp("loads") / "recording", logs={"torque": {}, "force_sensor": {}})
 
 
+@pytest.mark.slow
 def test_a_simulated_force_log_is_read_as_it_was_written(loaded: Recorded) -> None:
     recording, simulation = read_recording(loaded.folder), loaded.simulation
     sensor, true = loaded.settings.logs.force_sensor, simulation.times.robot_true

@@ -162,6 +162,7 @@ def identifiable() -> Evidence:
     return identifiability_evidence(SCENARIOS / "irb2400.yaml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("table", ["3.2", "3.3", "3.4", "3.5", "sec. 3.3"])
 def test_a_printed_table_is_equal_but_for_what_the_file_states(table: str, identifiable: Evidence) -> None:
     [shipped] = [

@@ -51,6 +51,7 @@ def ballbar(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
     return code, said.out, said.err
 
 
+@pytest.mark.slow
 def test_a_scenario_runs_to_report_replay_and_limits(scenario: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     code, out, _ = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
     assert code == 0
@@ -72,6 +73,7 @@ def test_a_scenario_runs_to_report_replay_and_limits(scenario: Path, tmp_path: P
     assert not list(tmp_path.rglob("*.part"))
 
 
+@pytest.mark.slow
 def test_a_limit_that_is_missed_exits_with_1(scenario: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     scenario.write_text(scenario.read_text().replace("tcp_mean_mm: 0.05", "tcp_mean_mm: 1e-6"))
     code, out, _ = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
@@ -79,6 +81,7 @@ def test_a_limit_that_is_missed_exits_with_1(scenario: Path, tmp_path: Path, mon
     assert "missed TCP error, mean" in out
 
 
+@pytest.mark.slow
 def test_simulate_check_and_identify_are_the_same_job_in_steps(scenario: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     folder = tmp_path / "logs"
     code, out, _ = ballbar(monkeypatch, capsys, "simulate", scenario, "--out", folder)
@@ -269,6 +272,7 @@ def test_every_command_has_help_with_an_example(command: str, monkeypatch, capsy
     assert f"ballbar {command} " in out.split("Example")[1]
 
 
+@pytest.mark.slow
 def test_logs_that_do_not_belong_together_exit_with_1(recording: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     damage(recording / "recording.yaml", b"lund_600", b"lund_900")
     code, out, _ = ballbar(monkeypatch, capsys, "identify", recording, "--out", tmp_path / "out", "--samples", "200")

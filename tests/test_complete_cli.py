@@ -32,6 +32,8 @@ from ident.identify import Identification, Logs
 from sim.simulate import simulate, write_recording
 from tests.conftest import SCENARIOS, Recorded
 
+pytestmark = pytest.mark.slow
+
 THIRD_PATH = """schema: ballbar-path/1
 centre_deg: [-23.2, -54.3, 20.8, -129.6, 138.0]
 amplitude_deg: [65.0, -15.0, 25.0, -14.0, 70.0]

@@ -311,6 +311,7 @@ def test_the_thesis_s_recipe_finds_with_c_p_what_is_found_here_ba2_included(loop
     assert {name for name, r in diagonal.items() if r < 1e-6} == {*s.without_effect, *(d.name for d in s.dependent)}
 
 
+@pytest.mark.slow
 def test_the_committed_page_is_what_the_generator_writes() -> None:
     assert PAGE.read_text(encoding="utf-8") == page_text(), "run python -m benchmarks.identifiability_page"
 

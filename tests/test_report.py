@@ -243,6 +243,7 @@ def test_the_page_is_small(page: str) -> None:
     assert len(page.encode()) < 6e6
 
 
+@pytest.mark.slow
 def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
     run: RunData, page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -268,6 +269,7 @@ def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(run: 
     assert "mujoco" not in parsed.text
 
 
+@pytest.mark.slow
 def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(sensorless: RunData, tmp_path: Path) -> None:
     parsed = _Page(_page(sensorless, tmp_path))
     assert "there is one log, and no second clock to align" in parsed.text
@@ -354,6 +356,7 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
     assert [p.read_text() for p in tmp_path.iterdir()] == ["the report of yesterday"]
 
 
+@pytest.mark.slow
 def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
         write_report(tmp_path / "report.html", replace(run, folder=tmp_path / "gone"), command=COMMAND)

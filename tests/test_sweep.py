@@ -368,6 +368,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedSweep, Ou
     return sweep, swept(sweep, folder / "out", inline)
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(reference: tuple[LoadedSweep, Outcome], tmp_path: Path) -> None:
     sweep, whole = reference
     heard: list[str] = []
