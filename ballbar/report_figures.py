@@ -27,21 +27,21 @@ if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 BEFORE, AFTER = "#d9740b", "#1f66ad"
-_INK, _QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
-_BEFORE_SCALE = LinearSegmentedColormap.from_list("before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"])
-_AFTER_SCALE = LinearSegmentedColormap.from_list("after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"])
-_WIDTH = 4.6  # [in] 442 px: two figures side by side on a page of 1000 px, one on a phone
+INK, _QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
+BEFORE_SCALE = LinearSegmentedColormap.from_list("before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"])
+AFTER_SCALE = LinearSegmentedColormap.from_list("after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"])
+WIDTH = 4.6  # [in] 442 px: two figures side by side on a page of 1000 px, one on a phone
 _SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far pose would pale all others
 _CELLS = 14  # across a map, about 0.13 m each for the IRB 2400
 _HISTOGRAM_HALF_WIDTH = 5.0  # standard deviations; wider where the residuals are
-_STYLE: dict[RcKeyType, Any] = {
+STYLE: dict[RcKeyType, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "ballbar-report",
     "font.size": 10.0,
     "axes.labelsize": 10.0,
     "axes.titlesize": 10.0,
     "axes.edgecolor": _QUIET,
-    "axes.labelcolor": _INK,
+    "axes.labelcolor": INK,
     "axes.linewidth": 0.7,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -52,9 +52,9 @@ _STYLE: dict[RcKeyType, Any] = {
     "grid.linewidth": 0.7,
     "xtick.color": _QUIET,
     "ytick.color": _QUIET,
-    "xtick.labelcolor": _INK,
-    "ytick.labelcolor": _INK,
-    "text.color": _INK,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "text.color": INK,
     "legend.frameon": False,
     "legend.fontsize": 10.0,
     "lines.linewidth": 1.1,
@@ -83,8 +83,8 @@ class Landmarks:
 
 def cumulative(curves: Sequence[Curve], *, label: str) -> str:
     """Share of the grid's poses with at most so much of what `label` says, over a logarithmic axis in mm."""
-    with matplotlib.rc_context(_STYLE):
-        figure, axes = _one_panel(3.1)
+    with matplotlib.rc_context(STYLE):
+        figure, axes = _one_panel(3.5)
         for curve in curves:
             ordered = np.sort(curve.values) * 1e3
             share = np.arange(1, ordered.size + 1) / ordered.size * 100.0
@@ -94,7 +94,7 @@ def cumulative(curves: Sequence[Curve], *, label: str) -> str:
         axes.set(xscale="log", ylim=(0.0, 101.0), xlabel=f"{label} [mm]", ylabel="share of poses [%]")
         axes.xaxis.set_major_formatter("{x:g}")
         figure.legend(loc="outside upper left", ncols=1, handlelength=1.6)
-        return _svg(figure)
+        return svg(figure)
 
 
 def workspace_map(position: Array, error: Array, landmarks: Landmarks, *, label: str, before: bool) -> str:
@@ -103,10 +103,10 @@ def workspace_map(position: Array, error: Array, landmarks: Landmarks, *, label:
     position : (G, 3) [m] tool positions, robot base frame. error : (G,) [m].
     """
     factor, unit = length_scale(float(error.max()))
-    with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=(_WIDTH, 3.95))
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, 3.95))
         panels = figure.subplots(1, 2, sharex=True)
-        colours = _BEFORE_SCALE if before else _AFTER_SCALE
+        colours = BEFORE_SCALE if before else AFTER_SCALE
         cells = [_view(axes, position, error * factor, column, colours) for axes, column in zip(panels, (2, 1), strict=True)]
         top = float(np.quantile(np.concatenate([one.get_array().compressed() for one in cells]), _SCALE_TOP))
         for axes, one, column, title in zip(panels, cells, (2, 1), ("from the side", "from above"), strict=True):
@@ -115,12 +115,12 @@ def workspace_map(position: Array, error: Array, landmarks: Landmarks, *, label:
             _mark(axes, landmarks, column)
         bar = figure.colorbar(cells[0], ax=panels, location="top", aspect=38, pad=0.02, extend="max", label=f"{label} [{unit}]")
         bar.outline.set_visible(False)
-        return _svg(figure)
+        return svg(figure)
 
 
 def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock: str) -> str:
     """Norms of (N, 3) residuals on one logarithmic axis; `before` and `after` already in the unit of `label`."""
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         figure, axes = _one_panel(2.9)
         for values, colour, name in ((before, BEFORE, "before"), (after, AFTER, "after")):
             norm = np.linalg.norm(values, axis=1)
@@ -129,13 +129,13 @@ def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock:
         axes.set_ylim(bottom=_floor(after))
         axes.yaxis.set_major_formatter("{x:g}")
         figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
-        return _svg(figure)
+        return svg(figure)
 
 
 def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> str:
     """Three residual components (N, 3) after the fit, in the unit of `label`, on one scale."""
-    with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=(_WIDTH, 3.5))
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, 3.5))
         panels = figure.subplots(3, 1, sharex=True, sharey=True)
         for axes, column, name in zip(panels, values.T, "xyz", strict=True):
             axes.axhline(0.0, color=_QUIET, linewidth=0.6)
@@ -144,17 +144,17 @@ def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> 
             axes.yaxis.label.set(rotation=0, va="center")
         panels[2].set_xlabel(f"time on the {clock} clock [s]")
         panels[0].set_title(label, loc="left")
-        return _svg(figure)
+        return svg(figure)
 
 
 def tension_over_time(t: Array, tension: Array, *, clock: str) -> str:
     """Force in the rod [N], pulling positive."""
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         figure, axes = _one_panel(2.4)
         axes.axhline(0.0, color=_QUIET, linewidth=0.6)
         axes.plot(t, tension, color=AFTER)
         axes.set(xlabel=f"time on the {clock} clock [s]", ylabel="force in the rod [N]", xlim=(t[0], t[-1]))
-        return _svg(figure)
+        return svg(figure)
 
 
 def whitened_histogram(whitened: Array) -> str:
@@ -163,20 +163,20 @@ def whitened_histogram(whitened: Array) -> str:
     half = max(_HISTOGRAM_HALF_WIDTH, float(np.ceil(np.quantile(np.abs(values), 0.999))))
     x = np.linspace(-half, half, 201)
     outside = int((np.abs(values) > half).sum())
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         figure, axes = _one_panel(2.9)
         axes.hist(values, bins=np.linspace(-half, half, 51).tolist(), density=True, color="#8fb4d9", label="residuals after")
-        axes.plot(x, np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi), color=_INK, linewidth=1.4, label="unit normal")
+        axes.plot(x, np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi), color=INK, linewidth=1.4, label="unit normal")
         axes.set(xlabel="whitened residual [standard deviations]", ylabel="density", xlim=(-half, half))
         axes.annotate(
             f"{outside} of {values.size} beyond ±{half:g}", (1.0, 0.97), xycoords="axes fraction", ha="right", va="top", color=_QUIET
         )
         figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
-        return _svg(figure)
+        return svg(figure)
 
 
 def _one_panel(height: float) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(_WIDTH, height))
+    figure = Figure(figsize=(WIDTH, height))
     return figure, figure.subplots()
 
 
@@ -192,9 +192,9 @@ def _mark(axes: Axes, landmarks: Landmarks, column: int) -> None:
     """Robot base, ball-bar base and the sphere on which the tool was measured."""
     centre = (float(landmarks.origin[0]), float(landmarks.origin[column]))
     axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor="white", linewidth=2.0))
-    axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor=_INK, linewidth=1.0, linestyle=(0, (4, 3))))
-    axes.plot(*centre, marker="+", color=_INK, markersize=8, linestyle="none")
-    axes.plot(0.0, 0.0, marker="s", color=_INK, markersize=6, linestyle="none")
+    axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor=INK, linewidth=1.0, linestyle=(0, (4, 3))))
+    axes.plot(*centre, marker="+", color=INK, markersize=8, linestyle="none")
+    axes.plot(0.0, 0.0, marker="s", color=INK, markersize=6, linestyle="none")
 
 
 def _floor(after: Array) -> float | None:
@@ -204,7 +204,7 @@ def _floor(after: Array) -> float | None:
     return float(np.quantile(positive, 0.02)) / 2.0 if positive.size else None
 
 
-def _svg(figure: Figure) -> str:
+def svg(figure: Figure) -> str:
     """The bare element: no XML header, no metadata, no namespaces (HTML knows them), no names that would clash in one page."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}, transparent=True)

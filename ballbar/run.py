@@ -99,6 +99,6 @@ def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command:
     found = identify_recordings([folder], settings=scenario.identify, progress=progress)
     comparison = identification_against_truth(found.identification, simulation.truth)
     limits = limits_of(comparison, found.identification.iterations, scenario.accept)
-    data = replace(found, name=scenario.name, simulation=simulation, comparison=comparison, limits=limits)
+    data = replace(found, name=scenario.name, simulation=simulation, comparison=comparison, limits=limits, scenario_file=scenario_file)
     write_outputs(out, data, command=command, replay=True, progress=progress)
     return data

@@ -44,6 +44,7 @@ class RunData:
     limits: tuple[Limit, ...] = ()
     joined: tuple[Joined, ...] = ()  # all recordings of a joint fit, the first among them; empty for a single one
     validations: tuple[Validation, ...] = ()
+    scenario_file: Path | None = None  # of a simulated run
 
     @property
     def acceptable(self) -> bool:
