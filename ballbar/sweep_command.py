@@ -85,7 +85,7 @@ def _say_grid(out: Console, outcome: Outcome) -> None:
         table.add_column(heading, justify="right", vertical="bottom")
     for point in points:
         table.add_row(*(escape(_shown(point.values.get(key))) for key in keys), *_numbers(point, figures))
-    out.print(table, width=None if out.is_terminal else WIDTH)
+    (out if out.is_terminal else Console(file=out.file, width=WIDTH, quiet=out.quiet)).print(table)
     if (rest := plan.runs // plan.cell_runs - MAX_POINTS) > 0:
         out.print(f"... and {rest} more points of the grid, in the table")
 

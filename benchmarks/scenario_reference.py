@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
-from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
+from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen  # comes with pydantic
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
@@ -42,8 +42,8 @@ def _sections(path: str, model: type[BaseModel]) -> Iterator[str]:
         yield "\n| key | values | default | meaning |\n|---|---|---|---|\n"
         for name, field in plain.items():
             yield f"| `{field.alias or name}` | {_values(field)} | {_default(field)} | {field.description or ''} |\n"
-    elif path:
-        yield "\nNo plain keys of its own.\n" if not model.model_fields else ""
+    elif path and not model.model_fields:
+        yield "\nNo keys: on or off.\n"
     for name, field in model.model_fields.items():
         for inner in _inner(field.annotation):
             yield from _sections(f"{path}.{name}" if path else name, inner)
@@ -70,7 +70,7 @@ def _kind(annotation: Any) -> str:
     if origin in (Union, types.UnionType):
         return " or ".join(_kind(part) for part in parts if part is not type(None))
     if origin is tuple:
-        return f"list of {_kind(parts[0])}"
+        return f"list of ({_kind(parts[0])})" if " " in _kind(parts[0]) else f"list of {_kind(parts[0])}s"
     if origin is dict:
         return f"map to {_kind(parts[1])}"
     if parts:  # Annotated
@@ -85,7 +85,7 @@ def _bounds(metadata: Any) -> str:
     least = next((item.min_length for item in found if isinstance(item, MinLen)), None)
     most = next((item.max_length for item in found if isinstance(item, MaxLen)), None)
     if least is not None and least == most:
-        words.append(f"{least} of them")
+        words.append(f"exactly {least}")
     elif least:
         words.append(f"at least {least}")
     return f" {', '.join(words)}" if words else ""
