@@ -182,3 +182,20 @@ def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
     for command in sorted(cheap):
         code, _, told = ballbar(monkeypatch, capsys, *shlex.split(command)[1:])
         assert code == 0, f"{command}: {told}"
+
+
+@pytest.mark.slow
+def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "mkdocs", "build", "--site-dir", str(tmp_path / "site")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    faults = [line for line in done.stderr.splitlines() if "no such anchor" in line or line.startswith("WARNING")]
+    assert not [line for line in faults if not any(name in line for name in TO_COME)]
+    for page in (tmp_path / "site").glob("*.html"):
+        loaded = re.findall(
+            r'<(?:script|img|iframe)[^>]* src="([^"]+)"|<link[^>]* rel="(?:stylesheet|icon|preconnect)"[^>]* href="([^"]+)"',
+            page.read_text(),
+        )
+        assert not [address for pair in loaded for address in pair if address.startswith(("http", "//"))], page.name
+    assert ">errors.rod_backlash<" in (tmp_path / "site/effects.html").read_text(), "Markdown in its table is read"
+    assert 'id="ident.identify.identify"' in (tmp_path / "site/api.html").read_text()
