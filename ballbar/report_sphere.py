@@ -25,7 +25,8 @@ EQUATOR = float(np.sqrt(2.0))  # of the projection of a unit sphere
 _CELLS = 22
 _SCALE_TOP = 0.98  # share of the cells inside the colour scale
 _CORRELATION_SCALE = LinearSegmentedColormap.from_list("correlation", ["#d9740b", "#fbe3c6", "#ffffff", "#d6e6f4", "#1f66ad"])
-_LABELLED = 26  # names that stay readable on an axis of half a page
+_LABELLED = 40  # names that stay readable on an axis of half a page
+_NAMES = 250.0  # [pt] height of all names together, 8 pt each at most
 
 
 def tool_directions(one: Joined) -> Array:
@@ -68,12 +69,13 @@ def correlation_map(covariance: Array, names: tuple[str, ...], groups: list[tupl
         axes = figure.subplots()
         axes.grid(visible=False)
         shown = axes.pcolormesh(some / np.outer(deviation, deviation), cmap=_CORRELATION_SCALE, vmin=-1.0, vmax=1.0, edgecolors="white")
+        size = min(8.0, _NAMES / len(members))
         ticks = np.arange(len(members)) + 0.5
-        axes.set_xticks(ticks, members, rotation=90, fontsize=8)
-        axes.set_yticks(ticks, members, fontsize=8)
+        axes.set_xticks([])  # in the same order
+        axes.set_yticks(ticks, members, fontsize=size)
         axes.invert_yaxis()
         axes.set_aspect("equal")
-        figure.colorbar(shown, ax=axes, label="correlation [1]", shrink=0.8).outline.set_visible(False)
+        figure.colorbar(shown, ax=axes, location="top", label="correlation [1]", aspect=38, pad=0.02).outline.set_visible(False)
         return svg(figure)
 
 

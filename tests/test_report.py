@@ -349,12 +349,12 @@ def test_the_directions_on_the_sphere_are_those_of_the_true_rod(run: RunData) ->
 
 
 def test_correlations_are_drawn_for_groups_and_only_while_names_are_readable() -> None:
-    names = tuple(f"p{k}" for k in range(40))
-    figure = correlation_map(np.eye(40), names, [("p3", "p5")])
+    names = tuple(f"p{k}" for k in range(41))
+    figure = correlation_map(np.eye(41), names, [("p3", "p5")])
     assert ">p3<" in figure
     assert ">p4<" not in figure
-    assert correlation_map(np.eye(40), names, []) == ""
-    assert correlation_map(np.eye(40), names, [names]) == ""
+    assert correlation_map(np.eye(41), names, []) == ""
+    assert correlation_map(np.eye(41), names, [names]) == ""
 
 
 def test_who_decides_reads_confidence_and_what_to_do(run: RunData, page: str) -> None:
