@@ -1,16 +1,14 @@
 """Values that no motion leads to: off for a row or few, or elsewhere from a row on.
 
 Two tests. A step that would need more than the mechanism's greatest speed is a jump: back within LONGEST rows it was a
-damaged value, else something happened (a counter was reset). Below that speed, a single value is damaged where the six rows
-around it lie on one cubic and it does not (at an end, the six next to it); a kink or a step in the motion leaves the six on
-none, and nothing is concluded.
+damaged value, else something happened (a counter was reset). Below that speed, a single value is damaged where the eight rows
+around it lie on one cubic and it does not; a kink or a step in the motion leaves the eight on none, and nothing is concluded.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,10 +20,11 @@ Difference = Callable[[NDArray[Any], NDArray[Any]], Array]  # (later, earlier) v
 LONGEST = 3  # rows: damage that lasts longer is no damaged row
 MANY = 0.01  # of the rows: so many jumps are no accidents but a wrong unit or encoder
 SMALLEST = 5e-5  # [rad] a value that deviates by less may stay: it is within a few times the noise of every sensor of the cell
-FAR_OUT = 8.0  # standard deviations
+FAR_OUT = 6.0  # standard deviations: of a million values of white noise 0.002 are further out
 NORMAL_MEDIAN = 0.6745  # median of |x| over its standard deviation, for normal x
-_BESIDE = np.array([-3, -2, -1, 1, 2, 3])
-_REACH = 10.0  # row periods: neighbours further away than these say nothing
+_NOTABLE = 3.5  # standard deviations by which two neighbours on either side must miss a value for it to be judged
+_WINDOW = 9  # rows that judge one of them
+_REACH = 15.0  # row periods: rows further apart than these say nothing of each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,45 +97,35 @@ def damaged_values(t: Array, values: Array, breaks: NDArray[np.bool_]) -> NDArra
     t : (N,) [s]. values : (N, C) [rad]. breaks : (N,) rows at which a new stretch begins; no neighbours across them.
     """
     out = np.zeros(values.shape, dtype=bool)
-    if t.size < 2 * _BESIDE.size:
-        return out
-    error, sigma = _four_row_errors(t, values)
-    stretch = np.cumsum(breaks, dtype=np.intp)
-    period = float(np.median(np.diff(t)))
-    near = np.zeros(t.size, dtype=bool)
-    near[3:-3] = (stretch[6:] == stretch[:-6]) & (t[6:] - t[:-6] < _REACH * period) & (t[6:] > t[:-6])
-    rows, channels = np.nonzero((error > np.maximum(FAR_OUT * sigma, 0.5 * SMALLEST)) & near[:, None])
-    order = np.argsort(-error[rows, channels], kind="stable")  # beside a large one its neighbours look damaged too
-    for row, channel in zip(rows[order], channels[order], strict=True):
-        beside = row + _BESIDE
+    firsts = np.flatnonzero(breaks | (np.arange(t.size) == 0))
+    lasts = np.append(firsts[1:], t.size) - 1
+    error, sigma = _four_row_errors(t, values) if t.size > _WINDOW else (out.astype(np.float64), np.zeros(values.shape[1]))
+    longest = _REACH * float(np.median(np.diff(t))) if t.size > 1 else 0.0
+    for row, channel in _candidates(error, sigma, firsts, lasts):
+        stretch = int(np.searchsorted(firsts, row, side="right")) - 1
+        begin = min(max(row - _WINDOW // 2, firsts[stretch]), lasts[stretch] - _WINDOW + 1)
+        if begin < firsts[stretch] or not 0.0 < t[begin + _WINDOW - 1] - t[begin] < longest:
+            continue
+        beside = np.delete(np.arange(begin, begin + _WINDOW), row - begin)
         if not out[beside, channel].any() and _contradicted(t, values[:, channel], row, beside, float(sigma[channel])):
             out[row, channel] = True
-    # Six rows on one side say less than three on either: stamps of whole milliseconds make steps outside them, seen as usual elsewhere.
-    usual = np.maximum(sigma, np.quantile(error, 0.95, axis=0))
-    for row, beside in _ends(stretch):
-        if np.ptp(t[[row, *beside]]) < _REACH * period:
-            for channel in range(values.shape[1]):
-                if not out[beside, channel].any() and _contradicted(t, values[:, channel], row, beside, float(usual[channel])):
-                    out[row, channel] = True
     return out
 
 
-def _ends(stretch: NDArray[np.intp]) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """The first and last three rows of each stretch, and for each the six rows next to them inside."""
-    bounds = np.flatnonzero(np.diff(stretch, prepend=stretch[0] - 1, append=stretch[-1] + 1))
-    for start, stop in pairwise(bounds.tolist()):
-        for k in range(3) if stop - start >= 9 else ():
-            yield start + k, np.arange(start + 3, start + 9)
-            yield stop - 1 - k, np.arange(stop - 9, stop - 3)
+def _candidates(error: Array, sigma: Array, firsts: NDArray[np.intp], lasts: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """Rows and channels to judge: what stands out, the largest first, since beside it its neighbours look damaged too; then all ends."""
+    rows, channels = np.nonzero(error > np.maximum(_NOTABLE * sigma, 0.5 * SMALLEST))
+    order = np.argsort(-error[rows, channels], kind="stable")
+    ends = {int(row) for k in range(_WINDOW // 2) for row in (*(firsts + k), *(lasts - k)) if 0 <= row < error.shape[0]}
+    return [(int(rows[k]), int(channels[k])) for k in order] + [(row, c) for row in sorted(ends) for c in range(error.shape[1])]
 
 
 def _contradicted(t: Array, column: Array, row: int, beside: NDArray[np.intp], sigma: float) -> bool:
-    scale = t[beside[-1]] - t[beside[0]]
-    powers = ((t[beside] - t[row]) / scale)[:, None] ** np.arange(4)
+    powers = ((t[beside] - t[row]) / (t[beside[-1]] - t[beside[0]]))[:, None] ** np.arange(4)
     inverse = np.linalg.pinv(powers)
     coefficients = inverse @ column[beside]
     left = column[beside] - powers @ coefficients
-    spread = float(np.sqrt((left @ left) / 2.0))  # six rows less four coefficients
+    spread = float(np.sqrt((left @ left) / (beside.size - 4)))
     deviation = max(sigma, spread) * np.sqrt(1.0 + float(inverse[0] @ inverse[0]))
     return bool(abs(column[row] - coefficients[0]) > max(FAR_OUT * deviation, SMALLEST))
 

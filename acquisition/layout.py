@@ -17,7 +17,7 @@ from acquisition.report import Finding, finding
 from acquisition.text import LogText
 from cell.errors import LogError
 
-Kind = Literal["integer", "float", "text"]
+Kind = Literal["integer", "float", "decimal", "text"]  # decimal: text where a float would lose digits
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blank"}
 PREAMBLE = 200  # lines before a header, at most
 _TORN = "?"  # stands for a line whose quotes do not close; no number and no column is called that
@@ -183,6 +183,8 @@ def _is_number(name: str) -> bool:
 def _refuse_missing(place: str, names: list[str], strange: list[str], missing: list[str]) -> None:
     if missing:
         shown = ", ".join(repr(name[:40]) for name in names[:12])
+        if why := selectors.why_not(missing[0], names):
+            raise LogError(f"{place}:{why} The header has {shown}.")
         raise LogError(f"{place}: {_columns(missing)} missing; the header has {shown}.{_meant(missing[0], strange)}")
 
 

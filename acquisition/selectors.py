@@ -1,7 +1,8 @@
 """How a dialect finds a column in a header: by name, by regular expression (`re:robot_0.*posRawAbs`), by number (`#3`, from 1).
 
-One expression may stand for several columns, such as the six joints: they are sorted by length, then by letters, so that
-joint 2 comes before joint 10 (the Lund readers do the same).
+One expression may stand for several columns, such as the six joints: their names are alike but for one number, which counts
+on from one to the next and gives the order (joint 2 before joint 10). Names that do not are refused: a damaged header would
+otherwise change the order unseen.
 
 Expressions come from files of users. An unlucky one can take forever (nested repetition), so repeated groups are refused
 and the rest is bounded.
@@ -61,8 +62,32 @@ def find(selector: str, names: Sequence[str]) -> list[int]:
     found = [i for i, name in enumerate(names) if len(name) <= LONGEST_NAME and pattern.search(name)]
     if pick is None:
         return found
-    found.sort(key=lambda i: (len(names[i]), names[i]))
-    return [found[int(pick[2])]] if len(found) == int(pick[3]) else found
+    return [_counted(found, names)[int(pick[2])]] if len(found) == int(pick[3]) and _counted(found, names) else []
+
+
+def why_not(selector: str, names: Sequence[str]) -> str:
+    """What an expression for several columns finds instead, in words; empty for other selectors."""
+    pick = _PICK.fullmatch(selector)
+    if pick is None:
+        return ""
+    found = [name for name in names if len(name) <= LONGEST_NAME and re.search(pick[1][len(_REGEX) :], name)]
+    if len(found) != int(pick[3]):
+        return f" {pick[1]} finds {len(found)} columns, not {pick[3]}."
+    return f" {pick[1]} finds columns that are not alike but for one number that counts on: {', '.join(found)}."
+
+
+def _counted(found: Sequence[int], names: Sequence[str]) -> list[int]:
+    """Positions in the order of the one number by which their names differ; empty if they differ otherwise."""
+    parts = [re.split(r"([0-9]+)", names[i]) for i in found]
+    if len({len(one) for one in parts}) != 1:
+        return []
+    differing = [k for k in range(len(parts[0])) if len({one[k] for one in parts}) > 1]
+    if len(differing) != 1 or differing[0] % 2 == 0:
+        return []
+    numbers = [int(one[differing[0]]) for one in parts]
+    order = sorted(range(len(found)), key=lambda k: numbers[k])
+    counts_on = sorted(numbers) == list(range(min(numbers), min(numbers) + len(numbers)))
+    return [found[k] for k in order] if counts_on else []
 
 
 def by_position(selectors: Sequence[str]) -> bool:

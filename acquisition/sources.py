@@ -87,7 +87,9 @@ def _layout(
     source: SourceFile, dialect: Dialect, required: dict[str, Kind], optional: dict[str, Kind], together: tuple[str, ...] = ()
 ) -> Layout:
     time = dialect.time
-    stamps: Kind = "text" if time.type is None else time.type
+    if time.column in required:
+        raise DescriptionError(f"column {time.column} holds the time stamps; it cannot be an encoder's too.")
+    stamps: Kind = "text" if time.type is None else "decimal" if time.type == "float" else "integer"
     return Layout(
         separators=dialect.separators,
         required={time.column: stamps, **required},

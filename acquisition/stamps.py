@@ -20,6 +20,8 @@ from cell.errors import LogError
 STAMP = "stamp [ns]"  # column that holds the stamps, whatever the file calls them; no header can have that name, for its blank
 OVERRUN = 1.25  # times the nominal period; an overrun PLC cycle shows as 1.5 (thesis sec. 4.6: 15 ms for 10 ms)
 GAP = 3.0  # times the nominal period; beyond it rows are missing
+IRREGULAR = 5.0  # times what the stamps usually vary by
+FINEST = 5e-5  # [s] what a stamp may be off without any harm: 25 urad at 0.5 rad/s
 STRAY_LIMIT = 0.01  # of the rows: more stamps out of place are no accident
 COARSE = 0.1  # of the rows may share a stamp and not a value; more, and the clock is too coarse for the rows
 
@@ -161,9 +163,21 @@ def report_periods(table: Table, t: NDArray[np.float64], usual_s: tuple[float, f
     overrun = (step > OVERRUN * period) & ~gap
     _report_steps("overrun", overrun, step, period, table, findings)
     _report_steps("gap", gap, step, period, table, findings)
+    _report_irregular(step, period, gap | overrun, table, findings)
     flags = np.zeros(t.size, dtype=np.uint32)
     flags[1:] = gap * np.uint32(RowFlag.GAP) | overrun * np.uint32(RowFlag.OVERRUN)
     return flags
+
+
+def _report_irregular(step: NDArray[np.float64], period: float, known: NDArray[np.bool_], table: Table, findings: list[Finding]) -> None:
+    """A few steps that differ from the period, in a log that otherwise keeps it: the clock was set, or a stamp is damaged."""
+    off = np.abs(step - period)
+    usual = float(np.quantile(off[~known], 0.95)) if (~known).any() else 0.0
+    odd = np.flatnonzero((off > max(IRREGULAR * usual, FINEST)) & ~known) + 1
+    if 0 < odd.size <= max(3.0, STRAY_LIMIT * off.size):
+        sentence = f"up to {amount(float(off[odd - 1].max()))} off the period, which the other rows keep to {amount(max(usual, 1e-9))}."
+        file = table.files[table.file[odd[0]]]
+        findings.append(finding("irregular stamp", "warning", file, sentence, lines=table.line[odd]))
 
 
 def _report_steps(

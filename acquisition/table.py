@@ -25,8 +25,10 @@ from cell.errors import LogError
 _NUMBER = {
     "integer": re.compile(r"[+-]?[0-9]+"),
     "float": re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"),
+    "decimal": re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"),
 }
-_DTYPE = {"integer": np.int64, "float": np.float64}
+_DTYPE = {"integer": np.int64, "float": np.float64, "decimal": np.float64}
+_FINE = 4e6  # a float64 below it resolves 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,8 @@ def _parse(rows: PlainRows, header: Header) -> dict[str, NDArray[Any]]:
     if columns is None:
         _refuse_cell(rows, header)
     for name, position in zip(header.columns, header.positions, strict=True):
-        if name not in columns:
+        coarse = header.columns[name] == "decimal" and np.abs(columns[name]).max() > _FINE
+        if name not in columns or coarse:
             cells = [line.split(rows.separator, position + 1)[position].strip() for line in rows.plain]
             columns[name] = np.array(cells, dtype=object)
     return columns

@@ -42,6 +42,7 @@ _IEC = re.compile(r"L?T(?:IME)?#(-?)(?:(\d+)d)?_?(?:(\d+)h)?_?(?:(\d+)m(?!s))?_?
 _FILETIME_1970 = 116_444_736_000_000_000  # [100 ns] from 1601 to 1970
 _DC_1970 = 946_684_800_000_000_000  # [ns] from 1970 to 2000
 _WRAP = 2**32
+_MOST_NS = 9.2e18  # of 64 bits
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,11 @@ def _counts(time: TimeCells, count: _Count, findings: list[Finding]) -> Stamps:
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "iu":
         return _scaled(time, cells.astype(np.int64), count)
     if isinstance(cells, np.ndarray) and cells.dtype.kind == "f":
-        return np.asarray(np.rint((cells - count.start) * count.tick), dtype=np.int64)
+        ns = np.rint((cells - count.start) * count.tick)
+        far = np.flatnonzero(np.abs(ns) > _MOST_NS)
+        if far.size:
+            raise LogError(f"{time.place(far[0])} is no time stamp in {count.words}.")
+        return np.asarray(ns, dtype=np.int64)
     try:
         whole = np.array(cells, dtype=np.int64) if all(map(_WHOLE.fullmatch, cells)) else None
     except (OverflowError, ValueError):
@@ -152,7 +157,7 @@ def _counts(time: TimeCells, count: _Count, findings: list[Finding]) -> Stamps:
 
 def _scaled(time: TimeCells, whole: Stamps, count: _Count) -> Stamps:
     from_start = whole - count.start
-    far = np.flatnonzero(np.abs(from_start.astype(np.float64)) * count.tick > 9.2e18)
+    far = np.flatnonzero(np.abs(from_start.astype(np.float64)) * count.tick > _MOST_NS)
     if far.size:
         raise LogError(f"{time.place(far[0])} is no time stamp in {count.words}.")
     return np.asarray(from_start * count.tick)

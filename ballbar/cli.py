@@ -17,6 +17,7 @@ from rich.markup import escape
 
 from acquisition import explain_lines, read_recording
 from acquisition.live.recorder import RecorderError
+from acquisition.times import TIME_FORMS
 from ballbar import check as check_page
 from ballbar.claim_command import say_verdicts, write_page
 from ballbar.claim_run import judge_all, topics
@@ -25,6 +26,8 @@ from ballbar.correct import correct_file, correction_data, correction_lines, wri
 from ballbar.export import Format, export_summary, exported, write_export
 from ballbar.export_result import load_result
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
+from ballbar.new_recording import Told, new_recording
+from ballbar.plan_command import parse_position, plan_path
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.report_terminal import say_identification
 from ballbar.result_json import claims_data, comparison_data, run_data, simulation_data, sweep_data
@@ -47,11 +50,13 @@ from ident.corrections import CORRECTIONS
 from ident.identify import DEFAULT_SAMPLES, ModelName
 from ident.machine import ForceSource
 from ident.start import StartError
+from planning.what_if import CHANGES, ENCODERS
 from sim.plant import PlantError
 from sim.simulate import Simulation, truth_path
 from sim.statics import NoEquilibriumError
 from sim.truth import load_truth
 
+WHAT_IF = (*CHANGES, ENCODERS)
 CLAIM_WORKERS = 2  # processes: claims are for a laptop, and for continuous integration
 
 app = typer.Typer(
@@ -135,6 +140,43 @@ def check(
     if strict and (repaired := check_page.repairs(read)):
         err.print(f"[red]not as logged:[/] {len(repaired)} kinds of repairs were needed, and --strict allows none")
         raise typer.Exit(1)
+
+
+@app.command(epilog="Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer what it asks")
+def new(
+    folder: Annotated[Path, typer.Argument(help="The recording folder to make.", metavar="DIR")],
+    robot_log: Annotated[Path, typer.Argument(help="The robot's log.", metavar="ROBOTLOG", exists=True, dir_okay=False)],
+    ballbar_log: Annotated[Path, typer.Argument(help="The ball-bar's log.", metavar="BALLBARLOG", exists=True, dir_okay=False)],
+    robot: Annotated[str | None, typer.Option(help="Robot, by name or .yaml file.")] = None,
+    ballbar: Annotated[str | None, typer.Option(help="Ball-bar, by name or .yaml file.")] = None,
+    robot_dialect: Annotated[str | None, typer.Option(help="Dialect of the robot's log, or a .yaml file of your own.")] = None,
+    ballbar_dialect: Annotated[str | None, typer.Option(help="Dialect of the ball-bar's log, or a .yaml file.")] = None,
+    robot_time: Annotated[str | None, typer.Option(help=f"Its time stamps, if they do not show it: {', '.join(TIME_FORMS)}.")] = None,
+    ballbar_time: Annotated[str | None, typer.Option(help="Likewise.")] = None,
+    encoder: Annotated[list[str] | None, typer.Option(help="Counter column of an encoder; repeat.", metavar="b1=COLUMN[:-1]")] = None,
+    lines: Annotated[int | None, typer.Option(help="Lines of the encoders a turn.", min=1)] = None,
+    bits: Annotated[int | None, typer.Option(help="Bits of their interpolation.", min=8, max=13)] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Take what is proposed without asking; fail where nothing can be.")] = False,
+) -> None:
+    """Make a recording folder from two log files: what they show is proposed, what they cannot show is asked.
+
+    The folder appears only once it has been read without error.
+    """
+    told = Told(robot, ballbar, robot_dialect, ballbar_dialect, robot_time, ballbar_time, tuple(encoder or ()), lines, bits)
+    read = new_recording(folder, robot_log, ballbar_log, told, partial(_answer, proposals_taken=yes))
+    for line in check_page.check_lines(read, None):
+        out.print(f"[bold]{escape(line)}[/]" if line[0] != " " else escape(line))
+    out.print(f"Made {escape(str(folder))}. Look at recording.yaml in it, then: ballbar check {escape(str(folder))}")
+
+
+def _answer(question: str, proposal: str | None, *, proposals_taken: bool) -> str:
+    """What the user answers, or the proposal."""
+    if proposals_taken and proposal is not None:
+        out.print(f"{escape(question)} [bold]{escape(proposal)}[/]")
+        return proposal
+    if proposals_taken or not sys.stdin.isatty():
+        raise InputError(f"not told: {question}{f' Proposed: {proposal}; --yes takes it.' * bool(proposal)} Nothing was written.")
+    return str(typer.prompt(question, default=proposal))
 
 
 @app.command(epilog="Example: `ballbar identify runs/a/recording runs/b/recording --validate runs/c/recording --out runs/together`")
@@ -391,6 +433,30 @@ def correct(
     for line in correction_lines(done):
         out.print(escape(line))
     out.print(f"Wrote {escape(str(written))}")
+
+
+@app.command(epilog="Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`")
+def plan(
+    request: Annotated[Path, typer.Argument(help="What is asked for, such as scenarios/plans/irb2400.yaml.", metavar="REQUEST")],
+    out_dir: Out = None,
+    seconds: Annotated[float, typer.Option(help="For the search; 0 takes the first path that can be run.", min=0.0)] = 115.0,
+    path: Annotated[Path | None, typer.Option("--path", help="Judge, check and export this path file instead.", metavar="FILE")] = None,
+    position: Annotated[str | None, typer.Option(help="Where the ball-bar stands [m], with --path.", metavar="X,Y,Z")] = None,
+    what_if: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--what-if", help=f"Expected TCP error if one of {', '.join(WHAT_IF)} were another; may be repeated.", metavar="KEY=A,B"
+        ),
+    ] = None,
+) -> None:
+    """Plan a path for the cell: what it will tell, before anyone goes there, and programs that run it.
+
+    Writes path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and programs for ABB (.mod) and Comau (.pdl) to DIR (default
+    runs/NAME-plan). Exits with 1 when the path violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best path so far.
+    """
+    place = None if position is None else parse_position(position)
+    kept = plan_path(request, out_dir=out_dir, path=path, position=place, seconds=seconds, what_if=what_if or (), out=out, err=err)
+    raise typer.Exit(0 if kept else 1)
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:

@@ -32,6 +32,7 @@ class CellMotion:
     q: Array  # (N, 6) [rad] logged robot joint angles
     robot: Frames
     bar: Frames
+    b: Array  # (N, 5) [rad] ball-bar joint angles that `bar_frames` takes
 
     @property
     def tool(self) -> Array:
@@ -55,7 +56,7 @@ def cell_motion(data: RunData) -> CellMotion:
     rows = np.arange(0, log.t.size, thinning(log.t))
     t, q = log.t[rows], log.q[rows]
     b = _bar_angles(result, data.recording.ballbar_log, t, q)
-    return CellMotion(t, q, robot_frames(result.geometry, q), bar_frames(result.geometry, b))
+    return CellMotion(t, q, robot_frames(result.geometry, q), bar_frames(result.geometry, b), b)
 
 
 def thinning(t: Array) -> int:

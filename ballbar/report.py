@@ -20,6 +20,7 @@ from ballbar import report_sphere as sphere
 from ballbar import report_tables as tables
 from ballbar.report_numbers import rms_norm, significant, to_sigma
 from ballbar.report_provenance import InputFile, hashed, input_files, versions, without_folders
+from ballbar.report_recording import recording_section
 from ballbar.run_data import RunData
 from cell.chain import Array
 from cell.files import write_whole
@@ -92,6 +93,7 @@ def render_report(data: RunData, *, command: str, written: datetime) -> str:
         scale_ppm=result.cell.plate.length_sigma / result.cell.plate.length * 1e6,
         versions=versions(simulated=data.simulation is not None),
         machine=_machine(data),
+        recorded=recording_section(data),
         imports=[(one.name, one.recording.report) for one in data.fitted]
         + [(one.outcome.name, one.recording.report) for one in data.validations],
         inputs=_inputs(data),

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 BEFORE, AFTER = "#d9740b", "#1f66ad"
-INK, _QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
+INK, QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
 BEFORE_SCALE = LinearSegmentedColormap.from_list("before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"])
 AFTER_SCALE = LinearSegmentedColormap.from_list("after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"])
 WIDTH = 4.6  # [in] 442 px: two figures side by side on a page of 1000 px, one on a phone
@@ -40,7 +40,7 @@ STYLE: dict[RcKeyType, Any] = {
     "font.size": 10.0,
     "axes.labelsize": 10.0,
     "axes.titlesize": 10.0,
-    "axes.edgecolor": _QUIET,
+    "axes.edgecolor": QUIET,
     "axes.labelcolor": INK,
     "axes.linewidth": 0.7,
     "axes.grid": True,
@@ -50,8 +50,8 @@ STYLE: dict[RcKeyType, Any] = {
     "axes.unicode_minus": True,
     "grid.color": _GRID,
     "grid.linewidth": 0.7,
-    "xtick.color": _QUIET,
-    "ytick.color": _QUIET,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
     "text.color": INK,
@@ -94,7 +94,7 @@ def cumulative(curves: Sequence[Curve], *, label: str) -> str:
         axes.set(xscale="log", ylim=(0.0, 101.0), xlabel=f"{label} [mm]", ylabel="share of poses [%]")
         axes.xaxis.set_major_formatter("{x:g}")
         figure.legend(loc="outside upper left", ncols=1, handlelength=1.6)
-        return svg(figure)
+        return as_svg(figure)
 
 
 def workspace_map(position: Array, error: Array, landmarks: Landmarks, *, label: str, before: bool) -> str:
@@ -115,7 +115,7 @@ def workspace_map(position: Array, error: Array, landmarks: Landmarks, *, label:
             _mark(axes, landmarks, column)
         bar = figure.colorbar(cells[0], ax=panels, location="top", aspect=38, pad=0.02, extend="max", label=f"{label} [{unit}]")
         bar.outline.set_visible(False)
-        return svg(figure)
+        return as_svg(figure)
 
 
 def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock: str) -> str:
@@ -129,7 +129,7 @@ def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock:
         axes.set_ylim(bottom=_floor(after))
         axes.yaxis.set_major_formatter("{x:g}")
         figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
-        return svg(figure)
+        return as_svg(figure)
 
 
 def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> str:
@@ -138,23 +138,23 @@ def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> 
         figure = Figure(figsize=(WIDTH, 3.5))
         panels = figure.subplots(3, 1, sharex=True, sharey=True)
         for axes, column, name in zip(panels, values.T, "xyz", strict=True):
-            axes.axhline(0.0, color=_QUIET, linewidth=0.6)
+            axes.axhline(0.0, color=QUIET, linewidth=0.6)
             axes.plot(t, column, color=AFTER, linewidth=0.8)
             axes.set(ylabel=name, xlim=(t[0], t[-1]))
             axes.yaxis.label.set(rotation=0, va="center")
         panels[2].set_xlabel(f"time on the {clock} clock [s]")
         panels[0].set_title(label, loc="left")
-        return svg(figure)
+        return as_svg(figure)
 
 
 def tension_over_time(t: Array, tension: Array, *, clock: str) -> str:
     """Force in the rod [N], pulling positive."""
     with matplotlib.rc_context(STYLE):
         figure, axes = _one_panel(2.4)
-        axes.axhline(0.0, color=_QUIET, linewidth=0.6)
+        axes.axhline(0.0, color=QUIET, linewidth=0.6)
         axes.plot(t, tension, color=AFTER)
         axes.set(xlabel=f"time on the {clock} clock [s]", ylabel="force in the rod [N]", xlim=(t[0], t[-1]))
-        return svg(figure)
+        return as_svg(figure)
 
 
 def whitened_histogram(whitened: Array) -> str:
@@ -169,10 +169,10 @@ def whitened_histogram(whitened: Array) -> str:
         axes.plot(x, np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi), color=INK, linewidth=1.4, label="unit normal")
         axes.set(xlabel="whitened residual [standard deviations]", ylabel="density", xlim=(-half, half))
         axes.annotate(
-            f"{outside} of {values.size} beyond ±{half:g}", (1.0, 0.97), xycoords="axes fraction", ha="right", va="top", color=_QUIET
+            f"{outside} of {values.size} beyond ±{half:g}", (1.0, 0.97), xycoords="axes fraction", ha="right", va="top", color=QUIET
         )
         figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
-        return svg(figure)
+        return as_svg(figure)
 
 
 def _one_panel(height: float) -> tuple[Figure, Axes]:
@@ -204,7 +204,7 @@ def _floor(after: Array) -> float | None:
     return float(np.quantile(positive, 0.02)) / 2.0 if positive.size else None
 
 
-def svg(figure: Figure) -> str:
+def as_svg(figure: Figure) -> str:
     """The bare element: no XML header, no metadata, no namespaces (HTML knows them), no names that would clash in one page."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}, transparent=True)

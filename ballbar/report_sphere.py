@@ -15,7 +15,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from ballbar.report_figures import AFTER_SCALE, BEFORE_SCALE, INK, STYLE, WIDTH, svg
+from ballbar.report_figures import AFTER_SCALE, BEFORE_SCALE, INK, STYLE, WIDTH, as_svg
 from ballbar.run_data import Joined
 from cell.chain import Array
 from cell.geometry import robot_frames
@@ -53,7 +53,7 @@ def sphere_map(directions: Array, residuals: Residuals, *, before: bool) -> str:
         figure = Figure(figsize=(WIDTH, 2.95))
         for axes, (title, vectors) in zip(figure.subplots(1, 2), panels, strict=True):
             _panel(figure, axes, place, np.linalg.norm(vectors, axis=1) * 1e6, title, BEFORE_SCALE if before else AFTER_SCALE)
-        return svg(figure)
+        return as_svg(figure)
 
 
 def correlation_map(covariance: Array, names: tuple[str, ...], groups: list[tuple[str, ...]]) -> str:
@@ -76,7 +76,7 @@ def correlation_map(covariance: Array, names: tuple[str, ...], groups: list[tupl
         axes.invert_yaxis()
         axes.set_aspect("equal")
         figure.colorbar(shown, ax=axes, location="top", label="correlation [1]", aspect=38, pad=0.02).outline.set_visible(False)
-        return svg(figure)
+        return as_svg(figure)
 
 
 def _panel(figure: Figure, axes: Axes, place: Array, norm: Array, title: str, colours: LinearSegmentedColormap) -> None:

@@ -4,7 +4,7 @@
     python -m benchmarks.everything_on --robot nj220 --signals torque
 
 Every robot has its own geometry (1 mm, 1 mrad), stiffness, play, ripple, encoders, ball-bar axes, friction phases and gains; its
-two recordings share all of that. Writes docs/studies/everything_on_ROBOT.csv, a row for each robot and load signal.
+two recordings share all of that. Writes docs/studies/everything_on_ROBOT_COUNT.csv, a row for each robot and load signal.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def main() -> None:
             rows += job.result()
             said = (f"{r['paths']} {r['signal']} {r['tcp_mean_mm']:.4f}" for r in rows[-len(signals) - 1 :])
             print(f"robot {rows[-1]['seed']}: {', '.join(said)}", flush=True)
-    out = ROOT / "docs" / "studies" / f"everything_on_{asked.robot}.csv"
+    out = ROOT / "docs" / "studies" / f"everything_on_{asked.robot}_{asked.robots}.csv"
     write_whole(out, _csv(rows))
     for paths, signal in sorted({(str(r["paths"]), str(r["signal"])) for r in rows}):
         _say(paths, signal, [r for r in rows if r["paths"] == paths and r["signal"] == signal])

@@ -81,13 +81,13 @@ def position_sigma(positions: Array, moves: Array, covariance: Array) -> Array:
     moves : (P, 3, G) change of the tool per unit of each unknown; covariance : (P, P).
     """
     columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))  # (3G, P)
-    basis = _rigid_basis(positions)
+    basis = rigid_basis(positions)
     columns = columns - basis @ (basis.T @ columns)
     variance = ((columns @ covariance) * columns).sum(axis=1).reshape(-1, 3).sum(axis=1)
     return np.asarray(np.sqrt(variance))
 
 
-def _rigid_basis(points: Array) -> Array:
+def rigid_basis(points: Array) -> Array:
     """(3G, 6) orthonormal basis of the small rigid motions of the points."""
     centred = points - points.mean(axis=0)
     motions = np.zeros((points.shape[0], 3, 6))

@@ -103,6 +103,8 @@ class Point:
     state: State | None
     signals: tuple[tuple[Array, ...], ...]  # (N,) each, of every correction
     clock: Clock
+    loads_from: tuple[Geometry, Clock]  # where the loads of the state were computed, if not here
+    signals_from: Clock  # likewise signals that no load enters
     speed: Array  # (6, N) [rad/s] of the gears
     gear_to_joint: Array
 
@@ -136,17 +138,20 @@ def make_point(model: Model, x: Array, k: int, bar: Array, near: Point | None = 
     state: State | None = None
     signals: tuple[tuple[Array, ...], ...] = ()
     moved = np.zeros((CARRIERS, track.times.size))
+    loads_from, signals_from = (geometry, clock), clock
     if model.corrections:
-        alike = near is not None and near.clock.alike(clock) and layout.own[k].steps is None
+        alike = near is not None and near.signals_from.alike(clock) and layout.own[k].steps is None
         if near is not None and near.state is not None and ((alike and same_loads) or _holds(near, geometry, clock, at)):
-            carried = near.state.loads
+            carried, loads_from = near.state.loads, near.loads_from
         elif model.masses is None:
             carried = no_loads(q.shape[0])
         else:
             carried = loads(model.masses, geometry, q, bar, speed, np.asarray(track.robot.spline(at, 2)))
         gears, turned = (q @ robot.joint_to_gear).T, bar.T + geometry.bar.theta[:, None]
         state = State(track.times, k, gears, turned, carried, tension_at(model, x, k), play_width(model.cell), model.sharpness)
-        known = near.signals if near is not None and alike else ((),) * len(model.corrections)
+        known: tuple[tuple[Array, ...], ...] = ((),) * len(model.corrections)
+        if near is not None and alike:
+            known, signals_from = near.signals, near.signals_from
         signals = tuple(
             old if old and c.slopes is None else tuple(c.signals(state)) for c, old in zip(model.corrections, known, strict=True)
         )
@@ -154,7 +159,7 @@ def make_point(model: Model, x: Array, k: int, bar: Array, near: Point | None = 
     closure = close_loop(geometry, q + moved[GEAR:BAR].T @ robot.gear_to_joint, bar + moved[BAR:ROD].T)
     if model.corrections:
         closure = replace(closure, error=closure.error + rod_jacobian(closure) * moved[ROD] + plate_jacobian(closure) * moved[PLATE])
-    return Point(closure, bar, state, signals, clock, (speed @ robot.joint_to_gear).T, robot.gear_to_joint)
+    return Point(closure, bar, state, signals, clock, loads_from, signals_from, (speed @ robot.joint_to_gear).T, robot.gear_to_joint)
 
 
 def robot_times(model: Model, x: Array, k: int) -> Array:
@@ -172,9 +177,9 @@ def after(track: Track) -> Array:
 
 def _holds(near: Point, geometry: Geometry, clock: Clock, at: Array) -> bool:
     """Whether the loads of a point are as good at another geometry and clock."""
-    length, time = LOADS_HOLD
-    moved = np.abs(geometry.values - near.closure.geometry.values).max()
-    return bool(moved < length and abs(clock.offset - near.clock.offset) + abs(clock.skew - near.clock.skew) * np.ptp(at) < time)
+    (length, time), (there, then) = LOADS_HOLD, near.loads_from
+    moved = np.abs(geometry.values - there.values).max()
+    return bool(moved < length and abs(clock.offset - then.offset) + abs(clock.skew - then.skew) * np.ptp(at) < time)
 
 
 def tension_at(model: Model, x: Array, k: int) -> Array:

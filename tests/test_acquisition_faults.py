@@ -408,3 +408,19 @@ def test_a_stamp_that_goes_far_back_at_standstill_tells_nothing_of_the_time_betw
         rows = [lines[0], *(stamped(row, stamp) for row, stamp in zip(lines[1:], stamps, strict=True))]
         recording = read_recording(write(tmp_path, ballbar=rows))
         assert kinds(recording) == (["clock set back"] if joined else ["logger restarted", "part not used"])
+
+
+def test_decimal_seconds_since_1970_keep_their_nanoseconds(tmp_path: Path) -> None:
+    start = 1_700_000_000
+    lines = robot_lines()
+    stamps = [f"{start + k // 248}.{(k % 248) * 4_032_001:09d}" for k in range(800)]
+    recording = read_recording(write(tmp_path, robot=[lines[0], *(stamped(row, s) for row, s in zip(lines[1:], stamps, strict=True))]))
+    expected = np.array([(k // 248) * 10**9 + (k % 248) * 4_032_001 for k in range(800)])
+    np.testing.assert_array_equal(np.rint(recording.robot_log.t * 1e9), expected)
+
+
+def test_an_irregular_stamp_in_a_regular_log_is_warned_of(tmp_path: Path) -> None:
+    t = BAR_T.copy()
+    t[150:] += 0.0007
+    recording = read_recording(write(tmp_path, ballbar=bar_lines(t)))
+    assert found(recording) == [("irregular stamp", "warning", "raw/ballbar.csv", (152,), 1)]

@@ -228,7 +228,7 @@ def test_a_cut_last_line_is_dropped_and_reported(recording: Path, monkeypatch, c
     assert code == 0
     assert "last line" in out
     lines = len(path.read_bytes().splitlines())
-    assert f"{lines - 2} of {lines - 2} rows kept" in out
+    assert f"{lines - 2} of {lines - 2} rows used" in out
 
 
 @pytest.mark.parametrize(

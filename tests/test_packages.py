@@ -1,4 +1,4 @@
-"""Imports point one way: cell <- sim, acquisition, ident <- ballbar; the three in the middle never meet."""
+"""Imports point one way: cell <- sim, acquisition, ident <- planning <- ballbar; the three in the middle never meet."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-OURS = {"cell", "sim", "acquisition", "ident", "ballbar"}
+OURS = {"cell", "sim", "acquisition", "ident", "planning", "ballbar"}
 ALLOWED = {
     "cell": {"cell"},
     "sim": {"cell", "sim"},
     "acquisition": {"cell", "acquisition"},
     "ident": {"cell", "ident"},
+    "planning": {"cell", "sim", "ident", "planning"},
     "ballbar": OURS,
 }
 FORBIDDEN = {
@@ -22,6 +23,7 @@ FORBIDDEN = {
     "acquisition": {"mujoco", "rerun", "matplotlib", "typer", "rich", "pandas"},
     "ident": {"mujoco", "rerun", "matplotlib", "typer", "rich", "pandas"},
     "sim": {"rerun", "matplotlib", "typer", "rich", "pandas"},
+    "planning": {"rerun", "matplotlib", "typer", "rich", "pandas"},
     "ballbar": {"mujoco"},
 }
 

@@ -1,0 +1,129 @@
+"""What a plan leaves behind, as plain data and text: path file, scenario, numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from cell.files import write_whole, write_yaml
+from planning.candidate import DECIMALS, Candidate
+from planning.export import pdl2, rapid, table
+from planning.plan import Plan
+from planning.request import PlanRequest
+from planning.targets import Targets, targets_of
+
+PATH, SCENARIO, NUMBERS, TABLE = "path.yaml", "scenario.yaml", "plan.yaml", "path.csv"
+OUTPUTS = frozenset({PATH, SCENARIO, NUMBERS, TABLE, "plan.svg", "what_if.csv", "what_if.svg", "plate.svg"})
+EVERYTHING_ON: dict[str, object] = {
+    "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
+    "joint_compliance": {"spread": 0.3},
+    "lost_motion": {"spread": 0.3},
+    "joint_noise": {"sigma_rad": 2e-6},
+    **{
+        name: {}
+        for name in (
+            "transmission_error",
+            "gear_friction",
+            "resolver_error",
+            "rod_strain",
+            "rod_backlash",
+            "bar_friction",
+            "plate_bending",
+            "base_compliance",
+            "ballbar_axes",
+            "base_tilt",
+            "encoder_eccentricity",
+            "subdivisional_error",
+        )
+    },
+}  # fmt: skip  as in scenarios/irb2400_full.yaml
+
+
+def path_data(candidate: Candidate) -> dict[str, object]:
+    """A path file of schema ballbar-path/1."""
+    shape = candidate.shape
+    return {
+        "schema": "ballbar-path/1",
+        "centre_deg": np.degrees(shape.centre).round(DECIMALS).tolist(),
+        "amplitude_deg": np.degrees(shape.amplitude).round(DECIMALS).tolist(),
+        "cycles": shape.cycles.astype(int).tolist(),
+        "phase_deg": np.degrees(shape.phase).round(DECIMALS).tolist(),
+    }
+
+
+def scenario_data(plan: Plan) -> dict[str, object]:
+    """A scenario that runs the path with every error source on."""
+    request = plan.request
+    sensors = request.sensors
+    return {
+        "name": f"{request.name}_planned",
+        "cell": cell_data(plan),
+        "path": {"kind": "lissajous", "file": PATH, **request.timing.model_dump()},
+        "plant": {"servo": request.servo},
+        "errors": EVERYTHING_ON,
+        "encoders": {"fitted": list(sensors.encoders), "bits": 12, "noise_sigma_rad": sensors.encoder_noise_sigma_rad},
+        "clocks": {"offset_s": 0.508, "skew": 5.0e-5, "overrun_probability": 0.005},
+        "seed": request.seed,
+    }
+
+
+def cell_data(plan: Plan) -> dict[str, object]:
+    """What stands in the cell, as a scenario says it."""
+    chosen = plan.request.cell
+    return {
+        "robot": chosen.robot,
+        "ballbar": plan.rod,
+        "plate": chosen.plate,
+        "ballbar_position_m": plan.found.candidate.position.tolist(),
+    }
+
+
+def numbers_data(plan: Plan, targets: Targets) -> dict[str, object]:
+    """Everything predicted, SI units."""
+    typical = plan.typical
+    priors = dict(zip(typical.layout.names, typical.layout.sigma.tolist(), strict=True))
+    forces = plan.found.forces
+    assert forces is not None
+    return {
+        "schema": "ballbar-plan-result/1",
+        "name": plan.request.name,
+        "cell": cell_data(plan),
+        "tcp_sigma_m": {
+            "rms_median_robot": float(np.median(plan.tcp)),
+            "rms_worst_robot": float(plan.tcp.max()),
+            "mean": float(typical.tcp_sigma.mean()),
+            "largest": float(typical.tcp_sigma.max()),
+            "plate_length_adds": plan.plate_adds,
+        },
+        "observability": plan.indices(),
+        "sphere_covered": plan.coverage,
+        "load_sign_changes": [int(n) for n in plan.reversals],
+        "rod_force_N": [float(forces.tension.min()), float(forces.tension.max())],
+        "sag_between_targets_m": targets.sag,
+        "search": {"evaluated": plan.evaluated, "seconds": round(plan.seconds, 1), "seed": plan.request.seed, "stopped": plan.stopped},
+        "limits": plan.request.limits.model_dump(),
+        "sigma": {n: {"prior": float(priors[n]), "predicted": value} for n, value in typical.sigma.items()},
+    }
+
+
+def limit_lines(request: PlanRequest) -> list[str]:
+    """The limits that a program's header states."""
+    limit = request.limits
+    return [
+        f"Planned within: {limit.axis_margin_deg:g} deg inside each axis range, {limit.axis_speed_share:.0%} of axis speed, "
+        f"tool {limit.tcp_speed_m_per_s:g} m/s, rod force {limit.force_N:g} N on soft servo, clearance {limit.clearance_m * 1e3:g} mm.",
+    ]
+
+
+def write_plan(plan: Plan, folder: Path) -> list[str]:
+    """Writes all files but the pictures; returns their names."""
+    targets = targets_of(plan.judge.cell, plan.course, plan.request.timing)
+    name, robot, limits = plan.request.name, plan.judge.cell.robot, limit_lines(plan.request)
+    write_yaml(folder / PATH, path_data(plan.found.candidate))
+    write_yaml(folder / SCENARIO, scenario_data(plan))
+    texts = {TABLE: table, f"{name}.mod": rapid, f"{name}.pdl": pdl2}
+    for file, write in texts.items():
+        write_whole(folder / file, write(name, robot, targets, limits).encode())
+    write_yaml(folder / NUMBERS, numbers_data(plan, targets))
+    return [PATH, SCENARIO, *texts, NUMBERS]

@@ -1,0 +1,158 @@
+"""A plan: the path found, what it is predicted to tell, and the files that a cell and a scenario need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cell.chain import Array
+from cell.descriptions import Cell
+from cell.errors import InputError
+from cell.geometry import PARAMETERS, bar_frames, nominal_geometry, robot_frames
+from ident.corrections.base import play_width
+from ident.uncertainty import observability
+from planning.candidate import Candidate, numbers_of, rounded, space_of
+from planning.course import Course
+from planning.first import first_path
+from planning.force import load_reversals
+from planning.judge import Judge, Judgement, judged, judges
+from planning.predict import Prediction, predict
+from planning.request import PlanRequest
+from planning.sample import VIOLATES
+from planning.search import Progress, Start, search
+from planning.workers import judging_processes
+from sim.simulate import load_lissajous
+
+COVERED_WITHIN = np.radians(10.0)  # of the path, by which a point of the sphere counts as covered (mujoco_facts sec. 10)
+SPHERE_POINTS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A path that can be run."""
+
+    request: PlanRequest
+    judge: Judge
+    found: Judgement
+    predictions: tuple[Prediction, ...]  # of each robot of planning.force
+    evaluated: int
+    seconds: float
+    stopped: bool = False
+
+    @property
+    def course(self) -> Course:
+        """Over time, in the configuration of the arm that was chosen."""
+        assert self.found.course is not None
+        return self.found.course
+
+    @property
+    def rod(self) -> str:
+        """Name of the ball-bar as the request has it."""
+        return self.judge.rod
+
+    @property
+    def plate_adds(self) -> float:
+        """[m] root mean square TCP error that the plate's own length adds: pure scale, which no data show."""
+        return scale_error(self.judge.predictor.grid, self.judge.cell)
+
+    @property
+    def tcp(self) -> Array:
+        """(R,) [m] root mean square of the predicted TCP sigma over the workspace, of each robot."""
+        return np.array([float(np.sqrt(np.mean(p.tcp_sigma**2))) for p in self.predictions])
+
+    @property
+    def typical(self) -> Prediction:
+        """Of the robot in the middle."""
+        return self.predictions[int(np.argsort(self.tcp)[len(self.predictions) // 2])]
+
+    @property
+    def reversals(self) -> Array:
+        """(6,) sign changes of each gear's load, median over the robots."""
+        assert self.found.forces is not None
+        return np.median(load_reversals(self.found.forces, play_width(self.judge.cell)), axis=0)
+
+    @property
+    def coverage(self) -> float:
+        """Share of the sphere within COVERED_WITHIN of the path."""
+        return covered(bar_frames(self.course.nominal, self.course.b).z[2])
+
+    def indices(self) -> dict[str, float]:
+        """Observability indices O1 to O5 of the robot's parameters."""
+        typical = self.typical
+        robot = [k for k, i in enumerate(typical.layout.shared) if PARAMETERS[i].side == "robot"]
+        return observability(typical.model, typical.normal, np.array(robot))
+
+
+def scale_error(grid: Array, cell: Cell) -> float:
+    """[m] root mean square TCP error over poses grid (G, 6) [rad] of a plate that is one deviation longer than it is said to be."""
+    positions = robot_frames(nominal_geometry(cell, np.zeros(3)), grid).tip
+    spread = float(np.sqrt(((positions - positions.mean(axis=1, keepdims=True)) ** 2).sum(axis=0).mean()))
+    return spread * cell.plate.length_sigma / cell.plate.length
+
+
+def covered(directions: Array) -> float:
+    """Share of the unit sphere within COVERED_WITHIN of directions (3, N)."""
+    k = np.arange(SPHERE_POINTS) + 0.5
+    z, turn = 1.0 - 2.0 * k / SPHERE_POINTS, np.pi * (1.0 + np.sqrt(5.0)) * k  # Fibonacci lattice
+    points = np.stack((np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z), axis=1)
+    return float(((points @ directions).max(axis=1) > np.cos(COVERED_WITHIN)).mean())
+
+
+def make_plan(
+    request: PlanRequest,
+    *,
+    relative_to: Path,
+    workers: int,
+    seconds: float,
+    evaluations: int,
+    show: Callable[[Progress], None] = lambda _: None,
+    since: Callable[[], float],
+) -> Plan:
+    """The best path within `seconds` and `evaluations`; with 0 seconds the first that can be run.
+
+    relative_to : folder of the request, for paths it names. since : seconds since planning began. Raises InputError where there is none.
+    """
+    given = judges(request)
+    first, tried = first_path(given)
+    progress = Progress()
+    progress.add(first)
+    show(progress)
+    if seconds > 0.0:
+        with judging_processes(request, workers) as pool:
+            progress = search(
+                request,
+                pool,
+                workers=workers,
+                seconds=seconds - since(),
+                evaluations=evaluations,
+                first=[first],
+                hints=hints(request, relative_to),
+                show=show,
+            )
+    assert progress.best is not None
+    judge = given[progress.best.rod]
+    candidate = rounded(space_of(request).candidate(progress.best.z))
+    return assessed(judge, candidate, evaluated=tried + progress.evaluated, seconds=since(), stopped=progress.stopped)
+
+
+def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
+    """Paths that the request names, as starts that may yet violate limits. Raises DescriptionError for a bad file."""
+    space = space_of(request)
+    middle = 0.5 * (space.lower + space.upper)
+    return [
+        Start(rod, numbers_of(space, Candidate(load_lissajous(relative_to / file), middle)), VIOLATES)
+        for file in request.start_from
+        for rod in (request.cell.ballbar, *request.cell.ballbar_choices)
+    ]
+
+
+def assessed(judge: Judge, candidate: Candidate, *, evaluated: int = 0, seconds: float = 0.0, stopped: bool = False) -> Plan:
+    """A candidate with all predictions. Raises InputError where it cannot be run."""
+    found = judged(judge, candidate)
+    if found.violations or found.course is None or found.forces is None:
+        raise InputError(f"the path cannot be run: {'; '.join(v.sentence for v in found.violations)}")
+    predictions = tuple(predict(judge.predictor, found.course, tension) for tension in found.forces.tension)
+    return Plan(judge.request, judge, found, predictions, evaluated, seconds, stopped)

@@ -1,0 +1,211 @@
+"""The search for the best path: random candidates first, then CMA-ES from the best of them, island after island, until time is up.
+
+CMA-ES (Hansen, arXiv:1604.00772; library `cma`) moves swings, middles, phases and place; each island keeps the cycles and the rod that
+it began with. Two islands run side by side, one for each worker.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.chain import Array
+from cell.geometry import BAR_ROWS
+from planning.candidate import Space, folded, space_of
+from planning.request import PlanRequest
+from planning.sample import VIOLATES, Sampled
+from planning.workers import figure_there, sampled_there
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # cma looks for plotting when it is imported
+    import cma
+
+SLICE = 1.5  # [s] of random candidates between two looks at the clock
+RANDOM_SHARE = 0.15  # of the time goes into random candidates, at most
+STARTS = 80  # random candidates that can be run are enough
+SPREAD = 0.08  # first step of an island, of each number's range
+STALLED = 25  # generations without a gain of GAIN end an island
+GAIN = 0.003  # of the natural logarithm of the TCP sigma
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """One candidate that can be run."""
+
+    rod: str
+    z: Array
+    figure: float
+
+
+@dataclass(eq=False)
+class Progress:
+    """How far a search is. Lives as long as the search."""
+
+    best: Start | None = None
+    evaluated: int = 0
+    feasible: int = 0
+    reasons: Counter[str] = field(default_factory=Counter)
+    nearest: tuple[float, str] = (np.inf, "")
+    stopped: bool = False
+
+    @property
+    def tcp(self) -> float:
+        """[m] of the best so far."""
+        return float(np.exp(self.best.figure)) * 1e-6 if self.best else np.inf
+
+    def add(self, one: Start) -> None:
+        self.feasible += 1
+        if self.best is None or one.figure < self.best.figure:
+            self.best = one
+
+
+def search(
+    request: PlanRequest,
+    pool: ProcessPoolExecutor,
+    *,
+    workers: int,
+    seconds: float,
+    evaluations: int,
+    first: list[Start],
+    hints: list[Start],
+    show: Callable[[Progress], None] = lambda _: None,
+) -> Progress:
+    """The best candidate found within `seconds` and about `evaluations` of CMA-ES; Ctrl-C ends the search and keeps the best so far.
+
+    first : candidates that are known to be runnable. hints : where else islands may begin, runnable or not.
+    """
+    progress, since = Progress(), time.monotonic()
+    starts = list(first)
+    for start in first:
+        progress.add(start)
+    rods = (request.cell.ballbar, *request.cell.ballbar_choices)
+    try:
+        starts += _random(request, pool, rods, workers, since + RANDOM_SHARE * seconds, progress, show)
+        starts = hints + _apart(sorted(starts, key=lambda s: s.figure))
+        _islands(request, pool, workers, since + seconds, evaluations, starts, progress, show)
+    except KeyboardInterrupt:
+        progress.stopped = True
+    return progress
+
+
+def _random(
+    request: PlanRequest,
+    pool: ProcessPoolExecutor,
+    rods: tuple[str, ...],
+    workers: int,
+    until: float,
+    progress: Progress,
+    show: Callable[[Progress], None],
+) -> list[Start]:
+    starts: list[Start] = []
+    seed = request.seed + 1  # the first feasible path was drawn with the seed itself
+    while time.monotonic() < until and len(starts) < STARTS:
+        jobs = [(rods[(seed + k) % len(rods)], seed + k) for k in range(workers)]
+        futures = [pool.submit(sampled_there, rod, s, SLICE) for rod, s in jobs]
+        seed += workers
+        for (rod, _), future in zip(jobs, futures, strict=True):
+            found: Sampled = future.result()
+            progress.evaluated += found.tried
+            progress.reasons += found.reasons
+            progress.nearest = min(progress.nearest, found.nearest)
+            for z, tcp in zip(found.z, found.tcp, strict=True):
+                starts.append(Start(rod, z, float(np.log(tcp * 1e6))))
+                progress.add(starts[-1])
+        show(progress)
+    return starts
+
+
+def _islands(
+    request: PlanRequest,
+    pool: ProcessPoolExecutor,
+    workers: int,
+    until: float,
+    evaluations: int,
+    starts: list[Start],
+    progress: Progress,
+    show: Callable[[Progress], None],
+) -> None:
+    """Islands side by side; where one ends, the next best start begins another."""
+    space = space_of(request)
+    waiting = starts
+    islands = [Island(space, waiting.pop(0), request.seed + k) for k in range(min(workers, len(waiting)))]
+    asked: list[list[Future[float]]] = [island.ask(pool) for island in islands]
+    last = progress.evaluated + evaluations
+    while islands and time.monotonic() < until and progress.evaluated < last:
+        for k, island in enumerate(islands):
+            island.tell([future.result() for future in asked[k]], progress)
+            if island.done:
+                start = waiting.pop(0) if waiting else Start(island.rod, island.best_z(), 0.0)
+                islands[k] = Island(space, start, request.seed + progress.evaluated)
+            asked[k] = islands[k].ask(pool)
+            show(progress)
+    for future in (f for given in asked for f in given):
+        future.cancel()
+
+
+def _apart(starts: list[Start]) -> list[Start]:
+    """The best start of each set of cycles first, then the others."""
+    seen: set[object] = set()
+    one: list[Start] = []
+    more: list[Start] = []
+    for start in starts:
+        key = (start.rod, tuple(start.z[CYCLES].round(1)))
+        (more if key in seen else one).append(start)
+        seen.add(key)
+    return one + more
+
+
+CYCLES = slice(3 * BAR_ROWS, 4 * BAR_ROWS)
+
+
+class Island:
+    """One CMA-ES run; lives from its start until it gains no more."""
+
+    def __init__(self, space: Space, start: Start, seed: int) -> None:
+        self.rod, self._whole = start.rod, start.z.copy()
+        self._free = free_numbers(space)
+        options = {"seed": seed % 2**31 + 1, "verbose": -9, "verb_log": 0}
+        self._search = cma.CMAEvolutionStrategy(start.z[self._free], SPREAD, options)
+        self._asked: list[Array] = []
+        self._best, self._since = np.inf, 0
+
+    def ask(self, pool: ProcessPoolExecutor) -> list[Future[float]]:
+        """One generation, on its way to the workers."""
+        self._asked = self._search.ask()
+        return [pool.submit(figure_there, self.rod, self._full(x)) for x in self._asked]
+
+    def tell(self, figures: list[float], progress: Progress) -> None:
+        """What the generation came to."""
+        self._search.tell(self._asked, figures)
+        progress.evaluated += len(figures)
+        for x, figure in zip(self._asked, figures, strict=True):
+            if figure < VIOLATES:
+                progress.add(Start(self.rod, folded(self._full(x)), figure))
+        gained = min(figures) < self._best - GAIN
+        self._since = 0 if gained else self._since + 1
+        self._best = min(self._best, *figures)
+
+    @property
+    def done(self) -> bool:
+        return self._since >= STALLED or bool(self._search.stop())
+
+    def best_z(self) -> Array:
+        return folded(self._full(np.asarray(self._search.result.xbest)))
+
+    def _full(self, x: Array) -> Array:
+        whole = self._whole.copy()
+        whole[self._free] = x
+        return whole
+
+
+def free_numbers(space: Space) -> NDArray[np.intp]:
+    """Numbers that an island moves: all but the cycles, and the place where it is given."""
+    place = 4 * BAR_ROWS + np.flatnonzero(space.upper > space.lower)
+    return np.concatenate((np.arange(3 * BAR_ROWS), place)).astype(np.intp)

@@ -1,0 +1,136 @@
+"""A planned path run in MuJoCo on soft servo: every millisecond held against the limits.
+
+The robots have errors of the size that is expected (thesis Table 3.1, and drawn ones), elastic gears, play and friction. What is
+counted are instants that violate a limit; a plan that is any good has none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.chain import Array
+from cell.descriptions import Cell, joints_to_axes
+from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from planning.candidate import Candidate
+from planning.clearance import Clearance, distances_along
+from planning.limits import arm_margins, from_singular
+from planning.request import PlanLimits, PlanRequest
+from sim.motion import Motion
+from sim.path import reference_path
+from sim.plant import run_plant
+from sim.plant_effects import BarFriction, GearFriction, JointCompliance, LostMotion, PlateBending, RodBacklash, RodStrain, plant_effects
+from sim.settings import ErrorSettings, StaticErrors
+from sim.simulate import PATH_STEP
+from sim.static_errors import true_geometry
+
+TIMESTEP = 1e-3  # [s]
+RATE_STEP = 0.05  # [s] over which speeds and accelerations are taken: a gear that falls through its play is no motion of the arm
+CLEARANCE_STEP = 0.05  # [s] between poses whose distances are measured: 12 mm at the highest speed
+
+
+@dataclass(frozen=True)
+class Check:
+    """One limit over one run."""
+
+    limit: str
+    worst: float
+    allowed: float
+    unit: str
+    instants: int  # that violate it
+    looked_at: int
+
+
+def plant_errors(*, table: bool) -> ErrorSettings:
+    """Errors of a real robot that move it or load it."""
+    static = StaticErrors(table="thesis_3_1") if table else StaticErrors(sigma_m=1e-3, sigma_rad=1e-3)
+    return ErrorSettings(
+        static=static,
+        joint_compliance=JointCompliance(),
+        lost_motion=LostMotion(),
+        gear_friction=GearFriction(),
+        rod_strain=RodStrain(),
+        rod_backlash=RodBacklash(),
+        bar_friction=BarFriction(),
+        plate_bending=PlateBending(),
+    )
+
+
+def run_in_plant(cell: Cell, request: PlanRequest, candidate: Candidate, *, seed: int) -> Motion:
+    """One robot on the path; seed 0 is that of thesis Table 3.1. Raises PlantError where it does not get through."""
+    nominal, timing = nominal_geometry(cell, candidate.position), request.timing
+    path = reference_path(
+        cell.robot, nominal, candidate.shape, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops, step=PATH_STEP
+    )
+    errors = plant_errors(table=seed == 0)
+    true = set_without_strain(true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed), path.q[:1])
+    return run_plant(cell, true, plant_effects(errors, cell, seed), path, servo=request.servo, timestep=TIMESTEP)
+
+
+def set_without_strain(true: Geometry, q: Array) -> Geometry:
+    """The cell with the ball-bar's base moved along the rod, as one sets it with the robot at rest at the first target q (1, 6) [rad]."""
+    tool = robot_frames(true, q).tip[:, 0]
+    out = tool - true.origin
+    moved = out * (1.0 - true["bd3"] / np.linalg.norm(out))
+    return true.replaced({f"o{axis}": true[f"o{axis}"] + float(step) for axis, step in zip("xyz", moved, strict=True)})
+
+
+def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) -> list[Check]:
+    """Every limit at every millisecond of a run (distances every CLEARANCE_STEP)."""
+    axes, rates, accelerations = _axis_motion(cell, motion)
+    inside = np.minimum(axes - cell.robot.axis_lower, cell.robot.axis_upper - axes).min(axis=1)
+    fastest = (np.abs(rates) / cell.robot.axis_speed_max).max(axis=1)
+    elbow, shoulder = arm_margins(motion.geometry, motion.q)
+    singular = np.minimum(from_singular(motion.b[:, 1]), from_singular(motion.b[:, 3]))
+    tip = bar_frames(motion.geometry, motion.b).tip
+    speed = np.linalg.norm(_rate(tip.T, motion.t), axis=1)
+    swept = np.degrees(np.ptp(motion.b, axis=0)).max(keepdims=True)
+    return [
+        _at_least("axis_margin_deg", np.degrees(inside), limits.axis_margin_deg, "deg"),
+        _at_most("axis_speed_share", fastest, limits.axis_speed_share, ""),
+        _at_most(
+            "axis_acceleration_deg_per_s2", np.degrees(np.abs(accelerations)).max(axis=1), limits.axis_acceleration_deg_per_s2, "deg/s^2"
+        ),
+        _at_most("tcp_speed_m_per_s", speed, limits.tcp_speed_m_per_s, "m/s"),
+        _at_least("wrist_margin_deg", np.degrees(from_singular(motion.q[:, 4])), limits.wrist_margin_deg, "deg"),
+        _at_least("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg"),
+        _at_least("shoulder_margin_m", shoulder, limits.shoulder_margin_m, "m"),
+        _at_least("ballbar_margin_deg", np.degrees(singular), limits.ballbar_margin_deg, "deg"),
+        _at_most("cable_turns", swept / 360.0, limits.cable_turns, "turns"),
+        _at_most("force_N", np.abs(motion.rod_force), limits.force_N, "N"),
+        _near(limits, around, motion),
+    ]
+
+
+def violations_in(found: list[Check]) -> int:
+    """Instants that violate a limit, over all limits."""
+    return sum(check.instants for check in found)
+
+
+def _axis_motion(cell: Cell, motion: Motion) -> tuple[Array, Array, Array]:
+    """Axis angles, speeds and accelerations (K, 6)."""
+    axes = joints_to_axes(cell.robot, motion.q)
+    rates = _rate(axes, motion.t)
+    return axes, rates, _rate(rates, motion.t)
+
+
+def _rate(values: Array, t: Array) -> Array:
+    """Central differences over RATE_STEP of (K, n)."""
+    half = max(1, round(0.5 * RATE_STEP / float(t[1] - t[0])))
+    out = np.zeros_like(values)
+    out[half:-half] = (values[2 * half :] - values[: -2 * half]) / (2 * half * float(t[1] - t[0]))
+    return out
+
+
+def _at_least(limit: str, values: Array, allowed: float, unit: str) -> Check:
+    return Check(limit, float(values.min()), allowed, unit, int(np.count_nonzero(values < allowed)), values.size)
+
+
+def _at_most(limit: str, values: Array, allowed: float, unit: str) -> Check:
+    return Check(limit, float(values.max()), allowed, unit, int(np.count_nonzero(values > allowed)), values.size)
+
+
+def _near(limits: PlanLimits, around: Clearance, motion: Motion) -> Check:
+    distances = distances_along(around, motion.geometry, motion.q, motion.b, motion.t, step=CLEARANCE_STEP)
+    return _at_least("clearance_m", distances, limits.clearance_m, "m")

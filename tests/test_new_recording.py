@@ -1,0 +1,82 @@
+"""`ballbar new`: two files become a recording folder, and nothing about them is guessed."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from acquisition import read_recording
+from ballbar import cli
+from tests.test_acquisition_recording import bar_lines, robot_lines
+from tests.test_cli import ballbar
+
+SAID = ["--robot", "irb2400", "--ballbar", "lund_600"]
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> tuple[Path, Path]:
+    robot, bar = tmp_path / "robot.csv", tmp_path / "bar.csv"
+    robot.write_text("\n".join(robot_lines()) + "\n")
+    bar.write_text("\n".join(bar_lines()) + "\n")
+    return robot, bar
+
+
+def test_options_and_accepted_proposals_make_a_folder_that_reads(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+    code, out, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
+    assert code == 0
+    assert "dialect abb-motor: motor angles in rad, time in s" in out
+    assert "b1=b1 b2=b2 b4=b4 b5=b5" in out
+    description = yaml.safe_load((tmp_path / "made/recording.yaml").read_text())
+    assert description["encoders"]["b4"] == {"column": "b4", "lines": 3600, "bits": 12, "sign": 1}
+    assert (tmp_path / "made/raw/bar.csv").read_bytes() == logs[1].read_bytes()
+    assert read_recording(tmp_path / "made").robot_log.t.size == 800
+
+
+def test_without_a_terminal_what_is_not_told_is_named_and_nothing_is_written(
+    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
+) -> None:
+    for words, missing in (
+        (["--yes"], "Which robot?"),
+        (SAID, "Proposed: abb-motor; --yes takes it."),
+        ([*SAID, "--yes", "--encoder", "b9=b1"], "encoders are b1 to b5"),
+        ([*SAID, "--yes", "--robot-dialect", "comau-joint"], "columns J1, J2, J3, J4, J5, J6 missing"),
+        ([*SAID, "--yes", "--encoder", "b1=time"], "column time holds the time stamps"),
+    ):
+        code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *words)
+        assert code == 2
+        assert missing in err
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["bar.csv", "robot.csv"]
+
+
+def test_the_form_of_up_time_stamps_is_asked(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+    lines = bar_lines()
+    logs[1].write_text("\n".join([lines[0], *(f"{10 * i};{line.split(';', 1)[1]}" for i, line in enumerate(lines[1:]))]) + "\n")
+    code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
+    assert code == 2
+    assert "what are the time stamps? They do not show it" in err
+    code, _, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes", "--ballbar-time", "ms-32bit")
+    assert code == 0
+
+
+def test_the_user_is_asked_at_the_prompt(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+    asked: list[str] = []
+    answers = {"Which robot": "irb2400", "Which ball-bar": "lund_600"}
+
+    def prompt(question: str, default: str | None = None) -> str:
+        asked.append(question)
+        return default or next(answer for start, answer in answers.items() if question.startswith(start))
+
+    monkeypatch.setattr(cli.typer, "prompt", prompt)
+    monkeypatch.setattr(cli.sys.stdin, "isatty", lambda: True, raising=False)
+    code, _, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs)
+    assert code == 0
+    assert len(asked) == 7  # two dialects, robot, ball-bar, encoders, lines, bits
+
+
+def test_a_folder_that_holds_something_is_left_alone(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+    (tmp_path / "made").mkdir()
+    (tmp_path / "made/mine.txt").write_text("mine")
+    code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
+    assert code == 2
+    assert "exists and holds something" in err
+    assert (tmp_path / "made/mine.txt").read_text() == "mine"
