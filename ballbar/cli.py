@@ -27,10 +27,10 @@ from ballbar.export import Format, export_summary, exported, write_export
 from ballbar.export_result import load_result
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
 from ballbar.new_recording import Told, new_recording
-from ballbar.plan_command import parse_position, plan_path
+from ballbar.plan_command import default_folder, parse_position, plan_path
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.report_terminal import say_identification
-from ballbar.result_json import claims_data, comparison_data, run_data, simulation_data, sweep_data
+from ballbar.result_json import claims_data, comparison_data, plan_data, run_data, simulation_data, sweep_data
 from ballbar.run import OUTPUTS, REPLAY, run_scenario, simulate_scenario, write_outputs
 from ballbar.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
@@ -448,6 +448,7 @@ def plan(
             "--what-if", help=f"Expected TCP error if one of {', '.join(WHAT_IF)} were another; may be repeated.", metavar="KEY=A,B"
         ),
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Plan a path for the cell: what it will tell, before anyone goes there, and programs that run it.
 
@@ -455,7 +456,12 @@ def plan(
     runs/NAME-plan). Exits with 1 when the path violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best path so far.
     """
     place = None if position is None else parse_position(position)
-    kept = plan_path(request, out_dir=out_dir, path=path, position=place, seconds=seconds, what_if=what_if or (), out=out, err=err)
+    folder = out_dir or default_folder(request)
+    if as_json:
+        silence()
+    kept = plan_path(request, folder=folder, path=path, position=place, seconds=seconds, what_if=what_if or (), out=out, err=err)
+    if as_json:
+        _say_json(plan_data(folder, kept=kept))
     raise typer.Exit(0 if kept else 1)
 
 

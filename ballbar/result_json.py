@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from ballbar.claim_run import Judged
 from ballbar.compare import Comparison
@@ -61,6 +62,12 @@ def comparison_data(comparison: Comparison) -> dict[str, object]:
         "clock_offset_error_s": comparison.offset,
         "clock_skew_error": comparison.skew,
     }
+
+
+def plan_data(folder: Path, *, kept: bool) -> dict[str, object]:
+    """Of `plan`: plan.yaml as written, and whether every limit was kept in the plant."""
+    content = yaml.safe_load((folder / "plan.yaml").read_text())  # our own file of plain values
+    return {"acceptable": kept, "folder": str(folder), "files": sorted(entry.name for entry in folder.iterdir()), "plan": content}
 
 
 def sweep_data(outcome: Outcome) -> dict[str, object]:
