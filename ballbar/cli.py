@@ -6,6 +6,8 @@ import json
 import os
 import shlex
 import sys
+from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,12 +28,15 @@ from ballbar.correct import correct_file, correction_data, correction_lines, wri
 from ballbar.export import Format, export_summary, exported, write_export
 from ballbar.export_result import load_result
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
+from ballbar.iterations import IterationLog
 from ballbar.new_recording import Told, new_recording
 from ballbar.plan_command import default_folder, parse_position, plan_path
 from ballbar.replay import ViewerError, open_viewer, serve_web
+from ballbar.replay_command import Layout, chosen_replay
+from ballbar.replay_live import live_run
 from ballbar.report_terminal import say_identification
 from ballbar.result_json import claims_data, comparison_data, plan_data, run_data, simulation_data, sweep_data
-from ballbar.run import OUTPUTS, REPLAY, run_scenario, simulate_scenario, write_outputs
+from ballbar.run import OUTPUTS, run_scenario, simulate_scenario, write_outputs
 from ballbar.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
 from ballbar.sweep_check import load as load_sweep
@@ -79,7 +84,12 @@ def shared(quiet: Quiet = False, verbose: Verbose = False) -> None:
 
 
 @app.command(epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`")
-def run(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) -> None:
+def run(
+    scenario: ScenarioFile,
+    out_dir: Out = None,
+    live: Annotated[bool, typer.Option("--live", help="Show the cell and the identification in a rerun window as they come.")] = False,
+    as_json: AsJson = False,
+) -> None:
     """Simulate a scenario, identify the robot from its logs, compare with the truth, write report and replay.
 
     Writes recording/, calibration.yaml, report.html and run.rrd to DIR (default runs/NAME).
@@ -87,8 +97,8 @@ def run(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) ->
     """
     settings = load_scenario(scenario)
     folder = out_dir or Path("runs") / settings.name
-    with progress_bar() as progress:
-        data = run_scenario(settings, scenario, folder, command=_command(), progress=progress)
+    with live_run() if live else nullcontext() as window, progress_bar() as progress:
+        data = run_scenario(settings, scenario, folder, command=_command(), progress=progress, live=window)
     if as_json:
         _say_json(run_data(data, folder))
     say_identification(out, data)
@@ -220,7 +230,9 @@ def identify(
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     claim_folder(folder, OUTPUTS, "the result")
     with progress_bar() as progress:
-        data = identify_recordings(recordings, validate or (), settings=settings, progress=progress)
+        log = IterationLog(progress)
+        data = identify_recordings(recordings, validate or (), settings=settings, progress=log.progress, watch=log.watch if rerun else None)
+        data = replace(data, iterations=tuple(log.steps))
         write_outputs(folder, data, command=_command(), replay=rerun, progress=progress)
     if as_json:
         _say_json(run_data(data, folder))
@@ -282,25 +294,25 @@ def identifiability(
     out.print(f"[dim]{escape(LEGEND)}[/]")
 
 
-@app.command(epilog="Example: `ballbar replay runs/irb2400 --web`")
+@app.command(epilog="Example: `ballbar replay runs/irb2400 --web`, or `ballbar replay runs/irb2400 --against runs/nj220`")
 def replay(
     run_dir: Annotated[Path, typer.Argument(help="A folder with run.rrd, or the file itself.", metavar="RUN")],
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine (loopback only).")] = False,
-    save: Annotated[Path | None, typer.Option("--save", help="Copy the replay file instead of opening it.", metavar="FILE")] = None,
+    save: Annotated[Path | None, typer.Option("--save", help="Write the replay file instead of opening it.", metavar="FILE")] = None,
+    layout: Annotated[Layout, typer.Option(help="What to look at: the run, or how the identification converged.")] = "run",
+    against: Annotated[Path | None, typer.Option(help="Another run, to compare this one with.", metavar="RUN")] = None,
 ) -> None:
-    """Open the replay of a run in the rerun viewer."""
-    file = run_dir / REPLAY if run_dir.is_dir() else run_dir
-    if not file.is_file():
-        raise InputError(f"{file}: no replay file. Make one with `ballbar run`, or `ballbar identify RECORDING --rerun`.")
-    if save is not None:
-        if save.exists():
-            raise InputError(f"{save}: exists already; nothing was written. Name another file.")
-        write_whole(save, file.read_bytes())
-        out.print(f"Saved {escape(str(save))}")
-    elif web:
-        serve_web(file)
-    else:
-        open_viewer(file)
+    """Open the replay of a run in the rerun viewer; its iterations with --layout identify, two runs with --against."""
+    if save is not None and save.exists():
+        raise InputError(f"{save}: exists already; nothing was written. Name another file.")
+    with chosen_replay(run_dir, layout, against) as file:
+        if save is not None:
+            write_whole(save, file.read_bytes())
+            out.print(f"Saved {escape(str(save))}")
+        elif web:
+            serve_web(file)
+        else:
+            open_viewer(file)
 
 
 @app.command(epilog="Example: `ballbar sweep scenarios/sweeps/noise.yaml --workers 4`, or on a cluster `--scheduler tcp://10.0.0.5:8786`")

@@ -31,6 +31,7 @@ from planning.what_if import Answer, Question, answers, question
 from sim.simulate import load_lissajous
 
 CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and one drawn
+WIDTH = 120  # characters of a table in a pipe or file
 EVALUATIONS = 6000  # of CMA-ES: about 100 s on two quiet cores
 
 
@@ -111,7 +112,7 @@ def say_answers(out: Console, plan: Plan, given: Sequence[Answer]) -> None:
     for one in given:
         sigma, total = ("-" if v is None else f"{v * 1e6:.1f}" for v in (one.tcp, one.total))
         shown.add_row(one.key, one.value, sigma, f"{one.scale * 1e6:.1f}", total, escape(one.note))
-    out.print(shown)
+    _wide(out).print(shown)
 
 
 def say_plate(out: Console) -> None:
@@ -166,7 +167,8 @@ def say_plan(out: Console, plan: Plan) -> None:
     position = ", ".join(f"{v:.3f}" for v in plan.found.candidate.position)
     if plan.stopped:
         out.print("[yellow]stopped[/] before its time; this is the best so far")
-    out.print(f"path found in {plan.seconds:.0f} s, {plan.evaluated} tried; ball-bar {plan.rod} at ({position}) m")
+    found = f"found in {plan.seconds:.0f} s, {plan.evaluated} tried" if plan.evaluated else "as given"
+    out.print(f"path {found}; ball-bar {plan.rod} at ({position}) m")
     out.print(
         f"predicted TCP sigma over the workspace: {np.median(plan.tcp) * 1e6:.1f} um rms ({plan.tcp.min() * 1e6:.1f} to "
         f"{plan.tcp.max() * 1e6:.1f} over {len(plan.tcp)} robots), largest {typical.tcp_sigma.max() * 1e6:.0f} um; "
@@ -190,7 +192,12 @@ def say_checks(out: Console, found: list[tuple[int, list[Check]]]) -> None:
         values = (f"{row.worst:.3g} {row.unit}".strip() for row in rows)
         shown.add_row(rows[0].limit, f"{rows[0].allowed:.3g}", *values, f"[{colour}]{bad} of {sum(row.looked_at for row in rows)}[/]")
     out.print("MuJoCo, soft servo, robots with errors; worst value of each limit:")
-    out.print(shown)
+    _wide(out).print(shown)
+
+
+def _wide(out: Console) -> Console:
+    """Room for a table in a pipe or file."""
+    return out if out.is_terminal else Console(file=out.file, width=WIDTH)
 
 
 def parse_position(text: str) -> tuple[float, float, float]:

@@ -21,7 +21,7 @@ from ident.identify import Identification, Residuals
 from sim.simulate import Simulation
 
 POSE_RATE = 30.0  # [Hz] smooth to the eye; the mechanism moves below 3 Hz
-_GAP_PERIODS = 3.0  # as ident.signals: a longer stretch without rows is not bridged
+GAP_PERIODS = 3.0  # as ident.signals: a longer stretch without rows is not bridged
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class CellMotion:
     t: Array  # (N,) [s] robot's clock, from the first row of its log
     q: Array  # (N, 6) [rad] logged robot joint angles
     robot: Frames
+    b: Array  # (N, 5) [rad] ball-bar joint angles
     bar: Frames
-    b: Array  # (N, 5) [rad] ball-bar joint angles that `bar_frames` takes
 
     @property
     def tool(self) -> Array:
@@ -48,6 +48,7 @@ class TrueTool:
     nominal_error: Array  # (N, 3) [m] nominal robot's tool position minus the true one
     identified_error: Array  # (N, 3) [m]
     rod_force: Array  # (N,) [N] tension positive
+    rod_strain: Array  # (N,) [m] longer than it is without force
 
 
 def cell_motion(data: RunData) -> CellMotion:
@@ -56,7 +57,7 @@ def cell_motion(data: RunData) -> CellMotion:
     rows = np.arange(0, log.t.size, thinning(log.t))
     t, q = log.t[rows], log.q[rows]
     b = _bar_angles(result, data.recording.ballbar_log, t, q)
-    return CellMotion(t, q, robot_frames(result.geometry, q), bar_frames(result.geometry, b), b)
+    return CellMotion(t, q, robot_frames(result.geometry, q), b, bar_frames(result.geometry, b))
 
 
 def thinning(t: Array) -> int:
@@ -77,6 +78,7 @@ def true_tool(simulation: Simulation, result: Identification, t: Array) -> TrueT
         nominal_error=_aligned_tool(result.nominal, truth, grid, q) - actual,
         identified_error=robot_frames(result.geometry, q).tip.T @ turn.T + shift - actual,
         rod_force=np.interp(true_time, simulation.motion.t, simulation.motion.rod_force),
+        rod_strain=np.interp(true_time, simulation.motion.t, simulation.motion.rod_stretch),
     )
 
 
@@ -127,7 +129,7 @@ def _bar_angles(result: Identification, log: BallBarLog | None, t: Array, q: Arr
 def _covered(rows: Array, t: Array) -> Array:
     """(N,) whether a log has rows close by on both sides of each instant."""
     after = np.clip(np.searchsorted(rows, t), 1, rows.size - 1)
-    near = rows[after] - rows[after - 1] <= _GAP_PERIODS * np.median(np.diff(rows))
+    near = rows[after] - rows[after - 1] <= GAP_PERIODS * np.median(np.diff(rows))
     return np.asarray((t >= rows[0]) & (t <= rows[-1]) & near)
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import yaml
 
+from acquisition.report import report_lines
 from ballbar.compare import Comparison, Limit
 from ballbar.replay_motion import residual_norms
 from ballbar.run_data import RunData
@@ -30,6 +32,23 @@ def replay_notes(data: RunData) -> str:
         _parameters(result, data.comparison),
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def scenario_page(data: RunData) -> str:
+    """Markdown: the scenario of a simulated run, or what the recording says about itself; and how its files were read."""
+    file = data.folder / "recording.yaml"
+    parts = ["# What was simulated" if data.scenario else "# What was recorded"]
+    if data.scenario is not None:
+        parts.append(_code(yaml.safe_dump(data.scenario.model_dump(mode="json", exclude_unset=True), sort_keys=False, width=100)))
+    if file.is_file():
+        parts += ["## recording.yaml", _code(file.read_text(encoding="utf-8"))]
+    parts += ["## How the files were read", _code("\n".join(report_lines(data.recording.report)))]
+    return "\n\n".join(parts) + "\n"
+
+
+def _code(text: str) -> str:
+    """As it stands, whatever it holds: indented, since no fence is safe from what a file may contain."""
+    return "\n".join(f"    {line}" for line in text.splitlines())
 
 
 def _gain(comparison: Comparison | None) -> str:

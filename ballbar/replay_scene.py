@@ -9,6 +9,8 @@ from ballbar.replay_layout import BAR_BODIES, CELL, GREEN, IDENTIFIED_ERROR, NOM
 from ballbar.replay_motion import CellMotion, TrueTool, quat_xyzw
 from ballbar.replay_shapes import STEEL, Mesh, ball, bar_shapes, plate_shape, robot_shapes
 from cell.chain import Array, Frames
+from cell.descriptions import Cell
+from cell.geometry import Geometry
 from ident.identify import Identification
 
 _SPHERE, _SPHERE_OPACITY = (120, 165, 230), 20  # of 255
@@ -16,14 +18,14 @@ _WHOLE_PATH, _RUN_PATH = (120, 128, 142), (245, 200, 80)
 _ARROW_LENGTH = 0.7  # of the rod: how long the mean error is drawn
 
 
-def log_mechanism(stream: rr.RecordingStream, result: Identification, motion: CellMotion) -> None:
+def log_mechanism(stream: rr.RecordingStream, cell: Cell, geometry: Geometry, motion: CellMotion) -> None:
     """Robot, offset plate and ball-bar, moving, and the sphere of the rod."""
-    for i, shape in enumerate(robot_shapes(result.cell)):
+    for i, shape in enumerate(robot_shapes(cell)):
         _log_body(stream, f"{CELL}/robot/{f'link{i}' if i else 'base'}", shape, motion.t, motion.robot, i)
-    _log_body(stream, f"{CELL}/plate", plate_shape(result.cell), motion.t, motion.robot, 6)
-    for i, shape in enumerate(bar_shapes(result.cell, result.geometry)):
+    _log_body(stream, f"{CELL}/plate", plate_shape(cell), motion.t, motion.robot, 6)
+    for i, shape in enumerate(bar_shapes(cell, geometry)):
         _log_body(stream, f"{CELL}/ballbar/{BAR_BODIES[i]}", shape, motion.t, motion.bar, i)
-    radius, centre = result.geometry["bd3"], result.geometry.origin
+    radius, centre = geometry["bd3"], geometry.origin
     stream.log(f"{CELL}/sphere", _mesh(ball(centre, radius, _SPHERE), opacity=_SPHERE_OPACITY), static=True)
 
 

@@ -1,4 +1,4 @@
-"""The curves of a replay: angles, residuals, TCP error and rod force, each with its unit in the entity's name."""
+"""The curves of a replay: angles, residuals, TCP error, rod force and strain, clock; each with its unit in the entity's name."""
 
 from __future__ import annotations
 
@@ -8,11 +8,31 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from ballbar.replay_layout import AFTER, ANGLE, BEFORE, ENCODERS, FORCE, GREEN, JOINTS, POSITION, RED, TCP_AFTER, TCP_BEFORE, Colour, at
+from ballbar.replay_layout import (
+    AFTER,
+    ANGLE,
+    BEFORE,
+    CLOCK_ERROR,
+    CLOCK_FOUND,
+    CLOCK_TRUE,
+    ENCODERS,
+    FORCE_FOUND,
+    FORCE_TRUE,
+    GREEN,
+    JOINTS,
+    POSITION,
+    RED,
+    STRAIN_FOUND,
+    STRAIN_TRUE,
+    TCP_AFTER,
+    TCP_BEFORE,
+    Colour,
+    at,
+)
 from ballbar.replay_motion import CellMotion, TrueTool, mechanism_angles, on_robot_clock, thinning
 from ballbar.run_data import RunData
 from cell.chain import Array
-from ident.identify import Residuals
+from ident.identify import Identification, Residuals
 
 _REDS = [RED, (242, 142, 43), (214, 120, 160)]
 _GREENS = [GREEN, (118, 183, 178), (170, 205, 90)]
@@ -40,6 +60,7 @@ def run_series(data: RunData, motion: CellMotion, truth: TrueTool | None) -> dic
         series[ENCODERS] = Series(on_robot_clock(result, log.t[rows]), angles, [f"b{joint}" for joint in log.joints], colours)
     series |= _residual_series(BEFORE, "before", on_robot_clock(result, result.before.t), result.before, _REDS)
     series |= _residual_series(AFTER, "after", on_robot_clock(result, result.after.t), result.after, _GREENS)
+    series |= _rod_series(result) | _clock_series(data, motion.t)
     return series if truth is None else series | _truth_series(truth, motion.t)
 
 
@@ -55,7 +76,39 @@ def _truth_series(truth: TrueTool, t: Array) -> dict[str, Series]:
     before, after = (np.linalg.norm(error, axis=1)[:, None] * 1e6 for error in (truth.nominal_error, truth.identified_error))
     series = {TCP_BEFORE: Series(t, before, ["nominal"], [RED]), TCP_AFTER: Series(t, after, ["identified"], [GREEN])}
     if truth.rod_force.any():  # a kinematic plant knows no forces
-        series[FORCE] = Series(t, truth.rod_force[:, None], ["rod force"], [_SERIES[0]])
+        series[FORCE_TRUE] = Series(t, truth.rod_force[:, None], ["true"], [_SERIES[0]])
+        series[STRAIN_TRUE] = Series(t, truth.rod_strain[:, None] * 1e6, ["true"], [_SERIES[0]])
+    return series
+
+
+def _rod_series(result: Identification) -> dict[str, Series]:
+    """Force and strain as the complete model found them; strain without play."""
+    if not result.tension.any():
+        return {}
+    t = on_robot_clock(result, result.after.t)
+    series = {FORCE_FOUND: Series(t, result.tension[:, None], ["identified"], [GREEN])}
+    compliance = [c.value for one in result.corrections for c in one.coefficients if c.name == "rod_compliance"]
+    if compliance:
+        series[STRAIN_FOUND] = Series(t, compliance[0] * result.tension[:, None] * 1e6, ["identified"], [GREEN])
+    return series
+
+
+def _clock_series(data: RunData, t: Array) -> dict[str, Series]:
+    """Robot's clock minus ball-bar's, each counted from the first row of its log; and how wrong that is, where the truth is known."""
+    clock = data.identification.clock
+    if clock is None:
+        return {}
+    found = t - (t - clock.offset) / (1.0 + clock.skew)
+    series = {CLOCK_FOUND: Series(t, found[:, None] * 1e3, ["identified"], [GREEN])}
+    if data.simulation is None:
+        return series
+    times = data.simulation.times
+    stamps = (times.bar_stamp - times.bar_stamp[0]) * 1e-9
+    true_time = np.interp(t, times.robot_stamp - times.robot_stamp[0], times.robot_true)
+    inside = (true_time >= times.bar_true[0]) & (true_time <= times.bar_true[-1])
+    true = t[inside] - np.interp(true_time[inside], times.bar_true, stamps)
+    series[CLOCK_TRUE] = Series(t[inside], true[:, None] * 1e3, ["true"], [_SERIES[0]])
+    series[CLOCK_ERROR] = Series(t[inside], (found[inside] - true)[:, None] * 1e6, ["identified minus true"], [RED])
     return series
 
 

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from ballbar.replay_page import front
 from cell.errors import InputError
 
 LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
@@ -61,11 +62,13 @@ def web_server(path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT) 
     _check_file(path)
     for number in (port, data_port):
         _check_free(number)
-    ports = ["--port", str(data_port), "--web-viewer-port", str(port)]
+    behind = _free_port()
+    ports = ["--port", str(data_port), "--web-viewer-port", str(behind)]
     server = subprocess.Popen([_rerun(), "--serve-web", "--bind", LOOPBACK, *ports, str(path)])
     try:
-        _wait_for(server, port, f"{path}: the web viewer")
-        yield web_url(port, data_port), server
+        _wait_for(server, behind, f"{path}: the web viewer")
+        with front(LOOPBACK, port, behind=behind, data_port=data_port):
+            yield web_url(port, data_port), server
     finally:
         server.terminate()
         server.wait()
@@ -76,9 +79,7 @@ def live_viewer() -> str:
 
     Raises ViewerError if it does not start.
     """
-    with socket.socket() as probe:
-        probe.bind((LOOPBACK, 0))
-        port = probe.getsockname()[1]
+    port = _free_port()
     # A session of its own, so that the Ctrl-C that ends a recording does not close the window too; silent, so that it does not
     # write into the caller's terminal.
     viewer = subprocess.Popen(
@@ -114,6 +115,12 @@ def _rerun() -> str:
 def _check_file(path: Path) -> None:
     if not path.is_file():
         raise InputError(f"{path}: no such replay. `ballbar run` writes run.rrd; for a recording use `ballbar identify --rerun`.")
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
 
 
 def _check_free(port: int) -> None:

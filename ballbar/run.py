@@ -7,7 +7,10 @@ from pathlib import Path
 
 from acquisition import Recording, read_recording
 from ballbar.compare import identification_against_truth, limits_of
+from ballbar.iterations import IterationLog
 from ballbar.replay import write_replay
+from ballbar.replay_command import REPLAY
+from ballbar.replay_live import LiveRun
 from ballbar.report import write_report
 from ballbar.run_data import RunData
 from ballbar.run_recordings import Progress, identify_recordings
@@ -24,7 +27,6 @@ from sim.simulate import Simulation, simulate, truth_path, write_recording
 RECORDING = "recording"
 CALIBRATION = "calibration.yaml"
 REPORT = "report.html"
-REPLAY = "run.rrd"
 
 OUTPUTS = {CALIBRATION, REPORT, REPLAY}
 
@@ -83,8 +85,10 @@ def write_outputs(out: Path, data: RunData, *, command: str, replay: bool, progr
         write_replay(out / REPLAY, data)
 
 
-def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command: str, progress: Progress) -> RunData:
-    """Simulate, identify, compare with the truth, report, replay.
+def run_scenario(
+    scenario: Scenario, scenario_file: Path, out: Path, *, command: str, progress: Progress, live: LiveRun | None = None
+) -> RunData:
+    """Simulate, identify, compare with the truth, report, replay; live : shown each of it as it comes.
 
     Raises InputError when the scenario cannot be run, asks for another identification, or `out` holds something else.
     """
@@ -96,9 +100,23 @@ def run_scenario(scenario: Scenario, scenario_file: Path, out: Path, *, command:
     claim_folder(out, {RECORDING, truth_path(out / RECORDING).name, *OUTPUTS}, "a run")
     folder = out / RECORDING
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress)
-    found = identify_recordings([folder], settings=scenario.identify, progress=progress)
+    if live:
+        live.simulated(simulation)
+    log = IterationLog(progress, live.iterated if live else None)
+    found = identify_recordings([folder], settings=scenario.identify, progress=log.progress, watch=log.watch)
     comparison = identification_against_truth(found.identification, simulation.truth)
     limits = limits_of(comparison, found.identification.iterations, scenario.accept)
-    data = replace(found, name=scenario.name, simulation=simulation, comparison=comparison, limits=limits, scenario_file=scenario_file)
+    data = replace(
+        found,
+        name=scenario.name,
+        simulation=simulation,
+        comparison=comparison,
+        limits=limits,
+        scenario=scenario,
+        scenario_file=scenario_file,
+        iterations=tuple(log.steps),
+    )
+    if live:
+        live.finished(data)
     write_outputs(out, data, command=command, replay=True, progress=progress)
     return data

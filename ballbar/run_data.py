@@ -7,6 +7,8 @@ from pathlib import Path
 
 from acquisition import Recording
 from ballbar.compare import Comparison, Limit
+from ballbar.iterations import Step
+from ballbar.scenario import Scenario
 from ident.held_out import HeldOut
 from ident.identify import Identification
 from sim.simulate import Simulation
@@ -45,6 +47,8 @@ class RunData:
     joined: tuple[Joined, ...] = ()  # all recordings of a joint fit, the first among them; empty for a single one
     validations: tuple[Validation, ...] = ()
     scenario_file: Path | None = None  # of a simulated run
+    scenario: Scenario | None = None
+    iterations: tuple[Step, ...] = ()  # of the chosen start and of the fits, where they were watched
 
     @property
     def acceptable(self) -> bool:

@@ -18,6 +18,7 @@ from cell.errors import InputError
 from cell.recording import load_recording_file
 from ident.held_out import held_out
 from ident.identify import Identification, Logs, identify_together
+from ident.iteration import Watch
 from ident.start import StartError
 from ident.verdict import Verdict
 
@@ -27,9 +28,9 @@ _SEVERITY = ("implausible", "not converged", "ambiguous", "misfit", "suspect", "
 
 
 def identify_recordings(
-    folders: Sequence[Path], validate: Sequence[Path] = (), *, settings: IdentifySettings, progress: Progress
+    folders: Sequence[Path], validate: Sequence[Path] = (), *, settings: IdentifySettings, progress: Progress, watch: Watch | None = None
 ) -> RunData:
-    """One robot from one or several recordings, tried on the held-out ones.
+    """One robot from one or several recordings, tried on the held-out ones; watch : hears the iterations.
 
     Raises InputError for bad files, for recordings that do not belong together and for settings that contradict them;
     StartError when the logs of a recording do not fit together.
@@ -53,6 +54,7 @@ def identify_recordings(
         rod_sigma=settings.rod_sigma_m,
         samples=settings.samples,
         progress=progress,
+        watch=watch,
     )
     result = replace(results[0], verdict=_verdict(names, results, settings))
     held = zip(names[len(folders) :], validate, read[len(folders) :], strict=True)

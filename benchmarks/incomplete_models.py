@@ -70,7 +70,8 @@ CASES = (
     Case("orders 40 and 80 missing", True, believed=with_harmonics(lambda n, a: () if n in (40.0, 80.0) else ((n, a),))),
     Case("order 40 taken for 41, 80 for 82", True, believed=with_harmonics(lambda n, a: ((n * 1.025 if n in (40.0, 80.0) else n, a),))),
     Case("orders 1 and 2 missing", True, believed=with_harmonics(lambda n, a: () if n in (1.0, 2.0) else ((n, a),))),
-    Case("motor turns at 0.995 of their order", True, believed=with_ratio(0.995)),
+    Case("motor turns at 0.995 of their order", False,  # barely, and the stated sigma covers it
+          believed=with_ratio(0.995)),
     Case("thin plate, 1.67e6 N/m, not in the model", True, ("plate_bending",),
          simulated={"errors": {"plate_bending": {"tip_stiffness_N_per_m": 1.67e6}}}),
     Case("thin plate in the model", False, simulated={"errors": {"plate_bending": {"tip_stiffness_N_per_m": 1.67e6}}}),

@@ -5,7 +5,7 @@
 
 Paths: scenarios/paths/ROBOT_planned.yaml, and ROBOT_a.yaml, the hand-made path of the thesis's kind (mujoco_facts sec. 10). Four
 encoders, 120 s, one recording a fit, no force or torque signal; the hand-made path's fits are those of benchmarks.everything_on, of the
-same drawn robots. Writes docs/studies/planned_paths_random.csv and docs/studies/planned_paths_identified.csv.
+same drawn robots. Writes docs/studies/planned_paths_random_ROBOT.csv and planned_paths_identified_ROBOT.csv.
 """
 
 from __future__ import annotations
@@ -91,47 +91,49 @@ def main() -> None:
     """Runs one half of the study and prints what it comes to."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("half", choices=("predicted", "identified"))
+    parser.add_argument("--robot", choices=ROBOTS, action="append", help="default both")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
+    robots = asked.robot or list(ROBOTS)
     with ProcessPoolExecutor(asked.workers) as pool:
         if asked.half == "predicted":
-            _say_predicted(dict(zip(ROBOTS, pool.map(random_figures, ROBOTS), strict=True)))
+            for robot, figures in zip(robots, pool.map(random_figures, robots), strict=True):
+                _say_predicted(robot, figures)
         else:
-            jobs = [(robot, seed) for robot in ROBOTS for seed in range(1, asked.seeds + 1)]
-            rows = [row for robot in ROBOTS for row in by_hand(robot, asked.seeds)]
-            for row in pool.map(identified, *zip(*jobs, strict=True)):
-                rows.append(row)
-                print(", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items()), flush=True)
-            write_whole(STUDIES / "planned_paths_identified.csv", _csv(rows))
-            _say_identified(rows)
+            for robot in robots:
+                rows = by_hand(robot, asked.seeds)
+                for row in pool.map(identified, [robot] * asked.seeds, range(1, asked.seeds + 1)):
+                    rows.append(row)
+                    print(", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items()), flush=True)
+                    write_whole(STUDIES / f"planned_paths_identified_{robot}.csv", _csv(rows))
+                _say_identified(robot, rows)
 
 
-def _say_predicted(figures: dict[str, list[float]]) -> None:
-    rows = [{"robot": robot, "random_path": k + 1, "tcp_sigma_um": f * 1e6} for robot, all_ in figures.items() for k, f in enumerate(all_)]
-    write_whole(STUDIES / "planned_paths_random.csv", _csv(rows))
-    for robot, all_ in figures.items():
-        planned, by_hand = (predicted_of(robot, path) * 1e6 for path in ("planned", "a"))
-        median, best = float(np.median(all_)) * 1e6, min(all_) * 1e6
+def _say_predicted(robot: str, figures: list[float]) -> None:
+    rows = [{"random_path": k + 1, "tcp_sigma_um": figure * 1e6} for k, figure in enumerate(figures)]
+    write_whole(STUDIES / f"planned_paths_random_{robot}.csv", _csv(rows))
+    planned, hand = (predicted_of(robot, path) * 1e6 for path in ("planned", "a"))
+    median, best = float(np.median(figures)) * 1e6, min(figures) * 1e6
+    print(
+        f"{robot}: predicted TCP sigma [um rms]: planned {planned:.1f}, by hand {hand:.1f} ({hand / planned:.2f} times), "
+        f"{len(figures)} random ones median {median:.1f} ({median / planned:.2f} times), best {best:.1f}",
+        flush=True,
+    )
+
+
+def _say_identified(robot: str, rows: list[dict[str, object]]) -> None:
+    def column(path: str, name: str) -> np.ndarray:
+        return np.array([float(str(row[name])) for row in rows if row["path"] == path])
+
+    for name in ("tcp_mean_mm", "tcp_max_mm"):
+        hand, planned = column("a", name), column("planned", name)
         print(
-            f"{robot}: predicted TCP sigma [um rms]: planned {planned:.1f}, by hand {by_hand:.1f} ({by_hand / planned:.2f} times), "
-            f"{len(all_)} random ones median {median:.1f} ({median / planned:.2f} times), best {best:.1f}"
+            f"{robot} {name}: by hand {hand.mean():.4f}, planned {planned.mean():.4f}, {hand.mean() / planned.mean():.2f} times smaller; "
+            f"medians {np.median(hand):.4f}, {np.median(planned):.4f}, {np.median(hand) / np.median(planned):.2f} times "
+            f"({planned.size} robots)",
+            flush=True,
         )
-
-
-def _say_identified(rows: list[dict[str, object]]) -> None:
-    def column(robot: str, path: str, name: str) -> np.ndarray:
-        return np.array([float(str(row[name])) for row in rows if row["robot"] == robot and row["path"] == path])
-
-    for robot in ROBOTS:
-        for name in ("tcp_mean_mm", "tcp_max_mm"):
-            hand, planned = column(robot, "a", name), column(robot, "planned", name)
-            print(
-                f"{robot} {name}: by hand {hand.mean():.4f}, planned {planned.mean():.4f}, "
-                f"{hand.mean() / planned.mean():.2f} times smaller; "
-                f"medians {np.median(hand):.4f}, {np.median(planned):.4f}, {np.median(hand) / np.median(planned):.2f} times "
-                f"({planned.size} robots)"
-            )
 
 
 def _csv(rows: list[dict[str, object]]) -> bytes:

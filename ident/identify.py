@@ -24,6 +24,7 @@ from ident.event import Event
 from ident.events import as_logged, events_in_logs
 from ident.free_robot import FreeRobot
 from ident.identifiability import Dependency, Identifiability, candidates, identifiable
+from ident.iteration import Watch
 from ident.joint_fit import Excess, JointFit, tension_at
 from ident.machine import ForceSource, Prepared, coefficients_of, fit_machine
 from ident.noise import noise_from_logs, rod_deviation, row_noise
@@ -32,7 +33,7 @@ from ident.remarks import log_remarks
 from ident.sampling import sample_times
 from ident.signals import SmoothLog, smooth_log
 from ident.solver import Fit, solve
-from ident.start import Start, automatic_start
+from ident.start import Start, automatic_start, fitted
 from ident.uncertainty import Uncertainty, block_widening, uncertainty
 from ident.unknowns import FIXED, PLACE
 from ident.verdict import STRAINED, Evidence, Verdict, judge
@@ -179,6 +180,7 @@ def identify(
     rod_sigma: float | None = None,
     samples: int = DEFAULT_SAMPLES,
     progress: Callable[[str], None] = lambda _: None,
+    watch: Watch | None = None,
 ) -> Identification:
     """Identify robot, ball-bar position, encoder zeros and clock from one recording.
 
@@ -187,13 +189,13 @@ def identify(
     corrections : names of ident.corrections; None for those that the data support.
     force : where the rod's force comes from; `auto` takes the best signal that was logged.
     rod_sigma : [m] of a measured rod length (the ball-bar's bd3 is then that length); None for the catalogue's tolerance.
-    progress : called with a short sentence at each stage.
+    progress : called with a short sentence at each stage. watch : called with each iteration of the chosen start and of the fits.
 
     Raises StartError when the logs cannot be brought together; ValueError for an unknown correction.
     """
     logs = [Logs(robot_log, ballbar_log, force_log)]
     return identify_together(
-        cell, logs, model=model, corrections=corrections, force=force, rod_sigma=rod_sigma, samples=samples, progress=progress
+        cell, logs, model=model, corrections=corrections, force=force, rod_sigma=rod_sigma, samples=samples, progress=progress, watch=watch
     )[0]
 
 
@@ -207,6 +209,7 @@ def identify_together(
     rod_sigma: float | None = None,
     samples: int = DEFAULT_SAMPLES,
     progress: Callable[[str], None] = lambda _: None,
+    watch: Watch | None = None,
 ) -> list[Identification]:
     """One robot from several recordings: an Identification each, with the robot in common.
 
@@ -215,7 +218,7 @@ def identify_together(
     for name in corrections or ():
         if name not in CORRECTIONS:
             raise ValueError(f"unknown correction {name!r}; there are {', '.join(CORRECTIONS)}")
-    alone = [fit_alone(cell, logs, samples, progress) for logs in recordings]
+    alone = [fit_alone(cell, logs, samples, progress, None if k else watch) for k, logs in enumerate(recordings)]
     if len(alone) == 1:
         simple = _outcome(cell, alone[0])
         if model == "dh" or (model == "auto" and corrections is None and not _wants_more(simple)):
@@ -227,7 +230,15 @@ def identify_together(
         asked = []  # jumps can be sized all the same
     prepared = [one.prepared() for one in alone]
     fit = fit_machine(
-        cell, alone[0].nominal, prepared, asked, force=force, rod_sigma=rod_sigma, prune=corrections is None, progress=progress
+        cell,
+        alone[0].nominal,
+        prepared,
+        asked,
+        force=force,
+        rod_sigma=rod_sigma,
+        prune=corrections is None,
+        progress=progress,
+        watch=watch,
     )
     trust = uncertainty(fit)
     sources = [one.source(force) for one in prepared]
@@ -240,7 +251,13 @@ def _wants_more(simple: Identification) -> bool:
     return left or bool(simple.events)
 
 
-def fit_alone(cell: Cell, logs: Logs, samples: int = DEFAULT_SAMPLES, progress: Callable[[str], None] = lambda _: None) -> Alone:
+def fit_alone(
+    cell: Cell,
+    logs: Logs,
+    samples: int = DEFAULT_SAMPLES,
+    progress: Callable[[str], None] = lambda _: None,
+    watch: Watch | None = None,
+) -> Alone:
     """The dh fit of one recording, from its logs. Raises StartError when they cannot be brought together."""
     progress("smoothing both logs")
     robot, bar, joints = _smoothed(logs.robot, logs.ballbar)
@@ -249,16 +266,18 @@ def fit_alone(cell: Cell, logs: Logs, samples: int = DEFAULT_SAMPLES, progress: 
     nominal = nominal_geometry(cell, np.zeros(3))
     progress("aligning the logs and finding the ball-bar")
     start = automatic_start(robot, bar, joints, nominal, noise)
-    progress("fitting")
     chosen = start.chosen
+    if watch:
+        fitted(chosen.hypothesis, robot, bar, joints, noise, watch)  # once more, to be watched alone among its rivals
+    progress("fitting")
     times = sample_times(robot, bar, chosen.fit.estimate.clock, samples)
     noise = noise_from_logs(robot, bar, joints, spacing=float(times[1] - times[0]), rod=ROD_SIGMA_START)
     problem = Problem(robot, bar, joints, np.array(chosen.hypothesis.signs, dtype=float), times, noise)
     here = problem.start(chosen.fit.estimate.geometry, chosen.fit.estimate.clock)
     subset = identifiable(problem, here, nominal, candidates(joints))
-    first = solve(problem, _on_nominal(problem, here, nominal, subset.parameters), subset.parameters)
+    first = solve(problem, _on_nominal(problem, here, nominal, subset.parameters), subset.parameters, watch=watch)
     problem = replace(problem, noise=replace(noise, rod=rod_deviation(replace(problem, noise=replace(noise, rod=0.0)), first.estimate)))
-    fit = solve(problem, first.estimate, subset.parameters)
+    fit = solve(problem, first.estimate, subset.parameters, watch=watch)
     return Alone(problem, nominal, start, subset, fit, chosen.fit.iterations + first.iterations + fit.iterations, logs)
 
 

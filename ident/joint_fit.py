@@ -32,6 +32,7 @@ from ident.closure import (
 )
 from ident.corrections.base import BAR, CARRIERS, GEAR, PLATE, ROD, Correction, State, play_width
 from ident.event import Event
+from ident.iteration import Iteration, Watch
 from ident.loads import MassModel, loads, no_loads
 from ident.problem import Clock
 from ident.signals import SmoothLog
@@ -408,15 +409,25 @@ def approach(model: Model, x: Array, bars: Sequence[Array], excess: Excess) -> A
 
 
 def minimise(
-    model: Model, x: Array, bars: Sequence[Array], excess: Excess, *, negligible: float = 1e-4, max_iterations: int = MAX_ITERATIONS
+    model: Model,
+    x: Array,
+    bars: Sequence[Array],
+    excess: Excess,
+    *,
+    negligible: float = 1e-4,
+    max_iterations: int = MAX_ITERATIONS,
+    watch: Watch | None = None,
 ) -> JointFit:
     """Gauss-Newton from x with backtracking.
 
     negligible : predicted decrease of the cost for each unknown, in units of the cost per degree of freedom, that ends the
         search; 1e-4 leaves them on average a hundredth of their standard deviations from the minimum.
+    watch : is told of the start and of each iteration.
     """
     now = linearise(model, x, bars, excess)
     iterations, converged = 0, False
+    if watch:
+        watch(_iteration(model, x, now))
     while True:
         step = newton_step(now.normal, now.gradient, model.unknowns.sigma)
         decrease = -float(now.gradient @ step)
@@ -433,12 +444,19 @@ def minimise(
         x = x + share * step
         settled = now.cost - trial < enough
         now = linearise(model, x, [p.bar for p in now.points], excess, now.weights if iterations >= FREEZE_AFTER else (), now.points)
+        if watch:
+            watch(_iteration(model, x, now))
         if settled:
             converged = True
             break
     scaled = now.normal * np.outer(model.unknowns.sigma, model.unknowns.sigma)
     covariance = cho_solve(cho_factor(scaled), np.eye(x.size)) * np.outer(model.unknowns.sigma, model.unknowns.sigma)
     return JointFit(model, x, now, covariance, excess, iterations, converged)
+
+
+def _iteration(model: Model, x: Array, now: Linear) -> Iteration:
+    layout, size = model.unknowns, sum(r.size for r in now.residuals)
+    return Iteration(layout.geometry(x, 0), layout.clock(x, 0), model.tracks[0].times, now.points[0].closure.error, now.cost / size)
 
 
 def newton_step(normal: Array, gradient: Array, sigma: Array) -> Array:

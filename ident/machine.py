@@ -26,6 +26,7 @@ from ident.corrections.base import Correction
 from ident.event import Event
 from ident.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized, with_exact_periods
 from ident.excess import estimate_excess
+from ident.iteration import Watch
 from ident.joint_fit import Excess, JointFit, Model, Track, approach, minimise
 from ident.loads import loads, mass_model
 from ident.noise import noise_from_logs
@@ -95,6 +96,7 @@ def fit_machine(
     rod_sigma: float | None,
     prune: bool = False,
     progress: Callable[[str], None] = lambda _: None,
+    watch: Watch | None = None,
 ) -> JointFit:
     """The joint fit of all recordings with the named corrections, jumps of encoders and clocks repaired.
 
@@ -104,7 +106,7 @@ def fit_machine(
     names: list[str] = list(corrections)
 
     def first_pass(events: tuple[Event, ...]) -> JointFit:
-        return _first_pass(cell, nominal, recordings, names, events, force, rod_sigma, progress)
+        return _first_pass(cell, nominal, recordings, names, events, force, rod_sigma, progress, watch)
 
     events = tuple(event for k, r in enumerate(recordings) for event in events_in_logs(r.robot, r.bar, r.joints, r.signs, r.clock, k))
     most = len(events) + MAX_EVENTS
@@ -117,17 +119,17 @@ def fit_machine(
         events, fit = (*events, event), trial
     begin = _next_pass(fit)
     del fit  # large with many samples
-    fit = noise_passes(begin, progress)
+    fit = noise_passes(begin, progress, watch)
     while len(events) < most and (event := find_event(fit)) is not None:  # what shows only once the noise is known
         progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
         events = (*events, event)
-        fit = noise_passes(_next_pass(first_pass(events)), progress)
+        fit = noise_passes(_next_pass(first_pass(events)), progress, watch)
     exact = with_exact_periods(fit, events, cell.ballbar.encoder_lines)
     idle = unsupported(fit) if prune else set()
     if idle or exact != events:
         progress(f"fitting again without {', '.join(sorted(idle))}" if idle else "fitting again with whole signal periods")
         names, events = [name for name in names if name not in idle], exact
-        fit = noise_passes(_next_pass(first_pass(events)), progress)
+        fit = noise_passes(_next_pass(first_pass(events)), progress, watch)
     return replace(fit, events=sized(fit, events, cell.ballbar.encoder_lines))
 
 
@@ -154,13 +156,14 @@ def _first_pass(
     force: ForceSource,
     rod_sigma: float | None,
     progress: Callable[[str], None],
+    watch: Watch | None,
 ) -> JointFit:
     progress("preparing the complete model")
     model, x, bars = posed(cell, nominal, recordings, corrections, force, rod_sigma=rod_sigma, events=events)
     if model.masses is not None and "none" in [r.source(force) for r in recordings]:
-        x, bars = continued(model, x, bars, progress)
+        x, bars = continued(model, x, bars, progress, watch)
     progress(f"fitting {model.unknowns.count} unknowns")
-    return minimise(model, approach(model, x, bars, FIRST_EXCESS), bars, FIRST_EXCESS)
+    return minimise(model, approach(model, x, bars, FIRST_EXCESS), bars, FIRST_EXCESS, watch=watch)
 
 
 def posed(
@@ -193,13 +196,15 @@ def posed(
     return model, x, [r.angles(r.times)[3] for r in recordings]
 
 
-def continued(model: Model, x: Array, bars: list[Array], progress: Callable[[str], None]) -> tuple[Array, list[Array]]:
+def continued(
+    model: Model, x: Array, bars: list[Array], progress: Callable[[str], None], watch: Watch | None = None
+) -> tuple[Array, list[Array]]:
     """From nominal to where plain steps converge: much noise and wide play first, then less."""
     for times in CONTINUATION:
         progress(f"finding the force in the rod from geometry ({times:g} times the noise)")
         e = FIRST_EXCESS
         blurred = Excess(e.gear * times, e.wrist * times, e.bar * times, e.rod * times)
-        fit = minimise(replace(model, sharpness=1.0 / times), x, bars, blurred, max_iterations=CONTINUED_ITERATIONS)
+        fit = minimise(replace(model, sharpness=1.0 / times), x, bars, blurred, max_iterations=CONTINUED_ITERATIONS, watch=watch)
         x, bars = fit.x, [p.bar for p in fit.linear.points]
     return x, bars
 
@@ -220,11 +225,11 @@ def _next_pass(fit: JointFit) -> Pass:
     return Pass(with_likely_tension(fit), fit.x, [p.bar for p in fit.linear.points], estimate_excess(fit), fit.iterations)
 
 
-def noise_passes(begin: Pass, progress: Callable[[str], None]) -> JointFit:
+def noise_passes(begin: Pass, progress: Callable[[str], None], watch: Watch | None = None) -> JointFit:
     """Further fits, each with the noise found by the one before."""
     for k in range(1, NOISE_PASSES + 1):
         progress(f"fitting {begin.model.unknowns.count} unknowns with estimated noise, {k} of {NOISE_PASSES}")
-        fit = minimise(begin.model, begin.x, begin.bars, begin.excess)
+        fit = minimise(begin.model, begin.x, begin.bars, begin.excess, watch=watch)
         fit = replace(fit, iterations=begin.iterations + fit.iterations)
         if k < NOISE_PASSES:
             begin = _next_pass(fit)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from cell.chain import Array
+from ident.iteration import Iteration, Watch
 from ident.problem import Estimate, Linearisation, Problem, linearise, moved, stepped
 
 DAMPING_START = 1e-12
@@ -70,24 +71,35 @@ def solve(
     prior: Prior | None = None,
     negligible: float = 1e-4,
     max_iterations: int = MAX_ITERATIONS,
+    watch: Watch | None = None,
 ) -> Fit:
     """Minimise the whitened loop closure over geometry parameters and clock.
 
     negligible : predicted decrease of the cost, in units of the cost per degree of freedom, that ends the search;
         1e-4 leaves the estimate a hundredth of its standard deviation from the minimum.
+    watch : is told of the start and of each iteration.
     """
     belief = prior or Prior(start.geometry.values[parameters], np.full(parameters.size, np.inf))
     coarse = 0
     if (thin := problem.times.size // COARSE_SAMPLES) >= COARSE_SHARE:
-        near = _minimise(problem.thinned(thin), replace(start, bar=start.bar[::thin]), parameters, belief, 1.0, max_iterations, np.inf)
+        near = _minimise(
+            problem.thinned(thin), replace(start, bar=start.bar[::thin]), parameters, belief, 1.0, max_iterations, np.inf, watch
+        )
         if near.converged:
             start, coarse = problem.start(near.estimate.geometry, near.estimate.clock), near.iterations
-    fit = _minimise(problem, start, parameters, belief, negligible, max_iterations, NEAR)
+    fit = _minimise(problem, start, parameters, belief, negligible, max_iterations, NEAR, watch)
     return replace(fit, iterations=fit.iterations + coarse)
 
 
 def _minimise(
-    problem: Problem, start: Estimate, parameters: NDArray[np.intp], belief: Prior, negligible: float, max_iterations: int, near: float
+    problem: Problem,
+    start: Estimate,
+    parameters: NDArray[np.intp],
+    belief: Prior,
+    negligible: float,
+    max_iterations: int,
+    near: float,
+    watch: Watch | None,
 ) -> Fit:
     """As `solve`; near : predicted decrease for each unknown below which a Jacobian holds as far as its step goes."""
     damping, iterations = DAMPING_START, 0
@@ -95,6 +107,8 @@ def _minimise(
     normal = _normal(now, belief)
     first = ahead = _predicted_decrease(now, normal, belief, parameters)
     while True:
+        if watch:
+            watch(_iteration(problem, now))
         unit = max(1.0, now.cost / max(1, now.residual.size - len(normal)))
         converged = ahead < negligible * unit
         if converged or iterations == max_iterations:
@@ -109,6 +123,11 @@ def _minimise(
             normal = _normal(now, belief)
             first = ahead = _predicted_decrease(now, normal, belief, parameters)
     return Fit(parameters, now, _inverse(normal), _prior_cost(now.estimate, belief, parameters), iterations, converged)
+
+
+def _iteration(problem: Problem, now: Linearisation) -> Iteration:
+    here = now.estimate
+    return Iteration(here.geometry, here.clock, problem.times, now.closure.error, now.cost / max(1, now.residual.size))
 
 
 def _predicted_decrease(now: Linearisation, normal: Array, belief: Prior, parameters: NDArray[np.intp]) -> float:

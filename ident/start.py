@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from cell.chain import Array
 from cell.geometry import INDEX, Geometry, robot_frames
 from cell.inverse import bar_roll
+from ident.iteration import Watch
 from ident.problem import Clock, NoiseModel, Problem
 from ident.sampling import overlap, sample_times
 from ident.scan import Branch, Pair, PairScan, best_lags, scan_lags, subsample
@@ -102,7 +103,7 @@ def automatic_start(robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, 
         raise StartError(f"encoders {joints}: half a gimbal is fitted; use b1 with b2 and b4 with b5, or leave the odd one out")
     candidates = []
     for hypothesis in islice(_hypotheses(robot, bar, joints, nominal), HYPOTHESES):
-        candidate = _fitted(hypothesis, robot, bar, joints, noise)
+        candidate = fitted(hypothesis, robot, bar, joints, noise)
         if candidate is not None:
             candidates.append(candidate)
     if not candidates:
@@ -175,9 +176,15 @@ def _with_roll(
             yield read | {3: (sign, float(np.angle(mean)))}
 
 
-def _fitted(
-    hypothesis: Hypothesis, robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], noise: NoiseModel
+def fitted(
+    hypothesis: Hypothesis,
+    robot: SmoothLog,
+    bar: SmoothLog | None,
+    joints: tuple[int, ...],
+    noise: NoiseModel,
+    watch: Watch | None = None,
 ) -> Candidate | None:
+    """A hypothesis after a fit of a few samples; None where it leads nowhere."""
     try:
         times = sample_times(robot, bar, hypothesis.clock, SAMPLES)
     except ValueError:
@@ -187,7 +194,7 @@ def _fitted(
     prior = Prior(hypothesis.geometry.values[parameters], sigma)
     start = problem.start(hypothesis.geometry, hypothesis.clock)
     try:
-        fit = solve(problem, start, parameters, prior=prior, negligible=1e-2, max_iterations=ITERATIONS)
+        fit = solve(problem, start, parameters, prior=prior, negligible=1e-2, max_iterations=ITERATIONS, watch=watch)
     except np.linalg.LinAlgError:  # a wrong hypothesis may run into a pose where nothing can be solved; it is then no candidate
         return None
     first, last = overlap(robot, bar, fit.estimate.clock)

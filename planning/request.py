@@ -108,7 +108,10 @@ class PlanLimits(Strict):
     shoulder_margin_m: Positive = Field(0.15, description="Of the wrist's centre from axis 1.")
     ballbar_margin_deg: Positive = Field(15.0, description="Of b2 and b4 from their singularities (thesis sec. 5.1).")
     cable_turns: Positive = Field(1.0, description="Of each ball-bar joint, end to end; the thesis's cables allowed 2 and were in the way.")
-    force_N: Positive = Field(150.0, description="In the rod under soft servo (thesis Fig. 5.7), for a robot of 1 mm, 1 mrad.")
+    force_N: Positive = Field(
+        200.0,
+        description="In the rod under soft servo, for robots of 1 mm, 1 mrad (physical_parameters.yaml: peaks of 226 N in the thesis).",
+    )
     clearance_m: Positive = Field(0.03, description="Between capsules of robot, plate, rod and everything else.")
 
 

@@ -85,7 +85,7 @@ def test_the_figure_of_a_search_is_the_tcp_sigma_over_the_grid(judge: Judge, by_
 
 
 def test_the_prediction_is_what_identification_states_afterwards(judge: Judge, by_hand: Candidate) -> None:
-    with (ROOT / "docs" / "studies" / "everything_on_irb2400.csv").open() as file:
+    with (ROOT / "docs" / "studies" / "everything_on_irb2400_12.csv").open() as file:
         stated = [float(row["tcp_sigma_mm"]) * 1e-3 for row in csv.DictReader(file) if row["paths"] == "a"]
     course = course_over(judge.cell, by_hand, PlanTiming())[0]
     found = predict(judge.predictor, course, predicted_forces(judge.forces, course).tension[0])

@@ -20,6 +20,7 @@ from rerun.chunk import RrdReader
 from acquisition.recording import read_recording
 from ballbar import replay
 from ballbar.compare import Limit, identification_against_truth
+from ballbar.iterations import IterationLog
 from ballbar.replay import open_viewer, recording_id, serve_web, write_replay
 from ballbar.replay_layout import rounded_up
 from ballbar.replay_motion import base_alignment, cell_motion, quat_xyzw, true_tool
@@ -53,13 +54,13 @@ def _strict_rerun():
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> RunData:
     """A minute of the IRB 2400 without forces, identified from few samples."""
-    return _run(tmp_path_factory.mktemp("five"), fitted=(1, 2, 3, 4, 5))
+    return simulated_run(tmp_path_factory.mktemp("five"), fitted=(1, 2, 3, 4, 5))
 
 
 @pytest.fixture(scope="module")
 def real(tmp_path_factory) -> RunData:
     """As from a real cell: two encoders, and nobody knows the truth."""
-    return replace(_run(tmp_path_factory.mktemp("two"), fitted=(1, 2)), simulation=None, comparison=None, limits=())
+    return replace(simulated_run(tmp_path_factory.mktemp("two"), fitted=(1, 2)), simulation=None, comparison=None, limits=(), scenario=None)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +70,8 @@ def file(run, tmp_path_factory) -> Path:
     return path
 
 
-def _run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
+def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
+    """A minute of the kinematic plant, identified from few samples, its iterations watched."""
     scenario = load_scenario(SCENARIO)
     scenario = scenario.model_copy(
         update={
@@ -82,10 +84,12 @@ def _run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
     simulation = simulate(scenario, relative_to=SCENARIO.parent)
     write_recording(simulation, scenario, folder / "recording")
     recording = read_recording(folder / "recording")
-    found = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=300)
+    log = IterationLog(lambda _: None)
+    found = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=300, progress=log.progress, watch=log.watch)
     comparison = identification_against_truth(found, simulation.truth)
     limits = (Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm"), Limit("iterations", 11.0, 10.0, ""))
-    return RunData("minute", folder / "recording", recording, found, simulation, comparison, limits)
+    data = RunData("minute", folder / "recording", recording, found, simulation, comparison, limits)
+    return replace(data, scenario=scenario, iterations=tuple(log.steps))
 
 
 def _rerun(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -149,9 +153,9 @@ def test_everything_a_newcomer_needs_is_in_the_file(file):
     assert "/ballbar/rod_force_N" not in entities  # the kinematic plant knows none
 
 
-def test_the_only_timeline_is_the_robots_clock(file):
+def test_the_timelines_are_the_robots_clock_and_the_iterations(file):
     timelines = {name for chunk in RrdReader(str(file)).stream().to_chunks() if not chunk.is_static for name in chunk.timeline_names}
-    assert timelines == {"robot_time"}
+    assert timelines == {"robot_time", "iteration"}
 
 
 def test_writing_the_same_run_twice_gives_the_same_recording(file, run, tmp_path):
