@@ -6,8 +6,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +15,6 @@ from typing import Annotated
 
 import typer
 from pydantic import ValidationError
-from rich.console import Console
 from rich.markup import escape
 
 from acquisition import explain_lines, read_recording
@@ -32,11 +30,12 @@ from ballbar.export_result import load_result
 from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
 from ballbar.iterations import IterationLog
 from ballbar.new_recording import Told, new_recording
-from ballbar.plan_command import parse_position, plan_path
+from ballbar.plan_command import default_folder, parse_position, plan_path
 from ballbar.replay import ViewerError, open_viewer, serve_web
 from ballbar.replay_command import Layout, chosen_replay
 from ballbar.replay_live import live_run
 from ballbar.report_terminal import say_identification
+from ballbar.result_json import claims_data, comparison_data, plan_data, run_data, simulation_data, sweep_data
 from ballbar.run import OUTPUTS, run_scenario, simulate_scenario, write_outputs
 from ballbar.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
@@ -44,6 +43,7 @@ from ballbar.sweep_check import load as load_sweep
 from ballbar.sweep_command import run_bar, say_outcome
 from ballbar.sweep_run import SweepError, run_sweep
 from ballbar.sweep_workers import dask_cluster, process_pool, processes
+from ballbar.terminal import INTERRUPTED, CommandGroup, Quiet, Verbose, err, fresh_terminal, out, progress_bar, silence
 from ballbar.trial import run_trial
 from cell.descriptions import load_cell
 from cell.errors import InputError
@@ -64,20 +64,23 @@ from sim.truth import load_truth
 WHAT_IF = (*CHANGES, ENCODERS)
 CLAIM_WORKERS = 2  # processes: claims are for a laptop, and for continuous integration
 
-out = Console(highlight=False, soft_wrap=True, emoji=False)  # file.csv:100: is line 100
-err = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 app = typer.Typer(
+    cls=CommandGroup,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
-    help="Robot calibration with a sensed double ball-bar: simulate the cell, read its logs, identify the robot, look at the result.",
 )
 
 ScenarioFile = Annotated[Path, typer.Argument(help="A scenario, such as scenarios/irb2400.yaml.", metavar="SCENARIO")]
 RecordingFolder = Annotated[Path, typer.Argument(help="A folder with recording.yaml and the device files.", metavar="RECORDING")]
 ResultFile = Annotated[Path, typer.Argument(help="A calibration.yaml, or the folder that holds it.", metavar="RESULT")]
 Out = Annotated[Path | None, typer.Option("--out", help="Folder for the output; nothing else may be in it.", metavar="DIR")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON, SI units, and no words.")]
+
+
+@app.callback()
+def shared(quiet: Quiet = False, verbose: Verbose = False) -> None:
+    """Robot calibration with a sensed double ball-bar: simulate the cell, read its logs, identify the robot, look at the result."""
 
 
 @app.command(epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`")
@@ -85,6 +88,7 @@ def run(
     scenario: ScenarioFile,
     out_dir: Out = None,
     live: Annotated[bool, typer.Option("--live", help="Show the cell and the identification in a rerun window as they come.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Simulate a scenario, identify the robot from its logs, compare with the truth, write report and replay.
 
@@ -93,8 +97,10 @@ def run(
     """
     settings = load_scenario(scenario)
     folder = out_dir or Path("runs") / settings.name
-    with live_run() if live else nullcontext() as window, _progress() as progress:
+    with live_run() if live else nullcontext() as window, progress_bar() as progress:
         data = run_scenario(settings, scenario, folder, command=_command(), progress=progress, live=window)
+    if as_json:
+        _say_json(run_data(data, folder))
     say_identification(out, data)
     if data.simulation is not None:
         _say_plant(data.simulation)
@@ -108,12 +114,14 @@ def run(
 
 
 @app.command(epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`")
-def simulate(scenario: ScenarioFile, out_dir: Out = None) -> None:
+def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) -> None:
     """Simulate a scenario and write its device logs as a recording; the truth goes beside the folder, not into it."""
     settings = load_scenario(scenario)
     folder = out_dir or Path("runs") / f"{settings.name}-recording"
-    with _progress() as progress:
+    with progress_bar() as progress:
         simulation = simulate_scenario(settings, scenario, folder, progress=progress)
+    if as_json:
+        _say_json(simulation_data(simulation, folder))
     _say_plant(simulation)
     out.print(f"Recording {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
 
@@ -204,6 +212,7 @@ def identify(
         typer.Option(help="Standard deviation [m] of a measured rod, whose length is bd3 of the ball-bar's file.", metavar="METRES"),
     ] = None,
     rerun: Annotated[bool, typer.Option("--rerun", help="Write the replay file run.rrd too.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Identify a robot from one recording, or from several together; try it on others.
 
@@ -220,11 +229,13 @@ def identify(
     first = recordings[0]
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     claim_folder(folder, OUTPUTS, "the result")
-    with _progress() as progress:
+    with progress_bar() as progress:
         log = IterationLog(progress)
         data = identify_recordings(recordings, validate or (), settings=settings, progress=log.progress, watch=log.watch if rerun else None)
         data = replace(data, iterations=tuple(log.steps))
         write_outputs(folder, data, command=_command(), replay=rerun, progress=progress)
+    if as_json:
+        _say_json(run_data(data, folder))
     say_identification(out, data)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if data.acceptable else 1)
@@ -234,10 +245,14 @@ def identify(
 def compare_files(
     calibration: Annotated[Path, typer.Argument(help="A calibration.yaml.", metavar="CALIBRATION")],
     reference: Annotated[Path, typer.Argument(help="A truth file, or another calibration.yaml.", metavar="REFERENCE")],
+    as_json: AsJson = False,
 ) -> None:
     """Compare a calibration with the truth of a simulated run, or with another calibration: TCP error over the workspace."""
     model = load_calibration(calibration)
-    _say_comparison(_compared(model, calibration, reference))
+    comparison = _compared(model, calibration, reference)
+    if as_json:
+        _say_json(comparison_data(comparison))
+    _say_comparison(comparison)
 
 
 @app.command(epilog="Example: `ballbar identifiability scenarios/irb2400.yaml --cost all --encoders 1,2,4,5`")
@@ -260,7 +275,7 @@ def identifiability(
     fitted = settings.encoders.fitted if encoders is None else parse_encoders(encoders)
     costs, passed_over = chosen_costs(settings.identify.cost if cost is None else cost, fitted)
     loop = nominal_loop(settings, relative_to=scenario.parent)
-    with _progress() as progress:
+    with progress_bar() as progress:
         found = []
         for name in costs:
             progress(name)
@@ -306,11 +321,12 @@ def sweep(
     out_dir: Out = None,
     workers: Annotated[int | None, typer.Option(help="Processes on this machine; default one a core.", min=1)] = None,
     scheduler: Annotated[str | None, typer.Option(help="Run on the workers of this Dask scheduler instead.", metavar="ADDRESS")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Run a scenario many times with values and seeds that vary; one table with a row for each run.
 
     Writes NAME.parquet and NAME.csv to DIR (default runs/NAME-sweep). Interrupted, the same command goes on where it stopped.
-    Exits with 1 when it was stopped, or every run failed.
+    Exits with 1 when every run failed, with 130 when it was stopped.
     """
     if workers is not None and scheduler is not None:
         raise InputError("--workers counts processes on this machine; with --scheduler the cluster's own workers compute. Give one.")
@@ -319,7 +335,12 @@ def sweep(
     computing = partial(dask_cluster, address=scheduler) if scheduler else partial(processes, count=workers or os.cpu_count() or 1)
     with run_bar(err, settings.plan) as progress:
         outcome = run_sweep(settings, folder, run_trial, computing, progress=progress)
-    raise typer.Exit(0 if say_outcome(out, outcome) else 1)
+    if as_json:
+        _say_json(sweep_data(outcome))
+    succeeded = say_outcome(out, outcome)
+    if not outcome.finished:
+        raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(0 if succeeded else 1)
 
 
 @app.command(epilog="Example: `ballbar claims --quick`, or `ballbar claims noise`")
@@ -327,6 +348,7 @@ def claims(
     names: Annotated[list[str] | None, typer.Argument(help="Of scenarios/claims, or files; default all.", metavar="NAME")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer points and seeds: less than a minute.")] = False,
     page: Annotated[Path | None, typer.Option("--out", help="Write them, with figures, as a page.", metavar="FILE.md")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Check what the thesis says against what comes out here, by the runs behind each claim.
 
@@ -337,6 +359,8 @@ def claims(
     chosen = topics(names or ())
     with TemporaryDirectory(prefix="ballbar-claims-") as work, process_pool(CLAIM_WORKERS) as computing:
         judged = judge_all(chosen, Path(work), computing, quick=quick, showing=partial(run_bar, err))
+    if as_json:
+        _say_json(claims_data(judged))
     passed = say_verdicts(out, judged)
     if page is not None:
         write_page(page, judged)
@@ -436,6 +460,7 @@ def plan(
             "--what-if", help=f"Expected TCP error if one of {', '.join(WHAT_IF)} were another; may be repeated.", metavar="KEY=A,B"
         ),
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Plan a path for the cell: what it will tell, before anyone goes there, and programs that run it.
 
@@ -443,7 +468,12 @@ def plan(
     runs/NAME-plan). Exits with 1 when the path violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best path so far.
     """
     place = None if position is None else parse_position(position)
-    kept = plan_path(request, out_dir=out_dir, path=path, position=place, seconds=seconds, what_if=what_if or (), out=out, err=err)
+    folder = out_dir or default_folder(request)
+    if as_json:
+        silence()
+    kept = plan_path(request, folder=folder, path=path, position=place, seconds=seconds, what_if=what_if or (), out=out, err=err)
+    if as_json:
+        _say_json(plan_data(folder, kept=kept))
     raise typer.Exit(0 if kept else 1)
 
 
@@ -496,11 +526,10 @@ def _say_comparison(comparison: Comparison) -> None:
         out.print(f"clock error: offset {comparison.offset * 1e6:+.2f} us, skew {comparison.skew * 1e6:+.4f} ppm")
 
 
-@contextmanager
-def _progress() -> Iterator[Callable[[str], None]]:
-    """A spinner with the current stage on a terminal; nothing in a pipe."""
-    with err.status("starting") as status:
-        yield lambda stage: status.update(f"{stage} ...")
+def _say_json(data: object) -> None:
+    """Prints it; the words that would follow are left out."""
+    typer.echo(json.dumps(data, indent=2))
+    silence()
 
 
 def _command() -> str:
@@ -509,6 +538,7 @@ def _command() -> str:
 
 def main() -> None:
     """Entry point: runs a command and turns what can go wrong into a message and an exit code."""
+    fresh_terminal()
     try:
         app()
     except InputError as error:
@@ -520,6 +550,3 @@ def main() -> None:
     except OSError as error:
         err.print(f"[red]error:[/] {escape(str(error.filename or ''))}: {escape(error.strerror or str(error))}")
         sys.exit(2)
-    except KeyboardInterrupt:
-        err.print("interrupted; nothing half-written was left")
-        sys.exit(130)

@@ -35,10 +35,15 @@ WIDTH = 120  # characters of a table in a pipe or file
 EVALUATIONS = 6000  # of CMA-ES: about 100 s on two quiet cores
 
 
+def default_folder(file: Path) -> Path:
+    """Where a request's plan goes without --out."""
+    return Path("runs") / f"{load_request(file).name}-plan"
+
+
 def plan_path(
     file: Path,
     *,
-    out_dir: Path | None,
+    folder: Path,
     path: Path | None,
     position: tuple[float, float, float] | None,
     seconds: float,
@@ -51,7 +56,6 @@ def plan_path(
     Returns whether no limit is violated.
     """
     request, questions = load_request(file), [question(text) for text in what_if]
-    folder = out_dir or Path("runs") / f"{request.name}-plan"
     claim_folder(folder, {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}, "the plan")
     since = time.monotonic()
     if path is None:

@@ -5,7 +5,7 @@ RunData -> words and tables (report_tables), figures (report_figures), provenanc
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,9 +16,10 @@ from markupsafe import Markup
 
 from ballbar import report_figures as figures
 from ballbar import report_machine as machine
+from ballbar import report_sphere as sphere
 from ballbar import report_tables as tables
 from ballbar.report_numbers import rms_norm, significant, to_sigma
-from ballbar.report_provenance import InputFile, input_files, versions, without_folders
+from ballbar.report_provenance import InputFile, hashed, input_files, versions, without_folders
 from ballbar.report_recording import recording_section
 from ballbar.run_data import RunData
 from cell.chain import Array
@@ -49,6 +50,7 @@ class TcpView:
     after: Array  # (G,) [m] error of the identified model; its stated sigma where the truth is not known
     before_label: str
     after_label: str
+    predicted: Array  # (G,) [m] distance between nominal and identified model: the error before, by the identified robot's account
 
 
 def write_report(path: Path, data: RunData, *, command: str) -> None:
@@ -71,7 +73,9 @@ def render_report(data: RunData, *, command: str, written: datetime) -> str:
         result=result,
         description=data.recording.description,
         heading=_heading(data),
-        in_short=_in_short(data, tcp),
+        in_short=_in_short(tcp),
+        what_to_do=_what_to_do(data),
+        confidence=_confidence(data),
         tiles=_tiles(data, tcp),
         tcp=tcp,
         tcp_rows=_tcp_rows(data, tcp),
@@ -110,7 +114,7 @@ def _machine(data: RunData) -> dict[str, object]:
         "corrections": machine.correction_tables(result),
         "at_prior": machine.standing_at_prior(result),
         "coefficients_at_prior": [(one.name, machine.coefficient_in_words(one)) for one in machine.coefficients_at_prior(result)],
-        "groups": machine.groups(result) if result.corrections else [],
+        "groups": [", ".join(names) for names in machine.groups(result)],
         "tension": machine.tension_sentences(data),
         "events": machine.event_rows(data),
     }
@@ -120,9 +124,12 @@ def _inputs(data: RunData) -> list[InputFile]:
     """The files of every recording; under its name where there are several."""
     read = [(one.name, one.recording, one.folder) for one in data.fitted]
     read += [(one.outcome.name, one.recording, one.folder) for one in data.validations]
+    scenario = [] if data.scenario_file is None else [hashed(data.scenario_file.parent, data.scenario_file.name)]
     if len(read) == 1:
-        return input_files(data.recording, data.folder)
-    return [replace(file, name=f"{name}/{file.name}") for name, recording, folder in read for file in input_files(recording, folder)]
+        return scenario + input_files(data.recording, data.folder)
+    return scenario + [
+        replace(file, name=f"{name}/{file.name}") for name, recording, folder in read for file in input_files(recording, folder)
+    ]
 
 
 def _heading(data: RunData) -> str:
@@ -137,16 +144,16 @@ def _heading(data: RunData) -> str:
 def tcp_view(data: RunData) -> TcpView:
     """Error against the truth if there is a comparison, else the correction made and its stated uncertainty."""
     result = data.identification
-    if data.comparison:
-        before, after = data.comparison.tcp_nominal, data.comparison.tcp
-        return TcpView(True, before.position, before.error, after.error, "TCP error before", "TCP error after")
     grid = accuracy_grid(result.cell.robot)
     shift = position_error(FreeRobot(result.cell, result.nominal).tool(grid), result.free_robot().tool(grid))
-    return TcpView(False, shift.position, shift.error, result.tcp_sigma, "TCP correction", "Stated TCP sigma")
+    if data.comparison:
+        before, after = data.comparison.tcp_nominal, data.comparison.tcp
+        return TcpView(True, before.position, before.error, after.error, "TCP error before", "TCP error after", shift.error)
+    return TcpView(False, shift.position, shift.error, result.tcp_sigma, "TCP correction", "Stated TCP sigma", shift.error)
 
 
-def _in_short(data: RunData, tcp: TcpView) -> str:
-    """What a manager reads."""
+def _in_short(tcp: TcpView) -> str:
+    """The error before and after, for who decides."""
     before, after, poses = _mm(tcp.before.mean()), _mm(tcp.after.mean()), tcp.before.size
     if tcp.against_truth:
         text = (
@@ -158,7 +165,34 @@ def _in_short(data: RunData, tcp: TcpView) -> str:
             f"Over {poses} poses of the workspace the identified model moves the TCP by {before} on average against the nominal one; "
             f"the stated uncertainty of what remains is {after} (1 sigma, mean)."
         )
-    return text if data.identification.verdict.acceptable else f"{text} Do not use these parameters before the cause has been found."
+    return text
+
+
+def _what_to_do(data: RunData) -> str:
+    """The sentence for who decides, from verdict, limits and held-out recordings."""
+    result = data.identification
+    if not result.verdict.acceptable:
+        return "Do not use these parameters before the cause has been found."
+    if not data.acceptable:
+        return "Do not use these parameters yet: the robot was identified, but not as well as was asked for."
+    use = "The identified robot may be used: ballbar export writes it for other programs, ballbar correct corrects targets."
+    return f"{use} Clear up the remarks below first if the margin is tight." if result.verdict.status == "suspect" else use
+
+
+def _confidence(data: RunData) -> str:
+    """How sure the figures are, and what they leave out."""
+    result = data.identification
+    left = names_of(tables.leftovers(result))
+    text = (
+        f"By its own account the identified model is within {_mm(2.0 * result.tcp_sigma.mean())} of the tool's place at an average pose "
+        f"and within {_mm(2.0 * result.tcp_sigma.max())} at the worst, with 95 % confidence (2 sigma), under the assumptions below."
+    )
+    return f"{text} Not determined by this path and kept at the catalogue's values: {left}." if left else text
+
+
+def names_of(leftovers: Sequence[tables.Leftover]) -> str:
+    """Their names in words."""
+    return tables.names_in_words([one.name for one in leftovers])
 
 
 def _tiles(data: RunData, tcp: TcpView) -> list[Tile]:
@@ -207,6 +241,7 @@ def _tcp_rows(data: RunData, tcp: TcpView) -> list[tuple[str, str, str, str, str
         nominal, identified = data.comparison.tcp_nominal, data.comparison.tcp
         rows = [("before (nominal)", nominal), ("after (identified)", identified)]
         errors = [tables.tcp_row(name, one.error, one.error_without_scale) for name, one in rows]
+        errors.append(tables.tcp_row("predicted before", tcp.predicted, None))
     else:
         errors = [tables.tcp_row("correction (nominal to identified)", tcp.before, None)]
     return [*errors, tables.tcp_row("stated sigma", data.identification.tcp_sigma, None)]
@@ -218,8 +253,10 @@ def _figures(data: RunData, tcp: TcpView) -> Mapping[str, str]:
     before, after, clock = result.before, result.after, "robot" if result.clock is None else "ball-bar"
     curves = [figures.Curve(tcp.before_label, tcp.before, figures.BEFORE), figures.Curve(tcp.after_label, tcp.after, figures.AFTER)]
     if tcp.against_truth:
-        curves += [figures.Curve("Stated TCP sigma", result.tcp_sigma, figures.AFTER, dashed=True)]
+        curves += [figures.Curve("predicted before: nominal against identified", tcp.predicted, figures.BEFORE, dashed=True)]
+        curves += [figures.Curve("predicted after: stated sigma", result.tcp_sigma, figures.AFTER, dashed=True)]
     position, angle = "position residual [µm]", "angle residual [µrad]"
+    directions = sphere.tool_directions(data.fitted[0])
     pulled = [one.identification for one in data.fitted if one.identification.tension.any()]
     tension = {f"tension_{k}": figures.tension_over_time(one.after.t, one.tension, clock=clock) for k, one in enumerate(pulled)}
     return tension | {
@@ -230,6 +267,9 @@ def _figures(data: RunData, tcp: TcpView) -> Mapping[str, str]:
         "angle_norm": figures.norms_over_time(after.t, before.angle * 1e6, after.angle * 1e6, label=angle, clock=clock),
         "position": figures.components_over_time(after.t, after.position * 1e6, label=position, clock=clock),
         "angle": figures.components_over_time(after.t, after.angle * 1e6, label=angle, clock=clock),
+        "sphere_before": sphere.sphere_map(directions, before, before=True),
+        "sphere_after": sphere.sphere_map(directions, after, before=False),
+        "correlations": sphere.correlation_map(result.machine.values, result.machine.names, machine.groups(result)),
         "histogram": figures.whitened_histogram(result.whitened),
     }
 

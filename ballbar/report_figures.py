@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 BEFORE, AFTER = "#d9740b", "#1f66ad"
-_INK, QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
-_BEFORE_SCALE = LinearSegmentedColormap.from_list("before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"])
-_AFTER_SCALE = LinearSegmentedColormap.from_list("after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"])
+INK, QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
+BEFORE_SCALE = LinearSegmentedColormap.from_list("before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"])
+AFTER_SCALE = LinearSegmentedColormap.from_list("after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"])
 WIDTH = 4.6  # [in] 442 px: two figures side by side on a page of 1000 px, one on a phone
 _SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far pose would pale all others
 _CELLS = 14  # across a map, about 0.13 m each for the IRB 2400
@@ -41,7 +41,7 @@ STYLE: dict[RcKeyType, Any] = {
     "axes.labelsize": 10.0,
     "axes.titlesize": 10.0,
     "axes.edgecolor": QUIET,
-    "axes.labelcolor": _INK,
+    "axes.labelcolor": INK,
     "axes.linewidth": 0.7,
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -52,9 +52,9 @@ STYLE: dict[RcKeyType, Any] = {
     "grid.linewidth": 0.7,
     "xtick.color": QUIET,
     "ytick.color": QUIET,
-    "xtick.labelcolor": _INK,
-    "ytick.labelcolor": _INK,
-    "text.color": _INK,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "text.color": INK,
     "legend.frameon": False,
     "legend.fontsize": 10.0,
     "lines.linewidth": 1.1,
@@ -84,7 +84,7 @@ class Landmarks:
 def cumulative(curves: Sequence[Curve], *, label: str) -> str:
     """Share of the grid's poses with at most so much of what `label` says, over a logarithmic axis in mm."""
     with matplotlib.rc_context(STYLE):
-        figure, axes = _one_panel(3.1)
+        figure, axes = _one_panel(3.5)
         for curve in curves:
             ordered = np.sort(curve.values) * 1e3
             share = np.arange(1, ordered.size + 1) / ordered.size * 100.0
@@ -106,7 +106,7 @@ def workspace_map(position: Array, error: Array, landmarks: Landmarks, *, label:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 3.95))
         panels = figure.subplots(1, 2, sharex=True)
-        colours = _BEFORE_SCALE if before else _AFTER_SCALE
+        colours = BEFORE_SCALE if before else AFTER_SCALE
         cells = [_view(axes, position, error * factor, column, colours) for axes, column in zip(panels, (2, 1), strict=True)]
         top = float(np.quantile(np.concatenate([one.get_array().compressed() for one in cells]), _SCALE_TOP))
         for axes, one, column, title in zip(panels, cells, (2, 1), ("from the side", "from above"), strict=True):
@@ -166,7 +166,7 @@ def whitened_histogram(whitened: Array) -> str:
     with matplotlib.rc_context(STYLE):
         figure, axes = _one_panel(2.9)
         axes.hist(values, bins=np.linspace(-half, half, 51).tolist(), density=True, color="#8fb4d9", label="residuals after")
-        axes.plot(x, np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi), color=_INK, linewidth=1.4, label="unit normal")
+        axes.plot(x, np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi), color=INK, linewidth=1.4, label="unit normal")
         axes.set(xlabel="whitened residual [standard deviations]", ylabel="density", xlim=(-half, half))
         axes.annotate(
             f"{outside} of {values.size} beyond ±{half:g}", (1.0, 0.97), xycoords="axes fraction", ha="right", va="top", color=QUIET
@@ -192,9 +192,9 @@ def _mark(axes: Axes, landmarks: Landmarks, column: int) -> None:
     """Robot base, ball-bar base and the sphere on which the tool was measured."""
     centre = (float(landmarks.origin[0]), float(landmarks.origin[column]))
     axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor="white", linewidth=2.0))
-    axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor=_INK, linewidth=1.0, linestyle=(0, (4, 3))))
-    axes.plot(*centre, marker="+", color=_INK, markersize=8, linestyle="none")
-    axes.plot(0.0, 0.0, marker="s", color=_INK, markersize=6, linestyle="none")
+    axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor=INK, linewidth=1.0, linestyle=(0, (4, 3))))
+    axes.plot(*centre, marker="+", color=INK, markersize=8, linestyle="none")
+    axes.plot(0.0, 0.0, marker="s", color=INK, markersize=6, linestyle="none")
 
 
 def _floor(after: Array) -> float | None:

@@ -96,9 +96,9 @@ def coefficient_in_words(c: CoefficientValue) -> str:
     return f"{significant(c.value * factor, 2)} ± {significant(c.sigma * factor, 2)} {unit}"
 
 
-def groups(result: Identification) -> list[str]:
-    """Unknowns of robot, ball-bar and corrections that the data tell apart badly, a line each group."""
-    return [", ".join(names) for names in correlated_groups(result.machine.values, result.machine.names)]
+def groups(result: Identification) -> list[tuple[str, ...]]:
+    """Unknowns of robot, ball-bar and corrections that the data tell apart badly."""
+    return correlated_groups(result.machine.values, result.machine.names)
 
 
 def event_rows(data: RunData) -> list[tuple[str, str]]:

@@ -37,7 +37,13 @@ def input_files(recording: Recording, folder: Path) -> list[InputFile]:
     """
     file = recording.description
     own = [name for name in (file.robot, file.ballbar, file.plate) if name.endswith(".yaml") and not _is_absolute(name)]
-    return [_hashed(folder, name) for name in ("recording.yaml", *(one.file for one in recording.report.files), *own)]
+    return [hashed(folder, name) for name in ("recording.yaml", *(one.file for one in recording.report.files), *own)]
+
+
+def hashed(folder: Path, name: str) -> InputFile:
+    """Size and SHA-256 of a file of `folder`. Raises OSError."""
+    content = (folder / name).read_bytes()
+    return InputFile(name, len(content), hashlib.sha256(content).hexdigest())
 
 
 def without_folders(command: str) -> str:
@@ -56,11 +62,6 @@ def _cut(word: str) -> str:
 
 def _is_absolute(path: str) -> bool:
     return PurePosixPath(path).is_absolute() or bool(PureWindowsPath(path).drive)
-
-
-def _hashed(folder: Path, name: str) -> InputFile:
-    content = (folder / name).read_bytes()
-    return InputFile(name, len(content), hashlib.sha256(content).hexdigest())
 
 
 def _version(package: str) -> str:

@@ -37,6 +37,7 @@ class ParameterRow:
     identified: str
     deviation: str
     sigma: str
+    significance: str  # |deviation| over sigma
     true_deviation: str
     error: str
     z: str
@@ -163,6 +164,7 @@ def _row(parameter: Parameter, result: Identification, comparison: Comparison | 
         fixed(value * to_value, digits.value),
         _scaled(deviation, 1e3, digits.deviation),
         fixed(sigma * 1e6, digits.sigma),
+        MISSING if deviation is None or sigma == 0.0 else significant(abs(deviation) / sigma, 2),
         _scaled(true_deviation, 1e3, digits.deviation),
         _scaled(error, 1e6, digits.sigma),
         fixed(z, 1, sign=True),

@@ -113,6 +113,7 @@ def run_scenario(
         comparison=comparison,
         limits=limits,
         scenario=scenario,
+        scenario_file=scenario_file,
         iterations=tuple(log.steps),
     )
     if live:

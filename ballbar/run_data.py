@@ -46,6 +46,7 @@ class RunData:
     limits: tuple[Limit, ...] = ()
     joined: tuple[Joined, ...] = ()  # all recordings of a joint fit, the first among them; empty for a single one
     validations: tuple[Validation, ...] = ()
+    scenario_file: Path | None = None  # of a simulated run
     scenario: Scenario | None = None
     iterations: tuple[Step, ...] = ()  # of the chosen start and of the fits, where they were watched
 

@@ -18,9 +18,10 @@ from ballbar.sweep_plan import Plan
 from ballbar.sweep_run import Outcome
 from ballbar.sweep_run import Progress as Report
 from ballbar.sweep_summary import FIGURES, MAX_POINTS, GridPoint, failures_of, grid_keys, grid_points
+from ballbar.terminal import moves
 
-WIDTH = 160  # characters of the summary in a pipe or file
 BAR_AFTER = 2.0  # [s] what is done sooner needs no bar
+WIDTH = 160  # characters of the summary in a pipe or file
 
 
 @contextmanager
@@ -36,7 +37,7 @@ def run_bar(console: Console, plan: Plan) -> Iterator[Report]:
         TimeRemainingColumn(),
         console=console,
         transient=True,
-        disable=not console.is_terminal,
+        disable=not moves(console),
     )
     task = bar.add_task("starting", total=plan.runs)
     since = time.monotonic()
@@ -49,7 +50,8 @@ def run_bar(console: Console, plan: Plan) -> Iterator[Report]:
     try:
         yield report
     finally:
-        bar.stop()
+        if bar.live.is_started:  # else rich would leave an empty line
+            bar.stop()
 
 
 def say_outcome(out: Console, outcome: Outcome) -> bool:
@@ -83,7 +85,7 @@ def _say_grid(out: Console, outcome: Outcome) -> None:
         table.add_column(heading, justify="right", vertical="bottom")
     for point in points:
         table.add_row(*(escape(_shown(point.values.get(key))) for key in keys), *_numbers(point, figures))
-    (out if out.is_terminal else Console(file=out.file, width=WIDTH)).print(table)
+    (out if out.is_terminal else Console(file=out.file, width=WIDTH, quiet=out.quiet)).print(table)
     if (rest := plan.runs // plan.cell_runs - MAX_POINTS) > 0:
         out.print(f"... and {rest} more points of the grid, in the table")
 
