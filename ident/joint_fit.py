@@ -346,14 +346,15 @@ def linearise(
     return Linear(tuple(points), tuple(weights), tuple(residuals), normal, gradient, cost)
 
 
-def cost_at(model: Model, x: Array, linear: Linear) -> float:
-    """Posterior cost at x under frozen weights."""
+def cost_at(model: Model, x: Array, linear: Linear) -> tuple[float, list[Point]]:
+    """Posterior cost at x under frozen weights, and the points there."""
     layout = model.unknowns
     cost = float((((x - layout.mean) / layout.sigma) ** 2).sum())
-    for k, (point, weight) in enumerate(zip(linear.points, linear.weights, strict=True)):
-        residual = weight(make_point(model, x, k, point.bar, point, same_loads=True).closure.error)
+    points = [make_point(model, x, k, point.bar, point, same_loads=True) for k, point in enumerate(linear.points)]
+    for point, weight in zip(points, linear.weights, strict=True):
+        residual = weight(point.closure.error)
         cost += float((residual * residual).sum())
-    return cost
+    return cost, points
 
 
 def _add(block: Columns, residual: Array, normal: Array, gradient: Array) -> None:
@@ -437,13 +438,15 @@ def minimise(
             break
         iterations += 1
         share = 1.0
-        while (trial := cost_at(model, x + share * step, now)) >= now.cost and share > 1e-4:
+        cost, points = cost_at(model, x + step, now)
+        while cost >= now.cost and share > 1e-4:
             share *= 0.5
-        if trial >= now.cost:
+            cost, points = cost_at(model, x + share * step, now)
+        if cost >= now.cost:
             break
         x = x + share * step
-        settled = now.cost - trial < enough
-        now = linearise(model, x, [p.bar for p in now.points], excess, now.weights if iterations >= FREEZE_AFTER else (), now.points)
+        settled = now.cost - cost < enough
+        now = linearise(model, x, [p.bar for p in now.points], excess, now.weights if iterations >= FREEZE_AFTER else (), points)
         if watch:
             watch(_iteration(model, x, now))
         if settled:

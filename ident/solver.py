@@ -23,7 +23,7 @@ DAMPING_MAX = 1e6
 MAX_ITERATIONS = 50
 NEAR = 25.0  # five standard deviations each: the Jacobian at either end of such a step gives the same covariance
 QUICK = 1e-2  # of the predicted decrease: a step that leaves less of it needs no new Jacobian for the next
-COARSE_SAMPLES, COARSE_SHARE = 250, 4  # a fit of so many samples comes first, where there are so many times more
+COARSE_SAMPLES, COARSE_SHARE = 150, 4  # a fit of so many samples comes first, where there are so many times more
 
 
 @dataclass(frozen=True, eq=False)
