@@ -13,7 +13,6 @@ import argparse
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,9 +85,9 @@ def cut(recording: Recording, rng: np.random.Generator) -> tuple[BallBarLog | No
         return log, 0.0
     rows = int(rng.uniform(0.0, 48.0) / 0.01)
     if rng.random() < 0.5:
-        return replace(log, t=log.t[: -rows or None].copy(), angles=log.angles[: -rows or None].copy()), 0.0
+        return BallBarLog(log.t[: -rows or None].copy(), log.angles[: -rows or None].copy(), log.joints), 0.0
     lost = float(log.t[rows])
-    return replace(log, t=log.t[rows:] - lost, angles=log.angles[rows:].copy()), lost
+    return BallBarLog(log.t[rows:] - lost, log.angles[rows:].copy(), log.joints), lost
 
 
 def one(draw: int) -> dict[str, object]:
