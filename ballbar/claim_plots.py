@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import re
 from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -18,37 +16,24 @@ from matplotlib.rcsetup import cycler
 from ballbar.beam import OFFSET_PLATE, PLATE_ALLOWED, PLATE_FORCE, STEEL_PLATE, tip_deflection
 from ballbar.claim_file import PlatePlot, Plot, Ranking
 from ballbar.claim_table import Evidence, places, selected
+from ballbar.figure_style import FRAME, INK, QUIET, svg_text, to_hundredths
 from cell.geometry import NAMES
 from ident.thesis_tables import THESIS_COSTS
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
-_INK, _QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
 _COLOURS = {"C_l": "#1f66ad", "C_P": "#d9740b", "C_Ptheta": "#2a8f5b", "C_T": "#8a4fa0", "ml": "#222222"}  # the same in every figure
 _OTHERS = ("#b03030", "#1a8a9a", "#8a6d1e", "#8a949c")
 _WIDTH, _HEIGHT = 560, 300  # [px]
 _THICKNESS = (0.020, 0.070)  # [m] of the plates drawn
 _TICKS_OF_VALUES = 8  # so many varied values are ticks themselves
 _STYLE: dict[RcKeyType, Any] = {
-    "svg.fonttype": "none",
+    **FRAME,
     "svg.hashsalt": "claims",
     "font.size": 9.0,
-    "axes.edgecolor": _QUIET,
-    "axes.labelcolor": _INK,
-    "axes.linewidth": 0.7,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
     "axes.prop_cycle": cycler(color=_OTHERS),
-    "grid.color": _GRID,
     "grid.linewidth": 0.6,
-    "xtick.color": _QUIET,
-    "ytick.color": _QUIET,
-    "xtick.labelcolor": _INK,
-    "ytick.labelcolor": _INK,
-    "legend.frameon": False,
     "lines.linewidth": 1.2,
     "lines.markersize": 3.5,
 }
@@ -59,7 +44,7 @@ def drawn(plot: Plot | Ranking | PlatePlot, evidence: Evidence) -> bytes:
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(_WIDTH / 96.0, _HEIGHT / 96.0), layout="constrained")
         axes = figure.add_subplot()
-        axes.set_title(plot.title, fontsize=9.0, loc="left", color=_INK)
+        axes.set_title(plot.title, fontsize=9.0, loc="left", color=INK)
         if isinstance(plot, PlatePlot):
             _plate(axes)
         elif isinstance(plot, Plot):
@@ -69,10 +54,7 @@ def drawn(plot: Plot | Ranking | PlatePlot, evidence: Evidence) -> bytes:
         if axes.get_legend_handles_labels()[0]:
             below = isinstance(plot, Ranking)  # many names across, few lines
             figure.legend(loc="outside lower center" if below else "outside right upper", ncols=4 if below else 1, borderpad=0.0)
-        written = io.StringIO()
-        figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    hundredths = re.sub(r"(\.\d\d)\d+", r"\1", written.getvalue())  # of a point
-    return hundredths.encode()
+        return to_hundredths(svg_text(figure)).encode()
 
 
 def line_label(value: object) -> str:
@@ -95,7 +77,7 @@ def _curves(axes: Axes, plot: Plot, table: pd.DataFrame) -> None:
         axes.set_xticks(shown, [f"{x:g}" for x in shown])
         axes.minorticks_off()
     if plot.limit is not None:
-        axes.axhline(plot.limit, color=_QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
+        axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
     axes.set_xlabel(plot.x_label)
     axes.set_ylabel(plot.y_label)
 
@@ -106,7 +88,7 @@ def _plate(axes: Axes) -> None:
         deflection = [1e6 * tip_deflection(replace(material, thickness=float(h)), PLATE_FORCE) for h in thickness]
         axes.plot(1e3 * thickness, deflection, label=label)
     axes.set_yscale("log")
-    axes.axhline(1e6 * PLATE_ALLOWED, color=_QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
+    axes.axhline(1e6 * PLATE_ALLOWED, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
     axes.set_xlabel("thickness [mm]")
     axes.set_ylabel("deflection [um]")
 

@@ -6,7 +6,6 @@ Text stays text, so that the page's own font is used; nothing depends on the hou
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.ticker import MultipleLocator
 
+from ballbar.figure_style import FRAME, INK, QUIET, svg_text
 from ballbar.report_numbers import length_scale
 from cell.chain import Array
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 BEFORE, AFTER = "#d9740b", "#1f66ad"
-INK, QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
 BEFORE_SCALE = LinearSegmentedColormap.from_list("before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"])
 AFTER_SCALE = LinearSegmentedColormap.from_list("after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"])
 WIDTH = 4.6  # [in] 442 px: two figures side by side on a page of 1000 px, one on a phone
@@ -35,27 +34,14 @@ _SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far po
 _CELLS = 14  # across a map, about 0.13 m each for the IRB 2400
 _HISTOGRAM_HALF_WIDTH = 5.0  # standard deviations; wider where the residuals are
 STYLE: dict[RcKeyType, Any] = {
-    "svg.fonttype": "none",
+    **FRAME,
     "svg.hashsalt": "ballbar-report",
     "font.size": 10.0,
     "axes.labelsize": 10.0,
     "axes.titlesize": 10.0,
-    "axes.edgecolor": QUIET,
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.7,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
     "axes.unicode_minus": True,
-    "grid.color": _GRID,
     "grid.linewidth": 0.7,
-    "xtick.color": QUIET,
-    "ytick.color": QUIET,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
     "text.color": INK,
-    "legend.frameon": False,
     "legend.fontsize": 10.0,
     "lines.linewidth": 1.1,
     "path.simplify_threshold": 0.2,
@@ -206,9 +192,7 @@ def _floor(after: Array) -> float | None:
 
 def as_svg(figure: Figure) -> str:
     """The bare element: no XML header, no metadata, no namespaces (HTML knows them), no names that would clash in one page."""
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}, transparent=True)
-    text = buffer.getvalue()
+    text = svg_text(figure, transparent=True)
     text = text[text.index("<svg") :]
     text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text)
     text = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", text)

@@ -15,7 +15,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from ballbar.report_figures import AFTER_SCALE, BEFORE_SCALE, INK, STYLE, WIDTH, as_svg
+from ballbar.figure_style import INK
+from ballbar.report_figures import AFTER_SCALE, BEFORE_SCALE, STYLE, WIDTH, as_svg
 from ballbar.run_data import Joined
 from cell.chain import Array
 from cell.geometry import robot_frames

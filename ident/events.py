@@ -84,15 +84,11 @@ def find_event(fit: JointFit) -> Event | None:
 
 def _explained(fit: JointFit, k: int, columns: Array) -> Array:
     """(C, N) how much of each column (C, E, N) of recording k, from each sample on, the unknowns of the fit could make up for."""
-    model, track, knots = fit.model, fit.model.tracks[k], fit.model.unknowns.own[k].knots
+    model = fit.model
     out, beyond = np.empty(columns[:, 0].shape), np.zeros((len(columns), model.unknowns.count))
     for block in jacobian(model, fit.x, k, fit.linear.points[k], fit.linear.weights[k]):
         for c, column in enumerate(columns[..., block.samples]):
-            shared = np.zeros((model.unknowns.count, column.shape[1]))
-            shared[block.index] = (block.values * column).sum(axis=1)
-            if block.slope is not None and knots is not None:
-                shared[knots] = (track.knots[:, block.samples] * (block.slope * column).sum(axis=0)).toarray()
-            behind = _from_the_end(shared) + beyond[c][:, None]
+            behind = _from_the_end(block.against(column, model, k)) + beyond[c][:, None]
             beyond[c] = behind[:, 0]
             out[c, block.samples] = np.einsum("pn,pn->n", behind, fit.covariance @ behind)
     return out

@@ -259,6 +259,14 @@ class Columns:
     values: Array  # (p, E, n)
     slope: Array | None  # (E, n) per newton of tension; None where it is not in the model
 
+    def against(self, vector: Array, model: Model, k: int) -> Array:
+        """(P, n) every unknown's column times a whitened vector (E, n), sample by sample, the knots included."""
+        out, knots = np.zeros((model.unknowns.count, vector.shape[1])), model.unknowns.own[k].knots
+        out[self.index] = (self.values * vector).sum(axis=1)
+        if self.slope is not None and knots is not None:
+            out[knots] = (model.tracks[k].knots[:, self.samples] * (self.slope * vector).sum(axis=0)).toarray()
+        return out
+
 
 def jacobian(model: Model, x: Array, k: int, point: Point, weights: Whitening) -> Iterator[Columns]:
     """The derivatives of recording k, block after block from the end: all at once they would be the largest thing in memory."""

@@ -70,14 +70,10 @@ def _scores(fit: JointFit) -> tuple[Array, Array]:
     model, layout = fit.model, fit.model.unknowns
     power, sums = np.zeros((layout.count, layout.count)), []
     for k, (point, weights, residual) in enumerate(zip(fit.linear.points, fit.linear.weights, fit.linear.residuals, strict=True)):
-        where, knots = _block_of(model.tracks[k].times), layout.own[k].knots
+        where = _block_of(model.tracks[k].times)
         own = np.zeros((layout.count, where[-1] + 1))
         for block in jacobian(model, fit.x, k, point, weights):
-            some = residual[:, block.samples]
-            score = np.zeros((layout.count, some.shape[1]))
-            score[block.index] = (block.values * some).sum(axis=1)
-            if block.slope is not None and knots is not None:
-                score[knots] = (model.tracks[k].knots[:, block.samples] * (block.slope * some).sum(axis=0)).toarray()
+            score = block.against(residual[:, block.samples], model, k)
             power += score @ score.T
             np.add.at(own.T, where[block.samples], score.T)
         sums.append(own)

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +30,7 @@ from ident.held_out import HeldOut, LoopClosure, held_out
 from ident.identify import Identification, Logs
 from sim.simulate import simulate, write_recording
 from tests.conftest import SCENARIOS, Recorded
+from tests.page_cells import Cells
 
 pytestmark = pytest.mark.slow
 
@@ -102,35 +102,6 @@ def together(tmp_path_factory: pytest.TempPathFactory, third_path: Path) -> Toge
 def machine(together: Together) -> RunData:
     """The same two recordings, from Python."""
     return identify_recordings([together.a, together.b], settings=IdentifySettings(samples=500), progress=quiet)
-
-
-class Cells(HTMLParser):
-    """Rows of every table as text cells."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.rows: list[list[str]] = []
-        self._in_cell = False
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, _: list[tuple[str, str | None]]) -> None:
-        if tag == "tr":
-            self.rows.append([])
-        elif tag in ("td", "th"):
-            self.rows[-1].append("")
-            self._in_cell = True
-
-    def handle_endtag(self, tag: str) -> None:
-        self._in_cell = self._in_cell and tag not in ("td", "th")
-
-    def handle_data(self, data: str) -> None:
-        if self._in_cell:
-            self.rows[-1][-1] += data.strip()
-
-    def row(self, first: str) -> list[str]:
-        """The one row whose first cell is `first`."""
-        (found,) = [row for row in self.rows if row and row[0] == first]
-        return found
 
 
 def number(text: str) -> float:

@@ -7,7 +7,6 @@ import re
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +35,7 @@ from sim.settings import (
     StaticErrors,
 )
 from sim.simulate import simulate, write_recording
+from tests.page_cells import Cells
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 COMMAND = "ballbar run scenarios/irb2400.yaml"
@@ -87,40 +87,23 @@ def _page(data: RunData, folder_of_page: Path, *, command: str = COMMAND) -> str
     return path.read_text(encoding="utf-8")
 
 
-class _Page(HTMLParser):
+class _Page(Cells):
     """Rows of every table as text cells, all attributes, all tags, all text."""
 
     def __init__(self, page: str) -> None:
-        super().__init__()
-        self.rows: list[list[str]] = []
         self.attributes: list[tuple[str, str]] = []
         self.tags: list[str] = []
         self.text = ""
-        self._in_cell = False
-        self.feed(page)
+        super().__init__(page)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
         self.attributes += [(name, value or "") for name, value in attrs]
-        if tag == "tr":
-            self.rows.append([])
-        elif tag in ("td", "th"):
-            self.rows[-1].append("")
-            self._in_cell = True
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag in ("td", "th"):
-            self._in_cell = False
+        super().handle_starttag(tag, attrs)
 
     def handle_data(self, data: str) -> None:
         self.text += data
-        if self._in_cell:
-            self.rows[-1][-1] += data.strip()
-
-    def row(self, first: str) -> list[str]:
-        """The one row whose first cell is `first`."""
-        (found,) = [row for row in self.rows if row and row[0] == first]
-        return found
+        super().handle_data(data)
 
 
 def _number(text: str) -> float:

@@ -7,18 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import read_recording
 from ballbar.compare import identification_against_truth
-from ballbar.scenario import Scenario, load_scenario
-from ident.identify import Identification, Logs, identify_together
+from ballbar.scenario import load_scenario
+from benchmarks.everything_on import SCENARIOS, recorded
+from benchmarks.robustness import SLIP_S, STEP_S, faulty
+from ident.identify import Identification, identify_together
 from ident.outliers import outliers
 from sim.outliers import Outliers
-from sim.simulate import simulate, write_recording
 from sim.truth import Truth
 
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
-SLIP_S, STEP_S = 37.3, 71.9  # [s] after the start of the path
-FAULTS = {
+FAULTS: dict[str, dict[str, object]] = {
     "errors": {"outliers": {}, "slipped_periods": [{"encoder": 2, "at_s": SLIP_S, "periods": 2}]},
     "clocks": {"step": {"at_s": STEP_S, "step_s": 0.05}},
 }
@@ -26,15 +24,8 @@ FAULTS = {
 
 def calibrated(folder: Path, faults: dict[str, dict[str, object]]) -> tuple[Identification, Truth]:
     """A recording of the full plant, everything on, with these faults."""
-    asked = load_scenario(SCENARIOS / "irb2400_full.yaml").model_dump(mode="json", by_alias=True, exclude_none=True)
-    for section, more in faults.items():
-        asked[section] = {**asked.get(section, {}), **more}
-    scenario = Scenario.model_validate(asked, strict=False)
-    simulation = simulate(scenario, relative_to=SCENARIOS)
-    write_recording(simulation, scenario, folder)
-    read = read_recording(folder)
-    logs = Logs(read.robot_log, read.ballbar_log, read.force_log)
-    return identify_together(simulation.cell, [logs], model="complete", force="torque")[0], simulation.truth
+    cell, logs, truth = recorded(faulty(load_scenario(SCENARIOS / "irb2400_full.yaml"), faults), folder)
+    return identify_together(cell, [logs], model="complete", force="torque")[0], truth
 
 
 @pytest.mark.slow

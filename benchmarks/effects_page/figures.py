@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +10,7 @@ import numpy as np
 from cycler import cycler
 from matplotlib.figure import Figure
 
+from ballbar.figure_style import FRAME, svg_text, to_hundredths
 from benchmarks.effects_page.plots import POINTS, Plot
 from benchmarks.effects_page.runs import ROOT, View, run
 from benchmarks.effects_page.sources import Source
@@ -23,26 +22,12 @@ if TYPE_CHECKING:
 PLOTS = ROOT / "docs" / "images" / "effects"
 WIDTH, HEIGHT = 320, 180  # [px]
 BLUE, ORANGE, GREY = "#1f66ad", "#d9740b", "#8a949c"
-_INK, _QUIET, _GRID = "#22303c", "#66727d", "#dfe4e8"
 _STYLE: dict[RcKeyType, Any] = {
-    "svg.fonttype": "none",
+    **FRAME,
     "svg.hashsalt": "effects",
     "font.size": 8.0,
-    "axes.edgecolor": _QUIET,
-    "axes.labelcolor": _INK,
-    "axes.linewidth": 0.7,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
     "axes.prop_cycle": cycler(color=[BLUE, ORANGE, GREY]),
-    "grid.color": _GRID,
     "grid.linewidth": 0.6,
-    "xtick.color": _QUIET,
-    "ytick.color": _QUIET,
-    "xtick.labelcolor": _INK,
-    "ytick.labelcolor": _INK,
-    "legend.frameon": False,
     "legend.fontsize": 8.0,
     "legend.handlelength": 1.2,
     "lines.linewidth": 1.0,
@@ -68,10 +53,8 @@ def draw(source: Source) -> None:
             axes.set_ylim(0.0, 1.3 * high)
         if labelled:
             figure.legend(loc="outside upper right", ncols=3, borderpad=0.0)
-        written = io.StringIO()
-        figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    hundredths = re.sub(r"(\.\d\d)\d+", r"\1", written.getvalue())  # of a point
-    (PLOTS / f"{source.key}.svg").write_text(hundredths, encoding="utf-8")
+        text = to_hundredths(svg_text(figure))
+    (PLOTS / f"{source.key}.svg").write_text(text, encoding="utf-8")
 
 
 def _dots(x: Array, y: Array) -> tuple[Array, Array]:
