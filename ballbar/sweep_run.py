@@ -87,6 +87,7 @@ def _compute(folder: SweepFolder, missing: list[int], workers: Workers, *, asked
         room = 0 if stopping else workers.count() + workers.count() // 4 + 1 - len(under_way)
         for _, part in zip(range(room), ahead, strict=False):  # in this order, or zip drops a part
             under_way[workers.submit(part)] = part
+        progress(done, _stage(workers, stopping=stopping))
         if not under_way:
             break
         for future in wait(under_way, timeout=POLL, return_when=FIRST_COMPLETED).done:
@@ -96,7 +97,6 @@ def _compute(folder: SweepFolder, missing: list[int], workers: Workers, *, asked
                 done += len(plan.part(part))
             except (SweepError, InputError) as error:
                 failure = failure or error
-        progress(done, _stage(workers, stopping=stopping))
     if failure is not None:
         raise failure
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import socket
 import subprocess
 import sys
-import time
 import urllib.request
 from collections import Counter
 from dataclasses import replace
@@ -167,11 +166,8 @@ def test_writing_the_same_run_twice_gives_the_same_recording(file, run, tmp_path
     assert not [name for name in components if "start_time" in name or "log_time" in name]  # `compare` looks past these
 
 
-def test_a_minute_takes_little_space_and_time(run, tmp_path):
-    start = time.perf_counter()
-    write_replay(tmp_path / "run.rrd", run)
-    assert time.perf_counter() - start < 2.0  # limit for 120 s; leaves a factor for a busy machine
-    assert (tmp_path / "run.rrd").stat().st_size < 7_500_000  # half of the 15 MB allowed for 120 s
+def test_a_minute_takes_little_space(file):
+    assert file.stat().st_size < 7_500_000  # half of the 15 MB allowed for 120 s
 
 
 def test_a_real_recording_needs_no_truth(real, tmp_path):

@@ -376,7 +376,7 @@ def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(reference: tuple[L
 
     def interrupt(done: int, stage: str) -> None:
         heard.append(stage)
-        if done and len(heard) > 3 and not killed:
+        if done and not killed:
             killed.append(done)
             os.kill(os.getpid(), signal.SIGINT)
 
