@@ -8,10 +8,10 @@ from pathlib import Path
 from acquisition import Recording, read_recording
 from ballbar.compare import identification_against_truth, limits_of
 from ballbar.iterations import IterationLog
-from ballbar.replay import write_replay
-from ballbar.replay_command import REPLAY
-from ballbar.replay_live import LiveRun
-from ballbar.report import write_report
+from ballbar.replay.command import REPLAY
+from ballbar.replay.live import LiveRun
+from ballbar.replay.write import write_replay
+from ballbar.report.page import write_report
 from ballbar.run_data import RunData
 from ballbar.run_recordings import Progress, identify_recordings
 from ballbar.scenario import IdentifySettings, Scenario

@@ -21,18 +21,18 @@ from typer.testing import CliRunner
 
 from ballbar.cli import app
 from ballbar.iterations import IterationLog
-from ballbar.replay import write_replay
-from ballbar.replay_command import chosen_replay
-from ballbar.replay_coverage import PATCHES, coverage, even_directions
-from ballbar.replay_events import run_events
-from ballbar.replay_iterations import log_step
-from ballbar.replay_layout import MISMATCH, PARAMETER_TABLE, PARAMETER_VALUES, STAGE
-from ballbar.replay_live import LiveRun
-from ballbar.replay_motion import cell_motion
-from ballbar.replay_notes import scenario_page
-from ballbar.replay_parameters import HALF, RIGHT, parameter_table, read_table
-from ballbar.replay_series import run_series
-from ballbar.replay_viewer import _rerun, web_server
+from ballbar.replay.command import chosen_replay
+from ballbar.replay.coverage import PATCHES, coverage, even_directions
+from ballbar.replay.events import run_events
+from ballbar.replay.iterations import log_step
+from ballbar.replay.layout import MISMATCH, PARAMETER_TABLE, PARAMETER_VALUES, STAGE
+from ballbar.replay.live import LiveRun
+from ballbar.replay.motion import cell_motion
+from ballbar.replay.notes import scenario_page
+from ballbar.replay.parameters import HALF, RIGHT, parameter_table, read_table
+from ballbar.replay.series import run_series
+from ballbar.replay.viewer import _rerun, web_server
+from ballbar.replay.write import write_replay
 from ballbar.run_data import RunData
 from cell.errors import InputError
 from cell.logs import BallBarLog
