@@ -227,7 +227,10 @@ def test_live_run_shows_the_cell_and_then_the_iterations(run, tmp_path):
     with rr.RecordingStream("live-test") as stream:
         stream.save(path)
         live = LiveRun(stream)
-        live.simulated(run.simulation)
+        motion = run.simulation.motion
+        half = motion.t.size // 2
+        for rows in (slice(0, half + 1), slice(half, None)):
+            live.moved(run.simulation.cell, motion.geometry, motion.t[rows], motion.q[rows], motion.b[rows])
         for number, step in enumerate(run.iterations, 1):
             live.iterated(number, step)
         live.finished(run)

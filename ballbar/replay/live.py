@@ -1,7 +1,4 @@
-"""A run watched while it is made: the cell moves as soon as it is simulated, then the identification converges, then the replay.
-
-The plant is simulated in one piece (sim.plant), so its motion comes whole; the iterations come one by one, as they are made.
-"""
+"""A run watched while it is made: the cell moves as it is simulated, then the identification converges, then the replay."""
 
 from __future__ import annotations
 
@@ -17,12 +14,13 @@ from ballbar.replay.iterations import log_step
 from ballbar.replay.layout import CELL, MISMATCH
 from ballbar.replay.layouts import identify_layout
 from ballbar.replay.motion import CellMotion, thinning
-from ballbar.replay.scene import log_mechanism, log_tool
+from ballbar.replay.scene import log_path_so_far, log_poses, log_shapes
 from ballbar.replay.viewer import live_viewer
 from ballbar.replay.write import send_replay
 from ballbar.run_data import RunData
-from cell.geometry import bar_frames, robot_frames
-from sim.simulate import Simulation
+from cell.chain import Array
+from cell.descriptions import Cell
+from cell.geometry import Geometry, bar_frames, robot_frames
 
 APPLICATION = "ballbar-live"
 FLUSH = 5.0  # [s] for the window to take what it was sent
@@ -34,17 +32,18 @@ class LiveRun:
     def __init__(self, stream: rr.RecordingStream, address: str = "") -> None:
         """address : of the viewer, for the replay at the end; empty for none."""
         self._stream, self._address = stream, address
-        self._iterated = False
+        self._moved = self._iterated = False
 
-    def simulated(self, simulation: Simulation) -> None:
-        """The cell as it truly moved."""
-        motion, geometry = simulation.motion, simulation.motion.geometry
-        rows = np.arange(0, motion.t.size, thinning(motion.t))
-        robot, bar = robot_frames(geometry, motion.q[rows]), bar_frames(geometry, motion.b[rows])
-        seen = CellMotion(motion.t[rows], motion.q[rows], robot, motion.b[rows], bar)
-        self._stream.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        log_mechanism(self._stream, simulation.cell, geometry, seen)
-        log_tool(self._stream, seen)
+    def moved(self, cell: Cell, geometry: Geometry, t: Array, q: Array, b: Array) -> None:
+        """A stretch of the true motion; arguments as of sim.motion.Watch."""
+        rows = np.unique(np.append(np.arange(0, t.size, thinning(t)), t.size - 1))  # its last row is the next one's first
+        seen = CellMotion(t[rows], q[rows], robot_frames(geometry, q[rows]), b[rows], bar_frames(geometry, b[rows]))
+        if not self._moved:
+            self._stream.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            log_shapes(self._stream, cell, geometry, seen)
+            self._moved = True
+        log_poses(self._stream, seen)
+        log_path_so_far(self._stream, seen)
 
     def iterated(self, number: int, step: Step) -> None:
         """One iteration of the identifier."""
@@ -73,4 +72,4 @@ def live_run() -> Iterator[LiveRun]:
 def _scene() -> rrb.Blueprint:
     cell = rrb.Spatial3DView(origin=CELL, contents=["$origin/**", f"- {MISMATCH}/**"], name="The cell as simulated")
     panels = rrb.SelectionPanel(state="collapsed"), rrb.BlueprintPanel(state="collapsed")
-    return rrb.Blueprint(cell, rrb.TimePanel(timeline="robot_time", state="collapsed", play_state="playing"), *panels)
+    return rrb.Blueprint(cell, rrb.TimePanel(timeline="robot_time", state="collapsed", play_state="following"), *panels)

@@ -20,23 +20,34 @@ _ARROW_LENGTH = 0.7  # of the rod: how long the mean error is drawn
 
 def log_mechanism(stream: rr.RecordingStream, cell: Cell, geometry: Geometry, motion: CellMotion) -> None:
     """Robot, offset plate and ball-bar, moving, and the sphere of the rod."""
-    for i, shape in enumerate(robot_shapes(cell)):
-        _log_body(stream, f"{CELL}/robot/{f'link{i}' if i else 'base'}", shape, motion.t, motion.robot, i)
-    _log_body(stream, f"{CELL}/plate", plate_shape(cell), motion.t, motion.robot, 6)
-    for i, shape in enumerate(bar_shapes(cell, geometry)):
-        _log_body(stream, f"{CELL}/ballbar/{BAR_BODIES[i]}", shape, motion.t, motion.bar, i)
+    log_shapes(stream, cell, geometry, motion)
+    log_poses(stream, motion)
+
+
+def log_shapes(stream: rr.RecordingStream, cell: Cell, geometry: Geometry, motion: CellMotion) -> None:
+    """What does not change: every body's shape, the two that stand still in their place, the sphere."""
+    shapes = [*robot_shapes(cell), plate_shape(cell), *bar_shapes(cell, geometry)]
+    for (entity, frames, row), shape in zip(_bodies(motion), shapes, strict=True):
+        stream.log(f"{entity}/shape", _mesh(shape), static=True)
+        if row == 0:
+            turn = rr.Quaternion(xyzw=quat_xyzw(frames.rotation(row))[0])
+            stream.log(entity, rr.Transform3D(translation=frames.origin[row].T[0], quaternion=turn), static=True)
     radius, centre = geometry["bd3"], geometry.origin
     stream.log(f"{CELL}/sphere", _mesh(ball(centre, radius, _SPHERE), opacity=_SPHERE_OPACITY), static=True)
 
 
-def _log_body(stream: rr.RecordingStream, entity: str, shape: Mesh, t: Array, frames: Frames, row: int) -> None:
-    """A shape that moves with one frame of a chain; frame 0 stands still."""
-    stream.log(f"{entity}/shape", _mesh(shape), static=True)
-    places, turns = frames.origin[row].T, quat_xyzw(frames.rotation(row))
-    if row == 0:
-        stream.log(entity, rr.Transform3D(translation=places[0], quaternion=rr.Quaternion(xyzw=turns[0])), static=True)
-    else:
-        stream.send_columns(entity, indexes=at(t), columns=rr.Transform3D.columns(translation=places, quaternion=turns))
+def log_poses(stream: rr.RecordingStream, motion: CellMotion) -> None:
+    """Where every body is that moves."""
+    for entity, frames, row in _bodies(motion):
+        if row:
+            columns = rr.Transform3D.columns(translation=frames.origin[row].T, quaternion=quat_xyzw(frames.rotation(row)))
+            stream.send_columns(entity, indexes=at(motion.t), columns=columns)
+
+
+def _bodies(motion: CellMotion) -> list[tuple[str, Frames, int]]:
+    """Every body of the mechanism, the chain and the frame in it that it moves with; frame 0 stands still."""
+    links = [(f"{CELL}/robot/{f'link{i}' if i else 'base'}", motion.robot, i) for i in range(7)]
+    return [*links, (f"{CELL}/plate", motion.robot, 6), *((f"{CELL}/ballbar/{name}", motion.bar, i) for i, name in enumerate(BAR_BODIES))]
 
 
 def _mesh(shape: Mesh, *, opacity: int = 255) -> rr.Mesh3D:
@@ -50,9 +61,14 @@ def _mesh(shape: Mesh, *, opacity: int = 255) -> rr.Mesh3D:
 
 
 def log_tool(stream: rr.RecordingStream, motion: CellMotion) -> None:
-    """The whole path, thin; the part already run as one short strip a row, which the view gathers up to the time shown."""
+    """The whole path, thin; and the part already run."""
+    stream.log(f"{CELL}/tool/path", rr.LineStrips3D([motion.tool], colors=[_WHOLE_PATH], radii=[-1.0]), static=True)
+    log_path_so_far(stream, motion)
+
+
+def log_path_so_far(stream: rr.RecordingStream, motion: CellMotion) -> None:
+    """The tool, and its path as one short strip a row, which the view gathers up to the time shown."""
     tool = motion.tool
-    stream.log(f"{CELL}/tool/path", rr.LineStrips3D([tool], colors=[_WHOLE_PATH], radii=[-1.0]), static=True)
     stream.log(PATH_SO_FAR, rr.LineStrips3D.from_fields(colors=[_RUN_PATH], radii=[-2.0]), static=True)
     steps = np.stack((tool[:-1], tool[1:]), axis=1).astype(np.float32)  # the viewer's own precision, 0.1 um at 1 m
     stream.send_columns(PATH_SO_FAR, indexes=at(motion.t[1:]), columns=rr.LineStrips3D.columns(strips=steps))

@@ -69,13 +69,13 @@ def _longest_rest(t: Array, angles: Array) -> tuple[int, int] | None:
 
 
 def stillness_of_both(data: RunData) -> str:
-    """When each log stands still, on one clock, around its busiest stretch (Fig. 5.3)."""
+    """When each log stands still, on one clock, around a rest in the middle of the run (Fig. 5.3)."""
     robot, bar, clock = data.recording.robot_log, data.recording.ballbar_log, data.identification.clock
     if bar is None or clock is None:
         return ""
     still = stillness(robot.t, robot.q).still, stillness(bar.t, bar.angles).still
     inner = robot.t[still[0] & (robot.t > 0.1 * robot.t[-1]) & (robot.t < 0.9 * robot.t[-1])]
-    middle = float(inner.mean()) if inner.size else 0.5 * float(robot.t[-1])
+    middle = float(inner[np.abs(inner - inner.mean()).argmin()]) if inner.size else 0.5 * float(robot.t[-1])  # within a rest
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 1.9))
         axes = figure.subplots()
@@ -92,16 +92,19 @@ def angles_with_marks(data: RunData, motion: CellMotion, found: Marks) -> str:
     result, bar = data.identification, data.recording.ballbar_log
     used = result.after.t if result.clock is None else result.clock.robot_time(result.after.t)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 3.8))
+        figure = Figure(figsize=(WIDTH, 4.1))
         panels = figure.subplots(2, 1, sharex=True)
         rows = slice(None, None, max(1, motion.t.size // _POINTS))
-        panels[0].plot(motion.t[rows], motion.q[rows], linewidth=0.7)
+        panels[0].plot(motion.t[rows], motion.q[rows], linewidth=0.7, label=[f"q{j + 1}" for j in range(motion.q.shape[1])])
         panels[0].set_ylabel("robot joints [rad]")
         if bar is not None and result.clock is not None:
             rows = slice(None, None, max(1, bar.t.size // _POINTS))
-            panels[1].plot(result.clock.robot_time(bar.t[rows]), mechanism_angles(result, bar)[rows], linewidth=0.7)
+            angles = mechanism_angles(result, bar)[rows]
+            panels[1].plot(result.clock.robot_time(bar.t[rows]), angles, linewidth=0.7, label=[f"b{j}" for j in bar.joints])
         panels[1].set(ylabel="ball-bar joints [rad]", xlabel="time on the robot's clock [s]")
         for axes in panels:
+            if axes.lines:
+                axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, handlelength=0.9, columnspacing=0.9, fontsize=7)
             for begin, end in found.rests:
                 axes.axvspan(begin, end, color=QUIET, alpha=0.18, linewidth=0)
             for name, spans in found.near_singular.items():
