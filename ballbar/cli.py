@@ -7,16 +7,9 @@ import sys
 import typer
 from rich.markup import escape
 
-from acquisition.live.recorder import RecorderError
 from ballbar.commands import bench, identification, planning, recordings, result
-from ballbar.replay.write import ViewerError
-from ballbar.sweep.run import SweepError
 from ballbar.terminal import CommandGroup, Quiet, Verbose, err, fresh_terminal
-from cell.errors import InputError
-from cell.inverse import UnreachableError
-from ident.start import StartError
-from sim.plant import PlantError
-from sim.statics import NoEquilibriumError
+from cell.errors import FailureError, InputError
 
 app = typer.Typer(
     cls=CommandGroup,
@@ -41,7 +34,7 @@ def main() -> None:
     except InputError as error:
         err.print(f"[red]error:[/] {escape(str(error))}")
         sys.exit(2)
-    except (StartError, PlantError, NoEquilibriumError, UnreachableError, ViewerError, SweepError, RecorderError) as error:
+    except FailureError as error:
         err.print(f"[red]failed:[/] {escape(str(error))}")
         sys.exit(1)
     except OSError as error:

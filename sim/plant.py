@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from cell.chain import Array
 from cell.descriptions import Cell, Robot, ServoGains
-from cell.errors import InputError
+from cell.errors import FailureError, InputError
 from cell.geometry import Geometry
 from sim.mjcf import PlantModel, plant_model
 from sim.motion import CLOSURE_STRIDE, Motion, Watch
@@ -31,7 +31,7 @@ _STRETCH = 2.0  # [s] simulated between two words to who watches
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
-class PlantError(RuntimeError):
+class PlantError(FailureError):
     """The simulation did not do what the mechanism would."""
 
 

@@ -13,23 +13,10 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.claims.command import say_verdicts, write_page
-from ballbar.claims.run import judge_all, topics
 from ballbar.commands.options import TEST_BENCH, AsJson, Out, ScenarioFile, command_line, say_json
-from ballbar.identifiability import COSTS, LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
-from ballbar.replay.live import live_run
-from ballbar.report.terminal import say_comparison, say_identification, say_plant
-from ballbar.result_json import claims_data, run_data, simulation_data, sweep_data
-from ballbar.run import run_scenario, simulate_scenario
-from ballbar.scenario import load_scenario
-from ballbar.sweep.check import load as load_sweep
-from ballbar.sweep.command import run_bar, say_outcome
-from ballbar.sweep.run import run_sweep
-from ballbar.sweep.workers import dask_cluster, process_pool, processes
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar
-from ballbar.trial import run_trial
 from cell.errors import InputError
-from sim.simulate import truth_path
+from ident.costs import COSTS
 
 CLAIM_WORKERS = 2  # processes: claims are for a laptop, and for continuous integration
 
@@ -49,6 +36,12 @@ def run(
     Writes recording/, calibration.yaml, report.html and run.rrd to DIR (default runs/NAME).
     Exits with 1 when a limit under `accept` is not met.
     """
+    from ballbar.replay.live import live_run
+    from ballbar.report.terminal import say_comparison, say_identification, say_plant
+    from ballbar.result_json import run_data
+    from ballbar.run import run_scenario
+    from ballbar.scenario import load_scenario
+
     settings = load_scenario(scenario)
     folder = out_dir or Path("runs") / settings.name
     with live_run() if live else nullcontext() as window, progress_bar() as progress:
@@ -70,6 +63,12 @@ def run(
 @commands.command(rich_help_panel=TEST_BENCH, epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`")
 def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) -> None:
     """Simulate a scenario and write its device logs as a recording; the truth goes beside the folder, not into it."""
+    from ballbar.report.terminal import say_plant
+    from ballbar.result_json import simulation_data
+    from ballbar.run import simulate_scenario
+    from ballbar.scenario import load_scenario
+    from sim.simulate import truth_path
+
     settings = load_scenario(scenario)
     folder = out_dir or Path("runs") / f"{settings.name}-recording"
     with progress_bar() as progress:
@@ -96,6 +95,13 @@ def sweep(
     Writes NAME.parquet and NAME.csv to DIR (default runs/NAME-sweep). Interrupted, the same command goes on where it stopped.
     Exits with 1 when every run failed, with 130 when it was stopped.
     """
+    from ballbar.result_json import sweep_data
+    from ballbar.sweep.check import load as load_sweep
+    from ballbar.sweep.command import run_bar, say_outcome
+    from ballbar.sweep.run import run_sweep
+    from ballbar.sweep.workers import dask_cluster, processes
+    from ballbar.trial import run_trial
+
     if workers is not None and scheduler is not None:
         raise InputError("--workers counts processes on this machine; with --scheduler the cluster's own workers compute. Give one.")
     settings = load_sweep(file)
@@ -122,6 +128,12 @@ def claims(
 
     Exits with 1 when a check fails.
     """
+    from ballbar.claims.command import say_verdicts, write_page
+    from ballbar.claims.run import judge_all, topics
+    from ballbar.result_json import claims_data
+    from ballbar.sweep.command import run_bar
+    from ballbar.sweep.workers import process_pool
+
     if page is not None and names:
         raise InputError("--out: the page is of all claims; leave the names out.")
     chosen = topics(names or ())
@@ -154,6 +166,9 @@ def identifiability(
 
     Judged on the nominal mechanism; nothing is simulated.
     """
+    from ballbar.identifiability import LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
+    from ballbar.scenario import load_scenario
+
     settings = load_scenario(scenario)
     fitted = settings.encoders.fitted if encoders is None else parse_encoders(encoders)
     costs, passed_over = chosen_costs(settings.identify.cost if cost is None else cost, fitted)

@@ -11,16 +11,10 @@ from pydantic import ValidationError
 from rich.markup import escape
 
 from ballbar.commands.options import AT_THE_CELL, AsJson, Out, command_line, say_json
-from ballbar.iterations import IterationLog
-from ballbar.report.terminal import say_identification
-from ballbar.result_json import run_data
-from ballbar.run import OUTPUTS, write_outputs
-from ballbar.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import claim_folder
-from cell.schema_errors import explain
 from ident.corrections import CORRECTIONS
 from ident.identify import DEFAULT_SAMPLES, ModelName
 from ident.machine import ForceSource
@@ -61,6 +55,12 @@ def identify(
     Writes calibration.yaml and report.html to DIR (default: the first RECORDING's folder with -identified behind its name).
     Exits with 1 when the fit or a held-out recording is not acceptable.
     """
+    from ballbar.iterations import IterationLog
+    from ballbar.report.terminal import say_identification
+    from ballbar.result_json import run_data
+    from ballbar.run import OUTPUTS, write_outputs
+    from ballbar.run_recordings import identify_recordings
+
     settings = _settings(
         samples=samples,
         model=model,
@@ -85,6 +85,8 @@ def identify(
 
 def _settings(**given: object) -> IdentifySettings:
     """Options as settings of a scenario, checked alike."""
+    from cell.schema_errors import explain
+
     try:
         return IdentifySettings.model_validate(given)
     except ValidationError as error:

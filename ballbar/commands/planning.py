@@ -8,8 +8,6 @@ from typing import Annotated
 import typer
 
 from ballbar.commands.options import AT_THE_CELL, AsJson, Out, say_json
-from ballbar.plan.command import default_folder, parse_position, plan_path
-from ballbar.result_json import plan_data
 from ballbar.terminal import err, out, silence
 from planning.what_if import CHANGES, ENCODERS
 
@@ -39,6 +37,9 @@ def plan(
     Writes path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and programs for ABB (.mod) and Comau (.pdl) to DIR (default
     runs/NAME-plan). Exits with 1 when the path violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best path so far.
     """
+    from ballbar.plan.command import default_folder, parse_position, plan_path
+    from ballbar.result_json import plan_data
+
     place = None if position is None else parse_position(position)
     folder = out_dir or default_folder(request)
     if as_json:

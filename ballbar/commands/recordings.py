@@ -11,11 +11,8 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from acquisition import explain_lines, read_recording
 from acquisition.times import TIME_FORMS
-from ballbar import check as check_page
 from ballbar.commands.options import AT_THE_CELL, RecordingFolder
-from ballbar.new_recording import Told, new_recording
 from ballbar.terminal import err, out
 from cell.errors import InputError
 
@@ -44,8 +41,8 @@ def record(
     The PLC runs the program of docs/recorder.md. Waits for the devices, starts a new file when one was away, ends with Ctrl-C.
     Exits with 1 when the disk is full, or a device delivered nothing.
     """
-    from ballbar.record.command import RecordOptions  # noqa: PLC0415  sockets and threads only for who records
-    from ballbar.record.command import record as record_live  # noqa: PLC0415
+    from ballbar.record.command import RecordOptions
+    from ballbar.record.command import record as record_live
 
     options = RecordOptions(plc=plc, egm=egm, robot=robot, ballbar=ballbar, plate=plate, duration=duration, live=live)
     raise typer.Exit(0 if record_live(folder, options, out) else 1)
@@ -71,6 +68,9 @@ def new(
 
     The folder appears only once it has been read without error.
     """
+    from ballbar import check as check_page
+    from ballbar.new_recording import Told, new_recording
+
     told = Told(robot, ballbar, robot_dialect, ballbar_dialect, robot_time, ballbar_time, tuple(encoder or ()), lines, bits)
     read = new_recording(folder, robot_log, ballbar_log, told, partial(_answer, proposals_taken=yes))
     for line in check_page.check_lines(read, None):
@@ -101,6 +101,9 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Print the import report as JSON.")] = False,
 ) -> None:
     """Read a recording and report what was found and repaired, without identifying anything."""
+    from acquisition import explain_lines, read_recording
+    from ballbar import check as check_page
+
     if explain_reading and not as_json:
         for line in explain_lines(recording):
             out.print(escape(line))

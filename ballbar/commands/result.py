@@ -10,20 +10,13 @@ import typer
 from rich.markup import escape
 
 from ballbar.commands.options import RESULT, AsJson, ResultFile, say_json
-from ballbar.compare import Comparison, compare, compare_with_truth
-from ballbar.correct import correct_file, correction_data, correction_lines, write_corrected
-from ballbar.export.formats import Format, export_summary, exported, write_export
-from ballbar.export.result import load_result
+from ballbar.compare import Comparison
+from ballbar.export.formats import Format
 from ballbar.replay.command import Layout, chosen_replay
-from ballbar.replay.write import open_viewer, serve_web
-from ballbar.report.terminal import say_comparison
-from ballbar.result_json import comparison_data
 from ballbar.terminal import out
-from cell.descriptions import load_cell
 from cell.errors import InputError
 from cell.files import write_whole
-from ident.calibration import Calibration, load_calibration
-from sim.truth import load_truth
+from ident.calibration import Calibration
 
 commands = typer.Typer()
 
@@ -39,6 +32,8 @@ def replay(
     against: Annotated[Path | None, typer.Option(help="Another run, to compare this one with.", metavar="RUN")] = None,
 ) -> None:
     """Open the replay of a run in the rerun viewer; its iterations with --layout identify, two runs with --against."""
+    from ballbar.replay.write import open_viewer, serve_web
+
     if save is not None and save.exists():
         raise InputError(f"{save}: exists already; nothing was written. Name another file.")
     with chosen_replay(run_dir, layout, against) as file:
@@ -62,6 +57,10 @@ def compare_files(
     as_json: AsJson = False,
 ) -> None:
     """Compare a calibration with the truth of a simulated run, or with another calibration: TCP error over the workspace."""
+    from ballbar.report.terminal import say_comparison
+    from ballbar.result_json import comparison_data
+    from ident.calibration import load_calibration
+
     model = load_calibration(calibration)
     comparison = _compared(model, calibration, reference)
     if as_json:
@@ -70,6 +69,11 @@ def compare_files(
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
+    from ballbar.compare import compare, compare_with_truth
+    from cell.descriptions import load_cell
+    from ident.calibration import load_calibration
+    from sim.truth import load_truth
+
     cell = load_cell(model.file.robot, model.file.ballbar, model.file.plate, relative_to=calibration.parent)
     identified = [name for name, entry in model.file.parameters.items() if entry.identified]
     if reference.name.endswith(".truth.yaml"):
@@ -103,6 +107,9 @@ def export(
 
     Each says in comments what it leaves out (elastic gears, play, ripple), every sigma, and what stayed nominal.
     """
+    from ballbar.export.formats import export_summary, exported, write_export
+    from ballbar.export.result import load_result
+
     read = load_result(result)
     text = exported(read, to)
     if file is not None:
@@ -128,6 +135,9 @@ def correct(
 
     Geometry, and of the gears what was identified: compliance under the robot's own weight, play, ripple. Other columns are kept.
     """
+    from ballbar.correct import correct_file, correction_data, correction_lines, write_corrected
+    from ballbar.export.result import load_result
+
     read = load_result(result)
     done = correct_file(path, read)
     written = file or path.with_name(f"{path.stem}-corrected.csv")

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ballbar.replay.page import front
-from cell.errors import InputError
+from cell.errors import FailureError, InputError
 
 LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
 WEB_PORT, DATA_PORT = 9090, 9876  # rerun's defaults
@@ -23,7 +23,7 @@ _START_TIMEOUT = 20.0  # [s]
 _BINARIES = ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun")  # Linux, Windows, macOS
 
 
-class ViewerError(RuntimeError):
+class ViewerError(FailureError):
     """The viewer did not start, or ended with an error."""
 
 

@@ -19,14 +19,14 @@ from ballbar.sweep.folder import SweepFolder, open_folder
 from ballbar.sweep.part import Job, Row, Work
 from ballbar.sweep.plan import Plan
 from ballbar.sweep.workers import Workers
-from cell.errors import InputError
+from cell.errors import FailureError, InputError
 
 POLL = 0.2  # [s] between two looks for an interrupt while no part comes back
 
 Progress = Callable[[int, str], None]  # runs done, what is going on
 
 
-class SweepError(RuntimeError):
+class SweepError(FailureError):
     """The sweep could not go on, through no fault of its runs; what is done is kept."""
 
 
