@@ -24,7 +24,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ballbar.commands import bench
 from ballbar.sweep.check import LoadedSweep, check_points, load
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
@@ -497,7 +496,7 @@ def test_two_processes_never_work_in_one_folder(tmp_path: Path) -> None:
 def test_the_command_says_where_the_table_is_and_what_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(bench, "run_trial", sweep_work.figures_with_failures)
+    monkeypatch.setattr("ballbar.trial.run_trial", sweep_work.figures_with_failures)
     loaded(tmp_path, GRID)
     code, out, err = ballbar(monkeypatch, capsys, "sweep", tmp_path / "sweep.yaml", "--out", tmp_path / "out", "--workers", 2)
     assert code == 0
@@ -512,7 +511,7 @@ def test_the_command_says_where_the_table_is_and_what_failed(
 def test_a_sweep_whose_every_run_fails_exits_with_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(bench, "run_trial", sweep_work.no_such_file)
+    monkeypatch.setattr("ballbar.trial.run_trial", sweep_work.no_such_file)
     loaded(tmp_path, "seeds: {count: 3}\n")
     code, out, _ = ballbar(monkeypatch, capsys, "sweep", tmp_path / "sweep.yaml", "--out", tmp_path / "out", "--workers", 1)
     assert code == 1
