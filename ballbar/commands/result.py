@@ -13,7 +13,7 @@ from ballbar.commands.options import RESULT, AsJson, ResultFile, say_json
 from ballbar.compare import Comparison
 from ballbar.export.formats import Format
 from ballbar.replay.command import Layout, chosen_replay
-from ballbar.terminal import out
+from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import write_whole
 from ident.calibration import Calibration
@@ -139,7 +139,9 @@ def correct(
     from ballbar.export.result import load_result
 
     read = load_result(result)
-    done = correct_file(path, read)
+    with progress_bar() as progress:
+        progress("correcting the targets")
+        done = correct_file(path, read)
     written = file or path.with_name(f"{path.stem}-corrected.csv")
     write_corrected(written, done, read)
     if as_json:
