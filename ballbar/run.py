@@ -42,7 +42,10 @@ def simulate_scenario(
     progress("simulating the cell")
     files = scenario_file.parent
     watch = live.moved if live else None
-    simulation = simulate(scenario, relative_to=files, recorded=recorded_log(scenario.path, files), watch=watch)
+    try:
+        simulation = simulate(scenario, relative_to=files, recorded=recorded_log(scenario.path, files), watch=watch)
+    except InputError as error:
+        raise InputError(f"{scenario_file}: {error}") from None
     progress("writing the device logs")
     write_recording(simulation, scenario, folder)
     return simulation

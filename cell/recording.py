@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from cell.errors import DescriptionError
 from cell.strict_yaml import load_model
 
 EncoderName = Literal["b1", "b2", "b3", "b4", "b5"]
@@ -64,4 +65,7 @@ def load_recording_file(folder: Path) -> RecordingFile:
 
     Raises DescriptionError naming file, line and key.
     """
-    return load_model(folder / "recording.yaml", RecordingFile)
+    file = folder / "recording.yaml"
+    if not file.exists() and (folder / "recording" / file.name).exists():
+        raise DescriptionError(f"{file}: no such file. Is {folder / 'recording'} meant?")
+    return load_model(file, RecordingFile)

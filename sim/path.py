@@ -76,7 +76,8 @@ def phase_over_time(t: Array, *, duration: float, dwell: float, stops: int) -> A
     moving = (duration - (stops + 2) * dwell) / pieces
     if moving <= 2.0 * RAMP:
         raise InputError(
-            f"path: {duration} s with {stops + 2} dwells of {dwell} s leaves {moving:.1f} s a piece; {2 * RAMP} s go into ramps"
+            f"path.duration_s = {duration}: with {stops + 2} rests of {dwell} s {moving:.1f} s are left for each piece of the path, and "
+            f"{2 * RAMP} s go into its ramps. Take more than {(stops + 2) * dwell + pieces * 2.0 * RAMP:g} s, or a shorter path.dwell_s."
         )
     phase = np.zeros_like(t)
     for k in range(pieces):
@@ -123,7 +124,7 @@ def _continuous_branch(robot: Robot, nominal: Geometry, t: Array, b: Array, pose
         first = int(lost.argmax())
         raise InputError(
             f"path: out of reach at t = {t[first]:.2f} s (ball-bar angles {np.degrees(b[first]).round(1)} deg); "
-            "move the ball-bar or shrink the path"
+            "move the ball-bar (cell.ballbar_position_m, metres) or shrink the path"
         )
     faults = []
     for branch in branches:

@@ -183,8 +183,8 @@ def _check_closure(motion: Motion) -> None:
     if position.max() > CLOSURE_LIMIT or angle.max() > CLOSURE_LIMIT:
         k = int(np.argmax(np.maximum(position, angle))) * CLOSURE_STRIDE
         raise PlantError(
-            f"loop closure opens to {position.max() * 1e6:.2f} um, {angle.max() * 1e6:.2f} urad at t = {motion.t[k]:.2f} s "
-            f"(limit {CLOSURE_LIMIT * 1e6:g}); use a smaller timestep or a slower path"
+            f"not simulated exactly enough: the loop opens to {position.max() * 1e6:.2f} um, {angle.max() * 1e6:.2f} urad at "
+            f"t = {motion.t[k]:.2f} s (limit {CLOSURE_LIMIT * 1e6:g} um, urad). Halve plant.timestep_s, or lengthen path.duration_s"
         )
 
 

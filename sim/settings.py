@@ -20,6 +20,7 @@ from sim.sample_errors import SampleErrors
 from sim.sensor_errors import EncoderNumber, SensorErrors
 
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
+Place = Annotated[tuple[Annotated[float, Field(ge=-20.0, le=20.0)], ...], Field(min_length=3, max_length=3)]
 Vector5 = Annotated[tuple[float, ...], Field(min_length=5, max_length=5)]
 Whole5 = Annotated[tuple[int, ...], Field(min_length=5, max_length=5)]
 
@@ -30,7 +31,7 @@ class CellSettings(Strict):
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
     ballbar: str = Field(description="A file of cell/ballbars, or a path.")
     plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
-    ballbar_position_m: Vector3 = Field(description="Sphere centre in the robot's base frame.")
+    ballbar_position_m: Place = Field(description="Sphere centre in the robot's base frame.")
 
 
 class PathSettings(Strict):
@@ -165,7 +166,9 @@ class ClockSettings(Strict):
     """The two clocks: t_robot = offset + (1 + skew) * t_bar, both from the first row of their log."""
 
     offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(0.0, description="Robot time at the first ball-bar row.")
-    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(0.0, description="Seconds the robot's clock gains in each of the ball-bar's.")
+    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(
+        0.0, description="Seconds the robot's clock gains in each of the ball-bar's: 30 ppm is 3.0e-5."
+    )
     overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = Field(
         0.0, description="Chance that a ball-bar row comes one 5 ms task late."
     )

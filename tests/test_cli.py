@@ -239,9 +239,10 @@ def test_a_cut_last_line_is_dropped_and_reported(recording: Path, monkeypatch, c
     [
         ("seed: 3", "sead: 3", ["short.yaml:12", "sead", "seed"]),
         ("duration_s: 40", "duration_s: forty", ["short.yaml:3", "path.duration_s", "forty"]),
-        ("robot: irb2400", "robot: irb2401", ["irb2401", "irb2400"]),
+        ("robot: irb2400", "robot: irb2401", ["short.yaml", "irb2401", "irb2400"]),
         ("plant: {kind: kinematic}", "plant: {kind: kinematic, servo: softt, kind: mujoco}", ["short.yaml:4", "kind"]),
-        ("[0.70, 0.0, 0.54]", "[700, 0.0, 540]", ["out of reach"]),
+        ("[0.70, 0.0, 0.54]", "[700, 0.0, 540]", ["short.yaml:2", "ballbar_position_m[0] = 700", "20 or less"]),
+        ("[0.70, 0.0, 0.54]", "[7.0, 0.0, 0.54]", ["short.yaml", "out of reach", "cell.ballbar_position_m, metres"]),
         ("fitted: [1, 2, 4, 5]", "fitted: [1, 2, 4, 6]", ["short.yaml:8", "6"]),
     ],
 )

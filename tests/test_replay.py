@@ -332,6 +332,12 @@ def test_web_viewer_answers_on_loopback_and_ends_with_the_block(file):
 
 
 def test_viewer_that_fails_is_reported_with_a_way_out(file, monkeypatch):
+    monkeypatch.setenv("DISPLAY", "")
+    monkeypatch.setenv("WAYLAND_DISPLAY", "")
+    if sys.platform == "linux":
+        with pytest.raises(ViewerError, match=r"there is no screen .* Use --web"):
+            open_viewer(file)
+    monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.setattr(subprocess, "run", lambda command, **_: subprocess.CompletedProcess(command, 102))
     with pytest.raises(ViewerError, match=r"ended with code 102.*use --web"):
         open_viewer(file)

@@ -52,15 +52,17 @@ def replay(
     epilog="Example: `ballbar compare runs/irb2400/calibration.yaml runs/irb2400/recording.truth.yaml`",
 )
 def compare_files(
-    calibration: Annotated[Path, typer.Argument(help="A calibration.yaml.", metavar="CALIBRATION")],
-    reference: Annotated[Path, typer.Argument(help="A truth file, or another calibration.yaml.", metavar="REFERENCE")],
+    calibration: Annotated[Path, typer.Argument(help="A calibration.yaml, or the folder that holds it.", metavar="CALIBRATION")],
+    reference: Annotated[Path, typer.Argument(help="A truth file, or another calibration.", metavar="REFERENCE")],
     as_json: AsJson = False,
 ) -> None:
     """Compare a calibration with the truth of a simulated run, or with another calibration: TCP error over the workspace."""
     from ballbar.report.terminal import say_comparison
     from ballbar.result_json import comparison_data
+    from ballbar.run import CALIBRATION
     from ident.calibration import load_calibration
 
+    calibration, reference = (path / CALIBRATION if path.is_dir() else path for path in (calibration, reference))
     model = load_calibration(calibration)
     comparison = _compared(model, calibration, reference)
     if as_json:

@@ -20,6 +20,7 @@ from cell.chain import Array, Chain, forward
 from cell.descriptions import Link, Robot
 
 _LIMITS = "Joint limits: the range that each DH joint takes over the box of axis limits; effort 0: the cell files state none."
+_INERTIA_DIGITS = 12  # [kg m^2] below is rounding of turned tensors
 
 
 def urdf(result: Result) -> str:
@@ -35,7 +36,9 @@ def urdf(result: Result) -> str:
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=_numbers(body.com), rpy="0 0 0")
         ET.SubElement(inertial, "mass", value=number(body.mass))
-        tensor = {f"i{'xyz'[r]}{'xyz'[c]}": number(body.inertia[r, c]) for r in range(3) for c in range(r, 3)}
+        tensor = {
+            f"i{'xyz'[r]}{'xyz'[c]}": number(round(float(body.inertia[r, c]), _INERTIA_DIGITS)) for r in range(3) for c in range(r, 3)
+        }
         ET.SubElement(inertial, "inertia", tensor)
         joint = _urdf_joint(robot, f"joint_{i + 1}", "revolute", parent, f"link_{i + 1}", poses[i])
         ET.SubElement(joint, "axis", xyz="0 0 1")
@@ -58,7 +61,7 @@ def mjcf(result: Result) -> str:
     for i, body in enumerate(_bodies(result)):
         rotation, place = poses[i]
         parent = ET.SubElement(parent, "body", name=f"link_{i + 1}", pos=_numbers(place), quat=_quat_wxyz(rotation))
-        tensor = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        tensor = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].round(_INERTIA_DIGITS)
         ET.SubElement(parent, "inertial", pos=_numbers(body.com), mass=number(body.mass), fullinertia=_numbers(tensor))
         ET.SubElement(parent, "joint", name=f"joint_{i + 1}", axis="0 0 1", range=_numbers([lower[i], upper[i]]))
     rotation, place = poses[6]

@@ -6,8 +6,10 @@ Both come with the rerun package.
 from __future__ import annotations
 
 import importlib.util
+import os
 import socket
 import subprocess
+import sys
 import time
 import urllib.parse
 from collections.abc import Callable, Iterator
@@ -33,6 +35,7 @@ def open_viewer(path: Path) -> None:
     Raises InputError if there is no such file, ViewerError if the viewer fails.
     """
     _check_file(path)
+    _check_screen()
     command = [_rerun(), "--bind", LOOPBACK, "--port", "auto", str(path)]
     try:
         code = subprocess.run(command, check=False).returncode
@@ -40,6 +43,11 @@ def open_viewer(path: Path) -> None:
         return
     if code != 0:
         raise ViewerError(f"{path}: the viewer ended with code {code}. Without a screen or graphics driver use --web.")
+
+
+def _check_screen() -> None:
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise ViewerError("there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set). Use --web, and a browser on this machine.")
 
 
 def serve_web(path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT, show: Callable[[str], None] = print) -> None:

@@ -77,7 +77,7 @@ def _complete(data: RunData) -> list[str]:
     lines = [
         f"complete model: {result.parameters.size} parameters and {count} coefficients of {corrections} "
         f"from {samples} samples in {result.iterations} iterations",
-        f"told by their priors and not by the data: {', '.join(standing) or 'none'}",
+        f"told by their priors and not by the data (the uncertainty counts it): {', '.join(standing) or 'none'}",
     ]
     for one in data.fitted:
         found = one.identification

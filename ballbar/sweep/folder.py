@@ -47,8 +47,13 @@ class SweepFolder:
 
     @property
     def started(self) -> bool:
-        """Whether the folder holds this plan: its points were checked then."""
+        """Whether the folder holds a plan."""
         return (self.path / _PLAN).exists()
+
+    @property
+    def checked(self) -> bool:
+        """Whether the folder holds this plan: its points were checked then."""
+        return self.started and load_yaml(self.path / _PLAN).data.get("plan") == self.plan.digest
 
     @property
     def complete(self) -> bool:

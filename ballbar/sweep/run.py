@@ -53,7 +53,7 @@ def run_sweep(
     Raises InputError when a point is wrong or the folder holds something else, SweepError when workers die.
     """
     plan = sweep.plan
-    if not SweepFolder(path, plan).started:
+    if not SweepFolder(path, plan).checked:
         check_points(sweep)
     with open_folder(path, plan) as folder:
         if folder.complete:
