@@ -124,6 +124,8 @@ def join(tables: list[Table]) -> Table:
 
     Raises LogError if two of them overlap.
     """
+    if len(tables) == 1:
+        return tables[0]
     ordered = sorted(tables, key=lambda table: int(table.columns[STAMP][0]))
     for before, after in pairwise(ordered):
         overlap = float(before.columns[STAMP].max() - after.columns[STAMP][0]) * 1e-9
@@ -172,6 +174,8 @@ def report_periods(table: Table, t: NDArray[np.float64], usual_s: tuple[float, f
 def _report_irregular(step: NDArray[np.float64], period: float, known: NDArray[np.bool_], table: Table, findings: list[Finding]) -> None:
     """A few steps that differ from the period, in a log that otherwise keeps it: the clock was set, or a stamp is damaged."""
     off = np.abs(step - period)
+    if off.max() <= FINEST:
+        return
     usual = float(np.quantile(off[~known], 0.95)) if (~known).any() else 0.0
     odd = np.flatnonzero((off > max(IRREGULAR * usual, FINEST)) & ~known) + 1
     if 0 < odd.size <= max(3.0, STRAY_LIMIT * off.size):

@@ -1,0 +1,170 @@
+"""Single damaged values: their neighbours lie on one cubic, and they do not.
+
+A value is looked at where it stands out of its two neighbours on either side, and judged by eight rows around it. A second damaged
+value among the eight would spoil their cubic, so values that stand out close to each other are also judged two at a time. A kink or
+a step in the motion leaves the eight on no cubic, and nothing is concluded.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+SMALLEST = 5e-5  # [rad] a value that deviates by less may stay: it is within a few times the noise of every sensor of the cell
+FAR_OUT = 6.0  # standard deviations: of a million values of white noise 0.002 are further out
+NORMAL_MEDIAN = 0.6745  # median of |x| over its standard deviation, for normal x
+_NOTABLE = 3.5  # standard deviations by which two neighbours on either side must miss a value for it to be judged
+_BESIDE = 8  # rows that judge
+_REACH = 15.0  # row periods: nine rows further apart than these say nothing of each other
+_CLOSE = 3  # rows: two damaged values so close spoil each other's cubic
+_OUTSIDE = 2  # rows on either side of two that are judged together; beyond the end of a log nobody knows where the motion led
+_BLOCK = 8192  # rows at a time, for the processor's cache
+_SAMPLE = 5000  # rows, whose median tells the noise to 2 %
+
+
+class _Places(NamedTuple):
+    """Values that stand out."""
+
+    row: Rows  # (K,)
+    channel: Rows  # (K,)
+    size: Array  # (K,) how far, in the noise of one value; 0 at the ends of a stretch, where all are judged
+
+
+def damaged_values(t: Array, values: Array, breaks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N, C) single values that their neighbours contradict.
+
+    t : (N,) [s]. values : (N, C) [rad]. breaks : (N,) rows at which a new stretch begins; no neighbours across them.
+    """
+    out = np.zeros(values.shape, dtype=bool)
+    if t.size <= _BESIDE + 1:
+        return out
+    firsts = np.flatnonzero(breaks | (np.arange(t.size) == 0))
+    lasts = np.append(firsts[1:], t.size) - 1
+    sigma, longest = _noise(t, values), _REACH * float(np.median(np.diff(t)))
+    places = _notable(t, values, sigma, _ends(firsts, lasts))
+    for apart in range(_CLOSE + 1):  # each by itself, then two that stand 1, 2, 3 rows apart
+        sets = _sets(places, apart, t.size)
+        for some in np.array_split(np.arange(sets.row.size), sets.row.size // _BLOCK + 1):
+            found = _contradicted(t, values, sets.row[some], sets.channel[some], apart, firsts, lasts, sigma, longest)
+            _mark(out, sets.row[some], sets.channel[some], found, apart)
+    return out
+
+
+def _noise(t: Array, values: Array) -> Array:
+    """(C,) [rad] white noise of each channel."""
+    rows = np.arange(2, t.size - 2, 1 + (t.size - 4) // _SAMPLE)
+    missed = _missed([t[rows + k - 2] for k in range(5)], [values[rows + k - 2] for k in range(5)])
+    return np.asarray(np.median(np.nan_to_num(missed), axis=0) / NORMAL_MEDIAN)
+
+
+def _missed(times: list[Array], values: list[Array]) -> Array:
+    """(N, C) [rad] by how much the cubic through two neighbours on either side misses, scaled to the noise of one value.
+
+    times, values : of five rows each, the middle one of which is judged.
+    """
+    to = [times[k] - times[2] for k in range(5)]
+    with np.errstate(divide="ignore", invalid="ignore"):  # across a clock that was set back two stamps may agree
+        error, power = values[2].copy(order="F"), np.ones(times[2].size)
+        for k, a, b, c in ((0, 1, 3, 4), (1, 0, 3, 4), (3, 0, 1, 4), (4, 0, 1, 3)):
+            weight = to[a] * to[b] * to[c]  # Lagrange's, of row k
+            weight /= (to[a] - to[k]) * (to[b] - to[k]) * (to[c] - to[k])
+            error -= weight[:, None] * values[k]
+            power += weight * weight
+        error /= np.sqrt(power)[:, None]
+        return np.abs(error, out=error)
+
+
+def _ends(firsts: Rows, lasts: Rows) -> Rows:
+    """Rows at the ends of stretches, which have no two neighbours on either side, or few beside them."""
+    near = np.arange(_BESIDE // 2)
+    rows = np.concatenate(((firsts[:, None] + near).ravel(), (lasts[:, None] - near).ravel()))
+    return np.unique(rows[(rows >= 0) & (rows <= lasts[-1])])
+
+
+def _notable(t: Array, values: Array, sigma: Array, ends: Rows) -> _Places:
+    """What stands out, the largest first, since beside it its neighbours look damaged too; then all ends."""
+    threshold = np.maximum(_NOTABLE * sigma, 0.5 * SMALLEST)
+    rows, channels, sizes = [], [], []
+    for begin in range(2, t.size - 2, _BLOCK):
+        stop = min(begin + _BLOCK, t.size - 2)
+        missed = _missed([t[begin + k - 2 : stop + k - 2] for k in range(5)], [values[begin + k - 2 : stop + k - 2] for k in range(5)])
+        for k, column in enumerate(missed.T):
+            notable = np.flatnonzero(column > threshold[k])
+            rows.append(notable + begin)
+            channels.append(np.full(notable.size, k))
+            sizes.append(column[notable])
+    count = values.shape[1]
+    row = np.concatenate((*rows, np.repeat(ends, count)))
+    channel = np.concatenate((*channels, np.tile(np.arange(count), ends.size)))
+    size = np.concatenate((*sizes, np.zeros(ends.size * count)))
+    order = np.argsort(-size, kind="stable")
+    return _Places(row[order], channel[order], size[order])
+
+
+def _sets(places: _Places, apart: int, count: int) -> _Places:
+    """Places whose neighbour `apart` rows later stands out too, those first that stand out most together."""
+    if not apart:
+        return places
+    key = places.channel * count + places.row
+    known, index = np.unique(key, return_index=True)  # of the same place the first, which has the size
+    at = np.minimum(np.searchsorted(known, known + apart), known.size - 1)
+    both = (known[at] == known + apart) & (places.row[index] + apart < count)
+    first, second = index[both], index[at[both]]
+    order = np.argsort(-(places.size[first] + places.size[second]), kind="stable")
+    first, second = first[order], second[order]
+    return _Places(places.row[first], places.channel[first], places.size[first] + places.size[second])
+
+
+def _contradicted(
+    t: Array, values: Array, row: Rows, channel: Rows, apart: int, firsts: Rows, lasts: Rows, sigma: Array, longest: float
+) -> NDArray[np.bool_]:
+    """(K, 2) whether `row` and `row + apart` are off the cubic through the rows beside both."""
+    width = _BESIDE + 1 + apart
+    stretch = np.searchsorted(firsts, row, side="right") - 1
+    begin = np.minimum(np.maximum(row - _BESIDE // 2, firsts[stretch]), lasts[stretch] - width + 1)
+    margin = _OUTSIDE if apart else 0
+    inside = (begin >= firsts[stretch]) & (row - margin >= firsts[stretch]) & (row + apart + margin <= lasts[stretch])
+    window = np.clip(begin, 0, t.size - width)[:, None] + np.arange(width)  # (K, W)
+    span = t[window[:, -1]] - t[window[:, 0]]
+    inside &= (span > 0.0) & (span < longest * width / (_BESIDE + 1))
+    judging = (window != row[:, None]) & (window != row[:, None] + apart)
+    x = (t[window] - t[row][:, None]) / np.where(span > 0.0, span, 1.0)[:, None]
+    basis, full = _orthonormal(x[:, :, None] ** np.arange(4), judging.astype(np.float64))
+    y = values[window, channel[:, None]]
+    y = y - y[np.arange(len(y)), judging.argmax(axis=1)][:, None]
+    left = y - np.einsum("kwp,kvp,kv->kw", basis, basis, y * judging)
+    spread = np.sqrt((left * left * judging).sum(axis=1) / (judging.sum(axis=1) - 4))
+    deviation = np.maximum(sigma[channel], spread)[:, None] * np.sqrt(1.0 + (basis * basis).sum(axis=2))
+    off = (np.abs(left) > np.maximum(FAR_OUT * deviation, SMALLEST)) & (inside & full)[:, None]
+    at = row - window[:, 0]
+    each = np.arange(len(row))
+    return np.stack((off[each, np.clip(at, 0, width - 1)], off[each, np.clip(at + apart, 0, width - 1)]), axis=1)
+
+
+def _orthonormal(columns: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """(K, W, P) combinations of the columns (K, W, P) that are orthonormal over the rows of weight 1; (K,) whether there are P.
+
+    At the rows of weight 0 they are the same combinations.
+    """
+    basis, full = columns.copy(), np.ones(len(columns), dtype=bool)
+    for k in range(columns.shape[2]):
+        for j in range(k):
+            basis[:, :, k] -= (weight * basis[:, :, j] * basis[:, :, k]).sum(axis=1)[:, None] * basis[:, :, j]
+        norm = np.sqrt((weight * basis[:, :, k] ** 2).sum(axis=1))
+        full &= norm > 1e-9  # else the stamps are too few, or all but the same
+        basis[:, :, k] /= np.where(norm > 1e-9, norm, 1.0)[:, None]
+    return basis, full
+
+
+def _mark(out: NDArray[np.bool_], row: Rows, channel: Rows, found: NDArray[np.bool_], apart: int) -> None:
+    """Enters what is contradicted, unless something beside it has been: that may be why."""
+    for k in np.flatnonzero(found.any(axis=1)):
+        first, column = int(row[k]), int(channel[k])
+        if not out[max(0, first - _BESIDE // 2) : first + apart + _BESIDE // 2 + 1, column].any():
+            out[first, column] |= found[k, 0]
+            out[first + apart, column] |= found[k, 1]
