@@ -123,7 +123,7 @@ def _sets(places: _Places, apart: int, count: int) -> _Places:
 def _contradicted(
     t: Array, values: Array, row: Rows, channel: Rows, apart: int, firsts: Rows, lasts: Rows, sigma: Array, longest: float
 ) -> NDArray[np.bool_]:
-    """(K, 2) whether `row` and `row + apart` are off the cubic through the rows beside both."""
+    """(K, 2) whether `row` and `row + apart` are both off the cubic through the rows beside them, and by more than may stay."""
     width = _BESIDE + 1 + apart
     stretch = np.searchsorted(firsts, row, side="right") - 1
     begin = np.minimum(np.maximum(row - _BESIDE // 2, firsts[stretch]), lasts[stretch] - width + 1)
@@ -140,10 +140,10 @@ def _contradicted(
     left = y - np.einsum("kwp,kvp,kv->kw", basis, basis, y * judging)
     spread = np.sqrt((left * left * judging).sum(axis=1) / (judging.sum(axis=1) - 4))
     deviation = np.maximum(sigma[channel], spread)[:, None] * np.sqrt(1.0 + (basis * basis).sum(axis=2))
-    off = (np.abs(left) > np.maximum(FAR_OUT * deviation, SMALLEST)) & (inside & full)[:, None]
-    at = row - window[:, 0]
-    each = np.arange(len(row))
-    return np.stack((off[each, np.clip(at, 0, width - 1)], off[each, np.clip(at + apart, 0, width - 1)]), axis=1)
+    judged = np.clip((row - window[:, 0])[:, None] + (0, apart), 0, width - 1)  # (K, 2)
+    off = np.take_along_axis(np.abs(left), judged, axis=1)
+    far = (off > FAR_OUT * np.take_along_axis(deviation, judged, axis=1)).all(axis=1)  # both, or it is one of them alone
+    return np.asarray((off > SMALLEST) & (far & inside & full)[:, None])
 
 
 def _orthonormal(columns: Array, weight: Array) -> tuple[Array, NDArray[np.bool_]]:
