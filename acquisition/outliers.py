@@ -22,7 +22,6 @@ _NOTABLE = 3.5  # standard deviations by which two neighbours on either side mus
 _BESIDE = 8  # rows that judge
 _REACH = 15.0  # row periods: nine rows further apart than these say nothing of each other
 _CLOSE = 3  # rows: two damaged values so close spoil each other's cubic
-_OUTSIDE = 2  # rows on either side of two that are judged together; beyond the end of a log nobody knows where the motion led
 _BLOCK = 8192  # rows at a time, for the processor's cache
 _SAMPLE = 5000  # rows, whose median tells the noise to 2 %
 
@@ -127,7 +126,7 @@ def _contradicted(
     width = _BESIDE + 1 + apart
     stretch = np.searchsorted(firsts, row, side="right") - 1
     begin = np.minimum(np.maximum(row - _BESIDE // 2, firsts[stretch]), lasts[stretch] - width + 1)
-    margin = _OUTSIDE if apart else 0
+    margin = 2 * (apart == 1)  # the last two rows of a log may be the beginning of a motion; good rows between or behind them tell
     inside = (begin >= firsts[stretch]) & (row - margin >= firsts[stretch]) & (row + apart + margin <= lasts[stretch])
     window = np.clip(begin, 0, t.size - width)[:, None] + np.arange(width)  # (K, W)
     span = t[window[:, -1]] - t[window[:, 0]]

@@ -92,7 +92,7 @@ def run(
 ) -> None:
     """Simulate a scenario, identify the robot from its logs, compare with the truth, write report and replay.
 
-    Writes recording/, calibration.yaml, report.html and run.rrd to DIR (default runs/NAME).
+    Writes recording/, calibration.yaml, import_report.json, report.html and run.rrd to DIR (default runs/NAME).
     Exits with 1 when a limit under `accept` is not met.
     """
     settings = load_scenario(scenario)
@@ -216,7 +216,7 @@ def identify(
 ) -> None:
     """Identify a robot from one recording, or from several together; try it on others.
 
-    Writes calibration.yaml and report.html to DIR (default: the first RECORDING's folder with -identified behind its name).
+    Writes calibration.yaml, import_report.json and report.html to DIR (default: the first RECORDING's folder with -identified behind it).
     Exits with 1 when the fit or a held-out recording is not acceptable.
     """
     settings = _settings(
