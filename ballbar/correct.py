@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.export_result import EFFECTS, Result
+from ballbar.export.result import EFFECTS, Result
 from ballbar.joint_targets import TargetFile, read_targets, targets_text
 from cell.chain import Array
 from cell.descriptions import joints_to_axes

@@ -22,7 +22,7 @@ from cell.errors import InputError
 from cell.geometry import BAR_ROWS, INDEX, PARAMETERS, ROBOT_ROWS, Geometry, bar_frames, nominal_geometry
 from cell.inverse import refine
 from ident.closure import bar_joint_jacobian, close_loop, covariance, parameter_jacobian, whitening
-from ident.costs import ENCODERS_NEEDED, cost_named
+from ident.costs import COSTS, ENCODERS_NEEDED, ML, cost_named
 from ident.dependencies import (
     EXTRA_PARAMETERS,
     THESIS_PARAMETERS,
@@ -41,8 +41,6 @@ from sim.simulate import planned_path
 Array = NDArray[np.float64]
 Influences = dict[str, dict[str, float]]  # left out: kept ones that it moves
 
-ML = "ml"
-COSTS = (ML, *ENCODERS_NEEDED)
 SAMPLES = 100  # instants of the path; null space the same, condition within 1 % of that from 1500
 NOISE = 1e-5  # [rad] of every angle, thesis sec. 3.2: the metric in which ml removes joints without encoder
 INTRODUCED = 1e-3  # [m, rad] error of the parameter left out, thesis sec. 3.3

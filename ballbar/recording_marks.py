@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition import stillness
-from ballbar.replay_motion import CellMotion, cell_motion
+from ballbar.replay.motion import CellMotion, cell_motion
 from ballbar.run_data import RunData
 from cell.chain import Array
 from ident.identify import Identification

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from ballbar.claim_run import Judged
+from ballbar.claims.run import Judged
 from ballbar.compare import Comparison
 from ballbar.run import CALIBRATION, OUTPUTS
 from ballbar.run_data import RunData
-from ballbar.sweep_run import Outcome
-from ballbar.sweep_summary import failures_of, grid_points
+from ballbar.sweep.run import Outcome
+from ballbar.sweep.summary import failures_of, grid_points
 from ident.accuracy import TcpError
 from ident.calibration import load_calibration
 from sim.simulate import Simulation, truth_path

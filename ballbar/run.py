@@ -9,10 +9,10 @@ from acquisition import Recording, read_recording
 from ballbar.check import import_reports
 from ballbar.compare import identification_against_truth, limits_of
 from ballbar.iterations import IterationLog
-from ballbar.replay import write_replay
-from ballbar.replay_command import REPLAY
-from ballbar.replay_live import LiveRun
-from ballbar.report import write_report
+from ballbar.replay.command import REPLAY
+from ballbar.replay.live import LiveRun
+from ballbar.replay.write import write_replay
+from ballbar.report.page import write_report
 from ballbar.run_data import RunData
 from ballbar.run_recordings import Progress, identify_recordings
 from ballbar.scenario import IdentifySettings, Scenario
@@ -33,15 +33,18 @@ IMPORT_REPORT = "import_report.json"
 OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY}
 
 
-def simulate_scenario(scenario: Scenario, scenario_file: Path, folder: Path, *, progress: Progress) -> Simulation:
-    """Simulates a scenario and writes its recording.
+def simulate_scenario(
+    scenario: Scenario, scenario_file: Path, folder: Path, *, progress: Progress, live: LiveRun | None = None
+) -> Simulation:
+    """Simulates a scenario and writes its recording; live : shown the motion as it comes.
 
     Raises InputError when the scenario cannot be run, or `folder` holds something else or a real recording.
     """
     claim_recording(folder)
     progress("simulating the cell")
     files = scenario_file.parent
-    simulation = simulate(scenario, relative_to=files, recorded=recorded_log(scenario.path, files))
+    watch = live.moved if live else None
+    simulation = simulate(scenario, relative_to=files, recorded=recorded_log(scenario.path, files), watch=watch)
     progress("writing the device logs")
     write_recording(simulation, scenario, folder)
     return simulation
@@ -103,9 +106,7 @@ def run_scenario(
         )
     claim_folder(out, {RECORDING, truth_path(out / RECORDING).name, *OUTPUTS}, "a run")
     folder = out / RECORDING
-    simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress)
-    if live:
-        live.simulated(simulation)
+    simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress, live=live)
     log = IterationLog(progress, live.iterated if live else None)
     found = identify_recordings([folder], settings=scenario.identify, progress=log.progress, watch=log.watch)
     comparison = identification_against_truth(found.identification, simulation.truth)

@@ -25,7 +25,7 @@ from scipy.optimize import least_squares
 from acquisition import read_recording
 from ballbar.sample_trial import trial_samples
 from ballbar.scenario import Scenario, load_scenario
-from ballbar.sweep_part import ONE_THREAD
+from ballbar.sweep.part import ONE_THREAD
 from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
 from cell.chain import Array
 from cell.descriptions import Cell, load_cell

@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 
-from ballbar.report import tcp_view
-from ballbar.report_figures import AFTER, BEFORE, STYLE
+from ballbar.report.figures import AFTER, BEFORE, STYLE
+from ballbar.report.page import tcp_view
 from ballbar.run import run_scenario
 from ballbar.run_data import RunData
 from ballbar.scenario import load_scenario

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from ballbar.replay import write_replay
+from ballbar.replay.write import write_replay
 from ballbar.run import run_scenario
 from ballbar.scenario import load_scenario
 

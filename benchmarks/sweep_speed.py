@@ -27,11 +27,11 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from ballbar.scenario import Scenario
-from ballbar.sweep_check import LoadedSweep, load
-from ballbar.sweep_part import ONE_THREAD, Job, Work
-from ballbar.sweep_plan import run_of
-from ballbar.sweep_run import run_sweep
-from ballbar.sweep_workers import Workers, dask_cluster, processes
+from ballbar.sweep.check import LoadedSweep, load
+from ballbar.sweep.part import ONE_THREAD, Job, Work
+from ballbar.sweep.plan import run_of
+from ballbar.sweep.run import run_sweep
+from ballbar.sweep.workers import Workers, dask_cluster, processes
 
 T = TypeVar("T")
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

@@ -1,6 +1,6 @@
-"""The one exception that means: the user's input is at fault.
+"""The exceptions that reach the user as a message: the input is at fault (exit code 2), or the work cannot be done (1).
 
-Its text says what was found, where, and how to mend it; the command line prints it and exits with code 2.
+Their text says what was found, where, and how to mend it.
 """
 
 
@@ -14,3 +14,7 @@ class DescriptionError(InputError):
 
 class LogError(InputError):
     """A device log is wrong: torn, in another unit, running backwards, not what was declared."""
+
+
+class FailureError(RuntimeError):
+    """Begun with input in good order, the work came to no result."""

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.chain import Array, Chain, Frames, forward, joint_screws
+from cell.errors import FailureError
 from cell.rotation import rotvec_from_matrix
 
 _ALPHA = np.array([1.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)  # ball-bar twists, thesis sec. 2.2
 
 
-class UnreachableError(ValueError):
+class UnreachableError(FailureError):
     """A pose that the mechanism cannot take."""
 
 

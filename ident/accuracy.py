@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from cell.chain import Array, screw
 from cell.descriptions import Robot, controller_to_joints
@@ -39,6 +38,8 @@ class TcpError:
 
 def accuracy_grid(robot: Robot) -> Array:
     """(G, 6) [rad] held-out joint angles: a Sobol sequence over the robot's accuracy box (which is in axis angles)."""
+    from scipy.stats import qmc  # noqa: PLC0415  the slowest of our libraries to import
+
     points = qmc.Sobol(d=6, scramble=True, rng=np.random.default_rng(_GRID_SEED)).random(1024)[:GRID_POSES]
     return controller_to_joints(robot, robot.accuracy_lower + points * (robot.accuracy_upper - robot.accuracy_lower))
 

@@ -35,6 +35,8 @@ ENCODERS_NEEDED: dict[CostName, tuple[int, ...]] = {
     "position_angles": (1, 2, 4, 5),
     "transform": (1, 2, 3, 4, 5),
 }
+ML = "ml"  # not one of the thesis: the whole residual, weighed by its noise (ident.problem)
+COSTS = (ML, *ENCODERS_NEEDED)
 EQUATIONS: dict[CostName, int] = {"length": 1, "position": 3, "position_angles": 5, "transform": 12}  # a sample, as vector
 ROD = "bd3"
 

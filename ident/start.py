@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.chain import Array
+from cell.errors import FailureError
 from cell.geometry import INDEX, Geometry, robot_frames
 from cell.inverse import bar_roll
 from ident.iteration import Watch
@@ -48,7 +49,7 @@ SAME_OVERLAP, SAME_COST = 0.98, 1.2  # within these factors candidates are as go
 RIVAL_OVERLAP = 0.7  # of the chosen one's
 
 
-class StartError(ValueError):
+class StartError(FailureError):
     """No starting point could be found, and why."""
 
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cell.chain import Array
+from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.rotation import rotvec_from_matrix
 from sim.deflection import deflect
+
+# Told of each stretch while it is simulated: cell, true parameters, instants (K,) [s], robot (K, 6) and ball-bar angles (K, 5) [rad].
+# A stretch begins where the one before ended.
+Watch = Callable[[Cell, Geometry, Array, Array, Array], None]
 
 CLOSURE_STRIDE = 10  # the loop's error changes with the motion, over tenths of seconds; every tenth millisecond shows its maximum
 

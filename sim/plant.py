@@ -1,4 +1,4 @@
-"""The MuJoCo plant: servos drive the closed mechanism along a reference path, one rollout call a run.
+"""The MuJoCo plant: servos drive the closed mechanism along a reference path, a rollout call for every few seconds.
 
 The servo is proportional with damping and no integral action (SoftServo, thesis sec. 5.3). Its command leads by the
 damping's share of the reference speed and, if asked to, carries the weight of the robot, so what is left as rod force comes
@@ -7,6 +7,7 @@ from geometric errors and from what gives way. The run starts from rest as found
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -16,20 +17,21 @@ from scipy.interpolate import CubicSpline
 
 from cell.chain import Array
 from cell.descriptions import Cell, Robot, ServoGains
-from cell.errors import InputError
+from cell.errors import FailureError, InputError
 from cell.geometry import Geometry
 from sim.mjcf import PlantModel, plant_model
-from sim.motion import CLOSURE_STRIDE, Motion
+from sim.motion import CLOSURE_STRIDE, Motion, Watch
 from sim.path import ReferencePath, axis_range_fault
 from sim.plant_effects import PlantEffects
 from sim.statics import Rest, gravity_torque, rest
 
 CLOSURE_LIMIT = 0.5e-6  # [m, rad] a run above it is no measurement of the mechanism
 _GRAVITY_STEP = 0.05  # [s] grid of the gravity feed-forward; the path has no motion above a few Hz
+_STRETCH = 2.0  # [s] simulated between two words to who watches
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
-class PlantError(RuntimeError):
+class PlantError(FailureError):
     """The simulation did not do what the mechanism would."""
 
 
@@ -52,16 +54,23 @@ def run_plant(
     servo: str,
     timestep: float,
     gravity_compensation: bool = True,
+    watch: Watch | None = None,
 ) -> Motion:
     """Motion of the true mechanism along a path.
 
-    geometry : true kinematic parameters. servo : a gain set of the robot's description.
+    geometry : true kinematic parameters. servo : a gain set of the robot's description. watch : told of the motion as it comes.
 
     Raises InputError for an unknown gain set; PlantError on divergence, when the loop opens by more than CLOSURE_LIMIT, when
     an axis leaves its range, or when robot or ball-bar flips into another configuration.
     """
     prepared = prepare(cell, geometry, effects, path, servo=servo, timestep=timestep, gravity_compensation=gravity_compensation)
-    states, sensors = roll_out(prepared)
+
+    def told(states: Array) -> None:
+        plant = prepared.plant
+        if watch is not None:
+            watch(cell, geometry, states[:, 0], states[:, 1 + plant.joints], states[:, 1 + plant.bar])
+
+    states, sensors = roll_out(prepared, told)
     motion = as_motion(cell, geometry, effects, cell.robot.servo[servo], prepared, states, sensors)
     _check_closure(motion)
     check_course(cell, motion)
@@ -109,23 +118,30 @@ def state_at_rest(robot: Robot, plant: PlantModel, held: Rest) -> Array:
     return state
 
 
-def roll_out(run: PlantRun) -> tuple[Array, Array]:
+def roll_out(run: PlantRun, told: Callable[[Array], None] = lambda _: None) -> tuple[Array, Array]:
     """(K, nstate) full physics states, entry k answers command k (entry 0 is the start); (K, nsensor) readings in those states.
+
+    told : of the states of each stretch. Each starts its solver where the one before ended, so the states are those of one call.
 
     Raises PlantError naming the time of divergence.
     """
-    model = run.plant.model
+    model, stretch = run.plant.model, max(1, round(_STRETCH / run.timestep))
+    data, warm = mujoco.MjData(model), np.zeros(model.nv)
     warnings: list[str] = []
     states, sensors = np.empty((len(run.command), run.start.size)), np.empty((len(run.command), model.nsensordata))
     states[0] = run.start
     mujoco.set_mju_user_warning(warnings.append)
     try:
-        rollout.rollout(
-            model, mujoco.MjData(model), run.start[None], run.command[None, 1:], state=states[None, 1:], sensordata=sensors[None, :-1]
-        )
+        for first in range(0, len(states) - 1, stretch):
+            rows = slice(first + 1, min(first + stretch + 1, len(states)))
+            before = slice(rows.start - 1, rows.stop - 1)  # a step reads its sensors before it moves
+            out = {"state": states[None, rows], "sensordata": sensors[None, before]}
+            rollout.rollout(model, data, states[None, first], run.command[None, rows], initial_warmstart=warm[None], **out)
+            warm = data.qacc_warmstart.copy()
+            told(states[first : rows.stop])
     finally:
         mujoco.set_mju_user_warning(None)
-    sensors[-1] = sensors[-2]  # a step reads its sensors before it moves
+    sensors[-1] = sensors[-2]
     time = states[:, 0]
     bad = ~np.isfinite(states).all(axis=1) | (np.abs(time - np.arange(len(time)) * run.timestep) > 0.5 * run.timestep)
     if bad.any() or warnings:

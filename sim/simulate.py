@@ -19,7 +19,7 @@ from sim.kinematic import refuse_forces, run_kinematic
 from sim.load_logs import drawn_loads, motor_torques, sensor_rows
 from sim.log_truth import FirstRows, LogTruth
 from sim.loggers import LoggedRows, logged_rows
-from sim.motion import Motion
+from sim.motion import Motion, Watch
 from sim.path import Lissajous, PushPull, ReferencePath, reference_path
 from sim.plant import run_plant
 from sim.plant_effects import PlantEffects, plant_effects
@@ -52,10 +52,13 @@ class Simulation:
     truth: Truth
 
 
-def simulate(settings: SimulationSettings, *, relative_to: Path, recorded: RobotLog | None = None) -> Simulation:
+def simulate(
+    settings: SimulationSettings, *, relative_to: Path, recorded: RobotLog | None = None, watch: Watch | None = None
+) -> Simulation:
     """Runs the plant and decides what the loggers will see.
 
     relative_to : folder of the scenario, for files it names. recorded : the robot's log of path.recording, where there is one.
+    watch : told of the motion while it is simulated.
     Raises InputError for a scenario that cannot be run.
     """
     refuse_sample_errors(settings.errors)
@@ -65,7 +68,7 @@ def simulate(settings: SimulationSettings, *, relative_to: Path, recorded: Robot
     true = true_geometry(nominal, settings.errors, plate_sigma=cell.plate.length_sigma, seed=settings.seed)
     path = planned_path(settings.path, cell, nominal, relative_to=relative_to, recorded=recorded)
     effects = plant_effects(settings.errors, cell, settings.seed)
-    motion = _moved(settings, cell, true, effects, path)
+    motion = _moved(settings, cell, true, effects, path, watch)
     encoders, declared = _encoders(settings, cell)
     resolvers = resolver_effects(settings.errors.resolver_error, seed=settings.seed) if settings.errors.resolver_error else None
     times = log_times(float(motion.t[-1]), settings.clocks, seed=settings.seed)
@@ -148,16 +151,25 @@ def load_push_pull(path: Path) -> PushPull:
     return PushPull(np.radians(file.angles_deg), file.travel_m, file.cycles)
 
 
-def _moved(settings: SimulationSettings, cell: Cell, true: Geometry, effects: PlantEffects, path: ReferencePath) -> Motion:
+def _moved(
+    settings: SimulationSettings, cell: Cell, true: Geometry, effects: PlantEffects, path: ReferencePath, watch: Watch | None
+) -> Motion:
     plant = settings.plant
     if plant.kind == "kinematic":
         refuse_forces(settings)
-        return run_kinematic(cell.robot, true, effects, path)
+        motion = run_kinematic(cell.robot, true, effects, path)
+        if watch is not None:
+            watch(cell, true, motion.t, motion.q, motion.b)
+        return motion
     if settings.path.kind == "recorded":
         _refuse_moving_start(path)
     effects = replace(effects, force_sensor=settings.logs.force_sensor is not None)
     return run_plant(
-        cell, true, effects, path, servo=plant.servo, timestep=plant.timestep_s, gravity_compensation=plant.gravity_compensation
+        *(cell, true, effects, path),
+        servo=plant.servo,
+        timestep=plant.timestep_s,
+        gravity_compensation=plant.gravity_compensation,
+        watch=watch,
     )
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cell.chain import Array, Chain, Frames, cross, forward, joint_screws
 from cell.descriptions import Cell, Link, ServoGains
+from cell.errors import FailureError
 from cell.geometry import Geometry, robot_frames
 from cell.rotation import rotvec_from_matrix
 from sim.deflection import Deflected, deflect, turning
@@ -31,7 +32,7 @@ _FORCE_TOLERANCE = 1e-8  # [N m, N] remaining generalised force
 _CLOSURE_TOLERANCE = 1e-13  # [m, rad]
 
 
-class NoEquilibriumError(ValueError):
+class NoEquilibriumError(FailureError):
     """The mechanism found no rest near the start."""
 
 

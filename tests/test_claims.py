@@ -14,17 +14,17 @@ import pytest
 from pydantic import TypeAdapter
 
 from ballbar import beam
-from ballbar.claim_checks import judge, measured
-from ballbar.claim_file import load_claims
-from ballbar.claim_kinds import Check, Measure
-from ballbar.claim_run import FOLDER, Topic, judge_all, topics
-from ballbar.claim_table import Evidence, identifiability_evidence, runs_evidence
+from ballbar.claims.checks import judge, measured
+from ballbar.claims.file import load_claims
+from ballbar.claims.kinds import Check, Measure
+from ballbar.claims.run import FOLDER, Topic, judge_all, topics
+from ballbar.claims.table import Evidence, identifiability_evidence, runs_evidence
 from ballbar.sample_trial import cost_parameters, trial_samples
 from ballbar.scenario import Scenario, load_scenario
-from ballbar.sweep_check import check_points
-from ballbar.sweep_check import load as load_sweep
-from ballbar.sweep_plan import Plan
-from ballbar.sweep_run import Progress
+from ballbar.sweep.check import check_points
+from ballbar.sweep.check import load as load_sweep
+from ballbar.sweep.plan import Plan
+from ballbar.sweep.run import Progress
 from ballbar.trial import run_trial
 from cell.errors import DescriptionError, InputError
 from ident.cost_fit import fit_cost

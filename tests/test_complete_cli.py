@@ -17,7 +17,7 @@ import pytest
 
 from acquisition import read_recording
 from ballbar import cli
-from ballbar.report import render_report
+from ballbar.report.page import render_report
 from ballbar.run_data import RunData, Validation
 from ballbar.run_recordings import distinct_names, identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario

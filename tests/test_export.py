@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from ballbar.export import FORMATS, Format, exported
-from ballbar.export_result import Result, load_result
+from ballbar.export.formats import FORMATS, Format, exported
+from ballbar.export.result import Result, load_result
 from cell.chain import Array
 from cell.descriptions import Cell, controller_to_joints, joints_to_axes
 from cell.errors import InputError

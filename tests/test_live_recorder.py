@@ -33,10 +33,10 @@ from acquisition.live.recorder import POLL
 from acquisition.live.ring import HEADER, LAYOUT, SAMPLE
 from acquisition.live.session import LiveRecording
 from acquisition.live.source import Batch, Source
-from ballbar import replay_viewer
-from ballbar.record_command import RING
-from ballbar.record_terminal import say_recording, status_table, status_words
-from ballbar.record_view import APPLICATION, TIMELINE, LiveView, layout
+from ballbar.record.command import RING
+from ballbar.record.terminal import say_recording, status_table, status_words
+from ballbar.record.view import APPLICATION, TIMELINE, LiveView, layout
+from ballbar.replay import viewer as replay_viewer
 from benchmarks.plc_server import START, Plc, plc_samples, text_of
 from cell.descriptions import controller_to_joints, load_robot
 from cell.errors import InputError

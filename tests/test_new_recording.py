@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from acquisition import read_recording
-from ballbar import cli
+from ballbar.commands import recordings
 from tests.test_acquisition_recording import bar_lines, robot_lines
 from tests.test_cli import ballbar
 
@@ -66,8 +66,8 @@ def test_the_user_is_asked_at_the_prompt(logs: tuple[Path, Path], tmp_path: Path
         asked.append(question)
         return default or next(answer for start, answer in answers.items() if question.startswith(start))
 
-    monkeypatch.setattr(cli.typer, "prompt", prompt)
-    monkeypatch.setattr(cli.sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(recordings.typer, "prompt", prompt)
+    monkeypatch.setattr(recordings.sys.stdin, "isatty", lambda: True, raising=False)
     code, _, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs)
     assert code == 0
     assert len(asked) == 7  # two dialects, robot, ball-bar, encoders, lines, bits

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -127,6 +128,24 @@ def test_a_diverging_simulation_ends_with_its_time_and_no_silent_reset(cell: Cel
     prepared.plant.model.dof_damping[:] = -1e5  # feeds energy in
     with pytest.raises(PlantError, match=r"diverged at t = \d+\.\d+ s"):
         roll_out(prepared)
+
+
+@pytest.mark.slow
+def test_stretches_are_told_as_they_come_and_join_to_what_one_call_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell, nominal, true, _ = machine("irb2400")
+    shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
+    path = reference_path(cell.robot, nominal, shape, duration=50.0, dwell=2.0, stops=0, step=0.01)
+    effects = plant_effects(PlantErrors.model_validate(EFFECTS["everything"]), cell, seed=1)
+    told: list[tuple[np.ndarray, ...]] = []
+    motion = run_plant(cell, true, effects, path, servo="soft", timestep=1e-3, watch=lambda _cell, _geometry, *rows: told.append(rows))
+    assert len(told) == 25
+    for one, following in pairwise(told):
+        assert one[0][-1] == following[0][0]
+    for k, whole in enumerate((motion.t, motion.q, motion.b)):
+        joined = np.concatenate([told[0][k], *(rows[k][1:] for rows in told[1:])])
+        np.testing.assert_allclose(joined, whole, rtol=0.0, atol=1e-9 if k == 0 else 0.0)
+    monkeypatch.setattr(plant_module, "_STRETCH", 1e9)
+    np.testing.assert_array_equal(run_plant(cell, true, effects, path, servo="soft", timestep=1e-3).q, motion.q)
 
 
 def test_everything_on_keeps_the_loop_closed() -> None:

@@ -17,16 +17,16 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from acquisition.recording import read_recording
-from ballbar import replay
 from ballbar.compare import Limit, identification_against_truth
 from ballbar.iterations import IterationLog
-from ballbar.replay import open_viewer, recording_id, serve_web, write_replay
-from ballbar.replay_layout import rounded_up
-from ballbar.replay_motion import base_alignment, cell_motion, quat_xyzw, true_tool
-from ballbar.replay_notes import replay_notes
-from ballbar.replay_scene import magnification
-from ballbar.replay_shapes import STEEL, Mesh, arm, ball, bar_shapes, block, cylinder, robot_shapes
-from ballbar.replay_viewer import ViewerError, web_server
+from ballbar.replay import write as replay
+from ballbar.replay.layout import rounded_up
+from ballbar.replay.motion import base_alignment, cell_motion, quat_xyzw, true_tool
+from ballbar.replay.notes import replay_notes
+from ballbar.replay.scene import magnification
+from ballbar.replay.shapes import STEEL, Mesh, arm, ball, bar_shapes, block, cylinder, robot_shapes
+from ballbar.replay.viewer import ViewerError, web_server
+from ballbar.replay.write import open_viewer, recording_id, serve_web, write_replay
 from ballbar.run_data import RunData
 from ballbar.scenario import load_scenario
 from cell.chain import Array, Frames

@@ -21,18 +21,18 @@ from typer.testing import CliRunner
 
 from ballbar.cli import app
 from ballbar.iterations import IterationLog
-from ballbar.replay import write_replay
-from ballbar.replay_command import chosen_replay
-from ballbar.replay_coverage import PATCHES, coverage, even_directions
-from ballbar.replay_events import run_events
-from ballbar.replay_iterations import log_step
-from ballbar.replay_layout import MISMATCH, PARAMETER_TABLE, PARAMETER_VALUES, STAGE
-from ballbar.replay_live import LiveRun
-from ballbar.replay_motion import cell_motion
-from ballbar.replay_notes import scenario_page
-from ballbar.replay_parameters import HALF, RIGHT, parameter_table, read_table
-from ballbar.replay_series import run_series
-from ballbar.replay_viewer import _rerun, web_server
+from ballbar.replay.command import chosen_replay
+from ballbar.replay.coverage import PATCHES, coverage, even_directions
+from ballbar.replay.events import run_events
+from ballbar.replay.iterations import log_step
+from ballbar.replay.layout import MISMATCH, PARAMETER_TABLE, PARAMETER_VALUES, STAGE
+from ballbar.replay.live import LiveRun
+from ballbar.replay.motion import cell_motion
+from ballbar.replay.notes import scenario_page
+from ballbar.replay.parameters import HALF, RIGHT, parameter_table, read_table
+from ballbar.replay.series import run_series
+from ballbar.replay.viewer import _rerun, web_server
+from ballbar.replay.write import write_replay
 from ballbar.run_data import RunData
 from cell.errors import InputError
 from cell.logs import BallBarLog
@@ -227,7 +227,10 @@ def test_live_run_shows_the_cell_and_then_the_iterations(run, tmp_path):
     with rr.RecordingStream("live-test") as stream:
         stream.save(path)
         live = LiveRun(stream)
-        live.simulated(run.simulation)
+        motion = run.simulation.motion
+        half = motion.t.size // 2
+        for rows in (slice(0, half + 1), slice(half, None)):
+            live.moved(run.simulation.cell, motion.geometry, motion.t[rows], motion.q[rows], motion.b[rows])
         for number, step in enumerate(run.iterations, 1):
             live.iterated(number, step)
         live.finished(run)

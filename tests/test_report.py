@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from acquisition import read_recording
-from ballbar import report_figures
 from ballbar.compare import Limit, identification_against_truth
-from ballbar.report import write_report
-from ballbar.report_numbers import MISSING, fixed, significant, to_sigma
-from ballbar.report_provenance import without_folders
-from ballbar.report_sphere import EQUATOR, correlation_map, equal_area, tool_directions
+from ballbar.report import figures as report_figures
+from ballbar.report.numbers import MISSING, fixed, significant, to_sigma
+from ballbar.report.page import write_report
+from ballbar.report.provenance import without_folders
+from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
 from ballbar.run_data import RunData
 from cell.geometry import INDEX, PARAMETERS, robot_frames
 from ident.identify import identify

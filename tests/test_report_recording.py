@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ballbar.recording_marks import mark_sentences, marks, stretches
-from ballbar.replay_motion import cell_motion
-from ballbar.report_recording import SHIFTS, recording_section, shift_curve
+from ballbar.replay.motion import cell_motion
+from ballbar.report.recording import SHIFTS, recording_section, shift_curve
 from ballbar.run_data import RunData
 from ballbar.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings

@@ -24,16 +24,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ballbar import cli
-from ballbar.sweep_check import LoadedSweep, check_points, load
-from ballbar.sweep_files import unpack
-from ballbar.sweep_folder import SweepFolder, open_folder
-from ballbar.sweep_part import ONE_THREAD, Job, Row, Work, run_part, run_part_elsewhere
-from ballbar.sweep_plan import Plan, point_of, run_of, with_changes
-from ballbar.sweep_run import Outcome, SweepError, run_sweep
-from ballbar.sweep_summary import failures_of, grid_points
-from ballbar.sweep_table import part_bytes, write_table
-from ballbar.sweep_workers import Workers, processes
+from ballbar.sweep.check import LoadedSweep, check_points, load
+from ballbar.sweep.files import unpack
+from ballbar.sweep.folder import SweepFolder, open_folder
+from ballbar.sweep.part import ONE_THREAD, Job, Row, Work, run_part, run_part_elsewhere
+from ballbar.sweep.plan import Plan, point_of, run_of, with_changes
+from ballbar.sweep.run import Outcome, SweepError, run_sweep
+from ballbar.sweep.summary import failures_of, grid_points
+from ballbar.sweep.table import part_bytes, write_table
+from ballbar.sweep.workers import Workers, processes
 from ballbar.trial import run_trial
 from cell.errors import InputError
 from tests import sweep_work
@@ -434,6 +433,23 @@ def test_a_worker_that_dies_ends_the_sweep_in_words(tmp_path: Path) -> None:
         swept(sweep, tmp_path / "out", partial(processes, count=2), sweep_work.figures_or_death)
 
 
+def test_the_version_changes_with_a_byte_of_our_code(tmp_path: Path) -> None:
+    root = Path(__file__).parent.parent
+    for package in ("ballbar", "ident"):
+        shutil.copytree(root / package, tmp_path / package)
+
+    def version() -> str:
+        command = [sys.executable, "-c", "from ballbar.sweep.version import code_version; print(code_version())"]
+        return subprocess.run(
+            command, cwd=tmp_path, check=True, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(tmp_path)}
+        ).stdout
+
+    before = version()
+    with (tmp_path / "ident/solver.py").open("a") as file:
+        file.write("#")
+    assert version() != before
+
+
 def test_a_worker_of_another_version_is_refused(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, GRID)
     other = plan.text.replace(plan.data["version"], "0.0.9+00000000")
@@ -480,7 +496,7 @@ def test_two_processes_never_work_in_one_folder(tmp_path: Path) -> None:
 def test_the_command_says_where_the_table_is_and_what_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(cli, "run_trial", sweep_work.figures_with_failures)
+    monkeypatch.setattr("ballbar.trial.run_trial", sweep_work.figures_with_failures)
     loaded(tmp_path, GRID)
     code, out, err = ballbar(monkeypatch, capsys, "sweep", tmp_path / "sweep.yaml", "--out", tmp_path / "out", "--workers", 2)
     assert code == 0
@@ -495,7 +511,7 @@ def test_the_command_says_where_the_table_is_and_what_failed(
 def test_a_sweep_whose_every_run_fails_exits_with_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(cli, "run_trial", sweep_work.no_such_file)
+    monkeypatch.setattr("ballbar.trial.run_trial", sweep_work.no_such_file)
     loaded(tmp_path, "seeds: {count: 3}\n")
     code, out, _ = ballbar(monkeypatch, capsys, "sweep", tmp_path / "sweep.yaml", "--out", tmp_path / "out", "--workers", 1)
     assert code == 1

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from ballbar import sweep_workers
-from ballbar.sweep_part import Job
-from ballbar.sweep_workers import dask_cluster
+from ballbar.sweep import workers as sweep_workers
+from ballbar.sweep.part import Job
+from ballbar.sweep.workers import dask_cluster
 from cell.errors import InputError
 from tests import sweep_work
 from tests.test_sweep import GRID, inline, loaded, swept, table_bytes

@@ -20,12 +20,13 @@ from acquisition.live.folder import RecordingFolder
 from acquisition.live.progress import Progress, State, Tally
 from acquisition.live.segment_file import SegmentFile
 from acquisition.live.source import Batch, DeviceSilentError, Source
+from cell.errors import FailureError
 
 POLL = 0.1  # [s] between polls: what a crash loses, and half of what may be lost
 RETRY = 0.5  # [s] between attempts to reach a silent device
 
 
-class RecorderError(RuntimeError):
+class RecorderError(FailureError):
     """The recording could not be continued; what was written before is whole."""
 
 

@@ -1,0 +1,1 @@
+"""What the thesis says against what comes out here."""

@@ -1,0 +1,163 @@
+"""Runs the sweeps behind claims, each once, and judges every claim by its checks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ballbar.claims.checks import Outcome, judge, measured
+from ballbar.claims.file import Claim, ClaimFile, Quick, load_claims
+from ballbar.claims.table import Evidence, identifiability_evidence, runs_evidence
+from ballbar.sweep.check import LoadedSweep
+from ballbar.sweep.check import load as load_sweep
+from ballbar.sweep.file import flattened
+from ballbar.sweep.part import Job
+from ballbar.sweep.plan import Plan, with_changes
+from ballbar.sweep.run import Progress, run_sweep
+from ballbar.sweep.workers import Workers
+from ballbar.trial import run_trial
+from cell.errors import DescriptionError, InputError
+from cell.schema_errors import nearest
+from cell.strict_yaml import YamlDocument
+
+FOLDER = Path("scenarios/claims")  # of the shipped claims, from the project's folder
+FAILS = "fails its check"
+
+Computing = Callable[[Job], AbstractContextManager[Workers]]
+Showing = Callable[[Plan], AbstractContextManager[Progress]]  # of the runs of one sweep
+
+
+@dataclass(frozen=True, eq=False)
+class Topic:
+    """One file of claims, read."""
+
+    name: str
+    path: Path
+    file: ClaimFile
+    document: YamlDocument
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What a claim came to."""
+
+    claim: Claim
+    outcomes: tuple[Outcome, ...]  # one a check
+    ml: tuple[str, ...]  # measured with the default cost, in words
+
+    @property
+    def passed(self) -> bool:
+        return all(outcome.met for outcome in self.outcomes)
+
+    @property
+    def word(self) -> str:
+        return self.claim.expected if self.passed else FAILS
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """The claims of one file, and what they were judged by."""
+
+    topic: Topic
+    evidence: Evidence
+    verdicts: tuple[Verdict, ...]
+    plan: Plan | None  # of the sweep
+
+
+def topics(names: Sequence[str]) -> list[Topic]:
+    """The claims of these names or files; all shipped ones without names, in the order of the thesis.
+
+    Raises InputError for an unknown name, DescriptionError for a file that is wrong.
+    """
+    if not names and not FOLDER.is_dir():
+        raise InputError(f"{FOLDER}: no such folder here. Change to the project's folder, or name files of claims.")
+    found = [_read(path) for path in ([_file_of(name) for name in names] or sorted(FOLDER.glob("*.yaml")))]
+    return sorted(found, key=lambda topic: topic.file.order)
+
+
+def judge_all(chosen: Sequence[Topic], work: Path, computing: Computing, *, quick: bool, showing: Showing) -> list[Judged]:
+    """Runs what is needed into the folder `work`, and judges every claim.
+
+    Raises InputError and DescriptionError for what is wrong in a file, SweepError when workers die.
+    """
+    sweeps = [_sweep_of(topic, quick=quick) if topic.file.sweep is not None else None for topic in chosen]
+    tables: dict[str, Path] = {}
+    for sweep in filter(None, sweeps):
+        plan = sweep.plan
+        if plan.digest not in tables:
+            with showing(plan) as progress:
+                outcome = run_sweep(sweep, work / plan.digest[:12], run_trial, computing, progress=progress)
+            if not outcome.finished:
+                raise KeyboardInterrupt
+            tables[plan.digest] = outcome.folder.table
+    return [_judged(topic, sweep, tables) for topic, sweep in zip(chosen, sweeps, strict=True)]
+
+
+def _judged(topic: Topic, sweep: LoadedSweep | None, tables: dict[str, Path]) -> Judged:
+    file, plan = topic.file, sweep.plan if sweep else None
+    if plan is not None:
+        with _told(topic, "size"):
+            evidence = runs_evidence(tables[plan.digest], file.size)
+    elif file.identifiability is not None:
+        evidence = identifiability_evidence(topic.path.parent / file.identifiability)
+    else:
+        evidence = Evidence()
+    return Judged(topic, evidence, tuple(_verdict(topic, i, evidence) for i in range(len(file.claims))), plan)
+
+
+def _verdict(topic: Topic, i: int, evidence: Evidence) -> Verdict:
+    claim = topic.file.claims[i]
+    outcomes, beside = [], []
+    for j, check in enumerate(claim.checks):
+        with _told(topic, "claims", i, "checks", j):
+            outcomes.append(judge(check, evidence))
+    for j, measure in enumerate(claim.ml):
+        with _told(topic, "claims", i, "ml", j):
+            beside.append(measured(measure, evidence))
+    return Verdict(claim, tuple(outcomes), tuple(beside))
+
+
+def _sweep_of(topic: Topic, *, quick: bool) -> LoadedSweep:
+    sweep = load_sweep(topic.path.parent / str(topic.file.sweep))
+    with _told(topic, "quick"):
+        return replace(sweep, plan=_thinned(sweep.plan, topic.file.quick)) if quick else sweep
+
+
+def _thinned(plan: Plan, quick: Quick) -> Plan:
+    """A sweep with fewer points and seeds."""
+    data = dict(plan.data)
+    data["scenario"] = with_changes(data["scenario"], flattened(quick.change))
+    if quick.together is not None:
+        data["together"] = [flattened(row) for row in quick.together]
+    data |= quick.model_dump(include={"vary", "draws", "seeds"}, exclude_none=True)
+    return Plan(json.dumps(data))
+
+
+def _read(path: Path) -> Topic:
+    file, document = load_claims(path)
+    return Topic(path.stem, path, file, document)
+
+
+def _file_of(name: str) -> Path:
+    """`noise` is a shipped file of claims, `mine.yaml` any."""
+    if name.endswith(".yaml"):
+        return Path(name)
+    path = FOLDER / f"{name}.yaml"
+    if not path.is_file():
+        known = [file.stem for file in FOLDER.glob("*.yaml")]
+        raise InputError(f"{name}: there are no such claims in {FOLDER}.{nearest(name, known, noun='name')}")
+    return path
+
+
+@contextmanager
+def _told(topic: Topic, *place: str | int) -> Iterator[None]:
+    """What is wrong below a place of a file is told with its line."""
+    try:
+        yield
+    except DescriptionError:
+        raise
+    except InputError as error:
+        raise DescriptionError(f"{topic.path}:{topic.document.line_of(place)}: {error}.") from None

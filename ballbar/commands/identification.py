@@ -1,0 +1,93 @@
+"""Recordings to an identified robot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from pydantic import ValidationError
+from rich.markup import escape
+
+from ballbar.commands.options import AT_THE_CELL, AsJson, Out, command_line, say_json
+from ballbar.scenario import IdentifySettings
+from ballbar.terminal import out, progress_bar
+from cell.errors import InputError
+from cell.files import claim_folder
+from ident.corrections import CORRECTIONS
+from ident.identify import DEFAULT_SAMPLES, ModelName
+from ident.machine import ForceSource
+
+commands = typer.Typer()
+
+
+@commands.command(
+    rich_help_panel=AT_THE_CELL,
+    epilog="Example: `ballbar identify runs/a/recording runs/b/recording --validate runs/c/recording --out runs/together`",
+)
+def identify(
+    recordings: Annotated[
+        list[Path], typer.Argument(help="Folders with recording.yaml and the device files, of one robot.", metavar="RECORDING")
+    ],
+    validate: Annotated[
+        list[Path] | None,
+        typer.Option("--validate", help="A recording to try the result on, not fitted; may be repeated.", metavar="RECORDING"),
+    ] = None,
+    out_dir: Out = None,
+    samples: Annotated[int, typer.Option(help="Instants of the logs that enter the fit.", min=50, max=100_000)] = DEFAULT_SAMPLES,
+    model: Annotated[
+        ModelName, typer.Option(help="Kinematics alone (dh), or with corrections; auto takes what the recording asks for.")
+    ] = "auto",
+    corrections: Annotated[
+        str, typer.Option(help=f"Of the complete model: auto, or some of {', '.join(CORRECTIONS)}.", metavar="auto|NAME,NAME")
+    ] = "auto",
+    force: Annotated[ForceSource, typer.Option(help="Where the rod's force comes from; auto takes the best that was logged.")] = "auto",
+    rod_sigma: Annotated[
+        float | None,
+        typer.Option(help="Standard deviation [m] of a measured rod, whose length is bd3 of the ball-bar's file.", metavar="METRES"),
+    ] = None,
+    rerun: Annotated[bool, typer.Option("--rerun", help="Write the replay file run.rrd too.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Identify a robot from one recording, or from several together; try it on others.
+
+    Writes calibration.yaml, import_report.json and report.html to DIR (default: the first RECORDING's folder with -identified behind it).
+    Exits with 1 when the fit or a held-out recording is not acceptable.
+    """
+    from ballbar.iterations import IterationLog
+    from ballbar.report.terminal import say_identification
+    from ballbar.result_json import run_data
+    from ballbar.run import OUTPUTS, write_outputs
+    from ballbar.run_recordings import identify_recordings
+
+    settings = _settings(
+        samples=samples,
+        model=model,
+        corrections="auto" if corrections == "auto" else [name.strip() for name in corrections.split(",")],
+        force=force,
+        rod_sigma_m=rod_sigma,
+    )
+    first = recordings[0]
+    folder = out_dir or first.with_name(first.resolve().name + "-identified")
+    claim_folder(folder, OUTPUTS, "the result")
+    with progress_bar() as progress:
+        log = IterationLog(progress)
+        data = identify_recordings(recordings, validate or (), settings=settings, progress=log.progress, watch=log.watch if rerun else None)
+        data = replace(data, iterations=tuple(log.steps))
+        write_outputs(folder, data, command=command_line(), replay=rerun, progress=progress)
+    if as_json:
+        say_json(run_data(data, folder))
+    say_identification(out, data)
+    out.print(f"Results in {escape(str(folder))}")
+    raise typer.Exit(0 if data.acceptable else 1)
+
+
+def _settings(**given: object) -> IdentifySettings:
+    """Options as settings of a scenario, checked alike."""
+    from cell.schema_errors import explain
+
+    try:
+        return IdentifySettings.model_validate(given)
+    except ValidationError as error:
+        raise InputError("\n".join(text for _, text in explain(error.errors(include_url=False), IdentifySettings, given))) from None

@@ -1,0 +1,1 @@
+"""The identified robot in the forms of other programs."""

@@ -1,0 +1,1 @@
+"""Live recording at the terminal."""

@@ -1,0 +1,152 @@
+"""What `ballbar record` does: sources from its options, the recorders until Ctrl-C, and a word on what is missing."""
+
+from __future__ import annotations
+
+import re
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from acquisition.live.egm_source import LOOPBACK, EgmSource
+from acquisition.live.folder import CellNames, RecordingFolder
+from acquisition.live.plc_source import Memory, PlcSource
+from acquisition.live.session import LiveRecording
+from acquisition.live.source import Batch, Source
+from ballbar.record.terminal import quiet_libraries, say_recording, show_until_stopped
+from cell.descriptions import load_cell
+from cell.errors import InputError
+from cell.files import write_whole
+
+PLC_PORT = 851  # of the first PLC project of TwinCAT 3
+RING = "GVL_BallBar.stRing"  # docs/recorder.md
+
+_NET_ID = re.compile(r"(\d{1,3}(?:\.\d{1,3}){5})(?::(\d{1,5}))?(?:@(.+))?")
+_LISTEN = re.compile(r"(?:(\d{1,3}(?:\.\d{1,3}){3}):)?(\d{1,5})")
+
+
+@dataclass(frozen=True)
+class RecordOptions:
+    """The options of `ballbar record`, as given."""
+
+    plc: str | None
+    egm: str | None
+    robot: str
+    ballbar: str
+    plate: str
+    duration: float | None
+    live: bool
+
+    @property
+    def cell(self) -> tuple[str, str, str]:
+        """Names or files of robot, ball-bar and plate."""
+        return self.robot, self.ballbar, self.plate
+
+    @property
+    def own_files(self) -> tuple[str, ...]:
+        """Those of the cell that are the user's files."""
+        return tuple(name for name in self.cell if name.endswith(".yaml"))
+
+
+def record(folder: Path, options: RecordOptions, out: Console) -> bool:
+    """Records until Ctrl-C or the duration. Returns whether every source delivered.
+
+    Raises InputError for bad options or a folder in use, RecorderError when it cannot write.
+    """
+    if options.plc is None and options.egm is None:
+        raise InputError("nothing to record: name a PLC with --plc, a port for the robot's EGM messages with --egm, or both.")
+    names = _cell_names(options)
+    with ExitStack() as stack:
+        sources: list[Source] = []
+        if options.plc is not None:
+            sources.append(PlcSource(_ads_memory(options.plc), lines=names.lines))
+        if options.egm is not None:
+            address, port = _listen(options.egm)
+            egm = EgmSource(port, address=address)
+            stack.callback(egm.close)
+            sources.append(egm)
+        watch = stack.enter_context(_live_view()) if options.live else None
+        recording = LiveRecording(RecordingFolder(folder, names), sources, watch=watch)
+        for name in options.own_files:
+            write_whole(folder / Path(name).name, Path(name).read_bytes())
+        with _ended_by_signals(recording), quiet_libraries(out):
+            recording.start()
+            try:
+                show_until_stopped(out, recording, duration=options.duration)
+            finally:
+                recording.finish()
+    return _say(out, folder, recording)
+
+
+def _say(out: Console, folder: Path, recording: LiveRecording) -> bool:
+    progress = recording.progress
+    say_recording(out, progress)
+    silent = [source.name for source in progress if not source.records]
+    for name in silent:
+        out.print(f"[red]{name}: delivered nothing[/]")
+    if len(silent) < len(progress):
+        for words in recording.missing:
+            out.print(f"Still missing: {escape(words)}.")
+        out.print(
+            f"Recording {escape(str(folder))}" + ("" if recording.missing else f", look at it with: ballbar check {escape(str(folder))}")
+        )
+    return not silent
+
+
+def _cell_names(options: RecordOptions) -> CellNames:
+    """The cell as recording.yaml names it. Files of the user's own go into the recording, so that it stays whole when it is moved."""
+    cell = load_cell(options.robot, options.ballbar, options.plate)
+    files = [Path(name).name for name in options.own_files]
+    if len({*files, "recording.yaml"}) <= len(files):
+        raise InputError(f"{', '.join(map(str, options.own_files))}: cannot stand in one folder beside recording.yaml. Rename one of them.")
+    robot, ballbar, plate = (Path(name).name if name in options.own_files else name for name in options.cell)
+    return CellNames(robot, ballbar, plate, cell.ballbar.encoder_lines)
+
+
+def _ads_memory(plc: str) -> Memory:
+    match = _NET_ID.fullmatch(plc)
+    if match is None or any(int(number) > 255 for number in match[1].split(".")):
+        raise InputError(f"--plc {plc}: an AMS address is NETID[:PORT][@HOST], such as 5.12.82.20.1.1 or 5.12.82.20.1.1:851@192.168.1.20.")
+    try:
+        from acquisition.live.ads import AdsMemory  # noqa: PLC0415  an extra
+    except ImportError:
+        raise InputError("recording from a PLC needs pyads, which is not installed: pip install 'ballbar-bench[ads]'.") from None
+    except OSError as error:  # pyads loads the ADS library when it is imported
+        raise InputError(f"the ADS library of pyads cannot be loaded ({error}). On Windows it comes with TwinCAT.") from None
+    return AdsMemory(match[1], int(match[2] or PLC_PORT), symbol=RING, host=match[3])
+
+
+def _listen(egm: str) -> tuple[str, int]:
+    match = _LISTEN.fullmatch(egm)
+    if match is None or not 0 < int(match[2]) < 65536:
+        raise InputError(
+            f"--egm {egm}: give a port such as 6510, or ADDRESS:PORT to listen on a network card, such as 192.168.125.10:6510."
+        )
+    return match[1] or LOOPBACK, int(match[2])
+
+
+@contextmanager
+def _live_view() -> Iterator[Callable[[Source, Batch], None]]:
+    from ballbar.record.view import live_view  # noqa: PLC0415  rerun is heavy
+
+    with live_view() as view:
+        yield view.watch
+
+
+@contextmanager
+def _ended_by_signals(recording: LiveRecording) -> Iterator[None]:
+    """Ctrl-C, or an end asked for by the system, is a clean stop."""
+
+    def stop(*_: object) -> None:
+        recording.stop()
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

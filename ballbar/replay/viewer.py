@@ -1,0 +1,144 @@
+"""Opening a replay, or a window for live data: the native viewer, or the web viewer served on this machine alone.
+
+Both come with the rerun package.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import socket
+import subprocess
+import time
+import urllib.parse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ballbar.replay.page import front
+from cell.errors import FailureError, InputError
+
+LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
+WEB_PORT, DATA_PORT = 9090, 9876  # rerun's defaults
+_START_TIMEOUT = 20.0  # [s]
+_BINARIES = ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun")  # Linux, Windows, macOS
+
+
+class ViewerError(FailureError):
+    """The viewer did not start, or ended with an error."""
+
+
+def open_viewer(path: Path) -> None:
+    """Shows a replay in the native viewer and returns when its window is closed.
+
+    Raises InputError if there is no such file, ViewerError if the viewer fails.
+    """
+    _check_file(path)
+    command = [_rerun(), "--bind", LOOPBACK, "--port", "auto", str(path)]
+    try:
+        code = subprocess.run(command, check=False).returncode
+    except KeyboardInterrupt:
+        return
+    if code != 0:
+        raise ViewerError(f"{path}: the viewer ended with code {code}. Without a screen or graphics driver use --web.")
+
+
+def serve_web(path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT, show: Callable[[str], None] = print) -> None:
+    """Serves the web viewer with a replay on this machine alone, until interrupted; `show` gets the address.
+
+    Raises InputError if there is no such file or a port is taken, ViewerError if the server fails.
+    """
+    with web_server(path, port=port, data_port=data_port) as (url, server):
+        show(f"{path.name}: open {url} (only from this machine; Ctrl-C ends)")
+        try:
+            code = server.wait()
+        except KeyboardInterrupt:
+            return
+    raise ViewerError(f"{path}: the web viewer ended with code {code}.")
+
+
+@contextmanager
+def web_server(path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """A running web viewer: its address and its process, which ends with the block. Raises as `serve_web`."""
+    _check_file(path)
+    for number in (port, data_port):
+        _check_free(number)
+    behind = _free_port()
+    ports = ["--port", str(data_port), "--web-viewer-port", str(behind)]
+    server = subprocess.Popen([_rerun(), "--serve-web", "--bind", LOOPBACK, *ports, str(path)])
+    try:
+        _wait_for(server, behind, f"{path}: the web viewer")
+        with front(LOOPBACK, port, behind=behind, data_port=data_port):
+            yield web_url(port, data_port), server
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def live_viewer() -> str:
+    """Starts a native viewer that waits for data on this machine alone; its address. The window outlives the program.
+
+    Raises ViewerError if it does not start.
+    """
+    port = _free_port()
+    # A session of its own, so that the Ctrl-C that ends a recording does not close the window too; silent, so that it does not
+    # write into the caller's terminal.
+    viewer = subprocess.Popen(
+        [_rerun(), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", "--expect-data-soon"],
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        _wait_for(viewer, port, "the viewer")
+    except ViewerError as error:
+        viewer.terminate()
+        raise ViewerError(f"{error} Record without --live where there is no screen or graphics driver.") from None
+    return f"rerun+http://{LOOPBACK}:{port}/proxy"
+
+
+def web_url(port: int, data_port: int) -> str:
+    """Address of the viewer page, with that of the data in its query."""
+    data = urllib.parse.quote(f"rerun+http://{LOOPBACK}:{data_port}/proxy", safe="")
+    return f"http://{LOOPBACK}:{port}/?url={data}"
+
+
+def _rerun() -> str:
+    """The viewer's own program. Not `python -m rerun_cli`: ending that would leave the program behind it running."""
+    spec = importlib.util.find_spec("rerun_cli")
+    folders = [Path(folder) for folder in (spec.submodule_search_locations or [])] if spec else []
+    for program in (folder / name for folder in folders for name in _BINARIES):
+        if program.is_file():
+            return str(program)
+    raise ViewerError("the rerun viewer is not installed beside rerun-sdk; reinstall it with `pip install --force-reinstall rerun-sdk`.")
+
+
+def _check_file(path: Path) -> None:
+    if not path.is_file():
+        raise InputError(f"{path}: no such replay. `ballbar run` writes run.rrd; for a recording use `ballbar identify --rerun`.")
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
+def _check_free(port: int) -> None:
+    with socket.socket() as probe:
+        try:
+            probe.bind((LOOPBACK, port))
+        except OSError as error:
+            raise InputError(f"port {port} on {LOOPBACK} cannot be used ({error.strerror}); choose another.") from None
+
+
+def _wait_for(server: subprocess.Popen[bytes], port: int, what: str) -> None:
+    deadline = time.monotonic() + _START_TIMEOUT
+    while time.monotonic() < deadline:
+        if server.poll() is not None:
+            raise ViewerError(f"{what} ended with code {server.returncode} before it answered.")
+        with socket.socket() as probe:
+            probe.settimeout(0.2)
+            if probe.connect_ex((LOOPBACK, port)) == 0:
+                return
+        time.sleep(0.05)
+    raise ViewerError(f"{what} did not answer on port {port} within {_START_TIMEOUT:.0f} s.")

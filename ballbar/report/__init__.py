@@ -1,0 +1,1 @@
+"""report.html: verdict, figures, tables, provenance of one run."""

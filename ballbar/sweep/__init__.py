@@ -1,0 +1,1 @@
+"""A scenario many times: plan, parts, workers, one table."""
