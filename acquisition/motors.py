@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from acquisition.dialect import Side
+from acquisition.flags import RowFlag
 from acquisition.report import Finding, finding
 from acquisition.table import Table
 from cell.descriptions import Robot, controller_to_joints, joints_to_axes, motors_to_joints
@@ -215,7 +216,10 @@ def without_stand_ins(table: Table, columns: tuple[str, ...], findings: list[Fin
         sentence = "all angles are 0 before the first true ones; rows left out."
         findings.append(finding("zeros at the start", "repaired", table.files[0], sentence, lines=table.line[:first]))
         drop[:first] = True
-    return table.take(~drop) if drop.any() else table
+    if not drop.any():
+        return table
+    table.flags[1:][drop[:-1] & ~drop[1:]] |= np.uint32(RowFlag.SENTINEL)
+    return table.take(~drop)
 
 
 def report_limits(robot: Robot, table: Table, axes: Array, sound: NDArray[np.bool_], findings: list[Finding]) -> None:

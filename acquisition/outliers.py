@@ -19,11 +19,23 @@ SMALLEST = 5e-5  # [rad] a value that deviates by less may stay: it is within a 
 FAR_OUT = 6.0  # standard deviations: of a million values of white noise 0.002 are further out
 NORMAL_MEDIAN = 0.6745  # median of |x| over its standard deviation, for normal x
 _NOTABLE = 3.5  # standard deviations by which two neighbours on either side must miss a value for it to be judged
+_CLEAR = 5.0  # standard deviations that a million values of white noise do not reach
 _BESIDE = 8  # rows that judge
 _REACH = 15.0  # row periods: nine rows further apart than these say nothing of each other
 _CLOSE = 3  # rows: two damaged values so close spoil each other's cubic
 _BLOCK = 8192  # rows at a time, for the processor's cache
 _SAMPLE = 5000  # rows, whose median tells the noise to 2 %
+
+
+class _Log(NamedTuple):
+    """What is judged, and what it is judged by."""
+
+    t: Array  # (N,) [s]
+    values: Array  # (N, C) [rad]
+    firsts: Rows  # (S,) first row of each stretch
+    lasts: Rows  # (S,) last row of each
+    sigma: Array  # (C,) [rad] noise
+    longest: float  # [s] that nine rows may span
 
 
 class _Places(NamedTuple):
@@ -44,13 +56,16 @@ def damaged_values(t: Array, values: Array, breaks: NDArray[np.bool_]) -> NDArra
         return out
     firsts = np.flatnonzero(breaks | (np.arange(t.size) == 0))
     lasts = np.append(firsts[1:], t.size) - 1
-    sigma, longest = _noise(t, values), _REACH * float(np.median(np.diff(t)))
-    places = _notable(t, values, sigma, _ends(firsts, lasts))
+    log = _Log(t, values, firsts, lasts, _noise(t, values), _REACH * float(np.median(np.diff(t))))
+    places = _notable(log)
     for apart in range(_CLOSE + 1):  # each by itself, then two that stand 1, 2, 3 rows apart
-        sets = _sets(places, apart, t.size)
+        sets = _sets(places, apart, log)
         for some in np.array_split(np.arange(sets.row.size), sets.row.size // _BLOCK + 1):
-            found = _contradicted(t, values, sets.row[some], sets.channel[some], apart, firsts, lasts, sigma, longest)
-            _mark(out, sets.row[some], sets.channel[some], found, apart)
+            _mark(out, sets.row[some], sets.channel[some], _contradicted(log, sets.row[some], sets.channel[some], apart, None), apart)
+    row, channel = _beside(out)
+    while row.size and (found := _contradicted(log, row, channel, 0, out)[:, 0]).any():
+        out[row[found], channel[found]] = True
+        row, channel = _beside(out)
     return out
 
 
@@ -85,9 +100,10 @@ def _ends(firsts: Rows, lasts: Rows) -> Rows:
     return np.unique(rows[(rows >= 0) & (rows <= lasts[-1])])
 
 
-def _notable(t: Array, values: Array, sigma: Array, ends: Rows) -> _Places:
+def _notable(log: _Log) -> _Places:
     """What stands out, the largest first, since beside it its neighbours look damaged too; then all ends."""
-    threshold = np.maximum(_NOTABLE * sigma, 0.5 * SMALLEST)
+    t, values, ends = log.t, log.values, _ends(log.firsts, log.lasts)
+    threshold = np.maximum(_NOTABLE * log.sigma, 0.5 * SMALLEST)
     rows, channels, sizes = [], [], []
     for begin in range(2, t.size - 2, _BLOCK):
         stop = min(begin + _BLOCK, t.size - 2)
@@ -105,40 +121,63 @@ def _notable(t: Array, values: Array, sigma: Array, ends: Rows) -> _Places:
     return _Places(row[order], channel[order], size[order])
 
 
-def _sets(places: _Places, apart: int, count: int) -> _Places:
-    """Places whose neighbour `apart` rows later stands out too, those first that stand out most together."""
+def _sets(places: _Places, apart: int, log: _Log) -> _Places:
+    """Places that are judged together with the value `apart` rows later, those first that stand out most.
+
+    Both stand out, or one does so clearly: the other may be hidden by it.
+    """
     if not apart:
         return places
-    key = places.channel * count + places.row
-    known, index = np.unique(key, return_index=True)  # of the same place the first, which has the size
-    at = np.minimum(np.searchsorted(known, known + apart), known.size - 1)
-    both = (known[at] == known + apart) & (places.row[index] + apart < count)
-    first, second = index[both], index[at[both]]
-    order = np.argsort(-(places.size[first] + places.size[second]), kind="stable")
-    first, second = first[order], second[order]
-    return _Places(places.row[first], places.channel[first], places.size[first] + places.size[second])
+    count = log.t.size
+    known, index = np.unique(places.channel * count + places.row, return_index=True)  # of the same place the first, which has the size
+    size = places.size[index]
+    clear = size > np.maximum(_CLEAR * log.sigma, 0.5 * SMALLEST)[known // count]
+    both = np.intersect1d(known, known - apart, assume_unique=True)
+    pair = np.unique(np.concatenate((both, known[clear], known[clear] - apart)))
+    pair = pair[(pair % count + apart < count) & (pair >= 0)]
+    together = np.zeros(pair.size)
+    for one in (pair, pair + apart):
+        at = np.minimum(np.searchsorted(known, one), known.size - 1)
+        together += np.where(known[at] == one, size[at], 0.0)
+    order = np.argsort(-together, kind="stable")
+    return _Places(pair[order] % count, pair[order] // count, together[order])
 
 
-def _contradicted(
-    t: Array, values: Array, row: Rows, channel: Rows, apart: int, firsts: Rows, lasts: Rows, sigma: Array, longest: float
-) -> NDArray[np.bool_]:
-    """(K, 2) whether `row` and `row + apart` are both off the cubic through the rows beside them, and by more than may stay."""
-    width = _BESIDE + 1 + apart
+def _beside(damaged: NDArray[np.bool_]) -> tuple[Rows, Rows]:
+    """Rows and channels of the values that a damaged value kept from being judged fairly."""
+    row, channel = np.nonzero(damaged)
+    near = np.zeros_like(damaged)
+    for k in range(-_BESIDE // 2, _BESIDE // 2 + 1):
+        near[np.clip(row + k, 0, len(damaged) - 1), channel] = True
+    rows, channels = np.nonzero(near & ~damaged)
+    return rows, channels
+
+
+def _contradicted(log: _Log, row: Rows, channel: Rows, apart: int, damaged: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+    """(K, 2) whether `row` and `row + apart` are both off the cubic through the rows beside them, and by more than may stay.
+
+    damaged : (N, C) values that do not judge, if any are known; some more rows judge in their place.
+    """
+    t, firsts, lasts = log.t, log.firsts, log.lasts
+    width = min(_BESIDE + 1 + (apart if damaged is None else _BESIDE // 2), t.size)
     stretch = np.searchsorted(firsts, row, side="right") - 1
-    begin = np.minimum(np.maximum(row - _BESIDE // 2, firsts[stretch]), lasts[stretch] - width + 1)
+    begin = np.minimum(np.maximum(row - (width - apart) // 2, firsts[stretch]), lasts[stretch] - width + 1)
     margin = 2 * (apart == 1)  # the last two rows of a log may be the beginning of a motion; good rows between or behind them tell
     inside = (begin >= firsts[stretch]) & (row - margin >= firsts[stretch]) & (row + apart + margin <= lasts[stretch])
     window = np.clip(begin, 0, t.size - width)[:, None] + np.arange(width)  # (K, W)
     span = t[window[:, -1]] - t[window[:, 0]]
-    inside &= (span > 0.0) & (span < longest * width / (_BESIDE + 1))
+    inside &= (span > 0.0) & (span < log.longest * width / (_BESIDE + 1))
     judging = (window != row[:, None]) & (window != row[:, None] + apart)
+    if damaged is not None:
+        judging &= ~damaged[window, channel[:, None]]
+        inside &= judging.sum(axis=1) >= _BESIDE
     x = (t[window] - t[row][:, None]) / np.where(span > 0.0, span, 1.0)[:, None]
     basis, full = _orthonormal(x[:, :, None] ** np.arange(4), judging.astype(np.float64))
-    y = values[window, channel[:, None]]
+    y = log.values[window, channel[:, None]]
     y = y - y[np.arange(len(y)), judging.argmax(axis=1)][:, None]
     left = y - np.einsum("kwp,kvp,kv->kw", basis, basis, y * judging)
-    spread = np.sqrt((left * left * judging).sum(axis=1) / (judging.sum(axis=1) - 4))
-    deviation = np.maximum(sigma[channel], spread)[:, None] * np.sqrt(1.0 + (basis * basis).sum(axis=2))
+    spread = np.sqrt((left * left * judging).sum(axis=1) / np.maximum(judging.sum(axis=1) - 4, 1))
+    deviation = np.maximum(log.sigma[channel], spread)[:, None] * np.sqrt(1.0 + (basis * basis).sum(axis=2))
     judged = np.clip((row - window[:, 0])[:, None] + (0, apart), 0, width - 1)  # (K, 2)
     off = np.take_along_axis(np.abs(left), judged, axis=1)
     far = (off > FAR_OUT * np.take_along_axis(deviation, judged, axis=1)).all(axis=1)  # both, or it is one of them alone
