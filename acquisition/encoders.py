@@ -71,13 +71,6 @@ def status_flags(table: Table, status: Mapping[EncoderName, str], findings: list
     if silent:
         sentence = f"encoders {', '.join(silent)} have no status column, so their faults cannot be seen."
         findings.append(finding("no status word", "warning", table.files[0], sentence, count=len(silent)))
-    dead = [encoder for encoder, column in status.items() if encoder not in silent and not table.columns[column].any()]
-    if dead:
-        sentence = (
-            f"the status words of encoders {', '.join(dead)} are 0 in every row, without even a toggle bit: not linked in the PLC, or of "
-            "every second bus cycle. Faults may not show."
-        )
-        findings.append(finding("status word always 0", "warning", table.files[0], sentence, count=len(dead)))
     flags = np.zeros(len(table), dtype=np.uint32)
     preset: list[NDArray[np.intp]] = []
     for encoder, column in status.items():
