@@ -145,6 +145,8 @@ def _sets(places: _Places, apart: int, log: _Log) -> _Places:
 
 def _beside(damaged: NDArray[np.bool_]) -> tuple[Rows, Rows]:
     """Rows and channels of the values that a damaged value kept from being judged fairly."""
+    if not damaged.any():
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
     row, channel = np.nonzero(damaged)
     near = np.zeros_like(damaged)
     for k in range(-_BESIDE // 2, _BESIDE // 2 + 1):

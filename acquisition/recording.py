@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,12 +183,12 @@ def _damaged(
     table: Table, segments: Segments, angles: NDArray[np.float64], sound: NDArray[np.bool_], names: list[str], findings: list[Finding]
 ) -> Flags:
     """(N,) flags of single values that their neighbours contradict."""
-    rows = np.flatnonzero(sound)
-    breaks = np.diff(segments.segment[rows].astype(np.int64), prepend=0) != 0
-    found = damaged_values(seconds_from(segments.stamps[rows], segments.stamps[rows[0]]), _chosen(angles, rows), breaks)
-    here, channels = np.nonzero(found)
-    flags = np.zeros(len(table), dtype=np.uint32)
-    if here.size:
+    rows, flags = np.flatnonzero(sound), np.zeros(len(table), dtype=np.uint32)
+    segment, stamps = _chosen(segments.segment, rows), _chosen(segments.stamps, rows)
+    breaks = np.diff(segment, prepend=np.uint16(0)) != 0
+    found = damaged_values(seconds_from(stamps, stamps[0]), _chosen(angles, rows), breaks)
+    if found.any():
+        here, channels = np.nonzero(found)
         flags[rows[here]] |= np.uint32(RowFlag.IMPLAUSIBLE)
         report_damaged(table, rows[np.unique(here)], names, channels, findings)
     return flags
@@ -202,18 +203,18 @@ def _used(
     if kept.size < MINIMUM_ROWS:
         raise LogError(f"{', '.join(table.files)}: {kept.size} usable rows; at least {MINIMUM_ROWS} are needed.")
     t = seconds_from(segments.stamps, segments.stamps[kept[0]])
-    timed = report_periods(table.take(kept), t[kept], side.dialect.period_s, ledger.findings)
+    timed = report_periods(table.take(kept), _chosen(t, kept), side.dialect.period_s, ledger.findings)
     flags[kept] |= timed
     ledger.rows[side.name] = LogRows(t, flags, segments.segment, used)
     for index, file in enumerate(table.files):
         place = next(k for k, one in enumerate(ledger.files) if one.file == file and one.source == side.name)
         ledger.files[place] = _replaced(ledger.files[place], int((table.file[kept] == index).sum()))
     table = Table(table.columns, table.files, table.file, table.line, flags, table.begins).take(kept)
-    return table, t[kept], kept
+    return table, _chosen(t, kept), kept
 
 
-def _chosen(values: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Some rows, in ascending order, of (N, C) values."""
+def _chosen(values: NDArray[Any], rows: NDArray[np.intp]) -> NDArray[Any]:
+    """Some rows, in ascending order, of (N, ...) values."""
     return values if rows.size == len(values) else values[rows]
 
 
