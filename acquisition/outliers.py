@@ -22,7 +22,7 @@ _NOTABLE = 3.5  # standard deviations by which two neighbours on either side mus
 _CLEAR = 5.0  # standard deviations that a million values of white noise do not reach
 _BESIDE = 8  # rows that judge
 _REACH = 15.0  # row periods: nine rows further apart than these say nothing of each other
-_CLOSE = 3  # rows: two damaged values so close spoil each other's cubic
+_CLOSE = _BESIDE  # rows: two damaged values so close may spoil each other's cubic; at the end of a log all that judge are on one side
 _BLOCK = 8192  # rows at a time, for the processor's cache
 _SAMPLE = 5000  # rows, whose median tells the noise to 2 %
 
@@ -58,7 +58,7 @@ def damaged_values(t: Array, values: Array, breaks: NDArray[np.bool_]) -> NDArra
     lasts = np.append(firsts[1:], t.size) - 1
     log = _Log(t, values, firsts, lasts, _noise(t, values), _REACH * float(np.median(np.diff(t))))
     places = _notable(log)
-    for apart in range(_CLOSE + 1):  # each by itself, then two that stand 1, 2, 3 rows apart
+    for apart in range(_CLOSE + 1):  # each by itself, then two that stand 1, 2, ... rows apart
         sets = _sets(places, apart, log)
         for some in np.array_split(np.arange(sets.row.size), sets.row.size // _BLOCK + 1):
             _mark(out, sets.row[some], sets.channel[some], _contradicted(log, sets.row[some], sets.channel[some], apart, None), apart)
