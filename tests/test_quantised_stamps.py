@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import read_recording
+from acquisition import explain_lines, read_recording
 from acquisition.quantised import spread
 from acquisition.report import Finding
 from acquisition.stamps import STAMP
@@ -85,6 +85,7 @@ def test_a_log_with_rows_that_share_stamps_is_read_once_it_is_declared_quantised
     with pytest.raises(LogError, match=r"The clock is too coarse for the rows: log a finer one, or declare `quantised: true`"):
         read_recording(write(tmp_path, robot=coarse))
     declared = write(tmp_path, robot=coarse, change=lambda data: data["sources"]["robot"].update(quantised=True))
+    assert any("stamps step by more than can be neglected" in line for line in explain_lines(declared))
     recording = read_recording(declared)
     log = recording.robot_log
     assert len(log.t) == len(ROBOT_T)
