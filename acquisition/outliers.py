@@ -23,6 +23,7 @@ _CLEAR = 5.0  # standard deviations that a million values of white noise do not 
 _BESIDE = 8  # rows that judge
 _REACH = 15.0  # row periods: nine rows further apart than these say nothing of each other
 _CLOSE = _BESIDE  # rows: two damaged values so close may spoil each other's cubic; at the end of a log all that judge are on one side
+_MANY, _MANY_OF = 1000, 0.02  # values, and of all values: where more stand out, steps or grains stand out, not two that hide each other
 _BLOCK = 8192  # rows at a time, for the processor's cache
 _SAMPLE = 5000  # rows, whose median tells the noise to 2 %
 
@@ -58,14 +59,16 @@ def damaged_values(t: Array, values: Array, breaks: NDArray[np.bool_]) -> NDArra
     lasts = np.append(firsts[1:], t.size) - 1
     log = _Log(t, values, firsts, lasts, _noise(t, values), _REACH * float(np.median(np.diff(t))))
     places = _notable(log)
-    for apart in range(_CLOSE + 1):  # each by itself, then two that stand 1, 2, ... rows apart
+    many = np.count_nonzero(places.size) > max(_MANY, _MANY_OF * values.size)
+    for apart in range(1 if many else _CLOSE + 1):  # each by itself, then two that stand 1, 2, ... rows apart
         sets = _sets(places, apart, log)
         for some in np.array_split(np.arange(sets.row.size), sets.row.size // _BLOCK + 1):
             _mark(out, sets.row[some], sets.channel[some], _contradicted(log, sets.row[some], sets.channel[some], apart, None), apart)
-    row, channel = _beside(out)
-    while row.size and (found := _contradicted(log, row, channel, 0, out)[:, 0]).any():
-        out[row[found], channel[found]] = True
+    for _ in range(_CLOSE):
         row, channel = _beside(out)
+        if not row.size or not (found := _contradicted(log, row, channel, 0, out)[:, 0]).any():
+            break
+        out[row[found], channel[found]] = True
     return out
 
 
