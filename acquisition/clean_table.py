@@ -82,8 +82,14 @@ def _columns(raw: bytes, begin: int, header: Header) -> dict[str, NDArray[Any]] 
         return None
     if not table.num_rows or (b"\r" in raw and table.num_rows != raw.count(b"\n", begin)):  # a CR alone ends a row too
         return None
-    columns = {name: table[fields[position]].to_numpy() for name, position in zip(header.columns, header.positions, strict=True)}
+    columns = {name: _values(table[fields[position]]) for name, position in zip(header.columns, header.positions, strict=True)}
     return columns if all(_plain(columns[name], kind) for name, kind in header.columns.items()) else None
+
+
+def _values(column: pa.ChunkedArray) -> NDArray[Any]:
+    """(N,) the numbers of a column; pyarrow's own conversion imports pandas."""
+    dtype = np.int64 if column.type == pa.int64() else np.float64
+    return np.concatenate([np.frombuffer(part.buffers()[1], dtype, len(part), 8 * part.offset) for part in column.chunks])
 
 
 def _passes_unseen(raw: bytes, begin: int, header: Header) -> bool:

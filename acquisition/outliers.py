@@ -62,6 +62,8 @@ def damaged_values(t: Array, values: Array, breaks: NDArray[np.bool_]) -> NDArra
     many = np.count_nonzero(places.size) > max(_MANY, _MANY_OF * values.size)
     for apart in range(1 if many else _CLOSE + 1):  # each by itself, then two that stand 1, 2, ... rows apart
         sets = _sets(places, apart, log)
+        if not sets.row.size:
+            continue
         for some in np.array_split(np.arange(sets.row.size), sets.row.size // _BLOCK + 1):
             _mark(out, sets.row[some], sets.channel[some], _contradicted(log, sets.row[some], sets.channel[some], apart, None), apart)
     for _ in range(_CLOSE):
