@@ -31,10 +31,10 @@ from ident.noise import noise_from_logs, rod_deviation, row_noise
 from ident.problem import Clock, Estimate, NoiseModel, Problem
 from ident.remarks import log_remarks
 from ident.sampling import sample_times
-from ident.signals import SmoothLog, smooth_log
+from ident.signals import SmoothLog, smooth_log, smoothing
 from ident.solver import Fit, solve
 from ident.start import Start, automatic_start, fitted
-from ident.uncertainty import Uncertainty, block_widening, uncertainty
+from ident.uncertainty import Uncertainty, autocorrelation, block_widening, uncertainty
 from ident.unknowns import FIXED, PLACE
 from ident.verdict import STRAINED, Evidence, Verdict, judge
 
@@ -113,7 +113,7 @@ class Identification:
     noise: NoiseModel  # of the samples in the fit
     log_noise: NoiseModel  # of one row of the logs
     excess: Excess  # beyond what the logs show, found from the residual
-    autocorrelation: float  # of the whitened residual, one sample apart, mean over the equations
+    autocorrelation: float  # of neighbours in the whitened residual, mean over the equations
     chi2_per_dof: float
     converged: bool
     start: Start
@@ -316,7 +316,7 @@ def _outcome(cell: Cell, alone: Alone) -> Identification:
         fit.converged,
         fit.iterations,
         fit.chi2_per_dof,
-        _lag_one(whitened),
+        autocorrelation(whitened, problem.times, smoothing(problem.robot, problem.bar)),
         fit.estimate.geometry,
         identified,
         problem.times.size,
@@ -489,10 +489,6 @@ def _nominal_robot_fit(problem: Problem, estimate: Estimate, nominal: Geometry) 
 def _residuals(problem: Problem, estimate: Estimate) -> Residuals:
     error = problem.closure(problem.settle(estimate)).error
     return Residuals(problem.times, error[:3].T, error[3:].T)
-
-
-def _lag_one(whitened: Array) -> float:
-    return float(((whitened[:, 1:] * whitened[:, :-1]).sum(axis=1) / (whitened * whitened).sum(axis=1)).mean())
 
 
 def _wrapped(geometry: Geometry) -> Geometry:

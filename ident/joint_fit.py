@@ -35,7 +35,7 @@ from ident.event import Event
 from ident.iteration import Iteration, Watch
 from ident.loads import MassModel, loads, no_loads
 from ident.problem import Clock
-from ident.signals import SmoothLog
+from ident.signals import SmoothLog, smoothing
 from ident.unknowns import Unknowns
 
 FLOOR = 1e-7  # [m, rad]
@@ -67,6 +67,11 @@ class Track:
         """Every `step`-th sample."""
         knots, noise = self.knots[:, ::step], self.gear_noise[:, ::step]
         return replace(self, times=self.times[::step], knots=knots, tension=self.tension[::step], gear_noise=noise)
+
+    @property
+    def smoothing(self) -> float:
+        """[s] over which the logs were smoothed."""
+        return smoothing(self.robot, self.bar)
 
     @property
     def free(self) -> list[int]:
@@ -147,7 +152,8 @@ def make_point(model: Model, x: Array, k: int, bar: Array, near: Point | None = 
         elif model.masses is None:
             carried = no_loads(q.shape[0])
         else:
-            carried = loads(model.masses, geometry, q, bar, speed, np.asarray(track.robot.spline(at, 2)))
+            arm = track.robot.arm
+            carried = loads(model.masses, geometry, q, bar, np.asarray(arm(at, 1)), np.asarray(arm(at, 2)))
         gears, turned = (q @ robot.joint_to_gear).T, bar.T + geometry.bar.theta[:, None]
         state = State(track.times, k, gears, turned, carried, tension_at(model, x, k), play_width(model.cell), model.sharpness)
         known: tuple[tuple[Array, ...], ...] = ((),) * len(model.corrections)

@@ -83,7 +83,7 @@ class Prepared:
         q = np.asarray(self.robot.spline(at))
         measured = np.zeros((t.size, 0)) if self.bar is None else np.asarray(self.bar.spline(t)) * self.signs
         b = complete_bar_angles(self.geometry, q, measured, self.joints)
-        return q, np.asarray(self.robot.speed(at)), np.asarray(self.robot.spline(at, 2)), b, at
+        return q, np.asarray(self.robot.speed(at)), np.asarray(self.robot.arm(at, 2)), b, at
 
 
 def fit_machine(

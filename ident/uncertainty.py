@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.chain import Array
-from ident.joint_fit import JointFit, Linear, Model, jacobian
+from ident.joint_fit import JointFit, Model, jacobian
 
 BLOCK = 3.0  # [s] longer than residuals remember: the path's own motion and the knots of the tension
 STRONG = 0.9  # correlation from which two unknowns are named together
@@ -27,7 +27,7 @@ class Uncertainty:
     covariance: Array  # (P, P)
     widening: Array  # (P,) factor on each standard deviation over that of white residuals
     told_by_data: Array  # (P,) share of the knowledge that is the data's, 0 to 1; the rest is the prior's
-    autocorrelation: float  # of the whitened residual, one sample apart
+    autocorrelation: float  # of neighbours in the whitened residual
 
 
 def uncertainty(fit: JointFit) -> Uncertainty:
@@ -39,7 +39,8 @@ def uncertainty(fit: JointFit) -> Uncertainty:
     data = fit.covariance - prior
     covariance = inflation * data * np.outer(widening, widening) + prior
     share = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
-    return Uncertainty(0.5 * (covariance + covariance.T), widening, share, autocorrelation(fit.linear))
+    alike = [autocorrelation(r, t.times, t.smoothing) for r, t in zip(fit.linear.residuals, fit.model.tracks, strict=True)]
+    return Uncertainty(0.5 * (covariance + covariance.T), widening, share, float(np.mean(alike)))
 
 
 def block_widening(covariance: Array, scores: Array, times: Array) -> Array:
@@ -80,10 +81,14 @@ def _scores(fit: JointFit) -> tuple[Array, Array]:
     return power, np.concatenate(sums, axis=1)
 
 
-def autocorrelation(linear: Linear) -> float:
-    """Mean over equations and recordings of the whitened residual's correlation one sample apart."""
-    pairs = [((r[:, 1:] * r[:, :-1]).sum(axis=1) / (r * r).sum(axis=1)).mean() for r in linear.residuals]
-    return float(np.mean(pairs))
+def autocorrelation(residual: Array, times: Array, smoothing: float) -> float:
+    """Mean over the equations of a residual's (M, N) correlation with its neighbour.
+
+    times : (N,) [s]. smoothing : [s] over which the logs were smoothed; samples closer than that share noise, so the
+    neighbour is the sample about as far away.
+    """
+    lag = max(1, round(smoothing / float(np.median(np.diff(times)))))
+    return float(((residual[:, lag:] * residual[:, :-lag]).sum(axis=1) / (residual * residual).sum(axis=1)).mean())
 
 
 def correlated_groups(covariance: Array, names: tuple[str, ...]) -> list[tuple[str, ...]]:

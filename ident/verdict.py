@@ -42,7 +42,7 @@ class Evidence:
     converged: bool
     iterations: int
     chi2_per_dof: float
-    autocorrelation: float  # of the whitened residual, one sample apart
+    autocorrelation: float  # of neighbours in the whitened residual
     geometry: Geometry
     identified: tuple[str, ...]
     samples: int
@@ -123,7 +123,7 @@ def _data_warnings(evidence: Evidence) -> list[str]:
         warnings.append(f"only {evidence.samples} samples in the fit; intervals are optimistic (thesis sec. 3.5 wants 750)")
     if evidence.autocorrelation > CORRELATED and not evidence.complete:
         warnings.append(
-            f"neighbouring residuals are alike (autocorrelation {evidence.autocorrelation:.2f}): something small and slow, "
-            "such as rod strain, is not in the model; the stated intervals allow for it"
+            f"neighbouring residuals are alike (autocorrelation {evidence.autocorrelation:.2f}): something is not in this model, which is "
+            "of kinematics alone (elastic gears, play, ripple, rod strain, eccentric encoders; --model complete asks for them)"
         )
     return warnings
