@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
-from acquisition.dialect import Dialect
+from acquisition.dialect import Container, Dialect
+from acquisition.egm import FILE_START
 from acquisition.egm_table import read_egm
 from acquisition.json_lines import read_json_lines
 from acquisition.layout import Layout
-from acquisition.mpe import read_mpe
+from acquisition.mpe import VERSIONS, read_mpe
 from acquisition.report import Finding
 from acquisition.ros_bag import read_ros_bag
 from acquisition.scope import read_scope
@@ -24,6 +26,17 @@ _READERS: dict[str, tuple[_Reader, str, str]] = {  # with the type and unit of t
     "rosbag": (read_ros_bag, "integer", "ns"),
     "abb-mpe": (read_mpe, "float", "s"),
 }
+
+
+def container_of(raw: bytes) -> Container:
+    """The kind of container that the content of a device file begins like; text if it is like none of the others."""
+    begins: dict[bytes, Container] = {b"\x89MCAP0\r\n": "rosbag", b"SQLite format 3\0": "rosbag", FILE_START: "egm", b"{": "json-lines"}
+    for start, container in begins.items():
+        if raw.startswith(start):
+            return container
+    if len(raw) > 4 and struct.unpack_from("<f", raw)[0] in VERSIONS:
+        return "abb-mpe"
+    return "twincat-scope" if b"Starttime of export" in raw[:1000] else "text"
 
 
 def read_file(path: Path, file: str, dialect: Dialect, layout: Layout, findings: list[Finding]) -> tuple[Table, Form]:

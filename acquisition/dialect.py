@@ -22,6 +22,7 @@ from cell.strict_yaml import load_model
 _FOLDER = Path(__file__).parent / "dialects"
 
 Side = Literal["motors", "axes", "joints"]
+Container = Literal["text", "twincat-scope", "json-lines", "egm", "rosbag", "abb-mpe"]
 Separator = Literal[",", ";", "\t", " "]  # blank: any run of blanks
 Selector = Annotated[str, AfterValidator(checked)]
 
@@ -56,7 +57,7 @@ class Dialect(_Strict):
 
     schema_: Annotated[Literal["ballbar-dialect/1"], Field(alias="schema")]
     source: SourceName
-    container: Literal["text", "twincat-scope", "json-lines", "egm", "rosbag", "abb-mpe"] = "text"
+    container: Container = "text"
     separators: tuple[Separator, ...] = ()
     decimal: Literal["either", "point", "comma"] = "either"  # of numbers that are no integers
     time: TimeColumn

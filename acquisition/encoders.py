@@ -56,7 +56,7 @@ def unwrap_counter(counter: NDArray[np.int64], sound: NDArray[np.bool_] | None =
 
 def signed_word(difference: NDArray[np.int64]) -> NDArray[np.int64]:
     """Differences of counter words as signed 32-bit numbers."""
-    return np.asarray((difference + WORD // 2) % WORD - WORD // 2)
+    return difference.astype(np.int32).astype(np.int64)  # the low 32 bits
 
 
 def counts_to_rad(counts: NDArray[np.int64], *, lines: int, bits: int, sign: int) -> NDArray[np.float64]:
@@ -124,7 +124,7 @@ def counter_words(table: Table, fitted: Mapping[EncoderName, EncoderFitting]) ->
                 f"{table.place(outside[0])}: column {encoder.column}: {counter[outside[0]]} is no 32-bit counter word. "
                 f"Expected UDINT, 0 to {WORD - 1}, or DINT, {-WORD // 2} to {WORD // 2 - 1}."
             )
-    return np.stack([table.columns[encoder.column] for encoder in fitted.values()], axis=1)
+    return np.stack([table.columns[encoder.column] for encoder in fitted.values()]).T
 
 
 def jump_flags(
@@ -153,7 +153,7 @@ def jump_flags(
         time = float(t[rows[row]] - t[rows[row - 1]])
         raise LogError(
             f"{table.place(rows[row])}: encoder {list(fitted)[channel]} jumps by {step[channel]:.4g} rad within {time * 1e3:.4g} ms "
-            f"({found.speed[row - 1, channel]:.3g} rad/s; a ball-bar stays below {SPEED_LIMIT:g}). {found.fast.size} such rows. "
+            f"({found.speed[0, channel]:.3g} rad/s; a ball-bar stays below {SPEED_LIMIT:g}). {found.fast.size} such rows. "
             "Was the counter reset, are lines and bits of the encoder declared wrong, or the time column in another unit?"
         )
     if found.damaged.any():
@@ -196,18 +196,19 @@ def encoder_angles(words: NDArray[np.int64], sound: NDArray[np.bool_], fitted: M
         counts_to_rad(unwrap_counter(words[:, k], sound), lines=one.lines, bits=one.bits, sign=one.sign)
         for k, one in enumerate(fitted.values())
     ]
-    return np.stack(columns, axis=1)
+    return np.stack(columns).T
 
 
 def refuse_standing(
     table: Table, words: NDArray[np.int64], flags: Flags, fitted: Mapping[EncoderName, EncoderFitting], *, robot_moves: bool
 ) -> None:
     """Raises LogError for a counter that stands while others, or the robot, move."""
-    sound = words[usable(flags)]
-    standing = [k for k in range(len(fitted)) if np.ptp(sound[:, k]) == 0]
+    sound = usable(flags)
+    first = words[int(np.argmax(sound))]
+    standing = [k for k, column in enumerate(words.T) if (column[sound] == first[k]).all()]
     if standing and (robot_moves or len(standing) < len(fitted)):
         name, encoder = list(fitted.items())[standing[0]]
         raise LogError(
-            f"{table.files[0]}: encoder column without counts: column {encoder.column} of encoder {name} is {sound[0, standing[0]]} "
+            f"{table.files[0]}: encoder column without counts: column {encoder.column} of encoder {name} is {first[standing[0]]} "
             "in every row while the others or the robot move. Check the cable, or remove the encoder from recording.yaml."
         )

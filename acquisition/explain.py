@@ -35,6 +35,8 @@ def explain_lines(folder: Path) -> list[str]:
         dialect = dialect_of(folder, name, source)
         lines.append(f"{name}: dialect {source.dialect}, as recording.yaml declares; {len(source.files)} file(s)")
         lines += [f"  {line}" for line in _meaning(dialect, description)]
+        if source.quantised:
+            lines.append("  stamps step by more than can be neglected, the rows were taken evenly (recording.yaml): put between the steps")
         layout = _layout(name, source, dialect, description)
         for file in source.files:
             if dialect.container == "text":

@@ -25,7 +25,7 @@ class RowFlag(IntFlag):
     PRESET = 512  # counter set or reset here
     IMPLAUSIBLE = 1024  # no motion leads to this value
     REPAIRED = 2048  # line read with a repair
-    SENTINEL = 4096  # held a number that stands for none
+    SENTINEL = 4096  # rows before it held a number that stands for none and were left out
 
 
 EXCLUDED = RowFlag.AMPLITUDE | RowFlag.FREQUENCY | RowFlag.INVALID | RowFlag.IMPLAUSIBLE  # not for fits

@@ -12,18 +12,45 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from cell.errors import LogError
 
 _LARGEST = 1_000_000  # bytes; a robot's message has a few hundred
+_FORMS = 20  # remembered; a topic has one for each publisher
 
 
-@dataclass(frozen=True)
-class JointState:
+class JointState(NamedTuple):
     """Positions of some joints at one time."""
 
     stamp_ns: int  # header.stamp, not the time of recording
     positions: dict[str, float]  # [rad] by name: the order may change from message to message
+
+
+@dataclass(frozen=True)
+class Form:
+    """What messages of one publisher have in common: all but the numbers."""
+
+    size: int  # [bytes]
+    start: bytes  # encapsulation
+    text: bytes  # what stands between the stamp and the positions
+    stamp: struct.Struct
+    values: struct.Struct  # of the positions
+    names: tuple[str, ...]  # of the joints; () where there are no positions
+    counts: tuple[tuple[bytes, int, int], ...]  # the counts of velocities and efforts, and where they stand
+
+    def read(self, message: bytes) -> JointState | None:
+        """A message of this form; None if it is of another, or its numbers cannot be."""
+        begin = 12 + len(self.text)
+        if len(message) != self.size or message[12:begin] != self.text or message[:4] != self.start:
+            return None
+        if any(message[first:stop] != count for count, first, stop in self.counts):
+            return None
+        seconds, nanoseconds = self.stamp.unpack_from(message, 4)
+        positions = self.values.unpack_from(message, begin)
+        if seconds < 0 or nanoseconds >= 1_000_000_000 or not math.isfinite(sum(positions)):
+            return None
+        return JointState(seconds * 1_000_000_000 + nanoseconds, dict(zip(self.names, positions, strict=True)))
 
 
 class _Cdr:
@@ -32,9 +59,14 @@ class _Cdr:
     def __init__(self, message: bytes) -> None:
         if not 4 < len(message) <= _LARGEST or message[0] or message[1] not in {0, 1}:
             raise LogError(f"JointState: {len(message)} bytes that begin with {message[:4].hex()!r} are no plain CDR message.")
-        self._order = "<" if message[1] else ">"
+        self.order = "<" if message[1] else ">"
         self._body = message[4:]
         self._at = 0
+
+    @property
+    def place(self) -> int:
+        """Byte of the message at which the next field begins, but for its alignment."""
+        return 4 + self._at
 
     def numbers(self, code: str, count: int = 1) -> tuple[float, ...]:
         """So many numbers of the struct module's code."""
@@ -43,7 +75,7 @@ class _Cdr:
         if count * size > len(self._body) - at:
             raise LogError(f"JointState: {count} numbers of {size} bytes claimed at byte {at + 4}, {len(self._body) - at} bytes are left.")
         self._at = at + count * size
-        return struct.unpack_from(f"{self._order}{count}{code}", self._body, at)
+        return struct.unpack_from(f"{self.order}{count}{code}", self._body, at)
 
     def count(self) -> int:
         """The count before a string or a sequence."""
@@ -63,11 +95,16 @@ class _Cdr:
             raise LogError(f"JointState: {text[:30]!r} is no UTF-8.") from None
 
 
-def decode_joint_state(message: bytes) -> JointState:
+def decode_joint_state(message: bytes, known: list[Form]) -> JointState:
     """Stamp and positions of one message.
 
+    known : forms of the messages before, which are read faster; a new one is added.
     Raises LogError if the bytes are no such message, a joint stands twice, or a position is not finite.
     """
+    for form in known:
+        state = form.read(message)
+        if state is not None:
+            return state
     cdr = _Cdr(message)
     (seconds,), (nanoseconds,) = cdr.numbers("i"), cdr.numbers("I")
     if seconds < 0 or nanoseconds >= 1_000_000_000:
@@ -75,12 +112,19 @@ def decode_joint_state(message: bytes) -> JointState:
     cdr.text()
     names = [cdr.text() for _ in range(_at_most(cdr.count(), len(message)))]
     positions = cdr.numbers("d", _at_most(cdr.count(), len(message)))
+    begin, counts = cdr.place - 8 * len(positions), []
     if len(set(names)) < len(names) or len(positions) not in {0, len(names)}:
         raise LogError(f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}.")
     if not all(math.isfinite(position) for position in positions):
         raise LogError("JointState: a position is not finite.")
     for _ in range(2):  # velocity and effort, often empty: only the end of the message is checked
-        cdr.numbers("d", _at_most(cdr.count(), len(message)))
+        count = cdr.count()
+        counts.append((message[cdr.place - 4 : cdr.place], cdr.place - 4, cdr.place))
+        cdr.numbers("d", _at_most(count, len(message)))
+    if len(known) < _FORMS:
+        stamp, values = struct.Struct(f"{cdr.order}iI"), struct.Struct(f"{cdr.order}{len(positions)}d")
+        named = tuple(names) if positions else ()
+        known.append(Form(len(message), message[:4], message[12:begin], stamp, values, named, tuple(counts)))
     return JointState(int(seconds) * 1_000_000_000 + int(nanoseconds), dict(zip(names, positions, strict=False)))
 
 

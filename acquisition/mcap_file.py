@@ -12,11 +12,12 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import lz4.frame
 import zstandard
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
@@ -25,6 +26,15 @@ from cell.errors import LogError
 
 _LARGEST_CHUNK = 100_000_000  # bytes unpacked; recorders make chunks of 1 to 4 MB
 _MAGIC = b"\x89MCAP0\r\n"
+_RECORD = struct.Struct("<BQ")  # what every record begins with: its kind and length
+_MESSAGE_HEAD = 22  # bytes: channel uint16, sequence uint32, two times uint64
+
+
+class _Message(NamedTuple):
+    """A message within a chunk."""
+
+    channel_id: int
+    data: bytes
 
 
 def mcap_messages(path: Path, file: str, kind: str, findings: list[Finding]) -> Iterator[tuple[str, bytes]]:
@@ -47,7 +57,7 @@ def mcap_messages(path: Path, file: str, kind: str, findings: list[Finding]) -> 
                     if record.message_encoding != "cdr":
                         raise LogError(f"topic {record.topic} is encoded as {record.message_encoding!r}; ROS 2 writes cdr.")
                     topics[record.id] = record.topic
-                elif isinstance(record, Message) and record.channel_id in topics:
+                elif isinstance(record, (_Message, Message)) and record.channel_id in topics:
                     yield topics[record.channel_id], record.data
         except LogError as error:
             raise LogError(f"{file}: behind byte {complete}: {error}") from None
@@ -62,9 +72,28 @@ def _records(stream: mmap.mmap, size: int) -> Iterator[Any]:
     """All records of the bag, those of the chunks included."""
     for record in StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=size).records:  # type: ignore[arg-type]
         if isinstance(record, Chunk):
-            yield from breakup_chunk(replace(record, compression="", data=_unpack(record)))
+            yield from _broken_up(replace(record, compression="", data=_unpack(record)))
         else:
             yield record
+
+
+def _broken_up(chunk: Chunk) -> Iterator[Any]:
+    """The records of an unpacked chunk. Messages, of which there are many, are taken apart here; the others by the library."""
+    data, at, size = chunk.data, 0, len(chunk.data)
+    while at < size:
+        if size - at < _RECORD.size:
+            raise LogError("a chunk ends within a record.")
+        opcode, length = _RECORD.unpack_from(data, at)
+        begin, end = at + _RECORD.size, at + _RECORD.size + length
+        if end > size:
+            raise LogError("a record claims to be longer than its chunk.")
+        if opcode != Opcode.MESSAGE:
+            yield from breakup_chunk(replace(chunk, data=data[at:end]))
+        elif length < _MESSAGE_HEAD:
+            raise LogError("a message is shorter than its head.")
+        else:
+            yield _Message(int.from_bytes(data[begin : begin + 2], "little"), data[begin + _MESSAGE_HEAD : end])
+        at = end
 
 
 def _unpack(chunk: Chunk) -> bytes:

@@ -21,7 +21,7 @@ from acquisition.stored import one_file, stored_bytes, wanted_columns
 from acquisition.table import Form, Table
 from cell.errors import LogError
 
-_VERSIONS = range(10_000, 11_000)  # 10011 in 2024; the head has not changed since 10007
+VERSIONS = range(10_000, 11_000)  # 10011 in 2024; the head has not changed since 10007
 _LONGEST_TEXT = 1000  # bytes; RAPID packs strings of at most 80
 _COMMAND = "cmdnum"
 
@@ -33,7 +33,7 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout, findings: list[Fi
     """
     raw = stored_bytes(path, file, findings)
     version = _number(raw, 0, file)
-    if version not in _VERSIONS:
+    if version not in VERSIONS:
         raise LogError(f"{file}: begins with {version:g}, not with a file version of abb_motion_program_exec (10011).")
     _, at = _text(raw, 4, file)
     header, at = _text(raw, at, file)

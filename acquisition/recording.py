@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from acquisition.encoders import (
     status_flags,
 )
 from acquisition.flags import Flags, RowFlag, usable
-from acquisition.jumps import damaged_values, find_jumps
+from acquisition.jumps import find_jumps
 from acquisition.motors import (
     axis_speed_limits,
     gear_torques,
@@ -32,8 +33,10 @@ from acquisition.motors import (
     refuse_other_angles,
     report_limits,
     to_joints,
+    within_reach,
     without_stand_ins,
 )
+from acquisition.outliers import damaged_values
 from acquisition.report import FileSummary, Finding, ImportReport, finding
 from acquisition.segments import Segments, find_segments
 from acquisition.selectors import require
@@ -115,7 +118,7 @@ def read_robot(folder: Path, source: SourceFile, robot: Robot, ledger: Ledger) -
     tables = [without_stand_ins(table, columns, ledger.findings) for table in read_files(side, ledger)]
     table = joined(tables)
     t = seconds_from(table.columns[STAMP], table.columns[STAMP][0])
-    logged = np.stack([table.columns[name] for name in columns], axis=1)
+    logged = np.stack([table.columns[name] for name in columns]).T  # column by column, as the checks go
     joints = to_joints(robot, logged, dialect.side, dialect.angle_unit)
     axes = joints_to_axes(robot, joints)
     jumps = find_jumps(t, axes, axis_speed_limits(robot))
@@ -123,7 +126,8 @@ def read_robot(folder: Path, source: SourceFile, robot: Robot, ledger: Ledger) -
     if not jumps.many():
         flags[jumps.damaged] |= np.uint32(RowFlag.IMPLAUSIBLE)
     sound = usable(flags)
-    refuse_other_angles(robot, table, t, logged, joints, axes, side=dialect.side, unit=dialect.angle_unit, sound=sound)
+    if jumps.fast.size or not (moves(joints) and within_reach(robot, axes)):
+        refuse_other_angles(robot, table, t, logged, joints, axes, side=dialect.side, unit=dialect.angle_unit, sound=sound)
     report_damaged(table, np.flatnonzero(jumps.damaged), [], None, findings)
     if jumps.elsewhere.size:
         sentence = "the angles jump here and do not come back: another start of the logger; a new segment."
@@ -133,7 +137,7 @@ def read_robot(folder: Path, source: SourceFile, robot: Robot, ledger: Ledger) -
     report_limits(robot, table, axes, usable(flags), findings)
     table, t, kept = _used(side, table, segments, flags, ledger)
     torque = gear_torques(robot, table, dialect.torque_columns)
-    return RobotLog(t, joints[kept], torque, segments.segment[kept], table.flags)
+    return RobotLog(t, np.ascontiguousarray(_chosen(joints, kept)), torque, segments.segment[kept], table.flags)
 
 
 def _unrelated(t: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -170,19 +174,21 @@ def read_ballbar(
     flags |= _damaged(table, segments, angles, usable(flags), [f"encoder {name}" for name in fitted], findings)
     refuse_standing(table, cell_words, flags, fitted, robot_moves=robot_moves)
     table, t, kept = _used(side, table, segments, flags, ledger)
-    return BallBarLog(t, angles[kept], tuple(int(name[1]) for name in fitted), segments.segment[kept], table.flags)
+    return BallBarLog(
+        t, np.ascontiguousarray(_chosen(angles, kept)), tuple(int(name[1]) for name in fitted), segments.segment[kept], table.flags
+    )
 
 
 def _damaged(
     table: Table, segments: Segments, angles: NDArray[np.float64], sound: NDArray[np.bool_], names: list[str], findings: list[Finding]
 ) -> Flags:
     """(N,) flags of single values that their neighbours contradict."""
-    rows = np.flatnonzero(sound)
-    breaks = np.diff(segments.segment[rows].astype(np.int64), prepend=0) != 0
-    found = damaged_values(seconds_from(segments.stamps[rows], segments.stamps[rows[0]]), angles[rows], breaks)
-    here, channels = np.nonzero(found)
-    flags = np.zeros(len(table), dtype=np.uint32)
-    if here.size:
+    rows, flags = np.flatnonzero(sound), np.zeros(len(table), dtype=np.uint32)
+    segment, stamps = _chosen(segments.segment, rows), _chosen(segments.stamps, rows)
+    breaks = np.diff(segment, prepend=np.uint16(0)) != 0
+    found = damaged_values(seconds_from(stamps, stamps[0]), _chosen(angles, rows), breaks)
+    if found.any():
+        here, channels = np.nonzero(found)
         flags[rows[here]] |= np.uint32(RowFlag.IMPLAUSIBLE)
         report_damaged(table, rows[np.unique(here)], names, channels, findings)
     return flags
@@ -197,14 +203,19 @@ def _used(
     if kept.size < MINIMUM_ROWS:
         raise LogError(f"{', '.join(table.files)}: {kept.size} usable rows; at least {MINIMUM_ROWS} are needed.")
     t = seconds_from(segments.stamps, segments.stamps[kept[0]])
-    timed = report_periods(table.take(kept), t[kept], side.dialect.period_s, ledger.findings)
+    timed = report_periods(table.take(kept), _chosen(t, kept), side.dialect.period_s, ledger.findings)
     flags[kept] |= timed
     ledger.rows[side.name] = LogRows(t, flags, segments.segment, used)
     for index, file in enumerate(table.files):
         place = next(k for k, one in enumerate(ledger.files) if one.file == file and one.source == side.name)
         ledger.files[place] = _replaced(ledger.files[place], int((table.file[kept] == index).sum()))
     table = Table(table.columns, table.files, table.file, table.line, flags, table.begins).take(kept)
-    return table, t[kept], kept
+    return table, _chosen(t, kept), kept
+
+
+def _chosen(values: NDArray[Any], rows: NDArray[np.intp]) -> NDArray[Any]:
+    """Some rows, in ascending order, of (N, ...) values."""
+    return values if rows.size == len(values) else values[rows]
 
 
 def _replaced(summary: FileSummary, kept: int) -> FileSummary:

@@ -15,6 +15,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.joint_state import Form as MessageForm
 from acquisition.joint_state import JointState, decode_joint_state
 from acquisition.layout import Layout
 from acquisition.report import Finding, finding
@@ -150,10 +151,11 @@ def _blob(data: object, place: str) -> bytes:
 
 
 def _decoded(messages: list[bytes], place: str) -> list[JointState]:
-    states = []
+    states: list[JointState] = []
+    known: list[MessageForm] = []
     for number, message in enumerate(messages, 1):
         try:
-            states.append(decode_joint_state(message))
+            states.append(decode_joint_state(message, known))
         except LogError as error:
             raise LogError(f"{place}: message {number}: {error}") from None
     return states

@@ -13,8 +13,9 @@ from acquisition.containers import read_file
 from acquisition.dialect import Dialect, dialect_file, load_dialect
 from acquisition.flags import Flags
 from acquisition.layout import Kind, Layout
+from acquisition.quantised import spread
 from acquisition.report import FileSummary, Finding
-from acquisition.stamps import STAMP, in_order, join
+from acquisition.stamps import STAMP, in_order, in_sequence, join
 from acquisition.table import Table
 from acquisition.times import TIME_FORMS, TimeCells, TimeForm, recognised, stamps_ns, words
 from cell.errors import DescriptionError, LogError
@@ -155,7 +156,8 @@ def _read_file(side: Side, file: str, ledger: Ledger) -> Table:
     findings = ledger.findings
     table, form = read_file(inside(side.folder, file), file, side.dialect, side.layout, findings)
     shown, column, table = _with_stamps(side, table, findings)
-    table = in_order(table, side.dialect.sequence, findings)
+    table = in_sequence(table, side.dialect.sequence, findings)
+    table = in_order(spread(table, findings) if side.source.quantised else table, findings)
     ledger.files.append(
         FileSummary(
             file, side.name, side.source.dialect, form.encoding, form.separator, form.decimal, form.rows_read, len(table),

@@ -26,20 +26,25 @@ STRAY_LIMIT = 0.01  # of the rows: more stamps out of place are no accident
 COARSE = 0.1  # of the rows may share a stamp and not a value; more, and the clock is too coarse for the rows
 
 
-def in_order(table: Table, sequence: str | None, findings: list[Finding]) -> Table:
-    """The rows of one file in the order of their sequence numbers, without damaged and repeated stamps.
+def in_sequence(table: Table, sequence: str | None, findings: list[Finding]) -> Table:
+    """The rows of one file in the order of their sequence numbers; sequence : column that holds them, if there is one.
 
-    sequence : column of the sequence numbers, if there is one. Of rows with the same stamp the first is kept. Stamps that go
-    back for good stay: there a new segment begins (acquisition.segments).
-    Raises LogError where too many stamps are out of place, or the clock is too coarse.
+    Raises LogError for a negative stamp.
     """
     stamps = table.columns[STAMP]
     if stamps.size and stamps.min() < 0:
         raise LogError(f"{table.place(int(np.argmin(stamps)))}: time stamp {stamps.min() * 1e-9:.9g} s is negative.")
-    if sequence is not None and sequence in table.columns:
-        table = _by_sequence(table, sequence, findings)
-    table = _without_strays(table, findings)
-    return _without_repeats(table, findings)
+    return table if sequence is None or sequence not in table.columns else _by_sequence(table, sequence, findings)
+
+
+def in_order(table: Table, findings: list[Finding]) -> Table:
+    """The rows of one file without damaged and repeated stamps.
+
+    Of rows with the same stamp the first is kept. Stamps that go back for good stay: there a new segment begins
+    (acquisition.segments).
+    Raises LogError where too many stamps are out of place, or the clock is too coarse.
+    """
+    return _without_repeats(_without_strays(table, findings), findings)
 
 
 def _by_sequence(table: Table, sequence: str, findings: list[Finding]) -> Table:
@@ -109,7 +114,7 @@ def _without_repeats(table: Table, findings: list[Finding]) -> Table:
     if other.sum() > COARSE * len(table):
         raise LogError(
             f"{table.place(repeated[0])}: {other.sum()} of {len(table)} rows have the stamp of the row before but other values. "
-            "The clock is too coarse for the rows: log a finer one."
+            "The clock is too coarse for the rows: log a finer one, or declare `quantised: true` if the rows were taken evenly."
         )
     sentence = "same stamp as the row before; the first row of each stamp is kept."
     findings.append(finding("duplicate stamp", "repaired", table.files[0], sentence, lines=table.line[repeated]))
@@ -124,6 +129,8 @@ def join(tables: list[Table]) -> Table:
 
     Raises LogError if two of them overlap.
     """
+    if len(tables) == 1:
+        return tables[0]
     ordered = sorted(tables, key=lambda table: int(table.columns[STAMP][0]))
     for before, after in pairwise(ordered):
         overlap = float(before.columns[STAMP].max() - after.columns[STAMP][0]) * 1e-9
@@ -172,6 +179,8 @@ def report_periods(table: Table, t: NDArray[np.float64], usual_s: tuple[float, f
 def _report_irregular(step: NDArray[np.float64], period: float, known: NDArray[np.bool_], table: Table, findings: list[Finding]) -> None:
     """A few steps that differ from the period, in a log that otherwise keeps it: the clock was set, or a stamp is damaged."""
     off = np.abs(step - period)
+    if off.max() <= FINEST:
+        return
     usual = float(np.quantile(off[~known], 0.95)) if (~known).any() else 0.0
     odd = np.flatnonzero((off > max(IRREGULAR * usual, FINEST)) & ~known) + 1
     if 0 < odd.size <= max(3.0, STRAY_LIMIT * off.size):

@@ -1,7 +1,8 @@
 """Device tables: text to columns of exact integers and floats, every bad cell named by file, line and column.
 
 Integers (counters, time stamps) never pass through float: a float64 resolves today's time stamps to 128 ns only.
-numpy's loadtxt parses strictly (no underscores, no integer from `1e5`) and as fast as pandas.
+Clean files are read at once (acquisition.clean_table), others line by line: numpy's loadtxt parses strictly (no underscores, no
+integer from `1e5`).
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.clean_table import FINE, clean_columns
 from acquisition.flags import Flags, RowFlag
 from acquisition.layout import SEPARATORS, Header, Kind, Layout, read_header, split_fields
 from acquisition.report import Finding
 from acquisition.rows import PlainRows, plain_rows
-from acquisition.text import read_text
+from acquisition.text import read_filled, text_of
 from cell.errors import LogError
 
 _NUMBER = {
@@ -28,7 +30,6 @@ _NUMBER = {
     "decimal": re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"),
 }
 _DTYPE = {"integer": np.int64, "float": np.float64, "decimal": np.float64}
-_FINE = 4e6  # a float64 below it resolves 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,8 @@ class Table:
     def take(self, rows: NDArray[Any]) -> Table:
         """The chosen rows, by mask or index."""
         index = np.flatnonzero(rows) if rows.dtype == bool else rows
+        if index.size == len(self) and (np.diff(index) == 1).all():
+            return self  # all of them
         begins = np.diff(np.cumsum(self.begins)[index], prepend=0) > 0  # also where the row that began was left out
         columns = {name: values[index] for name, values in self.columns.items()}
         return Table(columns, self.files, self.file[index], self.line[index], self.flags[index], begins)
@@ -83,7 +86,19 @@ def read_table(path: Path, file: str, layout: Layout, findings: list[Finding]) -
     file : the name that errors and findings give it.
     Raises LogError naming file, line and column if the table cannot be trusted.
     """
-    text = read_text(path, file, findings)
+    raw = read_filled(path, file, findings)
+    clean = clean_columns(raw, file, layout, findings)
+    if clean is not None:
+        header, columns = clean
+        line = np.arange(header.row + 1, header.row + 1 + len(next(iter(columns.values()))), dtype=np.int64)
+        table = Table(columns, (file,), np.zeros(line.size, dtype=np.int64), line)
+        return table, Form("utf-8", SEPARATORS[header.separator], "point", line.size)
+    return _mended_table(raw, file, layout, findings)
+
+
+def _mended_table(raw: bytes, file: str, layout: Layout, findings: list[Finding]) -> tuple[Table, Form]:
+    """The wanted columns of a file that is not clean, line by line."""
+    text = text_of(raw, file, findings)
     header = read_header(text, layout, findings)
     rows = plain_rows(text, header, layout, findings)
     line = rows.number
@@ -101,7 +116,7 @@ def _parse(rows: PlainRows, header: Header) -> dict[str, NDArray[Any]]:
     if columns is None:
         _refuse_cell(rows, header)
     for name, position in zip(header.columns, header.positions, strict=True):
-        coarse = header.columns[name] == "decimal" and np.abs(columns[name]).max() > _FINE
+        coarse = header.columns[name] == "decimal" and np.abs(columns[name]).max() > FINE
         if name not in columns or coarse:
             cells = [line.split(rows.separator, position + 1)[position].strip() for line in rows.plain]
             columns[name] = np.array(cells, dtype=object)

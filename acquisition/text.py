@@ -53,11 +53,24 @@ def read_text(path: Path, file: str, findings: list[Finding]) -> LogText:
     file : the name that errors and findings give it.
     Raises LogError if the file is missing, unreadable or empty, or has NUL bytes inside a row.
     """
+    return text_of(read_filled(path, file, findings), file, findings)
+
+
+def read_filled(path: Path, file: str, findings: list[Finding]) -> bytes:
+    """The content of a device file, unpacked, as `read_bytes` gives it; at least one byte.
+
+    Raises LogError if the file is missing, unreadable or empty.
+    """
     if not path.is_file():
         raise LogError(f"{file}: no such file (looked for {path}).")
     raw = read_bytes(path, file, findings)
     if not raw:
         raise LogError(f"{file}: the file is empty.")
+    return raw
+
+
+def text_of(raw: bytes, file: str, findings: list[Finding]) -> LogText:
+    """Complete lines of the content of a device file, as `read_text` gives them."""
     decoded = _decode(raw)
     if decoded.encoding != "utf-8":
         findings.append(finding("encoding", "repaired", file, f"read as {decoded.encoding}.", count=1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -37,6 +39,12 @@ def check_data(read: Recording, alignment: CoarseAlignment | None) -> dict[str, 
             "runner_up_offset_s": alignment.runner_up_offset_s,
         }
     return data
+
+
+def import_reports(read: Mapping[str, Recording]) -> str:
+    """The import reports of recordings, by their names, as JSON text (schema `ballbar-import/1`)."""
+    data = {"schema": "ballbar-import/1", "recordings": {name: check_data(one, None) for name, one in read.items()}}
+    return json.dumps(data, indent=2, allow_nan=False) + "\n"
 
 
 def repairs(read: Recording) -> list[Finding]:

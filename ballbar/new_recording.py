@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from acquisition import Recording, read_recording
-from acquisition.dialect import Dialect, dialect_file, dialect_names, load_dialect
+from acquisition.containers import container_of
+from acquisition.dialect import Container, Dialect, dialect_file, dialect_names, load_dialect
 from acquisition.layout import read_header, split_fields
 from acquisition.sources import MINIMUM_ROWS, force_layout, robot_layout
-from acquisition.text import LogText, read_text
+from acquisition.text import LogText, read_filled, text_of
 from acquisition.times import TIME_FORMS, recognised, words
 from cell.descriptions import ballbar_names, load_ballbar, robot_names
 from cell.errors import InputError, LogError
@@ -42,6 +43,20 @@ class Told:
     encoders: tuple[str, ...] = ()  # b1=COLUMN, or b1=COLUMN:-1
     lines: int | None = None
     bits: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """What a log shows without being read."""
+
+    name: str
+    container: Container
+    text: LogText | None  # none where it is no text
+
+    @property
+    def names(self) -> list[str]:
+        """Of its columns, as far as they can be seen."""
+        return [] if self.text is None else _names(self.text, self.container)
 
 
 def new_recording(folder: Path, robot_log: Path, ballbar_log: Path, told: Told, ask: Ask) -> Recording:
@@ -75,16 +90,16 @@ def new_recording(folder: Path, robot_log: Path, ballbar_log: Path, told: Told, 
 
 
 def _description(robot_log: Path, ballbar_log: Path, told: Told, ask: Ask) -> dict[str, Any]:
-    robot_text, bar_text = read_text(robot_log, robot_log.name, []), read_text(ballbar_log, ballbar_log.name, [])
-    robot_dialect = told.robot_dialect or _ask_dialect("robot", robot_log.name, robot_text, ask)
-    bar_dialect = told.ballbar_dialect or _ask_dialect("ballbar", ballbar_log.name, bar_text, ask)
+    robot_shown, bar_shown = _shown(robot_log), _shown(ballbar_log)
+    robot_dialect = told.robot_dialect or _ask_dialect("robot", robot_shown, ask)
+    bar_dialect = told.ballbar_dialect or _ask_dialect("ballbar", bar_shown, ask)
     robot = told.robot or ask(f"Which robot? ({', '.join(robot_names())}, or a .yaml file)", None)
     ballbar = told.ballbar or ask(f"Which ball-bar? ({', '.join(ballbar_names())}, or a .yaml file)", None)
     sources = {
-        "robot": _source(robot_log, robot_dialect, told.robot_time, robot_text, ask),
-        "ballbar": _source(ballbar_log, bar_dialect, told.ballbar_time, bar_text, ask),
+        "robot": _source(robot_shown, robot_dialect, told.robot_time, ask),
+        "ballbar": _source(bar_shown, bar_dialect, told.ballbar_time, ask),
     }
-    encoders = _encoders(bar_text, ballbar, told, ask)
+    encoders = _encoders(bar_shown, ballbar, told, ask)
     return {
         "schema": "ballbar-recording/1",
         "kind": "real",
@@ -96,21 +111,31 @@ def _description(robot_log: Path, ballbar_log: Path, told: Told, ask: Ask) -> di
     }
 
 
-def _ask_dialect(side: str, name: str, text: LogText, ask: Ask) -> str:
-    fits = [one for one in dialect_names() if load_dialect(one).source == side and _header_fits(load_dialect(one), text)]
+def _shown(log: Path) -> _Shown:
+    """A log as far as it shows what it is. Raises LogError if it cannot be opened."""
+    raw = read_filled(log, log.name, [])
+    container = container_of(raw)
+    text = text_of(raw, log.name, []) if container in ("text", "twincat-scope") else None
+    return _Shown(log.name, container, text)
+
+
+def _ask_dialect(side: str, shown: _Shown, ask: Ask) -> str:
+    name = shown.name
+    fits = [one for one in dialect_names() if load_dialect(one).source == side and _fits(load_dialect(one), shown)]
     known = ", ".join(one for one in dialect_names() if load_dialect(one).source == side)
     if fits:
-        question = (
-            f"{name}: its columns fit the dialect {fits[0]}: {_meaning(load_dialect(fits[0]))}. Which dialect? ({known}, or a .yaml file)"
-        )
+        question = f"{name} fits the dialect {fits[0]}: {_meaning(load_dialect(fits[0]))}. Which dialect? ({known}, or a .yaml file)"
     else:
-        question = f"{name}: its columns fit no dialect. Which one? ({known}, or a .yaml file of your own)"
+        question = f"{name} fits no dialect. Which one? ({known}, or a .yaml file of your own)"
     return ask(question, fits[0] if len(fits) == 1 else None)
 
 
-def _header_fits(dialect: Dialect, text: LogText) -> bool:
-    if dialect.container != "text":
+def _fits(dialect: Dialect, shown: _Shown) -> bool:
+    if dialect.container != shown.container:
         return False
+    text = shown.text
+    if text is None or shown.container != "text":
+        return True
     source = SourceFile(files=(text.file,), dialect="")
     try:
         if dialect.source == "robot":
@@ -118,7 +143,7 @@ def _header_fits(dialect: Dialect, text: LogText) -> bool:
         elif dialect.source == "force":
             read_header(text, force_layout(source, dialect), [])
         else:
-            names = _names(text)
+            names = shown.names
             return dialect.time.column in names or bool(dialect.time.halves and set(dialect.time.halves) <= set(names))
     except LogError:
         return False
@@ -132,28 +157,28 @@ def _meaning(dialect: Dialect) -> str:
     return f"raw counters, time in {forms}"
 
 
-def _source(log: Path, dialect_name: str, time: str | None, text: LogText, ask: Ask) -> dict[str, Any]:
+def _source(shown: _Shown, dialect_name: str, time: str | None, ask: Ask) -> dict[str, Any]:
     own = dialect_name.endswith(".yaml")
     dialect = dialect_file(Path(dialect_name)) if own else load_dialect(dialect_name)
-    source: dict[str, Any] = {"files": [f"raw/{log.name}"], "dialect": dialect_name}
-    if time is None and dialect.time.forms and not _time_shows(dialect, text):
-        time = ask(f"{log.name}: what are the time stamps? They do not show it. ({', '.join(TIME_FORMS)})", None)
+    source: dict[str, Any] = {"files": [f"raw/{shown.name}"], "dialect": dialect_name}
+    if time is None and dialect.time.forms and not _time_shows(dialect, shown):
+        time = ask(f"{shown.name}: what are the time stamps? They do not show it. ({', '.join(TIME_FORMS)})", None)
     if time is not None:
         source["time"] = time
     return source
 
 
-def _time_shows(dialect: Dialect, text: LogText) -> bool:
-    names = _names(text)
-    if dialect.time.column not in names:
-        return True  # two halves: the reader sees
-    column = names.index(dialect.time.column)
+def _time_shows(dialect: Dialect, shown: _Shown) -> bool:
+    text = shown.text
+    if text is None or dialect.time.column not in shown.names:
+        return True  # two halves, or no text: the reader sees
+    column = shown.names.index(dialect.time.column)
     cells = [split_fields(line, _separator(text)) for line in text.lines[len(text.lines) // 2 : len(text.lines) // 2 + 1]]
     return any(len(row) > column and recognised(row[column], dialect.time.forms) is not None for row in cells)
 
 
-def _encoders(text: LogText, ballbar: str, told: Told, ask: Ask) -> dict[str, dict[str, Any]]:
-    names = _names(text)
+def _encoders(bar: _Shown, ballbar: str, told: Told, ask: Ask) -> dict[str, dict[str, Any]]:
+    names = bar.names
     chosen = _told_encoders(told.encoders)
     if not chosen:
         shown = [name for name in ENCODERS if name in names]
@@ -186,9 +211,12 @@ def _whole(answer: str) -> int:
     return int(answer)
 
 
-def _names(text: LogText) -> list[str]:
-    """Names of the header: the first of the first lines that has as many fields as most lines."""
+def _names(text: LogText, container: Container) -> list[str]:
+    """Names of the header: the first of the first lines that has as many fields as most lines; of the channels of a Scope export."""
     separator = _separator(text)
+    if container == "twincat-scope":
+        heads = [split_fields(line, separator) for line in text.lines[:MINIMUM_ROWS] if line.startswith("Name")]
+        return [name for head in heads[-1:] for name in head if name != "Name"]
     width = len(split_fields(text.lines[-1], separator))
     rows = (split_fields(line, separator) for line in text.lines[:MINIMUM_ROWS])
     return next((row for row in rows if len(row) == width), [])

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from acquisition import Recording, read_recording
+from ballbar.check import import_reports
 from ballbar.compare import identification_against_truth, limits_of
 from ballbar.iterations import IterationLog
 from ballbar.replay.command import REPLAY
@@ -16,7 +17,7 @@ from ballbar.run_data import RunData
 from ballbar.run_recordings import Progress, identify_recordings
 from ballbar.scenario import IdentifySettings, Scenario
 from cell.errors import InputError
-from cell.files import claim_folder
+from cell.files import claim_folder, write_whole
 from cell.logs import RobotLog
 from cell.recording import load_recording_file
 from ident.calibration import write_calibration
@@ -27,8 +28,9 @@ from sim.simulate import Simulation, simulate, truth_path, write_recording
 RECORDING = "recording"
 CALIBRATION = "calibration.yaml"
 REPORT = "report.html"
+IMPORT_REPORT = "import_report.json"
 
-OUTPUTS = {CALIBRATION, REPORT, REPLAY}
+OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY}
 
 
 def simulate_scenario(
@@ -73,8 +75,10 @@ def identify_folder(folder: Path, *, samples: int = DEFAULT_SAMPLES, progress: P
 
 
 def write_outputs(out: Path, data: RunData, *, command: str, replay: bool, progress: Progress) -> None:
-    """Writes calibration.yaml, report.html and, if asked for, run.rrd."""
+    """Writes calibration.yaml, import_report.json, report.html and, if asked for, run.rrd."""
     file = data.recording.description
+    read = {one.name: one.recording for one in data.fitted} | {one.outcome.name: one.recording for one in data.validations}
+    write_whole(out / IMPORT_REPORT, import_reports(read).encode())
     write_calibration(
         out / CALIBRATION,
         data.identification,

@@ -26,7 +26,7 @@ from types import FrameType
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.jumps import SMALLEST
+from acquisition.outliers import SMALLEST
 from acquisition.recording import read_ballbar, read_robot
 from acquisition.report import Finding
 from acquisition.sources import Ledger

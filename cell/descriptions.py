@@ -24,6 +24,7 @@ from cell.strict_yaml import load_model
 
 Array = NDArray[np.float64]
 
+_BLOCK = 4096  # rows of angles multiplied at a time
 _FOLDER = Path(__file__).parent
 
 
@@ -268,17 +269,17 @@ def plate_names() -> list[str]:
 
 def motors_to_joints(robot: Robot, motors: ArrayLike) -> Array:
     """Joint angles (N, 6) [rad] of motor angles (N, 6) [rad]; also for one sample (6,), and for speeds."""
-    return _rows(motors) @ robot.transmission
+    return _times(_rows(motors), robot.transmission)
 
 
 def joints_to_motors(robot: Robot, joints: ArrayLike) -> Array:
     """Motor angles (N, 6) [rad] of joint angles (N, 6) [rad]; inverse of `motors_to_joints`."""
-    return _rows(joints) @ _inverse(robot.transmission)
+    return _times(_rows(joints), _inverse(robot.transmission))
 
 
 def controller_to_joints(robot: Robot, axes: ArrayLike) -> Array:
     """Joint angles (N, 6) [rad] of the controller's axis angles (N, 6) [rad]; also for one sample (6,)."""
-    return _rows(axes) @ robot.controller_to_joint + robot.controller_offset
+    return _times(_rows(axes), robot.controller_to_joint) + robot.controller_offset
 
 
 def joints_to_axes(robot: Robot, joints: ArrayLike) -> Array:
@@ -286,7 +287,9 @@ def joints_to_axes(robot: Robot, joints: ArrayLike) -> Array:
 
     Angles, not speeds: those have no offset, `speeds @ robot.joint_to_axis`.
     """
-    return (_rows(joints) - robot.controller_offset) @ robot.joint_to_axis
+    axes = _times(_rows(joints), robot.joint_to_axis)
+    axes -= robot.controller_offset @ robot.joint_to_axis
+    return axes
 
 
 def _rows(angles: ArrayLike) -> Array:
@@ -294,6 +297,16 @@ def _rows(angles: ArrayLike) -> Array:
     if rows.ndim == 0 or rows.shape[-1] != 6:
         raise ValueError(f"angles have shape {rows.shape}, expected (N, 6) or (6,)")
     return rows
+
+
+def _times(rows: Array, matrix: Array) -> Array:
+    """rows @ matrix, a block at a time: BLAS spreads larger ones over threads that wait longer than they work."""
+    if rows.ndim == 1 or len(rows) <= _BLOCK:
+        return np.asarray(rows @ matrix)
+    out = np.empty_like(rows)  # column by column where the rows are
+    for begin in range(0, len(rows), _BLOCK):
+        np.matmul(rows[begin : begin + _BLOCK], matrix, out=out[begin : begin + _BLOCK])
+    return out
 
 
 def _inverse(matrix: Array) -> Array:

@@ -28,6 +28,7 @@ class SourceFile(_Strict):
     dialect: str  # a shipped one, or a file of the recording folder that ends in .yaml
     time: str | None = None  # form of the time stamps (acquisition.times), where they do not tell it themselves
     columns: tuple[str, ...] | None = None  # names of all columns, for files without header
+    quantised: bool = False  # the rows were taken evenly, but the clock of the stamps steps by more than can be neglected
 
 
 class Sources(_Strict):

@@ -71,13 +71,13 @@ class YamlDocument:
         return self.lines[loc]
 
 
-class _CoreLoader(yaml.SafeLoader):
-    """PyYAML's scanner and parser with the core schema's scalars; composes nodes, constructs nothing."""
+class _Core(yaml.composer.Composer, yaml.resolver.Resolver):
+    """The nodes of a parser's events with the core schema's scalars; constructs nothing."""
 
     depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        event = self.peek_event()  # type: ignore[no-untyped-call]
+        event = self.peek_event()  # type: ignore[attr-defined]  # the parser's
         if getattr(event, "anchor", None) is not None:
             sign = "*" if isinstance(event, yaml.AliasEvent) else "&"
             raise yaml.composer.ComposerError(
@@ -91,7 +91,35 @@ class _CoreLoader(yaml.SafeLoader):
         return node
 
 
-_CoreLoader.yaml_implicit_resolvers = {None: [(tag, scalar[0]) for tag, scalar in _SCALARS.items() if tag != _TAG + "str"]}
+_Core.yaml_implicit_resolvers = {None: [(tag, scalar[0]) for tag, scalar in _SCALARS.items() if tag != _TAG + "str"]}
+
+
+class _CoreLoader(_Core, yaml.SafeLoader):
+    """With PyYAML's scanner and parser."""
+
+
+if yaml.__with_libyaml__:
+
+    class _FastLoader(_Core, yaml.CSafeLoader):
+        """With libyaml's scanner and parser, which are five times as fast."""
+
+        def __init__(self, text: str) -> None:
+            yaml.CSafeLoader.__init__(self, text)
+            yaml.composer.Composer.__init__(self)
+
+
+def _root(text: str) -> yaml.Node | None:
+    """The root node of a text.
+
+    Where libyaml refuses something, PyYAML says what. A tab, a `?` and a `!` stand for libyaml in places where PyYAML refuses them;
+    texts without those are the same to both.
+    """
+    if yaml.__with_libyaml__ and text.isascii() and not any(mark in text for mark in "\t?!"):
+        try:
+            return _FastLoader(text).get_single_node()
+        except yaml.YAMLError:
+            pass
+    return _CoreLoader(text).get_single_node()
 
 
 def load_yaml(path: Path) -> YamlDocument:
@@ -102,7 +130,7 @@ def load_yaml(path: Path) -> YamlDocument:
     """
     text = _read_text(path)
     try:
-        root = _CoreLoader(text).get_single_node()
+        root = _root(text)
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         _refuse(path, line, f"character U+{ord(text[error.position]):04X} is not allowed in YAML. Save the file as plain text.")

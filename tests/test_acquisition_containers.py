@@ -311,7 +311,7 @@ def test_a_big_endian_joint_state_is_read_as_well(tmp_path: Path) -> None:
     body += bytes(-len(body) % 8) + struct.pack(">d", 0.25) + struct.pack(">II", 0, 0)
     from acquisition.joint_state import decode_joint_state  # noqa: PLC0415
 
-    state = decode_joint_state(b"\0\0\0\0" + body)
+    state = decode_joint_state(b"\0\0\0\0" + body, [])
     assert (state.stamp_ns, state.positions) == (5_000_000_006, {"j1": 0.25})
 
 

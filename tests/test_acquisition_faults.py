@@ -191,6 +191,8 @@ def test_numbers_that_stand_for_none_are_left_out(tmp_path: Path) -> None:
         ("zeros at the start", "repaired", "raw/robot.csv", (2, 3, 4), 3),
     ]
     np.testing.assert_allclose(recording.robot_log.q, joint_course(np.delete(ROBOT_T, [0, 1, 2, 199])), atol=1e-12)
+    assert recording.robot_log.flags is not None
+    assert np.flatnonzero(recording.robot_log.flags & np.uint32(RowFlag.SENTINEL)).tolist() == [0, 196]  # the rows behind
     absent = motor_rows(np.where(np.arange(6) == 5, 9e9, joints_to_motors(ROBOT, joint_course(ROBOT_T))))
     with pytest.raises(LogError, match=r"raw/robot.csv:2: column m6: 9E9 in every row"):
         read_recording(write(tmp_path, robot=absent))

@@ -74,6 +74,13 @@ def found(recording: Recording) -> list[tuple[str, str, str, tuple[int, ...], in
     return [(one.kind, one.severity, one.file, one.lines, one.count) for one in findings]
 
 
+def flagged(recording: Recording, flag: RowFlag) -> list[int]:
+    """Rows of the ball-bar's log that have a flag, counted from 0."""
+    assert recording.ballbar_log is not None
+    assert recording.ballbar_log.flags is not None
+    return np.flatnonzero(recording.ballbar_log.flags & np.uint32(flag)).tolist()
+
+
 def test_both_logs_are_read_as_the_angles_that_were_recorded(tmp_path: Path) -> None:
     recording = read_recording(write(tmp_path))
     robot, ballbar = recording.robot_log, recording.ballbar_log
@@ -145,6 +152,7 @@ def test_a_repeated_stamp_keeps_its_first_row(tmp_path: Path) -> None:
     assert recording.ballbar_log is not None
     np.testing.assert_allclose(recording.ballbar_log.angles, bar_course(BAR_T), atol=0.51 / PER_RAD)
     assert found(recording) == [("duplicate stamp", "repaired", "raw/ballbar.csv", (102,), 1)]
+    assert flagged(recording, RowFlag.DUPLICATE) == [99]
 
 
 def test_overruns_and_gaps_are_reported_against_the_nominal_period(tmp_path: Path) -> None:
@@ -157,6 +165,7 @@ def test_overruns_and_gaps_are_reported_against_the_nominal_period(tmp_path: Pat
         ("gap", "warning", "raw/ballbar.csv", (202,), 1),
     ]
     assert "rows up to 210 ms after the one before; the nominal period is 10 ms" in recording.report.findings[-1].sentence
+    assert (flagged(recording, RowFlag.OVERRUN), flagged(recording, RowFlag.GAP)) == ([100], [200])
 
 
 def with_stamps(stamps: list[int]) -> list[str]:

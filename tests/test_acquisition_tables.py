@@ -251,3 +251,13 @@ def test_a_file_cut_anywhere_gives_a_prefix_of_its_rows_or_a_refusal(tmp_path_fa
     kept = list(zip(*(table.columns[name].tolist() for name in ("time", "b1", "b2")), strict=True))
     assert kept == rows[: content.count(b"\r") - 1]
     assert ("unterminated last line" in [one.kind for one in findings]) == (not content.endswith((b"\r", b"\n")))
+
+
+@pytest.mark.parametrize("end", ["\n", "\n\n"])  # read at once, and line by line
+def test_a_header_is_looked_for_behind_up_to_200_lines(tmp_path: Path, end: str) -> None:
+    preamble = "".join(f"key {k};value{end}" for k in range(200))
+    rows = f"time;b1;b2{end}1;2;3{end}"
+    table, _, findings = read(tmp_path, preamble + rows)
+    assert table.columns["b2"].tolist() == [3]
+    assert ("preamble", 200) in [(one.kind, one.count) for one in findings]
+    assert "column" in refusal(tmp_path, f"one more;value{end}" + preamble + rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
 from pathlib import Path
@@ -57,7 +58,7 @@ def test_a_scenario_runs_to_report_replay_and_limits(scenario: Path, tmp_path: P
     assert code == 0
     assert out.splitlines()[0].startswith("Good fit")
     assert "met" in out
-    assert {"calibration.yaml", "report.html", "run.rrd", "recording", "recording.truth.yaml"} == {
+    assert {"calibration.yaml", "import_report.json", "report.html", "run.rrd", "recording", "recording.truth.yaml"} == {
         p.name for p in (tmp_path / "out").iterdir()
     }
     code, out, _ = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
@@ -94,7 +95,11 @@ def test_simulate_check_and_identify_are_the_same_job_in_steps(scenario: Path, t
     assert offset == pytest.approx(-3.0, abs=0.1)
     code, out, _ = ballbar(monkeypatch, capsys, "identify", folder, "--samples", "300")
     assert code == 0
-    assert sorted(p.name for p in (tmp_path / "logs-identified").iterdir()) == ["calibration.yaml", "report.html"]
+    assert sorted(p.name for p in (tmp_path / "logs-identified").iterdir()) == ["calibration.yaml", "import_report.json", "report.html"]
+    _, out, _ = ballbar(monkeypatch, capsys, "check", "--json", folder)
+    checked = json.loads(out)
+    checked.pop("coarse_clock")
+    assert json.loads((tmp_path / "logs-identified/import_report.json").read_text())["recordings"] == {"logs": checked}
     code, out, _ = ballbar(monkeypatch, capsys, "replay", tmp_path / "logs-identified")
     assert code == 2
 

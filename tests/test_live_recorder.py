@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import re
 import resource
@@ -415,11 +416,15 @@ def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(
 
         sending = threading.Thread(target=send)
         sending.start()
-        options = ["--robot", mine, "--ballbar", "lund_600", "--egm", port, "--duration", "0.2"]
-        code, _, _ = ballbar(monkeypatch, capsys, "record", folder, *options)
+        options = ["--robot", mine, "--ballbar", "lund_600", "--egm", port, "--duration", "0.2", "--json"]
+        code, out, _ = ballbar(monkeypatch, capsys, "record", folder, *options)
         beat.set()
         sending.join()
     assert code == 0
+    told = json.loads(out)
+    assert told["recording"] == str(folder)
+    assert told["sources"]["robot"]["records"] > 5
+    assert told["sources"]["robot"]["lost"] == 0
     assert load_recording_file(folder).robot == "mine.yaml"
     assert (folder / "mine.yaml").read_bytes() == mine.read_bytes()
 

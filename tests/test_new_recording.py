@@ -1,5 +1,7 @@
 """`ballbar new`: two files become a recording folder, and nothing about them is guessed."""
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -7,6 +9,7 @@ import yaml
 
 from acquisition import read_recording
 from ballbar.commands import recordings
+from benchmarks.container_files import Written, egm, json_lines, mcap, mpe, scope
 from tests.test_acquisition_recording import bar_lines, robot_lines
 from tests.test_cli import ballbar
 
@@ -30,6 +33,25 @@ def test_options_and_accepted_proposals_make_a_folder_that_reads(logs: tuple[Pat
     assert description["encoders"]["b4"] == {"column": "b4", "lines": 3600, "bits": 12, "sign": 1}
     assert (tmp_path / "made/raw/bar.csv").read_bytes() == logs[1].read_bytes()
     assert read_recording(tmp_path / "made").robot_log.t.size == 800
+
+
+@pytest.mark.parametrize(
+    ("make", "dialect"),
+    [(mcap, "ros-joint-state"), (egm, "abb-egm"), (json_lines, "comau-json"), (mpe, "abb-mpe")],
+)
+def test_logs_that_are_no_tables_are_recognised_by_their_first_bytes(
+    make: Callable[[], Written], dialect: str, tmp_path: Path, monkeypatch, capsys
+) -> None:
+    robot, bar = tmp_path / f"robot{make().suffix}", tmp_path / "scope.csv"
+    robot.write_bytes(make().content)
+    bar.write_bytes(scope().content)
+    code, out, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", robot, bar, *SAID, "--yes", "--json")
+    assert code == 0
+    assert f"{robot.name} fits the dialect {dialect}" in err
+    told = json.loads(out)
+    assert told["recording"] == str(tmp_path / "made")
+    assert [(one["dialect"], one["rows_kept"]) for one in told["files"]] == [(dialect, 80), ("twincat-scope", 80)]
+    assert list(yaml.safe_load((tmp_path / "made/recording.yaml").read_text())["encoders"]) == ["b1", "b2"]
 
 
 def test_without_a_terminal_what_is_not_told_is_named_and_nothing_is_written(
@@ -62,7 +84,8 @@ def test_the_user_is_asked_at_the_prompt(logs: tuple[Path, Path], tmp_path: Path
     asked: list[str] = []
     answers = {"Which robot": "irb2400", "Which ball-bar": "lund_600"}
 
-    def prompt(question: str, default: str | None = None) -> str:
+    def prompt(question: str, default: str | None = None, *, err: bool) -> str:
+        assert not err
         asked.append(question)
         return default or next(answer for start, answer in answers.items() if question.startswith(start))
 

@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+import cell
+from cell import strict_yaml
 from cell.errors import DescriptionError
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import MAX_BYTES, load_model, load_yaml, parse_model
@@ -224,3 +226,27 @@ def test_a_check_of_the_model_itself_is_told_at_the_key_it_names(tmp_path: Path)
             return self
 
     assert refusal(tmp_path, "lower: 2\nupper: 1\n", Limits) == "file.yaml:2: upper = 1: expected more than lower, 2."
+
+
+SHIPPED = sorted(Path(cell.__file__).parent.parent.glob("*/**/*.yaml"))
+
+
+def test_libyaml_and_pyyaml_read_every_shipped_description_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    fast = [load_yaml(path) for path in SHIPPED]
+    monkeypatch.setattr(strict_yaml.yaml, "__with_libyaml__", False)
+    slow = [load_yaml(path) for path in SHIPPED]
+    assert len(SHIPPED) > 20
+    assert [(one.data, one.lines) for one in fast] == [(one.data, one.lines) for one in slow]
+
+
+@pytest.mark.parametrize("text", ["a: [1, b? c]\n", "a: {b: !length}\n", "a:\t1\n", "a: \t- 1\n"])
+def test_what_libyaml_alone_would_take_is_judged_by_pyyaml(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    def outcome() -> object:
+        try:
+            return load_yaml(write(tmp_path, text)).data
+        except DescriptionError as error:
+            return str(error)
+
+    fast = outcome()
+    monkeypatch.setattr(strict_yaml.yaml, "__with_libyaml__", False)
+    assert fast == outcome()

@@ -44,7 +44,7 @@ def test_the_json_of_a_run_holds_calibration_comparison_and_limits(made: tuple[P
     assert done.returncode == 0, done.stderr
     data = json.loads(done.stdout)
     assert data["acceptable"] is True
-    assert data["files"] == ["calibration.yaml", "report.html", "run.rrd"]
+    assert data["files"] == ["calibration.yaml", "import_report.json", "report.html", "run.rrd"]
     assert data["calibration"]["schema"] == "ballbar-calibration/1"
     assert 0.0 < data["comparison"]["tcp_error"]["mean_m"] < 5e-5 < data["comparison"]["tcp_error_nominal"]["mean_m"]
     assert [limit["what"] for limit in data["limits"]] == ["TCP error, mean"]

@@ -33,7 +33,7 @@ def run(
 ) -> None:
     """Simulate a scenario, identify the robot from its logs, compare with the truth, write report and replay.
 
-    Writes recording/, calibration.yaml, report.html and run.rrd to DIR (default runs/NAME).
+    Writes recording/, calibration.yaml, import_report.json, report.html and run.rrd to DIR (default runs/NAME).
     Exits with 1 when a limit under `accept` is not met.
     """
     from ballbar.replay.live import live_run

@@ -52,7 +52,7 @@ def identify(
 ) -> None:
     """Identify a robot from one recording, or from several together; try it on others.
 
-    Writes calibration.yaml and report.html to DIR (default: the first RECORDING's folder with -identified behind its name).
+    Writes calibration.yaml, import_report.json and report.html to DIR (default: the first RECORDING's folder with -identified behind it).
     Exits with 1 when the fit or a held-out recording is not acceptable.
     """
     from ballbar.iterations import IterationLog

@@ -12,7 +12,7 @@ import typer
 from rich.markup import escape
 
 from acquisition.times import TIME_FORMS
-from ballbar.commands.options import AT_THE_CELL, RecordingFolder
+from ballbar.commands.options import AT_THE_CELL, AsJson, RecordingFolder, say_json
 from ballbar.terminal import err, out
 from cell.errors import InputError
 
@@ -35,17 +35,22 @@ def record(
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds after the first record; default until Ctrl-C.", min=0.1)] = None,
     live: Annotated[bool, typer.Option("--live", help="Show the angles in a rerun window as they come.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Record live: encoders from a TwinCAT PLC over ADS, robot axes from ABB EGM, into a recording that can be read at any moment.
 
     The PLC runs the program of docs/recorder.md. Waits for the devices, starts a new file when one was away, ends with Ctrl-C.
     Exits with 1 when the disk is full, or a device delivered nothing.
     """
-    from ballbar.record.command import RecordOptions
+    from ballbar.record.command import RecordOptions, record_data, say, silent
     from ballbar.record.command import record as record_live
 
     options = RecordOptions(plc=plc, egm=egm, robot=robot, ballbar=ballbar, plate=plate, duration=duration, live=live)
-    raise typer.Exit(0 if record_live(folder, options, out) else 1)
+    recording = record_live(folder, options, err if as_json else out)
+    if as_json:
+        say_json(record_data(folder, recording))
+    say(out, folder, recording)
+    raise typer.Exit(1 if silent(recording) else 0)
 
 
 @commands.command(rich_help_panel=AT_THE_CELL, epilog="Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer what it asks")
@@ -63,6 +68,7 @@ def new(
     lines: Annotated[int | None, typer.Option(help="Lines of the encoders a turn.", min=1)] = None,
     bits: Annotated[int | None, typer.Option(help="Bits of their interpolation.", min=8, max=13)] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Take what is proposed without asking; fail where nothing can be.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Make a recording folder from two log files: what they show is proposed, what they cannot show is asked.
 
@@ -72,20 +78,22 @@ def new(
     from ballbar.new_recording import Told, new_recording
 
     told = Told(robot, ballbar, robot_dialect, ballbar_dialect, robot_time, ballbar_time, tuple(encoder or ()), lines, bits)
-    read = new_recording(folder, robot_log, ballbar_log, told, partial(_answer, proposals_taken=yes))
+    read = new_recording(folder, robot_log, ballbar_log, told, partial(_answer, proposals_taken=yes, apart=as_json))
+    if as_json:
+        say_json({"recording": str(folder), **check_page.check_data(read, None)})
     for line in check_page.check_lines(read, None):
         out.print(f"[bold]{escape(line)}[/]" if line[0] != " " else escape(line))
     out.print(f"Made {escape(str(folder))}. Look at recording.yaml in it, then: ballbar check {escape(str(folder))}")
 
 
-def _answer(question: str, proposal: str | None, *, proposals_taken: bool) -> str:
-    """What the user answers, or the proposal."""
+def _answer(question: str, proposal: str | None, *, proposals_taken: bool, apart: bool) -> str:
+    """What the user answers, or the proposal; apart : from the standard output, which is for JSON."""
     if proposals_taken and proposal is not None:
-        out.print(f"{escape(question)} [bold]{escape(proposal)}[/]")
+        (err if apart else out).print(f"{escape(question)} [bold]{escape(proposal)}[/]")
         return proposal
     if proposals_taken or not sys.stdin.isatty():
         raise InputError(f"not told: {question}{f' Proposed: {proposal}; --yes takes it.' * bool(proposal)} Nothing was written.")
-    return str(typer.prompt(question, default=proposal))
+    return str(typer.prompt(question, default=proposal, err=apart))
 
 
 @commands.command(

@@ -52,8 +52,8 @@ class RecordOptions:
         return tuple(name for name in self.cell if name.endswith(".yaml"))
 
 
-def record(folder: Path, options: RecordOptions, out: Console) -> bool:
-    """Records until Ctrl-C or the duration. Returns whether every source delivered.
+def record(folder: Path, options: RecordOptions, out: Console) -> LiveRecording:
+    """Records until Ctrl-C or the duration, showing on `out` how it goes.
 
     Raises InputError for bad options or a folder in use, RecorderError when it cannot write.
     """
@@ -79,22 +79,48 @@ def record(folder: Path, options: RecordOptions, out: Console) -> bool:
                 show_until_stopped(out, recording, duration=options.duration)
             finally:
                 recording.finish()
-    return _say(out, folder, recording)
+    return recording
 
 
-def _say(out: Console, folder: Path, recording: LiveRecording) -> bool:
+def silent(recording: LiveRecording) -> list[str]:
+    """Names of the sources that delivered nothing."""
+    return [source.name for source in recording.progress if not source.records]
+
+
+def record_data(folder: Path, recording: LiveRecording) -> dict[str, object]:
+    """What was recorded, ready for JSON."""
+    return {
+        "recording": str(folder),
+        "sources": {
+            one.name: {
+                "records": one.records,
+                "lost": one.lost,
+                "gaps": one.gaps,
+                "refused": one.refused,
+                "segments": one.segments,
+                "rate_Hz": one.rate,
+                "events": list(one.events),
+                "warnings": list(one.warnings),
+            }
+            for one in recording.progress
+        },
+        "missing": list(recording.missing),
+    }
+
+
+def say(out: Console, folder: Path, recording: LiveRecording) -> None:
+    """The same in words."""
     progress = recording.progress
     say_recording(out, progress)
-    silent = [source.name for source in progress if not source.records]
-    for name in silent:
+    nothing = silent(recording)
+    for name in nothing:
         out.print(f"[red]{name}: delivered nothing[/]")
-    if len(silent) < len(progress):
+    if len(nothing) < len(progress):
         for words in recording.missing:
             out.print(f"Still missing: {escape(words)}.")
         out.print(
             f"Recording {escape(str(folder))}" + ("" if recording.missing else f", look at it with: ballbar check {escape(str(folder))}")
         )
-    return not silent
 
 
 def _cell_names(options: RecordOptions) -> CellNames:
