@@ -32,7 +32,7 @@ from sim.simulate import load_lissajous
 
 CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and one drawn
 WIDTH = 120  # characters of a table in a pipe or file
-EVALUATIONS = 6000  # of CMA-ES: about 100 s on two quiet cores
+EVALUATIONS = 20_000  # of CMA-ES: some minutes on two quiet cores
 
 
 def default_folder(file: Path) -> Path:
