@@ -1,13 +1,12 @@
 """What planning gains: predicted, against random paths and the hand-made one; and confirmed, by identifying simulated recordings.
 
     python -m benchmarks.planned_paths predicted                # 200 random paths that can be run, both robots: minutes
-    python -m benchmarks.planned_paths identified               # 10 drawn robots with everything on, both robots: half an hour
+    python -m benchmarks.planned_paths identified               # 10 drawn robots with everything on, all paths: minutes
 
 Paths: scenarios/paths/ROBOT_planned.yaml; ROBOT_a.yaml, the hand-made path of the thesis's kind (mujoco_facts sec. 10); and of the
 random ones those in the middle, one for each drawn robot (ranks 96 to 105 of 200), so that no single path stands for the median. Four
-encoders, 120 s, one recording a fit, no force or torque signal; the hand-made path's fits are those of benchmarks.everything_on, of the
-same drawn robots. Writes docs/studies/planned_paths_random_ROBOT.csv, which holds the random paths themselves, and
-planned_paths_identified_ROBOT.csv.
+encoders, 120 s, one recording a fit, no force or torque signal. Writes docs/studies/planned_paths_random_ROBOT.csv, which holds the
+random paths themselves, and planned_paths_identified_ROBOT.csv.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ from planning.sample import sampled
 from sim.simulate import load_lissajous
 
 ROBOTS = ("irb2400", "nj220")
-PATHS = ("planned", "random")
+PATHS = ("planned", "a", "random")
 RANDOM = 200
 KEYS = ("centre_deg", "amplitude_deg", "cycles", "phase_deg")  # of a path file
 STUDIES = ROOT / "docs" / "studies"
@@ -83,8 +82,8 @@ def predicted_of(robot: str, path: str) -> float:
 
 
 def identified(robot: str, path: str, seed: int) -> dict[str, object]:
-    """TCP error of one drawn robot, identified from one recording of the planned path or of a random one in the middle."""
-    asked = _scenario(robot, "planned").model_dump(mode="json", by_alias=True, exclude_none=True)
+    """TCP error of one drawn robot, identified from one recording of one path."""
+    asked = _scenario(robot, path).model_dump(mode="json", by_alias=True, exclude_none=True)
     asked["errors"]["static"] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "thesis"}
     with tempfile.TemporaryDirectory() as folder:
         if path == "random":
@@ -97,16 +96,9 @@ def identified(robot: str, path: str, seed: int) -> dict[str, object]:
     tcp = identification_against_truth(found, truth).tcp
     return {
         "robot": robot, "path": path, "seed": seed, "status": found.verdict.status, "tcp_mean_mm": tcp.mean * 1e3,
-        "tcp_max_mm": tcp.maximum * 1e3, "tcp_sigma_mm": float(found.tcp_sigma.mean()) * 1e3,
+        "tcp_max_mm": tcp.maximum * 1e3, "tcp_mean_without_scale_mm": float(tcp.error_without_scale.mean()) * 1e3,
+        "tcp_sigma_mm": float(found.tcp_sigma.mean()) * 1e3, "chi2": found.chi2_per_dof, "autocorrelation": found.autocorrelation,
     }  # fmt: skip
-
-
-def by_hand(robot: str, seeds: int) -> list[dict[str, object]]:
-    """The same robots identified from the hand-made path alone, as benchmarks.everything_on left them."""
-    columns = ("robot", "seed", "status", "tcp_mean_mm", "tcp_max_mm", "tcp_sigma_mm")
-    with (STUDIES / f"everything_on_{robot}_12.csv").open() as file:
-        rows = [row for row in csv.DictReader(file) if row["paths"] == "a" and row["signal"] == "none" and int(row["seed"]) <= seeds]
-    return [{"robot": row["robot"], "path": "a"} | {c: row[c] for c in columns[1:]} for row in rows]
 
 
 def kept(robot: str, paths: set[str]) -> list[dict[str, object]]:
@@ -121,7 +113,7 @@ def _judge(robot: str) -> Judge:
 
 
 def _scenario(robot: str, path: str) -> Scenario:
-    return load_scenario(SCENARIOS / (f"{robot}_planned.yaml" if path == "planned" else f"{robot}_full.yaml"))
+    return load_scenario(SCENARIOS / (f"{robot}_full.yaml" if path == "a" else f"{robot}_planned.yaml"))
 
 
 def main() -> None:
@@ -129,7 +121,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("half", choices=("predicted", "identified"))
     parser.add_argument("--robot", choices=ROBOTS, action="append", help="default both")
-    parser.add_argument("--path", choices=PATHS, action="append", help="to identify; the rows of the other stay as they are; default both")
+    parser.add_argument("--path", choices=PATHS, action="append", help="to identify; the rows of the others stay as they are; default all")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
@@ -141,7 +133,7 @@ def main() -> None:
         else:
             for robot in robots:
                 paths = asked.path or list(PATHS)
-                rows = [*by_hand(robot, asked.seeds), *kept(robot, set(PATHS) - set(paths))]
+                rows = kept(robot, set(PATHS) - set(paths))
                 jobs = [(robot, path, seed) for path in paths for seed in range(1, asked.seeds + 1)]
                 for row in pool.map(identified, *zip(*jobs, strict=True)):
                     rows.append(row)
@@ -166,7 +158,7 @@ def _say_identified(robot: str, rows: list[dict[str, object]]) -> None:
     def column(path: str, name: str) -> np.ndarray:
         return np.array([float(str(row[name])) for row in rows if row["path"] == path])
 
-    for name in ("tcp_mean_mm", "tcp_max_mm"):
+    for name in ("tcp_mean_mm", "tcp_max_mm", "tcp_mean_without_scale_mm"):
         planned = column("planned", name)
         for rival, words in (("random", "random"), ("a", "by hand")):
             other = column(rival, name)
