@@ -28,7 +28,7 @@ from planning.request import PlanLimits, PlanRequest, tightened
 
 NEARLY = 0.5  # excess of the motion up to which forces and clearance are looked at
 UNEXAMINED = 5.0
-ROBOTS = 3  # whose tension enters a judgement; the report takes all of planning.force
+ROBOTS = 2  # whose tension enters a judgement; the report takes all of planning.force
 
 
 @dataclass(frozen=True, eq=False)
