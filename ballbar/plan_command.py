@@ -208,7 +208,7 @@ def say_checks(out: Console, found: list[tuple[int, list[Check]]]) -> None:
 
 def _wide(out: Console) -> Console:
     """Room for a table in a pipe or file."""
-    return out if out.is_terminal else Console(file=out.file, width=WIDTH)
+    return out if out.is_terminal else Console(file=out.file, width=WIDTH, quiet=out.quiet)
 
 
 def parse_position(text: str) -> tuple[float, float, float]:
