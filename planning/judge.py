@@ -27,7 +27,7 @@ from planning.predict import Prediction, Predictor, moving, planned_unknowns, pr
 from planning.request import PlanLimits, PlanRequest, tightened
 
 NEARLY = 0.5  # excess of the motion up to which forces and clearance are looked at
-UNEXAMINED = 5.0
+UNEXAMINED = 10.0  # more than forces and clearance come to
 ROBOTS = 2  # whose tension enters a judgement; the report takes all of planning.force
 
 
@@ -120,9 +120,8 @@ def _too_strong(forces: Forces, limit: float, course: Course) -> list[Violation]
     if forces.largest <= limit:
         return []
     k = int(np.abs(forces.tension).max(axis=0).argmax())
-    return [
-        Violation("force_N", forces.largest / limit - 1.0, f"{forces.largest:.0f} N in the rod at t = {course.t[k]:.1f} s, limit {limit:g}")
-    ]
+    text = f"{forces.largest:.0f} N in the rod at t = {course.t[k]:.1f} s, limit {limit:g}"
+    return [Violation("force_N", float(np.log(forces.largest / limit)), text)]
 
 
 def _too_near(judge: Judge, course: Course) -> list[Violation]:
