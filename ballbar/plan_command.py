@@ -107,7 +107,7 @@ def say_answers(out: Console, plan: Plan, given: Sequence[Answer]) -> None:
     """The table: expected TCP error with one thing changed at a time."""
     shown = Table(box=None, pad_edge=False)
     for heading in ("what if", "value", "TCP sigma [um]", "plate's length adds [um]", "together [um]", ""):
-        shown.add_column(heading, justify="left" if heading in ("what if", "") else "right")
+        shown.add_column(escape(heading), justify="left" if heading in ("what if", "") else "right")
     here = plan.found.tcp
     shown.add_row("as planned", "", f"{here * 1e6:.1f}", f"{plan.plate_adds * 1e6:.1f}", f"{np.hypot(here, plan.plate_adds) * 1e6:.1f}", "")
     for one in given:

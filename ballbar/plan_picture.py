@@ -64,7 +64,7 @@ def what_if_picture(plan: Plan, given: Sequence[Answer]) -> bytes:
             axes.axhline(plan.found.tcp * 1e6, color=FAINT, lw=0.8)
             axes.set_xticks(place, [a.value for a in answers], rotation=30, ha="right")
             axes.set_title(key.replace("_", " "))
-            axes.set_ylim(bottom=0.0)
+        figure.axes[0].set_ylim(bottom=0.0)  # of all panels, once all is drawn
         figure.axes[0].set_ylabel("TCP sigma [um rms]")
         figure.axes[0].legend(frameon=False, fontsize=7)
         return svg_text(figure).encode()

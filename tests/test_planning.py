@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +11,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rich.console import Console
 from typer.testing import CliRunner
 
 from ballbar.cli import app
+from ballbar.plan_command import say_answers
 from cell.descriptions import joints_to_axes, load_cell
 from cell.errors import DescriptionError, InputError
 from cell.geometry import bar_frames
@@ -300,6 +303,14 @@ def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Judge, Candidate]) 
     assert tcp[0] < tcp[1] < tcp[2]
     assert found[4].scale == pytest.approx(0.5 * found[3].scale, rel=0.2)  # the longer plate widens the workspace too
     assert tcp[6] > tcp[5]
+
+
+def test_the_table_of_what_if_states_its_units(runnable: tuple[Judge, Candidate]) -> None:
+    """Regression: rich took [um] for a style and left it out."""
+    judge, candidate = runnable
+    shown = io.StringIO()
+    say_answers(Console(file=shown, width=120), assessed(judge, candidate), [])
+    assert shown.getvalue().count("[um]") == 3
 
 
 @pytest.mark.parametrize(
