@@ -1,11 +1,12 @@
 """What planning gains: predicted, against random paths and the hand-made one; and confirmed, by identifying simulated recordings.
 
     python -m benchmarks.planned_paths predicted                # 200 random paths that can be run, both robots: minutes
-    python -m benchmarks.planned_paths identified               # 10 drawn robots with everything on, both robots: ten minutes
+    python -m benchmarks.planned_paths identified               # 10 drawn robots with everything on, all paths: minutes
 
-Paths: scenarios/paths/ROBOT_planned.yaml, and ROBOT_a.yaml, the hand-made path of the thesis's kind (mujoco_facts sec. 10). Four
-encoders, 120 s, one recording a fit, no force or torque signal; the hand-made path's fits are those of benchmarks.everything_on, of the
-same drawn robots. Writes docs/studies/planned_paths_random_ROBOT.csv and planned_paths_identified_ROBOT.csv.
+Paths: scenarios/paths/ROBOT_planned.yaml; ROBOT_a.yaml, the hand-made path of the thesis's kind (mujoco_facts sec. 10); and of the
+random ones those in the middle, one for each drawn robot (ranks 96 to 105 of 200), so that no single path stands for the median. Four
+encoders, 120 s, one recording a fit, no force or torque signal. Writes docs/studies/planned_paths_random_ROBOT.csv, which holds the
+random paths themselves, and planned_paths_identified_ROBOT.csv.
 """
 
 from __future__ import annotations
@@ -22,10 +23,12 @@ import numpy as np
 from ballbar.compare import identification_against_truth
 from ballbar.scenario import Scenario, load_scenario
 from benchmarks.everything_on import ROOT, SCENARIOS, recorded
-from cell.files import write_whole
+from cell.files import write_whole, write_yaml
+from cell.geometry import BAR_ROWS
 from ident.identify import identify_together
-from planning.candidate import Candidate
+from planning.candidate import Candidate, rounded, space_of
 from planning.course import course_over
+from planning.files import path_data
 from planning.force import predicted_forces
 from planning.judge import Judge, judges, tcp_rms
 from planning.limits import violations
@@ -35,14 +38,37 @@ from planning.sample import sampled
 from sim.simulate import load_lissajous
 
 ROBOTS = ("irb2400", "nj220")
+PATHS = ("planned", "a", "random")
 RANDOM = 200
+KEYS = ("centre_deg", "amplitude_deg", "cycles", "phase_deg")  # of a path file
 STUDIES = ROOT / "docs" / "studies"
 
 
-def random_figures(robot: str) -> list[float]:
-    """[m] predicted TCP sigma of RANDOM random paths that can be run."""
+def random_paths(robot: str) -> list[dict[str, object]]:
+    """RANDOM random paths that can be run: predicted TCP sigma, numbers of the path file, place of the ball-bar."""
     judge = _judge(robot)
-    return sampled(judge, seed=judge.request.seed + 1000, seconds=3600.0, wanted=RANDOM).tcp
+    found = sampled(judge, seed=judge.request.seed + 1000, seconds=3600.0, wanted=RANDOM)
+    return [
+        {"random_path": k + 1, "tcp_sigma_um": tcp * 1e6} | _numbers(rounded(space_of(judge.request).candidate(z)))
+        for k, (z, tcp) in enumerate(zip(found.z, found.tcp, strict=True))
+    ]
+
+
+def _numbers(candidate: Candidate) -> dict[str, object]:
+    """A candidate as columns of a table."""
+    data = path_data(candidate)
+    columns = {f"{key}_b{j + 1}": str(data[key][j]) for key in KEYS for j in range(BAR_ROWS)}  # type: ignore[index]
+    return columns | {f"ballbar_{axis}_m": str(value) for axis, value in zip("xyz", candidate.position.tolist(), strict=True)}
+
+
+def middle_path(robot: str, seed: int) -> tuple[dict[str, object], list[float]]:
+    """The random path whose rank is that of the median, a few ranks to either side by the seed: path file and place [m] of the ball-bar."""
+    with (STUDIES / f"planned_paths_random_{robot}.csv").open() as file:
+        rows = sorted(csv.DictReader(file), key=lambda row: float(row["tcp_sigma_um"]))
+    row = rows[len(rows) // 2 - 5 + (seed - 1) % 10]
+    read = {"cycles": int}
+    path = {key: [read.get(key, float)(row[f"{key}_b{j + 1}"]) for j in range(BAR_ROWS)] for key in KEYS}
+    return {"schema": "ballbar-path/1", **path}, [float(row[f"ballbar_{axis}_m"]) for axis in "xyz"]
 
 
 def predicted_of(robot: str, path: str) -> float:
@@ -55,27 +81,30 @@ def predicted_of(robot: str, path: str) -> float:
     return float(np.median(figures))
 
 
-def identified(robot: str, seed: int) -> dict[str, object]:
-    """TCP error of one drawn robot, identified from one recording of the planned path."""
-    asked = _scenario(robot, "planned").model_dump(mode="json", by_alias=True, exclude_none=True)
+def identified(robot: str, path: str, seed: int) -> dict[str, object]:
+    """TCP error of one drawn robot, identified from one recording of one path."""
+    asked = _scenario(robot, path).model_dump(mode="json", by_alias=True, exclude_none=True)
     asked["errors"]["static"] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "thesis"}
-    scenario = Scenario.model_validate(asked | {"seed": seed}, strict=False)
     with tempfile.TemporaryDirectory() as folder:
+        if path == "random":
+            data, asked["cell"]["ballbar_position_m"] = middle_path(robot, seed)
+            asked["path"]["file"] = str(Path(folder) / "path.yaml")
+            write_yaml(Path(folder) / "path.yaml", data)
+        scenario = Scenario.model_validate(asked | {"seed": seed}, strict=False)
         cell, logs, truth = recorded(scenario, Path(folder) / "recording")
     found = identify_together(cell, [logs], model="complete", force="none")[0]
     tcp = identification_against_truth(found, truth).tcp
     return {
-        "robot": robot, "path": "planned", "seed": seed, "status": found.verdict.status, "tcp_mean_mm": tcp.mean * 1e3,
-        "tcp_max_mm": tcp.maximum * 1e3, "tcp_sigma_mm": float(found.tcp_sigma.mean()) * 1e3,
+        "robot": robot, "path": path, "seed": seed, "status": found.verdict.status, "tcp_mean_mm": tcp.mean * 1e3,
+        "tcp_max_mm": tcp.maximum * 1e3, "tcp_mean_without_scale_mm": float(tcp.error_without_scale.mean()) * 1e3,
+        "tcp_sigma_mm": float(found.tcp_sigma.mean()) * 1e3, "chi2": found.chi2_per_dof, "autocorrelation": found.autocorrelation,
     }  # fmt: skip
 
 
-def by_hand(robot: str, seeds: int) -> list[dict[str, object]]:
-    """The same robots identified from the hand-made path alone, as benchmarks.everything_on left them."""
-    columns = ("robot", "seed", "status", "tcp_mean_mm", "tcp_max_mm", "tcp_sigma_mm")
-    with (STUDIES / f"everything_on_{robot}.csv").open() as file:
-        rows = [row for row in csv.DictReader(file) if row["paths"] == "a" and row["signal"] == "none" and int(row["seed"]) <= seeds]
-    return [{"robot": row["robot"], "path": "a"} | {c: row[c] for c in columns[1:]} for row in rows]
+def kept(robot: str, paths: set[str]) -> list[dict[str, object]]:
+    """Rows of an earlier run."""
+    file = STUDIES / f"planned_paths_identified_{robot}.csv"
+    return [dict(row) for row in csv.DictReader(io.StringIO(file.read_text())) if row["path"] in paths]
 
 
 def _judge(robot: str) -> Judge:
@@ -84,7 +113,7 @@ def _judge(robot: str) -> Judge:
 
 
 def _scenario(robot: str, path: str) -> Scenario:
-    return load_scenario(SCENARIOS / (f"{robot}_planned.yaml" if path == "planned" else f"{robot}_full.yaml"))
+    return load_scenario(SCENARIOS / (f"{robot}_full.yaml" if path == "a" else f"{robot}_planned.yaml"))
 
 
 def main() -> None:
@@ -92,29 +121,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("half", choices=("predicted", "identified"))
     parser.add_argument("--robot", choices=ROBOTS, action="append", help="default both")
+    parser.add_argument("--path", choices=PATHS, action="append", help="to identify; the rows of the others stay as they are; default all")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
     robots = asked.robot or list(ROBOTS)
     with ProcessPoolExecutor(asked.workers) as pool:
         if asked.half == "predicted":
-            for robot, figures in zip(robots, pool.map(random_figures, robots), strict=True):
-                _say_predicted(robot, figures)
+            for robot, rows in zip(robots, pool.map(random_paths, robots), strict=True):
+                _say_predicted(robot, rows)
         else:
             for robot in robots:
-                rows = by_hand(robot, asked.seeds)
-                for row in pool.map(identified, [robot] * asked.seeds, range(1, asked.seeds + 1)):
+                paths = asked.path or list(PATHS)
+                rows = kept(robot, set(PATHS) - set(paths))
+                jobs = [(robot, path, seed) for path in paths for seed in range(1, asked.seeds + 1)]
+                for row in pool.map(identified, *zip(*jobs, strict=True)):
                     rows.append(row)
                     print(", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items()), flush=True)
                     write_whole(STUDIES / f"planned_paths_identified_{robot}.csv", _csv(rows))
                 _say_identified(robot, rows)
 
 
-def _say_predicted(robot: str, figures: list[float]) -> None:
-    rows = [{"random_path": k + 1, "tcp_sigma_um": figure * 1e6} for k, figure in enumerate(figures)]
+def _say_predicted(robot: str, rows: list[dict[str, object]]) -> None:
     write_whole(STUDIES / f"planned_paths_random_{robot}.csv", _csv(rows))
+    figures = [float(str(row["tcp_sigma_um"])) for row in rows]
     planned, hand = (predicted_of(robot, path) * 1e6 for path in ("planned", "a"))
-    median, best = float(np.median(figures)) * 1e6, min(figures) * 1e6
+    median, best = float(np.median(figures)), min(figures)
     print(
         f"{robot}: predicted TCP sigma [um rms]: planned {planned:.1f}, by hand {hand:.1f} ({hand / planned:.2f} times), "
         f"{len(figures)} random ones median {median:.1f} ({median / planned:.2f} times), best {best:.1f}",
@@ -126,14 +158,16 @@ def _say_identified(robot: str, rows: list[dict[str, object]]) -> None:
     def column(path: str, name: str) -> np.ndarray:
         return np.array([float(str(row[name])) for row in rows if row["path"] == path])
 
-    for name in ("tcp_mean_mm", "tcp_max_mm"):
-        hand, planned = column("a", name), column("planned", name)
-        print(
-            f"{robot} {name}: by hand {hand.mean():.4f}, planned {planned.mean():.4f}, {hand.mean() / planned.mean():.2f} times smaller; "
-            f"medians {np.median(hand):.4f}, {np.median(planned):.4f}, {np.median(hand) / np.median(planned):.2f} times "
-            f"({planned.size} robots)",
-            flush=True,
-        )
+    for name in ("tcp_mean_mm", "tcp_max_mm", "tcp_mean_without_scale_mm"):
+        planned = column("planned", name)
+        for rival, words in (("random", "random"), ("a", "by hand")):
+            other = column(rival, name)
+            print(
+                f"{robot} {name}: {words} {other.mean():.4f}, planned {planned.mean():.4f}, {other.mean() / planned.mean():.2f} times "
+                f"smaller; medians {np.median(other):.4f}, {np.median(planned):.4f}, {np.median(other) / np.median(planned):.2f} times "
+                f"({planned.size} robots)",
+                flush=True,
+            )
 
 
 def _csv(rows: list[dict[str, object]]) -> bytes:

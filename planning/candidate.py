@@ -17,7 +17,7 @@ from sim.path import Lissajous
 
 SIDED = (1, 3)  # b2 and b4: negative, as in the path files of this project
 DECIMALS, POSITION_DECIMALS = 2, 3  # of degrees and of metres in files
-WIDEST = np.radians(120.0)  # swing of b1, b3 and b5
+WIDEST = np.pi  # swing of b1, b3 and b5, where the cables allow it
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ def space_of(request: PlanRequest) -> Space:
         np.array(low),
         np.array(high),
         np.radians(limits.ballbar_margin_deg),
-        min(float(WIDEST), float(cable)),
+        min(WIDEST, float(cable)),
         request.cycles_max,
     )
 

@@ -23,6 +23,7 @@ with warnings.catch_warnings():
 SECONDS = 30.0  # a request for which nothing is found in this time most likely allows nothing
 BATCHES = 8  # screened for one descent
 GENERATIONS = 20  # of one descent
+SHOWN = 3  # limits that the nearest miss violates, worst first
 
 
 def first_path(given: dict[str, Judge], *, seconds: float = SECONDS) -> tuple[Start, int]:
@@ -45,8 +46,8 @@ def first_path(given: dict[str, Judge], *, seconds: float = SECONDS) -> tuple[St
         if least < VIOLATES:
             return Start(rod, best, least), tried
         if least < min(near[0], OFF):
-            near = (least, checked(judge, space.candidate(best)).violations[0].sentence)
-    miss = f" The nearest miss: {near[1]}." if near[1] else ""
+            near = (least, "; ".join(v.sentence for v in checked(judge, space.candidate(best)).violations[:SHOWN]))
+    miss = f" The nearest miss (limits with their reserve): {near[1]}." if near[1] else ""
     raise InputError(
         f"no path found: {tried} random paths and descents from the best of them failed, the random ones by: {tally(reasons)}.{miss} "
         "Move the ball-bar (cell.ballbar_region_m), take another rod, or widen the limit that stands in the way."

@@ -23,12 +23,12 @@ from planning.clearance import Clearance, clearance, nearest
 from planning.course import Course, course_over
 from planning.force import ForceModel, Forces, force_model, predicted_forces
 from planning.limits import Violation, violations
-from planning.predict import Prediction, Predictor, moving, planned_unknowns, predict, predictor
+from planning.predict import Prediction, Predictor, moving, planned_unknowns, predictions, predictor
 from planning.request import PlanLimits, PlanRequest, tightened
 
 NEARLY = 0.5  # excess of the motion up to which forces and clearance are looked at
-UNEXAMINED = 5.0
-ROBOTS = 1  # whose tension enters a judgement; the report takes all of planning.force
+UNEXAMINED = 10.0  # more than forces and clearance come to
+ROBOTS = 2  # whose tension enters a judgement; the report takes all of planning.force
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def judged(judge: Judge, candidate: Candidate) -> Judgement:
     at_best = checked(judge, candidate)
     if at_best.violations or at_best.course is None or at_best.forces is None:
         return at_best
-    tcp = [tcp_rms(judge, predict(judge.predictor, at_best.course, tension)) for tension in at_best.forces.tension[:ROBOTS]]
+    tcp = [tcp_rms(judge, found) for found in predictions(judge.predictor, at_best.course, at_best.forces.tension[:ROBOTS])]
     return Judgement(candidate, (), at_best.course, at_best.forces, float(np.sqrt(np.mean(np.square(tcp)))))
 
 
@@ -120,9 +120,8 @@ def _too_strong(forces: Forces, limit: float, course: Course) -> list[Violation]
     if forces.largest <= limit:
         return []
     k = int(np.abs(forces.tension).max(axis=0).argmax())
-    return [
-        Violation("force_N", forces.largest / limit - 1.0, f"{forces.largest:.0f} N in the rod at t = {course.t[k]:.1f} s, limit {limit:g}")
-    ]
+    text = f"{forces.largest:.0f} N in the rod at t = {course.t[k]:.1f} s, limit {limit:g}"
+    return [Violation("force_N", float(np.log(forces.largest / limit)), text)]
 
 
 def _too_near(judge: Judge, course: Course) -> list[Violation]:

@@ -19,7 +19,7 @@ from planning.course import Course
 from planning.first import first_path
 from planning.force import load_reversals
 from planning.judge import Judge, Judgement, judged, judges
-from planning.predict import Prediction, predict
+from planning.predict import Prediction, predictions
 from planning.request import PlanRequest
 from planning.sample import VIOLATES
 from planning.search import Progress, Start, search
@@ -154,5 +154,5 @@ def assessed(judge: Judge, candidate: Candidate, *, evaluated: int = 0, seconds:
     found = judged(judge, candidate)
     if found.violations or found.course is None or found.forces is None:
         raise InputError(f"the path cannot be run: {'; '.join(v.sentence for v in found.violations)}")
-    predictions = tuple(predict(judge.predictor, found.course, tension) for tension in found.forces.tension)
-    return Plan(judge.request, judge, found, predictions, evaluated, seconds, stopped)
+    expected = predictions(judge.predictor, found.course, found.forces.tension)
+    return Plan(judge.request, judge, found, expected, evaluated, seconds, stopped)

@@ -25,7 +25,7 @@ from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
 from ident.free_robot import FreeRobot
 from ident.identify import DEFAULT_SAMPLES, WIDEST_KNOT_SPACING
-from ident.joint_fit import Excess, Model, Track, linearise
+from ident.joint_fit import Excess, Model, Point, Track, linearise
 from ident.loads import MassModel, mass_model
 from ident.machine import FIRST_EXCESS, tension_splines
 from ident.problem import Clock
@@ -80,6 +80,7 @@ class Prediction:
     layout: Unknowns
     model: Model
     normal: Array  # (P, P)
+    points: tuple[Point, ...]
     geometry: Geometry
     free: FreeRobot
     grid: Array
@@ -131,8 +132,8 @@ def planned_unknowns(on: Predictor, nominal: Geometry, recordings: Sequence[Reco
     return replace(layout, sigma=sigma), x
 
 
-def predict(on: Predictor, course: Course, tension: Array) -> Prediction:
-    """Of a course with a rod tension (N_course,) [N]."""
+def predict(on: Predictor, course: Course, tension: Array, near: Prediction | None = None) -> Prediction:
+    """Of a course with a rod tension (N_course,) [N]. near : of the same course with another tension, whose loads per newton are taken."""
     t = on.instants
     track = _track(on, course, t)
     shape = RecordingShape(track.joints, course.nominal, Clock(0.0, 0.0), track.knots.shape[0])
@@ -142,9 +143,17 @@ def predict(on: Predictor, course: Course, tension: Array) -> Prediction:
         x[knots] = on.to_knots @ np.interp(t, course.t, tension)
     model = Model(on.cell, on.masses, on.corrections, layout, (track,))
     bar = np.stack([np.interp(t, course.t, angle) for angle in course.b.T], axis=1)
-    linear = linearise(model, x, [bar], _excess(on))
+    linear = linearise(model, x, [bar], _excess(on), near=near.points if near else ())
     free = FreeRobot(on.cell, course.nominal, on.corrections, x[layout.coefficients])
-    return Prediction(layout, model, linear.normal, course.nominal, free, on.grid)
+    return Prediction(layout, model, linear.normal, linear.points, course.nominal, free, on.grid)
+
+
+def predictions(on: Predictor, course: Course, tensions: Array) -> tuple[Prediction, ...]:
+    """Of a course with each of the rod tensions (R, N_course) [N]."""
+    found: list[Prediction] = []
+    for tension in tensions:
+        found.append(predict(on, course, tension, found[0] if found else None))
+    return tuple(found)
 
 
 def _excess(on: Predictor) -> Excess:

@@ -1,7 +1,8 @@
-"""The search for the best path: random candidates first, then CMA-ES from the best of them, island after island, until time is up.
+"""The search for the best path: random candidates first, then races of CMA-ES islands from the best of them, until time is up.
 
 CMA-ES (Hansen, arXiv:1604.00772; library `cma`) moves swings, middles, phases and place; each island keeps the cycles and the rod that
-it began with. Two islands run side by side, one for each worker.
+it began with. Where an island will end shows only on the way, so several set out and the better half goes on (successive halving;
+Jamieson and Talwalkar, arXiv:1502.07943).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, field
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +32,8 @@ with warnings.catch_warnings():
 SLICE = 1.5  # [s] of random candidates between two looks at the clock
 RANDOM_SHARE = 0.15  # of the time goes into random candidates, at most
 STARTS = 80  # random candidates that can be run are enough
+ENTRANTS, FINALISTS = 8, 2  # islands of a race: half of them go on after each round, until two are left
+ROUND = 12  # generations
 SPREAD = 0.08  # first step of an island, of each number's range
 STALLED = 25  # generations without a gain of GAIN end an island
 GAIN = 0.003  # of the natural logarithm of the TCP sigma
@@ -89,7 +93,7 @@ def search(
     try:
         starts += _random(request, pool, rods, workers, since + RANDOM_SHARE * seconds, progress, show)
         starts = hints + _apart(sorted(starts, key=lambda s: s.figure))
-        _islands(request, pool, workers, since + seconds, evaluations, starts, progress, show)
+        _races(request, pool, since + seconds, evaluations, starts, progress, show)
     except KeyboardInterrupt:
         progress.stopped = True
     return progress
@@ -122,32 +126,36 @@ def _random(
     return starts
 
 
-def _islands(
+def _races(
     request: PlanRequest,
     pool: ProcessPoolExecutor,
-    workers: int,
     until: float,
     evaluations: int,
     starts: list[Start],
     progress: Progress,
     show: Callable[[Progress], None],
 ) -> None:
-    """Islands side by side; where one ends, the next best start begins another."""
-    space = space_of(request)
-    waiting = starts
-    islands = [Island(space, waiting.pop(0), request.seed + k) for k in range(min(workers, len(waiting)))]
-    asked: list[list[Future[float]]] = [island.ask(pool) for island in islands]
-    last = progress.evaluated + evaluations
-    while islands and time.monotonic() < until and progress.evaluated < last:
-        for k, island in enumerate(islands):
-            island.tell([future.result() for future in asked[k]], progress)
-            if island.done:
-                start = waiting.pop(0) if waiting else Start(island.rod, island.best_z(), 0.0)
-                islands[k] = Island(space, start, request.seed + progress.evaluated)
-            asked[k] = islands[k].ask(pool)
+    """Race after race: the next starts, and from the second race on the best so far; after each round the worse half is left behind."""
+    space, last = space_of(request), progress.evaluated + evaluations
+
+    def going() -> bool:
+        return time.monotonic() < until and progress.evaluated < last
+
+    entrants = starts[:ENTRANTS]
+    while entrants and going():
+        islands = [Island(space, start, request.seed + progress.evaluated + k) for k, start in enumerate(entrants)]
+        for generation in count(1):
+            asked = [island.ask(pool) for island in islands]
+            for island, figures in zip(islands, asked, strict=True):
+                island.tell([future.result() for future in figures], progress)
             show(progress)
-    for future in (f for given in asked for f in given):
-        future.cancel()
+            if generation % ROUND == 0:
+                islands = sorted(islands, key=lambda island: island.best)[: max(FINALISTS, len(islands) // 2)]
+            islands = [island for island in islands if not island.done]
+            if not islands or not going():
+                break
+        starts = starts[ENTRANTS:]
+        entrants = [*([progress.best] if progress.best else []), *starts[: ENTRANTS - 1]]
 
 
 def _apart(starts: list[Start]) -> list[Start]:
@@ -174,7 +182,8 @@ class Island:
         options = {"seed": seed % 2**31 + 1, "verbose": -9, "verb_log": 0}
         self._search = cma.CMAEvolutionStrategy(start.z[self._free], SPREAD, options)
         self._asked: list[Array] = []
-        self._best, self._since = np.inf, 0
+        self.best = start.figure
+        self._stands, self._since = np.inf, 0  # the best since it set out, and for how many generations
 
     def ask(self, pool: ProcessPoolExecutor) -> list[Future[float]]:
         """One generation, on its way to the workers."""
@@ -188,16 +197,14 @@ class Island:
         for x, figure in zip(self._asked, figures, strict=True):
             if figure < VIOLATES:
                 progress.add(Start(self.rod, folded(self._full(x)), figure))
-        gained = min(figures) < self._best - GAIN
+        gained = min(figures) < self._stands - GAIN
         self._since = 0 if gained else self._since + 1
-        self._best = min(self._best, *figures)
+        self._stands = min(self._stands, *figures)
+        self.best = min(self.best, self._stands)
 
     @property
     def done(self) -> bool:
         return self._since >= STALLED or bool(self._search.stop())
-
-    def best_z(self) -> Array:
-        return folded(self._full(np.asarray(self._search.result.xbest)))
 
     def _full(self, x: Array) -> Array:
         whole = self._whole.copy()

@@ -20,7 +20,7 @@ from planning.request import PlanLimits, PlanRequest
 from sim.motion import Motion
 from sim.path import reference_path
 from sim.plant import run_plant
-from sim.plant_effects import BarFriction, GearFriction, JointCompliance, LostMotion, PlateBending, RodStrain, plant_effects
+from sim.plant_effects import BarFriction, GearFriction, JointCompliance, LostMotion, PlateBending, RodBacklash, RodStrain, plant_effects
 from sim.settings import ErrorSettings, StaticErrors
 from sim.simulate import PATH_STEP
 from sim.static_errors import true_geometry
@@ -43,7 +43,7 @@ class Check:
 
 
 def plant_errors(*, table: bool) -> ErrorSettings:
-    """Errors of a real robot that move it or load it; but for the rod's play of 5 um, in which an unstrained start has no definite rest."""
+    """Errors of a real robot that move it or load it."""
     static = StaticErrors(table="thesis_3_1") if table else StaticErrors(sigma_m=1e-3, sigma_rad=1e-3)
     return ErrorSettings(
         static=static,
@@ -51,6 +51,7 @@ def plant_errors(*, table: bool) -> ErrorSettings:
         lost_motion=LostMotion(),
         gear_friction=GearFriction(),
         rod_strain=RodStrain(),
+        rod_backlash=RodBacklash(),
         bar_friction=BarFriction(),
         plate_bending=PlateBending(),
     )

@@ -27,7 +27,8 @@ ROD, PLATE, BASE = 17, 18, slice(19, 22)
 COORDINATES = 22
 INSIDE_PLAY = 1e-4  # stiffness inside a dead band, of that outside
 _MAX_STEPS = 400
-_PATIENCE = 40  # Newton steps before they are halved; without play ten suffice
+_PATIENCE = 12  # full Newton steps; without play ten suffice
+_BEYOND = 1e-3  # of half a play, by which a step ends behind the end of one
 _FORCE_TOLERANCE = 1e-8  # [N m, N] remaining generalised force
 _CLOSURE_TOLERANCE = 1e-13  # [m, rad]
 
@@ -89,8 +90,10 @@ def rest(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGain
             return _as_rest(machine, x, float(force[ROD] - _rod_weight(machine, ends)))
         system = np.block([[hessian[np.ix_(active, active)], columns.T], [columns, np.zeros((6, 6))]])
         solution = np.linalg.solve(system, -np.concatenate((force[active], closed)))
-        share = 0.5 ** (k // _PATIENCE)  # steps may hop between the ends of a play for ever; shorter ones come to rest
-        x[active] += share * np.clip(solution[: active.size], -0.1, 0.1)
+        step = np.zeros(COORDINATES)
+        step[active] = np.clip(solution[: active.size], -0.1, 0.1)
+        share = 1.0 if k < _PATIENCE else _to_end_of_play(machine, x, step)
+        x += share * step
         multipliers += share * (solution[active.size :] - multipliers)
     raise NoEquilibriumError(f"statics: no equilibrium in {_MAX_STEPS} steps; loop open by {np.abs(closed).max():.3g}")
 
@@ -218,6 +221,21 @@ def _weight(chain: Chain, q: Array, frames: Frames, bodies: list[list[Link]], gr
             for j in range(i + 1):
                 gradient[j] -= link.mass * gravity @ cross(frames.z[j], com - frames.origin[j])
     return gradient
+
+
+def _to_end_of_play(machine: _Machine, x: Array, step: Array) -> float:
+    """Share of a step up to just behind the first end of a play on its way.
+
+    Full steps may hop between the ends of a play for ever. Energy falls along each step and its slope changes only there, so
+    stopping there always comes to rest.
+    """
+    slack = np.append(machine.effects.gear_slack, machine.effects.rod_slack)
+    at, moved = (np.append(v[GEAR] @ machine.joint_to_gear, v[ROD]) for v in (x, step))
+    behind = np.sign(moved) * _BEYOND * slack
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.concatenate([(end + behind - at) / moved for end in (-slack, slack)])
+    ahead = shares[(shares > 0.0) & np.tile(slack > 0.0, 2)]
+    return min(1.0, float(ahead.min(initial=1.0)))
 
 
 def _as_rest(machine: _Machine, x: Array, rod_force: float) -> Rest:

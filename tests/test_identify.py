@@ -48,6 +48,7 @@ def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
     assert len(comparison.deviations) == 29
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "calibration.yaml",
+        "import_report.json",
         "recording",
         "recording.truth.yaml",
         "report.html",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +11,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rich.console import Console
 from typer.testing import CliRunner
 
 from ballbar.cli import app
+from ballbar.plan.command import say_answers
 from cell.descriptions import joints_to_axes, load_cell
-from cell.errors import InputError
+from cell.errors import DescriptionError, InputError
 from cell.geometry import bar_frames
 from ident.accuracy import position_sigma
 from planning.candidate import Candidate, numbers_of, rounded, space_of
@@ -26,7 +29,7 @@ from planning.first import first_path
 from planning.force import predicted_forces
 from planning.judge import Judge, checked, judged, judges, tcp_rms
 from planning.limits import violations
-from planning.plan import assessed, covered, scale_error
+from planning.plan import assessed, covered, hints, scale_error
 from planning.predict import moving, predict
 from planning.request import KeepOut, PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
 from planning.search import Progress, search
@@ -34,6 +37,7 @@ from planning.targets import SAG, targets_of
 from planning.verify import checks, plant_errors, run_in_plant, set_without_strain, violations_in
 from planning.what_if import answers, question
 from planning.workers import judging_processes
+from sim.path import Lissajous
 from sim.simulate import load_lissajous
 from sim.static_errors import true_geometry
 from tests.program_reader import read_pdl2, read_rapid
@@ -176,6 +180,35 @@ def test_a_request_that_cannot_be_met_says_why() -> None:
         first_path(judges(far), seconds=1.0)
 
 
+@pytest.mark.slow
+def test_another_rod_is_taken_where_the_first_one_allows_nothing() -> None:
+    asked = load_request(SCENARIOS / "plans" / "irb2400.yaml")
+    asked = asked.model_copy(update={"cell": asked.cell.model_copy(update={"ballbar_choices": ("lund_900",)})})
+    both = judges(asked)
+    assert [one.cell.ballbar.length for one in both.values()] == [0.6, 0.9]
+    both["lund_600"] = replace(both["lund_600"], limits=both["lund_600"].limits.model_copy(update={"wrist_margin_deg": 89.0}))
+    start, _ = first_path(both)
+    assert start.rod == "lund_900"
+    assert not checked(both["lund_900"], space_of(asked).candidate(start.z)).violations
+
+
+def test_a_search_may_begin_with_a_path_that_exists(tmp_path: Path) -> None:
+    asked = load_request(SCENARIOS / "plans" / "irb2400.yaml")
+    cell = asked.cell.model_copy(update={"ballbar_choices": ("lund_900",)})
+    asked = asked.model_copy(update={"cell": cell, "start_from": ("irb2400_a.yaml",)})
+    found = hints(asked, SCENARIOS / "paths")
+    assert [hint.rod for hint in found] == ["lund_600", "lund_900"]
+    for hint in found:
+        begun = path_data(space_of(asked).candidate(hint.z))
+        wanted = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
+        there = Lissajous(*(np.array(begun[f"{key}"]) for key in ("centre_deg", "amplitude_deg", "cycles", "phase_deg")))
+        for s in (0.0, 0.1, 0.37):
+            angles = Lissajous(np.radians(there.centre), np.radians(there.amplitude), there.cycles, np.radians(there.phase))
+            assert np.exp(1j * angles.angles(np.array([s]))) == pytest.approx(np.exp(1j * wanted.angles(np.array([s]))), abs=1e-3)
+    with pytest.raises(DescriptionError, match=r"nowhere\.yaml"):
+        hints(asked.model_copy(update={"start_from": ("nowhere.yaml",)}), tmp_path)
+
+
 def test_cover_of_the_sphere_is_that_of_a_cap() -> None:
     assert covered(np.array([[0.0], [0.0], [1.0]])) == pytest.approx(0.5 * (1.0 - np.cos(np.radians(10.0))), rel=0.1)  # 2000 points
 
@@ -270,6 +303,14 @@ def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Judge, Candidate]) 
     assert tcp[0] < tcp[1] < tcp[2]
     assert found[4].scale == pytest.approx(0.5 * found[3].scale, rel=0.2)  # the longer plate widens the workspace too
     assert tcp[6] > tcp[5]
+
+
+def test_the_table_of_what_if_states_its_units(runnable: tuple[Judge, Candidate]) -> None:
+    """Regression: rich took [um] for a style and left it out."""
+    judge, candidate = runnable
+    shown = io.StringIO()
+    say_answers(Console(file=shown, width=120), assessed(judge, candidate), [])
+    assert shown.getvalue().count("[um]") == 3
 
 
 @pytest.mark.parametrize(

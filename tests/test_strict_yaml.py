@@ -228,7 +228,8 @@ def test_a_check_of_the_model_itself_is_told_at_the_key_it_names(tmp_path: Path)
     assert refusal(tmp_path, "lower: 2\nupper: 1\n", Limits) == "file.yaml:2: upper = 1: expected more than lower, 2."
 
 
-SHIPPED = sorted(Path(cell.__file__).parent.parent.glob("*/**/*.yaml"))
+ROOT = Path(cell.__file__).parent.parent
+SHIPPED = sorted(file for folder in ("cell", "acquisition", "scenarios") for file in (ROOT / folder).rglob("*.yaml"))
 
 
 def test_libyaml_and_pyyaml_read_every_shipped_description_alike(monkeypatch: pytest.MonkeyPatch) -> None:

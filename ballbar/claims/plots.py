@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
-import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
-from ballbar.beam import OFFSET_PLATE, PLATE_ALLOWED, PLATE_FORCE, STEEL_PLATE, tip_deflection
 from ballbar.claims.file import PlatePlot, Plot, Ranking
 from ballbar.claims.table import Evidence, places, selected
 from ballbar.figure_style import FRAME, INK, QUIET, svg_text, to_hundredths
+from ballbar.plate_figure import draw_deflection
 from cell.geometry import NAMES
 from ident.thesis_tables import THESIS_COSTS
 
@@ -26,7 +24,6 @@ if TYPE_CHECKING:
 _COLOURS = {"C_l": "#1f66ad", "C_P": "#d9740b", "C_Ptheta": "#2a8f5b", "C_T": "#8a4fa0", "ml": "#222222"}  # the same in every figure
 _OTHERS = ("#b03030", "#1a8a9a", "#8a6d1e", "#8a949c")
 _WIDTH, _HEIGHT = 560, 300  # [px]
-_THICKNESS = (0.020, 0.070)  # [m] of the plates drawn
 _TICKS_OF_VALUES = 8  # so many varied values are ticks themselves
 _STYLE: dict[RcKeyType, Any] = {
     **FRAME,
@@ -46,7 +43,7 @@ def drawn(plot: Plot | Ranking | PlatePlot, evidence: Evidence) -> bytes:
         axes = figure.add_subplot()
         axes.set_title(plot.title, fontsize=9.0, loc="left", color=INK)
         if isinstance(plot, PlatePlot):
-            _plate(axes)
+            draw_deflection(axes)
         elif isinstance(plot, Plot):
             _curves(axes, plot, selected(evidence.table, plot.rows))
         else:
@@ -80,17 +77,6 @@ def _curves(axes: Axes, plot: Plot, table: pd.DataFrame) -> None:
         axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
     axes.set_xlabel(plot.x_label)
     axes.set_ylabel(plot.y_label)
-
-
-def _plate(axes: Axes) -> None:
-    thickness = np.linspace(*_THICKNESS, 60)
-    for label, material in {"aluminium": OFFSET_PLATE, "steel": STEEL_PLATE}.items():
-        deflection = [1e6 * tip_deflection(replace(material, thickness=float(h)), PLATE_FORCE) for h in thickness]
-        axes.plot(1e3 * thickness, deflection, label=label)
-    axes.set_yscale("log")
-    axes.axhline(1e6 * PLATE_ALLOWED, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
-    axes.set_xlabel("thickness [mm]")
-    axes.set_ylabel("deflection [um]")
 
 
 def _ranking(axes: Axes, plot: Ranking, table: pd.DataFrame) -> None:

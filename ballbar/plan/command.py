@@ -17,6 +17,7 @@ from rich.table import Table
 
 from ballbar.beam import FIGURES, OFFSET_PLATE, PLATE_FORCE
 from ballbar.plan.picture import plan_picture, plate_picture, what_if_picture
+from ballbar.terminal import moves
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from planning.candidate import Candidate
@@ -32,7 +33,7 @@ from sim.simulate import load_lissajous
 
 CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and one drawn
 WIDTH = 120  # characters of a table in a pipe or file
-EVALUATIONS = 6000  # of CMA-ES: about 100 s on two quiet cores
+EVALUATIONS = 20_000  # of CMA-ES: some minutes on two quiet cores
 
 
 def default_folder(file: Path) -> Path:
@@ -74,7 +75,7 @@ def plan_path(
     names = write_plan(plan, folder)
     write_whole(folder / "plan.svg", plan_picture(plan))
     say_plan(out, plan)
-    with err.status("running it in MuJoCo on soft servo ..."):
+    with under_way(err, "running it in MuJoCo on soft servo ..."):
         found = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
     violated = sum(violations_in(one) for _, one in found)
     say_checks(out, found)
@@ -87,10 +88,10 @@ def plan_path(
 def answer(plan: Plan, questions: Sequence[Question], folder: Path, out: Console, err: Console) -> list[str]:
     """Prints and writes what other rigs would come to."""
     given = []
-    with err.status("what if ...") as status:
+    with under_way(err, "what if ...") as say:
         for one in answers(plan, questions):
             given.append(one)
-            status.update(f"what if {one.key} were {one.value} ...")
+            say(f"what if {one.key} were {one.value} ...")
     say_answers(out, plan, given)
     write_whole(folder / "what_if.csv", answers_csv(given))
     write_whole(folder / "what_if.svg", what_if_picture(plan, given))
@@ -106,7 +107,7 @@ def say_answers(out: Console, plan: Plan, given: Sequence[Answer]) -> None:
     """The table: expected TCP error with one thing changed at a time."""
     shown = Table(box=None, pad_edge=False)
     for heading in ("what if", "value", "TCP sigma [um]", "plate's length adds [um]", "together [um]", ""):
-        shown.add_column(heading, justify="left" if heading in ("what if", "") else "right")
+        shown.add_column(escape(heading), justify="left" if heading in ("what if", "") else "right")
     here = plan.found.tcp
     shown.add_row("as planned", "", f"{here * 1e6:.1f}", f"{plan.plate_adds * 1e6:.1f}", f"{np.hypot(here, plan.plate_adds) * 1e6:.1f}", "")
     for one in given:
@@ -150,11 +151,21 @@ def check_in_plant(plan: Plan, seed: int) -> list[Check]:
 
 
 @contextmanager
+def under_way(err: Console, words: str) -> Iterator[Callable[[str], None]]:
+    """What is being done, on a terminal that is not asked to be quiet; nothing in a pipe."""
+    if moves(err):
+        with err.status(words) as status:
+            yield status.update
+    else:
+        yield lambda _: None
+
+
+@contextmanager
 def showing(err: Console) -> Iterator[Callable[[Progress], None]]:
-    """The best so far, on a terminal; nothing in a pipe."""
+    """The best so far."""
     since = time.monotonic()
-    with err.status("looking for a first path (Ctrl-C stops and keeps the best)") as status:
-        yield lambda p: status.update(
+    with under_way(err, "looking for a first path (Ctrl-C stops and keeps the best)") as say:
+        yield lambda p: say(
             f"{time.monotonic() - since:.0f} s: TCP sigma {p.tcp * 1e6:.1f} um, {p.evaluated} tried, {p.feasible} can be run "
             "(Ctrl-C stops and keeps the best)"
         )
@@ -197,7 +208,7 @@ def say_checks(out: Console, found: list[tuple[int, list[Check]]]) -> None:
 
 def _wide(out: Console) -> Console:
     """Room for a table in a pipe or file."""
-    return out if out.is_terminal else Console(file=out.file, width=WIDTH)
+    return out if out.is_terminal else Console(file=out.file, width=WIDTH, quiet=out.quiet)
 
 
 def parse_position(text: str) -> tuple[float, float, float]:
