@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from ident.problem import Clock
 from ident.sampling import sample_times
 from ident.scan import Pair, PairScan, best_lags, scan_lags, subsample
-from ident.signals import smooth_log
+from ident.signals import smooth_log, smoothing
 from ident.sphere import sphere_candidates
+from ident.uncertainty import autocorrelation
 
 STEP = 0.02  # [s]
 
@@ -46,6 +47,28 @@ def test_a_quick_motion_gets_closer_knots_than_a_slow_one() -> None:
     quick = np.sin(2 * np.pi * 6.0 * t)[:, None] + rng.normal(0, 1e-5, (t.size, 1))
     assert smooth_log(t, quick, widest_knot_spacing=0.08).knot_spacing < 0.03
     assert smooth_log(t, motion(t) + rng.normal(0, 1e-5, (t.size, 2)), widest_knot_spacing=0.08).knot_spacing == 0.08
+
+
+def test_the_arm_accelerates_as_the_path_does_and_not_with_the_ripple_of_the_log() -> None:
+    t = np.arange(0.0, 60.0, 0.004)
+    rng = np.random.default_rng(4)
+    ripple = 1e-5 * np.sin(2.0 * np.pi * 15.0 * t)  # a resolver's: 0.09 rad/s^2
+    log = smooth_log(t, motion(t) + ripple[:, None] + rng.normal(0, 2e-6, (t.size, 2)), widest_knot_spacing=0.08)
+    inner = np.linspace(1.0, 59.0, 2000)
+    true = -0.49 * np.sin(0.7 * inner) - 1.083 * np.sin(1.9 * inner)
+    assert np.abs(log.spline(inner, 2)[:, 0] - true).max() > 0.05  # what inertia would be multiplied with
+    assert np.abs(log.arm(inner, 2)[:, 0] - true).max() < 2e-3
+
+
+def test_smoothed_noise_is_not_taken_for_a_systematic_residual_however_dense_the_samples() -> None:
+    rng = np.random.default_rng(5)
+    t = np.arange(0.0, 60.0, 0.004)
+    log = smooth_log(t, motion(t) + rng.normal(0, 1e-5, (t.size, 2)), widest_knot_spacing=0.08)
+    for step in (0.2, 0.07, 0.03, 0.01):
+        times = np.arange(1.0, 59.0, step)
+        assert abs(autocorrelation((log.spline(times) - motion(times)).T, times, smoothing(log, None))) < 0.15
+        drift = np.sin(times / 2.0)[None] + 0.3 * rng.normal(0.0, 1.0, (1, times.size))
+        assert autocorrelation(drift, times, smoothing(log, None)) > 0.7
 
 
 def test_samples_avoid_gaps_and_long_standstills() -> None:
