@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import correlate
 
 from acquisition.stillness import speeds, stillness
 from cell.errors import LogError
@@ -112,6 +111,8 @@ def overlap_correlation(r: Array, b: Array, samples: Array, enough: NDArray[np.b
 
 
 def _cross(robot: Array, ballbar: Array) -> Array:
+    from scipy.signal import correlate  # noqa: PLC0415  slow to import, and needed here alone
+
     return np.asarray(correlate(robot, ballbar, mode="full", method="fft"), dtype=np.float64)
 
 

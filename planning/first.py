@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections import Counter
 
 import numpy as np
@@ -11,14 +10,11 @@ import numpy as np
 from cell.chain import Array
 from cell.errors import InputError
 from planning.candidate import Space, folded, space_of
+from planning.evolution import evolution
 from planning.judge import Judge, checked
 from planning.sample import BATCH, OFF, VIOLATES, figure
 from planning.screen import screen, tally
-from planning.search import SPREAD, Start, free_numbers
-
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # cma looks for plotting when it is imported
-    import cma
+from planning.search import Start, free_numbers
 
 SECONDS = 30.0  # a request for which nothing is found in this time most likely allows nothing
 BATCHES = 8  # screened for one descent
@@ -57,7 +53,7 @@ def first_path(given: dict[str, Judge], *, seconds: float = SECONDS) -> tuple[St
 def descent(judge: Judge, space: Space, z: Array, seed: int) -> tuple[Array, float]:
     """The first candidate that violates nothing, or the one that violates least, and its figure."""
     free = free_numbers(space)
-    search = cma.CMAEvolutionStrategy(z[free], SPREAD, {"seed": seed + 1, "verbose": -9, "verb_log": 0})
+    search = evolution(z[free], seed=seed)
     best, least = z, figure(judge, z)
     for _ in range(GENERATIONS):
         asked, figures = search.ask(), []

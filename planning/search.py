@@ -8,7 +8,6 @@ Jamieson and Talwalkar, arXiv:1502.07943).
 from __future__ import annotations
 
 import time
-import warnings
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -21,20 +20,16 @@ from numpy.typing import NDArray
 from cell.chain import Array
 from cell.geometry import BAR_ROWS
 from planning.candidate import Space, folded, space_of
+from planning.evolution import evolution
 from planning.request import PlanRequest
 from planning.sample import VIOLATES, Sampled
 from planning.workers import figure_there, sampled_there
-
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # cma looks for plotting when it is imported
-    import cma
 
 SLICE = 1.5  # [s] of random candidates between two looks at the clock
 RANDOM_SHARE = 0.15  # of the time goes into random candidates, at most
 STARTS = 80  # random candidates that can be run are enough
 ENTRANTS, FINALISTS = 8, 2  # islands of a race: half of them go on after each round, until two are left
 ROUND = 12  # generations
-SPREAD = 0.08  # first step of an island, of each number's range
 STALLED = 25  # generations without a gain of GAIN end an island
 GAIN = 0.003  # of the natural logarithm of the TCP sigma
 
@@ -179,8 +174,7 @@ class Island:
     def __init__(self, space: Space, start: Start, seed: int) -> None:
         self.rod, self._whole = start.rod, start.z.copy()
         self._free = free_numbers(space)
-        options = {"seed": seed % 2**31 + 1, "verbose": -9, "verb_log": 0}
-        self._search = cma.CMAEvolutionStrategy(start.z[self._free], SPREAD, options)
+        self._search = evolution(start.z[self._free], seed=seed % 2**31)
         self._asked: list[Array] = []
         self.best = start.figure
         self._stands, self._since = np.inf, 0  # the best since it set out, and for how many generations
