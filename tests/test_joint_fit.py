@@ -97,6 +97,7 @@ def test_a_rigid_mechanism_is_found_again_from_values_off_its_prior(model: tuple
     assert away.max() < 0.05  # the search ends where a step would change the cost by a hundredth
 
 
+@pytest.mark.slow
 def test_a_jump_of_an_encoder_is_found_where_it_is(model: tuple[Model, Array, Array]) -> None:
     """The reading of b4 jumps by one signal period of 3600 lines behind t = 40 s."""
     made, x, bar = model

@@ -293,6 +293,7 @@ def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
     assert seen == sorted(seen, reverse=True)
 
 
+@pytest.mark.slow
 def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Judge, Candidate]) -> None:
     judge, candidate = runnable
     plan = assessed(judge, candidate)
