@@ -10,12 +10,12 @@ import yaml
 
 from ballbar.claims.run import Judged
 from ballbar.compare import Comparison
-from ballbar.run import CALIBRATION, OUTPUTS
+from ballbar.run import OUTPUTS
 from ballbar.run_data import RunData
 from ballbar.sweep.run import Outcome
 from ballbar.sweep.summary import failures_of, grid_points
 from ident.accuracy import TcpError
-from ident.calibration import load_calibration
+from ident.calibration import CALIBRATION, load_calibration
 from sim.simulate import Simulation, truth_path
 
 

@@ -20,13 +20,12 @@ from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from cell.logs import RobotLog
 from cell.recording import load_recording_file
-from ident.calibration import write_calibration
+from ident.calibration import CALIBRATION, write_calibration
 from ident.identify import DEFAULT_SAMPLES, Identification
 from sim.settings import PathSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
 
 RECORDING = "recording"
-CALIBRATION = "calibration.yaml"
 REPORT = "report.html"
 IMPORT_REPORT = "import_report.json"
 

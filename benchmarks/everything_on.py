@@ -103,6 +103,14 @@ def row(robot: str, seed: int, paths: str, signal: str, found: list[Identificati
     )  # fmt: skip
 
 
+def asked_robots(words: str | None) -> argparse.Namespace:
+    """Options of a study of drawn robots: how many, and how long each recording is."""
+    parser = argparse.ArgumentParser(description=words, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robots", type=int, default=8)
+    parser.add_argument("--duration", type=float, default=120.0, help="[s]")
+    return parser.parse_args()
+
+
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -8,7 +8,6 @@ errors says what the fault costs. Writes docs/studies/robustness.csv, a row for 
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -18,7 +17,7 @@ import pandas as pd
 
 from ballbar.compare import identification_against_truth
 from ballbar.scenario import Scenario
-from benchmarks.everything_on import ROOT, recorded, scenario_of
+from benchmarks.everything_on import ROOT, asked_robots, recorded, scenario_of
 from cell.descriptions import Cell
 from cell.files import write_whole
 from ident.identify import Identification, Logs, identify_together
@@ -87,10 +86,7 @@ def events_of(found: list[Identification], truth: Truth) -> dict[str, object]:
 
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--robots", type=int, default=8)
-    parser.add_argument("--duration", type=float, default=120.0)
-    asked = parser.parse_args()
+    asked = asked_robots(__doc__)
     with ProcessPoolExecutor(2) as pool:
         jobs = [pool.submit(robot_rows, seed, asked.duration) for seed in range(1, asked.robots + 1)]
         table = pd.DataFrame([each for job in jobs for each in job.result()])

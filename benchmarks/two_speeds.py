@@ -8,7 +8,6 @@ the predictions of the tool over the accuracy grid, base aligned. Writes docs/st
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -16,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.everything_on import ROOT, recorded, scenario_of
+from benchmarks.everything_on import ROOT, asked_robots, recorded, scenario_of
 from cell.files import write_whole
 from ident.accuracy import accuracy_grid, position_error
 from ident.identify import identify_together
@@ -42,10 +41,7 @@ def robot_row(seed: int, duration: float) -> dict[str, object]:
 
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--robots", type=int, default=8)
-    parser.add_argument("--duration", type=float, default=120.0)
-    asked = parser.parse_args()
+    asked = asked_robots(__doc__)
     with ProcessPoolExecutor(2) as pool:
         table = pd.DataFrame(list(pool.map(robot_row, range(1, asked.robots + 1), [asked.duration] * asked.robots)))
     write_whole(ROOT / "docs" / "studies" / "two_speeds.csv", table.to_csv(index=False, float_format="%.6g").encode())

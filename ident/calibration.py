@@ -20,6 +20,8 @@ from ident.held_out import HeldOut, LoopClosure
 from ident.identify import CoefficientValue, CorrectionValue, Identification, free_robot
 from ident.unknowns import PLACE
 
+CALIBRATION = "calibration.yaml"
+
 
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -293,6 +295,11 @@ def _parameter(result: Identification, name: str) -> dict[str, object]:
 def _coefficient(value: CoefficientValue) -> dict[str, object]:
     stated = {"value": value.value, "sigma": value.sigma, "prior": value.prior, "prior_sigma": value.prior_sigma, "by_data": value.by_data}
     return {**stated, "unit": value.unit}
+
+
+def calibration_file(path: Path) -> Path:
+    """The file itself, or the one in a folder that `run` or `identify` wrote."""
+    return path / CALIBRATION if path.is_dir() else path
 
 
 def load_calibration(path: Path) -> Calibration:

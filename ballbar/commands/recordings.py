@@ -81,8 +81,7 @@ def new(
     read = new_recording(folder, robot_log, ballbar_log, told, partial(_answer, proposals_taken=yes, apart=as_json))
     if as_json:
         say_json({"recording": str(folder), **check_page.check_data(read, None)})
-    for line in check_page.check_lines(read, None):
-        out.print(f"[bold]{escape(line)}[/]" if line[0] != " " else escape(line))
+    _say_page(check_page.check_lines(read, None))
     out.print(f"Made {escape(str(folder))}. Look at recording.yaml in it, then: ballbar check {escape(str(folder))}")
 
 
@@ -121,8 +120,13 @@ def check(
     if as_json:
         typer.echo(json.dumps(check_page.check_data(read, alignment), indent=2))
     else:
-        for line in check_page.check_lines(read, alignment):
-            out.print(f"[bold]{escape(line)}[/]" if line[0] != " " else escape(line))
+        _say_page(check_page.check_lines(read, alignment))
     if strict and (repaired := check_page.repairs(read)):
         err.print(f"[red]not as logged:[/] {len(repaired)} kinds of repairs were needed, and --strict allows none")
         raise typer.Exit(1)
+
+
+def _say_page(lines: list[str]) -> None:
+    """The page of a recording, its headings bold."""
+    for line in lines:
+        out.print(f"[bold]{escape(line)}[/]" if line[0] != " " else escape(line))

@@ -59,10 +59,9 @@ def compare_files(
     """Compare a calibration with the truth of a simulated run, or with another calibration: TCP error over the workspace."""
     from ballbar.report.terminal import say_comparison
     from ballbar.result_json import comparison_data
-    from ballbar.run import CALIBRATION
-    from ident.calibration import load_calibration
+    from ident.calibration import calibration_file, load_calibration
 
-    calibration, reference = (path / CALIBRATION if path.is_dir() else path for path in (calibration, reference))
+    calibration, reference = calibration_file(calibration), calibration_file(reference)
     model = load_calibration(calibration)
     comparison = _compared(model, calibration, reference)
     if as_json:

@@ -12,9 +12,8 @@ from cell.chain import Chain
 from cell.descriptions import Cell, load_cell
 from cell.errors import InputError
 from cell.geometry import PARAMETERS, Parameter
-from ident.calibration import Calibration, load_calibration
+from ident.calibration import Calibration, calibration_file, load_calibration
 
-CALIBRATION = "calibration.yaml"
 EFFECTS = {
     "joint_compliance": "elastic gears under the robot's own weight",
     "lost_motion": "play of the gears",
@@ -54,7 +53,7 @@ def load_result(path: Path) -> Result:
 
     Raises InputError when there is none, DescriptionError when it is wrong.
     """
-    file = path / CALIBRATION if path.is_dir() else path
+    file = calibration_file(path)
     if not file.is_file():
         raise InputError(f"{file}: no such file. Name a calibration.yaml, or the folder that `ballbar identify` or `ballbar run` wrote.")
     calibration = load_calibration(file)

@@ -95,7 +95,7 @@ def open_folder(path: Path, plan: Plan) -> Iterator[SweepFolder]:
     folder = SweepFolder(path.absolute(), plan)
     results = {name for file in (folder.table, folder.csv) for name in (file.name, f".{file.name}.part")}
     claim_folder(path, {_FILES, _LOCK, _PLAN, f".{_PLAN}.part", _PARTS, *results}, "a sweep")
-    if folder.started:
+    if folder.started and not folder.checked:
         _refuse_other_plan(path / _PLAN, plan)
     path.mkdir(parents=True, exist_ok=True)
     with (path / _LOCK).open("w") as lock:
@@ -108,8 +108,6 @@ def open_folder(path: Path, plan: Plan) -> Iterator[SweepFolder]:
 
 def _refuse_other_plan(file: Path, plan: Plan) -> None:
     found: dict[str, Any] = load_yaml(file).data
-    if found.get("plan") == plan.digest:
-        return
     if found.get("version") != plan.data["version"]:
         what = f"its parts were computed by version {found.get('version')}, this is {plan.data['version']}"
     else:
