@@ -2,6 +2,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
+# two test processes on two cores (cell/threads.py)
+export OPENBLAS_NUM_THREADS := 1
+
 .PHONY: run test quick check docs clean
 
 run: .venv/installed

@@ -5,9 +5,15 @@ The command line is imported only when it runs: the worker processes of a sweep 
 
 from __future__ import annotations
 
+import os
+
+from cell.threads import ONE_THREAD
+
 
 def main() -> None:
     """Runs the command line."""
+    for name in ONE_THREAD:  # before the libraries load
+        os.environ.setdefault(name, "1")
     from ballbar.cli import main as run  # noqa: PLC0415
 
     run()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+from typing import Annotated
 
 import typer
 from rich.markup import escape
 
 from ballbar.commands import bench, identification, planning, recordings, result
+from ballbar.sweep.version import code_version
 from ballbar.terminal import CommandGroup, Quiet, Verbose, err, fresh_terminal
 from cell.errors import FailureError, InputError
 
@@ -21,8 +23,19 @@ for group in (planning, recordings, identification, result, bench):  # in the or
     app.add_typer(group.commands)
 
 
+def _tell_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"ballbar {code_version()}")
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool, typer.Option("--version", help="Print the release and a digest of the code, and exit.", callback=_tell_version, is_eager=True)
+]
+
+
 @app.callback()
-def shared(quiet: Quiet = False, verbose: Verbose = False) -> None:
+def shared(quiet: Quiet = False, verbose: Verbose = False, version: Version = False) -> None:
     """Robot calibration with a sensed double ball-bar: simulate the cell, read its logs, identify the robot, look at the result."""
 
 

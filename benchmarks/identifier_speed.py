@@ -25,11 +25,11 @@ from scipy.optimize import least_squares
 from acquisition import read_recording
 from ballbar.sample_trial import trial_samples
 from ballbar.scenario import Scenario, load_scenario
-from ballbar.sweep.part import ONE_THREAD
 from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
 from cell.chain import Array
 from cell.descriptions import Cell, load_cell
 from cell.geometry import Geometry
+from cell.threads import ONE_THREAD
 from ident.corrections import CORRECTIONS
 from ident.identifiability import candidates, identifiable
 from ident.identify import Logs, fit_alone

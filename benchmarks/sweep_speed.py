@@ -28,10 +28,11 @@ import pyarrow.parquet as pq
 
 from ballbar.scenario import Scenario
 from ballbar.sweep.check import LoadedSweep, load
-from ballbar.sweep.part import ONE_THREAD, Job, Work
+from ballbar.sweep.part import Job, Work
 from ballbar.sweep.plan import run_of
 from ballbar.sweep.run import run_sweep
 from ballbar.sweep.workers import Workers, dask_cluster, processes
+from cell.threads import ONE_THREAD
 
 T = TypeVar("T")
 SCENARIOS = Path(__file__).parents[1] / "scenarios"

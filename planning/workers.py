@@ -12,27 +12,24 @@ from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 
 from cell.chain import Array
+from cell.threads import one_thread_each
 from planning.judge import Judge, judges
 from planning.request import PlanRequest
 from planning.sample import Sampled, figure, sampled
 
-THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # read when the libraries load
 _judges: dict[str, Judge] = {}
 
 
 @contextmanager
 def judging_processes(request: PlanRequest, count: int) -> Iterator[ProcessPoolExecutor]:
     """A pool for `figure_there` and `sampled_there`. Its processes end with this one."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(request,))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})
+    with one_thread_each():
+        try:
+            yield pool
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
 
 
 def figure_there(rod: str, z: Array) -> float:

@@ -49,6 +49,15 @@ def test_a_quick_motion_gets_closer_knots_than_a_slow_one() -> None:
     assert smooth_log(t, motion(t) + rng.normal(0, 1e-5, (t.size, 2)), widest_knot_spacing=0.08).knot_spacing == 0.08
 
 
+def test_a_log_with_two_of_three_rows_lost_for_seconds_is_smoothed_as_well_as_any() -> None:
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        rows = np.arange(3000)
+        t = 0.004 * rows[rng.random(rows.size) < np.where(rows // 500 % 2, 0.3, 1.0)]
+        log = smooth_log(t, motion(t) + rng.normal(0, 1e-5, (t.size, 2)), widest_knot_spacing=0.012)
+        assert np.abs(log.spline(t) - motion(t)).max() < 1e-4, seed
+
+
 def test_the_arm_accelerates_as_the_path_does_and_not_with_the_ripple_of_the_log() -> None:
     t = np.arange(0.0, 60.0, 0.004)
     rng = np.random.default_rng(4)

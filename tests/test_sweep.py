@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 from ballbar.sweep.check import LoadedSweep, check_points, load
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
-from ballbar.sweep.part import ONE_THREAD, Job, Row, Work, run_part, run_part_elsewhere
+from ballbar.sweep.part import Job, Row, Work, run_part, run_part_elsewhere
 from ballbar.sweep.plan import Plan, point_of, run_of, with_changes
 from ballbar.sweep.run import Outcome, SweepError, run_sweep
 from ballbar.sweep.summary import failures_of, grid_points
@@ -35,6 +35,7 @@ from ballbar.sweep.table import part_bytes, write_table
 from ballbar.sweep.workers import Workers, processes
 from ballbar.trial import run_trial
 from cell.errors import InputError
+from cell.threads import ONE_THREAD
 from tests import sweep_work
 from tests.conftest import SCENARIOS
 from tests.test_cli import ballbar

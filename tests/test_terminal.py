@@ -15,6 +15,7 @@ import pytest
 import typer
 
 from ballbar import cli
+from ballbar.sweep.version import code_version
 from tests.conftest import SCENARIOS
 from tests.test_cli import SHORT, ballbar
 
@@ -131,6 +132,10 @@ def test_every_command_has_an_example_and_is_quiet_on_request(
     assert "--verbose" in said
     if command not in ("replay", "record", "new", "dialect"):  # these show or make something, and have no result
         assert "--json" in said
+
+
+def test_the_version_is_that_of_the_code(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ballbar(monkeypatch, capsys, "--version") == (0, f"ballbar {code_version()}\n", "")
 
 
 def test_completion_knows_the_commands(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

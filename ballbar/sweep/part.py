@@ -21,6 +21,7 @@ from ballbar.sweep.files import Files, scenario_folder, unpack
 from ballbar.sweep.plan import Plan, Run, run_of
 from ballbar.sweep.version import code_version
 from cell.errors import InputError
+from cell.threads import ONE_THREAD
 
 Row = dict[str, Value]  # column -> value
 Work = Callable[[Scenario, Path], Mapping[str, float | int | str]]  # scenario, folder of its files -> figures of the run
@@ -36,8 +37,6 @@ class Job:
     top: Path  # folder of this machine with those files (files.py, `unpack`)
 
 
-# One run keeps one core busy. Another number of BLAS threads would add in another order: slower, and other last digits.
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # read when the libraries load; Dask's nanny sets them
 DONE, FAILED = "done", "failed"  # status of a run
 
 _TEMPORARY = re.compile(rf"{re.escape(gettempdir())}{os.sep}ballbar-[\w-]+{os.sep}")  # a folder made for one run or one worker

@@ -14,9 +14,10 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 
-from ballbar.sweep.part import ONE_THREAD, Job, Row, run_part, run_part_elsewhere
+from ballbar.sweep.part import Job, Row, run_part, run_part_elsewhere
 from ballbar.sweep.version import DISTRIBUTION
 from cell.errors import InputError
+from cell.threads import one_thread_each
 
 CONNECT_TIMEOUT = 10.0  # [s] for a Dask scheduler to answer
 COUNT_PERIOD = 1.0  # [s] between two looks at how many Dask workers there are
@@ -44,7 +45,7 @@ def process_pool(count: int) -> Iterator[Callable[[Job], AbstractContextManager[
     They end with this process, even if it is killed; an exception kills them.
     """
     others = set(multiprocessing.active_children())
-    with _one_thread_each():
+    with one_thread_each():
         pool = ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_driver)
 
         def submit(job: Job, part: int) -> Future[list[Row]]:
@@ -126,18 +127,3 @@ def _stop_signals_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Processes started within compute with one thread: the libraries read it from the environment when they load."""
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
