@@ -211,6 +211,7 @@ def test_inner_links_lead_somewhere(page: str) -> None:
     assert set(re.findall(r"url\(#([^)]*)\)", page)) <= names
 
 
+@pytest.mark.slow
 def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> None:
     evil = '<script>alert("1")</script><img src=x onerror=alert(1)>'
     recording = run.recording
@@ -279,6 +280,7 @@ def test_the_band_takes_colour_and_word_from_the_verdict(run: RunData, tmp_path:
     assert ("Do not use these parameters" in page) == (not result.verdict.acceptable)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("blank_figures")
 def test_rivals_of_the_clock_alignment_are_listed(run: RunData, tmp_path: Path) -> None:
     result = run.identification
@@ -300,6 +302,7 @@ def test_input_files_stand_with_their_hashes_relative_to_the_recording(run: RunD
     assert str(run.folder.parent) not in page
 
 
+@pytest.mark.slow
 def test_the_scenario_file_stands_among_the_inputs(run: RunData, tmp_path: Path) -> None:
     scenario = SCENARIOS / "irb2400.yaml"
     parsed = _Page(_page(replace(run, scenario_file=scenario), tmp_path))
@@ -360,6 +363,7 @@ def test_the_command_is_shown_without_folders_of_this_computer(command: str, sho
     assert without_folders(command) == shown
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("blank_figures")
 def test_a_missed_limit_of_the_scenario_stands_in_the_heading(run: RunData, tmp_path: Path) -> None:
     missed = replace(run, limits=(Limit("TCP error, mean", 0.02, 0.01, "mm"), Limit("iterations", 4.0, 10.0, "")))
