@@ -49,6 +49,7 @@ def path_data(candidate: Candidate) -> dict[str, object]:
         "amplitude_deg": np.degrees(shape.amplitude).round(DECIMALS).tolist(),
         "cycles": shape.cycles.astype(int).tolist(),
         "phase_deg": np.degrees(shape.phase).round(DECIMALS).tolist(),
+        "ballbar_position_m": candidate.position.tolist(),
     }
 
 

@@ -28,7 +28,7 @@ from planning.request import PlanLimits, PlanRequest, tightened
 
 NEARLY = 0.5  # excess of the motion up to which forces and clearance are looked at
 UNEXAMINED = 10.0  # more than forces and clearance come to
-ROBOTS = 2  # whose tension enters a judgement; the report takes all of planning.force
+ROBOTS = 2  # whose tension enters a judgement; a search weighs one while it goes, and the report takes all of planning.force
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,12 +87,12 @@ def judge_of(request: PlanRequest, rod: str, cell: Cell) -> Judge:
     )
 
 
-def judged(judge: Judge, candidate: Candidate) -> Judgement:
-    """What a candidate violates and, where that is nothing, how well it would do."""
+def judged(judge: Judge, candidate: Candidate, *, robots: int = ROBOTS) -> Judgement:
+    """What a candidate violates and, where that is nothing, how well it would do with so many robots of planning.force."""
     at_best = checked(judge, candidate)
     if at_best.violations or at_best.course is None or at_best.forces is None:
         return at_best
-    tcp = [tcp_rms(judge, found) for found in predictions(judge.predictor, at_best.course, at_best.forces.tension[:ROBOTS])]
+    tcp = [tcp_rms(judge, found) for found in predictions(judge.predictor, at_best.course, at_best.forces.tension[:robots])]
     return Judgement(candidate, (), at_best.course, at_best.forces, float(np.sqrt(np.mean(np.square(tcp)))))
 
 

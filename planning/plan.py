@@ -12,6 +12,7 @@ from cell.chain import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import PARAMETERS, bar_frames, nominal_geometry, robot_frames
+from cell.strict_yaml import load_model
 from ident.corrections.base import play_width
 from ident.uncertainty import observability
 from planning.candidate import Candidate, numbers_of, rounded, space_of
@@ -24,6 +25,7 @@ from planning.request import PlanRequest
 from planning.sample import VIOLATES
 from planning.search import Progress, Start, search
 from planning.workers import judging_processes
+from sim.settings import LissajousFile
 from sim.simulate import load_lissajous
 
 COVERED_WITHIN = np.radians(10.0)  # of the path, by which a point of the sphere counts as covered (mujoco_facts sec. 10)
@@ -142,11 +144,17 @@ def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
     """Paths that the request names, as starts that may yet violate limits. Raises DescriptionError for a bad file."""
     space = space_of(request)
     middle = 0.5 * (space.lower + space.upper)
-    return [
-        Start(rod, numbers_of(space, Candidate(load_lissajous(relative_to / file), middle)), VIOLATES)
-        for file in request.start_from
-        for rod in (request.cell.ballbar, *request.cell.ballbar_choices)
-    ]
+    starts = []
+    for file in (relative_to / name for name in request.start_from):
+        place = planned_for(file)
+        z = numbers_of(space, Candidate(load_lissajous(file), middle if place is None else np.array(place)))
+        starts += [Start(rod, z, VIOLATES) for rod in (request.cell.ballbar, *request.cell.ballbar_choices)]
+    return starts
+
+
+def planned_for(file: Path) -> tuple[float, ...] | None:
+    """[m] where the ball-bar stands for a path file, should it say so. Raises DescriptionError for a bad file."""
+    return load_model(file, LissajousFile).ballbar_position_m
 
 
 def assessed(judge: Judge, candidate: Candidate, *, evaluated: int = 0, seconds: float = 0.0, stopped: bool = False) -> Plan:

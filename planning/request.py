@@ -147,7 +147,7 @@ class PlanRequest(Strict):
     workspace: Workspace | None = Field(None, description="Default: the robot file's accuracy box.")
     servo: str = Field("soft", description="A gain set of the robot's file.")
     start_from: tuple[str, ...] = Field(
-        (), description="Path files to begin the search with, relative to this one; its ball-bar in the middle."
+        (), description="Path files to begin the search with, relative to this one; its ball-bar in the middle where the file does not say."
     )
     cycles_max: Annotated[int, Field(ge=1, le=12)] = Field(5, description="Of a ball-bar joint in one run.")
     seed: Annotated[int, Field(ge=0)] = 1

@@ -11,7 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
 
 import numpy as np
@@ -21,6 +21,7 @@ from cell.chain import Array
 from cell.geometry import BAR_ROWS
 from planning.candidate import Space, folded, space_of
 from planning.evolution import evolution
+from planning.force import DRAWS
 from planning.request import PlanRequest
 from planning.sample import VIOLATES, Sampled
 from planning.workers import figure_there, sampled_there
@@ -31,6 +32,7 @@ STARTS = 80  # random candidates that can be run are enough
 ENTRANTS, FINALISTS = 8, 2  # islands of a race: half of them go on after each round, until two are left
 ROUND = 12  # generations
 STALLED = 25  # generations without a gain of GAIN end an island
+LEADERS = 12  # of which the last choice is made
 GAIN = 0.003  # of the natural logarithm of the TCP sigma
 
 
@@ -48,6 +50,7 @@ class Progress:
     """How far a search is. Lives as long as the search."""
 
     best: Start | None = None
+    leaders: list[Start] = field(default_factory=list)  # each was the best when it was found
     evaluated: int = 0
     feasible: int = 0
     reasons: Counter[str] = field(default_factory=Counter)
@@ -63,6 +66,7 @@ class Progress:
         self.feasible += 1
         if self.best is None or one.figure < self.best.figure:
             self.best = one
+            self.leaders.append(one)
 
 
 def search(
@@ -91,7 +95,15 @@ def search(
         _races(request, pool, since + seconds, evaluations, starts, progress, show)
     except KeyboardInterrupt:
         progress.stopped = True
+    progress.best = _best_for_all(progress.leaders[-LEADERS:], pool)
     return progress
+
+
+def _best_for_all(leaders: list[Start], pool: ProcessPoolExecutor) -> Start:
+    """The one that does best over all robots of planning.force."""
+    figures = [pool.submit(figure_there, one.rod, one.z, DRAWS) for one in leaders]
+    weighed = [replace(one, figure=future.result()) for one, future in zip(leaders, figures, strict=True)]
+    return min(weighed, key=lambda one: one.figure)
 
 
 def _random(

@@ -15,7 +15,7 @@ from cell.chain import Array
 from cell.threads import one_thread_each
 from planning.judge import Judge, judges
 from planning.request import PlanRequest
-from planning.sample import Sampled, figure, sampled
+from planning.sample import SEARCHED, Sampled, figure, sampled
 
 _judges: dict[str, Judge] = {}
 
@@ -32,9 +32,9 @@ def judging_processes(request: PlanRequest, count: int) -> Iterator[ProcessPoolE
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def figure_there(rod: str, z: Array) -> float:
+def figure_there(rod: str, z: Array, robots: int = SEARCHED) -> float:
     """`planning.sample.figure` in a worker."""
-    return figure(_judges[rod], z)
+    return figure(_judges[rod], z, robots=robots)
 
 
 def sampled_there(rod: str, seed: int, seconds: float) -> Sampled:

@@ -69,6 +69,7 @@ class LissajousFile(Strict):
     amplitude_deg: Vector5
     cycles: Whole5
     phase_deg: Vector5
+    ballbar_position_m: Place | None = Field(None, description="Where the path was planned for; only `ballbar plan` looks at it.")
 
 
 class PushPullFile(Strict):

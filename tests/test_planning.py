@@ -26,12 +26,13 @@ from planning.course import course_over
 from planning.export import pdl2, rapid, table
 from planning.files import path_data
 from planning.first import first_path
-from planning.force import predicted_forces
+from planning.force import DRAWS, predicted_forces
 from planning.judge import Judge, checked, judged, judges, tcp_rms
 from planning.limits import violations
 from planning.plan import assessed, covered, hints, scale_error
 from planning.predict import moving, predict
 from planning.request import KeepOut, PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
+from planning.sample import figure
 from planning.search import Progress, search
 from planning.targets import SAG, targets_of
 from planning.verify import checks, plant_errors, run_in_plant, set_without_strain, violations_in
@@ -205,6 +206,10 @@ def test_a_search_may_begin_with_a_path_that_exists(tmp_path: Path) -> None:
         for s in (0.0, 0.1, 0.37):
             angles = Lissajous(np.radians(there.centre), np.radians(there.amplitude), there.cycles, np.radians(there.phase))
             assert np.exp(1j * angles.angles(np.array([s]))) == pytest.approx(np.exp(1j * wanted.angles(np.array([s]))), abs=1e-3)
+    middle = 0.5 * sum(np.array(corner) for corner in cell.region)
+    planned = hints(asked.model_copy(update={"start_from": ("irb2400_planned.yaml",)}), SCENARIOS / "paths")
+    assert space_of(asked).candidate(found[0].z).position == pytest.approx(middle)
+    assert space_of(asked).candidate(planned[0].z).position == pytest.approx([0.723, -0.17, 0.698])
     with pytest.raises(DescriptionError, match=r"nowhere\.yaml"):
         hints(asked.model_copy(update={"start_from": ("nowhere.yaml",)}), tmp_path)
 
@@ -289,7 +294,8 @@ def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
         found = search(asked, pool, workers=2, seconds=30.0, evaluations=500, first=[start], hints=[], show=stop_when_better)
     assert found.stopped
     assert found.best is not None
-    assert found.best.figure < start.figure
+    assert found.leaders[-1].figure < start.figure
+    assert found.best.figure <= figure(judges(asked)[start.rod], start.z, robots=DRAWS)
     assert seen == sorted(seen, reverse=True)
 
 
@@ -340,3 +346,9 @@ def test_the_command_writes_a_scenario_that_can_be_loaded(tmp_path: Path, runnab
     assert load_scenario(out / "scenario.yaml").path.file == "path.yaml"
     assert "predicted TCP sigma" in result.output
     assert "0 of" in result.output
+    again = ["plan", str(SCENARIOS / "plans" / "irb2400.yaml"), "--path", str(out / "path.yaml"), "--out", str(tmp_path / "again")]
+    assert CliRunner().invoke(app, again).exit_code == 0  # the file says where the ball-bar stands
+    assert (tmp_path / "again" / "path.yaml").read_text() == (out / "path.yaml").read_text()
+    (out / "path.yaml").write_text((out / "path.yaml").read_text().partition("ballbar_position_m")[0])
+    refused = CliRunner().invoke(app, [*again[:-1], str(tmp_path / "no")])
+    assert "where the ball-bar stands" in str(refused.exception)

@@ -24,7 +24,7 @@ from planning.candidate import Candidate
 from planning.clearance import clearance
 from planning.files import OUTPUTS, write_plan
 from planning.judge import judges
-from planning.plan import Plan, assessed, make_plan
+from planning.plan import Plan, assessed, make_plan, planned_for
 from planning.request import PlanRequest, load_request
 from planning.search import Progress
 from planning.verify import Check, checks, run_in_plant, violations_in
@@ -136,9 +136,12 @@ def answers_csv(given: Sequence[Answer]) -> bytes:
 
 def given_path(request: PlanRequest, path: Path, position: tuple[float, float, float] | None) -> Plan:
     """A path file, judged as a plan. Raises InputError where it cannot be run or no position is known."""
-    place = request.cell.ballbar_position_m if position is None else position
+    place = position or request.cell.ballbar_position_m or planned_for(path)
     if place is None:
-        raise InputError("--path needs to know where the ball-bar stands: give --position X,Y,Z, or cell.ballbar_position_m in the request")
+        raise InputError(
+            "--path needs to know where the ball-bar stands: give --position X,Y,Z, or ballbar_position_m in the path file or in the "
+            "request's cell"
+        )
     judge = judges(request)[request.cell.ballbar]
     return assessed(judge, Candidate(load_lissajous(path), np.array(place)))
 
