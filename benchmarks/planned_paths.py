@@ -48,10 +48,8 @@ def random_paths(robot: str) -> list[dict[str, object]]:
     """RANDOM random paths that can be run: predicted TCP sigma, numbers of the path file, place of the ball-bar."""
     judge = _judge(robot)
     found = sampled(judge, seed=judge.request.seed + 1000, seconds=3600.0, wanted=RANDOM)
-    return [
-        {"random_path": k + 1, "tcp_sigma_um": tcp * 1e6} | _numbers(rounded(space_of(judge.request).candidate(z)))
-        for k, (z, tcp) in enumerate(zip(found.z, found.tcp, strict=True))
-    ]
+    paths = [rounded(space_of(judge.request).candidate(z)) for z in found.z]
+    return [{"random_path": k + 1, "tcp_sigma_um": predicted_at(judge, path) * 1e6} | _numbers(path) for k, path in enumerate(paths)]
 
 
 def _numbers(candidate: Candidate) -> dict[str, object]:
@@ -73,9 +71,14 @@ def middle_path(robot: str, seed: int) -> tuple[dict[str, object], list[float]]:
 
 def predicted_of(robot: str, path: str) -> float:
     """[m] predicted TCP sigma of a path of scenarios/paths, where its scenario puts the ball-bar; limits are not asked about."""
-    judge, scenario = _judge(robot), _scenario(robot, path)
+    scenario = _scenario(robot, path)
     shape = load_lissajous(SCENARIOS / scenario.path.file)
-    courses = course_over(judge.cell, Candidate(shape, np.array(scenario.cell.ballbar_position_m)), judge.request.timing)
+    return predicted_at(_judge(robot), Candidate(shape, np.array(scenario.cell.ballbar_position_m)))
+
+
+def predicted_at(judge: Judge, candidate: Candidate) -> float:
+    """[m] predicted TCP sigma, median of the robots of planning.force."""
+    courses = course_over(judge.cell, candidate, judge.request.timing)
     course = min(courses, key=lambda c: sum(v.excess for v in violations(judge.cell, judge.limits, c)))
     figures = [tcp_rms(judge, predict(judge.predictor, course, tension)) for tension in predicted_forces(judge.forces, course).tension]
     return float(np.median(figures))

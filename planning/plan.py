@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,7 +103,7 @@ def covered(directions: Array) -> float:
     return float(((points @ directions).max(axis=1) > np.cos(COVERED_WITHIN)).mean())
 
 
-def make_plan(
+def plans(
     request: PlanRequest,
     *,
     relative_to: Path,
@@ -112,8 +112,8 @@ def make_plan(
     evaluations: int,
     show: Callable[[Progress], None] = lambda _: None,
     since: Callable[[], float],
-) -> Plan:
-    """The best path within `seconds` and `evaluations`; with 0 seconds the first that can be run.
+) -> Iterator[Plan]:
+    """The best path within `seconds` and `evaluations`, then the next best; with 0 seconds the first that can be run.
 
     relative_to : folder of the request, for paths it names. since : seconds since planning began. Raises InputError where there is none.
     """
@@ -134,10 +134,10 @@ def make_plan(
                 hints=hints(request, relative_to),
                 show=show,
             )
-    assert progress.best is not None
-    judge = given[progress.best.rod]
-    candidate = rounded(space_of(request).candidate(progress.best.z))
-    return assessed(judge, candidate, evaluated=tried + progress.evaluated, seconds=since(), stopped=progress.stopped)
+    took = since()
+    for leader in progress.leaders:
+        candidate = rounded(space_of(request).candidate(leader.z))
+        yield assessed(given[leader.rod], candidate, evaluated=tried + progress.evaluated, seconds=took, stopped=progress.stopped)
 
 
 def hints(request: PlanRequest, relative_to: Path) -> list[Start]:

@@ -32,7 +32,8 @@ STARTS = 80  # random candidates that can be run are enough
 ENTRANTS, FINALISTS = 8, 2  # islands of a race: half of them go on after each round, until two are left
 ROUND = 12  # generations
 STALLED = 25  # generations without a gain of GAIN end an island
-LEADERS = 12  # of which the last choice is made
+LEADERS = 24  # the last of them are weighed with all robots
+STEP = 0.01  # of the natural logarithm of the TCP sigma
 GAIN = 0.003  # of the natural logarithm of the TCP sigma
 
 
@@ -50,7 +51,7 @@ class Progress:
     """How far a search is. Lives as long as the search."""
 
     best: Start | None = None
-    leaders: list[Start] = field(default_factory=list)  # each was the best when it was found
+    leaders: list[Start] = field(default_factory=list)  # each was the best when it was found; of a search that has ended, best first
     evaluated: int = 0
     feasible: int = 0
     reasons: Counter[str] = field(default_factory=Counter)
@@ -95,15 +96,19 @@ def search(
         _races(request, pool, since + seconds, evaluations, starts, progress, show)
     except KeyboardInterrupt:
         progress.stopped = True
-    progress.best = _best_for_all(progress.leaders[-LEADERS:], pool)
+    progress.leaders = _ranked(progress.leaders[-LEADERS:], pool)
     return progress
 
 
-def _best_for_all(leaders: list[Start], pool: ProcessPoolExecutor) -> Start:
-    """The one that does best over all robots of planning.force."""
+def _ranked(leaders: list[Start], pool: ProcessPoolExecutor) -> list[Start]:
+    """By what they do over all robots of planning.force, best first; those that follow differ by STEP or more."""
     figures = [pool.submit(figure_there, one.rod, one.z, DRAWS) for one in leaders]
     weighed = [replace(one, figure=future.result()) for one, future in zip(leaders, figures, strict=True)]
-    return min(weighed, key=lambda one: one.figure)
+    ranked: list[Start] = []
+    for one in sorted(weighed, key=lambda one: one.figure):
+        if not ranked or one.figure > ranked[-1].figure + STEP:
+            ranked.append(one)
+    return ranked
 
 
 def _random(

@@ -8,6 +8,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -24,13 +25,14 @@ from planning.candidate import Candidate
 from planning.clearance import clearance
 from planning.files import OUTPUTS, write_plan
 from planning.judge import judges
-from planning.plan import Plan, assessed, make_plan, planned_for
+from planning.plan import Plan, assessed, planned_for, plans
 from planning.request import PlanRequest, load_request
 from planning.search import Progress
 from planning.verify import Check, checks, run_in_plant, violations_in
 from planning.what_if import Answer, Question, answers, question
 from sim.simulate import load_lissajous
 
+ATTEMPTS = 4  # paths of a search that are run in MuJoCo, should limits be violated
 CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and one drawn
 WIDTH = 120  # characters of a table in a pipe or file
 EVALUATIONS = 20_000  # of CMA-ES: some minutes on two quiet cores
@@ -58,31 +60,40 @@ def plan_path(
     """
     request, questions = load_request(file), [question(text) for text in what_if]
     claim_folder(folder, {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}, "the plan")
-    since = time.monotonic()
-    if path is None:
-        with showing(err) as show:
-            plan = make_plan(
-                request,
-                relative_to=file.parent,
-                workers=os.cpu_count() or 1,
-                seconds=seconds,
-                evaluations=EVALUATIONS,
-                show=show,
-                since=lambda: time.monotonic() - since,
-            )
-    else:
-        plan = given_path(request, path, position)
-    names = write_plan(plan, folder)
-    write_whole(folder / "plan.svg", plan_picture(plan))
-    say_plan(out, plan)
-    with under_way(err, "running it in MuJoCo on soft servo ..."):
-        found = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
-    violated = sum(violations_in(one) for _, one in found)
-    say_checks(out, found)
+    found = iter([given_path(request, path, position)]) if path else searched(request, file.parent, seconds, err)
+    for attempt, plan in enumerate(islice(found, ATTEMPTS)):
+        if attempt:
+            out.print("[yellow]Limits are violated in MuJoCo; the next best path of the search:[/]")
+        names = write_plan(plan, folder)
+        write_whole(folder / "plan.svg", plan_picture(plan))
+        say_plan(out, plan)
+        with under_way(err, "running it in MuJoCo on soft servo ..."):
+            ran = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
+        violated = sum(violations_in(one) for _, one in ran)
+        say_checks(out, ran)
+        if not violated:
+            break
     if questions:
         names += answer(plan, questions, folder, out, err)
     out.print(f"Files in {escape(str(folder))}: {', '.join([*names, 'plan.svg'])}")
     return violated == 0
+
+
+def searched(request: PlanRequest, relative_to: Path, seconds: float, err: Console) -> Iterator[Plan]:
+    """What a search finds, best first."""
+    since = time.monotonic()
+    with showing(err) as show:
+        found = plans(
+            request,
+            relative_to=relative_to,
+            workers=os.cpu_count() or 1,
+            seconds=seconds,
+            evaluations=EVALUATIONS,
+            show=show,
+            since=lambda: time.monotonic() - since,
+        )
+        best = next(found)
+    return chain((best,), found)
 
 
 def answer(plan: Plan, questions: Sequence[Question], folder: Path, out: Console, err: Console) -> list[str]:
