@@ -22,7 +22,7 @@ from cell.errors import LogError
 
 FINE = 4e6  # a float64 below it resolves 1e-9
 _TYPES = {"integer": pa.int64(), "text": pa.int64(), "decimal": pa.float64(), "float": pa.float64()}
-_BLOCK = 1 << 18  # bytes parsed at a time
+_BLOCK = 1 << 19  # bytes parsed at a time
 
 
 def clean_columns(raw: bytes, file: str, layout: Layout, findings: list[Finding]) -> tuple[Header, dict[str, NDArray[Any]]] | None:
@@ -74,7 +74,7 @@ def _columns(raw: bytes, begin: int, header: Header) -> dict[str, NDArray[Any]] 
     try:
         table = csv.read_csv(
             pa.BufferReader(pa.py_buffer(raw).slice(begin)),
-            csv.ReadOptions(use_threads=False, column_names=fields, block_size=_BLOCK),
+            csv.ReadOptions(use_threads=True, column_names=fields, block_size=_BLOCK),
             csv.ParseOptions(delimiter=header.separator, quote_char=False, ignore_empty_lines=False),
             csv.ConvertOptions(column_types=wanted, include_columns=list(wanted), null_values=[], strings_can_be_null=False),
         )

@@ -25,7 +25,7 @@ _REACH = 15.0  # row periods: nine rows further apart than these say nothing of 
 _CLOSE = _BESIDE  # rows: two damaged values so close may spoil each other's cubic; at the end of a log all that judge are on one side
 _MANY, _MANY_OF = 1000, 0.02  # values, and of all values: where more stand out, steps or grains stand out, not two that hide each other
 _BLOCK = 8192  # rows at a time, for the processor's cache
-_SAMPLE = 5000  # rows, whose median tells the noise to 2 %
+_SAMPLE = 2000  # rows, whose median tells the noise to 3 %
 
 
 class _Log(NamedTuple):
