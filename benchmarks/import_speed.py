@@ -3,8 +3,8 @@
     python -m benchmarks.import_speed
 
 150 000 robot rows (time and six motor angles), 60 000 ball-bar rows (time, five counters, five status words). Processor and wall
-time, medians of ROUNDS in which the rivals take turns; pandas reads on one thread, pyarrow under our reader on all cores. Memory is the peak of a process of its own that
-reads nothing else, less what it held before.
+time, medians of ROUNDS in which the rivals take turns; pandas reads on one thread, pyarrow under our reader on all cores. Memory is
+the peak of a process of its own that reads nothing else, less what it held before.
 """
 
 from __future__ import annotations
