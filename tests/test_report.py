@@ -262,6 +262,7 @@ def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(sensorless: RunDat
     assert _shows(parsed.row("ra1")[2], sensorless.identification.geometry["ra1"] * 1e3)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("blank_figures")
 @pytest.mark.parametrize(
     ("status", "band", "heading"),

@@ -428,6 +428,7 @@ def test_a_torn_part_is_named_and_only_its_runs_are_repeated(reference: tuple[Lo
     assert table_bytes(again) == table_bytes(whole)
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_ends_the_sweep_in_words(tmp_path: Path) -> None:
     sweep = loaded(tmp_path, GRID)
     with pytest.raises(SweepError, match=r"a worker process died, runs \d+ to \d+ were under way\. Is there enough memory\?"):
@@ -494,6 +495,7 @@ def test_two_processes_never_work_in_one_folder(tmp_path: Path) -> None:
         swept(sweep, tmp_path / "out", inline)
 
 
+@pytest.mark.slow
 def test_the_command_says_where_the_table_is_and_what_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
