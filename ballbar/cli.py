@@ -9,7 +9,6 @@ import typer
 from rich.markup import escape
 
 from ballbar.commands import bench, identification, planning, recordings, result
-from ballbar.sweep.version import code_version
 from ballbar.terminal import CommandGroup, Quiet, Verbose, err, fresh_terminal
 from cell.errors import FailureError, InputError
 
@@ -25,6 +24,8 @@ for group in (planning, recordings, identification, result, bench):  # in the or
 
 def _tell_version(asked: bool) -> None:
     if asked:
+        from ballbar.sweep.version import code_version  # noqa: PLC0415  nothing else at start-up needs it
+
         typer.echo(f"ballbar {code_version()}")
         raise typer.Exit
 

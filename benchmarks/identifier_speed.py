@@ -9,7 +9,6 @@ Levenberg-Marquardt with its numeric Jacobian.
 from __future__ import annotations
 
 import multiprocessing
-import os
 import subprocess
 import sys
 import tempfile
@@ -29,7 +28,7 @@ from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
 from cell.chain import Array
 from cell.descriptions import Cell, load_cell
 from cell.geometry import Geometry
-from cell.threads import ONE_THREAD
+from cell.threads import one_thread_each
 from ident.corrections import CORRECTIONS
 from ident.identifiability import candidates, identifiable
 from ident.identify import Logs, fit_alone
@@ -155,9 +154,9 @@ def in_own_process(function: Callable[..., T], *arguments: object) -> T:
         return pool.submit(function, *arguments).result()
 
 
+@one_thread_each()
 def main() -> None:
     """Prints all rows."""
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     in_own_process(kinematic)
     with tempfile.TemporaryDirectory() as top:
         folder = Path(top) / "a"

@@ -9,7 +9,6 @@ with the machine.
 from __future__ import annotations
 
 import multiprocessing
-import os
 import resource
 import sys
 import time
@@ -32,7 +31,7 @@ from ballbar.sweep.part import Job, Work
 from ballbar.sweep.plan import run_of
 from ballbar.sweep.run import run_sweep
 from ballbar.sweep.workers import Workers, dask_cluster, processes
-from cell.threads import ONE_THREAD
+from cell.threads import one_thread_each
 
 T = TypeVar("T")
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -269,11 +268,11 @@ def million() -> None:
 SECTIONS = {"speed": speed, "overhead": overhead, "memory": memory, "dask": dask, "million": million}
 
 
+@one_thread_each()
 def main() -> None:
     """Runs the sections that are named, or all."""
     if unknown := [name for name in sys.argv[1:] if name not in SECTIONS]:
         sys.exit(f"no section {', '.join(unknown)}: there are {', '.join(SECTIONS)}")
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # of the processes started from here
     for name in sys.argv[1:] or SECTIONS:
         SECTIONS[name]()
 

@@ -1,1 +1,1 @@
-"""What stands in the cell: descriptions, kinematics, and what recordings are. Imports none of the other packages."""
+"""What stands in the cell: descriptions, kinematics, what recordings are; and what all packages share. Imports none of them."""

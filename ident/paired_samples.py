@@ -16,11 +16,12 @@ from scipy.interpolate import make_interp_spline
 
 from cell.chain import Array
 from cell.geometry import BAR_ROWS, Geometry
+from cell.splines import DEGREE
 from ident.identifiability import candidates, identifiable
 from ident.noise import rod_deviation
 from ident.problem import Clock, NoiseModel, Problem
 from ident.sampling import MARGIN
-from ident.signals import DEGREE, Outliers, SmoothLog
+from ident.signals import Outliers, SmoothLog
 from ident.solver import Fit, solve
 
 ROD_SIGMA_START = 2e-6  # [m] as for recordings (ident.identify)

@@ -18,13 +18,13 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, make_lsq_spline
+from scipy.interpolate import BSpline
 
 from cell.chain import Array
+from cell.splines import DEGREE, smoothing_spline
 from ident.breaks import Break, find_breaks, without_breaks
 from ident.outliers import FAR_OUT, SIDE_ROWS, SMALLEST, outliers, robust_sigma
 
-DEGREE = 5
 _WHITE = 0.1  # lag-one autocorrelation of the residual above which motion is left in it (smoothing alone makes it negative)
 GAP_PERIODS = 3.0  # a longer stretch without rows is not interpolated (log_formats H.5: missing samples)
 ARM_KNOT_SPACING = 0.25  # [s] keeps motion below 2 Hz
@@ -206,23 +206,8 @@ def _is_white(residual: Array) -> bool:
 
 def _fit(t: Array, values: Array, spacing: float) -> tuple[BSpline, Array, int]:
     inner = np.linspace(t[0], t[-1], max(2, int(np.ceil((t[-1] - t[0]) / spacing)) + 1))[1:-1]
-    inner = inner[_carried(np.searchsorted(t, inner), t.size)]
-    knots = np.concatenate((np.repeat(t[0], DEGREE + 1), inner, np.repeat(t[-1], DEGREE + 1)))
-    spline = make_lsq_spline(t, values, knots, k=DEGREE, method="norm-eq")  # to 1e-13 the answer of "qr", in a tenth of its time
-    return spline, values - spline(t), knots.size - DEGREE - 1
-
-
-def _carried(rows: NDArray[np.intp], total: int) -> list[int]:
-    """Those of the knots with `rows` before them that leave two rows or more in each interval.
-
-    With a single row (beside a gap, say) Schoenberg and Whitney's condition may hold, and yet the spline be anywhere.
-    """
-    kept, last = [], 0
-    for knot, before in enumerate(rows.tolist()):
-        if before - last >= 2 and total - before >= 2:
-            kept.append(knot)
-            last = before
-    return kept
+    spline = smoothing_spline(t, values, inner)
+    return spline, values - spline(t), len(spline.c)
 
 
 def _lag_one(residual: Array) -> Array:

@@ -23,10 +23,11 @@ from planning.judge import Judge, Judgement, judged, judges
 from planning.predict import Prediction, predictions
 from planning.request import PlanRequest
 from planning.sample import VIOLATES
-from planning.search import Progress, Start, search
+from planning.search import Progress, Start, ranked, search
 from planning.workers import judging_processes
+from sim.path import Lissajous
 from sim.settings import LissajousFile
-from sim.simulate import load_lissajous
+from sim.simulate import lissajous
 
 COVERED_WITHIN = np.radians(10.0)  # of the path, by which a point of the sphere counts as covered (mujoco_facts sec. 10)
 SPHERE_POINTS = 2000
@@ -122,6 +123,7 @@ def plans(
     progress = Progress()
     progress.add(first)
     show(progress)
+    best = [first]
     if seconds > 0.0:
         with judging_processes(request, workers) as pool:
             progress = search(
@@ -134,10 +136,11 @@ def plans(
                 hints=hints(request, relative_to),
                 show=show,
             )
+            best = ranked(progress.leaders, pool)
     took = since()
-    for leader in progress.leaders:
-        candidate = rounded(space_of(request).candidate(leader.z))
-        yield assessed(given[leader.rod], candidate, evaluated=tried + progress.evaluated, seconds=took, stopped=progress.stopped)
+    for one in best:
+        candidate = rounded(space_of(request).candidate(one.z))
+        yield assessed(given[one.rod], candidate, evaluated=tried + progress.evaluated, seconds=took, stopped=progress.stopped)
 
 
 def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
@@ -146,15 +149,16 @@ def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
     middle = 0.5 * (space.lower + space.upper)
     starts = []
     for file in (relative_to / name for name in request.start_from):
-        place = planned_for(file)
-        z = numbers_of(space, Candidate(load_lissajous(file), middle if place is None else np.array(place)))
+        shape, place = known_path(file)
+        z = numbers_of(space, Candidate(shape, middle if place is None else np.array(place)))
         starts += [Start(rod, z, VIOLATES) for rod in (request.cell.ballbar, *request.cell.ballbar_choices)]
     return starts
 
 
-def planned_for(file: Path) -> tuple[float, ...] | None:
-    """[m] where the ball-bar stands for a path file, should it say so. Raises DescriptionError for a bad file."""
-    return load_model(file, LissajousFile).ballbar_position_m
+def known_path(file: Path) -> tuple[Lissajous, tuple[float, ...] | None]:
+    """A path file, and where its ball-bar stood [m], should it say so. Raises DescriptionError for a bad file."""
+    read = load_model(file, LissajousFile)
+    return lissajous(read), read.ballbar_position_m
 
 
 def assessed(judge: Judge, candidate: Candidate, *, evaluated: int = 0, seconds: float = 0.0, stopped: bool = False) -> Plan:

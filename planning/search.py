@@ -50,13 +50,17 @@ class Start:
 class Progress:
     """How far a search is. Lives as long as the search."""
 
-    best: Start | None = None
-    leaders: list[Start] = field(default_factory=list)  # each was the best when it was found; of a search that has ended, best first
+    leaders: list[Start] = field(default_factory=list)  # each was the best when it was found
     evaluated: int = 0
     feasible: int = 0
     reasons: Counter[str] = field(default_factory=Counter)
     nearest: tuple[float, str] = (np.inf, "")
     stopped: bool = False
+
+    @property
+    def best(self) -> Start | None:
+        """The last of the leaders."""
+        return self.leaders[-1] if self.leaders else None
 
     @property
     def tcp(self) -> float:
@@ -66,7 +70,6 @@ class Progress:
     def add(self, one: Start) -> None:
         self.feasible += 1
         if self.best is None or one.figure < self.best.figure:
-            self.best = one
             self.leaders.append(one)
 
 
@@ -96,19 +99,18 @@ def search(
         _races(request, pool, since + seconds, evaluations, starts, progress, show)
     except KeyboardInterrupt:
         progress.stopped = True
-    progress.leaders = _ranked(progress.leaders[-LEADERS:], pool)
     return progress
 
 
-def _ranked(leaders: list[Start], pool: ProcessPoolExecutor) -> list[Start]:
-    """By what they do over all robots of planning.force, best first; those that follow differ by STEP or more."""
-    figures = [pool.submit(figure_there, one.rod, one.z, DRAWS) for one in leaders]
-    weighed = [replace(one, figure=future.result()) for one, future in zip(leaders, figures, strict=True)]
-    ranked: list[Start] = []
+def ranked(leaders: list[Start], pool: ProcessPoolExecutor) -> list[Start]:
+    """The last LEADERS by what they do over all robots of planning.force, best first; those that follow differ by STEP or more."""
+    figures = [pool.submit(figure_there, one.rod, one.z, DRAWS) for one in leaders[-LEADERS:]]
+    weighed = [replace(one, figure=future.result()) for one, future in zip(leaders[-LEADERS:], figures, strict=True)]
+    apart: list[Start] = []
     for one in sorted(weighed, key=lambda one: one.figure):
-        if not ranked or one.figure > ranked[-1].figure + STEP:
-            ranked.append(one)
-    return ranked
+        if not apart or one.figure > apart[-1].figure + STEP:
+            apart.append(one)
+    return apart
 
 
 def _random(

@@ -8,7 +8,7 @@ takes them is on the sphere. Path and timing stay those of the real run to withi
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import BSpline, CubicSpline, make_lsq_spline
+from scipy.interpolate import BSpline, CubicSpline
 
 from cell.chain import Array
 from cell.descriptions import Robot
@@ -16,11 +16,11 @@ from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.inverse import bar_angles, refine
 from cell.logs import RobotLog
+from cell.splines import DEGREE, smoothing_spline
 from sim.path import ReferencePath, axis_range_fault, check_speeds
 
 OFF_SPHERE = 0.020  # [m] ten times what an uncalibrated robot leaves (thesis sec. 5.4: 2 mm)
 KNOT_SPACING = 0.1  # [s] keeps motion below 3 Hz, and a fifth of the noise of 4 ms rows
-DEGREE = 5
 BRANCH = (True, True)  # b2 and b4 negative, as in the path files of this project; the log cannot tell
 
 
@@ -58,6 +58,4 @@ def _check_sphere(nominal: Geometry, t: Array, poses: Array) -> None:
 def _smoothed(t: Array, angles: Array) -> BSpline:
     """Least-squares spline of (N, K) angles; stretches without rows carry no knots."""
     inner = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / KNOT_SPACING)) + 1)[1:-1]
-    filled = np.diff(np.searchsorted(t, np.concatenate(([t[0]], inner)))) > DEGREE
-    knots = np.concatenate((np.repeat(t[0], DEGREE + 1), inner[filled], np.repeat(t[-1], DEGREE + 1)))
-    return make_lsq_spline(t, angles, knots, k=DEGREE)
+    return smoothing_spline(t, angles, inner, rows=DEGREE + 1)

@@ -139,7 +139,11 @@ def planned_path(
 
 def load_lissajous(path: Path) -> Lissajous:
     """The path file as radians. Raises DescriptionError."""
-    file = load_model(path, LissajousFile)
+    return lissajous(load_model(path, LissajousFile))
+
+
+def lissajous(file: LissajousFile) -> Lissajous:
+    """Its numbers as radians."""
     return Lissajous(
         np.radians(file.centre_deg), np.radians(file.amplitude_deg), np.array(file.cycles, dtype=float), np.radians(file.phase_deg)
     )

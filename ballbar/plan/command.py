@@ -25,12 +25,11 @@ from planning.candidate import Candidate
 from planning.clearance import clearance
 from planning.files import OUTPUTS, write_plan
 from planning.judge import judges
-from planning.plan import Plan, assessed, planned_for, plans
+from planning.plan import Plan, assessed, known_path, plans
 from planning.request import PlanRequest, load_request
 from planning.search import Progress
 from planning.verify import Check, checks, run_in_plant, violations_in
 from planning.what_if import Answer, Question, answers, question
-from sim.simulate import load_lissajous
 
 ATTEMPTS = 4  # paths of a search that are run in MuJoCo, should limits be violated
 CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and one drawn
@@ -147,14 +146,15 @@ def answers_csv(given: Sequence[Answer]) -> bytes:
 
 def given_path(request: PlanRequest, path: Path, position: tuple[float, float, float] | None) -> Plan:
     """A path file, judged as a plan. Raises InputError where it cannot be run or no position is known."""
-    place = position or request.cell.ballbar_position_m or planned_for(path)
+    shape, planned_for = known_path(path)
+    place = position or request.cell.ballbar_position_m or planned_for
     if place is None:
         raise InputError(
             "--path needs to know where the ball-bar stands: give --position X,Y,Z, or ballbar_position_m in the path file or in the "
             "request's cell"
         )
     judge = judges(request)[request.cell.ballbar]
-    return assessed(judge, Candidate(load_lissajous(path), np.array(place)))
+    return assessed(judge, Candidate(shape, np.array(place)))
 
 
 def check_in_plant(plan: Plan, seed: int) -> list[Check]:
