@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.dialect import Dialect
-from acquisition.layout import SEPARATORS, Layout, read_header
-from acquisition.rows import plain_rows
+from acquisition.formats.dialect import Dialect
 from acquisition.sources import ballbar_layout, dialect_of, force_layout, inside, robot_layout, time_form
-from acquisition.text import read_text
+from acquisition.table.header import SEPARATORS, Layout, read_header
+from acquisition.table.rows import plain_rows
+from acquisition.table.text import read_text
 from acquisition.times import TimeCells, stamps_ns, words
 from cell.recording import EncoderFitting, RecordingFile, SourceFile, SourceName, load_recording_file
 

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.encoders import (
+from acquisition.faults.damaged_values import damaged_values
+from acquisition.faults.encoders import (
     counter_words,
     encoder_angles,
     jump_flags,
@@ -24,9 +25,8 @@ from acquisition.encoders import (
     report_damaged,
     status_flags,
 )
-from acquisition.flags import Flags, RowFlag, usable
-from acquisition.jumps import find_jumps
-from acquisition.motors import (
+from acquisition.faults.jumps import find_jumps
+from acquisition.faults.motors import (
     axis_speed_limits,
     gear_torques,
     moves,
@@ -36,10 +36,9 @@ from acquisition.motors import (
     within_reach,
     without_stand_ins,
 )
-from acquisition.outliers import damaged_values
+from acquisition.faults.segments import Segments, find_segments
+from acquisition.flags import Flags, RowFlag, usable
 from acquisition.report import FileSummary, Finding, ImportReport, finding
-from acquisition.segments import Segments, find_segments
-from acquisition.selectors import require
 from acquisition.sources import (
     MINIMUM_ROWS,
     Ledger,
@@ -52,8 +51,9 @@ from acquisition.sources import (
     read_files,
     robot_layout,
 )
-from acquisition.stamps import STAMP, report_periods, seconds_from
-from acquisition.table import Table
+from acquisition.stamps.order import STAMP, report_periods, seconds_from
+from acquisition.table.selectors import require
+from acquisition.table.table import Table
 from cell.descriptions import Robot, joints_to_axes, load_robot
 from cell.errors import DescriptionError, LogError
 from cell.logs import BallBarLog, ForceLog, RobotLog

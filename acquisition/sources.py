@@ -9,14 +9,14 @@ from pathlib import Path, PureWindowsPath
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.containers import read_file
-from acquisition.dialect import Dialect, dialect_file, load_dialect
 from acquisition.flags import Flags
-from acquisition.layout import Kind, Layout
-from acquisition.quantised import spread
+from acquisition.formats.dialect import Dialect, dialect_file, load_dialect
+from acquisition.formats.registry import read_file
 from acquisition.report import FileSummary, Finding
-from acquisition.stamps import STAMP, in_order, in_sequence, join
-from acquisition.table import Table
+from acquisition.stamps.order import STAMP, in_order, in_sequence, join
+from acquisition.stamps.quantised import spread
+from acquisition.table.header import Kind, Layout
+from acquisition.table.table import Table
 from acquisition.times import TIME_FORMS, TimeCells, TimeForm, recognised, stamps_ns, words
 from cell.errors import DescriptionError, LogError
 from cell.recording import EncoderFitting, EncoderName, SourceFile, SourceName

@@ -14,7 +14,7 @@ def main() -> None:
     """Runs the command line."""
     for name in ONE_THREAD:  # before the libraries load
         os.environ.setdefault(name, "1")
-    from ballbar.cli import main as run  # noqa: PLC0415
+    from ballbar.commands.cli import main as run  # noqa: PLC0415
 
     run()
 

@@ -21,9 +21,8 @@ from cell.descriptions import load_cell
 from cell.errors import InputError
 from cell.geometry import BAR_ROWS, INDEX, PARAMETERS, ROBOT_ROWS, Geometry, bar_frames, nominal_geometry
 from cell.inverse import refine
-from ident.closure import bar_joint_jacobian, close_loop, covariance, parameter_jacobian, whitening
-from ident.costs import COSTS, ENCODERS_NEEDED, ML, cost_named
-from ident.dependencies import (
+from ident.estimator.closure import bar_joint_jacobian, close_loop, covariance, parameter_jacobian, whitening
+from ident.estimator.dependencies import (
     EXTRA_PARAMETERS,
     THESIS_PARAMETERS,
     Dependency,
@@ -36,6 +35,7 @@ from ident.dependencies import (
     significant,
     spectrum,
 )
+from ident.thesis.costs import COSTS, ENCODERS_NEEDED, ML, cost_named
 from sim.simulate import planned_path
 
 Array = NDArray[np.float64]

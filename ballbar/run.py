@@ -6,21 +6,21 @@ from dataclasses import replace
 from pathlib import Path
 
 from acquisition import Recording, read_recording
-from ballbar.check import import_reports
-from ballbar.compare import identification_against_truth, limits_of
-from ballbar.iterations import IterationLog
-from ballbar.replay.command import REPLAY
+from ballbar.recordings.check import import_reports
 from ballbar.replay.live import LiveRun
+from ballbar.replay.show import REPLAY
 from ballbar.replay.write import write_replay
 from ballbar.report.page import write_report
-from ballbar.run_data import RunData
-from ballbar.run_recordings import Progress, identify_recordings
+from ballbar.result.calibration import CALIBRATION, write_calibration
+from ballbar.result.compare import identification_against_truth, limits_of
+from ballbar.result.iterations import IterationLog
+from ballbar.result.run_data import RunData
+from ballbar.result.run_recordings import Progress, identify_recordings
 from ballbar.scenario import IdentifySettings, Scenario
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from cell.logs import RobotLog
 from cell.recording import load_recording_file
-from ident.calibration import CALIBRATION, write_calibration
 from ident.identify import DEFAULT_SAMPLES, Identification
 from sim.settings import PathSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording

@@ -11,9 +11,9 @@ from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
 from ident.corrections import CORRECTIONS
-from ident.costs import ENCODERS_NEEDED
+from ident.estimator.machine import ForceSource
 from ident.identify import ModelName
-from ident.machine import ForceSource
+from ident.thesis.costs import ENCODERS_NEEDED
 from sim.settings import SimulationSettings
 
 

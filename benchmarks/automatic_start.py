@@ -19,12 +19,12 @@ import numpy as np
 import pandas as pd
 
 from acquisition import Recording, read_recording
-from ballbar.compare import identification_against_truth
+from ballbar.result.compare import identification_against_truth
 from cell.errors import InputError
 from cell.inverse import UnreachableError
 from cell.logs import BallBarLog
 from ident.identify import identify
-from ident.start import StartError
+from ident.start.automatic import StartError
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate, write_recording
 

@@ -25,17 +25,17 @@ from cell.descriptions import Cell, load_cell
 from cell.files import write_whole
 from cell.geometry import Geometry, nominal_geometry, robot_frames
 from cell.inverse import pose_mismatch
-from ident.accuracy import accuracy_grid, position_error
 from ident.corrections import CORRECTIONS
 from ident.corrections.gear_ripple import harmonic_orders
-from ident.free_robot import FreeRobot
 from ident.identify import DEFAULT_SAMPLES, identify_together
-from ident.inverse_calibration import TargetError, corrected_targets
-from sim.held_poses import HeldPoses, hold_poses
-from sim.plant_effects import PlantEffects, plant_effects
-from sim.sensor_effects import ResolverEffects, resolver_effects
+from ident.robot.accuracy import accuracy_grid, position_error
+from ident.robot.inverse_calibration import TargetError, corrected_targets
+from ident.robot.unloaded_robot import FreeRobot
+from sim.errors.sensor_effects import ResolverEffects, resolver_effects
+from sim.errors.static_errors import true_geometry
+from sim.plant.effects import PlantEffects, plant_effects
+from sim.plant.held_poses import HeldPoses, hold_poses
 from sim.settings import SimulationSettings
-from sim.static_errors import true_geometry
 
 OUT = Path(__file__).parent.parent / "docs" / "studies" / "correct_in_plant.csv"
 POSES = 200

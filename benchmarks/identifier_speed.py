@@ -22,21 +22,21 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from acquisition import read_recording
-from ballbar.sample_trial import trial_samples
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.trial.sample_trial import trial_samples
 from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
 from cell.chain import Array
 from cell.descriptions import Cell, load_cell
 from cell.geometry import Geometry
 from cell.threads import one_thread_each
 from ident.corrections import CORRECTIONS
-from ident.identifiability import candidates, identifiable
+from ident.estimator.identifiability import candidates, identifiable
+from ident.estimator.joint_fit import JointFit, approach, minimise
+from ident.estimator.machine import FIRST_EXCESS, posed
+from ident.estimator.problem import Clock, Estimate, NoiseModel, Problem
+from ident.estimator.solver import Fit, solve
 from ident.identify import Logs, fit_alone
-from ident.joint_fit import JointFit, approach, minimise
-from ident.machine import FIRST_EXCESS, posed
-from ident.paired_samples import through_samples
-from ident.problem import Clock, Estimate, NoiseModel, Problem
-from ident.solver import Fit, solve
+from ident.thesis.paired_samples import through_samples
 
 T = TypeVar("T")
 SAMPLES, MANY = 1500, 15_000

@@ -22,8 +22,8 @@ import pandas as pd
 import yaml
 
 from acquisition import read_recording
-from acquisition.containers import read_file
-from acquisition.dialect import load_dialect
+from acquisition.formats.dialect import load_dialect
+from acquisition.formats.registry import read_file
 from acquisition.sources import ballbar_layout, robot_layout
 from cell.descriptions import joints_to_motors, load_robot
 from cell.recording import SourceFile, load_recording_file

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ballbar.compare import identification_against_truth
+from ballbar.result.compare import identification_against_truth
 from benchmarks.everything_on import ROOT, recorded, scenario_of
 from benchmarks.robustness import faulty
 from cell.descriptions import Cell

@@ -3,7 +3,7 @@
     python -m benchmarks.live_recorder [--seconds 300] [--out docs/studies/live_recorder.csv]
     python -m benchmarks.live_recorder --kills 20 [--out docs/studies/live_recorder_kills.csv]
 
-A PLC (benchmarks.plc_server) makes samples at 100 Hz and at 1 kHz, each of which follows from its number; `ballbar record` runs as a
+A PLC (tests.helpers.plc_server) makes samples at 100 Hz and at 1 kHz, each of which follows from its number; `ballbar record` runs as a
 process of its own. The file must be what those samples are in the dialect `twincat-plc`, from its first row to its last, and
 the last must be younger than two polls when the recorder is asked to stop. With --kills it is killed (SIGKILL) at random instants
 at 1 kHz instead, and what is missing at the end of the file is measured.
@@ -24,7 +24,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from benchmarks.plc_server import START, Plc, plc_samples, text_of
+from tests.helpers.plc_server import START, Plc, plc_samples, text_of
 
 RATES = (100, 1000)  # [Hz]
 ADDRESS = "127.0.0.40"

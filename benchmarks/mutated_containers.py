@@ -26,14 +26,14 @@ from types import FrameType
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.outliers import SMALLEST
+from acquisition.faults.damaged_values import SMALLEST
 from acquisition.recording import read_ballbar, read_robot
 from acquisition.report import Finding
 from acquisition.sources import Ledger
-from benchmarks.container_files import Written, db3, egm, json_lines, mcap, mpe, scope
 from cell.descriptions import load_robot
 from cell.errors import InputError
 from cell.recording import EncoderFitting, EncoderName, SourceFile
+from tests.helpers.container_files import Written, db3, egm, json_lines, mcap, mpe, scope
 
 FILES = 20_000  # of each family
 LIMIT_S = 5

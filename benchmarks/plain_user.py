@@ -4,7 +4,7 @@ The printed scalar of C_T (thesis eq. 2.4), `scipy.optimize.least_squares(method
 a forward pass that multiplies 4x4 matrices, all samples at once. No cost is missed that a careful user would save: the chain whose
 parameters do not change is computed again, as the solver cannot know.
 
-    python -m benchmarks.plain_user          # against ident.cost_fit, on the samples of the main scenario
+    python -m benchmarks.plain_user          # against ident.thesis.cost_fit, on the samples of the main scenario
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from ballbar.sample_trial import cost_parameters, trial_samples
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.trial.sample_trial import cost_parameters, trial_samples
 from cell.chain import Array, Chain
 from cell.geometry import Geometry
-from ident.cost_fit import fit_cost
-from ident.costs import cost_named
+from ident.thesis.cost_fit import fit_cost
+from ident.thesis.costs import cost_named
 from sim.kinematic_samples import KinematicSamples
 
 SCENARIO = Path(__file__).parents[1] / "scenarios" / "irb2400.yaml"
@@ -97,7 +97,7 @@ def main() -> None:
     seconds = time.perf_counter() - begin
     for name, geometry, count, converged, spent in (
         ("least_squares, printed scalar", plain.geometry, f"{plain.iterations} evaluations", plain.converged, plain.seconds),
-        ("ident.cost_fit, vector form", ours.geometry, f"{ours.iterations} iterations", ours.converged, seconds),
+        ("ident.thesis.cost_fit, vector form", ours.geometry, f"{ours.iterations} iterations", ours.converged, seconds),
     ):
         distance = 1e3 * np.linalg.norm((geometry.values - samples.true.values)[parameters])
         print(f"{name}: {count}, converged {converged}, distance {distance:.4f} mm|mrad, {spent:.3f} s")

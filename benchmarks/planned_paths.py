@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.compare import identification_against_truth
+from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import Scenario, load_scenario
 from benchmarks.everything_on import ROOT, SCENARIOS, recorded
 from cell.files import write_whole, write_yaml

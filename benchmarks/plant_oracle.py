@@ -15,14 +15,14 @@ import numpy as np
 from cell.chain import Array
 from cell.descriptions import Cell, load_cell
 from cell.geometry import Geometry, nominal_geometry
-from sim.deflection import deflect
-from sim.mjcf import plant_model
+from sim.errors.static_errors import THESIS_3_1
 from sim.path import ReferencePath, reference_path
-from sim.plant import PlantRun, roll_out, state_at_rest
-from sim.plant_effects import PlantEffects, PlantErrors, plant_effects
+from sim.plant.deflection import deflect
+from sim.plant.effects import PlantEffects, PlantErrors, plant_effects
+from sim.plant.mjcf import plant_model
+from sim.plant.mujoco_plant import PlantRun, roll_out, state_at_rest
+from sim.plant.statics import rest
 from sim.simulate import load_lissajous
-from sim.static_errors import THESIS_3_1
-from sim.statics import rest
 
 HOLD, TIMESTEP = 4.0, 1e-3  # [s]
 CELLS = {"irb2400": ("lund_600", (0.70, 0.0, 0.54), "irb2400_a"), "nj220": ("lund_900", (1.5, 0.0, 0.7), "nj220_a")}

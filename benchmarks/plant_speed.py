@@ -21,11 +21,11 @@ from mujoco import rollout
 from ballbar.scenario import load_scenario
 from cell.descriptions import Cell, load_cell
 from cell.geometry import Geometry, nominal_geometry
+from sim.errors.static_errors import THESIS_3_1
 from sim.path import ReferencePath, reference_path
-from sim.plant import prepare, run_plant
-from sim.plant_effects import PlantEffects, PlantErrors, plant_effects
+from sim.plant.effects import PlantEffects, PlantErrors, plant_effects
+from sim.plant.mujoco_plant import prepare, run_plant
 from sim.simulate import load_lissajous
-from sim.static_errors import THESIS_3_1
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 ROUNDS = 5

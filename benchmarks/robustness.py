@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ballbar.compare import identification_against_truth
+from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import Scenario
 from benchmarks.everything_on import ROOT, asked_robots, recorded, scenario_of
 from cell.descriptions import Cell

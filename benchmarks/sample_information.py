@@ -16,14 +16,14 @@ import numpy as np
 
 from acquisition import read_recording
 from benchmarks.alignment_after_fit import SCENARIOS, settings
-from ident.accuracy import accuracy_grid, tcp_sigma
-from ident.identifiability import candidates
+from ident.estimator.identifiability import candidates
+from ident.estimator.noise import noise_from_logs
+from ident.estimator.problem import Problem
+from ident.estimator.sampling import sample_times
+from ident.estimator.solver import Fit, solve
 from ident.identify import ROD_SIGMA_START, WIDEST_KNOT_SPACING, Identification, identify
-from ident.noise import noise_from_logs
-from ident.problem import Problem
-from ident.sampling import sample_times
-from ident.signals import smooth_log
-from ident.solver import Fit, solve
+from ident.robot.accuracy import accuracy_grid, tcp_sigma
+from ident.signals.smooth_log import smooth_log
 from sim.simulate import simulate, write_recording
 
 COUNTS = (75, 150, 300)

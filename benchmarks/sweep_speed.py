@@ -78,7 +78,7 @@ def busy(scenario: Scenario, folder: Path) -> dict[str, float]:
 
 def trial(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
     """A real run."""
-    from ballbar.trial import run_trial  # noqa: PLC0415  the driver needs none of it
+    from ballbar.trial.trial import run_trial  # noqa: PLC0415  the driver needs none of it
 
     return run_trial(scenario, folder)
 
@@ -165,7 +165,7 @@ def real_sweep() -> Spent:
 
 def against_plain_user() -> tuple[float, float, float]:
     """[s] of processor time of one identification: the plain user's, our fit, our whole run; medians, taken in turn."""
-    from ballbar.sample_trial import cost_parameters, fit_cost_to_samples, trial_samples  # noqa: PLC0415
+    from ballbar.trial.sample_trial import cost_parameters, fit_cost_to_samples, trial_samples  # noqa: PLC0415
     from benchmarks.plain_user import plain_user_identify  # noqa: PLC0415
 
     with TemporaryDirectory() as top:

@@ -19,8 +19,8 @@ import matplotlib.pyplot as plt
 from ballbar.scenario import load_scenario
 from cell.chain import Array
 from cell.files import write_whole
-from sim.deflection import deflect
 from sim.motion import Motion
+from sim.plant.deflection import deflect
 from sim.simulate import Simulation, simulate
 
 ROOT = Path(__file__).parent.parent

@@ -17,8 +17,8 @@ import pandas as pd
 
 from benchmarks.everything_on import ROOT, asked_robots, recorded, scenario_of
 from cell.files import write_whole
-from ident.accuracy import accuracy_grid, position_error
 from ident.identify import identify_together
+from ident.robot.accuracy import accuracy_grid, position_error
 
 SLOWER = 1.5
 

@@ -16,16 +16,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ballbar.sample_trial import trial_samples
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.trial.sample_trial import trial_samples
 from cell.chain import Array
 from cell.descriptions import load_robot
 from cell.geometry import NAMES
-from ident.accuracy import accuracy_grid, tcp_error, tcp_sigma
-from ident.paired_samples import fit_samples, through_samples
-from ident.problem import Clock, NoiseModel, Problem
-from ident.sampling import MARGIN
-from ident.solver import solve
+from ident.estimator.problem import Clock, NoiseModel, Problem
+from ident.estimator.sampling import MARGIN
+from ident.estimator.solver import solve
+from ident.robot.accuracy import accuracy_grid, tcp_error, tcp_sigma
+from ident.thesis.paired_samples import fit_samples, through_samples
 from sim.kinematic_samples import KinematicSamples
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"

@@ -17,16 +17,16 @@ import numpy as np
 
 from cell.geometry import nominal_geometry
 from cell.logs import segment_starts
-from ident.event import Event
-from ident.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized
-from ident.free_robot import FreeRobot
+from ident.estimator.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized
+from ident.estimator.joint_fit import Excess, JointFit, Model, minimise
+from ident.estimator.machine import DEVIATION, NEEDS_LOADS, ForceSource, Prepared, continued, track, with_likely_tension
+from ident.estimator.problem import Clock
+from ident.estimator.unknowns import RecordingShape, Unknowns, unknowns
 from ident.identify import DEFAULT_SAMPLES, WIDEST_KNOT_SPACING, Identification, Logs, MachineCovariance, identify
-from ident.joint_fit import Excess, JointFit, Model, minimise
-from ident.loads import mass_model
-from ident.machine import DEVIATION, NEEDS_LOADS, ForceSource, Prepared, continued, track, with_likely_tension
-from ident.problem import Clock
-from ident.signals import smooth_log
-from ident.unknowns import RecordingShape, Unknowns, unknowns
+from ident.loads.gear_loads import mass_model
+from ident.robot.unloaded_robot import FreeRobot
+from ident.signals.smooth_log import smooth_log
+from ident.signals.step_fault import Event
 from ident.verdict import MISFIT
 
 HELD = 1e-6  # of a prior's sigma: below any length or angle that data could tell

@@ -2,7 +2,7 @@
 
 Each recording: smooth -> automatic start -> identifiable subset -> whitened fit of the `dh` model with the clock as parameter.
 Where that leaves something systematic, or several recordings are given: the complete model of all recordings together
-(ident.machine).
+(ident.estimator.machine).
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from cell.chain import Array
 from cell.descriptions import Cell
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, nominal_geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog, segment_starts
-from ident.accuracy import accuracy_grid, position_sigma, tcp_sigma
 from ident.corrections import CORRECTIONS
-from ident.event import Event
-from ident.events import as_logged, events_in_logs
-from ident.free_robot import FreeRobot
-from ident.identifiability import Dependency, Identifiability, candidates, identifiable
-from ident.iteration import Watch
-from ident.joint_fit import Excess, JointFit, tension_at
-from ident.machine import ForceSource, Prepared, coefficients_of, fit_machine
-from ident.noise import noise_from_logs, rod_deviation, row_noise
-from ident.problem import Clock, Estimate, NoiseModel, Problem
+from ident.estimator.events import as_logged, events_in_logs
+from ident.estimator.identifiability import Dependency, Identifiability, candidates, identifiable
+from ident.estimator.iteration import Watch
+from ident.estimator.joint_fit import Excess, JointFit, tension_at
+from ident.estimator.machine import ForceSource, Prepared, coefficients_of, fit_machine
+from ident.estimator.noise import noise_from_logs, rod_deviation, row_noise
+from ident.estimator.problem import Clock, Estimate, NoiseModel, Problem
+from ident.estimator.sampling import sample_times
+from ident.estimator.solver import Fit, solve
+from ident.estimator.uncertainty import Uncertainty, autocorrelation, block_widening, uncertainty
+from ident.estimator.unknowns import FIXED, PLACE
 from ident.remarks import log_remarks
-from ident.sampling import sample_times
-from ident.signals import SmoothLog, smooth_log, smoothing
-from ident.solver import Fit, solve
-from ident.start import Start, automatic_start, fitted
-from ident.uncertainty import Uncertainty, autocorrelation, block_widening, uncertainty
-from ident.unknowns import FIXED, PLACE
+from ident.robot.accuracy import accuracy_grid, position_sigma, tcp_sigma
+from ident.robot.unloaded_robot import FreeRobot
+from ident.signals.smooth_log import SmoothLog, smooth_log, smoothing
+from ident.signals.step_fault import Event
+from ident.start.automatic import Start, automatic_start, fitted
 from ident.verdict import STRAINED, Evidence, Verdict, judge
 
-WIDEST_KNOT_SPACING = 0.08  # [s] a robot's motion below 3 Hz; finer where the residual asks for it (ident.signals)
+WIDEST_KNOT_SPACING = 0.08  # [s] a robot's motion below 3 Hz; finer where the residual asks for it (ident.signals.smooth_log)
 ROD_SIGMA_START = 2e-6  # [m] 55 N on 2.7e7 N/m, until the residuals say better
 DEFAULT_SAMPLES = 1500  # thesis sec. 3.5
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (identification_facts sec. 2)

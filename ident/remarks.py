@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ident.event import Event
-from ident.signals import Outliers, SmoothLog
+from ident.signals.smooth_log import Outliers, SmoothLog
+from ident.signals.step_fault import Event
 
 
 def log_remarks(robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], events: Sequence[Event]) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.descriptions import Cell
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry
-from ident.start import Start
+from ident.start.automatic import Start
 
 MISFIT = 2.0  # chi-square per degree of freedom above which the model does not explain the data
 SUSPECT = 1.3  # above it something small is left in the residual

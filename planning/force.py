@@ -20,9 +20,9 @@ from cell.chain import Array
 from cell.descriptions import Cell, ServoGains
 from cell.dynamics import joint_torques
 from cell.geometry import INDEX, PARAMETERS, bar_frames, parameter_screw, robot_frames
-from ident.loads import Loads, MassModel, loads, on_ballbar
+from ident.loads.gear_loads import Loads, MassModel, loads, on_ballbar
 from planning.course import Course
-from sim.static_errors import THESIS_3_1
+from sim.errors.static_errors import THESIS_3_1
 
 CREEP = 1e-3  # [rad/s] speed at which friction has most of its size
 DRAWS = 8  # robots whose force is predicted

@@ -15,9 +15,9 @@ from cell.chain import Array
 from cell.descriptions import Cell, load_cell
 from cell.errors import InputError
 from cell.geometry import nominal_geometry
-from ident.accuracy import rigid_basis
-from ident.free_robot import FreeRobot
-from ident.loads import mass_model
+from ident.loads.gear_loads import mass_model
+from ident.robot.accuracy import rigid_basis
+from ident.robot.unloaded_robot import FreeRobot
 from planning.candidate import Candidate
 from planning.clearance import Clearance, clearance, nearest
 from planning.course import Course, course_over

@@ -14,7 +14,7 @@ from cell.errors import InputError
 from cell.geometry import PARAMETERS, bar_frames, nominal_geometry, robot_frames
 from cell.strict_yaml import load_model
 from ident.corrections.base import play_width
-from ident.uncertainty import observability
+from ident.estimator.uncertainty import observability
 from planning.candidate import Candidate, numbers_of, rounded, space_of
 from planning.course import Course
 from planning.first import first_path

@@ -1,6 +1,6 @@
 """What a course will tell: standard deviations of all parameters and of the tool, before anyone goes to the cell.
 
-The Cramer-Rao bound of the complete model that `ballbar identify` fits (ident.joint_fit: geometry, clock, corrections with their
+The Cramer-Rao bound of the complete model that `ballbar identify` fits (ident.estimator.joint_fit: geometry, clock, corrections with their
 priors, the rod's tension as a spline), at samples of the course as a noise-free run would give them. The information of a sample
 does not depend on how many are computed, so some hundreds stand for the 1500 that are fitted.
 """
@@ -20,18 +20,18 @@ from scipy.sparse import csr_array
 from cell.chain import Array
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry
-from ident.accuracy import accuracy_grid, position_sigma
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
-from ident.free_robot import FreeRobot
+from ident.estimator.joint_fit import Excess, Model, Point, Track, linearise
+from ident.estimator.machine import FIRST_EXCESS, tension_splines
+from ident.estimator.problem import Clock
+from ident.estimator.sampling import REST_KEPT
+from ident.estimator.unknowns import RecordingShape, Unknowns, unknowns
 from ident.identify import DEFAULT_SAMPLES, WIDEST_KNOT_SPACING
-from ident.joint_fit import Excess, Model, Point, Track, linearise
-from ident.loads import MassModel, mass_model
-from ident.machine import FIRST_EXCESS, tension_splines
-from ident.problem import Clock
-from ident.sampling import REST_KEPT
-from ident.signals import Outliers, SmoothLog
-from ident.unknowns import RecordingShape, Unknowns, unknowns
+from ident.loads.gear_loads import MassModel, mass_model
+from ident.robot.accuracy import accuracy_grid, position_sigma
+from ident.robot.unloaded_robot import FreeRobot
+from ident.signals.smooth_log import Outliers, SmoothLog
 from planning.course import Course
 from planning.request import PlanSensors, PlanTiming, Workspace
 

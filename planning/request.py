@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from cell.schema import Strict
 from cell.strict_yaml import load_model
-from sim.sensor_errors import EncoderNumber
+from sim.errors.sensor_errors import EncoderNumber
 from sim.settings import Vector3
 
 Positive = Annotated[float, Field(gt=0.0)]

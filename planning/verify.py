@@ -17,13 +17,13 @@ from planning.candidate import Candidate
 from planning.clearance import Clearance, distances_along
 from planning.limits import arm_margins, from_singular
 from planning.request import PlanLimits, PlanRequest
+from sim.errors.static_errors import true_geometry
 from sim.motion import Motion
 from sim.path import reference_path
-from sim.plant import run_plant
-from sim.plant_effects import BarFriction, GearFriction, JointCompliance, LostMotion, PlateBending, RodBacklash, RodStrain, plant_effects
+from sim.plant.effects import BarFriction, GearFriction, JointCompliance, LostMotion, PlateBending, RodBacklash, RodStrain, plant_effects
+from sim.plant.mujoco_plant import run_plant
 from sim.settings import ErrorSettings, StaticErrors
 from sim.simulate import PATH_STEP
-from sim.static_errors import true_geometry
 
 TIMESTEP = 1e-3  # [s]
 RATE_STEP = 0.05  # [s] over which speeds and accelerations are taken: a gear that falls through its play is no motion of the arm

@@ -2,7 +2,7 @@
 
     reference path -> instants -> true mechanism -> logged angles
 
-The ball-bar takes the path's angles and the robot follows exactly, as in sim.kinematic; draws come from the same streams as those of
+The ball-bar takes the path's angles and the robot follows exactly, as in sim.plant.kinematic_plant; draws come from the same streams as those of
 a recording with the same seed. What varies along the path has no mean, on either side: the thesis counts a mean as a static error
 (sec. 3.1). Encoders stand at the zeros of the static errors alone; none is drawn.
 """
@@ -19,17 +19,17 @@ from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import BAR_ROWS, Geometry, bar_frames
 from cell.inverse import refine
-from sim.encoders import motor_angles
-from sim.kinematic import refuse_forces
+from sim.errors.sample_errors import delay_of
+from sim.errors.sensor_effects import encoder_effects, resolver_effects
+from sim.errors.static_errors import true_geometry
+from sim.logging.encoders import motor_angles
 from sim.path import ReferencePath
-from sim.plant_effects import plant_effects
-from sim.sample_errors import delay_of
-from sim.sensor_effects import encoder_effects, resolver_effects
+from sim.plant.effects import plant_effects
+from sim.plant.kinematic_plant import refuse_forces
 from sim.settings import SimulationSettings
-from sim.static_errors import true_geometry
 from sim.streams import stream
 
-MOVING = 1e-3  # [rad/s] joint speed from which the robot counts as moving (ident.sampling)
+MOVING = 1e-3  # [rad/s] joint speed from which the robot counts as moving (ident.estimator.sampling)
 STICKING = 1e-3  # [m/s] vertical speed below which friction keeps its sign
 CHORDS = 10  # steps with the nominal Jacobian; errors of 1 mm and 1 mrad need five
 ARRIVED = 1e-13  # [rad] of a step (cell.inverse.refine)
@@ -109,7 +109,7 @@ def _held_sign(speed: Array) -> Array:
 def kinematic_samples(settings: SimulationSettings, path: SampledPath) -> KinematicSamples:
     """The samples of one run.
 
-    path : with the delay that the settings ask for (sim.sample_errors.delay_of); ValueError if it has another.
+    path : with the delay that the settings ask for (sim.errors.sample_errors.delay_of); ValueError if it has another.
 
     Raises InputError for what samples do not have (forces, counters, stamps), UnreachableError near a singularity of the robot.
     """

@@ -12,7 +12,7 @@ from cell.chain import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.rotation import rotvec_from_matrix
-from sim.deflection import deflect
+from sim.plant.deflection import deflect
 
 # Told of each stretch while it is simulated: cell, true parameters, instants (K,) [s], robot (K, 6) and ball-bar angles (K, 5) [rad].
 # A stretch begins where the one before ended.

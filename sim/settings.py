@@ -12,12 +12,12 @@ from pydantic import Field, model_validator
 
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
-from sim.clock_errors import LEAD, ClockStep, ClockWander, DroppedRows, DuplicatedRows, LoggerRestart, StampJitter, StampQuantum
-from sim.load_logs import LoadLogs
-from sim.outliers import Outliers
-from sim.plant_effects import PlantErrors
-from sim.sample_errors import SampleErrors
-from sim.sensor_errors import EncoderNumber, SensorErrors
+from sim.errors.clock_errors import LEAD, ClockStep, ClockWander, DroppedRows, DuplicatedRows, LoggerRestart, StampJitter, StampQuantum
+from sim.errors.outliers import Outliers
+from sim.errors.sample_errors import SampleErrors
+from sim.errors.sensor_errors import EncoderNumber, SensorErrors
+from sim.logging.load_logs import LoadLogs
+from sim.plant.effects import PlantErrors
 
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Place = Annotated[tuple[Annotated[float, Field(ge=-20.0, le=20.0)], ...], Field(min_length=3, max_length=3)]

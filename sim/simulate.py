@@ -13,24 +13,24 @@ from cell.files import write_yaml
 from cell.geometry import Geometry, nominal_geometry
 from cell.logs import RobotLog
 from cell.strict_yaml import load_model
-from sim.clocks import LogTimes, log_times
-from sim.encoders import BarEncoder, motor_angles
-from sim.kinematic import refuse_forces, run_kinematic
-from sim.load_logs import drawn_loads, motor_torques, sensor_rows
-from sim.log_truth import FirstRows, LogTruth
-from sim.loggers import LoggedRows, logged_rows
+from sim.errors.sample_errors import refuse_sample_errors
+from sim.errors.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects, resolver_effects
+from sim.errors.static_errors import true_geometry
+from sim.logging.clocks import LogTimes, log_times
+from sim.logging.encoders import BarEncoder, motor_angles
+from sim.logging.load_logs import drawn_loads, motor_torques, sensor_rows
+from sim.logging.log_truth import FirstRows, LogTruth
+from sim.logging.loggers import LoggedRows, logged_rows
+from sim.logging.writers import write_abb_motor, write_force_torque, write_twincat_plc
 from sim.motion import Motion, Watch
 from sim.path import Lissajous, PushPull, ReferencePath, reference_path
-from sim.plant import run_plant
-from sim.plant_effects import PlantEffects, plant_effects
+from sim.plant.effects import PlantEffects, plant_effects
+from sim.plant.kinematic_plant import refuse_forces, run_kinematic
+from sim.plant.mujoco_plant import run_plant
 from sim.recorded_path import recorded_path
-from sim.sample_errors import refuse_sample_errors
-from sim.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects, resolver_effects
 from sim.settings import LissajousFile, PathSettings, PushPullFile, SimulationSettings
-from sim.static_errors import true_geometry
 from sim.streams import stream
 from sim.truth import PlantTruth, Truth, plant_truth
-from sim.writers import write_abb_motor, write_force_torque, write_twincat_plc
 
 BALLBAR_FILES = ("raw/ballbarOld.csv", "raw/ballbar.csv")  # a logger that starts again renames its file (log_formats A.6)
 PATH_STEP = 0.01  # [s] grid of the reference path; the command between is a cubic spline

@@ -13,8 +13,8 @@ from cell.files import write_yaml
 from cell.geometry import NAMES, Geometry
 from cell.schema import Strict
 from cell.strict_yaml import load_model
-from sim.log_truth import LogTruth
-from sim.plant_effects import RIGID_ROD, PlantEffects
+from sim.logging.log_truth import LogTruth
+from sim.plant.effects import RIGID_ROD, PlantEffects
 
 
 class RippleTruth(Strict):

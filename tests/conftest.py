@@ -13,7 +13,7 @@ from cell.geometry import Geometry, nominal_geometry
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate, write_recording
 
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
 
 
 def settings(**changes: object) -> SimulationSettings:

@@ -1,4 +1,4 @@
-"""Feedback of an ABB controller over EGM: each UDP message kept as it came, in the file form of `acquisition.egm`.
+"""Feedback of an ABB controller over EGM: each UDP message kept as it came, in the file form of `acquisition.formats.egm`.
 
 The robot sends, the recorder only listens. It hears the first sender of a segment and counts what others send.
 """
@@ -12,7 +12,7 @@ from itertools import islice
 
 import numpy as np
 
-from acquisition.egm import FILE_START, LONGEST_MESSAGE, EgmFeedback, decode, frame
+from acquisition.formats.egm import FILE_START, LONGEST_MESSAGE, EgmFeedback, decode, frame
 from acquisition.live.source import Batch, DeviceSilentError, Encoders
 from cell.errors import InputError, LogError
 from cell.recording import SourceName

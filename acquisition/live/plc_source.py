@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.encoders import counts_to_rad, unwrap_counter
+from acquisition.faults.encoders import counts_to_rad, unwrap_counter
 from acquisition.live.ring import SAMPLE, SAMPLES_A_READ, RingReader
 from acquisition.live.source import Batch, DeviceSilentError, Encoders
 from cell.recording import SourceName

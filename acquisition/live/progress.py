@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.live.source import Batch
-from acquisition.stamps import GAP
+from acquisition.stamps.order import GAP
 from cell.recording import SourceName
 
 _RATE_POLLS = 20  # polls over which the rate is taken: two seconds

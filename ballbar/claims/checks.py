@@ -6,11 +6,11 @@ import itertools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from ballbar.beam import FIGURES
 from ballbar.claims.kinds import OF_RUNS, AmongLargest, Bound, Check, EqualTable, Formula, Measure, Monotonic, Ordered, Ratio, TableName
 from ballbar.claims.table import Evidence, numbers, places, selected, unit_of
+from ballbar.plan.beam import FIGURES
 from cell.errors import InputError
-from ident.thesis_tables import REMOVED, TABLE_3_2, TABLE_3_3, TABLE_3_4, TABLE_3_5_IDENTIFIED
+from ident.thesis.tables import REMOVED, TABLE_3_2, TABLE_3_3, TABLE_3_4, TABLE_3_5_IDENTIFIED
 
 _PER_SI = {"mm": 1e3, "um": 1e6, "urad": 1e6}
 

@@ -81,7 +81,7 @@ class Ranking(Strict):
 
 
 class PlatePlot(Strict):
-    """Deflection of the offset plate over its thickness (ballbar.beam)."""
+    """Deflection of the offset plate over its thickness (ballbar.plan.beam)."""
 
     kind: Literal["plate"]
     title: str

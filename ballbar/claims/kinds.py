@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ballbar.beam import FIGURES
+from ballbar.plan.beam import FIGURES
 from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
 
@@ -96,7 +96,7 @@ class Difference(Strict):
 
 
 class EqualTable(Strict):
-    """A table of ident.thesis_tables, but for the exceptions stated."""
+    """A table of ident.thesis.tables, but for the exceptions stated."""
 
     kind: Literal["equal_table"]
     what: str
@@ -106,7 +106,7 @@ class EqualTable(Strict):
 
 
 class Formula(Strict):
-    """A figure from first principles (ballbar.beam)."""
+    """A figure from first principles (ballbar.plan.beam)."""
 
     kind: Literal["formula"]
     what: str

@@ -14,9 +14,9 @@ from matplotlib.rcsetup import cycler
 from ballbar.claims.file import PlatePlot, Plot, Ranking
 from ballbar.claims.table import Evidence, places, selected
 from ballbar.figure_style import FRAME, INK, QUIET, svg_text, to_hundredths
-from ballbar.plate_figure import draw_deflection
+from ballbar.plan.plate_figure import draw_deflection
 from cell.geometry import NAMES
-from ident.thesis_tables import THESIS_COSTS
+from ident.thesis.tables import THESIS_COSTS
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType

@@ -18,7 +18,7 @@ from ballbar.sweep.part import Job
 from ballbar.sweep.plan import Plan, with_changes
 from ballbar.sweep.run import Progress, run_sweep
 from ballbar.sweep.workers import Workers
-from ballbar.trial import run_trial
+from ballbar.trial.trial import run_trial
 from cell.errors import DescriptionError, InputError
 from cell.schema_errors import nearest
 from cell.strict_yaml import YamlDocument

@@ -19,7 +19,7 @@ from ballbar.sweep.summary import failures_of
 from cell.chain import Array
 from cell.errors import InputError
 from cell.schema_errors import nearest
-from ident.costs import ENCODERS_NEEDED
+from ident.thesis.costs import ENCODERS_NEEDED
 
 SIZE = "size"
 ERROR = "error."  # prefix of the columns with the error of each parameter

@@ -16,7 +16,7 @@ from rich.markup import escape
 from ballbar.commands.options import TEST_BENCH, AsJson, Out, ScenarioFile, command_line, say_json
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar
 from cell.errors import InputError
-from ident.costs import COSTS
+from ident.thesis.costs import COSTS
 
 CLAIM_WORKERS = 2  # processes: claims are for a laptop, and for continuous integration
 
@@ -36,9 +36,9 @@ def run(
     Writes recording/, calibration.yaml, import_report.json, report.html and run.rrd to DIR (default runs/NAME).
     Exits with 1 when a limit under `accept` is not met.
     """
+    from ballbar.commands.result_json import run_data
     from ballbar.replay.live import live_run
     from ballbar.report.terminal import say_comparison, say_identification, say_plant
-    from ballbar.result_json import run_data
     from ballbar.run import run_scenario
     from ballbar.scenario import load_scenario
 
@@ -63,8 +63,8 @@ def run(
 @commands.command(rich_help_panel=TEST_BENCH, epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`")
 def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) -> None:
     """Simulate a scenario and write its device logs as a recording; the truth goes beside the folder, not into it."""
+    from ballbar.commands.result_json import simulation_data
     from ballbar.report.terminal import say_plant
-    from ballbar.result_json import simulation_data
     from ballbar.run import simulate_scenario
     from ballbar.scenario import load_scenario
     from sim.simulate import truth_path
@@ -95,12 +95,12 @@ def sweep(
     Writes NAME.parquet and NAME.csv to DIR (default runs/NAME-sweep). Interrupted, the same command goes on where it stopped.
     Exits with 1 when every run failed, with 130 when it was stopped.
     """
-    from ballbar.result_json import sweep_data
+    from ballbar.commands.result_json import sweep_data
     from ballbar.sweep.check import load as load_sweep
-    from ballbar.sweep.command import run_bar, say_outcome
     from ballbar.sweep.run import run_sweep
+    from ballbar.sweep.show import run_bar, say_outcome
     from ballbar.sweep.workers import dask_cluster, processes
-    from ballbar.trial import run_trial
+    from ballbar.trial.trial import run_trial
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers counts processes on this machine; with --scheduler the cluster's own workers compute. Give one.")
@@ -128,10 +128,10 @@ def claims(
 
     Exits with 1 when a check fails.
     """
-    from ballbar.claims.command import say_verdicts, write_page
     from ballbar.claims.run import judge_all, topics
-    from ballbar.result_json import claims_data
-    from ballbar.sweep.command import run_bar
+    from ballbar.claims.show import say_verdicts, write_page
+    from ballbar.commands.result_json import claims_data
+    from ballbar.sweep.show import run_bar
     from ballbar.sweep.workers import process_pool
 
     if page is not None and names:

@@ -16,8 +16,8 @@ from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import claim_folder
 from ident.corrections import CORRECTIONS
+from ident.estimator.machine import ForceSource
 from ident.identify import DEFAULT_SAMPLES, ModelName
-from ident.machine import ForceSource
 
 commands = typer.Typer()
 
@@ -55,11 +55,11 @@ def identify(
     Writes calibration.yaml, import_report.json and report.html to DIR (default: the first RECORDING's folder with -identified behind it).
     Exits with 1 when the fit or a held-out recording is not acceptable.
     """
-    from ballbar.iterations import IterationLog
+    from ballbar.commands.result_json import run_data
     from ballbar.report.terminal import say_identification
-    from ballbar.result_json import run_data
+    from ballbar.result.iterations import IterationLog
+    from ballbar.result.run_recordings import identify_recordings
     from ballbar.run import OUTPUTS, write_outputs
-    from ballbar.run_recordings import identify_recordings
 
     settings = _settings(
         samples=samples,

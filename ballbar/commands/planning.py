@@ -37,8 +37,8 @@ def plan(
     Writes path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and programs for ABB (.mod) and Comau (.pdl) to DIR (default
     runs/NAME-plan). Exits with 1 when the path violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best path so far.
     """
-    from ballbar.plan.command import default_folder, parse_position, plan_path
-    from ballbar.result_json import plan_data
+    from ballbar.commands.result_json import plan_data
+    from ballbar.plan.show import default_folder, parse_position, plan_path
 
     place = None if position is None else parse_position(position)
     folder = out_dir or default_folder(request)

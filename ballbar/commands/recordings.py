@@ -42,8 +42,8 @@ def record(
     The PLC runs the program of docs/recorder.md. Waits for the devices, starts a new file when one was away, ends with Ctrl-C.
     Exits with 1 when the disk is full, or a device delivered nothing.
     """
-    from ballbar.record.command import RecordOptions, record_data, say, silent
-    from ballbar.record.command import record as record_live
+    from ballbar.record.show import RecordOptions, record_data, say, silent
+    from ballbar.record.show import record as record_live
 
     options = RecordOptions(plc=plc, egm=egm, robot=robot, ballbar=ballbar, plate=plate, duration=duration, live=live)
     recording = record_live(folder, options, err if as_json else out)
@@ -74,8 +74,8 @@ def new(
 
     The folder appears only once it has been read without error.
     """
-    from ballbar import check as check_page
-    from ballbar.new_recording import Told, new_recording
+    from ballbar.recordings import check as check_page
+    from ballbar.recordings.new_recording import Told, new_recording
 
     told = Told(robot, ballbar, robot_dialect, ballbar_dialect, robot_time, ballbar_time, tuple(encoder or ()), lines, bits)
     read = new_recording(folder, robot_log, ballbar_log, told, partial(_answer, proposals_taken=yes, apart=as_json))
@@ -109,7 +109,7 @@ def check(
 ) -> None:
     """Read a recording and report what was found and repaired, without identifying anything."""
     from acquisition import explain_lines, read_recording
-    from ballbar import check as check_page
+    from ballbar.recordings import check as check_page
 
     if explain_reading and not as_json:
         for line in explain_lines(recording):

@@ -10,13 +10,13 @@ import typer
 from rich.markup import escape
 
 from ballbar.commands.options import RESULT, AsJson, ResultFile, say_json
-from ballbar.compare import Comparison
 from ballbar.export.formats import Format
-from ballbar.replay.command import Layout, chosen_replay
+from ballbar.replay.show import Layout, chosen_replay
+from ballbar.result.calibration import Calibration
+from ballbar.result.compare import Comparison
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import write_whole
-from ident.calibration import Calibration
 
 commands = typer.Typer()
 
@@ -57,9 +57,9 @@ def compare_files(
     as_json: AsJson = False,
 ) -> None:
     """Compare a calibration with the truth of a simulated run, or with another calibration: TCP error over the workspace."""
+    from ballbar.commands.result_json import comparison_data
     from ballbar.report.terminal import say_comparison
-    from ballbar.result_json import comparison_data
-    from ident.calibration import calibration_file, load_calibration
+    from ballbar.result.calibration import calibration_file, load_calibration
 
     calibration, reference = calibration_file(calibration), calibration_file(reference)
     model = load_calibration(calibration)
@@ -70,9 +70,9 @@ def compare_files(
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
-    from ballbar.compare import compare, compare_with_truth
+    from ballbar.result.calibration import load_calibration
+    from ballbar.result.compare import compare, compare_with_truth
     from cell.descriptions import load_cell
-    from ident.calibration import load_calibration
     from sim.truth import load_truth
 
     cell = load_cell(model.file.robot, model.file.ballbar, model.file.plate, relative_to=calibration.parent)
@@ -136,7 +136,7 @@ def correct(
 
     Geometry, and of the gears what was identified: compliance under the robot's own weight, play, ripple. Other columns are kept.
     """
-    from ballbar.correct import correct_file, correction_data, correction_lines, write_corrected
+    from ballbar.compensation.targets_file import correct_file, correction_data, correction_lines, write_corrected
     from ballbar.export.result import load_result
 
     read = load_result(result)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+from ballbar.result.calibration import Calibration, calibration_file, load_calibration
 from cell.chain import Chain
 from cell.descriptions import Cell, load_cell
 from cell.errors import InputError
 from cell.geometry import PARAMETERS, Parameter
-from ident.calibration import Calibration, calibration_file, load_calibration
 
 EFFECTS = {
     "joint_compliance": "elastic gears under the robot's own weight",

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
-from ballbar.beam import GRAVITY
 from ballbar.figure_style import FRAME, INK, QUIET, svg_text
-from ballbar.plate_figure import MATERIALS, THICKNESS, draw_deflection
+from ballbar.plan.beam import GRAVITY
+from ballbar.plan.plate_figure import MATERIALS, THICKNESS, draw_deflection
 from cell.descriptions import joints_to_axes
 from cell.geometry import bar_frames
 from planning.plan import Plan

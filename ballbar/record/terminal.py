@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from acquisition.encoders import FAULTS, SYNC_ERROR
+from acquisition.faults.encoders import FAULTS, SYNC_ERROR
 from acquisition.live.progress import Progress, State
 from acquisition.live.session import LiveRecording, notes
 

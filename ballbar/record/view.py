@@ -11,7 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from acquisition.encoders import FAULTS
+from acquisition.faults.encoders import FAULTS
 from acquisition.live.source import Batch, Source
 from ballbar.replay.viewer import live_viewer
 from cell.recording import SourceName

@@ -9,7 +9,7 @@ import rerun as rr
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from ballbar.replay.layout import COVERAGE_SHARE, COVERED, Colour, at
+from ballbar.replay.entities import COVERAGE_SHARE, COVERED, Colour, at
 from cell.chain import Array
 
 PATCHES = 800  # over the whole sphere: 0.08 of the radius across

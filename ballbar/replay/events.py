@@ -15,13 +15,13 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from acquisition.flags import EXCLUDED
-from ballbar.replay.layout import EVENT_LOG, LANES, Colour, at
+from ballbar.replay.entities import EVENT_LOG, LANES, Colour, at
 from ballbar.replay.motion import GAP_PERIODS, CellMotion, on_robot_clock
-from ballbar.run_data import RunData
+from ballbar.result.run_data import RunData
 from cell.chain import Array
 from cell.logs import segment_starts
 from ident.identify import Identification
-from ident.outliers import outliers
+from ident.signals.outliers import outliers
 
 STILL = np.radians(0.05)  # [rad/s] of the fastest joint: below it the robot dwells
 JOIN = 0.5  # [s] outliers and gaps closer than that are one remark

@@ -12,8 +12,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from ballbar.iterations import Step
-from ballbar.replay.layout import (
+from ballbar.replay.entities import (
     COST,
     FROM_RESULT,
     FROM_TRUTH,
@@ -29,10 +28,11 @@ from ballbar.replay.layout import (
 )
 from ballbar.replay.motion import base_alignment, on_robot_clock
 from ballbar.replay.scene import magnification
-from ballbar.run_data import RunData
+from ballbar.result.iterations import Step
+from ballbar.result.run_data import RunData
 from cell.chain import Array
 from cell.geometry import Geometry, robot_frames
-from ident.accuracy import accuracy_grid
+from ident.robot.accuracy import accuracy_grid
 
 ARROWS = 150
 _LONGEST = 0.5  # of the rod: the mean arrow at the beginning

@@ -9,15 +9,15 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from ballbar.iterations import Step
+from ballbar.replay.arrangements import identify_layout
+from ballbar.replay.entities import CELL, MISMATCH
 from ballbar.replay.iterations import log_step
-from ballbar.replay.layout import CELL, MISMATCH
-from ballbar.replay.layouts import identify_layout
 from ballbar.replay.motion import CellMotion, thinning
 from ballbar.replay.scene import log_path_so_far, log_poses, log_shapes
 from ballbar.replay.viewer import live_viewer
 from ballbar.replay.write import send_replay
-from ballbar.run_data import RunData
+from ballbar.result.iterations import Step
+from ballbar.result.run_data import RunData
 from cell.chain import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, robot_frames

@@ -11,17 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ballbar.run_data import RunData
+from ballbar.result.run_data import RunData
 from cell.chain import Array, Frames
 from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.logs import BallBarLog
-from ident.accuracy import accuracy_grid
-from ident.closure import complete_bar_angles
+from ident.estimator.closure import complete_bar_angles
 from ident.identify import Identification, Residuals
+from ident.robot.accuracy import accuracy_grid
 from sim.simulate import Simulation
 
 POSE_RATE = 30.0  # [Hz] smooth to the eye; the mechanism moves below 3 Hz
-GAP_PERIODS = 3.0  # as ident.signals: a longer stretch without rows is not bridged
+GAP_PERIODS = 3.0  # as ident.signals.smooth_log: a longer stretch without rows is not bridged
 
 
 @dataclass(frozen=True, eq=False)

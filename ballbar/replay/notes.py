@@ -8,9 +8,9 @@ import numpy as np
 import yaml
 
 from acquisition.report import report_lines
-from ballbar.compare import Comparison, Limit
 from ballbar.replay.motion import residual_norms
-from ballbar.run_data import RunData
+from ballbar.result.compare import Comparison, Limit
+from ballbar.result.run_data import RunData
 from cell.geometry import INDEX, PARAMETERS
 from ident.identify import Identification
 

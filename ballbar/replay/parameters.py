@@ -13,8 +13,8 @@ import numpy as np
 import rerun as rr
 from rerun.chunk import Chunk
 
-from ballbar.replay.layout import GREEN, PARAMETER_AXES, PARAMETER_TABLE, PARAMETER_VALUES, RED, Colour, rounded_up
-from ballbar.run_data import RunData
+from ballbar.replay.entities import GREEN, PARAMETER_AXES, PARAMETER_TABLE, PARAMETER_VALUES, RED, Colour, rounded_up
+from ballbar.result.run_data import RunData
 from cell.chain import Array
 from cell.geometry import INDEX, PARAMETERS
 

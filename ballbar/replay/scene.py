@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from ballbar.replay.layout import BAR_BODIES, CELL, GREEN, IDENTIFIED_ERROR, NOMINAL_ERROR, PATH_SO_FAR, RED, Colour, at
+from ballbar.replay.entities import BAR_BODIES, CELL, GREEN, IDENTIFIED_ERROR, NOMINAL_ERROR, PATH_SO_FAR, RED, Colour, at
 from ballbar.replay.motion import CellMotion, TrueTool, quat_xyzw
 from ballbar.replay.shapes import STEEL, Mesh, ball, bar_shapes, plate_shape, robot_shapes
 from cell.chain import Array, Frames

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from ballbar.replay.layout import (
+from ballbar.replay.entities import (
     AFTER,
     ANGLE,
     BEFORE,
@@ -30,7 +30,7 @@ from ballbar.replay.layout import (
     at,
 )
 from ballbar.replay.motion import CellMotion, TrueTool, mechanism_angles, on_robot_clock, thinning
-from ballbar.run_data import RunData
+from ballbar.result.run_data import RunData
 from cell.chain import Array
 from ident.identify import Identification, Residuals
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ballbar.replay.layout import Colour
+from ballbar.replay.entities import Colour
 from cell.chain import Array, Chain
 from cell.descriptions import Cell
 from cell.geometry import Geometry

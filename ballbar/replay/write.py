@@ -2,7 +2,7 @@
 
 Lengths in m in the 3D scene; other units stand in the entity names (rerun has no unit field). Two timelines: `robot_time`,
 seconds on the robot's clock from the first row of its log, and `iteration`, of the identifier. The tree of entities is that of
-ballbar.replay.layout.
+ballbar.replay.entities.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ballbar.replay.coverage import coverage, log_coverage
+from ballbar.replay.entities import CELL, NOTES, SCENARIO, layout
 from ballbar.replay.events import log_events, run_events
 from ballbar.replay.iterations import log_iterations
-from ballbar.replay.layout import CELL, NOTES, SCENARIO, layout
 from ballbar.replay.motion import CellMotion, TrueTool, cell_motion, true_tool
 from ballbar.replay.notes import replay_notes, scenario_page
 from ballbar.replay.parameters import log_parameters
 from ballbar.replay.scene import log_mechanism, log_tool, log_truth
 from ballbar.replay.series import Series, log_series, run_series
 from ballbar.replay.viewer import ViewerError, open_viewer, serve_web
-from ballbar.run_data import RunData
+from ballbar.result.run_data import RunData
 
 __all__ = ["ViewerError", "open_viewer", "send_replay", "serve_web", "write_replay"]
 

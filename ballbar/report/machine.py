@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballbar.report.numbers import MISSING, decimals_for, fixed, rms_norm, significant, to_sigma
-from ballbar.run_data import Joined, RunData, Validation
+from ballbar.result.run_data import Joined, RunData, Validation
+from ident.estimator.uncertainty import correlated_groups
 from ident.held_out import HeldOut
 from ident.identify import MOSTLY_PRIOR, CoefficientValue, CorrectionValue, Identification
-from ident.uncertainty import correlated_groups
 
 TENSION_SOURCES = {"sensor": "from the force sensor", "torque": "from the motor torques", "none": "from the geometry alone"}
 _HOW = {

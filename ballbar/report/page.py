@@ -18,12 +18,12 @@ from ballbar.report import figures, machine, sphere, tables
 from ballbar.report.numbers import rms_norm, significant, to_sigma
 from ballbar.report.provenance import InputFile, hashed, input_files, versions, without_folders
 from ballbar.report.recording import recording_section
-from ballbar.run_data import RunData
+from ballbar.result.run_data import RunData
 from cell.chain import Array
 from cell.files import write_whole
-from ident.accuracy import accuracy_grid, position_error
-from ident.free_robot import FreeRobot
 from ident.identify import Identification
+from ident.robot.accuracy import accuracy_grid, position_error
+from ident.robot.unloaded_robot import FreeRobot
 
 _TONES = {"good": "Acceptable", "suspect": "Acceptable, with care"}
 

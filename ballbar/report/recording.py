@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 
 from acquisition import stillness
 from ballbar.figure_style import QUIET
-from ballbar.recording_marks import Marks, mark_sentences, marks
+from ballbar.replay.marks import Marks, mark_sentences, marks
 from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles
 from ballbar.report.figures import AFTER, BEFORE, STYLE, WIDTH, as_svg
-from ballbar.run_data import RunData
+from ballbar.result.run_data import RunData
 from cell.chain import Array
 from cell.geometry import bar_frames, robot_frames
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballbar.compare import Comparison
 from ballbar.report.numbers import MISSING, decimals_for, fixed, rms, rms_norm, significant
+from ballbar.result.compare import Comparison
 from cell.chain import Array
 from cell.geometry import INDEX, PARAMETERS, Parameter
-from ident.identifiability import Dependency
+from ident.estimator.identifiability import Dependency
 from ident.identify import Identification
 
 Z_REMARKABLE = 3.0  # standard deviations; one in 370 for normal errors

@@ -5,9 +5,9 @@ from __future__ import annotations
 from rich.console import Console
 from rich.markup import escape
 
-from ballbar.compare import Comparison
 from ballbar.report.machine import TENSION_SOURCES, coefficients_at_prior, standing_at_prior
-from ballbar.run_data import Joined, RunData
+from ballbar.result.compare import Comparison
+from ballbar.result.run_data import Joined, RunData
 from sim.simulate import Simulation
 
 

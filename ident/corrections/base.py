@@ -14,7 +14,7 @@ import numpy as np
 
 from cell.chain import Array
 from cell.descriptions import Cell
-from ident.loads import Loads
+from ident.loads.gear_loads import Loads
 
 GEAR, BAR, ROD, PLATE = 0, 6, 11, 12  # first carrier of each kind
 CARRIERS = 13

@@ -1,0 +1,1 @@
+"""What can be wrong with a logged row, one module a kind."""

@@ -1,0 +1,53 @@
+"""Device files by the kind of container they are: one reader each, all giving the same table."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+from acquisition.formats.dialect import Container, Dialect
+from acquisition.formats.egm import FILE_START
+from acquisition.formats.egm_table import read_egm
+from acquisition.formats.json_lines import read_json_lines
+from acquisition.formats.mpe import VERSIONS, read_mpe
+from acquisition.formats.ros_bag import read_ros_bag
+from acquisition.formats.scope import read_scope
+from acquisition.report import Finding
+from acquisition.table.header import Layout
+from acquisition.table.table import Form, Table, read_table
+from cell.errors import DescriptionError
+
+_Reader = Callable[[Path, str, str, Layout, list[Finding]], tuple[Table, Form]]
+_READERS: dict[str, tuple[_Reader, str, str]] = {  # with the type and unit of the times that it gives
+    "twincat-scope": (read_scope, "integer", "ns"),
+    "json-lines": (read_json_lines, "integer", "us"),
+    "egm": (read_egm, "integer", "ns"),
+    "rosbag": (read_ros_bag, "integer", "ns"),
+    "abb-mpe": (read_mpe, "float", "s"),
+}
+
+
+def container_of(raw: bytes) -> Container:
+    """The kind of container that the content of a device file begins like; text if it is like none of the others."""
+    begins: dict[bytes, Container] = {b"\x89MCAP0\r\n": "rosbag", b"SQLite format 3\0": "rosbag", FILE_START: "egm", b"{": "json-lines"}
+    for start, container in begins.items():
+        if raw.startswith(start):
+            return container
+    if len(raw) > 4 and struct.unpack_from("<f", raw)[0] in VERSIONS:
+        return "abb-mpe"
+    return "twincat-scope" if b"Starttime of export" in raw[:1000] else "text"
+
+
+def read_file(path: Path, file: str, dialect: Dialect, layout: Layout, findings: list[Finding]) -> tuple[Table, Form]:
+    """The wanted columns of one device file; repairs and warnings are appended to `findings`.
+
+    file : the name that errors and findings give it.
+    Raises LogError naming file and place if the file cannot be trusted, DescriptionError if the dialect does not fit it.
+    """
+    if dialect.container == "text":
+        return read_table(path, file, layout, findings)
+    reader, kind, unit = _READERS[dialect.container]
+    if (dialect.time.type, dialect.time.unit) != (kind, unit):
+        raise DescriptionError(f"{file}: times of {dialect.container} have type: {kind}, unit: {unit}; the dialect says otherwise.")
+    return reader(path, file, dialect.time.column, layout, findings)

@@ -1,0 +1,1 @@
+"""The order of time stamps, and stamps coarser than the rows."""

@@ -1,0 +1,130 @@
+"""Stamps in steps as long as a few rows, or nearly, of rows that were taken evenly: the times between the steps.
+
+A stamp of a clock that steps by Q says that the row was taken within one Q. Evenly taken rows lie on a line of time over row number,
+and the line must pass within Q/2 of the middle of every step: after some hundred rows few lines do. The one in the middle of the
+narrowest band around all stamps is taken. Where rows are missing or late, or the clock was set, no line fits any more and the next
+one begins.
+
+How well that does: to microseconds where the period of the rows and Q have no common divisor worth mentioning (4.032 ms and 16 ms), to
+half of that divisor where they have (2 ms for 4 ms and 16 ms), and a few rows beside missing ones to a period.
+
+That the rows were taken evenly is declared in recording.yaml (`quantised: true`): a logger whose rows come late now and then
+shows the same stamps. A shift common to all rows remains (a clock may show the beginning, the middle or the end of its step); it is
+part of the clock offset.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from acquisition.report import Finding, finding
+from acquisition.stamps.order import STAMP, amount
+from acquisition.table.table import Table
+from cell.errors import LogError
+
+Array = NDArray[np.float64]
+
+ROOM = 1.1  # steps: what a line may leave, a tenth for the jitter of the rows themselves
+SHORTEST = 50  # rows between two places at which rows are missing, on average; with fewer they were not taken evenly
+_FLAT = 1e-9  # steps
+
+
+def spread(table: Table, findings: list[Finding]) -> Table:
+    """The rows of one file at the times at which they were taken, as far as their stamps tell; reported in `findings`.
+
+    Rows of the logger's next start, and those behind a stamp that goes back, have a line of their own.
+    Raises LogError if the rows were not taken evenly, or all stamps are the same.
+    """
+    stamps = table.columns[STAMP]
+    step = _step(table)
+    # Seen from the first row, a float64 of steps is exact to a nanosecond.
+    shown = (stamps - stamps[0]) / step
+    cuts = np.flatnonzero((np.diff(stamps) < 0) | table.begins[1:]) + 1
+    lines = [line for part in np.split(np.arange(stamps.size), cuts) for line in _lines(shown, int(part[0]), int(part[-1]) + 1)]
+    if len(lines) > max(2 + cuts.size, stamps.size / SHORTEST):
+        raise LogError(
+            f"{table.place(lines[1][0])}: declared as quantised, but the rows do not come evenly: within {stamps.size} rows they are late "
+            f"or missing at {len(lines) - 1 - cuts.size} places. Only evenly taken rows have a place between two stamps; log a finer time."
+        )
+    period = _fitted(shown[slice(*max(lines, key=lambda line: line[1] - line[0]))])[1]
+    times = np.concatenate([_times(shown[first:stop], period) for first, stop in lines])
+    for first, stop in lines[1:]:
+        if first not in cuts:  # a row written twice takes no time
+            times[first:stop] = np.maximum(times[first:stop], times[first - 1])
+    moved = np.rint(times * step).astype(np.int64) + stamps[0]
+    sentence = (
+        f"stamps in steps of {amount(step * 1e-9)}, rows put evenly between them, {amount(period * step * 1e-9)} apart, "
+        f"anew at {len(lines) - 1} places; the furthest is moved by {amount(float(np.abs(moved - stamps).max()) * 1e-9)}."
+    )
+    findings.append(finding("quantised stamps", "repaired", table.files[0], sentence, count=stamps.size))
+    return Table({**table.columns, STAMP: moved}, table.files, table.file, table.line, table.flags, table.begins)
+
+
+def _step(table: Table) -> int:
+    """[ns] by which the clock steps."""
+    steps = np.diff(table.columns[STAMP])
+    forward = steps[steps > 0]
+    if not forward.size:
+        raise LogError(f"{table.place(0)}: all rows have the same stamp.")
+    coarse = int(np.median(forward)) if (steps == 0).any() else 0  # rows share stamps: the clock shows each of its steps
+    return max(coarse, int(np.gcd.reduce(forward)))
+
+
+def _lines(shown: Array, first: int, stop: int) -> list[tuple[int, int]]:
+    """First row of each line, and the row behind its last."""
+    out = []
+    while first < stop:
+        behind = _furthest(shown, first, stop)
+        out.append((first, behind))
+        first = behind
+    return out
+
+
+def _furthest(shown: Array, first: int, stop: int) -> int:
+    """The row up to which one line passes through all steps."""
+    good, tried = first + 1, min(first + 64, stop)
+    while _fitted(shown[first:tried])[2] <= ROOM:
+        good = tried
+        if tried == stop:
+            return stop
+        tried = min(first + 2 * (tried - first), stop)
+    while tried - good > 1:
+        middle = (good + tried) // 2
+        if _fitted(shown[first:middle])[2] <= ROOM:
+            good = middle
+        else:
+            tried = middle
+    return good
+
+
+def _times(shown: Array, period: float) -> Array:
+    """(N,) times of the rows of one line, in steps: with the period of the log if that fits, else with their own."""
+    rows = np.arange(shown.size)
+    left = shown - period * rows
+    if np.ptp(left) <= ROOM:
+        return np.asarray(0.5 * (left.min() + left.max()) + period * rows)
+    start, own, _ = _fitted(shown)
+    return start + np.asarray(own * rows)
+
+
+def _fitted(shown: Array) -> tuple[float, float, float]:
+    """The narrowest band around stamps (N,) over row number: where its middle starts, its slope, its height.
+
+    One side of the narrowest band is an edge of the convex hull of the points, the other touches a corner.
+    """
+    rows = np.arange(shown.size, dtype=np.float64)
+    slope = float(shown[-1] - shown[0]) / max(shown.size - 1, 1)
+    left = shown - shown[0] - slope * rows
+    if np.ptp(left) < _FLAT:
+        return float(shown[0]), slope, 0.0
+    corner = ConvexHull(np.stack((rows / rows[-1], left), axis=1)).vertices
+    x, y = rows[corner], left[corner]
+    run = np.roll(x, -1) - x
+    edge = np.abs(run) > 0.5
+    tilt = (np.roll(y, -1) - y)[edge] / run[edge]  # (E,)
+    above = y - tilt[:, None] * x  # (E, V)
+    best = int(np.argmin(np.ptp(above, axis=1)))
+    middle = 0.5 * float(above[best].min() + above[best].max())
+    return float(shown[0]) + middle, slope + float(tilt[best]), float(np.ptp(above[best]))

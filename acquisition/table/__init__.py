@@ -1,0 +1,1 @@
+"""Text of device files to columns of numbers."""

@@ -1,0 +1,56 @@
+"""The command line. Exit codes: 0 done, 1 ran but the result is not acceptable, 2 bad input, 130 after Ctrl-C."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from ballbar.commands import bench, identification, planning, recordings, result
+from ballbar.terminal import CommandGroup, Quiet, Verbose, err, fresh_terminal
+from cell.errors import FailureError, InputError
+
+app = typer.Typer(
+    cls=CommandGroup,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+for group in (planning, recordings, identification, result, bench):  # in the order of a day at the cell; the bench last
+    app.add_typer(group.commands)
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from ballbar.sweep.version import code_version
+
+        typer.echo(f"ballbar {code_version()}")
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool, typer.Option("--version", help="Print the release and a digest of the code, and exit.", callback=_tell_version, is_eager=True)
+]
+
+
+@app.callback()
+def shared(quiet: Quiet = False, verbose: Verbose = False, version: Version = False) -> None:
+    """Robot calibration with a sensed double ball-bar: simulate the cell, read its logs, identify the robot, look at the result."""
+
+
+def main() -> None:
+    """Entry point: runs a command and turns what can go wrong into a message and an exit code."""
+    fresh_terminal()
+    try:
+        app()
+    except InputError as error:
+        err.print(f"[red]error:[/] {escape(str(error))}")
+        sys.exit(2)
+    except FailureError as error:
+        err.print(f"[red]failed:[/] {escape(str(error))}")
+        sys.exit(1)
+    except OSError as error:
+        err.print(f"[red]error:[/] {escape(str(error.filename or ''))}: {escape(error.strerror or str(error))}")
+        sys.exit(2)

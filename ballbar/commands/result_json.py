@@ -1,0 +1,126 @@
+"""Results for programs: what `--json` prints. SI units, keys that carry them; the same facts as the words and files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from ballbar.claims.run import Judged
+from ballbar.result.calibration import CALIBRATION, load_calibration
+from ballbar.result.compare import Comparison
+from ballbar.result.run_data import RunData
+from ballbar.run import OUTPUTS
+from ballbar.sweep.run import Outcome
+from ballbar.sweep.summary import failures_of, grid_points
+from ident.robot.accuracy import TcpError
+from sim.simulate import Simulation, truth_path
+
+
+def run_data(data: RunData, folder: Path) -> dict[str, object]:
+    """Of `run` and `identify`: the calibration as written to `folder`, and what it was judged by."""
+    return {
+        "acceptable": data.acceptable,
+        "sentence": data.identification.verdict.sentence,
+        "folder": str(folder),
+        "files": sorted(entry.name for entry in folder.iterdir() if entry.name in OUTPUTS),
+        "calibration": load_calibration(folder / CALIBRATION).file.model_dump(mode="json", by_alias=True),
+        "plant": plant_data(data.simulation) if data.simulation else None,
+        "comparison": comparison_data(data.comparison) if data.comparison else None,
+        "limits": [
+            {"what": limit.what, "unit": limit.unit, "measured": limit.measured, "allowed": limit.allowed, "met": limit.met}
+            for limit in data.limits
+        ],
+    }
+
+
+def simulation_data(simulation: Simulation, folder: Path) -> dict[str, object]:
+    """Of `simulate`."""
+    return {"recording": str(folder), "truth": str(truth_path(folder)), "plant": plant_data(simulation)}
+
+
+def plant_data(simulation: Simulation) -> dict[str, object]:
+    """How well the plant closed its loop, and the force in the rod."""
+    truth = simulation.truth
+    return {
+        "closure_position_m": float(truth.closure_position),
+        "closure_angle_rad": float(truth.closure_angle),
+        "rod_force_min_N": float(truth.rod_force_min),
+        "rod_force_max_N": float(truth.rod_force_max),
+    }
+
+
+def comparison_data(comparison: Comparison) -> dict[str, object]:
+    """Of `compare`: model minus reference."""
+    return {
+        "tcp_error": _tcp(comparison.tcp),
+        "tcp_error_nominal": _tcp(comparison.tcp_nominal),
+        "deviations": {name: float(value) for name, value in comparison.deviations.items()},
+        "distance": comparison.distance,
+        "clock_offset_error_s": comparison.offset,
+        "clock_skew_error": comparison.skew,
+    }
+
+
+def plan_data(folder: Path, *, kept: bool) -> dict[str, object]:
+    """Of `plan`: plan.yaml as written, and whether every limit was kept in the plant."""
+    content = yaml.safe_load((folder / "plan.yaml").read_text())  # our own file of plain values
+    return {"acceptable": kept, "folder": str(folder), "files": sorted(entry.name for entry in folder.iterdir()), "plan": content}
+
+
+def sweep_data(outcome: Outcome) -> dict[str, object]:
+    """Of `sweep`: where the table is, and the spread of the main figures at each point of the grid."""
+    folder = outcome.folder
+    data: dict[str, object] = {"finished": outcome.finished, "runs": folder.plan.runs, "done": outcome.done, "folder": str(folder.path)}
+    if not outcome.finished:
+        return data
+    points = [
+        {
+            "values": point.values,
+            "runs": point.runs,
+            "failed": point.failed,
+            "figures": {
+                name: {"median": float(np.median(values)), "q95": float(np.quantile(values, 0.95))}
+                for name, values in point.figures.items()
+                if values.size
+            },
+        }
+        for point in grid_points(folder.table, folder.plan)
+    ]
+    failures = failures_of(folder.table)
+    return data | {
+        "table": str(folder.table),
+        "csv": str(folder.csv),
+        "failed": failures.count,
+        "commonest_failure": failures.reason or None,
+        "points": points,
+    }
+
+
+def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
+    """Of `claims`: every claim with its checks."""
+    return [
+        {
+            "file": str(one.topic.path),
+            "title": one.topic.file.title,
+            "claims": [
+                {
+                    "name": verdict.claim.name,
+                    "source": verdict.claim.source,
+                    "says": verdict.claim.says,
+                    "verdict": verdict.word,
+                    "passed": verdict.passed,
+                    "checks": [{"met": check.met, "found": check.found, "asked": check.asked} for check in verdict.outcomes],
+                    "ml": list(verdict.ml),
+                }
+                for verdict in one.verdicts
+            ],
+        }
+        for one in judged
+    ]
+
+
+def _tcp(error: TcpError) -> dict[str, float]:
+    return {"mean_m": float(error.mean), "max_m": float(error.maximum), "mean_without_scale_m": float(error.error_without_scale.mean())}

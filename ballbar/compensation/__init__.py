@@ -1,0 +1,1 @@
+"""Corrected joint targets."""

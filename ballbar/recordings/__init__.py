@@ -1,0 +1,1 @@
+"""Recording folders: checked, made from two files."""

@@ -1,0 +1,1 @@
+"""One identified run: its data, calibration.yaml, comparison with a reference."""

@@ -1,0 +1,126 @@
+"""An identified robot against the truth, or against another calibration.
+
+Parameter distance as in thesis sec. 3.4 (mm and mrad mixed), meaningful where the parameters held fixed are true; and the
+TCP error over the accuracy grid, meaningful always.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballbar.result.true_robot import true_tool
+from ballbar.scenario import AcceptSettings
+from cell.chain import Array
+from cell.descriptions import Cell
+from cell.geometry import INDEX, PARAMETERS, Geometry, mirrored
+from ident.identify import Identification
+from ident.robot.accuracy import TcpError, accuracy_grid, position_error
+from ident.robot.unloaded_robot import FreeRobot
+from sim.truth import Truth
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """How far a model is from a reference."""
+
+    deviations: dict[str, float]  # [m, rad] model minus reference, of the parameters compared
+    tcp: TcpError  # of the model
+    tcp_nominal: TcpError  # of the nominal robot, against the same reference
+    offset: float | None  # [s] clock offset minus the true one
+    skew: float | None  # [1]
+
+    @property
+    def distance(self) -> float:
+        """[m | rad] Euclidean distance over the compared parameters."""
+        return float(np.linalg.norm(list(self.deviations.values())))
+
+    @property
+    def largest(self) -> tuple[str, float]:
+        """Name and value [m | rad] of the largest deviation."""
+        return max(self.deviations.items(), key=lambda item: abs(item[1]))
+
+
+def compare(model: FreeRobot, nominal: Geometry, reference: FreeRobot, names: Sequence[str]) -> Comparison:
+    """Model and nominal robot against another identified robot; `names` are the parameters compared one by one."""
+    return _compared(model, nominal, reference.geometry, reference.tool(accuracy_grid(model.cell.robot)), names, None)
+
+
+def compare_with_truth(
+    model: FreeRobot, nominal: Geometry, truth: Truth, names: Sequence[str], clock: tuple[float, float] | None
+) -> Comparison:
+    """Model and nominal robot against what the recording was simulated from; clock : (offset [s], skew) as identified."""
+    reference = reference_of(truth)
+    errors = (clock[0] - truth.offset, clock[1] - truth.skew) if clock else None
+    actual = true_tool(model.cell, truth, reference, accuracy_grid(model.cell.robot))
+    return _compared(model, nominal, reference, actual, names, errors)
+
+
+def identification_against_truth(result: Identification, truth: Truth) -> Comparison:
+    """The result against what the recording was simulated from."""
+    clock = (result.clock.offset, result.clock.skew) if result.clock else None
+    return compare_with_truth(result.free_robot(), result.nominal, truth, list(result.sigma), clock)
+
+
+def compare_kinematics(
+    cell: Cell, model: Geometry, nominal: Geometry, reference: Geometry, names: Sequence[str], *, clock: tuple[float, float] | None = None
+) -> Comparison:
+    """Rigid robots against each other; clock : (offset [s], skew) errors, if both sides have a clock."""
+    actual = FreeRobot(cell, reference).tool(accuracy_grid(cell.robot))
+    return _compared(FreeRobot(cell, model), nominal, reference, actual, names, clock)
+
+
+def _compared(
+    model: FreeRobot, nominal: Geometry, reference: Geometry, actual: Array, names: Sequence[str], clock: tuple[float, float] | None
+) -> Comparison:
+    grid = accuracy_grid(model.cell.robot)
+    deviations = {name: _difference(name, model.geometry, reference) for name in names}
+    offset, skew = clock if clock else (None, None)
+    bare = FreeRobot(model.cell, nominal)
+    return Comparison(deviations, position_error(model.tool(grid), actual), position_error(bare.tool(grid), actual), offset, skew)
+
+
+def reference_of(truth: Truth) -> Geometry:
+    """The true geometry as the declared senses of b2 and b4 describe it (their senses are a gauge)."""
+    geometry = truth.geometry
+    for joint in (2, 4):
+        if truth.senses.get(f"b{joint}") == -1:
+            geometry = mirrored(geometry, joint)
+    return geometry
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One limit of a scenario, and how the run stands against it."""
+
+    what: str
+    measured: float
+    allowed: float
+    unit: str
+
+    @property
+    def met(self) -> bool:
+        return self.measured <= self.allowed
+
+
+def limits_of(comparison: Comparison, iterations: int, accept: AcceptSettings) -> tuple[Limit, ...]:
+    """Every limit that the scenario states."""
+    measured = {
+        "tcp_mean_mm": ("TCP error, mean", comparison.tcp.mean * 1e3, "mm"),
+        "tcp_max_mm": ("TCP error, largest", comparison.tcp.maximum * 1e3, "mm"),
+        "parameter_distance_mm_mrad": ("parameter distance", comparison.distance * 1e3, "mm|mrad"),
+        "clock_offset_us": ("clock offset error", abs(comparison.offset or 0.0) * 1e6, "us"),
+        "clock_skew_ppm": ("clock skew error", abs(comparison.skew or 0.0) * 1e6, "ppm"),
+        "iterations": ("iterations", float(iterations), ""),
+    }
+    stated = accept.model_dump(exclude_none=True)
+    return tuple(Limit(measured[key][0], measured[key][1], float(allowed), measured[key][2]) for key, allowed in stated.items())
+
+
+def _difference(name: str, model: Geometry, reference: Geometry) -> float:
+    difference = model[name] - reference[name]
+    if PARAMETERS[INDEX[name]].is_length:
+        return difference
+    return float(np.arctan2(np.sin(difference), np.cos(difference)))

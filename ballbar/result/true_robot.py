@@ -1,0 +1,39 @@
+"""Where the true robot of a simulation puts its tool when it stands free: the reference of the TCP error.
+
+Its resolvers misread, its gears turn unevenly, yield to the weight of arm and plate, and lie at one end of their play; all of
+it is part of the map from logged angles to the tool, and an identified robot is judged by that map. Where hardly any weight
+presses on a gear, its play is counted in the middle (identification_facts sec. 1, metric).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cell.chain import Array
+from cell.descriptions import Cell
+from cell.geometry import Geometry, robot_frames
+from ident.loads.gear_loads import mass_model, own_weight
+from ident.robot.unloaded_robot import sides_of_play
+from sim.truth import Truth
+
+
+def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
+    """(N, 3) [m] tool positions at logged joint angles q (N, 6) [rad], robot base frame; geometry : as the senses describe it."""
+    robot, plant = cell.robot, truth.plant
+    motors = q @ np.linalg.inv(robot.transmission)
+    read = motors.copy()
+    if truth.logs.resolvers is not None:
+        for i, harmonics in enumerate(truth.logs.resolvers.motors):
+            motors[:, i] -= sum(h.at(read[:, i]) for h in harmonics)
+    shown = motors @ robot.transmission @ robot.joint_to_gear
+    gears = shown.copy()
+    for _ in range(3):  # the ripple is that of the output's angle; each turn gains three digits
+        error = np.zeros_like(gears)
+        for r in plant.transmission_error:
+            error[:, r.axis - 1] += r.amplitude_rad * np.sin(r.cycles_per_turn * gears[:, r.axis - 1] + r.phase_rad)
+        gears = shown + error
+    if plant.gear_stiffness_N_m_per_rad is not None:
+        weight = own_weight(mass_model(cell), geometry, q).T
+        side = sides_of_play(weight.T).T
+        gears = gears - weight / np.array(plant.gear_stiffness_N_m_per_rad) - np.array(plant.gear_slack_rad) * side
+    return robot_frames(geometry, gears @ robot.gear_to_joint).tip.T

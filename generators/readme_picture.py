@@ -1,0 +1,108 @@
+"""The pictures of the front page and the tutorial, from runs made for them.
+
+python -m generators.readme_picture          # docs/images/readme.png and tutorial.png, half a minute
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+from mpl_toolkits.mplot3d import Axes3D
+
+from ballbar.report.figures import AFTER, BEFORE, STYLE
+from ballbar.report.page import tcp_view
+from ballbar.result.run_data import RunData
+from ballbar.run import run_scenario
+from ballbar.scenario import load_scenario
+from cell.files import write_whole
+from cell.geometry import bar_frames, robot_frames
+from ident.estimator.closure import complete_bar_angles
+
+ROOT = Path(__file__).parents[1]
+SCENARIO = ROOT / "scenarios" / "irb2400.yaml"
+IMAGES = ROOT / "docs" / "images"
+TUTORIAL = ROOT / "docs" / "tutorial.md"
+INSTANT = 0.3  # of the run, at which the mechanism is drawn
+
+
+def picture(data: RunData) -> bytes:
+    """PNG: the identified mechanism on its sphere with the path so far, and the tool's error before and after."""
+    tcp = tcp_view(data)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(10.0, 4.4))
+        cell = figure.add_subplot(1, 2, 1, projection="3d")
+        assert isinstance(cell, Axes3D)
+        _draw_cell(cell, data)
+        axes = figure.add_subplot(1, 2, 2)
+        for values, colour, label in ((tcp.after, AFTER, "identified robot"), (tcp.before, BEFORE, "nominal robot")):
+            ordered = np.sort(values) * 1e3
+            axes.step(ordered, np.arange(1, ordered.size + 1) / ordered.size * 100.0, where="post", color=colour, linewidth=2.0)
+            words = f"{label}\nmean {values.mean() * 1e3:.2g} mm"
+            axes.annotate(words, (float(np.median(ordered)), 50.0), (12, 0), color=colour, textcoords="offset points")
+        axes.set(xscale="log", xlim=(2e-4, 150.0), ylim=(0.0, 101.0), xlabel="TCP error [mm]", ylabel=f"share of {values.size} poses [%]")
+        axes.xaxis.set_major_formatter("{x:g}")
+        return _png(figure)
+
+
+def tutorial_picture() -> bytes:
+    """PNG of the tutorial's plot, by the tutorial's own files and commands."""
+    text = TUTORIAL.read_text()
+    with TemporaryDirectory(prefix="ballbar-tutorial-") as folder:
+        work = Path(folder)
+        (work / "scenarios").symlink_to(ROOT / "scenarios")
+        for name, content in re.findall(r"```\w+\n# (\S+\.(?:yaml|py))\n(.*?)```", text, re.DOTALL):
+            (work / name).write_text(content)
+        environment = os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
+        for command in (["-m", "ballbar", "sweep", "my_sweep.yaml"], ["plot.py"]):
+            subprocess.run([sys.executable, *command], cwd=work, env=environment, check=True)
+        return (work / "eccentricity.png").read_bytes()
+
+
+def _draw_cell(axes: Axes3D, data: RunData) -> None:
+    result, log = data.identification, data.recording.robot_log
+    rows = np.linspace(0, log.t.size * INSTANT, 400).astype(int)
+    q = log.q[rows]
+    robot = robot_frames(result.geometry, q)
+    bar = bar_frames(result.geometry, complete_bar_angles(result.geometry, q, np.zeros((q.shape[0], 0)), ()))
+    centre, radius = result.geometry.origin, result.geometry["bd3"]
+    turn, height = np.meshgrid(np.linspace(0, 2 * np.pi, 37), np.linspace(0, np.pi, 19))
+    sphere = [np.sin(height) * np.cos(turn), np.sin(height) * np.sin(turn), np.cos(height)]
+    axes.plot_wireframe(*(c + radius * x for c, x in zip(centre, sphere, strict=True)), color="#c8d0d6", linewidth=0.4)
+    axes.plot(*robot.tip, color=AFTER, linewidth=1.4)
+    for chain, colour, width in ((robot.origin, "#22303c", 5.0), (bar.origin, BEFORE, 3.0)):
+        axes.plot(*chain[:, :, -1].T, color=colour, linewidth=width, marker="o", markersize=width * 1.4, solid_capstyle="round")
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", box_aspect=(1, 1, 1))
+    axes.set_aspect("equal")
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MultipleLocator(0.5))
+    axes.set_title("robot, ball-bar (orange) and the tool's path (blue) on its sphere", y=0.98)
+    axes.view_init(elev=18, azim=-62)
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def main() -> None:
+    """Writes both."""
+    with TemporaryDirectory(prefix="ballbar-picture-") as folder:
+        data = run_scenario(load_scenario(SCENARIO), SCENARIO, Path(folder) / "run", command="", progress=print)
+    write_whole(IMAGES / "readme.png", picture(data))
+    write_whole(IMAGES / "tutorial.png", tutorial_picture())
+    print(f"Wrote {IMAGES / 'readme.png'} and tutorial.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Whitened loop closure, its linearisation, the damped Gauss-Newton loop and the covariance."""

@@ -1,0 +1,1 @@
+"""Loads of the gears and the tension of the rod."""

@@ -1,0 +1,104 @@
+"""The tension of the rod from what a log says about loads: six equations a sample, one unknown.
+
+    y_k(t) = known_k(t) + sum_j theta_j A_jk(t) + w_k(t) F(t)
+
+`known` are the loads of the mass model without tension, `w` those per newton of it, `A` what the signal adds of its own:
+friction and gains of motor torques, biases and gains of a force sensor. F is eliminated sample by sample, theta follows by
+least squares with priors, F by weighted least squares. Motor torque near a reversal of its joint tells nothing: friction
+jumps there (identification_facts sec. 5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.chain import Array, cross
+from cell.descriptions import Cell
+from cell.geometry import Geometry, bar_frames, robot_frames
+from ident.loads.gear_loads import Loads, mass_model, on_ballbar
+
+TORQUE_NOISE = np.array([2.0, 2.0, 2.0, 0.3, 0.3, 0.3])  # [N m] a row (identification_facts sec. 1)
+TORQUE_GAIN = 0.02  # likewise
+REVERSAL_SPEED = 0.012  # [rad/s] below it friction may have either sign (identification_facts sec. 5)
+FRICTION_WIDTH = 2e-3  # [rad/s] over which the sign of a speed changes
+SENSOR_GAIN = 0.01
+SENSOR_NOISE = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])  # [N, N m]
+SENSOR_BIAS = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 2.0])  # [N, N m] wide: a sensor is seldom zeroed
+
+
+@dataclass(frozen=True, eq=False)
+class Tension:
+    """Rod tension at N samples."""
+
+    force: Array  # (N,) [N]
+    sigma: Array  # (N,) [N]
+    theta: Array  # (T,) friction, gains, biases
+    theta_sigma: Array  # (T,)
+
+
+def from_motor_torque(cell: Cell, torque: Array, carried: Loads, speed: Array, acceleration: Array) -> Tension:
+    """Tension from motor torques.
+
+    torque : (6, N) [N m] at the gears' outputs. carried : loads of the mass model. speed, acceleration : (6, N) of the gears.
+    theta : six Coulomb torques [N m], six viscous ones [N m s/rad], six gain errors.
+    """
+    n = torque.shape[1]
+    coulomb, viscous = cell.robot.gears.coulomb, cell.robot.gears.viscous
+    direction = speed / np.sqrt(speed**2 + FRICTION_WIDTH**2)
+    columns = np.zeros((18, 6, n))
+    for k in range(6):
+        columns[k, k], columns[6 + k, k], columns[12 + k, k] = direction[k], speed[k], torque[k]
+    prior = np.concatenate((coulomb, 2.0 * viscous, np.full(6, TORQUE_GAIN)))
+    mean = np.concatenate((coulomb, viscous, np.zeros(6)))
+    known = carried.gear + cell.robot.armature[:, None] * acceleration
+    sigma = np.hypot(TORQUE_NOISE[:, None], coulomb[:, None] * np.exp(-((speed / REVERSAL_SPEED) ** 2)))
+    return _eliminated(torque - known, sigma, columns, carried.gear_per_newton, mean, prior)
+
+
+def from_force_sensor(cell: Cell, geometry: Geometry, wrench: Array, q: Array, b: Array) -> tuple[Tension, float]:
+    """Tension from a six-axis sensor at the flange, and the root mean square of what is left over [sigma].
+
+    wrench : (6, N) [N, N m] that plate and ball-bar exert on the flange, flange frame, at robot angles q (N, 6) and ball-bar
+    angles b (N, 5). theta : six biases, six gain errors.
+    """
+    known, direction = _on_flange(cell, geometry, q, b)
+    columns = np.zeros((12, 6, q.shape[0]))
+    for k in range(6):
+        columns[k, k], columns[6 + k, k] = 1.0, wrench[k]
+    prior = np.concatenate((SENSOR_BIAS, np.full(6, SENSOR_GAIN)))
+    sigma = np.repeat(SENSOR_NOISE[:, None], q.shape[0], axis=1)
+    found = _eliminated(wrench - known, sigma, columns, direction, np.zeros(12), prior)
+    left = (wrench - known - np.einsum("j,jkn->kn", found.theta, columns) - direction * found.force) / sigma
+    return found, float(np.sqrt((left * left).mean()))
+
+
+def _on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> tuple[Array, Array]:
+    """(6, N) [N, N m] what plate and ball-bar exert on the flange without tension, and per newton of it; flange frame."""
+    masses = mass_model(cell)
+    robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
+    axes = np.stack((robot.x[-1], robot.y[-1], robot.z[-1]))
+    from_flange = cell.plate.length * robot.x[-1] + cell.plate.tool_offset * robot.z[-1]
+    out = []
+    for on_bar in on_ballbar(masses, bar, b):
+        force = -on_bar[:3]
+        moment = cross(from_flange, force) - on_bar[3:]
+        out.append(np.concatenate([(axes * part).sum(axis=1) for part in (force, moment)]))
+    weight = cell.plate.mass * np.einsum("ijn,j->in", axes, masses.gravity)
+    out[0] += np.concatenate((weight, np.cross(cell.plate.body.com, weight.T).T))
+    return out[0], out[1]
+
+
+def _eliminated(y: Array, sigma: Array, columns: Array, direction: Array, mean: Array, prior: Array) -> Tension:
+    white, w = y / sigma, direction / sigma
+    unit = w / np.linalg.norm(w, axis=0)
+    design = columns / sigma
+    design = design - unit * (unit * design).sum(axis=1, keepdims=True)
+    rest = white - unit * (unit * white).sum(axis=0)
+    flat = design.reshape(len(columns), -1)
+    normal = flat @ flat.T + np.diag(prior**-2.0)
+    theta = mean + np.linalg.solve(normal, flat @ (rest.reshape(-1) - mean @ flat))
+    left = white - np.einsum("j,jkn->kn", theta, columns / sigma)
+    weight = (w * w).sum(axis=0)
+    return Tension((w * left).sum(axis=0) / weight, 1.0 / np.sqrt(weight), theta, np.sqrt(np.diag(np.linalg.inv(normal))))

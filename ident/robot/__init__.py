@@ -1,0 +1,1 @@
+"""The identified robot without its instrument: accuracy, unloaded pose, compensation."""

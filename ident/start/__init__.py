@@ -1,0 +1,1 @@
+"""Starting values from two logs, without a guess."""

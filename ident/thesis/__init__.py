@@ -1,0 +1,1 @@
+"""The cost functions of Brand & Nilsson 2016, the baseline of every comparison."""

@@ -1,0 +1,1 @@
+"""Error sources of clocks, sensors and samples."""

@@ -1,0 +1,43 @@
+"""Slow wander of the ball-bar's clock: what is left of `t_robot = offset + (1 + skew) * t_bar` once the line is taken out.
+
+The rate does a random walk and decays from power-on; its integral is the deviation in time. The least-squares line through the
+deviation over the log is removed, so that offset and skew stay what a straight line through both clocks finds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cell.chain import Array
+from cell.schema import Strict
+from sim.errors.clock_errors import ClockWander
+
+KNOT = 1.0  # [s] at most between knots; the deviation is straight between them
+
+
+class WanderCurve(Strict):
+    """`t_robot = offset + (1 + skew) * t_bar + deviation(t_bar)`, straight between the knots."""
+
+    t_bar_s: tuple[float, ...]
+    deviation_s: tuple[float, ...]
+
+    def at(self, t_bar: Array) -> Array:
+        """(N,) [s] deviation at ball-bar times (N,) [s] from the first row."""
+        return np.interp(t_bar, self.t_bar_s, self.deviation_s)
+
+
+def wander_curve(asked: ClockWander, length: float, rng: np.random.Generator) -> WanderCurve:
+    """The wander over a log of `length` seconds."""
+    t: Array = np.linspace(0.0, length, int(np.ceil(length / KNOT)) + 1)
+    step, middle = t[1], 0.5 * (t[1:] + t[:-1])
+    rate = asked.rate_rms_ppm * 1e-6 * _unit_walk(middle.size, rng) + asked.warm_up_ppm * 1e-6 * np.exp(-middle / asked.warm_up_time_s)
+    deviation = np.concatenate(([0.0], np.cumsum(rate * step)))
+    line = np.polynomial.Polynomial.fit(t, deviation, 1)
+    return WanderCurve(t_bar_s=tuple(t.tolist()), deviation_s=tuple((deviation - line(t)).tolist()))
+
+
+def _unit_walk(steps: int, rng: np.random.Generator) -> Array:
+    """(steps,) random walk with mean 0 and RMS 1."""
+    walk = np.cumsum(rng.standard_normal(steps))
+    walk -= walk.mean()
+    return np.asarray(walk / np.sqrt(np.mean(walk**2)))

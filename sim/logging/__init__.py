@@ -1,0 +1,1 @@
+"""Encoders, clocks and writers of device files."""

@@ -1,0 +1,93 @@
+"""When each logger takes its samples, in true time and on its own clock.
+
+The robot's clock runs true. `t_robot = offset + (1 + skew) * t_bar` with both counted from the first row of their log, so
+the ball-bar's clock runs slow by 1 + skew and its log begins `offset` seconds after the robot's. The later of the two logs
+begins LEAD seconds into the run; whatever the other recorded before is the mechanism at rest.
+
+The ball-bar logger is the thesis's (sec. 4.6): a 5 ms task writes a line and waits for the file, 10 ms a sample, and 15 ms
+when the write takes one cycle more. Its stamps are distributed-clock time: ns since 2000-01-01.
+
+A wandering clock takes its rows at other instants and stamps them as ever. A step, jitter and rounding change stamps only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.chain import Array
+from sim.errors.clock_errors import LEAD, ClockStep
+from sim.errors.wander import WanderCurve, wander_curve
+from sim.settings import ClockSettings
+from sim.streams import stream
+
+ROBOT_PERIOD = 0.004032  # [s] Lund ExtCtrl interface (log_formats sec. D)
+TASK_NS = 5_000_000  # [ns] PLC task
+SAMPLE_TASKS = 2  # a line is written in one cycle and waited for in the next
+BAR_EPOCH_NS = 830_000_000_000_000_000  # [ns] a day in April 2026 in time since 2000
+ROBOT_EPOCH = 1234.5  # [s] controller up-time at the first row
+
+
+@dataclass(frozen=True, eq=False)
+class LogTimes:
+    """Instants of the rows of both logs."""
+
+    robot_true: Array  # (N,) [s]
+    robot_stamp: Array  # (N,) [s]
+    bar_true: Array  # (M,) [s]
+    bar_stamp: NDArray[np.int64]  # (M,) [ns]
+    bar_task: NDArray[np.int64]  # (M,) PLC task cycles since the first row
+    wander: WanderCurve | None = None  # of the ball-bar's clock
+
+
+def log_times(duration: float, clocks: ClockSettings, *, seed: int) -> LogTimes:
+    """Rows of both logs for a run of `duration` seconds of true time."""
+    offset, end = clocks.offset_s, duration - LEAD
+    robot_start, bar_start = LEAD - max(0.0, offset), LEAD + min(0.0, offset)
+    robot_clock: Array = ROBOT_PERIOD * np.arange(int((end - robot_start) / ROBOT_PERIOD) + 1, dtype=np.float64)
+    cycles = task_cycles(end - bar_start, clocks.overrun_probability, stream(seed, "overruns"))
+    ticks = TASK_NS * cycles
+    wander = wander_curve(clocks.wander, end - bar_start, stream(seed, "clock_wander")) if clocks.wander else None
+    bar_true: Array = bar_start + (1.0 + clocks.skew) * ticks.astype(np.float64) * 1e-9
+    if wander:
+        bar_true += wander.at(ticks.astype(np.float64) * 1e-9)
+    inside = bar_true <= end
+    return LogTimes(
+        robot_true=robot_start + robot_clock,
+        robot_stamp=ROBOT_EPOCH + robot_stamps(robot_clock, clocks, stream(seed, "stamp_jitter")),
+        bar_true=bar_true[inside],
+        bar_stamp=BAR_EPOCH_NS + bar_stamps(ticks[inside], bar_true[inside], clocks),
+        bar_task=cycles[inside],
+        wander=wander,
+    )
+
+
+def task_cycles(length: float, overrun_probability: float, rng: np.random.Generator) -> NDArray[np.int64]:
+    """(M,) PLC task cycles of the rows of `length` seconds, from 0: every second one, or one later."""
+    rows = int(length * 1e9 / (SAMPLE_TASKS * TASK_NS)) + 1
+    tasks = SAMPLE_TASKS + (rng.random(rows) < overrun_probability)
+    return np.asarray(np.cumsum(tasks) - tasks[0])
+
+
+def robot_stamps(clock: Array, clocks: ClockSettings, rng: np.random.Generator) -> Array:
+    """(N,) [s] stamps of rows taken when the robot's clock shows (N,) [s] from the first row."""
+    stamps = clock
+    if clocks.jitter:
+        jitter = clocks.jitter.sigma_s * rng.standard_normal(clock.size)
+        jitter[0] = 0.0
+        stamps = stamps + jitter
+    quantum = clocks.quantum.robot_s if clocks.quantum else 0.0
+    return np.asarray(np.rint(stamps / quantum) * quantum if quantum else stamps)
+
+
+def bar_stamps(ticks: NDArray[np.int64], t: Array, clocks: ClockSettings) -> NDArray[np.int64]:
+    """(M,) [ns] stamps of rows taken when the ball-bar's clock shows (M,) [ns] from the first row, at run times t (M,) [s]."""
+    stamps = ticks + _step_ns(clocks.step, t) if clocks.step else ticks
+    quantum = round(clocks.quantum.ballbar_s * 1e9) if clocks.quantum else 0
+    return np.asarray((stamps + quantum // 2) // quantum * quantum if quantum else stamps)
+
+
+def _step_ns(step: ClockStep, t: Array) -> NDArray[np.int64]:
+    return np.where(t >= step.at_s, round(step.step_s * 1e9), 0).astype(np.int64)

@@ -1,0 +1,46 @@
+"""What the log errors of a simulated recording really were: the part of the truth beyond geometry, senses, offset and skew."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import Field
+
+from cell.schema import Strict
+from sim.errors.clock_errors import ClockStep, LoggerRestart
+from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
+from sim.errors.wander import WanderCurve
+from sim.logging.load_logs import DrawnLoads
+from sim.logging.loggers import RowCounts
+
+
+class FirstRows(Strict):
+    """When the logs began, on the clock of the path."""
+
+    robot_s: float
+    ballbar_s: float
+
+
+class LogTruth(Strict):
+    """Errors of sensors, clocks and loggers as they were drawn. Angles in the joint's DH sense, times from the start of the path."""
+
+    first_rows: FirstRows
+    encoders: dict[str, EncoderEffects] = Field(default_factory=dict)  # b1.., those with an error
+    resolvers: ResolverEffects | None = None
+    clock_wander: WanderCurve | None = None
+    clock_step: ClockStep | None = None
+    restart: LoggerRestart | None = None
+    rows: dict[str, RowCounts] = Field(default_factory=dict)  # robot, ballbar
+    loads: DrawnLoads = DrawnLoads()
+
+    def stated(self) -> dict[str, object]:
+        """As plain data, without what is absent."""
+        filled = {key: _filled(value) for key, value in self.model_dump(mode="json").items() if value}
+        return {key: value for key, value in filled.items() if value}
+
+
+def _filled(value: Any) -> Any:
+    """Plain data without empty entries, at any depth."""
+    if isinstance(value, dict):
+        return {key: _filled(inner) for key, inner in value.items() if inner not in (None, [], {})}
+    return [_filled(inner) for inner in value] if isinstance(value, list) else value

@@ -1,0 +1,1 @@
+"""The closed mechanism: MuJoCo model, kinematic plant, statics oracle."""

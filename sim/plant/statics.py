@@ -1,0 +1,245 @@
+"""Statics of the closed mechanism without MuJoCo: where it comes to rest, and the force in the rod.
+
+Minimises servo, gear, plate, base, rod and gravity energy over motor angles m, gear deflections e (joints are m + e), plate
+bending, base shift, ball-bar angles b and rod stretch s, subject to the closed loop, by Newton steps on the Lagrangian. The
+curvature of the loop and of gravity is left out of the Hessian; it is a few hundredths of the servo stiffness, so each step
+gains one to two digits. Play is piecewise linear; inside it a spring a ten-thousandth as stiff keeps the step defined.
+Friction and hysteresis have no energy and are not here. Nothing is shared with the MuJoCo model but the descriptions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.chain import Array, Chain, Frames, cross, forward, joint_screws
+from cell.descriptions import Cell, Link, ServoGains
+from cell.errors import FailureError
+from cell.geometry import Geometry, robot_frames
+from cell.rotation import rotvec_from_matrix
+from sim.plant.deflection import Deflected, deflect, turning
+from sim.plant.effects import PlantEffects
+
+MOTOR, GEAR, BAR = slice(0, 6), slice(6, 12), slice(12, 17)
+ROD, PLATE, BASE = 17, 18, slice(19, 22)
+COORDINATES = 22
+INSIDE_PLAY = 1e-4  # stiffness inside a dead band, of that outside
+_MAX_STEPS = 400
+_PATIENCE = 12  # full Newton steps; without play ten suffice
+_BEYOND = 1e-3  # of half a play, by which a step ends behind the end of one
+_FORCE_TOLERANCE = 1e-8  # [N m, N] remaining generalised force
+_CLOSURE_TOLERANCE = 1e-13  # [m, rad]
+
+
+class NoEquilibriumError(FailureError):
+    """The mechanism found no rest near the start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """One held pose."""
+
+    motor: Array  # (6,) [rad] m
+    gear: Array  # (6,) [rad] e, joint by joint
+    b: Array  # (5,) [rad]
+    stretch: float  # [m] of the rod
+    plate: float  # [rad] bending
+    base: Array  # (3,) [m] shift
+    rod_force: float  # [N] tension positive
+    in_play: bool  # whether a gear or the rod hangs inside its dead band
+
+    @property
+    def q(self) -> Array:
+        """(6,) [rad] robot joint angles."""
+        return self.motor + self.gear
+
+
+@dataclass(frozen=True, eq=False)
+class _Machine:
+    """What does not change during the search."""
+
+    geometry: Geometry
+    effects: PlantEffects
+    gains: ServoGains
+    joint_to_gear: Array  # (6, 6)
+    command: Array  # (6,) [rad] of the gears
+    robot: list[list[Link]]  # per joint, in the frame that turns with it
+    bar: list[list[Link]]
+    gravity: Array
+    active: NDArray[np.intp]  # coordinates that can move
+
+
+def rest(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, command: Array, q: Array, b: Array) -> Rest:
+    """Where the mechanism rests when the servos are told `command` (6,) [rad of the gears]; q (6,), b (5,) [rad] start close by.
+
+    Raises NoEquilibriumError when the steps do not converge.
+    """
+    machine = _machine(cell, geometry, effects, gains, command)
+    x = np.zeros(COORDINATES)
+    x[MOTOR], x[BAR] = q, b
+    multipliers = np.zeros(6)
+    active = machine.active
+    for k in range(_MAX_STEPS):
+        ends = _ends(machine, x)
+        closed, columns = _closure(ends), _closure_columns(ends)[:, active]
+        force, hessian = _forces(machine, ends, x)
+        imbalance = force[active] + columns.T @ multipliers
+        if np.abs(closed).max() < _CLOSURE_TOLERANCE and np.abs(imbalance).max() < _FORCE_TOLERANCE:
+            return _as_rest(machine, x, float(force[ROD] - _rod_weight(machine, ends)))
+        system = np.block([[hessian[np.ix_(active, active)], columns.T], [columns, np.zeros((6, 6))]])
+        solution = np.linalg.solve(system, -np.concatenate((force[active], closed)))
+        step = np.zeros(COORDINATES)
+        step[active] = np.clip(solution[: active.size], -0.1, 0.1)
+        share = 1.0 if k < _PATIENCE else _to_end_of_play(machine, x, step)
+        x += share * step
+        multipliers += share * (solution[active.size :] - multipliers)
+    raise NoEquilibriumError(f"statics: no equilibrium in {_MAX_STEPS} steps; loop open by {np.abs(closed).max():.3g}")
+
+
+def gravity_torque(cell: Cell, geometry: Geometry, q: Array) -> Array:
+    """(N, 6) [N m] torque that holds the free robot with its plate against gravity at joint angles q (N, 6) [rad]."""
+    return _weight(geometry.robot, q, robot_frames(geometry, q), _robot_links(cell), cell.robot.gravity).T
+
+
+def _machine(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, command: Array) -> _Machine:
+    movable = np.ones(COORDINATES, dtype=bool)
+    movable[GEAR] = effects.gear_stiffness is not None
+    movable[PLATE] = effects.plate_stiffness is not None
+    movable[BASE] = effects.base_stiffness is not None
+    bar = cell.ballbar
+    return _Machine(
+        geometry,
+        effects,
+        gains,
+        cell.robot.joint_to_gear,
+        command,
+        _robot_links(cell),
+        _turning_links(Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5)), bar.links),
+        cell.robot.gravity,
+        np.flatnonzero(movable),
+    )
+
+
+def _robot_links(cell: Cell) -> list[list[Link]]:
+    robot, plate = cell.robot, cell.plate.body
+    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(6))
+    links = _turning_links(chain, robot.links[1:])
+    flange = forward(chain, np.zeros((1, 6)))
+    on_base = flange.tip[:, 0] + flange.rotation()[:, :, 0] @ plate.com
+    links[5] += _turning_links(chain, (*robot.links[1:6], Link(plate.mass, on_base, plate.inertia)))[5]
+    return links
+
+
+def _turning_links(chain: Chain, links: tuple[Link, ...]) -> list[list[Link]]:
+    """Links given in base coordinates at zero angles, each in the frame that turns with its joint (frame i-1 at zero)."""
+    zero = forward(chain, np.zeros((1, chain.rows)))
+    turned = []
+    for i, link in enumerate(links):
+        rotation = zero.rotation(i)[:, :, 0]
+        turned.append([Link(link.mass, rotation.T @ (link.com - zero.origin[i, :, 0]), link.inertia)])
+    return turned
+
+
+def _ends(machine: _Machine, x: Array) -> Deflected:
+    q = (x[MOTOR] + x[GEAR])[None]
+    return deflect(machine.geometry, q, x[None, BAR], stretch=x[ROD : ROD + 1], plate=x[PLATE : PLATE + 1], base=x[None, BASE])
+
+
+def _closure(ends: Deflected) -> Array:
+    """(6,) mismatch of ball-bar end and tool."""
+    turned = np.einsum("ikn,jkn->ijn", ends.bar.rotation(), ends.tool_rotation)
+    return np.concatenate((ends.bar.tip - ends.tool, rotvec_from_matrix(turned)))[:, 0]
+
+
+def _closure_columns(ends: Deflected) -> Array:
+    """(6, 22) derivative of the mismatch, exact where the loop is closed."""
+    columns = np.zeros((COORDINATES, 6))
+    joints = turning(ends.robot.z[:6], ends.robot.origin[:6], ends.tool)[:, :, 0]
+    columns[MOTOR] = columns[GEAR] = -joints
+    columns[BAR] = joint_screws(ends.bar)[:, :, 0]
+    columns[ROD, :3] = ends.bar.z[2, :, 0]
+    columns[PLATE] = -turning(ends.robot.y[6:7], ends.hinge[None], ends.tool)[0, :, 0]
+    columns[BASE, :3] = np.eye(3)
+    return columns.T
+
+
+def _forces(machine: _Machine, ends: Deflected, x: Array) -> tuple[Array, Array]:
+    """(22,) derivative of the energy, and its stiffness (22, 22) without the curvature of gravity."""
+    force, stiffness = np.zeros(COORDINATES), np.zeros((COORDINATES, COORDINATES))
+    to_gear, gains, effects = machine.joint_to_gear, machine.gains, machine.effects
+    motor = x[MOTOR] @ to_gear
+    servo = gains.kp * (motor - effects.transmission_error(motor[None])[0] - machine.command)
+    force[MOTOR], stiffness[MOTOR, MOTOR] = to_gear @ servo, to_gear @ np.diag(gains.kp) @ to_gear.T
+    if effects.gear_stiffness is not None:
+        torque, slope = _with_play(x[GEAR] @ to_gear, effects.gear_stiffness, effects.gear_slack)
+        force[GEAR], stiffness[GEAR, GEAR] = to_gear @ torque, to_gear @ np.diag(slope) @ to_gear.T
+    if effects.plate_stiffness is not None:
+        # cantilever under a tip load F: deflection F / k, tilt 3 F / (2 k L); the load's lever about the hinge is 2 L / 3
+        bending = (2.0 / 3.0 * machine.geometry["ra6"]) * effects.plate_stiffness / (1.5 / machine.geometry["ra6"])
+        force[PLATE], stiffness[PLATE, PLATE] = bending * x[PLATE], bending
+    if effects.base_stiffness is not None:
+        force[BASE], stiffness[BASE, BASE] = effects.base_stiffness * x[BASE], effects.base_stiffness * np.eye(3)
+    rod, slope = _with_play(x[ROD : ROD + 1], np.array([effects.rod_stiffness]), np.array([effects.rod_slack]))
+    force[ROD], stiffness[ROD, ROD] = rod[0], slope[0]
+    return force + _weights(machine, ends, x), stiffness
+
+
+def _with_play(deflection: Array, stiffness: Array, slack: Array) -> tuple[Array, Array]:
+    """Force and slope of springs with a dead band of half width `slack`."""
+    inside = np.clip(deflection, -slack, slack)
+    share = np.where((np.abs(deflection) < slack), INSIDE_PLAY, 1.0)
+    return stiffness * (deflection - inside + INSIDE_PLAY * inside * (slack > 0.0)), stiffness * share
+
+
+def _weights(machine: _Machine, ends: Deflected, x: Array) -> Array:
+    """(22,) derivative of the potential energy of all masses."""
+    load = np.zeros(COORDINATES)
+    q = (x[MOTOR] + x[GEAR])[None]
+    load[MOTOR] = load[GEAR] = _weight(machine.geometry.robot, q, ends.robot, machine.robot, machine.gravity)[:, 0]
+    load[BAR] = _weight(machine.geometry.bar, x[None, BAR], ends.bar, machine.bar, machine.gravity)[:, 0]
+    load[ROD] = _rod_weight(machine, ends)
+    load[BASE] = -sum(link.mass for links in machine.bar for link in links) * machine.gravity
+    return load
+
+
+def _rod_weight(machine: _Machine, ends: Deflected) -> float:
+    """[N] what rides on the rod's slide is lifted as the rod stretches."""
+    mass = sum(link.mass for links in machine.bar[2:] for link in links)
+    return float(-mass * machine.gravity @ ends.bar.z[2, :, 0])
+
+
+def _weight(chain: Chain, q: Array, frames: Frames, bodies: list[list[Link]], gravity: Array) -> Array:
+    """(J, N) [N m/rad] derivative of the potential energy with respect to the joint angles of one chain."""
+    gradient = np.zeros((chain.rows, q.shape[0]))
+    cos, sin = np.cos(q.T), np.sin(q.T)
+    for i, links in enumerate(bodies):
+        x, y, z = frames.x[i], frames.y[i], frames.z[i]
+        for link in links:
+            com = frames.origin[i] + link.com[0] * (cos[i] * x + sin[i] * y) + link.com[1] * (cos[i] * y - sin[i] * x) + link.com[2] * z
+            for j in range(i + 1):
+                gradient[j] -= link.mass * gravity @ cross(frames.z[j], com - frames.origin[j])
+    return gradient
+
+
+def _to_end_of_play(machine: _Machine, x: Array, step: Array) -> float:
+    """Share of a step up to just behind the first end of a play on its way.
+
+    Full steps may hop between the ends of a play for ever. Energy falls along each step and its slope changes only there, so
+    stopping there always comes to rest.
+    """
+    slack = np.append(machine.effects.gear_slack, machine.effects.rod_slack)
+    at, moved = (np.append(v[GEAR] @ machine.joint_to_gear, v[ROD]) for v in (x, step))
+    behind = np.sign(moved) * _BEYOND * slack
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.concatenate([(end + behind - at) / moved for end in (-slack, slack)])
+    ahead = shares[(shares > 0.0) & np.tile(slack > 0.0, 2)]
+    return min(1.0, float(ahead.min(initial=1.0)))
+
+
+def _as_rest(machine: _Machine, x: Array, rod_force: float) -> Rest:
+    effects = machine.effects
+    play = np.abs(x[GEAR] @ machine.joint_to_gear) < effects.gear_slack
+    in_play = bool(play.any() or abs(x[ROD]) < effects.rod_slack)
+    return Rest(x[MOTOR], x[GEAR], x[BAR], float(x[ROD]), float(x[PLATE]), x[BASE], rod_force, in_play)

@@ -1,0 +1,507 @@
+"""The live recorder on loopback: nothing lost, nothing doubled, files that can be read wherever the recording broke off."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import resource
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+import yaml
+from rerun.chunk import RrdReader
+from rich.console import Console
+
+from acquisition import read_recording
+from acquisition.live.ads import AdsMemory
+from acquisition.live.egm_source import EgmSource
+from acquisition.live.folder import CellNames, RecordingFolder
+from acquisition.live.plc_source import PlcSource
+from acquisition.live.progress import Progress, State
+from acquisition.live.recorder import POLL
+from acquisition.live.ring import HEADER, LAYOUT, SAMPLE
+from acquisition.live.session import LiveRecording
+from acquisition.live.source import Batch, Source
+from ballbar.record.show import RING
+from ballbar.record.terminal import say_recording, status_table, status_words
+from ballbar.record.view import APPLICATION, TIMELINE, LiveView, layout
+from ballbar.replay import viewer as replay_viewer
+from cell.descriptions import controller_to_joints, load_robot
+from cell.errors import InputError
+from cell.recording import load_recording_file
+from tests.ballbar.test_cli import ballbar
+from tests.helpers.egm_robot import egm_message, frames_of
+from tests.helpers.plc_server import START, Plc, plc_samples, text_of
+from tests.helpers.ring_memory import RingMemory
+from tests.project.test_packages import ROOT, imported
+
+CELL = CellNames("irb2400", "lund_600", "plate_250", 3600)
+LINES = 3600
+NAMES = ("--robot", "irb2400", "--ballbar", "lund_600")
+PATIENCE = 20.0  # [s] a busy machine may take for what needs a fraction of it
+
+
+@pytest.fixture
+def address() -> str:
+    """A loopback address that no other test process uses: the port of ADS is fixed."""
+    pid = os.getpid()
+    return f"127.{1 + pid // 62500 % 250}.{1 + pid // 250 % 250}.{1 + pid % 250}"
+
+
+@pytest.fixture
+def egm() -> Iterator[EgmSource]:
+    source = EgmSource(0)
+    yield source
+    source.close()
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def plc_source(plc: Plc) -> PlcSource:
+    return PlcSource(AdsMemory(plc.net_id, 851, symbol=RING), lines=LINES)
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, "waited too long"
+        time.sleep(0.02)
+
+
+def started(folder: Path, *sources: Source) -> LiveRecording:
+    recording = LiveRecording(RecordingFolder(folder, CELL), sources)
+    recording.start()
+    return recording
+
+
+def sample_numbers(raw: bytes, plc: Plc) -> list[int]:
+    stamps = [int(line.split(b";")[0]) for line in raw.splitlines()[1:]]
+    return [(stamp - START) // plc.period_ns for stamp in stamps]
+
+
+def assert_made_by(raw: bytes, plc: Plc) -> tuple[int, int]:
+    """A file is what the PLC made, byte by byte, from its first sample to its last; their numbers."""
+    numbers = sample_numbers(raw, plc)
+    assert raw == text_of(plc_samples(numbers[0], numbers[-1] - numbers[0] + 1, plc.period_ns))
+    return numbers[0], numbers[-1]
+
+
+def recorder_command(folder: Path, plc: Plc) -> list[str]:
+    return [sys.executable, "-m", "ballbar", "record", str(folder), *NAMES, "--plc", plc.net_id]
+
+
+def with_robot_log(folder: Path) -> Path:
+    """The recording, with the robot's log added by hand as the recorder asks for."""
+    t = np.arange(200) * 0.004032
+    motors = np.sin(np.outer(t, np.arange(1, 7))) * 20.0
+    rows = [",".join(f"{value:.6f}" for value in (time_s, *row)) for time_s, row in zip(t, motors, strict=True)]
+    (folder / "raw" / "robot.csv").write_text("\n".join(["time,m1,m2,m3,m4,m5,m6", *rows, ""]))
+    description = yaml.safe_load((folder / "recording.yaml").read_text())
+    description["sources"]["robot"] = {"files": ["raw/robot.csv"], "dialect": "abb-motor"}
+    (folder / "recording.yaml").write_text(yaml.safe_dump(description))
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [100, 1000])
+def test_what_the_plc_made_is_in_the_file_once_byte_by_byte(rate: int, address: str, tmp_path: Path) -> None:
+    with Plc(address, rate) as plc:
+        recording = started(tmp_path / "r", plc_source(plc))
+        until(lambda: recording.progress[0].records > 1.5 * rate)
+        made = plc.written
+        recording.stop()
+        recording.finish()
+        _, last = assert_made_by((tmp_path / "r" / "raw" / "ballbar.csv").read_bytes(), plc)
+    assert last >= made - 1
+    (progress,) = recording.progress
+    assert (progress.state, progress.segments, progress.lost, progress.gaps) == (State.END, 1, 0, 0)
+    assert progress.rate == pytest.approx(rate, rel=0.01)  # by the stamps, so it does not depend on the machine's load
+    read = read_recording(with_robot_log(tmp_path / "r"))
+    assert read.ballbar_log is not None
+    assert read.ballbar_log.t.size == progress.records
+    assert read.ballbar_log.joints == (1, 2, 4, 5)
+    assert not [finding for finding in read.report.findings if "robot" not in finding.file]
+
+
+@pytest.mark.slow
+def test_a_connection_that_is_lost_and_comes_back_makes_a_new_file_and_loses_nothing(address: str, tmp_path: Path) -> None:
+    with Plc(address, 100) as plc:
+        recording = started(tmp_path / "r", plc_source(plc))
+        until(lambda: recording.progress[0].records > 30)
+        plc.disconnect()
+        until(lambda: recording.progress[0].state is State.WAIT)
+        plc.connect()
+        until(lambda: recording.progress[0].segments == 2 and recording.progress[0].records > 100)
+        recording.finish()
+        first, second = (assert_made_by((tmp_path / "r" / "raw" / name).read_bytes(), plc) for name in ("ballbar.csv", "ballbar_2.csv"))
+    assert second[0] == first[1] + 1  # the ring held what was made meanwhile
+    (progress,) = recording.progress
+    assert (progress.lost, progress.records) == (0, second[1] - first[0] + 1)
+    description = yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())
+    assert description["sources"]["ballbar"]["files"] == ["raw/ballbar.csv", "raw/ballbar_2.csv"]
+    assert "ballbar: segment 1 ended: PLC" in description["notes"]
+    read = read_recording(with_robot_log(tmp_path / "r"))
+    assert read.ballbar_log is not None
+    assert read.ballbar_log.t.size == progress.records
+
+
+@pytest.mark.slow
+def test_samples_that_the_ring_could_not_hold_are_counted_as_lost(address: str, tmp_path: Path) -> None:
+    with Plc(address, 1000, capacity=600) as plc:
+        recording = started(tmp_path / "r", plc_source(plc))
+        until(lambda: recording.progress[0].records > 100)
+        plc.disconnect()
+        until(lambda: recording.progress[0].state is State.WAIT)
+        time.sleep(0.8)
+        plc.connect()
+        until(lambda: recording.progress[0].segments == 2)
+        recording.finish()
+        numbers = [
+            n for name in ("ballbar.csv", "ballbar_2.csv") for n in sample_numbers((tmp_path / "r" / "raw" / name).read_bytes(), plc)
+        ]
+    (progress,) = recording.progress
+    assert progress.lost > 0
+    assert numbers == sorted(set(numbers))
+    assert len(numbers) + progress.lost == numbers[-1] - numbers[0] + 1
+    assert f"ballbar: {progress.lost} records were lost" in yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())["notes"]
+
+
+@pytest.mark.slow
+def test_kill_9_loses_at_most_the_last_poll(address: str, tmp_path: Path) -> None:
+    """A poll is on disk before the next one begins; with 0.1 s between them and a machine that keeps up that is 0.2 s at most."""
+    folder, file = tmp_path / "r", tmp_path / "r" / "raw" / "ballbar.csv"
+    with Plc(address, 1000) as plc:
+        recorder = subprocess.Popen(recorder_command(folder, plc), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        until(lambda: file.exists() and file.stat().st_size > 50_000)
+        recorder.send_signal(signal.SIGKILL)
+        recorder.wait()
+        polls = plc.header_reads
+        raw = file.read_bytes()
+        whole = raw[: raw.rindex(b"\n") + 1]
+        _, last = assert_made_by(whole, plc)
+    assert last >= polls[-4] - 1  # of the last poll but one; each poll looks twice
+    assert POLL <= 0.1
+    read = read_recording(with_robot_log(folder))
+    assert read.ballbar_log is not None
+    assert read.ballbar_log.t.size == len(whole.splitlines()) - 1
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_named_and_leaves_a_file_of_whole_rows(address: str, tmp_path: Path) -> None:
+    folder, limit = tmp_path / "r", 30_001
+    with Plc(address, 1000) as plc:
+        recorder = subprocess.run(
+            recorder_command(folder, plc),
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+        )
+        raw = (folder / "raw" / "ballbar.csv").read_bytes()
+        assert_made_by(raw, plc)
+    rows = len(raw.splitlines()) - 1
+    assert recorder.returncode == 1
+    assert f"raw/ballbar.csv: cannot be written: File too large. {rows} whole records are in it" in recorder.stderr
+    longest = 18 + 8 * 11 + 2  # a stamp, eight counters of ten digits, CRLF
+    assert limit - longest < len(raw) <= limit
+    read = read_recording(with_robot_log(folder))
+    assert read.ballbar_log is not None
+    assert read.ballbar_log.t.size == rows
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_cleanly_and_says_what_is_missing(address: str, tmp_path: Path) -> None:
+    folder = tmp_path / "r"
+    with Plc(address, 100) as plc:
+        recorder = subprocess.Popen(recorder_command(folder, plc), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        until((folder / "recording.yaml").exists)
+        made = plc.written
+        recorder.send_signal(signal.SIGINT)
+        said, _ = recorder.communicate(timeout=PATIENCE)
+        _, last = assert_made_by((folder / "raw" / "ballbar.csv").read_bytes(), plc)
+    assert recorder.returncode == 0
+    assert last >= made - 1
+    assert "0 lost, 0 gaps" in said
+    assert "Still missing: the robot's log" in said
+
+
+def test_egm_messages_are_kept_as_they_came_and_lost_ones_counted(egm: EgmSource, tmp_path: Path) -> None:
+    recording = started(tmp_path / "r", egm)
+    messages = [egm_message(n, [10.0 * j + 1e-3 * n for j in range(6)]) for n in range(100, 300)]
+    dropped, swapped = 50, 80
+    sent = [*messages[:dropped], *messages[dropped + 3 :]]
+    sent[swapped], sent[swapped + 1] = sent[swapped + 1], sent[swapped]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for message in sent:
+            robot.sendto(message, egm.address)
+        until(lambda: recording.progress[0].records == len(sent))
+    recording.finish()
+    assert frames_of((tmp_path / "r" / "raw" / "robot.egm").read_bytes()) == sent
+    (progress,) = recording.progress
+    assert (progress.lost, progress.refused, progress.segments) == (3, 0, 1)
+    assert progress.latest is not None
+    assert progress.latest.tolist() == pytest.approx([10.0 * j + 0.299 for j in range(6)])
+    description = load_recording_file(tmp_path / "r")
+    assert description.sources.robot.dialect == "abb-egm"
+    assert description.encoders == {}
+
+
+def test_a_new_egm_session_goes_into_a_new_file(egm: EgmSource, tmp_path: Path) -> None:
+    recording = started(tmp_path / "r", egm)
+    sessions = [[egm_message(n, [0.0] * 6) for n in range(first, first + 60)] for first in (500, 1)]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for message in [*sessions[0], *sessions[1]]:
+            robot.sendto(message, egm.address)
+        until(lambda: recording.progress[0].records == 120)
+    recording.finish()
+    files = [tmp_path / "r" / "raw" / name for name in ("robot.egm", "robot_2.egm")]
+    assert [frames_of(file.read_bytes()) for file in files] == sessions
+    assert recording.progress[0].lost == 0
+
+
+def test_what_is_no_egm_message_or_comes_from_elsewhere_is_left_out_and_counted(egm: EgmSource, tmp_path: Path) -> None:
+    recording = started(tmp_path / "r", egm)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        robot.sendto(b"\xff\xff not protobuf", egm.address)
+        robot.sendto(egm_message(1, [0.0] * 6), egm.address)
+        until(lambda: recording.progress[0].records == 1)
+        stranger.sendto(egm_message(2, [9.0] * 6), egm.address)
+        robot.sendto(b"", egm.address)
+        robot.sendto(egm_message(2, [0.0] * 6), egm.address)
+        until(lambda: recording.progress[0].records == 2 and recording.progress[0].refused == 3)
+    recording.finish()
+    assert frames_of((tmp_path / "r" / "raw" / "robot.egm").read_bytes()) == [egm_message(n, [0.0] * 6) for n in (1, 2)]
+
+
+def test_the_receiver_listens_on_this_machine_alone_unless_told_otherwise(egm: EgmSource) -> None:
+    host, port = egm.address
+    assert host == "127.0.0.1"
+    with pytest.raises(InputError, match=rf"--egm 127.0.0.1:{port}: another program listens there"):
+        EgmSource(port)
+
+
+@pytest.mark.slow
+def test_both_devices_make_a_complete_recording(address: str, egm: EgmSource, tmp_path: Path) -> None:
+    angles = [[10.0 * np.sin(0.01 * n + j) for j in range(6)] for n in range(80)]
+    with Plc(address, 1000) as plc, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        recording = started(tmp_path / "r", plc_source(plc), egm)
+        for n, joints in enumerate(angles):
+            robot.sendto(egm_message(n, joints), egm.address)
+        until(lambda: min(source.records for source in recording.progress) >= 80)
+        recording.finish()
+    assert recording.missing == ()
+    read = read_recording(tmp_path / "r")
+    robot_file = load_robot("irb2400")
+    assert np.allclose(controller_to_joints(robot_file, np.deg2rad(angles)), read.robot_log.q, atol=1e-12)
+    assert np.allclose(read.robot_log.t, np.arange(80) * 0.004032, atol=1e-6)  # the message has microseconds
+    assert read.ballbar_log is not None
+    assert read.ballbar_log.t.size == recording.progress[0].records
+    fitted = {name: (encoder.lines, encoder.bits) for name, encoder in read.description.encoders.items()}
+    assert fitted == dict.fromkeys(("b1", "b2", "b4", "b5"), (3600, 12))
+
+
+def test_a_plc_that_is_not_there_is_waited_for_and_named(address: str, tmp_path: Path) -> None:
+    recording = started(tmp_path / "r", PlcSource(AdsMemory(f"{address}.1.1", 851, symbol=RING), lines=LINES))
+    until(lambda: bool(recording.progress[0].reason))
+    assert f"PLC {address}.1.1:851" in recording.progress[0].reason
+    recording.finish()
+    assert recording.progress[0].records == 0
+    assert not (tmp_path / "r" / "recording.yaml").exists()
+
+
+def test_a_live_view_that_fails_does_not_end_the_recording(egm: EgmSource, tmp_path: Path) -> None:
+    def fail(source: Source, batch: Batch) -> None:
+        raise ConnectionError("no window")
+
+    recording = LiveRecording(RecordingFolder(tmp_path / "r", CELL), [egm], watch=fail)
+    recording.start()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        for n in range(2):
+            robot.sendto(egm_message(n, [0.0] * 6), egm.address)
+            until(lambda n=n: recording.progress[0].records == n + 1)
+    recording.finish()
+    assert "robot: the live view ended: no window." in yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())["notes"]
+
+
+def test_a_folder_that_holds_something_is_not_recorded_into(tmp_path: Path) -> None:
+    (tmp_path / "recording.yaml").write_text("schema: ballbar-recording/1\n")
+    with pytest.raises(InputError, match="exists already; nothing was written"):
+        RecordingFolder(tmp_path, CELL)
+
+
+@pytest.mark.parametrize(
+    ("word", "said"), [(0x8000, "ok"), (1 << 4, "amplitude error"), (1 << 3 | 1 << 14, "frequency error, invalid process data")]
+)
+def test_status_words_are_said_in_words(word: int, said: str) -> None:
+    assert status_words(word) == said
+
+
+def test_the_table_shows_rate_losses_and_what_an_encoder_complained_of() -> None:
+    progress = Progress(
+        "ballbar",
+        State.RECORD,
+        segments=2,
+        records=1234,
+        lost=7,
+        rate=99.98,
+        heard=time.monotonic(),
+        channels=("b1", "b2"),
+        latest=np.array([1.5, -2.0]),
+        status=np.array([0x8000, 0x10]),
+        ever=np.array([0x10, 0x10]),
+        events=("PLC restarted",),
+    )
+    console = Console(file=io.StringIO(), width=100)
+    console.print(status_table([progress], 12.0))
+    say_recording(console, [progress])
+    shown = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "ballbar  recording  2        1234  100.0 Hz     7     0" in shown
+    assert "b1    +1.500 deg  ok  (was: amplitude error)" in shown
+    assert "b2    -2.000 deg  amplitude error " in shown
+    assert "ballbar: segment 1 ended: PLC restarted." in shown
+    console.print(status_table([replace(progress, heard=time.monotonic() - 5.0)], 12.0))
+    assert "ballbar  silent for 5 s  2        1234           7     0" in console.file.getvalue()  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], "nothing to record"),
+        (["--plc", "192.168.1.5"], "an AMS address is NETID"),
+        (["--plc", "5.12.82.20.1.999"], "an AMS address is NETID"),
+        (["--egm", "localhost"], "give a port such as 6510"),
+        (["--egm", "70000"], "give a port such as 6510"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(
+    options: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, error = ballbar(monkeypatch, capsys, "record", tmp_path / "r", *NAMES, *options)
+    assert code == 2
+    assert words in error
+    assert not (tmp_path / "r").exists()
+
+
+def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_bytes((ROOT / "cell" / "robots" / "irb2400.yaml").read_bytes())
+    folder = tmp_path / "r"
+    port = free_port()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        beat = threading.Event()
+
+        def send() -> None:
+            for n in range(10_000):
+                if beat.wait(0.01):
+                    return
+                robot.sendto(egm_message(n, [0.0] * 6), ("127.0.0.1", port))
+
+        sending = threading.Thread(target=send)
+        sending.start()
+        options = ["--robot", mine, "--ballbar", "lund_600", "--egm", port, "--duration", "0.2", "--json"]
+        code, out, _ = ballbar(monkeypatch, capsys, "record", folder, *options)
+        beat.set()
+        sending.join()
+    assert code == 0
+    told = json.loads(out)
+    assert told["recording"] == str(folder)
+    assert told["sources"]["robot"]["records"] > 5
+    assert told["sources"]["robot"]["lost"] == 0
+    assert load_recording_file(folder).robot == "mine.yaml"
+    assert (folder / "mine.yaml").read_bytes() == mine.read_bytes()
+
+
+def test_a_viewer_that_does_not_start_is_named_before_anything_is_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(replay_viewer, "_rerun", lambda: "false")
+    code, _, error = ballbar(monkeypatch, capsys, "record", tmp_path / "r", *NAMES, "--egm", free_port(), "--live")
+    assert code == 1
+    assert "Record without --live where there is no screen" in error
+    assert not (tmp_path / "r").exists()
+
+
+def test_without_the_extra_the_command_says_how_to_install_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delitem(sys.modules, "acquisition.live.ads")
+    monkeypatch.setitem(sys.modules, "pyads", None)
+    code, _, error = ballbar(monkeypatch, capsys, "record", tmp_path / "r", *NAMES, "--plc", "5.12.82.20.1.1")
+    assert code == 2
+    assert "pip install 'ballbar-bench[ads]'" in error
+
+
+def test_only_one_module_needs_the_extra() -> None:
+    files = [file for package in ("acquisition", "ballbar") for file in (ROOT / package).rglob("*.py")]
+    assert [file.name for file in files if "pyads" in imported(file)] == ["ads.py"]
+
+
+def test_the_live_view_shows_angles_and_faults_on_one_timeline(tmp_path: Path) -> None:
+    memory = RingMemory(Plc("", 1000, capacity=2000))
+    source = PlcSource(memory, lines=LINES)
+    source.connect()
+    stream = rr.RecordingStream(APPLICATION)
+    shown = []
+    with stream:
+        stream.save(tmp_path / "live.rrd", default_blueprint=layout())
+        view = LiveView(stream)
+        for _ in range(3):
+            memory.plc.write(100)
+            shown.append(source.poll())
+            view.watch(source, shown[-1])
+    chunks = [chunk for chunk in RrdReader(tmp_path / "live.rrd").stream().filter(content="/ballbar/angle_deg") if not chunk.is_static]
+    batches = [chunk.to_record_batch() for chunk in chunks]
+    angles = np.concatenate([batch.column("Scalars:scalars").flatten().to_numpy().reshape(-1, 4) for batch in batches])
+    times = np.concatenate([batch.column(TIMELINE).cast("int64").to_numpy() for batch in batches])
+    assert np.array_equal(angles, np.concatenate([batch.values[::10] for batch in shown]))
+    assert np.allclose(np.diff(times), 10e6, atol=1e3)  # 10 ms, to the microsecond
+
+
+DOCUMENT = ROOT / "docs" / "recorder.md"
+SIZES = {"ULINT": "<u8", "UDINT": "<u4", "UINT": "<u2"}
+
+
+def structure(name: str) -> np.dtype[np.void]:
+    """A structure of the Structured Text listing, members at their natural alignment as TwinCAT places them."""
+    listing = DOCUMENT.read_text()
+    body = re.search(rf"TYPE ST_{name} :\nSTRUCT\n(.*?)END_STRUCT", listing, re.DOTALL)
+    assert body
+    members: list[tuple[str, object, int]] = []
+    for member, low, high, kind in re.findall(r"(\w+)\s*: (?:ARRAY\[(\d)\.\.(\d+)\] OF )?(\w+);", body[1]):
+        count = int(high) - int(low) + 1 if high else 1
+        element = structure(kind.removeprefix("ST_")) if kind.startswith("ST_") else np.dtype(SIZES[kind])
+        members.append((member[1:].lower(), element, count))
+    return np.dtype([(name, element) if count == 1 else (name, element, count) for name, element, count in members], align=True)
+
+
+def test_the_listing_for_the_plc_has_the_layout_that_the_recorder_reads() -> None:
+    assert structure("BallBarSample") == np.dtype(SAMPLE.descr, align=True)
+    assert structure("BallBarSample").itemsize == SAMPLE.itemsize
+    ring = structure("BallBarRing")
+    assert ring.fields is not None
+    header = [(name, ring.fields[name][0].str, ring.fields[name][1]) for name in HEADER.names]
+    assert header == [(name, HEADER.fields[name][0].str, HEADER.fields[name][1]) for name in HEADER.names]
+    assert ring.fields["sample"][1] == HEADER.itemsize
+    assert f"nLayout := 16#{LAYOUT:X};" in DOCUMENT.read_text()
+    assert f"CAPACITY : UDINT := {ring.fields['sample'][0].shape[0]};" in DOCUMENT.read_text()
+    assert "stRing : ST_BallBarRing;" in DOCUMENT.read_text()
+    assert RING == "GVL_BallBar.stRing"

@@ -1,0 +1,395 @@
+"""A recording folder: both logs become the angles that were recorded, and every kind of bad input is refused in words."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from acquisition import Recording, read_recording, report_lines
+from acquisition.flags import RowFlag
+from acquisition.formats.dialect import dialect_names, load_dialect
+from cell.descriptions import joints_to_axes, joints_to_motors, load_robot
+from cell.errors import DescriptionError, InputError, LogError
+
+ROBOT = load_robot("irb2400")
+EPOCH = 1_100_000_000_000_000_003  # [ns]
+PER_RAD = 3600 * 2**12 / (2 * np.pi)
+ROBOT_T = 0.004032 * np.arange(800)
+BAR_T = 0.01 * np.arange(300)
+SIGNS = {"b1": 1, "b2": -1, "b4": 1, "b5": -1}
+
+
+def joint_course(t: np.ndarray) -> np.ndarray:
+    """(N, 6) [rad] a course within limits and speeds."""
+    return np.stack([0.2 * (i - 2.5) + 0.4 * np.sin((0.5 + 0.1 * i) * t + i) for i in range(6)], axis=1)
+
+
+def bar_course(t: np.ndarray) -> np.ndarray:
+    """(N, 4) [rad] of b1, b2, b4, b5, through the zero of the counter."""
+    return np.stack([0.3 * np.sin(0.8 * t + i) - 0.1 for i in range(4)], axis=1)
+
+
+def robot_lines(t: np.ndarray = ROBOT_T) -> list[str]:
+    motors = joints_to_motors(ROBOT, joint_course(t))
+    return ["time,m1,m2,m3,m4,m5,m6", *(",".join(map(repr, row)) for row in np.column_stack((100.0 + t, motors)).tolist())]
+
+
+def bar_lines(t: np.ndarray = BAR_T) -> list[str]:
+    counts = np.rint(bar_course(t) * list(SIGNS.values()) * PER_RAD).astype(np.int64).astype(np.uint32).astype(np.int64)
+    stamps = EPOCH + np.rint(t * 1e9).astype(np.int64)
+    return ["time;b1;b2;b4;b5", *(";".join(map(str, row)) for row in np.column_stack((stamps, counts)).tolist())]
+
+
+def description() -> dict:
+    return {
+        "schema": "ballbar-recording/1",
+        "kind": "real",
+        "robot": "irb2400",
+        "ballbar": "lund_600",
+        "sources": {
+            "robot": {"files": ["raw/robot.csv"], "dialect": "abb-motor"},
+            "ballbar": {"files": ["raw/ballbar.csv"], "dialect": "twincat-plc"},
+        },
+        "encoders": {name: {"column": name, "lines": 3600, "bits": 12, "sign": sign} for name, sign in SIGNS.items()},
+    }
+
+
+def write(folder: Path, *, robot: list[str] | None = None, ballbar: list[str] | None = None, change: Callable[[dict], object] = id) -> Path:
+    data = description()
+    change(data)
+    (folder / "raw").mkdir(exist_ok=True)
+    (folder / "recording.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    (folder / "raw/robot.csv").write_text("\n".join(robot or robot_lines()) + "\n")
+    (folder / "raw/ballbar.csv").write_text("\r\n".join(ballbar or bar_lines()) + "\r\n", newline="")
+    return folder
+
+
+def found(recording: Recording) -> list[tuple[str, str, str, tuple[int, ...], int]]:
+    """Findings other than the missing status columns, which these recordings do not have."""
+    findings = [one for one in recording.report.findings if one.kind != "no status word"]
+    return [(one.kind, one.severity, one.file, one.lines, one.count) for one in findings]
+
+
+def flagged(recording: Recording, flag: RowFlag) -> list[int]:
+    """Rows of the ball-bar's log that have a flag, counted from 0."""
+    assert recording.ballbar_log is not None
+    assert recording.ballbar_log.flags is not None
+    return np.flatnonzero(recording.ballbar_log.flags & np.uint32(flag)).tolist()
+
+
+def test_both_logs_are_read_as_the_angles_that_were_recorded(tmp_path: Path) -> None:
+    recording = read_recording(write(tmp_path))
+    robot, ballbar = recording.robot_log, recording.ballbar_log
+    assert ballbar is not None
+    # Times: 100 s + t as float64 resolves 1.4e-14 s; nanoseconds from the first row are exact to rounding.
+    np.testing.assert_allclose(robot.t, ROBOT_T, atol=1e-13)
+    np.testing.assert_array_equal(ballbar.t, np.rint(BAR_T * 1e9) / 1e9)
+    np.testing.assert_allclose(robot.q, joint_course(ROBOT_T), atol=1e-13)
+    # Half a count.
+    np.testing.assert_allclose(ballbar.angles, bar_course(BAR_T), atol=0.51 / PER_RAD)
+    assert ballbar.joints == (1, 2, 4, 5)
+    assert recording.description.robot == "irb2400"
+    assert found(recording) == []
+    assert [(file.file, file.source, file.rows_read, file.rows_kept) for file in recording.report.files] == [
+        ("raw/robot.csv", "robot", 800, 800),
+        ("raw/ballbar.csv", "ballbar", 300, 300),
+    ]
+
+
+def test_any_subset_of_encoders_is_read_from_its_declared_columns(tmp_path: Path) -> None:
+    lines = [line.split(";") for line in bar_lines()]
+    lines[0] = ["time", "left", "b2", "b4", "fork"]
+    shuffled = [";".join((row[4], row[0], row[1], row[2], row[3])) for row in lines]
+
+    def two(data: dict) -> None:
+        data["encoders"] = {
+            "b5": {"column": "fork", "lines": 3600, "bits": 12, "sign": -1},
+            "b1": {"column": "left", "lines": 3600, "bits": 12},
+        }
+
+    recording = read_recording(write(tmp_path, ballbar=shuffled, change=two))
+    assert recording.ballbar_log is not None
+    assert recording.ballbar_log.joints == (1, 5)
+    np.testing.assert_allclose(recording.ballbar_log.angles, bar_course(BAR_T)[:, [0, 3]], atol=0.51 / PER_RAD)
+    assert found(recording) == [("column not used", "warning", "raw/ballbar.csv", (), 2)]
+
+
+def test_a_bar_without_sensors_has_no_ballbar_log(tmp_path: Path) -> None:
+    def sensorless(data: dict) -> None:
+        data["encoders"] = {}
+        del data["sources"]["ballbar"]
+
+    recording = read_recording(write(tmp_path, change=sensorless))
+    assert recording.ballbar_log is None
+    assert len(recording.robot_log.t) == 800
+
+
+def test_files_of_one_source_are_joined_in_order_of_time(tmp_path: Path) -> None:
+    lines = bar_lines()
+
+    def two_files(data: dict) -> None:
+        data["sources"]["ballbar"]["files"] = ["raw/ballbar.csv", "raw/ballbarOld.csv"]
+
+    write(tmp_path, ballbar=[lines[0], *lines[151:]], change=two_files)
+    (tmp_path / "raw/ballbarOld.csv").write_text("\n".join(lines[:151]) + "\n")
+    recording = read_recording(tmp_path)
+    assert recording.ballbar_log is not None
+    np.testing.assert_array_equal(recording.ballbar_log.t, np.rint(BAR_T * 1e9) / 1e9)
+    np.testing.assert_allclose(recording.ballbar_log.angles, bar_course(BAR_T), atol=0.51 / PER_RAD)
+    (tmp_path / "raw/ballbarOld.csv").write_text("\n".join(lines[:161]) + "\n")
+    with pytest.raises(LogError, match=r"raw/ballbar.csv:2: starts 90 ms before raw/ballbarOld.csv ends"):
+        read_recording(tmp_path)
+
+
+def test_a_repeated_stamp_keeps_its_first_row(tmp_path: Path) -> None:
+    lines = bar_lines()
+    lines.insert(101, lines[100].split(";")[0] + ";1;2;3;4")
+    recording = read_recording(write(tmp_path, ballbar=lines))
+    assert recording.ballbar_log is not None
+    np.testing.assert_allclose(recording.ballbar_log.angles, bar_course(BAR_T), atol=0.51 / PER_RAD)
+    assert found(recording) == [("duplicate stamp", "repaired", "raw/ballbar.csv", (102,), 1)]
+    assert flagged(recording, RowFlag.DUPLICATE) == [99]
+
+
+def test_overruns_and_gaps_are_reported_against_the_nominal_period(tmp_path: Path) -> None:
+    t = BAR_T.copy()
+    t[100:] += 0.005
+    t[200:] += 0.2
+    recording = read_recording(write(tmp_path, ballbar=bar_lines(t)))
+    assert found(recording) == [
+        ("overrun", "warning", "raw/ballbar.csv", (102,), 1),
+        ("gap", "warning", "raw/ballbar.csv", (202,), 1),
+    ]
+    assert "rows up to 210 ms after the one before; the nominal period is 10 ms" in recording.report.findings[-1].sentence
+    assert (flagged(recording, RowFlag.OVERRUN), flagged(recording, RowFlag.GAP)) == ([100], [200])
+
+
+def with_stamps(stamps: list[int]) -> list[str]:
+    return [bar_lines()[0], *(stamped(row, stamp) for row, stamp in zip(bar_lines()[1:], stamps, strict=True))]
+
+
+def test_stamps_a_hundred_times_too_far_apart_are_warned_of(tmp_path: Path) -> None:
+    lines = with_stamps([1_000_000_000 * i for i in range(300)])
+    recording = read_recording(write(tmp_path, ballbar=lines, change=put("sources", "ballbar", "time", value="ns")))
+    assert found(recording) == [("unusual period", "warning", "raw/ballbar.csv", (), 1)]
+    assert "the median period is 1 s; logs of this dialect have 0.2 ms to 100 ms" in recording.report.findings[-1].sentence
+
+
+def test_microseconds_where_nanoseconds_are_declared_make_the_encoders_impossibly_fast(tmp_path: Path) -> None:
+    folder = write(tmp_path, ballbar=with_stamps([10_000 * i for i in range(300)]), change=put("sources", "ballbar", "time", value="ns"))
+    with pytest.raises(LogError, match=r"raw/ballbar.csv:3: encoder b. jumps .*or the time column in another unit\?"):
+        read_recording(folder)
+
+
+def test_damage_at_the_end_of_both_files_is_repaired_and_counted(tmp_path: Path) -> None:
+    write(tmp_path)
+    robot, ballbar = tmp_path / "raw/robot.csv", tmp_path / "raw/ballbar.csv"
+    robot.write_bytes(robot.read_bytes()[:-4])
+    ballbar.write_bytes(ballbar.read_bytes()[:-2] + bytes(512))
+    recording = read_recording(tmp_path)
+    assert recording.ballbar_log is not None
+    assert (len(recording.robot_log.t), len(recording.ballbar_log.t)) == (799, 299)
+    assert [one[0:4] for one in found(recording)] == [
+        ("unterminated last line", "repaired", "raw/robot.csv", (801,)),
+        ("NUL block at the end", "repaired", "raw/ballbar.csv", ()),
+        ("unterminated last line", "repaired", "raw/ballbar.csv", (301,)),
+    ]
+
+
+def test_the_report_reads_as_lines_and_goes_through_json(tmp_path: Path) -> None:
+    lines = bar_lines()
+    lines[150] = "torn"
+    report = read_recording(write(tmp_path, ballbar=lines)).report
+    plain = report.to_dict()
+    assert json.loads(json.dumps(plain)) == plain
+    assert plain["findings"][0] == {
+        "kind": "torn line",
+        "severity": "repaired",
+        "file": "raw/ballbar.csv",
+        "lines": [151],
+        "count": 1,
+        "sentence": "expected 5 fields, got 1; treated as torn line and dropped.",
+    }
+    text = report_lines(report)
+    assert text[:3] == [
+        "FILES",
+        "  raw/robot.csv: 800 of 800 rows used",
+        "    robot, dialect abb-motor; utf-8, separator comma, decimal point; time in s",
+    ]
+    assert text[3] == "  raw/ballbar.csv: 299 of 300 rows used"
+    assert "  raw/ballbar.csv:151: torn line: expected 5 fields, got 1; treated as torn line and dropped." in text
+    assert report_lines(replace(report, findings=()))[-2:] == ["REPAIRED: none", "WARNINGS: none"]
+
+
+def motor_rows(motors: np.ndarray) -> list[str]:
+    return [robot_lines()[0], *(",".join(map(repr, row)) for row in np.column_stack((ROBOT_T, motors)).tolist())]
+
+
+def test_degrees_where_radians_are_declared_are_refused_with_a_hint(tmp_path: Path) -> None:
+    degrees = np.rad2deg(joints_to_motors(ROBOT, joint_course(ROBOT_T)))
+    with pytest.raises(LogError, match=r"raw/robot.csv:2: axis \d of irb2400 would stand at .* deg, far beyond.*Degrees where radians"):
+        read_recording(write(tmp_path, robot=motor_rows(degrees)))
+
+
+def test_degrees_close_to_zero_betray_themselves_by_their_speed(tmp_path: Path) -> None:
+    small = np.rad2deg(joints_to_motors(ROBOT, 0.007 * np.sin(20.0 * ROBOT_T)[:, None] * np.ones(6)))
+    with pytest.raises(LogError, match=r"axis \d of irb2400 would turn at .* rad/s; it reaches .*Degrees where radians"):
+        read_recording(write(tmp_path, robot=motor_rows(small)))
+
+
+def test_joint_angles_where_motor_angles_are_declared_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        LogError, match=r"raw/robot.csv:2: Axis angles in rad or joint angles in rad where motor angles in rad are declared"
+    ):
+        read_recording(write(tmp_path, robot=motor_rows(joint_course(ROBOT_T))))
+
+
+def test_a_robot_that_stands_at_zero_is_no_joint_side_log(tmp_path: Path) -> None:
+    still = np.random.default_rng(0).normal(0.0, 1e-3, (ROBOT_T.size, 6))
+    assert np.ptp(read_recording(write(tmp_path, robot=motor_rows(still))).robot_log.q) < 1e-3
+
+
+@pytest.mark.parametrize("damage", [10.0, 0.1])  # one digit: 0.08 rad at the joint within 4 ms, and 0.8 mrad, which is slow enough
+def test_a_damaged_motor_angle_is_left_out_and_named(tmp_path: Path, damage: float) -> None:
+    motors = joints_to_motors(ROBOT, joint_course(ROBOT_T))
+    motors[400, 2] += damage
+    recording = read_recording(write(tmp_path, robot=motor_rows(motors)))
+    assert found(recording)[0] == ("implausible value", "repaired", "raw/robot.csv", (402,), 1)
+    np.testing.assert_allclose(recording.robot_log.q, np.delete(joint_course(ROBOT_T), 400, axis=0), atol=1e-13)
+    rows = recording.rows["robot"]
+    assert rows.flags[400] == RowFlag.IMPLAUSIBLE
+    assert np.flatnonzero(~rows.used).tolist() == [400]
+
+
+def test_an_axis_a_little_beyond_its_limits_is_warned_of(tmp_path: Path) -> None:
+    q = joint_course(ROBOT_T)
+    q[:, 0] += ROBOT.axis_upper[0] - joints_to_axes(ROBOT, q)[:, 0].max() + 0.1
+    recording = read_recording(write(tmp_path, robot=motor_rows(joints_to_motors(ROBOT, q))))
+    np.testing.assert_allclose(recording.robot_log.q, q, atol=1e-12)
+    ((kind, severity, *_),) = found(recording)
+    assert (kind, severity) == ("axis beyond its limits", "warning")
+    assert "axis 1 is up to 5.73 deg beyond its limits" in recording.report.findings[0].sentence
+
+
+def change_line(lines: list[str], number: int, text: str) -> list[str]:
+    return [*lines[: number - 1], text, *lines[number:]]
+
+
+def stamped(row: str, stamp: object) -> str:
+    separator = ";" if ";" in row else ","
+    return separator.join((str(stamp), *row.split(separator)[1:]))
+
+
+@pytest.mark.parametrize(
+    ("robot", "ballbar", "message"),
+    [
+        (robot_lines()[:1], None, "raw/robot.csv: a header but no complete row below it"),
+        (robot_lines()[:40], None, "raw/robot.csv: 39 usable rows; at least 50 are needed"),
+        (None, bar_lines()[:50], "raw/ballbar.csv: 49 usable rows; at least 50 are needed"),
+        ([line.rsplit(",", 1)[0] for line in robot_lines()], None, "raw/robot.csv:1: column m6 missing"),
+        (None, [line.rsplit(";", 1)[0] for line in bar_lines()], "raw/ballbar.csv:1: column b5 missing"),
+        (bar_lines(), None, "raw/robot.csv:1: columns m1, m2, m3, m4, m5, m6 missing; the header has 'time', 'b1'"),
+        ([line.replace(".", ",") for line in robot_lines()], None, "decimal comma with comma separator"),
+        (change_line(robot_lines(), 9, "\0" * 50), None, "raw/robot.csv:9: NUL bytes inside the row"),
+        (change_line(robot_lines(), 2, stamped(robot_lines()[1], -1.5)), None, "raw/robot.csv:2: time stamp -1.5 s is negative"),
+        (None, change_line(bar_lines(), 7, stamped(bar_lines()[6], "1.1E+18")), "raw/ballbar.csv:7: column time: '1.1E+18' is in exponent"),
+        (
+            None,
+            [bar_lines()[0], *(";".join((*row.split(";")[:3], "0", row.split(";")[4])) for row in bar_lines()[1:])],
+            "raw/ballbar.csv: encoder column without counts: column b4 of encoder b4 is 0 in every row",
+        ),
+        (
+            None,
+            [bar_lines()[0] + ";s1", *(row + ";16" for row in bar_lines()[1:])],
+            "raw/ballbar.csv: no usable row is left of 300; the encoders report faults throughout",
+        ),
+    ],
+)
+def test_a_device_file_that_cannot_be_trusted_is_refused(
+    tmp_path: Path, robot: list[str] | None, ballbar: list[str] | None, message: str
+) -> None:
+    with pytest.raises(LogError) as caught:
+        read_recording(write(tmp_path, robot=robot, ballbar=ballbar))
+    assert message in str(caught.value)
+
+
+def put(*keys: str, value: object) -> Callable[[dict], None]:
+    def change(data: dict) -> None:
+        for key in keys[:-1]:
+            data = data[key]
+        data[keys[-1]] = value
+
+    return change
+
+
+ROBOT_FILES = ("sources", "robot", "files")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            put("sources", "robot", "dialect", value="abb-moto"),
+            "sources.robot.dialect: unknown dialect 'abb-moto'. Did you mean abb-motor? "
+            "Valid dialects: abb-egm, abb-labcomm, abb-libegm, abb-motor, ",
+        ),
+        (put("sources", "robot", "dialect", value="../twincat-plc"), "unknown dialect '../twincat-plc'"),
+        (
+            put("sources", "ballbar", "dialect", value="abb-motor"),
+            "sources.ballbar.dialect: abb-motor describes logs of the robot, not of the ballbar",
+        ),
+        (put("encoders", value={}), "sources.ballbar is given, but no encoder is declared"),
+        (put("sources", "ballbar", value=None), "encoders b1, b2, b4, b5 are declared, but no sources.ballbar"),
+        (put("encoders", "b2", "column", value="b1"), "encoders: column b1 is declared for 2 encoders"),
+        (put("robot", value="irb2401"), "unknown robot 'irb2401'. Did you mean irb2400?"),
+        (put("ballbarr", value="lund_600"), "unknown key ballbarr"),
+        (put(*ROBOT_FILES, value=["../outside.csv"]), "file '../outside.csv' lies outside the recording folder"),
+        (put(*ROBOT_FILES, value=["raw/../../outside.csv"]), "lies outside the recording folder"),
+        (put(*ROBOT_FILES, value=["/etc/hostname"]), "lies outside the recording folder"),
+        (put(*ROBOT_FILES, value=["C:\\logs\\robot.csv"]), "lies outside the recording folder"),
+        (put(*ROBOT_FILES, value=["..\\outside.csv"]), "lies outside the recording folder"),
+        (put(*ROBOT_FILES, value=["raw/link.csv"]), "file 'raw/link.csv' lies outside the recording folder"),
+        (put(*ROBOT_FILES, value=["raw/loop.csv"]), "lies outside the recording folder"),
+    ],
+)
+def test_a_description_that_contradicts_itself_is_refused(tmp_path: Path, change: Callable[[dict], None], message: str) -> None:
+    folder = tmp_path / "recording"
+    folder.mkdir()
+    write(folder, change=change)
+    (tmp_path / "outside.csv").write_text("\n".join(robot_lines()) + "\n")
+    (folder / "raw/link.csv").symlink_to(tmp_path / "outside.csv")
+    (folder / "raw/loop.csv").symlink_to(folder / "raw/loop.csv")
+    with pytest.raises(DescriptionError) as caught:
+        read_recording(folder)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("missing", ["recording.yaml", "raw/robot.csv", "raw/ballbar.csv"])
+def test_a_file_that_is_missing_is_named(tmp_path: Path, missing: str) -> None:
+    (write(tmp_path) / missing).unlink()
+    with pytest.raises(InputError, match=f"{missing}: no such file"):
+        read_recording(tmp_path)
+
+
+def test_a_folder_that_is_missing_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DescriptionError, match=r"nowhere: no such folder\. A recording is a folder with recording.yaml"):
+        read_recording(tmp_path / "nowhere")
+
+
+def test_the_same_file_named_twice_overlaps_itself(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"raw/robot.csv:2: starts .* before raw/robot.csv ends"):
+        read_recording(write(tmp_path, change=put(*ROBOT_FILES, value=["raw/robot.csv"] * 2)))
+
+
+def test_every_dialect_says_what_its_side_needs() -> None:
+    assert {"abb-motor", "abb-labcomm", "comau-joint", "abb-libegm", "joint-rad", "force-torque", "twincat-plc"} <= set(dialect_names())
+    for name in dialect_names():
+        dialect = load_dialect(name)
+        assert len(dialect.angles) == (6 if dialect.source == "robot" else 0)
+        assert len(dialect.torque_columns) in ((0, 6) if dialect.source == "robot" else (0,))
+        assert len(dialect.wrench) == (6 if dialect.source == "force" else 0)
+        assert 0.0 < dialect.period_s[0] < dialect.period_s[1]

@@ -1,0 +1,105 @@
+"""`ballbar new`: two files become a recording folder, and nothing about them is guessed."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from acquisition import read_recording
+from ballbar.commands import recordings
+from tests.acquisition.test_recording import bar_lines, robot_lines
+from tests.ballbar.test_cli import ballbar
+from tests.helpers.container_files import Written, egm, json_lines, mcap, mpe, scope
+
+SAID = ["--robot", "irb2400", "--ballbar", "lund_600"]
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> tuple[Path, Path]:
+    robot, bar = tmp_path / "robot.csv", tmp_path / "bar.csv"
+    robot.write_text("\n".join(robot_lines()) + "\n")
+    bar.write_text("\n".join(bar_lines()) + "\n")
+    return robot, bar
+
+
+def test_options_and_accepted_proposals_make_a_folder_that_reads(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+    code, out, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
+    assert code == 0
+    assert "dialect abb-motor: motor angles in rad, time in s" in out
+    assert "b1=b1 b2=b2 b4=b4 b5=b5" in out
+    description = yaml.safe_load((tmp_path / "made/recording.yaml").read_text())
+    assert description["encoders"]["b4"] == {"column": "b4", "lines": 3600, "bits": 12, "sign": 1}
+    assert (tmp_path / "made/raw/bar.csv").read_bytes() == logs[1].read_bytes()
+    assert read_recording(tmp_path / "made").robot_log.t.size == 800
+
+
+@pytest.mark.parametrize(
+    ("make", "dialect"),
+    [(mcap, "ros-joint-state"), (egm, "abb-egm"), (json_lines, "comau-json"), (mpe, "abb-mpe")],
+)
+def test_logs_that_are_no_tables_are_recognised_by_their_first_bytes(
+    make: Callable[[], Written], dialect: str, tmp_path: Path, monkeypatch, capsys
+) -> None:
+    robot, bar = tmp_path / f"robot{make().suffix}", tmp_path / "scope.csv"
+    robot.write_bytes(make().content)
+    bar.write_bytes(scope().content)
+    code, out, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", robot, bar, *SAID, "--yes", "--json")
+    assert code == 0
+    assert f"{robot.name} fits the dialect {dialect}" in err
+    told = json.loads(out)
+    assert told["recording"] == str(tmp_path / "made")
+    assert [(one["dialect"], one["rows_kept"]) for one in told["files"]] == [(dialect, 80), ("twincat-scope", 80)]
+    assert list(yaml.safe_load((tmp_path / "made/recording.yaml").read_text())["encoders"]) == ["b1", "b2"]
+
+
+def test_without_a_terminal_what_is_not_told_is_named_and_nothing_is_written(
+    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
+) -> None:
+    for words, missing in (
+        (["--yes"], "Which robot?"),
+        (SAID, "Proposed: abb-motor; --yes takes it."),
+        ([*SAID, "--yes", "--encoder", "b9=b1"], "encoders are b1 to b5"),
+        ([*SAID, "--yes", "--robot-dialect", "comau-joint"], "columns J1, J2, J3, J4, J5, J6 missing"),
+        ([*SAID, "--yes", "--encoder", "b1=time"], "column time holds the time stamps"),
+    ):
+        code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *words)
+        assert code == 2
+        assert missing in err
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["bar.csv", "robot.csv"]
+
+
+def test_the_form_of_up_time_stamps_is_asked(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+    lines = bar_lines()
+    logs[1].write_text("\n".join([lines[0], *(f"{10 * i};{line.split(';', 1)[1]}" for i, line in enumerate(lines[1:]))]) + "\n")
+    code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
+    assert code == 2
+    assert "what are the time stamps? They do not show it" in err
+    code, _, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes", "--ballbar-time", "ms-32bit")
+    assert code == 0
+
+
+def test_the_user_is_asked_at_the_prompt(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+    asked: list[str] = []
+    answers = {"Which robot": "irb2400", "Which ball-bar": "lund_600"}
+
+    def prompt(question: str, default: str | None = None, *, err: bool) -> str:
+        assert not err
+        asked.append(question)
+        return default or next(answer for start, answer in answers.items() if question.startswith(start))
+
+    monkeypatch.setattr(recordings.typer, "prompt", prompt)
+    monkeypatch.setattr(recordings.sys.stdin, "isatty", lambda: True, raising=False)
+    code, _, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs)
+    assert code == 0
+    assert len(asked) == 7  # two dialects, robot, ball-bar, encoders, lines, bits
+
+
+def test_a_folder_that_holds_something_is_left_alone(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+    (tmp_path / "made").mkdir()
+    (tmp_path / "made/mine.txt").write_text("mine")
+    code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
+    assert code == 2
+    assert "exists and holds something" in err
+    assert (tmp_path / "made/mine.txt").read_text() == "mine"

@@ -1,0 +1,349 @@
+"""The replay file: complete, exact, checked by rerun itself, and written whole or not at all."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import urllib.request
+from collections import Counter
+from dataclasses import replace
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from acquisition.recording import read_recording
+from ballbar.replay import write as replay
+from ballbar.replay.entities import rounded_up
+from ballbar.replay.motion import base_alignment, cell_motion, quat_xyzw, true_tool
+from ballbar.replay.notes import replay_notes
+from ballbar.replay.scene import magnification
+from ballbar.replay.shapes import STEEL, Mesh, arm, ball, bar_shapes, block, cylinder, robot_shapes
+from ballbar.replay.viewer import ViewerError, web_server
+from ballbar.replay.write import open_viewer, recording_id, serve_web, write_replay
+from ballbar.result.compare import Limit, identification_against_truth
+from ballbar.result.iterations import IterationLog
+from ballbar.result.run_data import RunData
+from ballbar.scenario import load_scenario
+from cell.chain import Array, Frames
+from cell.descriptions import load_cell
+from cell.errors import InputError
+from cell.geometry import bar_frames, nominal_geometry, robot_frames
+from ident.identify import identify
+from ident.robot.accuracy import accuracy_grid
+from sim.simulate import simulate, write_recording
+
+SCENARIO = Path(__file__).parents[2] / "scenarios" / "irb2400.yaml"
+NS = 1e9
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _strict_rerun():
+    """By default rerun only warns about bad data."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(before)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> RunData:
+    """A minute of the IRB 2400 without forces, identified from few samples."""
+    return simulated_run(tmp_path_factory.mktemp("five"), fitted=(1, 2, 3, 4, 5))
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory) -> RunData:
+    """As from a real cell: two encoders, and nobody knows the truth."""
+    return replace(simulated_run(tmp_path_factory.mktemp("two"), fitted=(1, 2)), simulation=None, comparison=None, limits=(), scenario=None)
+
+
+@pytest.fixture(scope="module")
+def file(run, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("replay") / "run.rrd"
+    write_replay(path, run)
+    return path
+
+
+def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
+    """A minute of the kinematic plant, identified from few samples, its iterations watched."""
+    scenario = load_scenario(SCENARIO)
+    scenario = scenario.model_copy(
+        update={
+            "path": scenario.path.model_copy(update={"duration_s": 60.0}),
+            "plant": scenario.plant.model_copy(update={"kind": "kinematic"}),
+            "errors": scenario.errors.model_copy(update={"rod_strain": None}),
+            "encoders": scenario.encoders.model_copy(update={"fitted": fitted}),
+        }
+    )
+    simulation = simulate(scenario, relative_to=SCENARIO.parent)
+    write_recording(simulation, scenario, folder / "recording")
+    recording = read_recording(folder / "recording")
+    log = IterationLog(lambda _: None)
+    found = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=300, progress=log.progress, watch=log.watch)
+    comparison = identification_against_truth(found, simulation.truth)
+    limits = (Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm"), Limit("iterations", 11.0, 10.0, ""))
+    data = RunData("minute", folder / "recording", recording, found, simulation, comparison, limits)
+    return replace(data, scenario=scenario, iterations=tuple(log.steps))
+
+
+def _rerun(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "rerun_cli", *arguments], capture_output=True, text=True, check=False)
+
+
+def _entities(path: Path) -> set[str]:
+    return {chunk.entity_path for chunk in RrdReader(str(path)).stream().to_chunks()}
+
+
+def _read(path: Path, entity: str, component: str) -> tuple[Array, Array]:
+    """Times [ns] and values of one component over the timeline."""
+    times, values = [], []
+    for chunk in RrdReader(str(path)).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        if not chunk.is_static and component in batch.schema.names:
+            times.append(batch.column("robot_time").cast("int64").to_numpy())
+            values.append(np.array(batch.column(component).to_pylist()).reshape(chunk.num_rows, -1))
+    return np.concatenate(times), np.concatenate(values)
+
+
+def test_rerun_itself_finds_no_fault_in_the_file(file):
+    done = _rerun("rrd", "verify", str(file))
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_joint_angles_are_the_logged_rows_bit_for_bit(file, run):
+    log = run.recording.robot_log
+    ns, degrees = _read(file, "/robot/joint_angles_deg", "Scalars:scalars")
+    rows = np.searchsorted(log.t, ns / NS - 1e-6)  # the file holds whole ns, the log float seconds
+    np.testing.assert_array_equal(degrees, np.degrees(log.q[rows]))
+    assert np.abs(ns - log.t[rows] * NS).max() <= 1.0
+    assert 25.0 <= 1.0 / np.diff(log.t[rows]).mean() <= 50.0
+
+
+def test_residuals_are_in_um_and_urad_on_the_robots_clock(file, run):
+    found = run.identification
+    for when, residuals in (("before", found.before), ("after", found.after)):
+        ns, position = _read(file, f"/residual/{when}/position_um", "Scalars:scalars")
+        _, angle = _read(file, f"/residual/{when}/angle_urad", "Scalars:scalars")
+        np.testing.assert_array_equal(position, residuals.position * 1e6)
+        np.testing.assert_array_equal(angle, residuals.angle * 1e6)
+        expected = found.clock.offset + (1.0 + found.clock.skew) * residuals.t
+        assert np.abs(ns / NS - expected).max() < 2e-9
+
+
+def test_bodies_of_the_file_stand_where_the_identified_kinematics_put_them(file, run):
+    frames = robot_frames(run.identification.geometry, cell_motion(run).q)
+    _, places = _read(file, "/cell/robot/link4", "Transform3D:translation")
+    np.testing.assert_allclose(places.reshape(-1, 3), frames.origin[4].T, atol=2e-7)  # float32 in the viewer
+
+
+def test_everything_a_newcomer_needs_is_in_the_file(file):
+    entities = _entities(file)
+    links = {f"/cell/robot/{name}" for name in ("base", *(f"link{i}" for i in range(1, 7)))}
+    bar = {f"/cell/ballbar/{name}" for name in ("stand", "gimbal_b1", "gimbal_b2", "rod_b3", "cardan_b4", "cardan_b5")}
+    tool = {f"/cell/tool/{name}" for name in ("path", "path_so_far", "identified_position", "true_position")}
+    errors = {"/cell/tool/error_of_nominal_robot", "/cell/tool/error_of_identified_robot"}
+    plots = {"/tcp_error/nominal_um", "/tcp_error/identified_um", "/ballbar/encoder_angles_deg", "/notes"}
+    assert links | bar | tool | errors | plots | {"/cell/plate", "/cell/sphere"} <= entities
+    assert "/ballbar/rod_force_N" not in entities  # the kinematic plant knows none
+
+
+def test_the_timelines_are_the_robots_clock_and_the_iterations(file):
+    timelines = {name for chunk in RrdReader(str(file)).stream().to_chunks() if not chunk.is_static for name in chunk.timeline_names}
+    assert timelines == {"robot_time", "iteration"}
+
+
+def test_writing_the_same_run_twice_gives_the_same_recording(file, run, tmp_path):
+    again = tmp_path / "again.rrd"
+    write_replay(again, run)
+    done = _rerun("rrd", "compare", "--unordered", str(file), str(again))
+    assert done.returncode == 0, done.stdout + done.stderr
+    components = {name for chunk in RrdReader(str(again)).stream().to_chunks() for name in chunk.to_record_batch().schema.names}
+    assert not [name for name in components if "start_time" in name or "log_time" in name]  # `compare` looks past these
+
+
+def test_a_minute_takes_little_space(file):
+    assert file.stat().st_size < 7_500_000  # half of the 15 MB allowed for 120 s
+
+
+def test_a_real_recording_needs_no_truth(real, tmp_path):
+    path = tmp_path / "real.rrd"
+    write_replay(path, real)
+    entities = _entities(path)
+    assert not [e for e in entities if e.startswith("/tcp_error") or "error_of" in e or "true_position" in e]
+    assert {"/cell/ballbar/rod_b3", "/residual/after/position_um"} <= entities
+    _, angles = _read(path, "/ballbar/encoder_angles_deg", "Scalars:scalars")
+    assert angles.shape[1] == 2
+    assert _rerun("rrd", "verify", str(path)).returncode == 0
+
+
+def test_without_encoders_the_ball_bar_follows_the_robot(real, tmp_path):
+    """And where the ball-bar's log says nothing, before it began, likewise."""
+    motion = cell_motion(real)
+    assert np.abs(motion.bar.tip - motion.robot.tip).max() < 3e-3  # starting values of an ideal ball-bar, mm
+    bare = replace(
+        real,
+        recording=replace(real.recording, ballbar_log=None),
+        identification=replace(real.identification, clock=None, joints=(), signs=()),
+    )
+    motion = cell_motion(bare)
+    assert np.abs(motion.bar.tip - motion.robot.tip).max() < 3e-3
+    write_replay(tmp_path / "bare.rrd", bare)
+    assert "/ballbar/encoder_angles_deg" not in _entities(tmp_path / "bare.rrd")
+
+
+def test_a_file_that_cannot_be_finished_leaves_the_old_one_and_nothing_else(run, tmp_path, monkeypatch):
+    path = tmp_path / "run.rrd"
+    path.write_bytes(b"old")
+
+    def broken(data):
+        raise RuntimeError("disk full")
+
+    monkeypatch.setattr(replay, "replay_notes", broken)
+    with pytest.raises(RuntimeError, match="disk full"):
+        write_replay(path, run)
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_recording_id_tells_runs_apart_and_knows_them_again(run, real):
+    assert recording_id(run) == recording_id(replace(run)) != recording_id(real)
+    assert recording_id(run).startswith("minute-")
+
+
+def test_notes_begin_with_the_verdict_and_list_every_parameter(run, real):
+    notes = replay_notes(run)
+    assert notes.startswith(f"# minute\n\n**{run.identification.verdict.sentence}**")
+    before, after = run.comparison.tcp_nominal.mean * 1e3, run.comparison.tcp.mean * 1e3
+    assert f"| TCP error before, mean (largest) | {before:.3f} (" in notes
+    assert f"| TCP error after, mean (largest) | {after:.4f} (" in notes
+    rows = [line.split(" | ") for line in notes.splitlines() if line.startswith("| ra2 |")]
+    assert [f"{run.identification.geometry['ra2'] * 1e3:.4f} mm"] == [row[2] for row in rows]
+    assert all(f"| {name} |" in notes for name in run.identification.sigma)
+    assert all(f"| {d.name} | {d.reason}" in notes for d in run.identification.identifiability.dropped)
+    assert "| 0.05 mm | yes |" in notes
+    assert "| iterations | 11  | 10  | NO |" in notes
+    assert "TCP error" not in replay_notes(real)
+
+
+def test_magnified_error_is_that_of_the_comparison(run):
+    """At the grid's own angles the mean error is the TCP error by another way; along the path it is of that size."""
+    truth = true_tool(run.simulation, run.identification, cell_motion(run).t)
+    for error, figure in ((truth.nominal_error, run.comparison.tcp_nominal), (truth.identified_error, run.comparison.tcp)):
+        size = np.linalg.norm(error, axis=1)
+        assert 0.2 * figure.mean < size.mean() < 2.0 * figure.mean
+    shift = np.abs(truth.position - cell_motion(run).tool).max()
+    assert shift < 3e-4  # identified and true tool: logged angles are noisy (1e-5 rad at 2 m, largest of many) and the model is close
+
+
+def test_a_base_that_stands_elsewhere_is_no_tool_error():
+    """`rd1` and `rtheta1` are gauge: they move the whole robot."""
+    cell = load_cell("irb2400", "lund_600", "plate_250")
+    model, grid = nominal_geometry(cell, np.zeros(3)), accuracy_grid(cell.robot)
+    truth = model.replaced({"rd1": model["rd1"] + 0.3, "rtheta1": model["rtheta1"] + 0.5})
+    turn, shift = base_alignment(model, truth, grid)
+    moved = robot_frames(model, grid).tip.T @ turn.T + shift
+    np.testing.assert_allclose(moved, robot_frames(truth, grid).tip.T, atol=1e-12)  # rounding at 2 m
+
+
+def test_magnification_is_a_round_factor_that_fits():
+    assert [magnification(1e-3, 0.2), magnification(1.3e-6, 0.2), magnification(1e-2, 0.06)] == [200, 100_000, 5]
+    assert magnification(0.0, 0.2) == magnification(0.5, 0.2) == 1
+
+
+def test_axis_ends_are_round():
+    assert [rounded_up(x) for x in (0.0, 9.0, 20.0, 20.1, 0.3)] == [1.0, 10.0, 20.0, 50.0, 0.5]
+
+
+def test_quaternions_come_scalar_last():
+    quarter_turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None]
+    np.testing.assert_allclose(quat_xyzw(quarter_turn), [[0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-15)
+
+
+@pytest.mark.parametrize(("robot", "ballbar"), [("irb2400", "lund_600"), ("nj220", "lund_1200")])
+def test_links_meet_at_every_joint(robot, ballbar):
+    """On the axis of a joint the two bodies that it joins overlap or touch, whatever the joint angles."""
+    cell = load_cell(robot, ballbar, "plate_250")
+    geometry = nominal_geometry(cell, np.array([1.0, 0.0, 0.6]))
+    rng = np.random.default_rng(1)
+    machine, bar = robot_frames(geometry, rng.uniform(-2.0, 2.0, (1, 6))), bar_frames(geometry, rng.uniform(-2.0, 2.0, (1, 5)))
+    bodies = ((machine, robot_shapes(cell), 0.16 * cell.robot.a[1]), (bar, bar_shapes(cell, geometry), 0.05))
+    for frames, shapes, radius in bodies:
+        for joint, (before, behind) in enumerate(pairwise(shapes)):
+            axis, point = frames.z[joint, :, 0], frames.origin[joint, :, 0]
+            spans = [_span(shape, frames, row, point, axis, radius) for shape, row in ((before, joint), (behind, joint + 1))]
+            assert max(low for low, _ in spans) <= min(high for _, high in spans) + 1e-9, f"{robot} joint {joint + 1}: {spans}"
+
+
+def _span(shape: Mesh, frames: Frames, row: int, point: Array, axis: Array, radius: float) -> tuple[float, float]:
+    """Where a body has corners within `radius` [m] of an axis, along it."""
+    away = shape.vertices @ frames.rotation(row)[:, :, 0].T + frames.origin[row, :, 0] - point
+    along = away @ axis
+    near = along[np.linalg.norm(away - np.outer(along, axis), axis=1) < radius]
+    return float(near.min()), float(near.max())
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        cylinder(np.zeros(3), np.array([0.0, 0.3, 0.4]), 0.1, STEEL, end_radius=0.06),
+        arm(np.zeros(3), np.array([0.5, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), (0.1, 0.05), 0.04, STEEL),
+        block(np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.0, 1.0]), (0.2, 0.3), 0.05, STEEL),
+        ball(np.array([0.1, 0.2, 0.3]), 0.2, STEEL),
+    ],
+    ids=["cylinder", "arm", "block", "ball"],
+)
+def test_solids_are_closed_and_their_normals_point_outward(solid):
+    """All are convex, so outward is away from the middle."""
+    np.testing.assert_allclose(np.linalg.norm(solid.normals, axis=1), 1.0, atol=1e-12)
+    assert (((solid.vertices - solid.vertices.mean(axis=0)) * solid.normals).sum(axis=1) > -1e-12).all()
+    corners = np.unique(solid.vertices.round(9), axis=0, return_inverse=True)[1].reshape(-1)[solid.triangles]
+    solid_triangles = [set(t) for t in corners.tolist() if len(set(t)) == 3]
+    edges = Counter(frozenset(edge) for t in solid_triangles for edge in combinations(t, 2))
+    assert set(edges.values()) == {2}
+
+
+def test_missing_replay_is_refused_before_a_viewer_starts(tmp_path):
+    for show in (open_viewer, serve_web):
+        with pytest.raises(InputError, match="no such replay"):
+            show(tmp_path / "none.rrd")
+
+
+def test_taken_port_is_refused_by_number(file):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match=f"port {port} on 127.0.0.1"):
+            serve_web(file, port=port)
+
+
+def test_web_viewer_answers_on_loopback_and_ends_with_the_block(file):
+    port, data_port = _free_port(), _free_port()
+    with web_server(file, port=port, data_port=data_port) as (url, server):
+        assert f"127.0.0.1%3A{data_port}" in url
+        with urllib.request.urlopen(url, timeout=5.0) as answer:
+            assert answer.status == 200
+            assert b"wasm" in answer.read()
+    assert server.poll() is not None
+
+
+def test_viewer_that_fails_is_reported_with_a_way_out(file, monkeypatch):
+    monkeypatch.setenv("DISPLAY", "")
+    monkeypatch.setenv("WAYLAND_DISPLAY", "")
+    if sys.platform == "linux":
+        with pytest.raises(ViewerError, match=r"there is no screen .* Use --web"):
+            open_viewer(file)
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(subprocess, "run", lambda command, **_: subprocess.CompletedProcess(command, 102))
+    with pytest.raises(ViewerError, match=r"ended with code 102.*use --web"):
+        open_viewer(file)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

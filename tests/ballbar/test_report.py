@@ -1,0 +1,418 @@
+"""The report says the verdict first, repeats the numbers of the result, asks nothing of the network and hides nothing."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition import read_recording
+from ballbar.report import figures as report_figures
+from ballbar.report.numbers import MISSING, fixed, significant, to_sigma
+from ballbar.report.page import write_report
+from ballbar.report.provenance import without_folders
+from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
+from ballbar.result.compare import Limit, identification_against_truth
+from ballbar.result.run_data import RunData
+from cell.geometry import INDEX, PARAMETERS, robot_frames
+from ident.identify import identify
+from ident.verdict import Verdict
+from sim.settings import (
+    CellSettings,
+    ClockSettings,
+    EncoderSettings,
+    ErrorSettings,
+    JointNoise,
+    PathSettings,
+    PlantSettings,
+    SimulationSettings,
+    StaticErrors,
+)
+from sim.simulate import simulate, write_recording
+from tests.helpers.page_cells import Cells
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+COMMAND = "ballbar run scenarios/irb2400.yaml"
+
+
+def _run(folder: Path, fitted: tuple[int, ...]) -> RunData:
+    """A kinematic minute with Table 3.1 errors, identified from few samples."""
+    settings = SimulationSettings(
+        cell=CellSettings(robot="irb2400", ballbar="lund_600", ballbar_position_m=(0.70, 0.0, 0.54)),
+        path=PathSettings(kind="lissajous", file="paths/irb2400_a.yaml", duration_s=60.0, dwell_s=4.0),
+        plant=PlantSettings(kind="kinematic"),
+        errors=ErrorSettings(static=StaticErrors(table="thesis_3_1"), joint_noise=JointNoise(sigma_rad=1e-5)),
+        encoders=EncoderSettings(fitted=fitted, noise_sigma_rad=1e-5),
+        clocks=ClockSettings(offset_s=0.137, skew=5e-5, overrun_probability=0.005),
+        seed=1,
+    )
+    simulation = simulate(settings, relative_to=SCENARIOS)
+    write_recording(simulation, settings, folder)
+    recording = read_recording(folder)
+    result = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=250)
+    return RunData("irb2400", folder, recording, result, simulation, identification_against_truth(result, simulation.truth))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> RunData:
+    return _run(tmp_path_factory.mktemp("five") / "recording", (1, 2, 3, 4, 5))
+
+
+@pytest.fixture(scope="module")
+def sensorless(tmp_path_factory: pytest.TempPathFactory) -> RunData:
+    return _run(tmp_path_factory.mktemp("none") / "recording", ())
+
+
+@pytest.fixture(scope="module")
+def page(run: RunData, tmp_path_factory: pytest.TempPathFactory) -> str:
+    return _page(run, tmp_path_factory.mktemp("page"))
+
+
+@pytest.fixture
+def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures take most of the time; tests about words do without."""
+    for name in ("cumulative", "workspace_map", "norms_over_time", "components_over_time", "whitened_histogram"):
+        monkeypatch.setattr(report_figures, name, lambda *_, **__: "<svg></svg>")
+
+
+def _page(data: RunData, folder_of_page: Path, *, command: str = COMMAND) -> str:
+    path = folder_of_page / "report.html"
+    write_report(path, data, command=command)
+    return path.read_text(encoding="utf-8")
+
+
+class _Page(Cells):
+    """Rows of every table as text cells, all attributes, all tags, all text."""
+
+    def __init__(self, page: str) -> None:
+        self.attributes: list[tuple[str, str]] = []
+        self.tags: list[str] = []
+        self.text = ""
+        super().__init__(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [(name, value or "") for name, value in attrs]
+        super().handle_starttag(tag, attrs)
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+        super().handle_data(data)
+
+
+def _number(text: str) -> float:
+    return float(text.replace("\u2212", "-").split(maxsplit=1)[0])
+
+
+def _half_digit(text: str) -> float:
+    """Half a unit of the last digit shown: what rounding may change."""
+    decimals = len(text.split(maxsplit=1)[0].partition(".")[2])
+    return 0.5001 * 10.0**-decimals
+
+
+def _shows(text: str, value: float) -> bool:
+    return abs(_number(text) - value) <= _half_digit(text)
+
+
+def test_the_verdict_stands_before_every_number_figure_and_table(run: RunData, page: str) -> None:
+    sentence = page.index(run.identification.verdict.sentence)
+    assert sentence < min(page.index(mark) for mark in ('class="tile"', "<svg", "<table"))
+
+
+def test_every_identified_parameter_stands_in_the_table_with_the_numbers_of_the_result(run: RunData, page: str) -> None:
+    result, comparison, parsed = run.identification, run.comparison, _Page(page)
+    assert comparison is not None
+    for name, sigma in result.sigma.items():
+        _, nominal, identified, deviation, shown_sigma, significance, true_deviation, error, z = parsed.row(name)
+        to_shown = 1e3 if PARAMETERS[INDEX[name]].is_length else 180.0 / np.pi
+        assert _shows(identified, result.geometry[name] * to_shown), name
+        assert _shows(shown_sigma, sigma * 1e6), name
+        assert _shows(error, comparison.deviations[name] * 1e6), name
+        assert _shows(z, comparison.deviations[name] / sigma), name
+        if nominal != MISSING:
+            off = result.geometry[name] - result.nominal[name]
+            assert _shows(nominal, result.nominal[name] * to_shown), name
+            assert _shows(deviation, off * 1e3), name
+            assert _shows(significance, abs(off) / sigma), name
+            assert _shows(true_deviation, (off - comparison.deviations[name]) * 1e3), name
+
+
+def test_digits_of_a_parameter_reach_its_sigma_and_no_further_than_a_tenth_of_it(run: RunData, page: str) -> None:
+    parsed, result = _Page(page), run.identification
+    for name in ("ra1", "rd6", "bd3", "ox"):
+        step_mm = 2.0 * _half_digit(parsed.row(name)[2])
+        assert 0.01 * result.sigma[name] * 1e3 <= step_mm <= 1.001 * result.sigma[name] * 1e3, name
+
+
+def test_encoder_zeros_and_origin_have_no_catalogue_value(page: str) -> None:
+    parsed = _Page(page)
+    for name in ("btheta1", "btheta5", "ox", "oz"):
+        assert parsed.row(name)[1] == parsed.row(name)[3] == MISSING
+
+
+def test_parameters_left_at_nominal_are_named_with_reason(run: RunData, page: str) -> None:
+    dropped = run.identification.identifiability.dropped
+    assert {one.name for one in dropped} >= {"rd1", "rd3", "rtheta1"}  # thesis sec. 3.2
+    text = _Page(page).text
+    for one in dropped:
+        assert f"{one.name}, kept at" in text
+    assert "in this run a change of it looks exactly like a change of rd2" in text
+
+
+def test_key_figures_are_those_of_the_comparison(run: RunData, page: str) -> None:
+    comparison, result = run.comparison, run.identification
+    assert comparison is not None
+    assert result.clock is not None
+    assert f"{significant(comparison.tcp_nominal.mean * 1e3)} → {significant(comparison.tcp.mean * 1e3)} mm" in page
+    parsed = _Page(page)
+    assert _shows(parsed.row("offset")[1], result.clock.offset * 1e3)
+    assert _shows(parsed.row("skew")[1], result.clock.skew * 1e6)
+    _, mean, _, largest, scale_free = parsed.row("after (identified)")
+    assert _shows(mean, comparison.tcp.mean * 1e3)
+    assert _shows(largest, comparison.tcp.maximum * 1e3)
+    assert _shows(scale_free, comparison.tcp.error_without_scale.mean() * 1e3)
+
+
+def test_noise_and_import_findings_are_those_of_the_logs(run: RunData, page: str) -> None:
+    parsed, data = _Page(page), run
+    assert _shows(parsed.row("robot joint 3")[1], data.identification.log_noise.joint[2] * 1e6)
+    assert _shows(parsed.row("encoder b4")[1], data.identification.log_noise.encoder[3] * 1e6)
+    assert _shows(parsed.row("encoder b4")[2], 2.0 * np.pi / (3600 * 4096) * 1e6)
+    assert data.recording.report.findings, "overruns were simulated"
+    for finding in data.recording.report.findings:
+        assert finding.sentence in parsed.text
+    for file in data.recording.report.files:
+        assert any(row[0] == file.file and row[-2:] == [str(file.rows_kept), str(file.rows_read)] for row in parsed.rows if row)
+
+
+def test_the_page_requests_nothing_and_runs_nothing(page: str) -> None:
+    parsed = _Page(page)
+    assert not {"script", "link", "iframe", "object", "embed", "base"} & set(parsed.tags)
+    loading = [
+        (name, value) for name, value in parsed.attributes if name in ("src", "href", "xlink:href", "srcset", "action", "poster", "data")
+    ]
+    assert loading
+    assert all(value.startswith(("#", "data:image/png;base64,")) for _, value in loading)
+    assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", page))
+    assert "@import" not in page
+    assert "http" not in page
+    assert not [name for name, _ in parsed.attributes if name.startswith("on")]
+
+
+def test_inner_links_lead_somewhere(page: str) -> None:
+    attributes = _Page(page).attributes
+    names = {value for name, value in attributes if name == "id"}
+    assert {value[1:] for name, value in attributes if name in ("href", "xlink:href") and value.startswith("#")} <= names
+    assert set(re.findall(r"url\(#([^)]*)\)", page)) <= names
+
+
+@pytest.mark.slow
+def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> None:
+    evil = '<script>alert("1")</script><img src=x onerror=alert(1)>'
+    recording = run.recording
+    report = replace(recording.report, findings=(replace(recording.report.findings[0], sentence=evil, file=evil, kind=evil),))
+    hostile = replace(recording, description=recording.description.model_copy(update={"notes": evil}), report=report)
+    verdict = replace(run.identification.verdict, warnings=(evil,))
+    data = replace(run, name=evil, recording=hostile, identification=replace(run.identification, verdict=verdict))
+    parsed = _Page(_page(data, tmp_path, command=f"ballbar run {evil}"))
+    assert not {"script", "img"} & set(parsed.tags)
+    assert parsed.text.count("onerror=alert(1)") >= 6
+
+
+def test_the_page_is_small(page: str) -> None:
+    assert len(page.encode()) < 6e6
+
+
+@pytest.mark.slow
+def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
+    run: RunData, page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = page.splitlines()
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1")  # matplotlib would put it into the figures
+    second = _page(run, tmp_path).splitlines()
+    stamp = re.compile(r'<p class="written">Written \d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC\.</p>')
+    assert len([line for line in first if stamp.fullmatch(line)]) == 1
+    assert [line for line in first if not stamp.fullmatch(line)] == [line for line in second if not stamp.fullmatch(line)]
+
+
+@pytest.mark.usefixtures("blank_figures")
+def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(run: RunData, tmp_path: Path) -> None:
+    data = replace(run, simulation=None, comparison=None)
+    parsed = _Page(_page(data, tmp_path))
+    assert "Stated TCP uncertainty" in parsed.text
+    assert f"{significant(data.identification.tcp_sigma.mean() * 1e3)} mm" in parsed.text
+    assert "true deviation" not in parsed.text
+    assert "The true robot is not known here" in parsed.text
+    assert len(parsed.row("ra1")) == 6
+    assert "mujoco" not in parsed.text
+
+
+@pytest.mark.slow
+def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(sensorless: RunData, tmp_path: Path) -> None:
+    parsed = _Page(_page(sensorless, tmp_path))
+    assert "there is one log, and no second clock to align" in parsed.text
+    assert "time on the robot clock [s]" in parsed.text
+    assert "raw/ballbar.csv" not in parsed.text
+    assert "encoder b1" not in parsed.text
+    assert _shows(parsed.row("ra1")[2], sensorless.identification.geometry["ra1"] * 1e3)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
+@pytest.mark.parametrize(
+    ("status", "band", "heading"),
+    [
+        ("good", "verdict good", "Acceptable"),
+        ("suspect", "verdict care", "Acceptable, with care"),
+        ("misfit", "verdict bad", "Not acceptable"),
+    ],
+)
+def test_the_band_takes_colour_and_word_from_the_verdict(run: RunData, tmp_path: Path, status: str, band: str, heading: str) -> None:
+    result = replace(run.identification, verdict=Verdict(status, "What the fit says.", ("one remark",)))
+    page = _page(replace(run, identification=result), tmp_path)
+    assert f'class="{band}"' in page
+    assert f'<p class="heading">{heading}</p>\n<p class="sentence">What the fit says.</p>' in page
+    assert "<li>One remark.</li>" in page
+    assert ("Do not use these parameters" in page) == (not result.verdict.acceptable)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
+def test_rivals_of_the_clock_alignment_are_listed(run: RunData, tmp_path: Path) -> None:
+    result = run.identification
+    assert "cost per residual" not in _page(run, tmp_path)
+    start = replace(result.start, rivals=(result.start.chosen,), tried=5)
+    parsed = _Page(_page(replace(run, identification=replace(result, start=start)), tmp_path))
+    assert "The automatic start tried 5 hypotheses" in parsed.text
+    assert parsed.row("rival")[1:] == parsed.row("chosen")[1:]
+    assert _shows(parsed.row("rival")[1], result.start.chosen.fit.estimate.clock.offset)
+
+
+def test_input_files_stand_with_their_hashes_relative_to_the_recording(run: RunData, page: str) -> None:
+    parsed = _Page(page)
+    for name in ("recording.yaml", "raw/robot.csv", "raw/ballbar.csv"):
+        content = (run.folder / name).read_bytes()
+        (row,) = [row for row in parsed.rows if row and row[0] == name and row[-1] == hashlib.sha256(content).hexdigest()]
+        assert row[1] == str(len(content))
+    assert str(run.folder) not in page
+    assert str(run.folder.parent) not in page
+
+
+@pytest.mark.slow
+def test_the_scenario_file_stands_among_the_inputs(run: RunData, tmp_path: Path) -> None:
+    scenario = SCENARIOS / "irb2400.yaml"
+    parsed = _Page(_page(replace(run, scenario_file=scenario), tmp_path))
+    assert parsed.row("irb2400.yaml")[-1] == hashlib.sha256(scenario.read_bytes()).hexdigest()
+
+
+def test_the_map_of_the_sphere_keeps_areas_poles_and_directions() -> None:
+    rng = np.random.default_rng(1)
+    z, turn = rng.uniform(-1.0, 1.0, 20_000), rng.uniform(-np.pi, np.pi, 20_000)  # uniform over the sphere
+    flat = np.sqrt(1.0 - z * z)
+    place = equal_area(np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1))
+    reach = np.hypot(*place.T)
+    for radius in (0.5, 1.0, EQUATOR, 1.8):  # share of points is share of the disc's area, within four deviations
+        assert abs((reach < radius).mean() - radius**2 / 4.0) < 4.0 * np.sqrt(0.25 / z.size), radius
+    assert np.allclose(equal_area(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])), [[0, 0], [EQUATOR, 0], [0, -EQUATOR]])
+
+
+def test_the_directions_on_the_sphere_are_those_of_the_true_rod(run: RunData) -> None:
+    result, simulation = run.identification, run.simulation
+    assert simulation is not None
+    assert result.clock is not None
+    true_time = np.interp(
+        result.clock.robot_time(result.after.t), simulation.times.robot_stamp - simulation.times.robot_stamp[0], simulation.times.robot_true
+    )
+    q, _ = simulation.motion.at(true_time)
+    rod = robot_frames(simulation.truth.geometry, q).tip.T - simulation.truth.geometry.origin
+    rod /= np.linalg.norm(rod, axis=1, keepdims=True)
+    assert np.abs(tool_directions(run.fitted[0]) - rod).max() < 5e-3  # 2 mm of base gauge over a rod of 600 mm
+
+
+def test_correlations_are_drawn_for_groups_and_only_while_names_are_readable() -> None:
+    names = tuple(f"p{k}" for k in range(41))
+    figure = correlation_map(np.eye(41), names, [("p3", "p5")])
+    assert ">p3<" in figure
+    assert ">p4<" not in figure
+    assert correlation_map(np.eye(41), names, []) == ""
+    assert correlation_map(np.eye(41), names, [names]) == ""
+
+
+def test_who_decides_reads_confidence_and_what_to_do(run: RunData, page: str) -> None:
+    text = _Page(page).text
+    sigma = run.identification.tcp_sigma
+    assert f"within {significant(2.0 * sigma.mean() * 1e3)} mm of the tool's place at an average pose" in text
+    assert f"within {significant(2.0 * sigma.max() * 1e3)} mm at the worst, with 95 % confidence" in text
+    assert "What to do. The identified robot may be used" in text
+
+
+@pytest.mark.parametrize(
+    ("command", "shown"),
+    [
+        ("ballbar run scenarios/irb2400.yaml --seed 2", "ballbar run scenarios/irb2400.yaml --seed 2"),
+        ("/home/me/.venv/bin/ballbar run /home/me/a.yaml --out=/data/run_1", "…/ballbar run …/a.yaml --out=…/run_1"),
+        ("ballbar identify 'C:\\cells\\cell 3' --samples 500", 'ballbar identify "…/cell 3" --samples 500'),
+        ("ballbar run 'unclosed /home/me/a.yaml", "ballbar run 'unclosed …/a.yaml"),
+    ],
+)
+def test_the_command_is_shown_without_folders_of_this_computer(command: str, shown: str) -> None:
+    assert without_folders(command) == shown
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
+def test_a_missed_limit_of_the_scenario_stands_in_the_heading(run: RunData, tmp_path: Path) -> None:
+    missed = replace(run, limits=(Limit("TCP error, mean", 0.02, 0.01, "mm"), Limit("iterations", 4.0, 10.0, "")))
+    assert "Limits of the scenario missed: TCP error, mean" in _Page(_page(missed, tmp_path)).text
+    assert "Limits of the scenario missed" not in _Page(_page(run, tmp_path)).text
+
+
+def _raise(*_: object, **__: object) -> str:
+    raise RuntimeError("no figure today")
+
+
+def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
+    run: RunData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "report.html"
+    monkeypatch.setattr(report_figures, "cumulative", _raise)
+    with pytest.raises(RuntimeError, match="no figure today"):
+        write_report(path, run, command=COMMAND)
+    assert list(tmp_path.iterdir()) == []
+    path.write_text("the report of yesterday")
+    with pytest.raises(RuntimeError, match="no figure today"):
+        write_report(path, run, command=COMMAND)
+    assert [p.read_text() for p in tmp_path.iterdir()] == ["the report of yesterday"]
+
+
+@pytest.mark.slow
+def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
+        write_report(tmp_path / "report.html", replace(run, folder=tmp_path / "gone"), command=COMMAND)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("shown", "expected"),
+    [
+        (lambda: significant(2714.2), "2714"),
+        (lambda: significant(0.00157812), "0.00158"),
+        (lambda: significant(9.996), "10.0"),
+        (lambda: significant(-0.0274, 2, sign=True), "\u22120.027"),
+        (lambda: significant(float("nan")), MISSING),
+        (lambda: significant(0.0), "0"),
+        (lambda: fixed(-0.00004, 3, sign=True), "0.000"),
+        (lambda: fixed(1.25, 1, sign=True), "+1.2"),
+        (lambda: fixed(None, 2), MISSING),
+        (lambda: to_sigma(137.001536, 0.000704), "137.00154"),
+        (lambda: to_sigma(1.0, 0.0), "1.000"),
+        (lambda: to_sigma(-12.3, 45.0), "\u221212"),
+    ],
+)
+def test_numbers_carry_sensible_digits(shown: Callable[[], str], expected: str) -> None:
+    assert shown() == expected

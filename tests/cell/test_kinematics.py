@@ -1,0 +1,149 @@
+"""DH kinematics against MuJoCo, against central differences, and against itself the other way round."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from cell.chain import KINDS, Chain, forward, screw
+from cell.descriptions import Cell, load_cell
+from cell.geometry import NAMES, PARAMETERS, Geometry, bar_frames, mirrored, nominal_geometry, parameter_screw, robot_frames
+from cell.inverse import UnreachableError, bar_angles, refine, robot_branches
+from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, rotvec_from_matrix
+from sim.plant.effects import PlantEffects
+from sim.plant.mjcf import PlantModel, plant_model
+from tests.conftest import perturbed
+
+STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10
+TOLERANCE = 2e-9
+
+
+def mujoco_pose(plant: PlantModel, data: mujoco.MjData, site: str) -> np.ndarray:
+    mujoco.mj_kinematics(plant.model, data)
+    pose = np.eye(4)
+    pose[:3, :3] = data.site(site).xmat.reshape(3, 3)
+    pose[:3, 3] = data.site(site).xpos
+    return pose
+
+
+@pytest.mark.parametrize("robot", ["irb2400", "nj220"])
+def test_mujoco_and_dh_agree_to_1e_12_on_60_perturbed_models(robot: str) -> None:
+    cell = load_cell(robot, "lund_900", "plate_250")
+    rng = np.random.default_rng(60)
+    worst = 0.0
+    for _ in range(60):
+        geometry = perturbed(nominal_geometry(cell, rng.uniform(-1, 1, 3)), rng)
+        plant = plant_model(cell, geometry, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
+        data = mujoco.MjData(plant.model)
+        q, b = rng.uniform(-np.pi, np.pi, (3, 6)), rng.uniform(-np.pi, np.pi, (3, 5))
+        robot_poses, bar_poses = robot_frames(geometry, q).poses(), bar_frames(geometry, b).poses()
+        for k in range(3):
+            data.qpos[plant.joints], data.qpos[plant.bar] = q[k], b[k]
+            worst = max(worst, np.abs(mujoco_pose(plant, data, "tool") - robot_poses[k]).max())
+            worst = max(worst, np.abs(mujoco_pose(plant, data, "bar_end") - bar_poses[k]).max())
+    assert worst < 1e-12
+
+
+def test_the_irb_2400_stands_up_with_its_flange_where_the_data_sheet_puts_it() -> None:
+    robot = load_cell("irb2400", "lund_600", "plate_250").robot
+    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(6))
+    assert forward(chain, np.zeros((1, 6))).tip[:, 0] == pytest.approx([0.940, 0.0, 1.455], abs=1e-12)
+
+
+def test_every_parameter_screw_is_the_central_difference_of_the_pose(nominal: Geometry) -> None:
+    rng = np.random.default_rng(5)
+    geometry = perturbed(nominal, rng, 0.05)
+    q, b = rng.uniform(-2, 2, (7, 6)), rng.uniform(-2, 2, (7, 5))
+    robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
+    for parameter, name in zip(PARAMETERS, NAMES, strict=True):
+        frames, angles = (robot_frames, q) if parameter.side == "robot" else (bar_frames, b)
+        ahead = frames(geometry.replaced({name: geometry[name] + STEP}), angles)
+        behind = frames(geometry.replaced({name: geometry[name] - STEP}), angles)
+        turned = np.einsum("ikn,jkn->ijn", ahead.rotation(), behind.rotation())
+        numeric = np.concatenate((ahead.tip - behind.tip, rotvec_from_matrix(turned))) / (2 * STEP)
+        assert np.abs(parameter_screw(geometry, robot, bar, parameter) - numeric).max() < TOLERANCE, name
+
+
+def test_an_unknown_parameter_kind_is_refused(nominal: Geometry) -> None:
+    with pytest.raises(ValueError, match="'gamma' is none of"):
+        screw(robot_frames(nominal, np.zeros((1, 6))), "gamma", 0)
+    assert KINDS == ("a", "d", "alpha", "theta", "beta")
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3), st.floats(1e-9, 3.14159))
+def test_the_rotation_vector_survives_the_way_to_the_matrix_and_back(direction: list[float], angle: float) -> None:
+    axis = np.array(direction)
+    if np.linalg.norm(axis) < 1e-3:
+        return
+    rotvec = (angle * axis / np.linalg.norm(axis))[:, None]
+    assert np.abs(rotvec_from_matrix(matrix_from_rotvec(rotvec)) - rotvec).max() < 1e-9 / max(1e-6, np.pi - angle) * 1e-3 + 1e-12
+
+
+def test_turning_a_rotation_on_the_left_changes_its_rotation_vector_by_the_inverse_left_jacobian() -> None:
+    rng = np.random.default_rng(3)
+    for size in (1e-6, 5e-3, 0.3, 2.5):
+        rotvec, turn = rng.normal(0, size, (3, 4)), rng.normal(0, 1, (3, 4))
+        moved = [Rotation.from_rotvec(s * STEP * turn.T) * Rotation.from_rotvec(rotvec.T) for s in (1, -1)]
+        base = Rotation.from_rotvec(rotvec.T).as_rotvec().T
+        numeric = (moved[0].as_rotvec() - moved[1].as_rotvec()).T / (2 * STEP)
+        assert np.abs(inverse_left_jacobian(base, turn) - numeric).max() < 1e-8
+
+
+@pytest.mark.parametrize("robot", ["irb2400", "nj220"])
+def test_every_branch_of_the_robot_inverse_reaches_the_pose(robot: str) -> None:
+    cell = load_cell(robot, "lund_600", "plate_250")
+    chain = nominal_geometry(cell, np.zeros(3)).robot
+    q = np.random.default_rng(8).uniform(-0.8, 0.8, (100, 6)) + np.array([0, 0, 0, 0, 1.0, 0])
+    poses = forward(chain, q).poses()
+    branches = robot_branches(chain, poses)
+    apart = np.abs(np.angle(np.exp(1j * (branches - q)))).max(axis=2)
+    in_front = np.hypot(*poses[:, :2, 3].T) > 0.8
+    assert (apart.min(axis=0) < 1e-9)[in_front].all()
+    for branch in branches:
+        reached = ~np.isnan(branch).any(axis=1)
+        assert np.abs(forward(chain, branch[reached]).poses() - poses[reached]).max() < 1e-12
+
+
+def test_the_imperfect_robot_is_brought_exactly_to_a_pose(nominal: Geometry) -> None:
+    rng = np.random.default_rng(9)
+    chain = perturbed(nominal, rng, 2e-3).robot
+    q = rng.uniform(-0.5, 0.5, (50, 6)) + np.array([0, 0, 0, 0, 1.0, 0])
+    poses = forward(nominal.robot, q).poses()
+    assert np.abs(forward(chain, refine(chain, q, poses)).poses() - poses).max() < 1e-12
+    poses[3, :3, 3] += 5.0
+    with pytest.raises((UnreachableError, np.linalg.LinAlgError)):
+        refine(chain, q, poses)
+
+
+@pytest.mark.parametrize("flipped", [(False, False), (True, False), (False, True), (True, True)])
+def test_ball_bar_angles_hold_the_pose_in_all_four_configurations(nominal: Geometry, flipped: tuple[bool, bool]) -> None:
+    rng = np.random.default_rng(10)
+    b = rng.uniform(0.2, 2.8, (60, 5)) * np.array([-1, 1, 1, -1, 1])
+    poses = bar_frames(nominal, b).poses()
+    found = bar_angles(poses, nominal.origin, flipped=flipped)
+    assert np.abs(bar_frames(nominal, found).poses() - poses).max() < 1e-12
+    assert (np.sign(found[:, 1]) == (-1 if flipped[0] else 1)).all()
+    assert (np.sign(found[:, 3]) == (-1 if flipped[1] else 1)).all()
+
+
+@pytest.mark.parametrize("joint", [2, 4])
+def test_the_sense_of_b2_and_b4_is_a_gauge_even_of_an_imperfect_ball_bar(nominal: Geometry, joint: int) -> None:
+    rng = np.random.default_rng(11)
+    geometry = perturbed(nominal, rng, 0.02)
+    b = rng.uniform(-3, 3, (40, 5))
+    other = b * np.where(np.arange(5) == joint - 1, -1.0, 1.0)
+    assert np.abs(bar_frames(mirrored(geometry, joint), other).poses() - bar_frames(geometry, b).poses()).max() < 1e-12
+    with pytest.raises(ValueError, match="only b2 and b4"):
+        mirrored(geometry, 3)
+
+
+def test_a_site_that_nearly_coincides_with_its_body_is_not_snapped_onto_it(cell: Cell, nominal: Geometry) -> None:
+    """MuJoCo takes a site within 1e-6 of its body for identical: 0.9 urad of silent error (one trial in sixty)."""
+    flat = nominal.replaced({"ra6": 5e-7, "rd6": 0.0})
+    plant = plant_model(cell, flat, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
+    data = mujoco.MjData(plant.model)
+    assert np.abs(mujoco_pose(plant, data, "tool") - robot_frames(flat, np.zeros((1, 6))).poses()[0]).max() < 1e-12

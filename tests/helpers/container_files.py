@@ -1,0 +1,235 @@
+"""Small device files of every container, written from their documented forms, with the columns that a reader must find in them."""
+
+from __future__ import annotations
+
+import io
+import json
+import sqlite3
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+
+from acquisition.formats.egm import FILE_START, frame
+
+ROWS = 80
+EPOCH_NS = 1_650_000_000_000_000_000  # 2022-04-15, UTC
+FILETIME = 132_959_733_843_760_000  # 2022-05-02, UTC [100 ns since 1601]
+JOINTS = tuple(f"joint_{axis}" for axis in range(1, 7))
+AXES = tuple(f"J{axis}" for axis in range(1, 7))
+
+Columns = dict[str, NDArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """A device file and what stands in it."""
+
+    dialect: str
+    suffix: str
+    content: bytes
+    columns: Columns
+    integers: tuple[str, ...] = ()  # encoder columns, which the recording names
+
+
+def angles_deg(rows: int = ROWS, scale: float = 1.0) -> NDArray[np.float64]:
+    """(N, 6) [deg] a smooth course at 4 ms; `scale` writes it in another unit."""
+    t = 0.004 * np.arange(rows)
+    return scale * np.stack([40.0 * np.sin((1.0 + 0.2 * i) * t + 0.7 * i) + 3.0 * i for i in range(6)], axis=1)
+
+
+def counts(rows: int = ROWS) -> NDArray[np.int64]:
+    """(N, 2) counters of 32 bits, the second running through zero."""
+    t = 0.01 * np.arange(rows)
+    course = np.stack([2.0e6 + 3.0e5 * np.sin(t), -2.0e5 * np.sin(1.3 * t) - 5.0], axis=1)
+    return np.rint(course).astype(np.int64) % 2**32
+
+
+# ---- TwinCAT Scope
+
+
+def scope(*, separator: str = "\t", decimal: str = ".", own_times: bool = False, eof: bool = False, rows: int = ROWS) -> Written:
+    """Two counters at 10 ms and a fast channel at 2.5 ms, which goes on for longer."""
+    slow, values = 10.0 * np.arange(rows), counts(rows)
+    fast = 2.5 * np.arange(rows + 7)
+    blocks = [["time", "b1"], ["time", "b2"], ["time", "fast"]] if own_times else [["time", "b1", "b2"], ["time", "fast"]]
+    types = {"b1": "UINT32", "b2": "UINT32", "fast": "REAL64"}
+    steps = {"b1": "10", "b2": "10", "fast": "2,5" if decimal == "," else "2.5"}
+    end = FILETIME + int(10_000 * slow[-1])
+    lines = [
+        f"Name{separator}bench",
+        f"File{separator}bench.csv",
+        separator.join(("Starttime of export", str(FILETIME), "Montag, 2. Mai 2022", "15:56:24.376")),
+        separator.join(("Endtime of export", str(end), "Montag, 2. Mai 2022", "15:56:25.375")),
+        "",
+        "",
+    ]
+    metadata: dict[str, dict[str, str]] = {
+        "Name": {name: name for name in types},
+        "SymbolComment": dict.fromkeys(types, ""),
+        "Data-Type": types,
+        "SampleTime[ms]": steps,
+        "Offset": dict.fromkeys(types, "0"),
+        "ScaleFactor": dict.fromkeys(types, "1"),
+        "Unit": dict.fromkeys(types, "(None)"),
+        "Unit ScaleFactor": dict.fromkeys(types, "1"),
+        "Unit Offset": dict.fromkeys(types, "0"),
+    }
+    lines += [separator.join(key if name == "time" else of[name] for block in blocks for name in block) for key, of in metadata.items()]
+    lines.append("")
+    series = {"b1": (slow, values[:, 0]), "b2": (slow, values[:, 1]), "fast": (fast, 0.25 * fast)}
+    for row in range(len(fast)):
+        cells = []
+        for block in blocks:
+            times = series[block[1]][0]
+            here = row < len(times)
+            cells += [f"{times[row]:g}" if here else " "]
+            cells += [(repr(series[name][1][row].item()) if here else " ") for name in block[1:]]
+        lines.append(separator.join(cell.replace(".", decimal) for cell in cells))
+    if eof:
+        lines.append("EOF")
+    time = (FILETIME - 116_444_736_000_000_000) * 100 + np.rint(slow * 1e6).astype(np.int64)
+    columns = {"time": time, "b1": values[:, 0], "b2": values[:, 1]}
+    return Written("twincat-scope", ".csv", ("\n".join(lines) + "\n").encode(), columns, ("b1", "b2"))
+
+
+# ---- JSON lines
+
+
+def json_lines(rows: int = ROWS, scale: float = 1.0) -> Written:
+    """Ten axis slots of a Comau, four of them not there."""
+    angles, time = angles_deg(rows, scale), EPOCH_NS // 1000 + 4000 * np.arange(rows)
+    lines = [
+        json.dumps({**dict(zip(AXES, row, strict=True)), **dict.fromkeys(("J7", "J8", "J9", "J10"), 0.0), "time": int(stamp)})
+        for row, stamp in zip(angles.tolist(), time, strict=True)
+    ]
+    return Written("comau-json", ".jsonl", ("\n".join(lines) + "\n").encode(), {"time": time, **_named(AXES, angles)})
+
+
+# ---- EGM
+
+
+def varint(number: int) -> bytes:
+    """A number in base 128, lowest digits first."""
+    digits = []
+    while number > 0x7F:
+        digits.append(number & 0x7F | 0x80)
+        number >>= 7
+    return bytes([*digits, number])
+
+
+def sub(number: int, content: bytes) -> bytes:
+    """A length-delimited field."""
+    return varint(number << 3 | 2) + varint(len(content)) + content
+
+
+def num(number: int, value: int) -> bytes:
+    """A varint field."""
+    return varint(number << 3) + varint(value)
+
+
+def dbl(number: int, value: float) -> bytes:
+    """A double field."""
+    return varint(number << 3 | 1) + struct.pack("<d", value)
+
+
+def egm_message(seqno: int, time_ns: int, joints: list[float]) -> bytes:
+    """An EgmRobot message with header, feedback, a pose that nobody reads, and the state of the motors."""
+    angles = b"".join(dbl(1, angle) for angle in joints)
+    pose = sub(1, dbl(1, 900.0) + dbl(2, 1.5) + dbl(3, 1200.0))
+    clock = num(1, time_ns // 10**9) + num(2, time_ns % 10**9 // 1000)
+    feedback = sub(1, angles) + sub(2, pose) + sub(4, clock)
+    header = num(1, seqno) + num(2, time_ns // 10**6 % 2**32) + num(3, 2)
+    return sub(1, header) + sub(2, feedback) + sub(4, num(1, 1)) + dbl(10, 12.5)
+
+
+def egm(rows: int = ROWS, scale: float = 1.0) -> Written:
+    """Messages at 4.032 ms."""
+    angles, time = angles_deg(rows, scale), EPOCH_NS + 4_032_000 * np.arange(rows)
+    messages = [egm_message(7 + i, int(time[i]), row) for i, row in enumerate(angles.tolist())]
+    return Written("abb-egm", ".egm", FILE_START + b"".join(map(frame, messages)), {"time": time, **_named(AXES, angles)})
+
+
+# ---- ROS 2 bags
+
+
+def joint_state(stamp_ns: int, names: tuple[str, ...], positions: list[float]) -> bytes:
+    """A JointState message in little-endian CDR, without velocities and efforts."""
+    body = struct.pack("<iI", stamp_ns // 10**9, stamp_ns % 10**9) + _cdr_text("base")
+    body += bytes(-len(body) % 4) + struct.pack("<I", len(names))
+    for name in names:
+        body += bytes(-len(body) % 4) + _cdr_text(name)
+    body += bytes(-len(body) % 4) + struct.pack("<I", len(positions))
+    body += bytes(-len(body) % 8) + struct.pack(f"<{len(positions)}d", *positions)
+    return b"\0\1\0\0" + body + struct.pack("<II", 0, 0)
+
+
+def _cdr_text(text: str) -> bytes:
+    raw = text.encode() + b"\0"
+    return struct.pack("<I", len(raw)) + raw
+
+
+def _joint_states(rows: int, scale: float) -> tuple[list[bytes], Columns]:
+    """Messages whose joints change their order from one to the next."""
+    angles, time = np.deg2rad(angles_deg(rows, scale)), EPOCH_NS + 4_000_001 * np.arange(rows)
+    messages = []
+    for i, row in enumerate(angles.tolist()):
+        order = (np.arange(6) + i) % 6
+        messages.append(joint_state(int(time[i]), tuple(JOINTS[k] for k in order), [row[k] for k in order]))
+    return messages, {"stamp": time, **_named(JOINTS, angles)}
+
+
+def db3(folder: Path, rows: int = ROWS, scale: float = 1.0) -> Written:
+    """A bag in SQLite, as rosbag2 of ROS 2 Humble writes it; `folder` holds it while it is being made."""
+    messages, columns = _joint_states(rows, scale)
+    path = folder / "making.db3"
+    path.unlink(missing_ok=True)
+    connection = sqlite3.connect(path)
+    connection.execute(
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL, "
+        "offered_qos_profiles TEXT NOT NULL)"
+    )
+    connection.execute(
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)"
+    )
+    connection.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
+    connection.execute("INSERT INTO topics VALUES (1, '/joint_states', 'sensor_msgs/msg/JointState', 'cdr', '')")
+    connection.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)", enumerate(messages))
+    connection.commit()
+    connection.close()
+    return Written("ros-joint-state", ".db3", path.read_bytes(), columns)
+
+
+def mcap(rows: int = ROWS, scale: float = 1.0, *, packed: str = "ZSTD") -> Written:
+    """A bag in MCAP with checksums; packed : NONE, LZ4 or ZSTD."""
+    messages, columns = _joint_states(rows, scale)
+    stream = io.BytesIO()
+    writer = Writer(stream, chunk_size=4096, compression=CompressionType[packed])
+    writer.start(profile="ros2", library="")
+    schema = writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", b"# see sensor_msgs")
+    channel = writer.register_channel("/joint_states", "cdr", schema)
+    for stamp, message in zip(columns["stamp"].tolist(), messages, strict=True):
+        writer.add_message(channel, log_time=stamp, data=message, publish_time=stamp)
+    writer.finish()
+    return Written("ros-joint-state", ".mcap", stream.getvalue(), columns)
+
+
+# ---- abb_motion_program_exec
+
+
+def mpe(rows: int = ROWS, scale: float = 1.0) -> Written:
+    """A log of one robot, 4 ms."""
+    time = (0.004 * np.arange(1, rows + 1)).astype(np.float32)
+    angles = angles_deg(rows, scale).astype(np.float32)
+    command = np.full(rows, 3, dtype=np.float32)
+    header, stamp = b"timestamp,cmdnum,J1,J2,J3,J4,J5,J6", b"2024-05-01T10-20-30"
+    head = struct.pack("<ff", 10011, len(stamp)) + stamp + struct.pack("<f", len(header)) + header
+    columns = {"timestamp": time.astype(np.float64), **_named(AXES, angles.astype(np.float64))}
+    return Written("abb-mpe", ".bin", head + np.column_stack((time, command, angles)).astype("<f4").tobytes(), columns)
+
+
+def _named(names: tuple[str, ...], values: NDArray[np.float64]) -> Columns:
+    return dict(zip(names, values.T, strict=True))

@@ -1,0 +1,236 @@
+"""Identification of simulated recordings through their device files, against the truth and against honesty."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition import read_recording
+from ballbar.result.calibration import load_calibration, write_calibration
+from ballbar.result.compare import identification_against_truth
+from ballbar.run import identify_folder, run_scenario
+from ballbar.scenario import load_scenario
+from cell.descriptions import load_cell
+from cell.geometry import NAMES
+from cell.logs import BallBarLog, RobotLog
+from ident import Identification, identify
+from ident.estimator.problem import Clock
+from ident.start.automatic import StartError
+from sim.simulate import truth_path
+from tests.conftest import SCENARIOS, Recorded, record
+
+
+def quiet(_: str) -> None:
+    pass
+
+
+def identified(recorded: Recorded, samples: int = 600) -> Identification:
+    return identify_folder(recorded.folder, samples=samples, progress=quiet)[1]
+
+
+@pytest.fixture(scope="module")
+def result(recorded: Recorded) -> Identification:
+    return identified(recorded)
+
+
+def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
+    """scenarios/irb2400.yaml: TCP 0.01 mm, distance 0.02 mm|mrad, clock 20 us and 0.2 ppm, 10 iterations."""
+    file = SCENARIOS / "irb2400.yaml"
+    scenario = load_scenario(file)
+    data = run_scenario(scenario, file, tmp_path / "out", command="test", progress=quiet)
+    assert len(data.limits) == 5
+    assert data.acceptable, data.limits
+    comparison = data.comparison
+    assert comparison is not None
+    assert 1e-3 < comparison.tcp_nominal.mean < 3e-3
+    assert len(comparison.deviations) == 29
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "calibration.yaml",
+        "import_report.json",
+        "recording",
+        "recording.truth.yaml",
+        "report.html",
+        "run.rrd",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("fitted", "parameters", "tcp_mm"),
+    [((), 23, 0.1), ((1, 2), 25, 0.02), ((1, 2, 4, 5), 28, 0.02), ((1, 2, 3, 4, 5), 29, 0.02)],
+)
+def test_any_number_of_encoders_goes_through_the_same_code(tmp_path: Path, fitted: tuple[int, ...], parameters: int, tcp_mm: float) -> None:
+    """Errors against the truth after 60 s; without encoders one path on a sphere says little, so its bound is wider."""
+    encoders = {"fitted": fitted, "noise_sigma_rad": 1e-5, "senses": "unknown"}
+    recorded = record(tmp_path / "recording", plant={"kind": "kinematic"}, encoders=encoders, seed=5)
+    result = identified(recorded)
+    assert result.parameters.size == parameters
+    assert result.verdict.status in ("good", "suspect")
+    assert result.iterations <= 10
+    comparison = identification_against_truth(result, recorded.simulation.truth)
+    assert comparison.tcp_nominal.mean > 1e-3
+    assert comparison.tcp.mean * 1e3 < tcp_mm
+    if fitted:
+        assert comparison.offset is not None
+        assert comparison.skew is not None
+        assert abs(comparison.offset) < 20e-6
+        assert abs(comparison.skew) < 1e-6
+
+
+def test_the_other_robot_and_another_rod_work_too(tmp_path: Path) -> None:
+    (tmp_path / "path.yaml").write_text(
+        "schema: ballbar-path/1\ncentre_deg: [-23, -50, 20, -129, 138]\namplitude_deg: [50, -18, 30, -18, 80]\n"
+        "cycles: [3, 1, 4, 2, 5]\nphase_deg: [18, 50, 251, 277, 357]\n"
+    )
+    recorded = record(
+        tmp_path / "recording",
+        cell={"robot": "nj220", "ballbar": "lund_900", "ballbar_position_m": [1.5, 0.0, 0.7]},
+        path={"kind": "lissajous", "file": str(tmp_path / "path.yaml"), "duration_s": 60.0, "dwell_s": 2.0, "stops": 1},
+        plant={"kind": "kinematic"},
+    )
+    comparison = identification_against_truth(identified(recorded), recorded.simulation.truth)
+    assert comparison.tcp.mean < 0.03e-3 < comparison.tcp_nominal.mean
+
+
+def test_a_clock_shifted_by_t_is_found_to_be_shifted_by_t(recorded: Recorded) -> None:
+    """Rows taken off the ball-bar log's start move its zero of time, nothing else."""
+    recording = read_recording(recorded.folder)
+    log = recording.ballbar_log
+    assert log is not None
+    cell = recorded.simulation.cell
+    whole = identify(cell, recording.robot_log, log, samples=600).clock
+    lost = float(log.t[700])
+    cut = BallBarLog(log.t[700:] - lost, log.angles[700:].copy(), log.joints)
+    later = identify(cell, recording.robot_log, cut, samples=600).clock
+    assert whole is not None
+    assert later is not None
+    assert later.offset - whole.offset == pytest.approx((1.0 + whole.skew) * lost, abs=3e-6)  # noise: 1 us each
+
+
+def test_identification_without_the_truth_file_gives_the_same_bytes(recorded: Recorded, tmp_path: Path) -> None:
+    def calibrate(name: str) -> bytes:
+        _, result = identify_folder(recorded.folder, samples=300, progress=quiet)
+        write_calibration(tmp_path / name, result, robot="irb2400", ballbar="lund_600", plate="plate_250")
+        return (tmp_path / name).read_bytes()
+
+    with_truth = calibrate("a.yaml")
+    truth = truth_path(recorded.folder)
+    hidden = truth.rename(truth.with_suffix(".hidden"))
+    try:
+        assert calibrate("b.yaml") == with_truth
+    finally:
+        hidden.rename(truth)
+
+
+def test_the_calibration_file_reads_back_as_written(result: Identification, tmp_path: Path) -> None:
+    path = tmp_path / "calibration.yaml"
+    write_calibration(path, result, robot="irb2400", ballbar="lund_600", plate="plate_250")
+    read = load_calibration(path)
+    assert np.array_equal(read.geometry.values, result.geometry.values)
+    assert np.array_equal(read.nominal.values, result.nominal.values)
+    assert {name for name in NAMES if read.file.parameters[name].identified} == set(result.sigma)
+    assert read.file.clock is not None
+    assert result.clock == Clock(read.file.clock.offset_s, read.file.clock.skew)
+    assert read.file.fit.rank == 31
+
+
+def test_the_truth_lies_beside_the_recording_never_inside(recorded: Recorded) -> None:
+    inside = [p for p in recorded.folder.rglob("*") if p.is_file()]
+    assert truth_path(recorded.folder).is_file()
+    assert not any("truth" in p.name for p in inside)
+    true_value = repr(recorded.simulation.truth.geometry["ra3"])
+    assert not any(true_value in p.read_text() for p in inside)
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_white(tmp_path: Path) -> None:
+    """Twelve noise seeds, 29 parameters each: 95 % intervals should hold 95 % +- 3 % (kinematic plant, so no rod strain)."""
+    hits = []
+    for seed in range(12):
+        recorded = record(tmp_path / str(seed) / "recording", plant={"kind": "kinematic"}, seed=100 + seed)
+        result = identified(recorded, samples=400)
+        deviations = identification_against_truth(result, recorded.simulation.truth).deviations
+        hits += [abs(d) < 1.96 * result.sigma[name] for name, d in deviations.items()]
+    assert 0.90 < np.mean(hits) < 0.99
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "bar", "words"), [("nj220", "lund_600", "off the catalogue"), ("irb2400", "lund_900", "bd3 is -300 mm")])
+def test_a_wrong_robot_or_ball_bar_is_named_and_not_accepted(recorded: Recorded, robot: str, bar: str, words: str) -> None:
+    recording = read_recording(recorded.folder)
+    result = identify(load_cell(robot, bar, "plate_250"), recording.robot_log, recording.ballbar_log, samples=200)
+    assert result.verdict.sentence.startswith("Not the declared cell")
+    assert words in result.verdict.sentence
+    assert not result.verdict.acceptable
+
+
+@pytest.mark.slow
+def test_logs_of_two_different_runs_are_not_matched_in_silence(recorded: Recorded, tmp_path: Path) -> None:
+    other = record(
+        tmp_path / "recording",
+        plant={"kind": "kinematic"},
+        cell={"robot": "irb2400", "ballbar": "lund_600", "ballbar_position_m": [0.62, 0.05, 0.5]},
+        path={"kind": "lissajous", "file": "paths/irb2400_a.yaml", "duration_s": 45.0, "dwell_s": 2.0, "stops": 0},
+    )
+    robot_log = read_recording(recorded.folder).robot_log
+    try:
+        result = identify(recorded.simulation.cell, robot_log, read_recording(other.folder).ballbar_log, samples=300)
+    except StartError:
+        return
+    assert not result.verdict.acceptable
+
+
+def test_a_log_in_which_nothing_moves_is_refused_with_a_reason(recorded: Recorded) -> None:
+    t = np.arange(0.0, 30.0, 0.01)
+    rng = np.random.default_rng(0)
+    still = RobotLog(t, rng.normal(0, 1e-6, (t.size, 6)))
+    bar = BallBarLog(t, rng.normal(0, 1e-6, (t.size, 5)), (1, 2, 3, 4, 5))
+    with pytest.raises(StartError, match="tool moves less than"):
+        identify(recorded.simulation.cell, still, bar)
+
+
+@pytest.mark.parametrize(
+    ("joints", "words"), [((1,), "no complete gimbal"), ((1, 2, 4), "half a gimbal"), ((1, 2, 3), "needs b1, b2, b4 and b5")]
+)
+def test_encoder_sets_that_cannot_be_aligned_say_what_is_missing(recorded: Recorded, joints: tuple[int, ...], words: str) -> None:
+    recording = read_recording(recorded.folder)
+    log = recording.ballbar_log
+    assert log is not None
+    some = BallBarLog(log.t.copy(), log.angles[:, [j - 1 for j in joints]].copy(), joints)
+    with pytest.raises(StartError, match=words):
+        identify(recorded.simulation.cell, recording.robot_log, some)
+
+
+def test_a_wrongly_declared_sense_is_found_and_reported(tmp_path: Path) -> None:
+    recorded = record(tmp_path / "recording", plant={"kind": "kinematic"})
+    text = (recorded.folder / "recording.yaml").read_text()
+    first = text.index("sign: ")
+    sign = text[first : text.index("\n", first)]
+    flipped = "sign: -1" if sign.endswith(" 1") else "sign: 1"
+    (recorded.folder / "recording.yaml").write_text(text[:first] + flipped + text[first + len(sign) :])
+    result = identified(recorded, samples=300)
+    assert result.signs == (-1, 1, 1, 1, 1)
+    assert any("b1 counts against its declared sense" in w for w in result.verdict.warnings)
+
+
+@pytest.mark.slow
+def test_an_alias_in_time_is_called_ambiguous(recorded: Recorded) -> None:
+    """Two identical passes without a rest between the logs' ends: an offset of one pass explains the overlap as well."""
+    motion = recorded.simulation.motion
+    inner = slice(4000, 27000)
+    t, q, b = motion.t[inner] - motion.t[inner][0], motion.q[inner], motion.b[inner]
+    period = float(t[-1] + (t[1] - t[0]))
+    # a closed motion: forth and back, three times
+    lap_q, lap_b = np.concatenate((q, q[::-1])), np.concatenate((b, b[::-1]))
+    times = np.arange(3 * len(lap_q)) * (period / len(q))
+    rng = np.random.default_rng(3)
+    robot = RobotLog(times[::4].copy(), np.tile(lap_q, (3, 1))[::4] + rng.normal(0, 1e-5, (len(times[::4]), 6)))
+    keep = slice(len(lap_q) // 2, len(lap_q) // 2 + int(1.4 * len(lap_q)), 10)
+    bar = BallBarLog(
+        times[keep] - times[keep][0], np.tile(lap_b, (3, 1))[keep] + rng.normal(0, 1e-5, (len(times[keep]), 5)), (1, 2, 3, 4, 5)
+    )
+    result = identify(recorded.simulation.cell, robot, bar, samples=300)
+    assert result.verdict.status == "ambiguous"
+    assert "clock offsets" in result.verdict.sentence
+    assert not result.verdict.acceptable

@@ -1,0 +1,81 @@
+"""Gross faults in a log of the full plant: what they cost, and whether each is reported with its time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ballbar.result.compare import identification_against_truth
+from ballbar.scenario import load_scenario
+from benchmarks.everything_on import SCENARIOS, recorded
+from benchmarks.robustness import SLIP_S, STEP_S, faulty
+from ident.identify import Identification, identify_together
+from ident.signals.outliers import outliers
+from sim.errors.outliers import Outliers
+from sim.truth import Truth
+
+FAULTS: dict[str, dict[str, object]] = {
+    "errors": {"outliers": {}, "slipped_periods": [{"encoder": 2, "at_s": SLIP_S, "periods": 2}]},
+    "clocks": {"step": {"at_s": STEP_S, "step_s": 0.05}},
+}
+
+
+def calibrated(folder: Path, faults: dict[str, dict[str, object]]) -> tuple[Identification, Truth]:
+    """A recording of the full plant, everything on, with these faults."""
+    cell, logs, truth = recorded(faulty(load_scenario(SCENARIOS / "irb2400_full.yaml"), faults), folder)
+    return identify_together(cell, [logs], model="complete", force="torque")[0], truth
+
+
+@pytest.mark.slow
+def test_gross_faults_are_repaired_reported_and_cost_little(tmp_path: Path) -> None:
+    clean, truth = calibrated(tmp_path / "clean", {})
+    assert clean.events == ()
+    dirty, faulty_truth = calibrated(tmp_path / "dirty", FAULTS)
+    before, after = identification_against_truth(clean, truth).tcp.mean, identification_against_truth(dirty, faulty_truth).tcp.mean
+    assert after < 1.3 * before  # one draw; over many the median stays below 1.2 (docs/studies/robustness.csv)
+    start = faulty_truth.logs.first_rows.ballbar_s
+    slip, step = sorted(dirty.events, key=lambda event: event.time)
+    assert (slip.kind, slip.joint, abs(slip.periods)) == ("encoder", 2, 2)
+    assert slip.time + start == pytest.approx(SLIP_S, abs=0.02)
+    assert step.kind == "clock"
+    assert step.time + start == pytest.approx(STEP_S, abs=0.02)
+    assert step.size == pytest.approx(0.05, abs=2e-4)
+    assert all(event.sentence in dirty.verdict.warnings for event in dirty.events)
+
+
+def motion(rows: int = 4000) -> tuple[np.ndarray, np.ndarray]:
+    """Two joints that move smoothly, 4 ms rows, 5 urad of noise."""
+    t = 0.004 * np.arange(rows)
+    angles = np.stack((0.8 * np.sin(0.9 * t), 0.3 * np.cos(2.1 * t)), axis=1)
+    return t, angles + 5e-6 * np.random.default_rng(1).standard_normal(angles.shape)
+
+
+def test_outliers_are_told_from_motion() -> None:
+    t, angles = motion()
+    assert not outliers(t, angles).any()
+    thrown = Outliers().on_robot(t.size, 3)[:, :2]
+    found = outliers(t, angles + thrown)
+    large = np.abs(thrown) > 1e-3
+    assert found[large].mean() > 0.98
+    assert found[thrown == 0.0].mean() < 1e-3
+
+
+def test_a_jerk_of_the_motion_is_no_outlier() -> None:
+    """Where a joint strikes in its play its angle bends within a few rows; none of them is to be thrown away."""
+    t, angles = motion()
+    angles[:, 1] += 1.25e-4 * np.tanh((t - 8.0) / 0.012)
+    assert not outliers(t, angles).any()
+
+
+def test_outliers_have_the_asked_share_and_size() -> None:
+    asked = Outliers(robot_probability=0.1, size_rad=(1e-3, 1e-2))
+    thrown = asked.on_robot(20_000, 1)
+    hit = thrown[thrown != 0.0]
+    assert hit.size / 20_000 == pytest.approx(0.1, rel=0.05)
+    assert ((thrown != 0.0).sum(axis=1) <= 1).all()
+    assert (np.abs(hit) >= 1e-3).all()
+    assert (np.abs(hit) <= 1e-2).all()
+    assert np.median(np.abs(hit)) == pytest.approx(np.sqrt(1e-5), rel=0.05)
+    assert (asked.on_ballbar(20_000, 4, 1) != asked.on_ballbar(20_000, 4, 2)).any()
