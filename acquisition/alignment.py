@@ -56,10 +56,14 @@ def coarse_alignment(robot: RobotLog, ballbar: BallBarLog) -> CoarseAlignment:
 
     Raises LogError if a log is too short or nothing moves in it.
     """
-    lags = _compare(_signals("robot", robot.t, robot.q), _signals("ball-bar", ballbar.t, ballbar.angles))
+    lags = _compare(
+        _signals("robot", robot.t, robot.q), _signals("ball-bar", ballbar.t, ballbar.angles)
+    )
     best = int(np.argmax(lags.score))
     if lags.score[best] <= 0.0:
-        raise LogError("robot and ball-bar log move at different times whatever the clock offset. Are they of the same run?")
+        raise LogError(
+            "robot and ball-bar log move at different times whatever the clock offset. Are they of the same run?"
+        )
     runner_up = _runner_up(lags, best)
     return CoarseAlignment(
         offset_s=_vertex(lags, best) * STEP,
@@ -73,15 +77,21 @@ def coarse_alignment(robot: RobotLog, ballbar: BallBarLog) -> CoarseAlignment:
 def _signals(side: str, t: Array, angles: Array) -> Array:
     """(2, n) liveliness and stillness of one side on a grid of STEP from its first row."""
     if t[-1] - t[0] < MIN_OVERLAP:
-        raise LogError(f"the {side} log lasts {t[-1] - t[0]:.3g} s; aligning two clocks needs {MIN_OVERLAP:g} s in common.")
+        raise LogError(
+            f"the {side} log lasts {t[-1] - t[0]:.3g} s; aligning two clocks needs {MIN_OVERLAP:g} s in common."
+        )
     speed = np.abs(speeds(t, angles)).sum(axis=1)
     moving = speed[speed > MOVING]
     if not moving.size:
-        raise LogError(f"nothing moves in the {side} log, so its clock cannot be compared with the other.")
+        raise LogError(
+            f"nothing moves in the {side} log, so its clock cannot be compared with the other."
+        )
     slow = SLOW * float(np.median(moving))
     grid = np.arange(0.0, t[-1] - t[0], STEP)
     still = stillness(t, angles).still.astype(np.float64)
-    return np.stack([np.interp(grid, t - t[0], signal) for signal in (np.log1p(speed / slow), still)])
+    return np.stack(
+        [np.interp(grid, t - t[0], signal) for signal in (np.log1p(speed / slow), still)]
+    )
 
 
 def _compare(robot: Array, ballbar: Array) -> _Lags:
@@ -90,7 +100,9 @@ def _compare(robot: Array, ballbar: Array) -> _Lags:
     samples = np.rint(_cross(ones_r, ones_b))
     enough = samples >= MIN_OVERLAP / STEP
     samples, lag = samples[enough], np.arange(1 - ones_b.size, ones_r.size)[enough]
-    rho = np.stack([overlap_correlation(r, b, samples, enough) for r, b in zip(robot, ballbar, strict=True)])
+    rho = np.stack(
+        [overlap_correlation(r, b, samples, enough) for r, b in zip(robot, ballbar, strict=True)]
+    )
     return _Lags(lag, samples, samples * STEP * (rho**2).mean(axis=0))
 
 
@@ -102,11 +114,14 @@ def overlap_correlation(r: Array, b: Array, samples: Array, enough: NDArray[np.b
     r, b = r - r.mean(), b - b.mean()  # smaller numbers, less rounding in the differences below
     ones_r, ones_b = np.ones_like(r), np.ones_like(b)
     mean_r, mean_b, square_r, square_b, product = (
-        _cross(x, y)[enough] / samples for x, y in ((r, ones_b), (ones_r, b), (r**2, ones_b), (ones_r, b**2), (r, b))
+        _cross(x, y)[enough] / samples
+        for x, y in ((r, ones_b), (ones_r, b), (r**2, ones_b), (ones_r, b**2), (r, b))
     )
     variance_r, variance_b = square_r - mean_r**2, square_b - mean_b**2
     varies = (variance_r > _FLAT) & (variance_b > _FLAT)
-    rho = np.where(varies, product - mean_r * mean_b, 0.0) / np.sqrt(np.where(varies, variance_r * variance_b, 1.0))
+    rho = np.where(varies, product - mean_r * mean_b, 0.0) / np.sqrt(
+        np.where(varies, variance_r * variance_b, 1.0)
+    )
     return np.clip(rho, 0.0, 1.0)
 
 

@@ -28,7 +28,9 @@ class RowFlag(IntFlag):
     SENTINEL = 4096  # rows before it held a number that stands for none and were left out
 
 
-EXCLUDED = RowFlag.AMPLITUDE | RowFlag.FREQUENCY | RowFlag.INVALID | RowFlag.IMPLAUSIBLE  # not for fits
+EXCLUDED = (
+    RowFlag.AMPLITUDE | RowFlag.FREQUENCY | RowFlag.INVALID | RowFlag.IMPLAUSIBLE
+)  # not for fits
 
 
 def usable(flags: Flags) -> NDArray[np.bool_]:

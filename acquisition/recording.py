@@ -57,7 +57,14 @@ from acquisition.table.table import Table
 from cell.descriptions import Robot, joints_to_axes, load_robot
 from cell.errors import DescriptionError, LogError
 from cell.logs import BallBarLog, ForceLog, RobotLog
-from cell.recording import EncoderFitting, EncoderName, RecordingFile, SourceFile, SourceName, load_recording_file
+from cell.recording import (
+    EncoderFitting,
+    EncoderName,
+    RecordingFile,
+    SourceFile,
+    SourceName,
+    load_recording_file,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +85,9 @@ def read_recording(folder: Path) -> Recording:
     Raises DescriptionError if recording.yaml is wrong or contradicts itself, LogError if a device file cannot be trusted.
     """
     if not folder.is_dir():
-        raise DescriptionError(f"{folder}: no such folder. A recording is a folder with recording.yaml and the device files.")
+        raise DescriptionError(
+            f"{folder}: no such folder. A recording is a folder with recording.yaml and the device files."
+        )
     description = load_recording_file(folder)
     _check_encoders(folder, description)
     robot = load_robot(description.robot, relative_to=folder)
@@ -86,7 +95,13 @@ def read_recording(folder: Path) -> Recording:
     robot_log = read_robot(folder, description.sources.robot, robot, ledger)
     ballbar_log = None
     if description.sources.ballbar is not None:
-        ballbar_log = read_ballbar(folder, description.sources.ballbar, description.encoders, ledger, robot_moves=moves(robot_log.q))
+        ballbar_log = read_ballbar(
+            folder,
+            description.sources.ballbar,
+            description.encoders,
+            ledger,
+            robot_moves=moves(robot_log.q),
+        )
     force_log = None
     if description.sources.force is not None:
         force_log = _read_force(folder, description.sources.force, ledger)
@@ -102,12 +117,16 @@ def _check_encoders(folder: Path, description: RecordingFile) -> None:
             "Name its files, or write `encoders: {}` for a ball-bar without sensors."
         )
     if description.sources.ballbar is not None and not fitted:
-        raise DescriptionError(f"{place}: sources.ballbar is given, but no encoder is declared. Declare those that are fitted.")
+        raise DescriptionError(
+            f"{place}: sources.ballbar is given, but no encoder is declared. Declare those that are fitted."
+        )
     columns = [encoder.column for encoder in fitted.values()]
     require(columns, f"{place}: encoders")
     for column in columns:
         if columns.count(column) > 1:
-            raise DescriptionError(f"{place}: encoders: column {column} is declared for {columns.count(column)} encoders.")
+            raise DescriptionError(
+                f"{place}: encoders: column {column} is declared for {columns.count(column)} encoders."
+            )
 
 
 def read_robot(folder: Path, source: SourceFile, robot: Robot, ledger: Ledger) -> RobotLog:
@@ -115,10 +134,14 @@ def read_robot(folder: Path, source: SourceFile, robot: Robot, ledger: Ledger) -
     dialect = dialect_of(folder, "robot", source)
     side = Side(folder, "robot", source, dialect, robot_layout(source, dialect))
     columns = dialect.angles
-    tables = [without_stand_ins(table, columns, ledger.findings) for table in read_files(side, ledger)]
+    tables = [
+        without_stand_ins(table, columns, ledger.findings) for table in read_files(side, ledger)
+    ]
     table = joined(tables)
     t = seconds_from(table.columns[STAMP], table.columns[STAMP][0])
-    logged = np.stack([table.columns[name] for name in columns]).T  # column by column, as the checks go
+    logged = np.stack(
+        [table.columns[name] for name in columns]
+    ).T  # column by column, as the checks go
     joints = to_joints(robot, logged, dialect.side, dialect.angle_unit)
     axes = joints_to_axes(robot, joints)
     jumps = find_jumps(t, axes, axis_speed_limits(robot))
@@ -127,17 +150,43 @@ def read_robot(folder: Path, source: SourceFile, robot: Robot, ledger: Ledger) -
         flags[jumps.damaged] |= np.uint32(RowFlag.IMPLAUSIBLE)
     sound = usable(flags)
     if jumps.fast.size or not (moves(joints) and within_reach(robot, axes)):
-        refuse_other_angles(robot, table, t, logged, joints, axes, side=dialect.side, unit=dialect.angle_unit, sound=sound)
+        refuse_other_angles(
+            robot,
+            table,
+            t,
+            logged,
+            joints,
+            axes,
+            side=dialect.side,
+            unit=dialect.angle_unit,
+            sound=sound,
+        )
     report_damaged(table, np.flatnonzero(jumps.damaged), [], None, findings)
     if jumps.elsewhere.size:
-        sentence = "the angles jump here and do not come back: another start of the logger; a new segment."
-        findings.append(finding("angles jump", "warning", table.files[0], sentence, lines=table.line[jumps.elsewhere]))
-    segments = find_segments(table, joints, usable(flags), findings, reset=_unrelated(t, jumps.elsewhere))
-    flags |= _damaged(table, segments, joints, usable(flags), [f"joint {k}" for k in range(1, 7)], findings)
+        sentence = (
+            "the angles jump here and do not come back: another start of the logger; a new segment."
+        )
+        findings.append(
+            finding(
+                "angles jump",
+                "warning",
+                table.files[0],
+                sentence,
+                lines=table.line[jumps.elsewhere],
+            )
+        )
+    segments = find_segments(
+        table, joints, usable(flags), findings, reset=_unrelated(t, jumps.elsewhere)
+    )
+    flags |= _damaged(
+        table, segments, joints, usable(flags), [f"joint {k}" for k in range(1, 7)], findings
+    )
     report_limits(robot, table, axes, usable(flags), findings)
     table, t, kept = _used(side, table, segments, flags, ledger)
     torque = gear_torques(robot, table, dialect.torque_columns)
-    return RobotLog(t, np.ascontiguousarray(_chosen(joints, kept)), torque, segments.segment[kept], table.flags)
+    return RobotLog(
+        t, np.ascontiguousarray(_chosen(joints, kept)), torque, segments.segment[kept], table.flags
+    )
 
 
 def _unrelated(t: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -146,7 +195,12 @@ def _unrelated(t: NDArray[np.float64], rows: NDArray[np.intp]) -> NDArray[np.int
 
 
 def read_ballbar(
-    folder: Path, source: SourceFile, encoders: dict[EncoderName, EncoderFitting], ledger: Ledger, *, robot_moves: bool
+    folder: Path,
+    source: SourceFile,
+    encoders: dict[EncoderName, EncoderFitting],
+    ledger: Ledger,
+    *,
+    robot_moves: bool,
 ) -> BallBarLog:
     """The ball-bar's side of a recording; robot_moves : whether standing counters are a fault."""
     dialect = dialect_of(folder, "ballbar", source)
@@ -160,7 +214,9 @@ def read_ballbar(
         table.flags[:] |= flags
         preset.append(table.line[rows])
         if not usable(table.flags).any():
-            raise LogError(f"{table.files[0]}: no usable row is left of {len(table)}; the encoders report faults throughout.")
+            raise LogError(
+                f"{table.files[0]}: no usable row is left of {len(table)}; the encoders report faults throughout."
+            )
     table = joined(tables)
     flags = table.flags
     t = seconds_from(table.columns[STAMP], table.columns[STAMP][0])
@@ -171,16 +227,27 @@ def read_ballbar(
     angles = encoder_angles(cell_words, usable(flags), fitted)
     on = partial(powered_up, cell_words, fitted)
     segments = find_segments(table, angles, usable(flags), findings, reset=reset, powered_up=on)
-    flags |= _damaged(table, segments, angles, usable(flags), [f"encoder {name}" for name in fitted], findings)
+    flags |= _damaged(
+        table, segments, angles, usable(flags), [f"encoder {name}" for name in fitted], findings
+    )
     refuse_standing(table, cell_words, flags, fitted, robot_moves=robot_moves)
     table, t, kept = _used(side, table, segments, flags, ledger)
     return BallBarLog(
-        t, np.ascontiguousarray(_chosen(angles, kept)), tuple(int(name[1]) for name in fitted), segments.segment[kept], table.flags
+        t,
+        np.ascontiguousarray(_chosen(angles, kept)),
+        tuple(int(name[1]) for name in fitted),
+        segments.segment[kept],
+        table.flags,
     )
 
 
 def _damaged(
-    table: Table, segments: Segments, angles: NDArray[np.float64], sound: NDArray[np.bool_], names: list[str], findings: list[Finding]
+    table: Table,
+    segments: Segments,
+    angles: NDArray[np.float64],
+    sound: NDArray[np.bool_],
+    names: list[str],
+    findings: list[Finding],
 ) -> Flags:
     """(N,) flags of single values that their neighbours contradict."""
     rows, flags = np.flatnonzero(sound), np.zeros(len(table), dtype=np.uint32)
@@ -201,15 +268,23 @@ def _used(
     used = segments.used & usable(flags)
     kept = np.flatnonzero(used)
     if kept.size < MINIMUM_ROWS:
-        raise LogError(f"{', '.join(table.files)}: {kept.size} usable rows; at least {MINIMUM_ROWS} are needed.")
+        raise LogError(
+            f"{', '.join(table.files)}: {kept.size} usable rows; at least {MINIMUM_ROWS} are needed."
+        )
     t = seconds_from(segments.stamps, segments.stamps[kept[0]])
-    timed = report_periods(table.take(kept), _chosen(t, kept), side.dialect.period_s, ledger.findings)
+    timed = report_periods(
+        table.take(kept), _chosen(t, kept), side.dialect.period_s, ledger.findings
+    )
     flags[kept] |= timed
     ledger.rows[side.name] = LogRows(t, flags, segments.segment, used)
     for index, file in enumerate(table.files):
-        place = next(k for k, one in enumerate(ledger.files) if one.file == file and one.source == side.name)
+        place = next(
+            k for k, one in enumerate(ledger.files) if one.file == file and one.source == side.name
+        )
         ledger.files[place] = _replaced(ledger.files[place], int((table.file[kept] == index).sum()))
-    table = Table(table.columns, table.files, table.file, table.line, flags, table.begins).take(kept)
+    table = Table(table.columns, table.files, table.file, table.line, flags, table.begins).take(
+        kept
+    )
     return table, _chosen(t, kept), kept
 
 

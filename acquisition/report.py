@@ -26,7 +26,9 @@ class Finding:
     kind: str
     severity: Severity
     file: str
-    lines: tuple[int, ...]  # the first few, counted from 1; empty where the finding concerns the whole file
+    lines: tuple[
+        int, ...
+    ]  # the first few, counted from 1; empty where the finding concerns the whole file
     count: int
     sentence: str
 
@@ -57,15 +59,30 @@ class ImportReport:
         """The report as plain lists, dicts, numbers and text, ready for JSON."""
         plain = asdict(self)
         plain["files"] = list(plain["files"])
-        plain["findings"] = [{**finding, "lines": list(finding["lines"])} for finding in plain["findings"]]
+        plain["findings"] = [
+            {**finding, "lines": list(finding["lines"])} for finding in plain["findings"]
+        ]
         return plain
 
 
 def finding(
-    kind: str, severity: Severity, file: str, sentence: str, *, lines: Sequence[int] | NDArray[np.int64] = (), count: int | None = None
+    kind: str,
+    severity: Severity,
+    file: str,
+    sentence: str,
+    *,
+    lines: Sequence[int] | NDArray[np.int64] = (),
+    count: int | None = None,
 ) -> Finding:
     """A finding at some lines; `count` defaults to their number."""
-    return Finding(kind, severity, file, tuple(int(n) for n in lines[:LINES_SHOWN]), len(lines) if count is None else count, sentence)
+    return Finding(
+        kind,
+        severity,
+        file,
+        tuple(int(n) for n in lines[:LINES_SHOWN]),
+        len(lines) if count is None else count,
+        sentence,
+    )
 
 
 def report_lines(report: ImportReport) -> list[str]:
@@ -79,7 +96,11 @@ def report_lines(report: ImportReport) -> list[str]:
     headings: tuple[tuple[str, Severity], ...] = (("REPAIRED", "repaired"), ("WARNINGS", "warning"))
     for heading, severity in headings:
         found = [one for one in report.findings if one.severity == severity]
-        lines += [heading, *(f"  {finding_line(one)}" for one in found)] if found else [f"{heading}: none"]
+        lines += (
+            [heading, *(f"  {finding_line(one)}" for one in found)]
+            if found
+            else [f"{heading}: none"]
+        )
     return lines
 
 

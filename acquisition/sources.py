@@ -45,7 +45,9 @@ class Side:
     source: SourceFile
     dialect: Dialect
     layout: Layout
-    status: dict[EncoderName, str] = field(default_factory=dict)  # status column of each fitted encoder
+    status: dict[EncoderName, str] = field(
+        default_factory=dict
+    )  # status column of each fitted encoder
 
 
 @dataclass
@@ -60,15 +62,23 @@ class Ledger:
 def robot_layout(source: SourceFile, dialect: Dialect) -> Layout:
     """The columns of a robot's log."""
     return _layout(
-        source, dialect, _all(dialect.angles, "float"), _all(dialect.torque_columns, "float") | _sequence(dialect), dialect.torque_columns
+        source,
+        dialect,
+        _all(dialect.angles, "float"),
+        _all(dialect.torque_columns, "float") | _sequence(dialect),
+        dialect.torque_columns,
     )
 
 
-def ballbar_layout(source: SourceFile, dialect: Dialect, fitted: dict[EncoderName, EncoderFitting]) -> Layout:
+def ballbar_layout(
+    source: SourceFile, dialect: Dialect, fitted: dict[EncoderName, EncoderFitting]
+) -> Layout:
     """The columns of a ball-bar's log."""
     status = [dialect.status[name] for name in fitted if name in dialect.status]
     counters = [encoder.column for encoder in fitted.values()]
-    return _layout(source, dialect, _all(counters, "integer"), _all(status, "integer") | _sequence(dialect))
+    return _layout(
+        source, dialect, _all(counters, "integer"), _all(status, "integer") | _sequence(dialect)
+    )
 
 
 def force_layout(source: SourceFile, dialect: Dialect) -> Layout:
@@ -85,11 +95,17 @@ def _all(columns: Sequence[str], kind: Kind) -> dict[str, Kind]:
 
 
 def _layout(
-    source: SourceFile, dialect: Dialect, required: dict[str, Kind], optional: dict[str, Kind], together: tuple[str, ...] = ()
+    source: SourceFile,
+    dialect: Dialect,
+    required: dict[str, Kind],
+    optional: dict[str, Kind],
+    together: tuple[str, ...] = (),
 ) -> Layout:
     time = dialect.time
     if time.column in required:
-        raise DescriptionError(f"column {time.column} holds the time stamps; it cannot be an encoder's too.")
+        raise DescriptionError(
+            f"column {time.column} holds the time stamps; it cannot be an encoder's too."
+        )
     stamps: Kind = "text" if time.type is None else "decimal" if time.type == "float" else "integer"
     return Layout(
         separators=dialect.separators,
@@ -111,7 +127,9 @@ def dialect_of(folder: Path, side: SourceName, source: SourceFile) -> Dialect:
     place = f"{folder / 'recording.yaml'}: sources.{side}"
     try:
         own = source.dialect.endswith(".yaml")
-        dialect = dialect_file(inside(folder, source.dialect)) if own else load_dialect(source.dialect)
+        dialect = (
+            dialect_file(inside(folder, source.dialect)) if own else load_dialect(source.dialect)
+        )
     except DescriptionError as error:
         raise DescriptionError(f"{place}.dialect: {error}") from None
     if dialect.source != side:
@@ -120,7 +138,9 @@ def dialect_of(folder: Path, side: SourceName, source: SourceFile) -> Dialect:
             "Are the files swapped?"
         )
     if source.time is not None and source.time not in TIME_FORMS:
-        raise DescriptionError(f"{place}.time: unknown form of time {source.time!r}.{nearest(source.time, list(TIME_FORMS), noun='form')}")
+        raise DescriptionError(
+            f"{place}.time: unknown form of time {source.time!r}.{nearest(source.time, list(TIME_FORMS), noun='form')}"
+        )
     return dialect
 
 
@@ -138,7 +158,9 @@ def joined(tables: list[Table]) -> Table:
     """
     table = join(tables)
     if len(table) < MINIMUM_ROWS:
-        raise LogError(f"{', '.join(table.files)}: {len(table)} usable rows; at least {MINIMUM_ROWS} are needed.")
+        raise LogError(
+            f"{', '.join(table.files)}: {len(table)} usable rows; at least {MINIMUM_ROWS} are needed."
+        )
     return table
 
 
@@ -175,23 +197,36 @@ def _with_stamps(side: Side, table: Table, findings: list[Finding]) -> tuple[Tim
     else:
         assert time.halves is not None
         low, high = time.halves
-        column, cells = f"{low} and {high}", _put_together(table, columns.pop(low), columns.pop(high), time.halves)
+        column, cells = (
+            f"{low} and {high}",
+            _put_together(table, columns.pop(low), columns.pop(high), time.halves),
+        )
     stamps = TimeCells(table.files[0], column, cells, table.line)
     form = time_form(side.name, side.source, side.dialect, stamps)
     columns[STAMP] = stamps_ns(stamps, form, findings)
-    return form, column, Table(columns, table.files, table.file, table.line, table.flags, table.begins)
+    return (
+        form,
+        column,
+        Table(columns, table.files, table.file, table.line, table.flags, table.begins),
+    )
 
 
-def _put_together(table: Table, low: NDArray[np.int64], high: NDArray[np.int64], names: tuple[str, str]) -> NDArray[np.int64]:
+def _put_together(
+    table: Table, low: NDArray[np.int64], high: NDArray[np.int64], names: tuple[str, str]
+) -> NDArray[np.int64]:
     """(N,) 64-bit counts of their 32-bit halves."""
     for name, half, most in ((names[0], low, 2**32), (names[1], high, 2**31)):
         outside = np.flatnonzero((half < 0) | (half >= most))
         if outside.size:
-            raise LogError(f"{table.place(outside[0])}: column {name}: {half[outside[0]]} is no half of a 64-bit time.")
+            raise LogError(
+                f"{table.place(outside[0])}: column {name}: {half[outside[0]]} is no half of a 64-bit time."
+            )
     return np.asarray((high << 32) | low)
 
 
-def time_form(name: SourceName, source: SourceFile, dialect: Dialect, stamps: TimeCells) -> TimeForm:
+def time_form(
+    name: SourceName, source: SourceFile, dialect: Dialect, stamps: TimeCells
+) -> TimeForm:
     """The form of the stamps of one file: declared by the recording or by the dialect, or the one that they show.
 
     Raises LogError if they show none.
@@ -200,7 +235,10 @@ def time_form(name: SourceName, source: SourceFile, dialect: Dialect, stamps: Ti
         return next(form for form in TIME_FORMS if form == source.time)
     if not dialect.time.forms:
         return dialect.time.possible[0]
-    shown = {recognised(str(stamps.cells[row]), dialect.time.forms) for row in {0, len(stamps.cells) // 2, len(stamps.cells) - 1}}
+    shown = {
+        recognised(str(stamps.cells[row]), dialect.time.forms)
+        for row in {0, len(stamps.cells) // 2, len(stamps.cells) - 1}
+    }
     shown.discard(None)
     if len(shown) == 1:
         return next(form for form in TIME_FORMS if form in shown)
@@ -215,7 +253,11 @@ def inside(folder: Path, file: str) -> Path:
     """The path of a device file, which must lie inside the recording folder, links followed."""
     named = PureWindowsPath(file)  # splits at both kinds of slash
     try:
-        inside = not named.anchor and ".." not in named.parts and (folder / file).resolve().is_relative_to(folder.resolve())
+        inside = (
+            not named.anchor
+            and ".." not in named.parts
+            and (folder / file).resolve().is_relative_to(folder.resolve())
+        )
     except (OSError, RuntimeError, ValueError):  # a link to itself, a NUL in the name
         inside = False
     if not inside:

@@ -51,9 +51,13 @@ def speeds(t: Array, angles: Array) -> Array:
     """(N, C) [rad/s] mean speed over one WINDOW before and one after each sample; constant within a WINDOW of the ends."""
     m = _window(t)
     if t.size < 2 * m + 1:
-        raise ValueError(f"a log of {t.size} samples is shorter than {2 * WINDOW} s, too short for a speed")
+        raise ValueError(
+            f"a log of {t.size} samples is shorter than {2 * WINDOW} s, too short for a speed"
+        )
     times, means = _box_means(t[:, None] - t[0], m), _box_means(angles - angles[0], m)
-    inner = (means[m + 1 :] - means[: -m - 1]) / (times[m + 1 :] - times[: -m - 1])  # entry i belongs to sample i+m
+    inner = (means[m + 1 :] - means[: -m - 1]) / (
+        times[m + 1 :] - times[: -m - 1]
+    )  # entry i belongs to sample i+m
     return np.pad(inner, ((m, m), (0, 0)), mode="edge")
 
 
@@ -64,7 +68,9 @@ def noise_sigma(t: Array, angles: Array) -> Array:
     weights = 1.0 / gaps.prod(axis=2)  # (N-3, 4) of the divided difference
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     difference = sum(weights[:, i, None] * angles[i : t.size - 3 + i] for i in range(4))
-    return np.asarray(np.median(np.abs(difference), axis=0) / 0.6745, dtype=np.float64)  # 0.6745: median of |normal| in sigmas
+    return np.asarray(
+        np.median(np.abs(difference), axis=0) / 0.6745, dtype=np.float64
+    )  # 0.6745: median of |normal| in sigmas
 
 
 def _window(t: Array) -> int:

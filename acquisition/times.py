@@ -36,9 +36,13 @@ EARLIEST, LATEST = 1980, 2100  # years; a controller that has lost its battery s
 _WHOLE, _DECIMAL = re.compile(r"[+-]?[0-9]{1,20}"), re.compile(r"([+-]?)([0-9]*)\.?([0-9]*)")
 _EXPONENT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][+-]?[0-9]{1,3}")
 _DATE = re.compile(
-    r"(?:DT#|DATE_AND_TIME#|LDT#)?(\d{4}-\d\d-\d\d)[- T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|\+00:00)?", re.IGNORECASE
+    r"(?:DT#|DATE_AND_TIME#|LDT#)?(\d{4}-\d\d-\d\d)[- T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|\+00:00)?",
+    re.IGNORECASE,
 )  # SYSTEMTIME_TO_STRING and DCTIME64_TO_STRING put a dash between date and time
-_IEC = re.compile(r"L?T(?:IME)?#(-?)(?:(\d+)d)?_?(?:(\d+)h)?_?(?:(\d+)m(?!s))?_?(?:(\d+)s)?_?(?:(\d+)ms)?", re.IGNORECASE)
+_IEC = re.compile(
+    r"L?T(?:IME)?#(-?)(?:(\d+)d)?_?(?:(\d+)h)?_?(?:(\d+)m(?!s))?_?(?:(\d+)s)?_?(?:(\d+)ms)?",
+    re.IGNORECASE,
+)
 _FILETIME_1970 = 116_444_736_000_000_000  # [100 ns] from 1601 to 1970
 _DC_1970 = 946_684_800_000_000_000  # [ns] from 1970 to 2000
 _WRAP = 2**32
@@ -51,7 +55,9 @@ class _Count:
 
     tick: int  # [ns]
     start: int = 0  # [ticks] count at 1970
-    between: tuple[float, float] | None = None  # counts from 2016 to 2036, which tell the form; None if nothing does
+    between: tuple[float, float] | None = (
+        None  # counts from 2016 to 2036, which tell the form; None if nothing does
+    )
     wraps: bool = False  # after 32 bits
     words: str = ""
 
@@ -64,7 +70,9 @@ _COUNTS: dict[str, _Count] = {
     "ns": _Count(1, words="ns"),
     "ms-32bit": _Count(10**6, wraps=True, words="ms in 32 bits"),
     "ns-32bit": _Count(1, wraps=True, words="ns in 32 bits"),
-    "filetime": _Count(100, _FILETIME_1970, (1.31e17, 1.38e17), words="100 ns since 1601 (FILETIME)"),
+    "filetime": _Count(
+        100, _FILETIME_1970, (1.31e17, 1.38e17), words="100 ns since 1601 (FILETIME)"
+    ),
     "dc": _Count(1, -_DC_1970, (5.0e17, 1.14e18), words="ns since 2000 (distributed clock)"),
     "unix-s": _Count(10**9, 0, (1.45e9, 2.1e9), words="s since 1970"),
     "unix-ms": _Count(10**6, 0, (1.45e12, 2.1e12), words="ms since 1970"),
@@ -171,7 +179,9 @@ def _decimals(time: TimeCells, count: _Count, findings: list[Finding]) -> Stamps
         found = _DECIMAL.fullmatch(cell)
         if found and (found[2] or found[3]) and len(found[2]) < 20:
             sign, whole, fraction = found.groups()
-            ticks = int(whole or 0) * count.tick + (_fraction(fraction, digits) if digits else _no_fraction(time, row, fraction))
+            ticks = int(whole or 0) * count.tick + (
+                _fraction(fraction, digits) if digits else _no_fraction(time, row, fraction)
+            )
             value = (-ticks if sign == "-" else ticks) - count.start * count.tick
         elif _EXPONENT.fullmatch(cell):
             exact = Decimal(cell)
@@ -192,7 +202,9 @@ def _decimals(time: TimeCells, count: _Count, findings: list[Finding]) -> Stamps
         out[row] = value
     if rounded:
         sentence = "in exponent form, rounded to no worse than 1 ms by a spreadsheet."
-        findings.append(finding("rounded stamp", "repaired", time.file, sentence, lines=time.line[rounded]))
+        findings.append(
+            finding("rounded stamp", "repaired", time.file, sentence, lines=time.line[rounded])
+        )
     return out
 
 
@@ -225,7 +237,9 @@ def _refuse_other_epoch(time: TimeCells, ns: Stamps, count: _Count) -> None:
         if value < 0:
             raise LogError(f"{time.place(row)}: time stamp is negative.")
         if not 0.5 * count.between[0] <= value <= 2.0 * count.between[1]:
-            raise LogError(f"{time.place(row)} is no {count.words}: that would be the year {1970 + ns[row] / 3.156e16:.0f}. Another form?")
+            raise LogError(
+                f"{time.place(row)} is no {count.words}: that would be the year {1970 + ns[row] / 3.156e16:.0f}. Another form?"
+            )
 
 
 def _dates(time: TimeCells) -> Stamps:
@@ -233,7 +247,9 @@ def _dates(time: TimeCells) -> Stamps:
     for row, cell in enumerate(time.cells):
         found = _DATE.fullmatch(str(cell))
         if not found:
-            raise LogError(f"{time.place(row)} is no date with time of day, such as 2016-04-20-13:45:10.123.")
+            raise LogError(
+                f"{time.place(row)} is no date with time of day, such as 2016-04-20-13:45:10.123."
+            )
         if not EARLIEST <= int(found[1][:4]) <= LATEST:
             raise LogError(f"{time.place(row)} is no date of our time.")
         texts.append(f"{found[1]}T{found[2]}.{(found[3] or '').ljust(9, '0')}")
@@ -256,7 +272,11 @@ def _iec_times(time: TimeCells) -> Stamps:
     out = np.empty(len(time.cells), dtype=np.int64)
     for row, cell in enumerate(time.cells):
         found = _IEC.fullmatch(str(cell))
-        parts = [int(part or 0) for part in found.groups()[1:]] if found and any(found.groups()[1:]) else []
+        parts = (
+            [int(part or 0) for part in found.groups()[1:]]
+            if found and any(found.groups()[1:])
+            else []
+        )
         if not parts or found is None or found[1] or max(parts) >= _WRAP:
             raise LogError(f"{time.place(row)} is no IEC time, such as T#1h2m3s4ms.")
         days, hours, minutes, seconds, ms = parts

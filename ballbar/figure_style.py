@@ -32,11 +32,18 @@ FRAME: dict[RcKeyType, Any] = {
 
 def svg_text(figure: Figure, *, transparent: bool = False) -> str:
     """The figure as an SVG file without date and names of programs: same figure, same text."""
-    if arrange := figure.get_layout_engine():  # once: savefig would arrange it twice, which is half of the time a figure takes
+    if (
+        arrange := figure.get_layout_engine()
+    ):  # once: savefig would arrange it twice, which is half of the time a figure takes
         arrange.execute(figure)
         figure.set_layout_engine("none")
     written = io.StringIO()
-    figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}, transparent=transparent)
+    figure.savefig(
+        written,
+        format="svg",
+        metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
+        transparent=transparent,
+    )
     return written.getvalue()
 
 

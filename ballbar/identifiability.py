@@ -19,9 +19,23 @@ from acquisition import read_recording
 from ballbar.scenario import Scenario
 from cell.descriptions import load_cell
 from cell.errors import InputError
-from cell.geometry import BAR_ROWS, INDEX, PARAMETERS, ROBOT_ROWS, Geometry, bar_frames, nominal_geometry
+from cell.geometry import (
+    BAR_ROWS,
+    INDEX,
+    PARAMETERS,
+    ROBOT_ROWS,
+    Geometry,
+    bar_frames,
+    nominal_geometry,
+)
 from cell.inverse import refine
-from ident.estimator.closure import bar_joint_jacobian, close_loop, covariance, parameter_jacobian, whitening
+from ident.estimator.closure import (
+    bar_joint_jacobian,
+    close_loop,
+    covariance,
+    parameter_jacobian,
+    whitening,
+)
 from ident.estimator.dependencies import (
     EXTRA_PARAMETERS,
     THESIS_PARAMETERS,
@@ -80,10 +94,14 @@ def nominal_loop(scenario: Scenario, *, relative_to: Path, samples: int = SAMPLE
     """
     chosen, timing = scenario.cell, scenario.path
     if timing.kind == "push_pull":
-        raise InputError("path.kind = push_pull: one held pose identifies nothing. Use a scenario whose path moves over the sphere.")
+        raise InputError(
+            "path.kind = push_pull: one held pose identifies nothing. Use a scenario whose path moves over the sphere."
+        )
     cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate, relative_to=relative_to)
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
-    recorded = read_recording(relative_to / timing.recording).robot_log if timing.recording else None
+    recorded = (
+        read_recording(relative_to / timing.recording).robot_log if timing.recording else None
+    )
     path = planned_path(timing, cell, nominal, relative_to=relative_to, recorded=recorded)
     some = np.linspace(0, path.t.size - 1, min(samples, path.t.size)).round().astype(int)
     return NominalLoop(nominal, path.q[some], path.b[some])
@@ -94,8 +112,12 @@ def parse_encoders(text: str) -> tuple[int, ...]:
     if text.strip() == "none":
         return ()
     parts = [part.strip() for part in text.split(",")]
-    if not all(re.fullmatch(f"[1-{BAR_ROWS}]", part) for part in parts) or len(set(parts)) < len(parts):
-        raise InputError(f"--encoders {text}: give different ball-bar joints from 1 to {BAR_ROWS}, such as 1,2,4,5, or none")
+    if not all(re.fullmatch(f"[1-{BAR_ROWS}]", part) for part in parts) or len(set(parts)) < len(
+        parts
+    ):
+        raise InputError(
+            f"--encoders {text}: give different ball-bar joints from 1 to {BAR_ROWS}, such as 1,2,4,5, or none"
+        )
     return tuple(sorted(int(part) for part in parts))
 
 
@@ -109,9 +131,15 @@ def chosen_costs(name: str, encoders: Sequence[int]) -> tuple[list[str], dict[st
     asked = COSTS if name == "all" else (name,)
     fitted = ", ".join(f"b{j}" for j in encoders) or "none"
     lacking = {cost: [f"b{j}" for j in _needed(cost, ()) if j not in encoders] for cost in asked}
-    passed_over = {cost: f"needs {', '.join(joints)}; fitted: {fitted}" for cost, joints in lacking.items() if joints}
+    passed_over = {
+        cost: f"needs {', '.join(joints)}; fitted: {fitted}"
+        for cost, joints in lacking.items()
+        if joints
+    }
     if name in passed_over:
-        raise InputError(f"--cost {name}: {passed_over[name]}. Use --encoders to choose others, or --cost ml, which takes any.")
+        raise InputError(
+            f"--cost {name}: {passed_over[name]}. Use --encoders to choose others, or --cost ml, which takes any."
+        )
     return [cost for cost in asked if cost not in passed_over], passed_over
 
 
@@ -131,15 +159,22 @@ def study(loop: NominalLoop, cost: str, encoders: tuple[int, ...], *, complete: 
 def influences(loop: NominalLoop, found: Study) -> Influences:
     """For each parameter left out, the kept ones that an error of 1 mm|mrad in it moves by more than 0.05, in mm|mrad (Table 3.4)."""
     kept = found.selection.kept
-    return {d.name: significant(reidentified(loop, found.cost, found.encoders, kept, d.name)) for d in found.selection.dependent}
+    return {
+        d.name: significant(reidentified(loop, found.cost, found.encoders, kept, d.name))
+        for d in found.selection.dependent
+    }
 
 
-def cost_columns(loop: NominalLoop, cost: str, encoders: tuple[int, ...], names: Sequence[str]) -> Array:
+def cost_columns(
+    loop: NominalLoop, cost: str, encoders: tuple[int, ...], names: Sequence[str]
+) -> Array:
     """(P, M) Jacobian of a cost on the nominal mechanism, one row for each of `names`."""
     return _linearised(cost, encoders, loop.geometry, loop.q, loop.b, names)[1]
 
 
-def reidentified(loop: NominalLoop, cost: str, encoders: tuple[int, ...], kept: Sequence[str], name: str) -> dict[str, float]:
+def reidentified(
+    loop: NominalLoop, cost: str, encoders: tuple[int, ...], kept: Sequence[str], name: str
+) -> dict[str, float]:
     """How far each kept parameter moves when `name` is off by 1 mm|mrad and its nominal value is believed (thesis Table 3.4).
 
     The mechanism with that error takes the same ball-bar angles; its exact angles are identified by Gauss-Newton from nominal.
@@ -158,28 +193,48 @@ def reidentified(loop: NominalLoop, cost: str, encoders: tuple[int, ...], kept: 
         if np.abs(step).max() < SETTLED:
             moved = (values - loop.geometry.values)[rows] / 1e-3
             return dict(zip(kept, moved.tolist(), strict=True))
-    raise InputError(f"{cost}: with {name} off by 1 mm|mrad the other parameters do not settle; the path excites them too little")
+    raise InputError(
+        f"{cost}: with {name} off by 1 mm|mrad the other parameters do not settle; the path excites them too little"
+    )
 
 
 def _needed(cost: str, encoders: tuple[int, ...]) -> tuple[int, ...]:
-    return next((joints for name, joints in ENCODERS_NEEDED.items() if name == cost), encoders)  # ml takes what there is
+    return next(
+        (joints for name, joints in ENCODERS_NEEDED.items() if name == cost), encoders
+    )  # ml takes what there is
 
 
 def _linearised(
-    cost: str, encoders: tuple[int, ...], geometry: Geometry, q: Array, b: Array, names: Sequence[str]
+    cost: str,
+    encoders: tuple[int, ...],
+    geometry: Geometry,
+    q: Array,
+    b: Array,
+    names: Sequence[str],
 ) -> tuple[Array, Array, Array]:
     """Residual (M,), columns (P, M), and ball-bar angles (N, 5) with those that nobody measures where they fit best."""
     parameters = [PARAMETERS[INDEX[name]] for name in names]
     signed = next((cost_named(name, "vector") for name in ENCODERS_NEEDED if name == cost), None)
     closure = close_loop(geometry, q, b)
     if signed is not None:
-        return signed.residual(closure).reshape(-1), signed.jacobian(closure, parameters).reshape(len(names), -1), b
+        return (
+            signed.residual(closure).reshape(-1),
+            signed.jacobian(closure, parameters).reshape(len(names), -1),
+            b,
+        )
     free = [j for j in range(BAR_ROWS) if j + 1 not in encoders]
     sigma = np.where(np.isin(np.arange(BAR_ROWS), free), 0.0, NOISE)
-    weights = whitening(covariance(closure, np.full(ROBOT_ROWS, NOISE), sigma, 0.0), bar_joint_jacobian(closure)[free])
+    weights = whitening(
+        covariance(closure, np.full(ROBOT_ROWS, NOISE), sigma, 0.0),
+        bar_joint_jacobian(closure)[free],
+    )
     settled = b.copy()
     settled[:, free] += weights.free_step(closure.error).T
-    return weights(closure.error).reshape(-1), weights(parameter_jacobian(closure, parameters)).reshape(len(names), -1), settled
+    return (
+        weights(closure.error).reshape(-1),
+        weights(parameter_jacobian(closure, parameters)).reshape(len(names), -1),
+        settled,
+    )
 
 
 def study_lines(found: Study, moved: Influences) -> Iterator[str]:
@@ -190,9 +245,17 @@ def study_lines(found: Study, moved: Influences) -> Iterator[str]:
     yield f"{TITLES[found.cost]}, encoders {fitted}: {count}, condition {spread.condition:.0f}"
     yield from _titled("no effect", [" ".join(shortened(s.without_effect)) or "none"])
     width = max((len(str(group)) for group in found.groups), default=0)
-    yield from _titled("dependent", [f"{group!s:<{width}}   {'; '.join(map(vector_text, group.vectors))}" for group in found.groups])
+    yield from _titled(
+        "dependent",
+        [
+            f"{group!s:<{width}}   {'; '.join(map(vector_text, group.vectors))}"
+            for group in found.groups
+        ],
+    )
     yield from _titled(f"kept {len(s.kept)}", [" ".join(shortened(s.kept))])
-    yield from _titled("left out", [f"{d.name:<7}  {_influence_text(d, moved[d.name])}" for d in s.dependent])
+    yield from _titled(
+        "left out", [f"{d.name:<7}  {_influence_text(d, moved[d.name])}" for d in s.dependent]
+    )
 
 
 def _titled(title: str, lines: Sequence[str]) -> Iterator[str]:
@@ -204,7 +267,9 @@ def _influence_text(dependency: Dependency, moved: dict[str, float]) -> str:
     named = [f"{name} {x:+.3f}" for name, x in moved.items()]
     more = f" and {len(named) - SHOWN} more" if len(named) > SHOWN else ""
     verb = "scales" if dependency.is_scale else "moves"
-    return f"+1 {unit_of(dependency.name):<4} {verb:<6} {', '.join(named[:SHOWN]) or 'nothing'}{more}"
+    return (
+        f"+1 {unit_of(dependency.name):<4} {verb:<6} {', '.join(named[:SHOWN]) or 'nothing'}{more}"
+    )
 
 
 TITLES = {
@@ -220,7 +285,10 @@ def vector_text(vector: Dependency) -> str:
     """A null vector in one line: `rd1 = -oz`, `rtheta1 = -btheta1 - 0.7 oy`; units m and rad."""
     if vector.is_scale:
         return f"{vector.name} = scale, all lengths together"
-    terms = [f"{'-' if x < 0 else '+'} {'' if abs(abs(x) - 1.0) < 5e-5 else f'{abs(x):.4g} '}{name}" for name, x in vector.partners.items()]
+    terms = [
+        f"{'-' if x < 0 else '+'} {'' if abs(abs(x) - 1.0) < 5e-5 else f'{abs(x):.4g} '}{name}"
+        for name, x in vector.partners.items()
+    ]
     first, *rest = terms
     return f"{vector.name} = {' '.join([first.replace('+ ', '').replace('- ', '-'), *rest])}"
 
@@ -233,10 +301,14 @@ def unit_of(name: str) -> str:
 def study_data(found: Study, moved: Influences) -> dict[str, object]:
     """All of a study as plain data: null vectors in m and rad; moved, as from `influences`, in mm|mrad."""
     s = found.selection
-    left_out: list[dict[str, object]] = [{"name": name, "reason": "no effect"} for name in s.without_effect]
+    left_out: list[dict[str, object]] = [
+        {"name": name, "reason": "no effect"} for name in s.without_effect
+    ]
     for d in s.dependent:
         reason = "scale" if d.is_scale else "depends on"
-        left_out.append({"name": d.name, "reason": reason, "on": dict(d.partners), "affected": moved[d.name]})
+        left_out.append(
+            {"name": d.name, "reason": reason, "on": dict(d.partners), "affected": moved[d.name]}
+        )
     return {
         "cost": found.cost,
         "encoders": list(found.encoders),
@@ -247,7 +319,11 @@ def study_data(found: Study, moved: Influences) -> dict[str, object]:
         "largest_ignored_singular_value": found.spectrum.largest_ignored,
         "zero_jacobian": list(s.without_effect),
         "groups": [
-            {"text": str(group), "members": [list(m) for m in group.members], "vectors": {v.name: dict(v.partners) for v in group.vectors}}
+            {
+                "text": str(group),
+                "members": [list(m) for m in group.members],
+                "vectors": {v.name: dict(v.partners) for v in group.vectors},
+            }
             for group in found.groups
         ],
         "kept": list(s.kept),

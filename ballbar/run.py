@@ -33,7 +33,12 @@ OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY}
 
 
 def simulate_scenario(
-    scenario: Scenario, scenario_file: Path, folder: Path, *, progress: Progress, live: LiveRun | None = None
+    scenario: Scenario,
+    scenario_file: Path,
+    folder: Path,
+    *,
+    progress: Progress,
+    live: LiveRun | None = None,
 ) -> Simulation:
     """Simulates a scenario and writes its recording; live : shown the motion as it comes.
 
@@ -44,7 +49,9 @@ def simulate_scenario(
     files = scenario_file.parent
     watch = live.moved if live else None
     try:
-        simulation = simulate(scenario, relative_to=files, recorded=recorded_log(scenario.path, files), watch=watch)
+        simulation = simulate(
+            scenario, relative_to=files, recorded=recorded_log(scenario.path, files), watch=watch
+        )
     except InputError as error:
         raise InputError(f"{scenario_file}: {error}") from None
     progress("writing the device logs")
@@ -64,19 +71,29 @@ def claim_recording(folder: Path) -> None:
     """Makes sure that a simulated recording may go to `folder`. Raises InputError; a real recording is never overwritten."""
     claim_folder(folder, {"recording.yaml", "raw"}, "a recording")
     if (folder / "recording.yaml").exists() and load_recording_file(folder).kind == "real":
-        raise InputError(f"{folder}: holds a real recording; nothing was written. Choose another folder with --out.")
+        raise InputError(
+            f"{folder}: holds a real recording; nothing was written. Choose another folder with --out."
+        )
 
 
-def identify_folder(folder: Path, *, samples: int = DEFAULT_SAMPLES, progress: Progress) -> tuple[Recording, Identification]:
+def identify_folder(
+    folder: Path, *, samples: int = DEFAULT_SAMPLES, progress: Progress
+) -> tuple[Recording, Identification]:
     """Reads and identifies a recording. Raises InputError for bad files, StartError when the logs do not fit together."""
-    data = identify_recordings([folder], settings=IdentifySettings(samples=samples), progress=progress)
+    data = identify_recordings(
+        [folder], settings=IdentifySettings(samples=samples), progress=progress
+    )
     return data.recording, data.identification
 
 
-def write_outputs(out: Path, data: RunData, *, command: str, replay: bool, progress: Progress) -> None:
+def write_outputs(
+    out: Path, data: RunData, *, command: str, replay: bool, progress: Progress
+) -> None:
     """Writes calibration.yaml, import_report.json, report.html and, if asked for, run.rrd."""
     file = data.recording.description
-    read = {one.name: one.recording for one in data.fitted} | {one.outcome.name: one.recording for one in data.validations}
+    read = {one.name: one.recording for one in data.fitted} | {
+        one.outcome.name: one.recording for one in data.validations
+    }
     write_whole(out / IMPORT_REPORT, import_reports(read).encode())
     write_calibration(
         out / CALIBRATION,
@@ -95,7 +112,13 @@ def write_outputs(out: Path, data: RunData, *, command: str, replay: bool, progr
 
 
 def run_scenario(
-    scenario: Scenario, scenario_file: Path, out: Path, *, command: str, progress: Progress, live: LiveRun | None = None
+    scenario: Scenario,
+    scenario_file: Path,
+    out: Path,
+    *,
+    command: str,
+    progress: Progress,
+    live: LiveRun | None = None,
 ) -> RunData:
     """Simulate, identify, compare with the truth, report, replay; live : shown each of it as it comes.
 
@@ -110,7 +133,9 @@ def run_scenario(
     folder = out / RECORDING
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress, live=live)
     log = IterationLog(progress, live.iterated if live else None)
-    found = identify_recordings([folder], settings=scenario.identify, progress=log.progress, watch=log.watch)
+    found = identify_recordings(
+        [folder], settings=scenario.identify, progress=log.progress, watch=log.watch
+    )
     comparison = identification_against_truth(found.identification, simulation.truth)
     limits = limits_of(comparison, found.identification.iterations, scenario.accept)
     data = replace(

@@ -29,16 +29,21 @@ def _unless_auto(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value
 
 
-Corrections = Annotated[tuple[Annotated[str, AfterValidator(_known_correction)], ...], Field(min_length=1)]
+Corrections = Annotated[
+    tuple[Annotated[str, AfterValidator(_known_correction)], ...], Field(min_length=1)
+]
 
 
 class IdentifySettings(Strict):
     """How the recording is identified."""
 
     cost: Literal["ml", "length", "position", "position_angles", "transform"] = Field(
-        "ml", description="Whitened loop closure with the clock as parameter, or one of the cost functions of thesis eqs. 2.1-2.4."
+        "ml",
+        description="Whitened loop closure with the clock as parameter, or one of the cost functions of thesis eqs. 2.1-2.4.",
     )
-    form: Literal["vector", "thesis"] = Field("vector", description="Of a thesis cost: signed components, or the scalar as printed.")
+    form: Literal["vector", "thesis"] = Field(
+        "vector", description="Of a thesis cost: signed components, or the scalar as printed."
+    )
     data: Literal["files", "samples"] = Field(
         "files",
         description="Device logs through reader and clock alignment; or the angles of both logs at the sample instants, clocks already "
@@ -50,29 +55,45 @@ class IdentifySettings(Strict):
         description="Of a vector cost on samples: how far the rod gives way is an unknown, the sign of its force known (thesis ch. 6).",
     )
     shift_rounds: Annotated[int, Field(ge=0, le=50)] = Field(
-        0, description="Of a cost on samples: how often to identify and move one log to the least cost before the fit (thesis sec. 5.2)."
+        0,
+        description="Of a cost on samples: how often to identify and move one log to the least cost before the fit (thesis sec. 5.2).",
     )
-    model: ModelName = Field("auto", description="Kinematics alone (dh), with corrections (complete), or what the recording asks for.")
+    model: ModelName = Field(
+        "auto",
+        description="Kinematics alone (dh), with corrections (complete), or what the recording asks for.",
+    )
     corrections: Annotated[Corrections | None, BeforeValidator(_unless_auto)] = Field(
-        None, description="Of the complete model, by name; `auto` keeps those that the data support."
+        None,
+        description="Of the complete model, by name; `auto` keeps those that the data support.",
     )
-    force: ForceSource = Field("auto", description="Where the rod's force comes from; auto takes the best signal that was logged.")
+    force: ForceSource = Field(
+        "auto",
+        description="Where the rod's force comes from; auto takes the best signal that was logged.",
+    )
     rod_sigma_m: Annotated[float, Field(gt=0.0, le=0.01)] | None = Field(
-        None, description="Of a measured rod: bd3 of the ball-bar's file is that length. Without it, the catalogue's tolerance."
+        None,
+        description="Of a measured rod: bd3 of the ball-bar's file is that length. Without it, the catalogue's tolerance.",
     )
 
 
 class AcceptSettings(Strict):
     """Limits against the truth; a run beyond one of them exits with code 1."""
 
-    tcp_mean_mm: Annotated[float, Field(gt=0.0)] | None = Field(None, description="Mean TCP error over the accuracy grid.")
-    tcp_max_mm: Annotated[float, Field(gt=0.0)] | None = Field(None, description="Largest TCP error over the accuracy grid.")
+    tcp_mean_mm: Annotated[float, Field(gt=0.0)] | None = Field(
+        None, description="Mean TCP error over the accuracy grid."
+    )
+    tcp_max_mm: Annotated[float, Field(gt=0.0)] | None = Field(
+        None, description="Largest TCP error over the accuracy grid."
+    )
     parameter_distance_mm_mrad: Annotated[float, Field(gt=0.0)] | None = Field(
-        None, description="Euclidean distance over the identified parameters, mm and mrad mixed (thesis sec. 3.4)."
+        None,
+        description="Euclidean distance over the identified parameters, mm and mrad mixed (thesis sec. 3.4).",
     )
     clock_offset_us: Annotated[float, Field(gt=0.0)] | None = None
     clock_skew_ppm: Annotated[float, Field(gt=0.0)] | None = None
-    iterations: Annotated[int, Field(gt=0)] | None = Field(None, description="From the automatic start to the result.")
+    iterations: Annotated[int, Field(gt=0)] | None = Field(
+        None, description="From the automatic start to the result."
+    )
 
 
 class Scenario(SimulationSettings):
@@ -87,17 +108,39 @@ class Scenario(SimulationSettings):
         """The cost has its encoders and form, the samples their plant."""
         asked, fitted = self.identify, self.encoders.fitted
         if asked.data == "samples" and self.plant.kind != "kinematic":
-            raise wrong_key("identify", "data", message="samples come from the kinematic plant only; set plant.kind = kinematic")
+            raise wrong_key(
+                "identify",
+                "data",
+                message="samples come from the kinematic plant only; set plant.kind = kinematic",
+            )
         if asked.cost == "ml":
             if asked.form != "vector":
-                raise wrong_key("identify", "form", message="the thesis prints no ml; choose one of its costs, or vector")
-        elif missing := [f"b{joint}" for joint in ENCODERS_NEEDED[asked.cost] if joint not in fitted]:
-            raise wrong_key("identify", "cost", message=f"needs encoders on {', '.join(missing)}, which are not in encoders.fitted")
+                raise wrong_key(
+                    "identify",
+                    "form",
+                    message="the thesis prints no ml; choose one of its costs, or vector",
+                )
+        elif missing := [
+            f"b{joint}" for joint in ENCODERS_NEEDED[asked.cost] if joint not in fitted
+        ]:
+            raise wrong_key(
+                "identify",
+                "cost",
+                message=f"needs encoders on {', '.join(missing)}, which are not in encoders.fitted",
+            )
         for key in ("rod_sign", "shift_rounds"):
             if getattr(asked, key) and (asked.cost == "ml" or asked.data == "files"):
-                raise wrong_key("identify", key, message="is of the thesis's costs on samples; set identify.cost and data = samples")
+                raise wrong_key(
+                    "identify",
+                    key,
+                    message="is of the thesis's costs on samples; set identify.cost and data = samples",
+                )
         if asked.rod_sign and asked.form != "vector":
-            raise wrong_key("identify", "rod_sign", message="the rod's deviation is linear in the vector form only; set form = vector")
+            raise wrong_key(
+                "identify",
+                "rod_sign",
+                message="the rod's deviation is linear in the vector form only; set form = vector",
+            )
         return self
 
 

@@ -70,7 +70,13 @@ def moves(console: Console) -> bool:
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str], None]]:
     """A bar with the stage and the seconds so far, on a terminal; with --verbose a line each stage; else nothing."""
-    bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=err, transient=True)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        console=err,
+        transient=True,
+    )
     task = bar.add_task("starting", total=None)  # how long a stage takes is not known before
     since = time.monotonic()
 
@@ -94,11 +100,21 @@ def _take_verbose(value: bool) -> None:
 
 Quiet = Annotated[
     bool,
-    typer.Option("--quiet", "-q", help="Print nothing but errors, and what --json asks for.", callback=_take_quiet, expose_value=False),
+    typer.Option(
+        "--quiet",
+        "-q",
+        help="Print nothing but errors, and what --json asks for.",
+        callback=_take_quiet,
+        expose_value=False,
+    ),
 ]
 Verbose = Annotated[
     bool,
     typer.Option(
-        "--verbose", "-v", help="Tell each stage with the seconds it began at, also in a pipe.", callback=_take_verbose, expose_value=False
+        "--verbose",
+        "-v",
+        help="Tell each stage with the seconds it began at, also in a pipe.",
+        callback=_take_verbose,
+        expose_value=False,
     ),
 ]

@@ -24,18 +24,40 @@ ALLOWED = 100e-6  # [s]
 CASES: dict[str, dict[str, object]] = {
     "skew 200 ppm": {"skew": 2e-4},
     "and wander 0.5 ppm": {"skew": 2e-4, "wander": {"rate_rms_ppm": 0.5}},
-    "and a step of 128 ms": {"skew": 2e-4, "wander": {"rate_rms_ppm": 0.5}, "step": {"step_s": 0.128}},
-    "and a step back of 40 ms": {"skew": -2e-4, "wander": {"rate_rms_ppm": 0.5}, "step": {"step_s": -0.04}},
+    "and a step of 128 ms": {
+        "skew": 2e-4,
+        "wander": {"rate_rms_ppm": 0.5},
+        "step": {"step_s": 0.128},
+    },
+    "and a step back of 40 ms": {
+        "skew": -2e-4,
+        "wander": {"rate_rms_ppm": 0.5},
+        "step": {"step_s": -0.04},
+    },
 }
 
 
 def settings(duration: float, clocks: dict[str, object], seed: int) -> SimulationSettings:
     """One run; a step falls into its second half."""
-    clocks = {**clocks, "step": {"at_s": 0.6 * duration, **clocks["step"]}} if isinstance(clocks.get("step"), dict) else clocks  # type: ignore[dict-item]
+    clocks = (
+        {**clocks, "step": {"at_s": 0.6 * duration, **clocks["step"]}}
+        if isinstance(clocks.get("step"), dict)
+        else clocks
+    )  # type: ignore[dict-item]
     return SimulationSettings.model_validate(
         {
-            "cell": {"robot": "irb2400", "ballbar": "lund_600", "ballbar_position_m": [0.70, 0.0, 0.54]},
-            "path": {"kind": "lissajous", "file": "paths/irb2400_a.yaml", "duration_s": duration, "dwell_s": 3.0, "stops": 2},
+            "cell": {
+                "robot": "irb2400",
+                "ballbar": "lund_600",
+                "ballbar_position_m": [0.70, 0.0, 0.54],
+            },
+            "path": {
+                "kind": "lissajous",
+                "file": "paths/irb2400_a.yaml",
+                "duration_s": duration,
+                "dwell_s": 3.0,
+                "stops": 2,
+            },
             "plant": {"kind": "kinematic"},
             "errors": {"static": {"table": "thesis_3_1"}, "joint_noise": {"sigma_rad": 1e-5}},
             "encoders": {"fitted": [1, 2, 3, 4, 5], "noise_sigma_rad": 1e-5},

@@ -41,10 +41,16 @@ phase_deg: [18.0, 49.7, 251.0, 277.2, 357.4]
 def settings_of(draw: int, rng: np.random.Generator, folder: Path) -> SimulationSettings:
     """One draw; the path turns with the ball-bar about the robot's first axis, in any of the four configurations."""
     turn = float(rng.uniform(-1.2, 1.2))
-    place = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]) @ (BASE + rng.uniform(-0.05, 0.05, 3))
-    flip2, flip4 = rng.choice([-1, 1], 2)  # negative angles, zeros of their neighbours half a turn on: same motion, other configuration
+    place = np.array(
+        [[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
+    ) @ (BASE + rng.uniform(-0.05, 0.05, 3))
+    flip2, flip4 = rng.choice(
+        [-1, 1], 2
+    )  # negative angles, zeros of their neighbours half a turn on: same motion, other configuration
     centre = -23.2 + np.degrees(turn) + (180.0 if flip2 < 0 else 0.0)
-    path = PATH.format(centre=centre, b2=-54.3 * flip2, b4=-129.6 * flip4, a2=-19.6 * flip2, a4=-18.2 * flip4)
+    path = PATH.format(
+        centre=centre, b2=-54.3 * flip2, b4=-129.6 * flip4, a2=-19.6 * flip2, a4=-18.2 * flip4
+    )
     if flip2 < 0:
         path = path.replace(", 20.8,", ", 200.8,")
     if flip4 < 0:
@@ -56,12 +62,29 @@ def settings_of(draw: int, rng: np.random.Generator, folder: Path) -> Simulation
     (folder / "path.yaml").write_text(path)
     return SimulationSettings.model_validate(
         {
-            "cell": {"robot": "irb2400", "ballbar": "lund_600", "ballbar_position_m": [float(c) for c in place]},
-            "path": {"kind": "lissajous", "file": "path.yaml", "duration_s": 120.0, "dwell_s": 4.0, "stops": 2},
+            "cell": {
+                "robot": "irb2400",
+                "ballbar": "lund_600",
+                "ballbar_position_m": [float(c) for c in place],
+            },
+            "path": {
+                "kind": "lissajous",
+                "file": "path.yaml",
+                "duration_s": 120.0,
+                "dwell_s": 4.0,
+                "stops": 2,
+            },
             "plant": {"kind": "kinematic"},
-            "errors": {"static": {"sigma_m": 1e-3, "sigma_rad": 1e-3}, "joint_noise": {"sigma_rad": 1e-5}},
+            "errors": {
+                "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
+                "joint_noise": {"sigma_rad": 1e-5},
+            },
             "encoders": {"fitted": FITTED[draw % 4], "noise_sigma_rad": 1e-5, "senses": "unknown"},
-            "clocks": {"offset_s": float(rng.uniform(-60, 60)), "skew": float(rng.uniform(-2e-4, 2e-4)), "overrun_probability": 0.005},
+            "clocks": {
+                "offset_s": float(rng.uniform(-60, 60)),
+                "skew": float(rng.uniform(-2e-4, 2e-4)),
+                "overrun_probability": 0.005,
+            },
             "seed": draw,
         }
     )
@@ -85,7 +108,9 @@ def cut(recording: Recording, rng: np.random.Generator) -> tuple[BallBarLog | No
         return log, 0.0
     rows = int(rng.uniform(0.0, 48.0) / 0.01)
     if rng.random() < 0.5:
-        return BallBarLog(log.t[: -rows or None].copy(), log.angles[: -rows or None].copy(), log.joints), 0.0
+        return BallBarLog(
+            log.t[: -rows or None].copy(), log.angles[: -rows or None].copy(), log.joints
+        ), 0.0
     lost = float(log.t[rows])
     return BallBarLog(log.t[rows:] - lost, log.angles[rows:].copy(), log.joints), lost
 
@@ -99,7 +124,11 @@ def one(draw: int) -> dict[str, object]:
         recording = read_recording(folder / "recording")
     log, lost = cut(recording, rng)
     offset = settings.clocks.offset_s + (1.0 + settings.clocks.skew) * lost
-    row: dict[str, object] = {"draw": draw, "encoders": "".join(map(str, settings.encoders.fitted)) or "none", "offset_s": offset}
+    row: dict[str, object] = {
+        "draw": draw,
+        "encoders": "".join(map(str, settings.encoders.fitted)) or "none",
+        "offset_s": offset,
+    }
     begin = time.perf_counter()
     try:
         result = identify(simulation.cell, recording.robot_log, log)
@@ -122,7 +151,9 @@ def one(draw: int) -> dict[str, object]:
 
 def main() -> None:
     """Runs the draws on two processes and prints a summary."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--draws", type=int, default=200)
     parser.add_argument("--out", type=Path, help="CSV file of all draws")
     arguments = parser.parse_args()

@@ -39,7 +39,13 @@ def motion_of(path: str) -> Motion:
     settings = SimulationSettings.model_validate(
         {
             "cell": CELL,
-            "path": {"kind": "lissajous", "file": path, "duration_s": 150.0, "dwell_s": 3.0, "stops": 3},
+            "path": {
+                "kind": "lissajous",
+                "file": path,
+                "duration_s": 150.0,
+                "dwell_s": 3.0,
+                "stops": 3,
+            },
             "plant": {"kind": "kinematic"},
             "errors": {},
             "encoders": {"fitted": [1, 2, 4, 5], "noise_sigma_rad": 0.0},
@@ -81,28 +87,45 @@ def draw(folder: Path, motion: Motion, rng: np.random.Generator) -> float:
     t_bar = t_bar[t_bar < stop_b]
     q, b = motion.at(t_robot)[0], motion.at(t_bar)[1][:, [0, 1, 3, 4]]
     motors = joints_to_motors(robot, q + rng.normal(0, NOISE, q.shape))
-    counts = np.rint((b + rng.normal(0, NOISE, b.shape)) * PER_RAD + rng.integers(0, 2**32, 4)).astype(np.int64) % 2**32
+    counts = (
+        np.rint((b + rng.normal(0, NOISE, b.shape)) * PER_RAD + rng.integers(0, 2**32, 4)).astype(
+            np.int64
+        )
+        % 2**32
+    )
     skew, form = rng.uniform(-2e-4, 2e-4), str(rng.choice(FORMS))
     stamps = stamp(form, (t_bar - t_bar[0]) / (1.0 + skew), rng.uniform(-DAY, DAY))
     up_time = rng.uniform(0.0, DAY)
     rows = np.column_stack((up_time + t_robot - t_robot[0], motors))
-    lines = ["time,m1,m2,m3,m4,m5,m6", *(",".join(["%.6f"] + ["%.9f"] * 6) % tuple(row) for row in rows.tolist())]
+    lines = [
+        "time,m1,m2,m3,m4,m5,m6",
+        *(",".join(["%.6f"] + ["%.9f"] * 6) % tuple(row) for row in rows.tolist()),
+    ]
     (folder / "robot.csv").write_text("\n".join(lines) + "\n")
-    lines = ["time;b1;b2;b4;b5", *(f"{s};{';'.join(map(str, row))}" for s, row in zip(stamps, counts.tolist(), strict=True))]
+    lines = [
+        "time;b1;b2;b4;b5",
+        *(f"{s};{';'.join(map(str, row))}" for s, row in zip(stamps, counts.tolist(), strict=True)),
+    ]
     (folder / "ballbar.csv").write_text("\r\n".join(lines) + "\r\n", newline="")
-    source = {"files": ["ballbar.csv"], "dialect": "twincat-plc"} | ({"time": "ns"} if form == "ns" else {})
+    source = {"files": ["ballbar.csv"], "dialect": "twincat-plc"} | (
+        {"time": "ns"} if form == "ns" else {}
+    )
     description = {
         "schema": "ballbar-recording/1",
         "kind": "real",
         "robot": "irb2400",
         "ballbar": "lund_600",
         "sources": {"robot": {"files": ["robot.csv"], "dialect": "abb-motor"}, "ballbar": source},
-        "encoders": {name: {"column": name, "lines": 3600, "bits": 12} for name in ("b1", "b2", "b4", "b5")},
+        "encoders": {
+            name: {"column": name, "lines": 3600, "bits": 12} for name in ("b1", "b2", "b4", "b5")
+        },
     }
     (folder / "recording.yaml").write_text(yaml.safe_dump(description))
     read = read_recording(folder)
     assert read.ballbar_log is not None
-    return coarse_alignment(read.robot_log, read.ballbar_log).offset_s - float(t_bar[0] - t_robot[0])
+    return coarse_alignment(read.robot_log, read.ballbar_log).offset_s - float(
+        t_bar[0] - t_robot[0]
+    )
 
 
 def main() -> None:
@@ -111,8 +134,14 @@ def main() -> None:
     motions = [motion_of(path) for path in PATHS]
     with tempfile.TemporaryDirectory() as work:
         errors = np.array([draw(Path(work), motions[k % len(motions)], rng) for k in range(draws)])
-    within, rms, largest = int((np.abs(errors) < ALLOWED).sum()), np.sqrt((errors**2).mean()), np.abs(errors).max()
-    print(f"{within} of {draws} within {ALLOWED * 1e3:.0f} ms; rms {rms * 1e3:.1f} ms, largest {largest * 1e3:.1f} ms")
+    within, rms, largest = (
+        int((np.abs(errors) < ALLOWED).sum()),
+        np.sqrt((errors**2).mean()),
+        np.abs(errors).max(),
+    )
+    print(
+        f"{within} of {draws} within {ALLOWED * 1e3:.0f} ms; rms {rms * 1e3:.1f} ms, largest {largest * 1e3:.1f} ms"
+    )
 
 
 if __name__ == "__main__":

@@ -51,12 +51,21 @@ class PlantRobot:
 
     def __init__(self, scenario: SimulationSettings) -> None:
         chosen = scenario.cell
-        self.cell: Cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate, relative_to=SCENARIOS)
+        self.cell: Cell = load_cell(
+            chosen.robot, chosen.ballbar, chosen.plate, relative_to=SCENARIOS
+        )
         self.nominal: Geometry = nominal_geometry(self.cell, np.array(chosen.ballbar_position_m))
-        self.true: Geometry = true_geometry(self.nominal, scenario.errors, plate_sigma=self.cell.plate.length_sigma, seed=scenario.seed)
+        self.true: Geometry = true_geometry(
+            self.nominal,
+            scenario.errors,
+            plate_sigma=self.cell.plate.length_sigma,
+            seed=scenario.seed,
+        )
         self.effects: PlantEffects = plant_effects(scenario.errors, self.cell, scenario.seed)
         asked = scenario.errors.resolver_error
-        self.resolvers: ResolverEffects | None = resolver_effects(asked, seed=scenario.seed) if asked else None
+        self.resolvers: ResolverEffects | None = (
+            resolver_effects(asked, seed=scenario.seed) if asked else None
+        )
 
     def hold(self, targets: Array) -> HeldPoses:
         """Targets (N, 6) [rad] held."""
@@ -73,11 +82,15 @@ def known_robot(plant: PlantRobot) -> FreeRobot:
         for h in harmonics:  # the controller reads too much by it, so the gear stands that much behind, in gear angles
             order = h.order / abs(share)
             phase = h.phase_rad if share > 0.0 else np.pi - h.phase_rad
-            waves[i, order] = waves.get((i, order), 0j) - share * h.amplitude_rad * np.exp(1j * phase)
+            waves[i, order] = waves.get((i, order), 0j) - share * h.amplitude_rad * np.exp(
+                1j * phase
+            )
     found = [waves.get((gear, order), 0j) for gear, order, _ in harmonic_orders(plant.cell)]
     ripple = [part for z in found for part in (z.real, z.imag)]
     values = np.concatenate((1.0 / effects.gear_stiffness, effects.gear_slack, ripple))
-    return FreeRobot(plant.cell, plant.true, tuple(CORRECTIONS[name](plant.cell, ()) for name in GEARS), values)
+    return FreeRobot(
+        plant.cell, plant.true, tuple(CORRECTIONS[name](plant.cell, ()) for name in GEARS), values
+    )
 
 
 def pose_error(wanted: Frames, held: HeldPoses) -> tuple[Array, Array]:
@@ -97,7 +110,9 @@ def study(plant: PlantRobot, identified: FreeRobot, poses: int) -> dict[str, obj
             q = np.delete(q, list(error.faults), axis=0)
     wanted = robot_frames(plant.nominal, q)
     before, after = plant.hold(q), plant.hold(corrected.q)
-    known = pose_error(wanted, plant.hold(corrected_targets(known_robot(plant), plant.nominal, q).q))[0]
+    known = pose_error(
+        wanted, plant.hold(corrected_targets(known_robot(plant), plant.nominal, q).q)
+    )[0]
     (p0, a0), (p1, a1) = pose_error(wanted, before), pose_error(wanted, after)
     return {
         "poses": len(q),
@@ -116,18 +131,24 @@ def study(plant: PlantRobot, identified: FreeRobot, poses: int) -> dict[str, obj
     }
 
 
-def robot_row(robot: str, seed: int, duration: float, *, poses: int = POSES, samples: int = DEFAULT_SAMPLES) -> dict[str, object]:
+def robot_row(
+    robot: str, seed: int, duration: float, *, poses: int = POSES, samples: int = DEFAULT_SAMPLES
+) -> dict[str, object]:
     """One drawn robot: recorded, identified, corrected, held."""
     scenario = scenario_of(robot, "a", seed, duration)
     with tempfile.TemporaryDirectory() as folder:
         made = [recorded(scenario_of(robot, p, seed, duration), Path(folder) / p) for p in "ab"]
-    found = identify_together(made[0][0], [logs for _, logs, _ in made], model="complete", force="torque", samples=samples)[0]
+    found = identify_together(
+        made[0][0], [logs for _, logs, _ in made], model="complete", force="torque", samples=samples
+    )[0]
     return {"robot": robot, "seed": seed} | study(PlantRobot(scenario), found.free_robot(), poses)
 
 
 def main() -> None:
     """Draws, identifies, corrects, holds, writes the rows and prints them."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--robot", default="irb2400")
     parser.add_argument("--robots", type=int, default=6)
     parser.add_argument("--duration", type=float, default=120.0)
@@ -135,14 +156,23 @@ def main() -> None:
     rows = []
     for seed in range(1, asked.robots + 1):
         rows.append(robot_row(asked.robot, seed, asked.duration))
-        print(", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in rows[-1].items()), flush=True)
+        print(
+            ", ".join(
+                f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in rows[-1].items()
+            ),
+            flush=True,
+        )
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
-    writer.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows)
+    writer.writerows(
+        {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows
+    )
     write_whole(OUT, text.getvalue().encode())
     after = np.array([r["after_mean_mm"] for r in rows], dtype=float)
-    print(f"pose error after correction: mean over robots {after.mean():.4f} mm, worst robot {after.max():.4f} mm (required 0.05)")
+    print(
+        f"pose error after correction: mean over robots {after.mean():.4f} mm, worst robot {after.max():.4f} mm (required 0.05)"
+    )
 
 
 if __name__ == "__main__":

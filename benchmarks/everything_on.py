@@ -56,7 +56,9 @@ def recorded(scenario: Scenario, folder: Path) -> tuple[Cell, Logs, Truth]:
     return simulation.cell, Logs(read.robot_log, read.ballbar_log, read.force_log), simulation.truth
 
 
-def robot_rows(robot: str, seed: int, signals: tuple[str, ...], duration: float) -> list[dict[str, object]]:
+def robot_rows(
+    robot: str, seed: int, signals: tuple[str, ...], duration: float
+) -> list[dict[str, object]]:
     """All rows of one robot: both paths with each signal, and the first path alone without any."""
     with tempfile.TemporaryDirectory() as folder:
         made = [recorded(scenario_of(robot, p, seed, duration), Path(folder) / p) for p in "ab"]
@@ -66,7 +68,9 @@ def robot_rows(robot: str, seed: int, signals: tuple[str, ...], duration: float)
         force, _, rod = signal.partition("+")
         logs = [m[1] for m in made]
         stands, rod_sigma = (measured_rod(cell, truth, seed), ROD_SIGMA) if rod else (cell, None)
-        found = identify_together(stands, logs, model="complete", force=FORCES[force], rod_sigma=rod_sigma)
+        found = identify_together(
+            stands, logs, model="complete", force=FORCES[force], rod_sigma=rod_sigma
+        )
         rows.append(row(robot, seed, "a+b", signal, found, [m[2] for m in made]))
     alone = identify_together(cell, [made[0][1]], model="complete", force="none")
     rows.append(row(robot, seed, "a", "none", alone, [truth]))
@@ -80,14 +84,27 @@ def measured_rod(cell: Cell, truth: Truth, seed: int) -> Cell:
     return replace(cell, ballbar=replace(cell.ballbar, d=d))
 
 
-def row(robot: str, seed: int, paths: str, signal: str, found: list[Identification], truths: list[Truth]) -> dict[str, object]:
+def row(
+    robot: str, seed: int, paths: str, signal: str, found: list[Identification], truths: list[Truth]
+) -> dict[str, object]:
     """Figures of one fit against the truth."""
     first, truth = found[0], truths[0]
     compared = identification_against_truth(first, truth)
     stiffness = np.array(truth.plant.gear_stiffness_N_m_per_rad)
-    elastic = {v.name: v.value for c in first.corrections if c.name == "joint_compliance" for v in c.coefficients}
-    wrong = np.abs(np.array([elastic.get(f"compliance{i + 1}", 0.0) for i in range(6)]) * stiffness - 1.0)
-    clocks = [(abs(f.clock.offset - t.offset), abs(f.clock.skew - t.skew)) for f, t in zip(found, truths, strict=True) if f.clock]
+    elastic = {
+        v.name: v.value
+        for c in first.corrections
+        if c.name == "joint_compliance"
+        for v in c.coefficients
+    }
+    wrong = np.abs(
+        np.array([elastic.get(f"compliance{i + 1}", 0.0) for i in range(6)]) * stiffness - 1.0
+    )
+    clocks = [
+        (abs(f.clock.offset - t.offset), abs(f.clock.skew - t.skew))
+        for f, t in zip(found, truths, strict=True)
+        if f.clock
+    ]
     sigma = np.array([first.sigma[name] for name in compared.deviations])
     inside = np.abs(np.array(list(compared.deviations.values()))) < 1.96 * sigma
     return dict(
@@ -105,7 +122,9 @@ def row(robot: str, seed: int, paths: str, signal: str, found: list[Identificati
 
 def asked_robots(words: str | None) -> argparse.Namespace:
     """Options of a study of drawn robots: how many, and how long each recording is."""
-    parser = argparse.ArgumentParser(description=words, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=words, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--robots", type=int, default=8)
     parser.add_argument("--duration", type=float, default=120.0, help="[s]")
     return parser.parse_args()
@@ -113,7 +132,9 @@ def asked_robots(words: str | None) -> argparse.Namespace:
 
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--robot", default="irb2400")
     parser.add_argument("--robots", type=int, default=12)
     parser.add_argument("--signals", default="none,torque,sensor,torque+rod")
@@ -122,10 +143,16 @@ def main() -> None:
     signals = tuple(asked.signals.split(","))
     rows: list[dict[str, object]] = []
     with ProcessPoolExecutor(2) as pool:
-        jobs = [pool.submit(robot_rows, asked.robot, seed, signals, asked.duration) for seed in range(1, asked.robots + 1)]
+        jobs = [
+            pool.submit(robot_rows, asked.robot, seed, signals, asked.duration)
+            for seed in range(1, asked.robots + 1)
+        ]
         for job in jobs:
             rows += job.result()
-            said = (f"{r['paths']} {r['signal']} {r['tcp_mean_mm']:.4f}" for r in rows[-len(signals) - 1 :])
+            said = (
+                f"{r['paths']} {r['signal']} {r['tcp_mean_mm']:.4f}"
+                for r in rows[-len(signals) - 1 :]
+            )
             print(f"robot {rows[-1]['seed']}: {', '.join(said)}", flush=True)
     out = ROOT / "docs" / "studies" / f"everything_on_{asked.robot}_{asked.robots}.csv"
     write_whole(out, _csv(rows))
@@ -137,7 +164,9 @@ def _csv(rows: list[dict[str, object]]) -> bytes:
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
-    writer.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows)
+    writer.writerows(
+        {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows
+    )
     return text.getvalue().encode()
 
 

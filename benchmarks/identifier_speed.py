@@ -57,9 +57,14 @@ def spent(function: Callable[[], object], times: int) -> float:
 
 def white_scenario() -> Scenario:
     """1 mm and 1 mrad of static errors, noise of 10 urad, five encoders."""
-    asked = load_scenario(SCENARIOS / "irb2400.yaml").model_dump(mode="json", by_alias=True, exclude_none=True)
+    asked = load_scenario(SCENARIOS / "irb2400.yaml").model_dump(
+        mode="json", by_alias=True, exclude_none=True
+    )
     asked["plant"]["kind"] = "kinematic"
-    asked["errors"] = {"static": {"sigma_m": 1e-3, "sigma_rad": 1e-3}, "joint_noise": {"sigma_rad": 1e-5}}
+    asked["errors"] = {
+        "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
+        "joint_noise": {"sigma_rad": 1e-5},
+    }
     asked["encoders"]["fitted"] = list(JOINTS)
     asked["identify"] = {"data": "samples", "samples": SAMPLES}
     return Scenario.model_validate(asked, strict=False)
@@ -72,11 +77,15 @@ def kinematic() -> None:
 
     def problem() -> Problem:
         robot, bar = through_samples(samples.t, samples.q), through_samples(samples.t, samples.b)
-        return Problem(robot, bar, JOINTS, np.ones(5), inside, NoiseModel(robot.noise, bar.noise, ROD))
+        return Problem(
+            robot, bar, JOINTS, np.ones(5), inside, NoiseModel(robot.noise, bar.noise, ROD)
+        )
 
     ready = problem()
     start = ready.start(samples.nominal, Clock(0.0, 0.0))
-    chosen = identifiable(ready, start, samples.nominal, candidates(JOINTS, complete=True)).parameters
+    chosen = identifiable(
+        ready, start, samples.nominal, candidates(JOINTS, complete=True)
+    ).parameters
 
     def ours() -> Fit:
         made = problem()
@@ -93,7 +102,9 @@ def kinematic() -> None:
             at = Estimate(Geometry(values), Clock(x[-2], x[-1]), here.bar)
             return weights(made.closure(at).error).reshape(-1)
 
-        found = least_squares(residual, np.concatenate((here.geometry.values[chosen], [0.0, 0.0])), method="lm")
+        found = least_squares(
+            residual, np.concatenate((here.geometry.values[chosen], [0.0, 0.0])), method="lm"
+        )
         np.linalg.inv(found.jac.T @ found.jac)
         return np.asarray(found.x)
 
@@ -101,8 +112,12 @@ def kinematic() -> None:
     sigma = np.sqrt(np.diag(fit.covariance))[:-2]
     apart = np.abs(rival()[:-2] - fit.estimate.geometry.values[chosen]) / sigma
     mine, theirs = spent(ours, 15), spent(rival, 3)
-    print(f"complete kinematic model and clock, {len(fit.covariance)} parameters, {SAMPLES} samples: {mine:.1f} ms (required 15)")
-    print(f"scipy lm with numeric Jacobian: {theirs:.0f} ms, {theirs / mine:.0f} times slower (required 15)")
+    print(
+        f"complete kinematic model and clock, {len(fit.covariance)} parameters, {SAMPLES} samples: {mine:.1f} ms (required 15)"
+    )
+    print(
+        f"scipy lm with numeric Jacobian: {theirs:.0f} ms, {theirs / mine:.0f} times slower (required 15)"
+    )
     print(f"  largest difference of the answers: {apart.max():.1e} standard deviations")
 
 
@@ -115,7 +130,9 @@ def read(folder: Path) -> tuple[Cell, Logs]:
     """What an identifier gets."""
     recording = read_recording(folder)
     asked = recording.description
-    return load_cell(asked.robot, asked.ballbar, asked.plate), Logs(recording.robot_log, recording.ballbar_log, recording.force_log)
+    return load_cell(asked.robot, asked.ballbar, asked.plate), Logs(
+        recording.robot_log, recording.ballbar_log, recording.force_log
+    )
 
 
 def corrected(folder: Path, count: int) -> tuple[float, int]:
@@ -144,7 +161,12 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 def peak_memory(folder: Path, count: int) -> float:
     """[MB] Largest resident memory of a process that does nothing but read a recording and identify it with everything."""
-    run = subprocess.run([sys.executable, "-c", IDENTIFY, str(folder), str(count)], capture_output=True, text=True, check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", IDENTIFY, str(folder), str(count)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return float(run.stdout)
 
 
@@ -163,9 +185,13 @@ def main() -> None:
         in_own_process(record, folder)
         few, unknowns = in_own_process(corrected, folder, SAMPLES)
         many, _ = in_own_process(corrected, folder, MANY)
-        print(f"all corrections, {unknowns} unknowns, {SAMPLES} samples: {few:.0f} ms (required 120)")
+        print(
+            f"all corrections, {unknowns} unknowns, {SAMPLES} samples: {few:.0f} ms (required 120)"
+        )
         print(f"{MANY} samples: {many:.0f} ms, {many / few:.1f} times as long (required 12)")
-        print(f"largest memory, {MANY} samples, everything: {peak_memory(folder, MANY):.0f} MB (required 400)")
+        print(
+            f"largest memory, {MANY} samples, everything: {peak_memory(folder, MANY):.0f} MB (required 400)"
+        )
 
 
 if __name__ == "__main__":

@@ -37,7 +37,9 @@ def write_recording(folder: Path) -> None:
     """A clean recording of ten minutes."""
     robot = load_robot("irb2400")
     t = 0.004 * np.arange(ROBOT_ROWS)
-    q = np.stack([0.2 * (i - 2.5) + 0.4 * np.sin((0.3 + 0.1 * i) * t + i) for i in range(6)], axis=1)
+    q = np.stack(
+        [0.2 * (i - 2.5) + 0.4 * np.sin((0.3 + 0.1 * i) * t + i) for i in range(6)], axis=1
+    )
     rng = np.random.default_rng(1)
     table = np.column_stack((100.0 + t, joints_to_motors(robot, q + rng.normal(0, 1e-5, q.shape))))
     form = ",".join(["%.6f"] + ["%.9f"] * 6)
@@ -45,12 +47,17 @@ def write_recording(folder: Path) -> None:
     lines = ["time,m1,m2,m3,m4,m5,m6", *(form % tuple(row) for row in table.tolist())]
     (folder / "raw/robot.csv").write_text("\n".join(lines) + "\n")
     ticks = 0.01 * np.arange(BAR_ROWS)
-    angles = np.stack([0.3 * np.sin(0.8 * ticks + i) for i in range(5)], axis=1) + rng.normal(0, 1e-5, (BAR_ROWS, 5))
+    angles = np.stack([0.3 * np.sin(0.8 * ticks + i) for i in range(5)], axis=1) + rng.normal(
+        0, 1e-5, (BAR_ROWS, 5)
+    )
     counts = np.rint(angles * PER_RAD).astype(np.int64) % 2**32
     stamps = 830_000_000_000_000_000 + 10_000_000 * np.arange(BAR_ROWS)
     rows = np.column_stack((stamps, counts, np.zeros((BAR_ROWS, 5), dtype=np.int64)))
     head = ";".join(["time", *(f"b{k}" for k in range(1, 6)), *(f"s{k}" for k in range(1, 6))])
-    (folder / "raw/ballbar.csv").write_text("\r\n".join([head, *(";".join(map(str, row)) for row in rows.tolist())]) + "\r\n", newline="")
+    (folder / "raw/ballbar.csv").write_text(
+        "\r\n".join([head, *(";".join(map(str, row)) for row in rows.tolist())]) + "\r\n",
+        newline="",
+    )
     description = {
         "schema": "ballbar-recording/1",
         "kind": "real",
@@ -75,7 +82,9 @@ def with_read_table(folder: Path) -> None:
     """Only the tables: what pandas does, with every check of form."""
     dialects = load_dialect("abb-motor"), load_dialect("twincat-plc")
     fitted = load_recording_file(folder).encoders
-    sources = [SourceFile(files=(name,), dialect="") for name in ("raw/robot.csv", "raw/ballbar.csv")]
+    sources = [
+        SourceFile(files=(name,), dialect="") for name in ("raw/robot.csv", "raw/ballbar.csv")
+    ]
     layouts = robot_layout(sources[0], dialects[0]), ballbar_layout(sources[1], dialects[1], fitted)
     for source, dialect, layout in zip(sources, dialects, layouts, strict=True):
         read_file(folder / source.files[0], source.files[0], dialect, layout, [])
@@ -89,7 +98,10 @@ def seconds(jobs: list[Callable[[Path], object]], folder: Path) -> list[tuple[fl
             start, clock = time.process_time(), time.perf_counter()
             job(folder)
             times.append((time.process_time() - start, time.perf_counter() - clock))
-    return [(median(one[0] for one in times[1:]), median(one[1] for one in times[1:])) for times in spent]
+    return [
+        (median(one[0] for one in times[1:]), median(one[1] for one in times[1:]))
+        for times in spent
+    ]
 
 
 def _peak_kb() -> int:
@@ -100,7 +112,12 @@ def _peak_kb() -> int:
 
 def peak_mb(folder: Path) -> tuple[float, float]:
     """[MB] that reading adds to a process, and its peak with all libraries."""
-    run = subprocess.run([sys.executable, "-m", "benchmarks.import_speed", str(folder)], check=True, capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-m", "benchmarks.import_speed", str(folder)],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     added, whole = (float(word) for word in run.stdout.split())
     return added, whole
 
@@ -119,10 +136,20 @@ def main() -> None:
         print(f"{ROBOT_ROWS} robot and {BAR_ROWS} ball-bar rows, {size:.1f} MB")
         added, whole = peak_mb(folder)
         ours, tables, theirs = seconds([read_recording, with_read_table, with_pandas], folder)
-        for name, (spent, passed) in (("read_recording", ours), ("  of which tables", tables), ("pandas.read_csv", theirs)):
-            against = "" if spent == theirs[0] else f"; {spent / theirs[0]:.2f} and {passed / theirs[1]:.2f} times pandas (allowed 3)"
+        for name, (spent, passed) in (
+            ("read_recording", ours),
+            ("  of which tables", tables),
+            ("pandas.read_csv", theirs),
+        ):
+            against = (
+                ""
+                if spent == theirs[0]
+                else f"; {spent / theirs[0]:.2f} and {passed / theirs[1]:.2f} times pandas (allowed 3)"
+            )
             print(f"{name:18} {spent:.3f} s processor, {passed:.3f} s wall{against}")
-        print(f"memory             {added:.0f} MB added, {whole:.0f} MB with all libraries (allowed 300 MB)")
+        print(
+            f"memory             {added:.0f} MB added, {whole:.0f} MB with all libraries (allowed 300 MB)"
+        )
 
 
 if __name__ == "__main__":

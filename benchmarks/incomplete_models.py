@@ -38,8 +38,13 @@ def with_harmonics(change: Callable[[float, float], Harmonics]) -> Callable[[Cel
     """A cell whose robot file lists other gear harmonics: `change` of (cycles a turn, amplitude) of each."""
 
     def changed(cell: Cell) -> Cell:
-        listed = tuple(tuple(new for one in gear for new in change(*one)) for gear in cell.robot.gears.harmonics)
-        return replace(cell, robot=replace(cell.robot, gears=replace(cell.robot.gears, harmonics=listed)))
+        listed = tuple(
+            tuple(new for one in gear for new in change(*one))
+            for gear in cell.robot.gears.harmonics
+        )
+        return replace(
+            cell, robot=replace(cell.robot, gears=replace(cell.robot.gears, harmonics=listed))
+        )
 
     return changed
 
@@ -48,7 +53,9 @@ def with_ratio(factor: float) -> Callable[[Cell], Cell]:
     """A cell whose gears have another ratio for the model than for the log: motor-turn harmonics at the wrong order."""
 
     def changed(cell: Cell) -> Cell:
-        return replace(cell, robot=replace(cell.robot, transmission=cell.robot.transmission / factor))
+        return replace(
+            cell, robot=replace(cell.robot, transmission=cell.robot.transmission / factor)
+        )
 
     return changed
 
@@ -83,11 +90,20 @@ def row(number: int) -> dict[str, object]:
     """What comes out of one case."""
     case = CASES[number]
     with tempfile.TemporaryDirectory() as folder:
-        made = [recorded(faulty(scenario_of("irb2400", p, SEED, DURATION), case.simulated), Path(folder) / p) for p in "ab"]
+        made = [
+            recorded(
+                faulty(scenario_of("irb2400", p, SEED, DURATION), case.simulated), Path(folder) / p
+            )
+            for p in "ab"
+        ]
     cell, truth = made[0][0], made[0][2]
     corrections: Sequence[str] = [name for name in CORRECTIONS if name not in case.without]
     found = identify_together(
-        case.believed(cell), [logs for _, logs, _ in made], model="complete", corrections=corrections, force="torque"
+        case.believed(cell),
+        [logs for _, logs, _ in made],
+        model="complete",
+        corrections=corrections,
+        force="torque",
     )[0]
     compared = identification_against_truth(found, truth)
     return {
@@ -101,7 +117,10 @@ def main() -> None:
     """Identifies every case and prints whether those that can be seen are."""
     with ProcessPoolExecutor(2) as pool:
         table = pd.DataFrame(list(pool.map(row, range(len(CASES)))))
-    write_whole(ROOT / "docs" / "studies" / "incomplete_models.csv", table.to_csv(index=False, float_format="%.4g").encode())
+    write_whole(
+        ROOT / "docs" / "studies" / "incomplete_models.csv",
+        table.to_csv(index=False, float_format="%.4g").encode(),
+    )
     print(table.drop(columns="says").to_string(index=False, float_format=lambda x: f"{x:.4f}"))
     silent = table[table.visible & (table.status == "good")]
     print(f"visible and not said: {', '.join(silent.case) or 'none'}")

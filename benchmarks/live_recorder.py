@@ -36,7 +36,9 @@ class Outcome:
 
     rate_hz: int
     seconds: float
-    samples_made: int  # by the PLC, from the first recorded one until the recorder was asked to stop
+    samples_made: (
+        int  # by the PLC, from the first recorded one until the recorder was asked to stop
+    )
     records: int
     missing: int
     doubled: int
@@ -68,7 +70,13 @@ def measure(rate: int, seconds: float) -> Outcome:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         if code:
             raise SystemExit(f"the recorder ended with code {code}")
-        return _compare(file.read_bytes(), plc, rate, made, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+        return _compare(
+            file.read_bytes(),
+            plc,
+            rate,
+            made,
+            after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
+        )
 
 
 def kill(after: float) -> Kill:
@@ -82,14 +90,28 @@ def kill(after: float) -> Kill:
         raw = file.read_bytes()
         whole = raw[: raw.rindex(b"\n") + 1]
         found = _compare(whole, plc, 1000, made, 0.0)
-        return Kill(round(after, 3), found.records, found.byte_exact, len(raw) - len(whole), found.tail_s)
+        return Kill(
+            round(after, 3), found.records, found.byte_exact, len(raw) - len(whole), found.tail_s
+        )
 
 
 def _started(folder: Path, plc: Plc) -> tuple[subprocess.Popen[bytes], Path]:
     """A recorder, and its file, which is there already."""
     file = folder / "raw" / "ballbar.csv"
-    command = [sys.executable, "-m", "ballbar", "record", str(folder), "--robot", "irb2400", "--ballbar", "lund_600"]
-    recorder = subprocess.Popen([*command, "--plc", plc.net_id], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    command = [
+        sys.executable,
+        "-m",
+        "ballbar",
+        "record",
+        str(folder),
+        "--robot",
+        "irb2400",
+        "--ballbar",
+        "lund_600",
+    ]
+    recorder = subprocess.Popen(
+        [*command, "--plc", plc.net_id], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     while not file.exists() or not file.stat().st_size:
         if recorder.poll() is not None:
             raise SystemExit(f"the recorder ended with code {recorder.returncode}")
@@ -123,7 +145,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     rng = np.random.default_rng(1)
-    outcomes = [kill(rng.uniform(0.5, 2.0)) for _ in range(options.kills)] or [measure(rate, options.seconds) for rate in RATES]
+    outcomes = [kill(rng.uniform(0.5, 2.0)) for _ in range(options.kills)] or [
+        measure(rate, options.seconds) for rate in RATES
+    ]
     for outcome in outcomes:
         print(outcome)
     if options.out is not None:

@@ -107,7 +107,13 @@ def swapped(rng: np.random.Generator, content: bytes) -> bytes:
     """Two stretches of the file in each other's place."""
     a, b = sorted(int(i) for i in rng.integers(len(content), size=2))
     size = min(int(rng.integers(1, 200)), b - a, len(content) - b)
-    return content[:a] + content[b : b + size] + content[a + size : b] + content[a : a + size] + content[b + size :]
+    return (
+        content[:a]
+        + content[b : b + size]
+        + content[a + size : b]
+        + content[a : a + size]
+        + content[b + size :]
+    )
 
 
 def padded(rng: np.random.Generator, content: bytes) -> bytes:
@@ -116,7 +122,16 @@ def padded(rng: np.random.Generator, content: bytes) -> bytes:
     return kept + bytes(4096 - len(kept) % 4096)
 
 
-BYTES: tuple[Mutation, ...] = (truncated, flipped, overwritten, cut_out, inserted, doubled, swapped, padded)
+BYTES: tuple[Mutation, ...] = (
+    truncated,
+    flipped,
+    overwritten,
+    cut_out,
+    inserted,
+    doubled,
+    swapped,
+    padded,
+)
 
 
 # ---- mutations of texts
@@ -124,7 +139,9 @@ BYTES: tuple[Mutation, ...] = (truncated, flipped, overwritten, cut_out, inserte
 
 def digit_changed(rng: np.random.Generator, content: bytes) -> bytes:
     """One digit another one."""
-    digits = np.flatnonzero((np.frombuffer(content, np.uint8) >= 48) & (np.frombuffer(content, np.uint8) <= 57))
+    digits = np.flatnonzero(
+        (np.frombuffer(content, np.uint8) >= 48) & (np.frombuffer(content, np.uint8) <= 57)
+    )
     changed = bytearray(content)
     changed[int(rng.choice(digits))] = 48 + int(rng.integers(10))
     return bytes(changed)
@@ -160,7 +177,9 @@ def decimal_comma(rng: np.random.Generator, content: bytes) -> bytes:
     """The points of some lines become commas."""
     lines = content.split(b"\n")
     first, last = sorted(int(i) for i in rng.integers(len(lines) + 1, size=2))
-    return b"\n".join(line.replace(b".", b",") if first <= i < last else line for i, line in enumerate(lines))
+    return b"\n".join(
+        line.replace(b".", b",") if first <= i < last else line for i, line in enumerate(lines)
+    )
 
 
 TEXT: tuple[Mutation, ...] = (digit_changed, recoded, line_swapped, field_swapped, decimal_comma)
@@ -212,14 +231,23 @@ def _deviation(log: Log, clean: Log) -> float:
         return np.inf
     speed = float(np.abs(np.diff(clean.angles, axis=0) / np.diff(clean.t)[:, None]).max())
     late = float(np.abs(log.t - clean.t[:count]).max()) * speed
-    return max(late, float(np.abs(log.angles - log.angles[0] - (clean.angles[:count] - clean.angles[0])).max()))
+    return max(
+        late,
+        float(np.abs(log.angles - log.angles[0] - (clean.angles[:count] - clean.angles[0])).max()),
+    )
 
 
 def _alarm(_signum: int, _frame: FrameType | None) -> None:
     raise _Hang
 
 
-def campaign(written: Written, mutations: tuple[Mutation, ...], files: int, folder: Path, rng: np.random.Generator) -> Tally:
+def campaign(
+    written: Written,
+    mutations: tuple[Mutation, ...],
+    files: int,
+    folder: Path,
+    rng: np.random.Generator,
+) -> Tally:
     """Reads so many damaged files of one family."""
     tally, name = Tally(), "damaged" + written.suffix
     (folder / name).write_bytes(written.content)
@@ -242,7 +270,10 @@ def campaign(written: Written, mutations: tuple[Mutation, ...], files: int, fold
         tally.slowest = max(tally.slowest, time.perf_counter() - start)
         tally.counts[outcome] += 1
         if outcome in {"silent", "crash", "hang"} and tally.counts[outcome] <= 5:
-            kept = folder.parent / f"bad_{written.dialect}_{outcome}_{tally.counts[outcome]}{written.suffix}"
+            kept = (
+                folder.parent
+                / f"bad_{written.dialect}_{outcome}_{tally.counts[outcome]}{written.suffix}"
+            )
             kept.write_bytes(content)
             tally.examples.append(f"{mutation.__name__}, {outcome}: {kept}")
     return tally
@@ -279,10 +310,20 @@ def main(files: int, only: list[str]) -> None:
         for number, (family, (written, mutations)) in enumerate(families(folder).items()):
             if only and family not in only:
                 continue
-            tally = campaign(written, mutations, files, folder, np.random.default_rng([2026, number]))
+            tally = campaign(
+                written, mutations, files, folder, np.random.default_rng([2026, number])
+            )
             outcomes = [str(tally.counts[name]) for name in OUTCOMES]
-            rows[family] = [family, str(files), *outcomes, f"{tally.largest:.1e}", f"{tally.slowest:.2f}"]
-            print(*rows[family], *tally.examples, sep="\n    " if tally.examples else "  ", flush=True)
+            rows[family] = [
+                family,
+                str(files),
+                *outcomes,
+                f"{tally.largest:.1e}",
+                f"{tally.slowest:.2f}",
+            ]
+            print(
+                *rows[family], *tally.examples, sep="\n    " if tally.examples else "  ", flush=True
+            )
             with RESULT.open("w", newline="") as file:
                 csv.writer(file, lineterminator="\n").writerows([head, *rows.values()])
 

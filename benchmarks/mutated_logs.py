@@ -53,13 +53,16 @@ ROBOT = load_robot("irb2400")
 T = PERIOD * np.arange(ROWS)
 PER_RAD = 3600 * 2**12 / (2 * np.pi)
 FITTED: dict[EncoderName, EncoderFitting] = {
-    name: EncoderFitting(column=name, lines=3600, bits=12) for name in ("b1", "b2", "b3", "b4", "b5")
+    name: EncoderFitting(column=name, lines=3600, bits=12)
+    for name in ("b1", "b2", "b3", "b4", "b5")
 }
 
 
 def joints(t: Array) -> Array:
     """(N, 6) [rad] of the robot."""
-    return np.stack([0.15 * (i - 2.5) + 0.5 * np.sin((0.9 + 0.15 * i) * t + i) for i in range(6)], axis=1)
+    return np.stack(
+        [0.15 * (i - 2.5) + 0.5 * np.sin((0.9 + 0.15 * i) * t + i) for i in range(6)], axis=1
+    )
 
 
 def bar(t: Array) -> Array:
@@ -84,8 +87,13 @@ class Family:
         return self.name == "twincat-plc"
 
 
-def _robot_cells(form: str, stamp: Callable[[float], str], values: Callable[[Array], Array]) -> Callable[[Array, Array], list[list[str]]]:
-    return lambda t, q: [[stamp(s), *(form % v for v in row)] for s, row in zip(t.tolist(), values(q).tolist(), strict=True)]
+def _robot_cells(
+    form: str, stamp: Callable[[float], str], values: Callable[[Array], Array]
+) -> Callable[[Array, Array], list[list[str]]]:
+    return lambda t, q: [
+        [stamp(s), *(form % v for v in row)]
+        for s, row in zip(t.tolist(), values(q).tolist(), strict=True)
+    ]
 
 
 def _motors(q: Array) -> Array:
@@ -98,7 +106,10 @@ def _degrees(q: Array) -> Array:
 
 def _counts(t: Array, b: Array) -> list[list[str]]:
     words = np.rint(b * PER_RAD).astype(np.int64) % 2**32
-    return [[str(830_000_000_000_000_000 + round(s * 1e9)), *map(str, row)] for s, row in zip(t.tolist(), words.tolist(), strict=True)]
+    return [
+        [str(830_000_000_000_000_000 + round(s * 1e9)), *map(str, row)]
+        for s, row in zip(t.tolist(), words.tolist(), strict=True)
+    ]
 
 
 OWN: dict[str, object] = {
@@ -146,7 +157,10 @@ class File:
     of_bar: bool
 
     def content(self) -> bytes:
-        return (self.ending.join([self.header, *(self.separator.join(row) for row in self.rows)]) + self.ending).encode()
+        return (
+            self.ending.join([self.header, *(self.separator.join(row) for row in self.rows)])
+            + self.ending
+        ).encode()
 
 
 # --- damage
@@ -170,7 +184,11 @@ def other_bytes(file: File, rng: Rng) -> bytes:
     """One to three bytes are others, most of them digits."""
     raw = bytearray(file.content())
     for at in rng.integers(len(raw), size=rng.integers(1, 4)):
-        raw[at] = int(rng.choice(list(b"0123456789.,;-+eE \t\n"))) if rng.random() < 0.8 else int(rng.integers(256))
+        raw[at] = (
+            int(rng.choice(list(b"0123456789.,;-+eE \t\n")))
+            if rng.random() < 0.8
+            else int(rng.integers(256))
+        )
     return bytes(raw)
 
 
@@ -212,7 +230,9 @@ def other_unit(file: File, rng: Rng) -> bytes:
         file.rows = [[_scaled(row[0], factor), *row[1:]] for row in file.rows]
     else:
         factor = float(rng.choice([180 / np.pi, np.pi / 180]))
-        file.rows = [[row[0], *(f"{float(cell) * factor:.9f}" for cell in row[1:])] for row in file.rows]
+        file.rows = [
+            [row[0], *(f"{float(cell) * factor:.9f}" for cell in row[1:])] for row in file.rows
+        ]
     return file.content()
 
 
@@ -223,12 +243,26 @@ def _scaled(cell: str, factor: float) -> str:
 def other_side(file: File, rng: Rng) -> bytes:  # noqa: ARG001
     """Joint angles in the place of motor angles, or the other way; for counters, another number of bits."""
     if file.of_bar:
-        file.rows = [[row[0], *(str(int(cell) * 64 % 2**32) for cell in row[1:])] for row in file.rows]
+        file.rows = [
+            [row[0], *(str(int(cell) * 64 % 2**32) for cell in row[1:])] for row in file.rows
+        ]
         return file.content()
     angles = np.array([[float(cell) for cell in row[1:7]] for row in file.rows])
-    motors = np.abs(angles).max() > 40.0 and "deg" not in file.header and "J1" not in file.header and "FB" not in file.header
-    other = joints_to_axes(ROBOT, angles @ ROBOT.transmission) if motors else joints_to_motors(ROBOT, angles)
-    file.rows = [[row[0], *map(repr, new), *row[7:]] for row, new in zip(file.rows, other.tolist(), strict=True)]
+    motors = (
+        np.abs(angles).max() > 40.0
+        and "deg" not in file.header
+        and "J1" not in file.header
+        and "FB" not in file.header
+    )
+    other = (
+        joints_to_axes(ROBOT, angles @ ROBOT.transmission)
+        if motors
+        else joints_to_motors(ROBOT, angles)
+    )
+    file.rows = [
+        [row[0], *map(repr, new), *row[7:]]
+        for row, new in zip(file.rows, other.tolist(), strict=True)
+    ]
     return file.content()
 
 
@@ -276,7 +310,23 @@ def form(file: File, rng: Rng) -> bytes:
 
 def odd_cells(file: File, rng: Rng) -> bytes:
     """Cells that hold no number, or one that stands for none."""
-    odd = ["", "nan", "NaN", "inf", "9E9", "1.234.567", "1e5", "0x10", "ERR", "-", "1_000", " ", "9" * 30, "\u0661", "1,5"]
+    odd = [
+        "",
+        "nan",
+        "NaN",
+        "inf",
+        "9E9",
+        "1.234.567",
+        "1e5",
+        "0x10",
+        "ERR",
+        "-",
+        "1_000",
+        " ",
+        "9" * 30,
+        "\u0661",
+        "1,5",
+    ]
     for _ in range(int(rng.integers(1, 4))):
         row = file.rows[int(rng.integers(len(file.rows)))]
         row[int(rng.integers(len(row)))] = str(rng.choice(odd))
@@ -291,7 +341,9 @@ def clock_fault(file: File, rng: Rng) -> bytes:
         case 0:
             file.rows[row:] = [[_shifted(r[0], size, file.header), *r[1:]] for r in file.rows[row:]]
         case 1:
-            file.rows[row:] = [[_shifted(r[0], -size, file.header), *r[1:]] for r in file.rows[row:]]
+            file.rows[row:] = [
+                [_shifted(r[0], -size, file.header), *r[1:]] for r in file.rows[row:]
+            ]
         case 2:
             file.rows.insert(row, list(file.rows[row]))
         case 3:
@@ -348,7 +400,13 @@ def outcome(family: Family, folder: Path, raw: bytes) -> str:
 
 def is_right(t: Array, angles: Array, course: Callable[[Array], Array], *, free_zero: bool) -> bool:
     """Whether all angles are those of the motion at their time, for one offset of the clock (and of each encoder)."""
-    start = float(np.clip(T[int(np.argmin(np.abs(course(T) - angles[0]).sum(axis=1)))] if not free_zero else 0.0, 0.0, T[-1]))
+    start = float(
+        np.clip(
+            T[int(np.argmin(np.abs(course(T) - angles[0]).sum(axis=1)))] if not free_zero else 0.0,
+            0.0,
+            T[-1],
+        )
+    )
     candidates = [start] if not free_zero else list(T[: max(1, ROWS - t.size + 1)])
     for first in candidates:
         shift = first
@@ -357,7 +415,9 @@ def is_right(t: Array, angles: Array, course: Callable[[Array], Array], *, free_
             off = off - np.median(off, axis=0) if free_zero else off
             speed = (course(shift + t + 1e-6) - course(shift + t)) / 1e-6
             speed = speed - speed.mean(axis=0) if free_zero else speed
-            shift += float(np.median((off * speed).sum(axis=1) / np.maximum((speed * speed).sum(axis=1), 1e-3)))
+            shift += float(
+                np.median((off * speed).sum(axis=1) / np.maximum((speed * speed).sum(axis=1), 1e-3))
+            )
         off = angles - course(shift + t)
         off = off - np.median(off, axis=0) if free_zero else off
         if np.abs(off).max() < TOLERANCE:
@@ -393,9 +453,15 @@ def main() -> None:
             start = time.process_time()
             counts = study(family, files, Path(work))
             total = sum(counts.values(), Counter())
-            table += [[family.name, name, *(one[outcome] for outcome in OUTCOMES)] for name, one in counts.items()]
+            table += [
+                [family.name, name, *(one[outcome] for outcome in OUTCOMES)]
+                for name, one in counts.items()
+            ]
             said = ", ".join(f"{total[outcome]} {outcome}" for outcome in OUTCOMES)
-            print(f"{family.name:12} {files} files in {time.process_time() - start:.0f} s: {said}", flush=True)
+            print(
+                f"{family.name:12} {files} files in {time.process_time() - start:.0f} s: {said}",
+                flush=True,
+            )
     with RESULT.open("w", newline="") as out:
         csv.writer(out, lineterminator="\n").writerows([["family", "damage", *OUTCOMES], *table])
 

@@ -40,12 +40,22 @@ class PlainFit:
     seconds: float
 
 
-def plain_user_identify(samples: KinematicSamples, nominal: Geometry, parameters: Sequence[int] | NDArray[np.intp]) -> PlainFit:
+def plain_user_identify(
+    samples: KinematicSamples, nominal: Geometry, parameters: Sequence[int] | NDArray[np.intp]
+) -> PlainFit:
     """Identify `parameters` (indices into PARAMETERS) from paired samples, starting at the nominal geometry."""
     chosen = np.asarray(parameters, dtype=np.intp)
     begin = time.perf_counter()
-    found = least_squares(_costs, nominal.values[chosen], method="lm", args=(nominal, chosen, samples.q, samples.b))
-    return PlainFit(_with(nominal, chosen, found.x), chosen, int(found.nfev), bool(found.success), time.perf_counter() - begin)
+    found = least_squares(
+        _costs, nominal.values[chosen], method="lm", args=(nominal, chosen, samples.q, samples.b)
+    )
+    return PlainFit(
+        _with(nominal, chosen, found.x),
+        chosen,
+        int(found.nfev),
+        bool(found.success),
+        time.perf_counter() - begin,
+    )
 
 
 def _costs(x: Array, nominal: Geometry, chosen: NDArray[np.intp], q: Array, b: Array) -> Array:
@@ -90,17 +100,36 @@ def main() -> None:
         "identify": {"cost": "transform", "data": "samples"},
     }
     scenario = Scenario.model_validate(described)
-    samples, parameters = trial_samples(scenario, SCENARIO.parent), cost_parameters(scenario, SCENARIO.parent)
+    samples, parameters = (
+        trial_samples(scenario, SCENARIO.parent),
+        cost_parameters(scenario, SCENARIO.parent),
+    )
     plain = plain_user_identify(samples, samples.nominal, parameters)
     begin = time.perf_counter()
-    ours = fit_cost(cost_named("transform", "vector"), samples.nominal, samples.q, samples.b, parameters)
+    ours = fit_cost(
+        cost_named("transform", "vector"), samples.nominal, samples.q, samples.b, parameters
+    )
     seconds = time.perf_counter() - begin
     for name, geometry, count, converged, spent in (
-        ("least_squares, printed scalar", plain.geometry, f"{plain.iterations} evaluations", plain.converged, plain.seconds),
-        ("ident.thesis.cost_fit, vector form", ours.geometry, f"{ours.iterations} iterations", ours.converged, seconds),
+        (
+            "least_squares, printed scalar",
+            plain.geometry,
+            f"{plain.iterations} evaluations",
+            plain.converged,
+            plain.seconds,
+        ),
+        (
+            "ident.thesis.cost_fit, vector form",
+            ours.geometry,
+            f"{ours.iterations} iterations",
+            ours.converged,
+            seconds,
+        ),
     ):
         distance = 1e3 * np.linalg.norm((geometry.values - samples.true.values)[parameters])
-        print(f"{name}: {count}, converged {converged}, distance {distance:.4f} mm|mrad, {spent:.3f} s")
+        print(
+            f"{name}: {count}, converged {converged}, distance {distance:.4f} mm|mrad, {spent:.3f} s"
+        )
 
 
 if __name__ == "__main__":

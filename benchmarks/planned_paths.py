@@ -49,14 +49,20 @@ def random_paths(robot: str) -> list[dict[str, object]]:
     judge = _judge(robot)
     found = sampled(judge, seed=judge.request.seed + 1000, seconds=3600.0, wanted=RANDOM)
     paths = [rounded(space_of(judge.request).candidate(z)) for z in found.z]
-    return [{"random_path": k + 1, "tcp_sigma_um": predicted_at(judge, path) * 1e6} | _numbers(path) for k, path in enumerate(paths)]
+    return [
+        {"random_path": k + 1, "tcp_sigma_um": predicted_at(judge, path) * 1e6} | _numbers(path)
+        for k, path in enumerate(paths)
+    ]
 
 
 def _numbers(candidate: Candidate) -> dict[str, object]:
     """A candidate as columns of a table."""
     data = path_data(candidate)
     columns = {f"{key}_b{j + 1}": str(data[key][j]) for key in KEYS for j in range(BAR_ROWS)}  # type: ignore[index]
-    return columns | {f"ballbar_{axis}_m": str(value) for axis, value in zip("xyz", candidate.position.tolist(), strict=True)}
+    return columns | {
+        f"ballbar_{axis}_m": str(value)
+        for axis, value in zip("xyz", candidate.position.tolist(), strict=True)
+    }
 
 
 def middle_path(robot: str, seed: int) -> tuple[dict[str, object], list[float]]:
@@ -65,7 +71,9 @@ def middle_path(robot: str, seed: int) -> tuple[dict[str, object], list[float]]:
         rows = sorted(csv.DictReader(file), key=lambda row: float(row["tcp_sigma_um"]))
     row = rows[len(rows) // 2 - 5 + (seed - 1) % 10]
     read = {"cycles": int}
-    path = {key: [read.get(key, float)(row[f"{key}_b{j + 1}"]) for j in range(BAR_ROWS)] for key in KEYS}
+    path = {
+        key: [read.get(key, float)(row[f"{key}_b{j + 1}"]) for j in range(BAR_ROWS)] for key in KEYS
+    }
     return {"schema": "ballbar-path/1", **path}, [float(row[f"ballbar_{axis}_m"]) for axis in "xyz"]
 
 
@@ -79,8 +87,13 @@ def predicted_of(robot: str, path: str) -> float:
 def predicted_at(judge: Judge, candidate: Candidate) -> float:
     """[m] predicted TCP sigma, median of the robots of planning.force."""
     courses = course_over(judge.cell, candidate, judge.request.timing)
-    course = min(courses, key=lambda c: sum(v.excess for v in violations(judge.cell, judge.limits, c)))
-    figures = [tcp_rms(judge, predict(judge.predictor, course, tension)) for tension in predicted_forces(judge.forces, course).tension]
+    course = min(
+        courses, key=lambda c: sum(v.excess for v in violations(judge.cell, judge.limits, c))
+    )
+    figures = [
+        tcp_rms(judge, predict(judge.predictor, course, tension))
+        for tension in predicted_forces(judge.forces, course).tension
+    ]
     return float(np.median(figures))
 
 
@@ -107,7 +120,9 @@ def identified(robot: str, path: str, seed: int) -> dict[str, object]:
 def kept(robot: str, paths: set[str]) -> list[dict[str, object]]:
     """Rows of an earlier run."""
     file = STUDIES / f"planned_paths_identified_{robot}.csv"
-    return [dict(row) for row in csv.DictReader(io.StringIO(file.read_text())) if row["path"] in paths]
+    return [
+        dict(row) for row in csv.DictReader(io.StringIO(file.read_text())) if row["path"] in paths
+    ]
 
 
 def _judge(robot: str) -> Judge:
@@ -116,15 +131,24 @@ def _judge(robot: str) -> Judge:
 
 
 def _scenario(robot: str, path: str) -> Scenario:
-    return load_scenario(SCENARIOS / (f"{robot}_full.yaml" if path == "a" else f"{robot}_planned.yaml"))
+    return load_scenario(
+        SCENARIOS / (f"{robot}_full.yaml" if path == "a" else f"{robot}_planned.yaml")
+    )
 
 
 def main() -> None:
     """Runs one half of the study and prints what it comes to."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("half", choices=("predicted", "identified"))
     parser.add_argument("--robot", choices=ROBOTS, action="append", help="default both")
-    parser.add_argument("--path", choices=PATHS, action="append", help="to identify; the rows of the others stay as they are; default all")
+    parser.add_argument(
+        "--path",
+        choices=PATHS,
+        action="append",
+        help="to identify; the rows of the others stay as they are; default all",
+    )
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
@@ -140,7 +164,13 @@ def main() -> None:
                 jobs = [(robot, path, seed) for path in paths for seed in range(1, asked.seeds + 1)]
                 for row in pool.map(identified, *zip(*jobs, strict=True)):
                     rows.append(row)
-                    print(", ".join(f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in row.items()), flush=True)
+                    print(
+                        ", ".join(
+                            f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}"
+                            for k, v in row.items()
+                        ),
+                        flush=True,
+                    )
                     write_whole(STUDIES / f"planned_paths_identified_{robot}.csv", _csv(rows))
                 _say_identified(robot, rows)
 
@@ -177,7 +207,9 @@ def _csv(rows: list[dict[str, object]]) -> bytes:
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
-    writer.writerows({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows)
+    writer.writerows(
+        {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows
+    )
     return text.getvalue().encode()
 
 

@@ -25,7 +25,10 @@ from sim.plant.statics import rest
 from sim.simulate import load_lissajous
 
 HOLD, TIMESTEP = 4.0, 1e-3  # [s]
-CELLS = {"irb2400": ("lund_600", (0.70, 0.0, 0.54), "irb2400_a"), "nj220": ("lund_900", (1.5, 0.0, 0.7), "nj220_a")}
+CELLS = {
+    "irb2400": ("lund_600", (0.70, 0.0, 0.54), "irb2400_a"),
+    "nj220": ("lund_900", (1.5, 0.0, 0.7), "nj220_a"),
+}
 EFFECTS: dict[str, dict[str, object]] = {
     "rigid": {},
     "joint_compliance": {"joint_compliance": {}},
@@ -38,7 +41,9 @@ EFFECTS: dict[str, dict[str, object]] = {
     "plate_bending": {"plate_bending": {}},
     "base_compliance": {"base_compliance": {}},
 }
-EFFECTS["everything"] = {name: value for effect in list(EFFECTS.values()) for name, value in effect.items()}
+EFFECTS["everything"] = {
+    name: value for effect in list(EFFECTS.values()) for name, value in effect.items()
+}
 
 
 @dataclass(frozen=True)
@@ -51,47 +56,80 @@ class Deviation:
     in_play: bool  # whether a dead band is not taken up: the rest is then not unique
 
 
-def held_against_oracle(cell: Cell, true: Geometry, effects: PlantEffects, path: ReferencePath, k: int) -> Deviation:
+def held_against_oracle(
+    cell: Cell, true: Geometry, effects: PlantEffects, path: ReferencePath, k: int
+) -> Deviation:
     """Sample k of the path, held."""
     gains = cell.robot.servo["soft"]
     command = path.q[k] @ cell.robot.joint_to_gear
     oracle = rest(cell, true, effects, gains, command, path.q[k], path.b[k])
     plant = plant_model(cell, true, effects, gains, timestep=TIMESTEP)
     commands = np.repeat(command[None], round(HOLD / TIMESTEP), axis=0)
-    x = roll_out(PlantRun(plant, state_at_rest(cell.robot, plant, oracle), commands, TIMESTEP))[0][-1, 1:]
+    x = roll_out(PlantRun(plant, state_at_rest(cell.robot, plant, oracle), commands, TIMESTEP))[0][
+        -1, 1:
+    ]
     q = x[plant.joints]
     plate, base = float(x[plant.plate].sum()), x[plant.base] if plant.base.size else np.zeros(3)
     stretch = float(x[plant.rod])
     there = _end(true, q, x[plant.bar], stretch, plate, base)
-    force = effects.rod_stiffness * (stretch - np.clip(stretch, -effects.rod_slack, effects.rod_slack))
+    force = effects.rod_stiffness * (
+        stretch - np.clip(stretch, -effects.rod_slack, effects.rod_slack)
+    )
     return Deviation(
         link_angle=float(np.abs(q - oracle.q).max()),
-        end_point=float(np.linalg.norm(there - _end(true, oracle.q, oracle.b, oracle.stretch, oracle.plate, oracle.base))),
+        end_point=float(
+            np.linalg.norm(
+                there - _end(true, oracle.q, oracle.b, oracle.stretch, oracle.plate, oracle.base)
+            )
+        ),
         rod_force=abs(float(force) - oracle.rod_force),
         in_play=oracle.in_play,
     )
 
 
-def _end(geometry: Geometry, q: Array, b: Array, stretch: float, plate: float, base: Array) -> Array:
-    ends = deflect(geometry, q[None], b[None], stretch=np.array([stretch]), plate=np.array([plate]), base=base[None])
+def _end(
+    geometry: Geometry, q: Array, b: Array, stretch: float, plate: float, base: Array
+) -> Array:
+    ends = deflect(
+        geometry,
+        q[None],
+        b[None],
+        stretch=np.array([stretch]),
+        plate=np.array([plate]),
+        base=base[None],
+    )
     return np.asarray(ends.tool[:, 0])
 
 
 def main() -> None:
     """Prints the largest deviation of twenty poses for each robot and effect."""
     scenarios = Path(__file__).parent.parent / "scenarios"
-    print(f"{'robot':8} {'effect':22} {'link angle urad':>15} {'end point um':>13} {'rod force N':>12} {'in play':>8}")
+    print(
+        f"{'robot':8} {'effect':22} {'link angle urad':>15} {'end point um':>13} {'rod force N':>12} {'in play':>8}"
+    )
     for robot, (bar, position, path_name) in CELLS.items():
         cell = load_cell(robot, bar, "plate_250")
         nominal = nominal_geometry(cell, np.array(position))
-        true = nominal.replaced({name: nominal[name] + value * 1e-3 for name, value in THESIS_3_1.items()})
+        true = nominal.replaced(
+            {name: nominal[name] + value * 1e-3 for name, value in THESIS_3_1.items()}
+        )
         shape = load_lissajous(scenarios / "paths" / f"{path_name}.yaml")
-        path = reference_path(cell.robot, nominal, shape, duration=120.0, dwell=4.0, stops=2, step=0.01)
+        path = reference_path(
+            cell.robot, nominal, shape, duration=120.0, dwell=4.0, stops=2, step=0.01
+        )
         for name, asked in EFFECTS.items():
             effects = plant_effects(PlantErrors.model_validate(asked), cell, seed=1)
-            poses = [held_against_oracle(cell, true, effects, path, k) for k in np.linspace(300, 11700, 20).astype(int)]
-            worst = [max(getattr(p, field) for p in poses) for field in ("link_angle", "end_point", "rod_force")]
-            print(f"{robot:8} {name:22} {worst[0] * 1e6:15.3f} {worst[1] * 1e6:13.3f} {worst[2]:12.4f} {sum(p.in_play for p in poses):8d}")
+            poses = [
+                held_against_oracle(cell, true, effects, path, k)
+                for k in np.linspace(300, 11700, 20).astype(int)
+            ]
+            worst = [
+                max(getattr(p, field) for p in poses)
+                for field in ("link_angle", "end_point", "rod_force")
+            ]
+            print(
+                f"{robot:8} {name:22} {worst[0] * 1e6:15.3f} {worst[1] * 1e6:13.3f} {worst[2]:12.4f} {sum(p.in_play for p in poses):8d}"
+            )
 
 
 if __name__ == "__main__":

@@ -30,7 +30,10 @@ from sim.simulate import load_lissajous
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 ROUNDS = 5
 TIMESTEP = 1e-3  # [s]
-REST: dict[str, object] = {"cycloid_ripple": {}, "sinusoidal_gear_error": {}}  # beside what the full scenario switches on
+REST: dict[str, object] = {
+    "cycloid_ripple": {},
+    "sinusoidal_gear_error": {},
+}  # beside what the full scenario switches on
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +62,22 @@ def job_of(name: str) -> Job:
     cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate)
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
     true = nominal.replaced({key: nominal[key] + value * 1e-3 for key, value in THESIS_3_1.items()})
-    errors = PlantErrors.model_validate({**scenario.errors.model_dump(include=set(PlantErrors.model_fields), exclude_none=True), **REST})
+    errors = PlantErrors.model_validate(
+        {
+            **scenario.errors.model_dump(include=set(PlantErrors.model_fields), exclude_none=True),
+            **REST,
+        }
+    )
     shape = load_lissajous(SCENARIOS / timing.file)
-    path = reference_path(cell.robot, nominal, shape, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops, step=0.01)
+    path = reference_path(
+        cell.robot,
+        nominal,
+        shape,
+        duration=timing.duration_s,
+        dwell=timing.dwell_s,
+        stops=timing.stops,
+        step=0.01,
+    )
     return Job(cell, true, plant_effects(errors, cell, scenario.seed), path)
 
 
@@ -69,16 +85,38 @@ def main() -> None:
     """Prints simulated seconds per wall second, the overhead over the bare rollout, and the gain of a second core."""
     for name in ("irb2400_full", "nj220_full"):
         job = job_of(name)
-        run = prepare(job.cell, job.true, job.effects, job.path, servo="soft", timestep=TIMESTEP, gravity_compensation=True)
+        run = prepare(
+            job.cell,
+            job.true,
+            job.effects,
+            job.path,
+            servo="soft",
+            timestep=TIMESTEP,
+            gravity_compensation=True,
+        )
         model, seconds = run.plant.model, float(job.path.t[-1])
-        bare = partial(rollout.rollout, model, mujoco.MjData(model), run.start[None], run.command[None, 1:])
-        times = np.array([[_timed(part) for part in (bare, job.whole, job.two)] for _ in range(ROUNDS)])
+        bare = partial(
+            rollout.rollout, model, mujoco.MjData(model), run.start[None], run.command[None, 1:]
+        )
+        times = np.array(
+            [[_timed(part) for part in (bare, job.whole, job.two)] for _ in range(ROUNDS)]
+        )
         bare_rate, whole_rate = seconds / times[:, 0], seconds / times[:, 1]
-        print(f"{name}: {model.nv} degrees of freedom, {len(job.effects.ripples)} ripple terms, {seconds:.0f} s at 1 ms")
-        print(f"  whole run, simulated s per wall s : median {np.median(whole_rate):.0f}, best {whole_rate.max():.0f}")
-        print(f"  bare rollout                      : median {np.median(bare_rate):.0f}, best {bare_rate.max():.0f}")
-        print(f"  whole run / bare rollout          : median {np.median(times[:, 1] / times[:, 0]):.3f}")
-        print(f"  two runs on two cores / one run   : median {np.median(2.0 * times[:, 1] / times[:, 2]):.2f} times the throughput")
+        print(
+            f"{name}: {model.nv} degrees of freedom, {len(job.effects.ripples)} ripple terms, {seconds:.0f} s at 1 ms"
+        )
+        print(
+            f"  whole run, simulated s per wall s : median {np.median(whole_rate):.0f}, best {whole_rate.max():.0f}"
+        )
+        print(
+            f"  bare rollout                      : median {np.median(bare_rate):.0f}, best {bare_rate.max():.0f}"
+        )
+        print(
+            f"  whole run / bare rollout          : median {np.median(times[:, 1] / times[:, 0]):.3f}"
+        )
+        print(
+            f"  two runs on two cores / one run   : median {np.median(2.0 * times[:, 1] / times[:, 2]):.2f} times the throughput"
+        )
 
 
 def _timed(part: Callable[[], object]) -> float:

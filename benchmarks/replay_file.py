@@ -27,7 +27,13 @@ def main(scenarios: list[str]) -> bool:
     for name in scenarios:
         with TemporaryDirectory(prefix="ballbar-replay-") as top:
             settings = load_scenario(Path(name))
-            data = run_scenario(settings, Path(name), Path(top) / "run", command="benchmark", progress=lambda _: None)
+            data = run_scenario(
+                settings,
+                Path(name),
+                Path(top) / "run",
+                command="benchmark",
+                progress=lambda _: None,
+            )
             path, spent = Path(top) / "again.rrd", []
             for _ in range(REPEATS):
                 begun = time.process_time()
@@ -36,7 +42,9 @@ def main(scenarios: list[str]) -> bool:
             size = path.stat().st_size / 1e6
         length, seconds = data.recording.robot_log.t[-1], sorted(spent)[REPEATS // 2]
         within &= seconds <= LIMIT_S and size <= LIMIT_MB
-        print(f"{settings.name:14} {length:4.0f} s: {seconds:.2f} s processor time (limit {LIMIT_S:g}), {size:.1f} MB (limit {LIMIT_MB:g})")
+        print(
+            f"{settings.name:14} {length:4.0f} s: {seconds:.2f} s processor time (limit {LIMIT_S:g}), {size:.1f} MB (limit {LIMIT_MB:g})"
+        )
     return within
 
 

@@ -50,7 +50,10 @@ def robot_rows(seed: int, duration: float) -> list[dict[str, object]]:
         second = recorded(scenario_of("irb2400", "b", seed, duration), Path(folder) / "b")
         rows: list[dict[str, object]] = []
         for number, (fault, changes) in enumerate(FAULTS.items()):
-            cell, logs, truth = recorded(faulty(scenario_of("irb2400", "a", seed, duration), changes), Path(folder) / str(number))
+            cell, logs, truth = recorded(
+                faulty(scenario_of("irb2400", "a", seed, duration), changes),
+                Path(folder) / str(number),
+            )
             rows.append(row(seed, fault, cell, [logs, second[1]], truth))
     for each in rows:
         each["ratio"] = float(each["tcp_mean_mm"]) / float(rows[0]["tcp_mean_mm"])  # type: ignore[arg-type]
@@ -88,15 +91,33 @@ def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
     asked = asked_robots(__doc__)
     with ProcessPoolExecutor(2) as pool:
-        jobs = [pool.submit(robot_rows, seed, asked.duration) for seed in range(1, asked.robots + 1)]
+        jobs = [
+            pool.submit(robot_rows, seed, asked.duration) for seed in range(1, asked.robots + 1)
+        ]
         table = pd.DataFrame([each for job in jobs for each in job.result()])
-    write_whole(ROOT / "docs" / "studies" / "robustness.csv", table.to_csv(index=False, float_format="%.6g").encode())
+    write_whole(
+        ROOT / "docs" / "studies" / "robustness.csv",
+        table.to_csv(index=False, float_format="%.6g").encode(),
+    )
     for fault, rows in table.groupby("fault", sort=False):
         print(
             f"{fault}: TCP error {rows.tcp_mean_mm.median():.4f} mm, {rows.ratio.median():.2f} times the clean one "
             f"(worst {rows.ratio.max():.2f}), events {sorted(rows.events)}"
         )
-    print(table[["seed", "fault", "status", "ratio", "slip_found_s", "slip_periods", "step_found_s", "step_ms"]].to_string(index=False))
+    print(
+        table[
+            [
+                "seed",
+                "fault",
+                "status",
+                "ratio",
+                "slip_found_s",
+                "slip_periods",
+                "step_found_s",
+                "step_ms",
+            ]
+        ].to_string(index=False)
+    )
 
 
 if __name__ == "__main__":

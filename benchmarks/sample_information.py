@@ -43,9 +43,13 @@ def fitted() -> tuple[Identification, Fit, int]:
     found = identify(simulation.cell, read.robot_log, read.ballbar_log, model="dh")
     assert found.clock is not None
     robot = smooth_log(read.robot_log.t, read.robot_log.q, widest_knot_spacing=WIDEST_KNOT_SPACING)
-    bar = smooth_log(read.ballbar_log.t, read.ballbar_log.angles, widest_knot_spacing=WIDEST_KNOT_SPACING)
+    bar = smooth_log(
+        read.ballbar_log.t, read.ballbar_log.angles, widest_knot_spacing=WIDEST_KNOT_SPACING
+    )
     times = sample_times(robot, bar, found.clock, int(DURATION / WIDEST_KNOT_SPACING))
-    noise = noise_from_logs(robot, bar, found.joints, spacing=WIDEST_KNOT_SPACING, rod=ROD_SIGMA_START)
+    noise = noise_from_logs(
+        robot, bar, found.joints, spacing=WIDEST_KNOT_SPACING, rod=ROD_SIGMA_START
+    )
     problem = Problem(robot, bar, found.joints, np.array(found.signs, dtype=float), times, noise)
     kept = np.array([i for i in candidates(found.joints) if i in set(found.parameters.tolist())])
     fit = solve(problem, problem.start(found.geometry, found.clock), kept)
@@ -57,13 +61,19 @@ def target(found: Identification, parameters: Array, size: int) -> tuple[Array, 
     grid, out = accuracy_grid(found.cell.robot), np.zeros((size, size))
 
     def variance(direction: Array) -> float:
-        return float((tcp_sigma(found.geometry, grid, parameters, np.outer(direction, direction)) ** 2).mean())
+        return float(
+            (
+                tcp_sigma(found.geometry, grid, parameters, np.outer(direction, direction)) ** 2
+            ).mean()
+        )
 
     unit = np.eye(size)
     alone = np.array([variance(unit[i]) for i in range(size)])
     for i in range(size):
         for j in range(size):
-            out[i, j] = alone[i] if i == j else 0.5 * (variance(unit[i] + unit[j]) - alone[i] - alone[j])
+            out[i, j] = (
+                alone[i] if i == j else 0.5 * (variance(unit[i] + unit[j]) - alone[i] - alone[j])
+            )
     return out, grid
 
 
@@ -77,11 +87,17 @@ def greedy(columns: Array, start: Array, count: int, aim: Array | None) -> Array
         if aim is None:
             gain = np.linalg.slogdet(growth)[1]
         else:
-            gain = np.einsum("nef,nfe->n", np.linalg.inv(growth), np.einsum("pen,pq,qfn->nef", spread, aim, spread))
+            gain = np.einsum(
+                "nef,nfe->n",
+                np.linalg.inv(growth),
+                np.einsum("pen,pq,qfn->nef", spread, aim, spread),
+            )
         taken.append(left.pop(int(np.argmax(gain))))
         one = columns[:, :, taken[-1]]
         moved = covariance @ one
-        covariance = covariance - moved @ np.linalg.inv(np.eye(one.shape[1]) + one.T @ moved) @ moved.T
+        covariance = (
+            covariance - moved @ np.linalg.inv(np.eye(one.shape[1]) + one.T @ moved) @ moved.T
+        )
     return np.array(taken)
 
 
@@ -94,15 +110,21 @@ def main() -> None:
     aim, grid = target(found, fit.parameters, len(columns))
 
     def predicted(rows: Array) -> float:
-        covariance = np.linalg.inv(prior + np.einsum("pen,qen->pq", columns[:, :, rows], columns[:, :, rows]))
+        covariance = np.linalg.inv(
+            prior + np.einsum("pen,qen->pq", columns[:, :, rows], columns[:, :, rows])
+        )
         return float(tcp_sigma(found.geometry, grid, fit.parameters, covariance).mean() * 1e6)
 
     print(f"all {samples} candidates: mean TCP sigma {predicted(np.arange(samples)):.2f} um")
     start = np.linalg.inv(prior + 1e-3 * every)
     for count in COUNTS:
         even = predicted(np.linspace(0, samples - 1, count).round().astype(int))
-        by_determinant, by_tcp = (predicted(greedy(columns, start, count, one)) for one in (None, aim))
-        print(f"{count:4} samples: evenly {even:.2f} um, by determinant {by_determinant:.2f} um, by TCP variance {by_tcp:.2f} um")
+        by_determinant, by_tcp = (
+            predicted(greedy(columns, start, count, one)) for one in (None, aim)
+        )
+        print(
+            f"{count:4} samples: evenly {even:.2f} um, by determinant {by_determinant:.2f} um, by TCP variance {by_tcp:.2f} um"
+        )
 
 
 if __name__ == "__main__":

@@ -21,7 +21,9 @@ STEPS = (1e-3, 5e-4, 2.5e-4)  # [s]
 
 def identified(scenario: Scenario, timestep: float) -> tuple[Identification, float]:
     """Result at one time step, and the largest loop-closure error of the plant [m]."""
-    settings = scenario.model_copy(update={"plant": scenario.plant.model_copy(update={"timestep_s": timestep})})
+    settings = scenario.model_copy(
+        update={"plant": scenario.plant.model_copy(update={"timestep_s": timestep})}
+    )
     simulation = simulate(settings, relative_to=SCENARIOS)
     with tempfile.TemporaryDirectory() as folder:
         write_recording(simulation, settings, Path(folder) / "recording")
@@ -35,7 +37,10 @@ def main() -> None:
         scenario = load_scenario(SCENARIOS / f"{name}.yaml")
         results = [identified(scenario, step) for step in STEPS]
         for step, (coarse, _), (fine, _) in zip(STEPS, results, results[1:], strict=False):
-            change: dict[str, float] = {key: abs(fine.geometry[key] - coarse.geometry[key]) / coarse.sigma[key] for key in coarse.sigma}
+            change: dict[str, float] = {
+                key: abs(fine.geometry[key] - coarse.geometry[key]) / coarse.sigma[key]
+                for key in coarse.sigma
+            }
             worst = max(change, key=lambda key: change[key])
             rms = float(np.sqrt(np.mean(np.square(list(change.values())))))
             moved = max(abs(fine.geometry[key] - coarse.geometry[key]) for key in change)
@@ -43,7 +48,10 @@ def main() -> None:
                 f"{name}, from {step * 1e3:g} ms to half of it: change of identified parameters in sigma: largest {change[worst]:.3f} "
                 f"({worst}), rms {rms:.3f}; largest change of one parameter {moved * 1e6:.2f} um or urad"
             )
-        closed = ", ".join(f"{gap * 1e6:.3f} um at {step * 1e3:g} ms" for step, (_, gap) in zip(STEPS, results, strict=True))
+        closed = ", ".join(
+            f"{gap * 1e6:.3f} um at {step * 1e3:g} ms"
+            for step, (_, gap) in zip(STEPS, results, strict=True)
+        )
         print(f"  loop closure: {closed}")
 
 

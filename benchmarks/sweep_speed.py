@@ -83,22 +83,40 @@ def trial(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
     return run_trial(scenario, folder)
 
 
-def swept(work: Work, runs: int, workers: Callable[[Job], AbstractContextManager[Workers]]) -> Spent:
+def swept(
+    work: Work, runs: int, workers: Callable[[Job], AbstractContextManager[Workers]]
+) -> Spent:
     """A sweep of `runs` runs in a folder of its own."""
     with TemporaryDirectory() as top:
         sweep = sweep_of(Path(top), runs)
         came: list[tuple[float, int]] = []
         begin, driver, children = time.perf_counter(), time.process_time(), _children()
         outcome = run_sweep(
-            sweep, Path(top) / "out", work, workers, progress=lambda done, _: came.append((time.perf_counter(), done)) if done else None
+            sweep,
+            Path(top) / "out",
+            work,
+            workers,
+            progress=lambda done, _: came.append((time.perf_counter(), done)) if done else None,
         )
         wall = time.perf_counter() - begin
         arrived = [later for earlier, later in pairwise([(0.0, 0), *came]) if later[1] > earlier[1]]
         (first, some), (last, total) = arrived[0], arrived[-1]
-        sizes = {kind: path.stat().st_size / runs for kind, path in (("Parquet", outcome.folder.table), ("CSV", outcome.folder.csv))}
-        sizes["parts"] = sum(path.stat().st_size for path in (outcome.folder.path / "parts").iterdir()) / runs
+        sizes = {
+            kind: path.stat().st_size / runs
+            for kind, path in (("Parquet", outcome.folder.table), ("CSV", outcome.folder.csv))
+        }
+        sizes["parts"] = (
+            sum(path.stat().st_size for path in (outcome.folder.path / "parts").iterdir()) / runs
+        )
         assert pq.read_metadata(outcome.folder.table).num_rows == runs
-        return Spent(runs, wall, (total - some) / (last - first), time.process_time() - driver, _children() - children, sizes)
+        return Spent(
+            runs,
+            wall,
+            (total - some) / (last - first),
+            time.process_time() - driver,
+            _children() - children,
+            sizes,
+        )
 
 
 def sweep_of(folder: Path, runs: int) -> LoadedSweep:
@@ -173,8 +191,15 @@ def against_plain_user() -> tuple[float, float, float]:
     spent: list[tuple[float, float, float]] = []
     for number in range(10, 20):
         scenario = run_of(plan, number).scenario
-        samples, parameters = trial_samples(scenario, SCENARIOS), cost_parameters(scenario, SCENARIOS)
-        plain = _spent(partial(plain_user_identify, samples, samples.nominal, parameters)) if number % 5 == 0 else np.nan
+        samples, parameters = (
+            trial_samples(scenario, SCENARIOS),
+            cost_parameters(scenario, SCENARIOS),
+        )
+        plain = (
+            _spent(partial(plain_user_identify, samples, samples.nominal, parameters))
+            if number % 5 == 0
+            else np.nan
+        )
         making = _spent(partial(trial_samples, scenario, SCENARIOS))
         fit = _spent(partial(fit_cost_to_samples, scenario, SCENARIOS)) - making
         spent.append((plain, fit, _spent(partial(trial, scenario, SCENARIOS))))
@@ -199,13 +224,18 @@ def overhead() -> None:
         print(f"{runs:6d}  {beside:6.1%}  (driver {spent.driver / runs * 1e3:.2f} ms a run)")
     for runs in SIZES[:2]:
         spent, (wall, _) = swept(busy, runs, here()), bare(busy, runs)
-        print(f"{runs:6d}  wall, start and table included, against {CORES} plain processes: {spent.wall / wall - 1.0:+.1%}")
+        print(
+            f"{runs:6d}  wall, start and table included, against {CORES} plain processes: {spent.wall / wall - 1.0:+.1%}"
+        )
 
 
 def memory() -> None:
     """The driver's largest memory, by number of runs."""
     peaks = {runs: alone(driver_peak, runs) for runs in SIZES}
-    print("driver's largest memory: " + ", ".join(f"{runs} runs {peak:.0f} MB" for runs, peak in peaks.items()))
+    print(
+        "driver's largest memory: "
+        + ", ".join(f"{runs} runs {peak:.0f} MB" for runs, peak in peaks.items())
+    )
 
 
 def driver_peak(runs: int) -> float:
@@ -218,10 +248,14 @@ def dask() -> None:
     """One against two Dask workers, real runs; beside them as many plain processes, which is what the machine could give."""
     gains: list[tuple[float, float]] = []
     for _ in range(3):
-        (one, plain_one), (two, plain_two) = ((dask_rate(count), plain_rate(count)) for count in (1, 2))
+        (one, plain_one), (two, plain_two) = (
+            (dask_rate(count), plain_rate(count)) for count in (1, 2)
+        )
         gains.append((two / one, plain_two / plain_one))
     there, plain = np.median(gains, axis=0)
-    print(f"two Dask workers against one: {there:.2f} times the runs a second (required 1.7), two plain processes {plain:.2f} times")
+    print(
+        f"two Dask workers against one: {there:.2f} times the runs a second (required 1.7), two plain processes {plain:.2f} times"
+    )
     print("  rounds: " + ", ".join(f"{a:.2f} and {b:.2f}" for a, b in gains))
 
 
@@ -229,7 +263,9 @@ def dask_rate(workers: int) -> float:
     """[runs/s] of a local cluster."""
     from distributed import LocalCluster  # noqa: PLC0415
 
-    with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+    with LocalCluster(
+        n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
         there = partial(dask_cluster, address=cluster.scheduler_address)
         swept(trial, 40, there)  # workers import and plan their path
         return swept(trial, 160 * workers, there).steady
@@ -262,10 +298,22 @@ def million() -> None:
         hours = MILLION / (per_core * cores) / 3600
         busy_driver = per_core * cores * driver
         print(f"  {cores:3d} cores {hours:6.2f} h, the driver {busy_driver:.0%} busy")
-    print("  " + ", ".join(f"{kind} {size:.0f} bytes a run, {size * MILLION / 1e9:.2f} GB" for kind, size in real.bytes_per_run.items()))
+    print(
+        "  "
+        + ", ".join(
+            f"{kind} {size:.0f} bytes a run, {size * MILLION / 1e9:.2f} GB"
+            for kind, size in real.bytes_per_run.items()
+        )
+    )
 
 
-SECTIONS = {"speed": speed, "overhead": overhead, "memory": memory, "dask": dask, "million": million}
+SECTIONS = {
+    "speed": speed,
+    "overhead": overhead,
+    "memory": memory,
+    "dask": dask,
+    "million": million,
+}
 
 
 @one_thread_each()

@@ -25,7 +25,13 @@ from sim.simulate import Simulation, simulate
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS, DOCS = ROOT / "scenarios", ROOT / "docs"
-mpl.rcParams |= {"svg.hashsalt": "thesis_5_3", "font.size": 8, "axes.grid": True, "grid.alpha": 0.3, "axes.axisbelow": True}
+mpl.rcParams |= {
+    "svg.hashsalt": "thesis_5_3",
+    "font.size": 8,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.axisbelow": True,
+}
 _FEW = slice(None, None, 60)  # of a millisecond grid: what a curve needs
 
 PAGE = """# Experiments of thesis sec. 5.3, in the simulated cell
@@ -65,10 +71,16 @@ def sphere_deviation(motion: Motion) -> Array:
     """(K,) [m] how much further the ball-bar's end is from its nominal seat than the rod is long."""
     n = motion.t.size
     base, plate = np.broadcast_to(motion.base, (n, 3)), np.zeros(n)
-    bar = deflect(motion.geometry, motion.q, motion.b, stretch=motion.rod_stretch, plate=plate, base=base).bar
-    rigid = deflect(motion.geometry, motion.q, motion.b, stretch=np.zeros(n), plate=plate, base=np.zeros((n, 3))).bar
+    bar = deflect(
+        motion.geometry, motion.q, motion.b, stretch=motion.rod_stretch, plate=plate, base=base
+    ).bar
+    rigid = deflect(
+        motion.geometry, motion.q, motion.b, stretch=np.zeros(n), plate=plate, base=np.zeros((n, 3))
+    ).bar
     seat = motion.geometry.origin[:, None]
-    return np.asarray(np.linalg.norm(bar.tip - seat, axis=0) - np.linalg.norm(rigid.tip - seat, axis=0))
+    return np.asarray(
+        np.linalg.norm(bar.tip - seat, axis=0) - np.linalg.norm(rigid.tip - seat, axis=0)
+    )
 
 
 def pull_push(motion: Motion) -> tuple[float, float]:
@@ -84,14 +96,26 @@ def pull_push(motion: Motion) -> tuple[float, float]:
 
 def main() -> None:
     """Runs the three scenarios, draws the figures and writes the page."""
-    pushed, path, full = simulated("irb2400_push_pull"), simulated("irb2400"), simulated("irb2400_full")
+    pushed, path, full = (
+        simulated("irb2400_push_pull"),
+        simulated("irb2400"),
+        simulated("irb2400_full"),
+    )
     strain, backlash = pull_push(pushed.motion)
     deviation = sphere_deviation(full.motion)
     _pull_push_figure(pushed.motion)
     _over_time(
-        "path_force", {"main scenario": path.motion.rod_force, "everything on": full.motion.rod_force}, path.motion.t, "rod force [N]"
+        "path_force",
+        {"main scenario": path.motion.rod_force, "everything on": full.motion.rod_force},
+        path.motion.t,
+        "rod force [N]",
     )
-    _over_time("sphere_deviation", {"everything on": deviation * 1e6}, full.motion.t, "deviation from the sphere [um]")
+    _over_time(
+        "sphere_deviation",
+        {"everything on": deviation * 1e6},
+        full.motion.t,
+        "deviation from the sphere [um]",
+    )
     page = PAGE.format(
         strain=strain * 1e6,
         backlash=backlash * 1e6,
@@ -110,7 +134,14 @@ def main() -> None:
 def _pull_push_figure(motion: Motion) -> None:
     figure, axes = plt.subplots(figsize=(5.2, 3.0))
     along = np.linalg.norm(motion.base, axis=1) * np.sign(motion.rod_force)
-    axes.plot(motion.rod_force[_FEW], motion.rod_stretch[_FEW] * 1e6, "-", lw=1.2, color="#1f5fa8", label="rod and joints")
+    axes.plot(
+        motion.rod_force[_FEW],
+        motion.rod_stretch[_FEW] * 1e6,
+        "-",
+        lw=1.2,
+        color="#1f5fa8",
+        label="rod and joints",
+    )
     axes.plot(motion.rod_force[_FEW], along[_FEW] * 1e6, "-", lw=1.2, color="#d9822b", label="base")
     axes.set_xlabel("force along the rod, tension positive [N]")
     axes.set_ylabel("movement [um]")

@@ -26,9 +26,14 @@ SLOWER = 1.5
 def robot_row(seed: int, duration: float) -> dict[str, object]:
     """One robot."""
     with tempfile.TemporaryDirectory() as folder:
-        made = [recorded(scenario_of("irb2400", p, seed, s * duration), Path(folder) / p) for p, s in (("a", 1.0), ("b", SLOWER))]
+        made = [
+            recorded(scenario_of("irb2400", p, seed, s * duration), Path(folder) / p)
+            for p, s in (("a", 1.0), ("b", SLOWER))
+        ]
     cell = made[0][0]
-    first, second = (identify_together(cell, [logs], model="complete", force="torque")[0] for _, logs, _ in made)
+    first, second = (
+        identify_together(cell, [logs], model="complete", force="torque")[0] for _, logs, _ in made
+    )
     grid = accuracy_grid(cell.robot)
     apart = position_error(first.free_robot().tool(grid), second.free_robot().tool(grid))
     stated = float(np.sqrt((first.tcp_sigma**2 + second.tcp_sigma**2).mean()))
@@ -43,8 +48,13 @@ def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
     asked = asked_robots(__doc__)
     with ProcessPoolExecutor(2) as pool:
-        table = pd.DataFrame(list(pool.map(robot_row, range(1, asked.robots + 1), [asked.duration] * asked.robots)))
-    write_whole(ROOT / "docs" / "studies" / "two_speeds.csv", table.to_csv(index=False, float_format="%.6g").encode())
+        table = pd.DataFrame(
+            list(pool.map(robot_row, range(1, asked.robots + 1), [asked.duration] * asked.robots))
+        )
+    write_whole(
+        ROOT / "docs" / "studies" / "two_speeds.csv",
+        table.to_csv(index=False, float_format="%.6g").encode(),
+    )
     print(table.to_string(index=False))
     print(
         f"difference of the predictions: median {table.mean_mm.median():.4f} mm, worst {table.mean_mm.max():.4f} mm (mean over the grid); "

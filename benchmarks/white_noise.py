@@ -35,7 +35,9 @@ ENCODER_SETS = ((), (1, 2), (1, 2, 4, 5), (1, 2, 3, 4, 5))
 
 def scenario_of(fitted: tuple[int, ...]) -> Scenario:
     """Static errors and nothing else: the noise is added here, its mean left in."""
-    base = load_scenario(SCENARIOS / "irb2400.yaml").model_dump(mode="json", by_alias=True, exclude_none=True)
+    base = load_scenario(SCENARIOS / "irb2400.yaml").model_dump(
+        mode="json", by_alias=True, exclude_none=True
+    )
     base["plant"] = {"kind": "kinematic"}
     base["errors"] = {"static": {"table": "thesis_3_1"}}
     base["encoders"] = {"fitted": list(fitted)}
@@ -52,14 +54,22 @@ def one(fitted: tuple[int, ...], seed: int) -> tuple[float, float, float]:
     grid = accuracy_grid(load_robot(scenario.cell.robot))
     error = tcp_error(found.geometry, samples.true, grid).error
     bound = _bound(samples, fitted, found.fit.parameters, grid)
-    deviation = np.sqrt(np.diag(found.fit.covariance) * max(1.0, found.fit.chi2_per_dof))[: found.fit.parameters.size]
+    deviation = np.sqrt(np.diag(found.fit.covariance) * max(1.0, found.fit.chi2_per_dof))[
+        : found.fit.parameters.size
+    ]
     difference = found.geometry.values - samples.true.values
-    wrapped = np.where([n.startswith("btheta") for n in NAMES], np.arctan2(np.sin(difference), np.cos(difference)), difference)
+    wrapped = np.where(
+        [n.startswith("btheta") for n in NAMES],
+        np.arctan2(np.sin(difference), np.cos(difference)),
+        difference,
+    )
     inside = np.abs(wrapped[found.fit.parameters]) < 1.96 * deviation
     return float((error**2).mean()), bound, float(inside.mean())
 
 
-def _bound(samples: KinematicSamples, fitted: tuple[int, ...], parameters: NDArray[np.intp], grid: Array) -> float:
+def _bound(
+    samples: KinematicSamples, fitted: tuple[int, ...], parameters: NDArray[np.intp], grid: Array
+) -> float:
     """[m^2] mean square TCP error of the best unbiased estimate, linearised at the truth."""
     t, b = samples.t, samples.b
     robot = through_samples(t, samples.q)
@@ -67,19 +77,32 @@ def _bound(samples: KinematicSamples, fitted: tuple[int, ...], parameters: NDArr
     encoder = np.zeros(5)
     encoder[[j - 1 for j in fitted]] = NOISE
     inside = t[(t >= t[0] + MARGIN) & (t <= t[-1] - MARGIN)]
-    problem = Problem(robot, bar, fitted, np.ones(len(fitted)), inside, NoiseModel(np.full(6, NOISE), encoder, 0.0))
-    at_truth = solve(problem, problem.start(samples.true, Clock(0.0, 0.0)), parameters, max_iterations=0)
+    problem = Problem(
+        robot,
+        bar,
+        fitted,
+        np.ones(len(fitted)),
+        inside,
+        NoiseModel(np.full(6, NOISE), encoder, 0.0),
+    )
+    at_truth = solve(
+        problem, problem.start(samples.true, Clock(0.0, 0.0)), parameters, max_iterations=0
+    )
     return float((tcp_sigma(samples.true, grid, parameters, at_truth.covariance) ** 2).mean())
 
 
 def main() -> None:
     """Prints efficiency and coverage of every encoder set."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seeds", type=int, default=200)
     seeds = range(1, parser.parse_args().seeds + 1)
     with ProcessPoolExecutor(2) as pool:
         for fitted in ENCODER_SETS:
-            errors, bounds, covered = np.array(list(pool.map(one, [fitted] * len(seeds), seeds, chunksize=10))).T
+            errors, bounds, covered = np.array(
+                list(pool.map(one, [fitted] * len(seeds), seeds, chunksize=10))
+            ).T
             print(
                 f"{len(fitted)} encoders, {len(seeds)} seeds: rms TCP error {np.sqrt(errors.mean()) * 1e6:.2f} um, "
                 f"Cramer-Rao {np.sqrt(bounds.mean()) * 1e6:.2f} um, ratio {np.sqrt(errors.mean() / bounds.mean()):.3f}; "

@@ -21,7 +21,9 @@ def carried_bodies(cell: Cell) -> list[list[Link]]:
     """Links 1..6 of the robot and, on the sixth, the plate; each in the frame that turns with its joint."""
     rotation, flange = flange_on_link6(cell)
     plate = cell.plate.body
-    on_link6 = Link(plate.mass, flange + rotation @ plate.com, rotation @ plate.inertia @ rotation.T)
+    on_link6 = Link(
+        plate.mass, flange + rotation @ plate.com, rotation @ plate.inertia @ rotation.T
+    )
     bodies = [[link] for link in robot_bodies(cell)]
     bodies[5].append(on_link6)
     return bodies
@@ -37,7 +39,9 @@ def flange_on_link6(cell: Cell) -> tuple[Array, Array]:
     """(rotation (3, 3), translation (3,) [m]) of the nominal flange in the frame that turns with joint 6."""
     frames = forward(_robot_chain(cell), np.zeros((1, 6)))
     turned = frames.rotation(5)[:, :, 0].T
-    return turned @ frames.rotation(6)[:, :, 0], turned @ (frames.origin[6, :, 0] - frames.origin[5, :, 0])
+    return turned @ frames.rotation(6)[:, :, 0], turned @ (
+        frames.origin[6, :, 0] - frames.origin[5, :, 0]
+    )
 
 
 def _robot_chain(cell: Cell) -> Chain:
@@ -50,5 +54,11 @@ def _local(chain: Chain, links: tuple[Link, ...]) -> list[Link]:
     out = []
     for i, link in enumerate(links):
         rotation = frames.rotation(i)[:, :, 0].T
-        out.append(Link(link.mass, rotation @ (link.com - frames.origin[i, :, 0]), rotation @ link.inertia @ rotation.T))
+        out.append(
+            Link(
+                link.mass,
+                rotation @ (link.com - frames.origin[i, :, 0]),
+                rotation @ link.inertia @ rotation.T,
+            )
+        )
     return out

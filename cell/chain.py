@@ -35,7 +35,9 @@ class Chain:
         for field in fields(self):
             values = np.array(getattr(self, field.name), dtype=np.float64)
             if values.shape != np.shape(self.a) or values.ndim != 1:
-                raise ValueError(f"chain: {field.name} has shape {values.shape}, a has {np.shape(self.a)}")
+                raise ValueError(
+                    f"chain: {field.name} has shape {values.shape}, a has {np.shape(self.a)}"
+                )
             values.flags.writeable = False
             object.__setattr__(self, field.name, values)
 
@@ -76,7 +78,9 @@ class Frames:
         return pose
 
 
-def forward(chain: Chain, q: Array, *, base_rotation: Array | None = None, base_origin: Array | None = None) -> Frames:
+def forward(
+    chain: Chain, q: Array, *, base_rotation: Array | None = None, base_origin: Array | None = None
+) -> Frames:
     """Frames of the chain at every sample.
 
     q : (N, J) [rad] joint angles.

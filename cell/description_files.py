@@ -30,13 +30,17 @@ def _ratio(value: Any) -> Any:
 
 def _metres(value: float) -> float:
     if abs(value) > MAX_DH_LENGTH_M:
-        raise ValueError(f"longer than {MAX_DH_LENGTH_M:g} m. Lengths are metres: for {value:g} mm write {value / 1000:g}")
+        raise ValueError(
+            f"longer than {MAX_DH_LENGTH_M:g} m. Lengths are metres: for {value:g} mm write {value / 1000:g}"
+        )
     return value
 
 
 def _degrees(value: float) -> float:
     if 0.0 < abs(value) < SMALLEST_TWIST_DEG:
-        raise ValueError(f"looks like radians. Angles here are degrees: {value:g} rad is {np.rad2deg(value):g} deg")
+        raise ValueError(
+            f"looks like radians. Angles here are degrees: {value:g} rad is {np.rad2deg(value):g} deg"
+        )
     return value
 
 
@@ -80,9 +84,16 @@ class LinkFile(_Strict):
         moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         told = ", ".join(f"{m:.4g}" for m in moments)
         if moments[0] <= 0.0:
-            raise wrong_key("inertia_kg_m2", message=f"principal moments {told} kg m^2 must all be positive")
-        if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):  # rounding: a flat plate has equality
-            raise wrong_key("inertia_kg_m2", message=f"principal moments {told} kg m^2: the largest exceeds the sum of the others")
+            raise wrong_key(
+                "inertia_kg_m2", message=f"principal moments {told} kg m^2 must all be positive"
+            )
+        if moments[2] > (moments[0] + moments[1]) * (
+            1.0 + 1e-9
+        ):  # rounding: a flat plate has equality
+            raise wrong_key(
+                "inertia_kg_m2",
+                message=f"principal moments {told} kg m^2: the largest exceeds the sum of the others",
+            )
         return self
 
 
@@ -125,7 +136,10 @@ class TransmissionErrorFile(_Strict):
     @model_validator(mode="after")
     def _one_amplitude_a_harmonic(self) -> Self:
         if len(self.amplitude_rad) != len(self.cycles_per_turn):
-            raise wrong_key("amplitude_rad", message=f"expected {len(self.cycles_per_turn)} values, one for each of cycles_per_turn")
+            raise wrong_key(
+                "amplitude_rad",
+                message=f"expected {len(self.cycles_per_turn)} values, one for each of cycles_per_turn",
+            )
         return self
 
 
@@ -173,13 +187,27 @@ class RobotFile(_Strict):
     @model_validator(mode="after")
     def _boxes_have_lower_below_upper(self) -> Self:
         for i in range(6):
-            low, high, first, last = (getattr(self, f"{box}_{end}_deg")[i] for box in ("axis", "accuracy") for end in ("lower", "upper"))
+            low, high, first, last = (
+                getattr(self, f"{box}_{end}_deg")[i]
+                for box in ("axis", "accuracy")
+                for end in ("lower", "upper")
+            )
             if not low < high:
-                raise wrong_key("axis_upper_deg", i, message=f"expected more than the lower limit {low:g}")
+                raise wrong_key(
+                    "axis_upper_deg", i, message=f"expected more than the lower limit {low:g}"
+                )
             if not low <= first <= high:
-                raise wrong_key("accuracy_lower_deg", i, message=f"expected a value within the axis limits {low:g} to {high:g}")
+                raise wrong_key(
+                    "accuracy_lower_deg",
+                    i,
+                    message=f"expected a value within the axis limits {low:g} to {high:g}",
+                )
             if not first < last <= high:
-                raise wrong_key("accuracy_upper_deg", i, message=f"expected a value above {first:g} and up to the axis limit {high:g}")
+                raise wrong_key(
+                    "accuracy_upper_deg",
+                    i,
+                    message=f"expected a value above {first:g} and up to the axis limit {high:g}",
+                )
         return self
 
 

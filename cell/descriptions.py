@@ -62,7 +62,9 @@ class Gears:
     coulomb: Array  # (6,) [N m]
     viscous: Array  # (6,) [N m s/rad]
     stribeck: Array  # (6,) [rad/s]
-    harmonics: tuple[tuple[tuple[float, float], ...], ...]  # per gear: (cycles a turn of the output, amplitude [rad])
+    harmonics: tuple[
+        tuple[tuple[float, float], ...], ...
+    ]  # per gear: (cycles a turn of the output, amplitude [rad])
 
     def __post_init__(self) -> None:
         six = "stiffness damping lost_motion static coulomb viscous stribeck"
@@ -95,9 +97,17 @@ class Robot:
 
     def __post_init__(self) -> None:
         six = "a d alpha theta controller_offset axis_lower axis_upper axis_speed_max accuracy_lower accuracy_upper armature"
-        _protect(self, **dict.fromkeys(six.split(), (6,)), transmission=(6, 6), controller_to_joint=(6, 6), gravity=(3,))
+        _protect(
+            self,
+            **dict.fromkeys(six.split(), (6,)),
+            transmission=(6, 6),
+            controller_to_joint=(6, 6),
+            gravity=(3,),
+        )
         if len(self.links) != 7:
-            raise ValueError(f"robot {self.name}: {len(self.links)} links, expected base and link 1 to 6")
+            raise ValueError(
+                f"robot {self.name}: {len(self.links)} links, expected base and link 1 to 6"
+            )
 
     @property
     def gear_to_joint(self) -> Array:
@@ -194,7 +204,15 @@ def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
     file = load_model(path, RobotFile)
     transmission = np.array(file.motor_to_joint)
     links = file.links
-    bodies = (links.base, links.link1, links.link2, links.link3, links.link4, links.link5, links.link6)
+    bodies = (
+        links.base,
+        links.link1,
+        links.link2,
+        links.link3,
+        links.link4,
+        links.link5,
+        links.link6,
+    )
     return Robot(
         name=path.stem,
         title=file.title,
@@ -208,7 +226,10 @@ def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
         accuracy_lower=np.deg2rad(file.accuracy_lower_deg),
         accuracy_upper=np.deg2rad(file.accuracy_upper_deg),
         links=tuple(_link(body) for body in bodies),
-        servo={key: ServoGains(np.array(s.kp_N_m_per_rad), np.array(s.kv_N_m_s_per_rad)) for key, s in file.servo.items()},
+        servo={
+            key: ServoGains(np.array(s.kp_N_m_per_rad), np.array(s.kv_N_m_s_per_rad))
+            for key, s in file.servo.items()
+        },
         gears=_gears(file.gears, 1.0 / np.abs(np.diag(transmission))),
         armature=np.array(file.rotor_inertia_kg_m2) / np.diag(transmission) ** 2,
         gravity=np.array(file.gravity_m_per_s2),
@@ -233,7 +254,10 @@ def load_ballbar(name_or_path: str, *, relative_to: Path | None = None) -> BallB
         encoder_lines=file.encoder.lines,
         encoder_bits=file.encoder.bits,
         encoder_noise_sigma=file.encoder.noise_sigma_rad,
-        links=tuple(_link(body) for body in (links.link1, links.link2, links.link3, links.link4, links.link5)),
+        links=tuple(
+            _link(body)
+            for body in (links.link1, links.link2, links.link3, links.link4, links.link5)
+        ),
     )
 
 
@@ -339,7 +363,9 @@ def _gears(file: GearsFile, ratio: Array) -> Gears:
     for group in file.transmission_error:
         for axis in group.axes:
             turns = (*group.cycles_per_turn, float(ratio[axis - 1]))
-            harmonics[axis - 1] += tuple(zip(turns, (*group.amplitude_rad, group.input_amplitude_rad), strict=True))
+            harmonics[axis - 1] += tuple(
+                zip(turns, (*group.amplitude_rad, group.input_amplitude_rad), strict=True)
+            )
     friction = file.friction
     return Gears(
         stiffness=np.array(file.stiffness_N_m_per_rad),
@@ -355,7 +381,9 @@ def _gears(file: GearsFile, ratio: Array) -> Gears:
 
 def _link(file: LinkFile) -> Link:
     xx, yy, zz, xy, xz, yz = file.inertia_kg_m2
-    return Link(file.mass_kg, np.array(file.com_m), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    return Link(
+        file.mass_kg, np.array(file.com_m), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    )
 
 
 def _protect(description: object, **shapes: tuple[int, ...]) -> None:
@@ -363,6 +391,8 @@ def _protect(description: object, **shapes: tuple[int, ...]) -> None:
     for name, shape in shapes.items():
         values = np.array(getattr(description, name), dtype=np.float64)
         if values.shape != shape or not np.isfinite(values).all():
-            raise ValueError(f"{type(description).__name__}.{name}: expected finite numbers of shape {shape}, got shape {values.shape}")
+            raise ValueError(
+                f"{type(description).__name__}.{name}: expected finite numbers of shape {shape}, got shape {values.shape}"
+            )
         values.flags.writeable = False
         object.__setattr__(description, name, values)

@@ -41,7 +41,10 @@ def joint_torques(
     loaded = _loaded(frames, bodies, q, gravity, speed, acceleration)
     joints, n = len(bodies), q.shape[0]
     torque = np.zeros((joints, n))
-    force, moment = np.zeros((3, n)), np.zeros((3, n))  # of all bodies behind, about the origin of the base
+    force, moment = (
+        np.zeros((3, n)),
+        np.zeros((3, n)),
+    )  # of all bodies behind, about the origin of the base
     for i in range(joints - 1, -1, -1):
         for body in loaded[i]:
             force = force + body.force
@@ -51,7 +54,12 @@ def joint_torques(
 
 
 def _loaded(
-    frames: Frames, bodies: Sequence[Sequence[Link]], q: Array, gravity: Array, speed: Array | None, acceleration: Array | None
+    frames: Frames,
+    bodies: Sequence[Sequence[Link]],
+    q: Array,
+    gravity: Array,
+    speed: Array | None,
+    acceleration: Array | None,
 ) -> list[list[_Loaded]]:
     n = q.shape[0]
     moves = speed is not None and acceleration is not None
@@ -71,12 +79,26 @@ def _loaded(
         point = frames.origin[i]
         x = cos[i] * frames.x[i] + sin[i] * frames.y[i]
         y = cos[i] * frames.y[i] - sin[i] * frames.x[i]
-        out.append([_body(link, (x, y, z), point, at_origin - gravity[:, None], omega, alpha, moves=moves) for link in links])
+        out.append(
+            [
+                _body(
+                    link, (x, y, z), point, at_origin - gravity[:, None], omega, alpha, moves=moves
+                )
+                for link in links
+            ]
+        )
     return out
 
 
 def _body(
-    link: Link, axes: tuple[Array, Array, Array], origin: Array, lifted: Array, omega: Array, alpha: Array, *, moves: bool
+    link: Link,
+    axes: tuple[Array, Array, Array],
+    origin: Array,
+    lifted: Array,
+    omega: Array,
+    alpha: Array,
+    *,
+    moves: bool,
 ) -> _Loaded:
     x, y, z = axes
     arm = link.com[0] * x + link.com[1] * y + link.com[2] * z

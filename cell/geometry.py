@@ -22,7 +22,10 @@ Array = NDArray[np.float64]
 
 ROBOT_ROWS = 6
 BAR_ROWS = 5
-HAYATI_ROWS = (1, 5)  # axes nearly parallel to the next one: joint 2 to joint 3, and joint 6 to b5 across the plate
+HAYATI_ROWS = (
+    1,
+    5,
+)  # axes nearly parallel to the next one: joint 2 to joint 3, and joint 6 to b5 across the plate
 
 
 @dataclass(frozen=True)
@@ -44,9 +47,17 @@ class Parameter:
 
 
 def _parameters() -> tuple[Parameter, ...]:
-    robot = [Parameter(f"r{k}{i + 1}", "robot", k, i) for k in ("a", "d", "alpha", "theta") for i in range(ROBOT_ROWS)]
+    robot = [
+        Parameter(f"r{k}{i + 1}", "robot", k, i)
+        for k in ("a", "d", "alpha", "theta")
+        for i in range(ROBOT_ROWS)
+    ]
     hayati = [Parameter(f"rbeta{row + 1}", "robot", "beta", row) for row in HAYATI_ROWS]
-    bar = [Parameter(f"b{k}{i + 1}", "bar", k, i) for k in ("a", "d", "alpha", "theta") for i in range(BAR_ROWS)]
+    bar = [
+        Parameter(f"b{k}{i + 1}", "bar", k, i)
+        for k in ("a", "d", "alpha", "theta")
+        for i in range(BAR_ROWS)
+    ]
     base = [Parameter(f"o{c}", "base", "origin", i) for i, c in enumerate("xyz")]
     tilt = [Parameter(f"ot{c}", "base", "tilt", i) for i, c in enumerate("xy")]
     return tuple(robot + hayati + bar + base + tilt)
@@ -117,7 +128,11 @@ def mirrored(geometry: Geometry, joint: int) -> Geometry:
         raise ValueError(f"joint {joint}: only b2 and b4 have a sense that cannot be seen")
     i, j, k = joint - 1, joint, joint + 1
     changes = {f"b{kind}{joint}": -geometry[f"b{kind}{joint}"] for kind in ("a", "d", "theta")}
-    changes |= {f"ba{i}": -geometry[f"ba{i}"], f"balpha{i}": np.pi - geometry[f"balpha{i}"], f"balpha{j}": -np.pi - geometry[f"balpha{j}"]}
+    changes |= {
+        f"ba{i}": -geometry[f"ba{i}"],
+        f"balpha{i}": np.pi - geometry[f"balpha{i}"],
+        f"balpha{j}": -np.pi - geometry[f"balpha{j}"],
+    }
     changes |= {f"btheta{n}": geometry[f"btheta{n}"] + np.pi for n in (i, k)}
     return geometry.replaced(changes)
 
@@ -131,7 +146,19 @@ def nominal_geometry(cell: Cell, origin: Array) -> Geometry:
     a, d = robot.a.copy(), robot.d.copy()
     a[5] += plate.length
     d[5] += plate.tool_offset
-    rows = (a, d, robot.alpha, robot.theta, np.zeros(len(HAYATI_ROWS)), bar.a, bar.d, bar.alpha, bar.theta, origin, [0.0, 0.0])
+    rows = (
+        a,
+        d,
+        robot.alpha,
+        robot.theta,
+        np.zeros(len(HAYATI_ROWS)),
+        bar.a,
+        bar.d,
+        bar.alpha,
+        bar.theta,
+        origin,
+        [0.0, 0.0],
+    )
     return Geometry(np.concatenate([np.asarray(r, dtype=np.float64) for r in rows]))
 
 
@@ -142,19 +169,29 @@ def robot_frames(geometry: Geometry, q: Array) -> Frames:
 
 def bar_frames(geometry: Geometry, b: Array) -> Frames:
     """Frames of the ball-bar at encoder angles b (N, 5) [rad] (zeros are in btheta); the last one is the tool frame."""
-    return forward(geometry.bar, b, base_rotation=geometry.bar_base_rotation, base_origin=geometry.origin)
+    return forward(
+        geometry.bar, b, base_rotation=geometry.bar_base_rotation, base_origin=geometry.origin
+    )
 
 
-def parameter_screw(geometry: Geometry, robot: Frames, bar: Frames, parameter: Parameter, out: Array | None = None) -> Array:
+def parameter_screw(
+    geometry: Geometry, robot: Frames, bar: Frames, parameter: Parameter, out: Array | None = None
+) -> Array:
     """(6, N) motion of that side's tool frame for a unit change of one parameter, base coordinates (see chain.screw)."""
     if parameter.side != "base":
-        return screw(robot if parameter.side == "robot" else bar, parameter.kind, parameter.row, out)
+        return screw(
+            robot if parameter.side == "robot" else bar, parameter.kind, parameter.row, out
+        )
     out = np.empty((6, bar.tip.shape[1])) if out is None else out
     out[:] = 0.0
     if parameter.kind == "origin":
         out[parameter.row] = 1.0
         return out
-    axis = np.array([1.0, 0.0, 0.0]) if parameter.row == 0 else np.array([0.0, np.cos(geometry["otx"]), np.sin(geometry["otx"])])
+    axis = (
+        np.array([1.0, 0.0, 0.0])
+        if parameter.row == 0
+        else np.array([0.0, np.cos(geometry["otx"]), np.sin(geometry["otx"])])
+    )
     out[:3] = np.cross(axis, (bar.tip - bar.origin[0]).T).T
     out[3:] = axis[:, None]
     return out

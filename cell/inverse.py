@@ -39,9 +39,14 @@ def robot_branches(chain: Chain, poses: Array) -> Array:
     cosine = (forward_reach**2 + up**2 - upper**2 - fore**2) / (2.0 * upper * fore)
     cosine[np.abs(cosine) > 1.0] = np.nan
     solutions = []
-    for elbow in (1.0, -1.0):  # + folds the forearm forward (arm angles are measured downwards from horizontal)
+    for elbow in (
+        1.0,
+        -1.0,
+    ):  # + folds the forearm forward (arm angles are measured downwards from horizontal)
         bend = elbow * np.arccos(cosine)
-        theta2 = np.arctan2(-up, forward_reach) - np.arctan2(fore * np.sin(bend), upper + fore * np.cos(bend))
+        theta2 = np.arctan2(-up, forward_reach) - np.arctan2(
+            fore * np.sin(bend), upper + fore * np.cos(bend)
+        )
         theta3 = bend - fore_angle
         arm = np.stack((shoulder, theta2, theta3), axis=1) - chain.theta[:3]
         solutions += _wrists(chain, rotation, arm)
@@ -49,7 +54,9 @@ def robot_branches(chain: Chain, poses: Array) -> Array:
 
 
 def _wrists(chain: Chain, rotation: Array, arm: Array) -> list[Array]:
-    first = Chain(*(values[:3] for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta)))
+    first = Chain(
+        *(values[:3] for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta))
+    )
     forearm = forward(first, arm).rotation().transpose(2, 0, 1)
     rest = forearm.transpose(0, 2, 1) @ rotation  # Rz(t4) Ry(-s t5) Rz(t6)
     sense = np.sign(chain.alpha[3])
@@ -63,7 +70,9 @@ def _wrists(chain: Chain, rotation: Array, arm: Array) -> list[Array]:
     return out
 
 
-def bar_angles(poses: Array, origin: Array, *, flipped: tuple[bool, bool] = (False, False)) -> Array:
+def bar_angles(
+    poses: Array, origin: Array, *, flipped: tuple[bool, bool] = (False, False)
+) -> Array:
     """Angles of an ideal ball-bar that holds the tool at each pose.
 
     poses : (N, 4, 4) tool frames; origin : (3,) [m]. `flipped` takes b2, b4 negative instead of positive: the four
@@ -98,10 +107,16 @@ def bar_roll(rotation: Array, b1: Array, b2: Array, b4: Array, b5: Array) -> Arr
 
 def _turned(alpha: Array, *angles: Array) -> Array:
     zero = np.zeros(alpha.size)
-    return forward(Chain(zero, zero, alpha, zero, zero), np.stack(angles, axis=1)).rotation().transpose(2, 0, 1)
+    return (
+        forward(Chain(zero, zero, alpha, zero, zero), np.stack(angles, axis=1))
+        .rotation()
+        .transpose(2, 0, 1)
+    )
 
 
-def refine(chain: Chain, q: Array, poses: Array, *, iterations: int = 20, tolerance: float = 1e-13) -> Array:
+def refine(
+    chain: Chain, q: Array, poses: Array, *, iterations: int = 20, tolerance: float = 1e-13
+) -> Array:
     """Joint angles that bring a six-joint chain exactly to each pose, by Newton steps from a start close by.
 
     q : (N, 6) [rad] start; poses : (N, 4, 4). Raises UnreachableError when a sample does not converge.
@@ -111,13 +126,19 @@ def refine(chain: Chain, q: Array, poses: Array, *, iterations: int = 20, tolera
     for _ in range(iterations):
         frames = forward(chain, q)
         mismatch = pose_mismatch(target_rotation, target_tip, frames)
-        step = np.linalg.solve(joint_screws(frames).transpose(2, 1, 0), mismatch.T[:, :, None])[:, :, 0]
+        step = np.linalg.solve(joint_screws(frames).transpose(2, 1, 0), mismatch.T[:, :, None])[
+            :, :, 0
+        ]
         size = np.abs(step).max()
-        q += np.clip(step, -0.3, 0.3)  # a step of more than 0.3 rad is a sign of a singularity, not of progress
+        q += np.clip(
+            step, -0.3, 0.3
+        )  # a step of more than 0.3 rad is a sign of a singularity, not of progress
         if size < tolerance:
             return q
     bad = int(np.abs(step).max(axis=1).argmax())
-    raise UnreachableError(f"inverse kinematics: sample {bad} of {len(q)} did not converge in {iterations} steps")
+    raise UnreachableError(
+        f"inverse kinematics: sample {bad} of {len(q)} did not converge in {iterations} steps"
+    )
 
 
 def pose_mismatch(rotation: Array, tip: Array, frames: Frames) -> NDArray[np.float64]:

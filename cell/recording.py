@@ -24,9 +24,13 @@ class _Strict(BaseModel):
 class SourceFile(_Strict):
     """The device files of one side, and the dialect they are written in."""
 
-    files: Annotated[tuple[str, ...], Field(min_length=1)]  # relative to recording.yaml; .gz, .bz2 and .xz are unpacked
+    files: Annotated[
+        tuple[str, ...], Field(min_length=1)
+    ]  # relative to recording.yaml; .gz, .bz2 and .xz are unpacked
     dialect: str  # a shipped one, or a file of the recording folder that ends in .yaml
-    time: str | None = None  # form of the time stamps (acquisition.times), where they do not tell it themselves
+    time: str | None = (
+        None  # form of the time stamps (acquisition.times), where they do not tell it themselves
+    )
     columns: tuple[str, ...] | None = None  # names of all columns, for files without header
     quantised: bool = False  # the rows were taken evenly, but the clock of the stamps steps by more than can be neglected
 

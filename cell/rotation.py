@@ -17,10 +17,18 @@ _NEAR_HALF_TURN = 3.0  # [rad] beyond it the skew part loses the axis
 
 def rotvec_from_matrix(rotation: Array) -> Array:
     """(3, N) [rad] rotation vectors of (3, 3, N) rotation matrices, angle within [0, pi]."""
-    skew = 0.5 * np.stack((rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]))
+    skew = 0.5 * np.stack(
+        (
+            rotation[2, 1] - rotation[1, 2],
+            rotation[0, 2] - rotation[2, 0],
+            rotation[1, 0] - rotation[0, 1],
+        )
+    )
     sine = np.sqrt((skew * skew).sum(axis=0))
     angle = np.arctan2(sine, 0.5 * (rotation[0, 0] + rotation[1, 1] + rotation[2, 2] - 1.0))
-    scale = np.where(angle < _SMALL, 1.0 + angle * angle / 6.0, angle / np.where(sine == 0.0, 1.0, sine))
+    scale = np.where(
+        angle < _SMALL, 1.0 + angle * angle / 6.0, angle / np.where(sine == 0.0, 1.0, sine)
+    )
     rotvec = scale * skew
     far = angle > _NEAR_HALF_TURN
     if far.any():
@@ -46,11 +54,15 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
     small = angle < 1e-2  # [rad] the closed form cancels below; series error 1e-10 * phi^2
     safe = np.where(small, 1.0, angle)
     half = 0.5 * safe
-    factor = np.where(small, 1.0 / 12.0 + square / 720.0, (1.0 - half / np.tan(half)) / (safe * safe))
+    factor = np.where(
+        small, 1.0 / 12.0 + square / 720.0, (1.0 - half / np.tan(half)) / (safe * safe)
+    )
     x, y, z = rotvec
     xx, yy, zz = factor * x * x, factor * y * y, factor * z * z
     xy, xz, yz = factor * x * y, factor * x * z, factor * y * z
     a, b, c = 0.5 * x, 0.5 * y, 0.5 * z
     one = 1.0 - (xx + yy + zz)
-    matrix = np.array(((one + xx, xy + c, xz - b), (xy - c, one + yy, yz + a), (xz + b, yz - a, one + zz)))
+    matrix = np.array(
+        ((one + xx, xy + c, xz - b), (xy - c, one + yy, yz + a), (xz + b, yz - a, one + zz))
+    )
     return np.asarray(np.einsum("ijn,...jn->...in", matrix, vectors))

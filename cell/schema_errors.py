@@ -48,7 +48,9 @@ def wrong_key(*loc: str | int, message: str) -> PydanticCustomError:
     return PydanticCustomError("wrong_key", "{message}", {"message": message, "loc": loc})
 
 
-def explain(errors: Iterable[ErrorDetails], model: type[BaseModel], data: Any) -> list[tuple[Loc, str]]:
+def explain(
+    errors: Iterable[ErrorDetails], model: type[BaseModel], data: Any
+) -> list[tuple[Loc, str]]:
     """For each validation error its place in the data, and its sentence: `key.path = value: what was expected.`"""
     return [_explain_one(error, model, data) for error in errors if not _is_echo(error, data)]
 
@@ -71,7 +73,10 @@ def _explain_one(error: ErrorDetails, model: type[BaseModel], data: Any) -> tupl
     if kind in ("missing", "union_tag_not_found"):
         return loc, f"{key} is missing. {_add_it(loc)}"
     if kind == "extra_forbidden":
-        return loc, f"unknown key {key}.{nearest(str(loc[-1]), _valid_keys(model, raw[:-1]), noun='key')}"
+        return (
+            loc,
+            f"unknown key {key}.{nearest(str(loc[-1]), _valid_keys(model, raw[:-1]), noun='key')}",
+        )
     value = _value_at(data, loc)
     return loc, f"{key}{_shown(value)}: {_expectation(error, context, value)}."
 
@@ -103,7 +108,9 @@ def _expectation(error: ErrorDetails, context: Mapping[str, Any], value: Any) ->
     elif kind in ("float_type", "int_type") and isinstance(value, str):
         text += ", without quotes or unit"
     elif kind == "literal_error":
-        close = difflib.get_close_matches(str(value), re.findall(r"'([^']*)'", context["expected"]), n=1)
+        close = difflib.get_close_matches(
+            str(value), re.findall(r"'([^']*)'", context["expected"]), n=1
+        )
         text += f"; the nearest is {close[0]}" if close else ""
     return text.rstrip(".")
 
@@ -139,7 +146,9 @@ def _dotted(loc: Loc) -> str:
 def _shown(value: Any) -> str:
     if isinstance(value, dict | list):
         return ""
-    text = "null" if value is None else str(value).lower() if isinstance(value, bool) else repr(value)
+    text = (
+        "null" if value is None else str(value).lower() if isinstance(value, bool) else repr(value)
+    )
     return f" = {text if len(text) <= 60 else text[:57] + '...'}"
 
 
@@ -165,7 +174,11 @@ def _valid_keys(annotation: Any, raw: Loc) -> set[str]:
         return _valid_keys(inner[0], raw)
     if origin in (Union, types.UnionType):
         chosen = [member for member in inner if raw and _is_named(member, raw[0])]
-        return set().union(*(_valid_keys(m, raw[1:]) for m in chosen) if chosen else (_valid_keys(m, raw) for m in inner))
+        return set().union(
+            *(_valid_keys(m, raw[1:]) for m in chosen)
+            if chosen
+            else (_valid_keys(m, raw) for m in inner)
+        )
     if origin is dict and raw:
         return _valid_keys(inner[1], raw[1:])
     if origin in (list, tuple) and raw:
@@ -180,5 +193,9 @@ def _is_named(member: Any, part: str | int) -> bool:
         member = get_args(member)[0]
     if not (isinstance(member, type) and issubclass(member, BaseModel)):
         return False
-    literals = [get_args(f.annotation) for f in member.model_fields.values() if get_origin(f.annotation) is Literal]
+    literals = [
+        get_args(f.annotation)
+        for f in member.model_fields.values()
+        if get_origin(f.annotation) is Literal
+    ]
     return part == member.__name__ or any(part in values for values in literals)

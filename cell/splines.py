@@ -19,7 +19,9 @@ def smoothing_spline(t: Array, values: Array, inner: Array, *, rows: int = 2) ->
     """
     kept = inner[_carried(np.searchsorted(t, inner), t.size, rows)]
     knots = np.concatenate((np.repeat(t[0], DEGREE + 1), kept, np.repeat(t[-1], DEGREE + 1)))
-    return make_lsq_spline(t, values, knots, k=DEGREE, method="norm-eq")  # to 1e-13 the answer of "qr", in a tenth of its time
+    return make_lsq_spline(
+        t, values, knots, k=DEGREE, method="norm-eq"
+    )  # to 1e-13 the answer of "qr", in a tenth of its time
 
 
 def _carried(before: NDArray[np.intp], total: int, rows: int) -> list[int]:

@@ -46,10 +46,15 @@ _Scalar = tuple[re.Pattern[str], Callable[[str], Any]]
 # In this order: every whole number also looks like a float.
 _SCALARS: dict[str, _Scalar] = {
     _TAG + "null": (re.compile(r"(?:null|Null|NULL|~|)\Z"), lambda _: None),
-    _TAG + "bool": (re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z"), lambda text: text.lower() == "true"),
+    _TAG + "bool": (
+        re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z"),
+        lambda text: text.lower() == "true",
+    ),
     _TAG + "int": (re.compile(r"(?:[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)\Z"), _to_int),
     _TAG + "float": (
-        re.compile(r"(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z"),
+        re.compile(
+            r"(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z"
+        ),
         _to_float,
     ),
     _TAG + "str": (re.compile(r"", re.DOTALL), str),
@@ -81,17 +86,24 @@ class _Core(yaml.composer.Composer, yaml.resolver.Resolver):
         if getattr(event, "anchor", None) is not None:
             sign = "*" if isinstance(event, yaml.AliasEvent) else "&"
             raise yaml.composer.ComposerError(
-                None, None, f"{sign}{event.anchor}: anchors and aliases are refused; write the value out", event.start_mark
+                None,
+                None,
+                f"{sign}{event.anchor}: anchors and aliases are refused; write the value out",
+                event.start_mark,
             )
         if self.depth >= MAX_DEPTH:
-            raise yaml.composer.ComposerError(None, None, f"nested more than {MAX_DEPTH} levels deep", event.start_mark)
+            raise yaml.composer.ComposerError(
+                None, None, f"nested more than {MAX_DEPTH} levels deep", event.start_mark
+            )
         self.depth += 1
         node = super().compose_node(parent, index)
         self.depth -= 1
         return node
 
 
-_Core.yaml_implicit_resolvers = {None: [(tag, scalar[0]) for tag, scalar in _SCALARS.items() if tag != _TAG + "str"]}
+_Core.yaml_implicit_resolvers = {
+    None: [(tag, scalar[0]) for tag, scalar in _SCALARS.items() if tag != _TAG + "str"]
+}
 
 
 class _CoreLoader(_Core, yaml.SafeLoader):
@@ -133,7 +145,11 @@ def load_yaml(path: Path) -> YamlDocument:
         root = _root(text)
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        _refuse(path, line, f"character U+{ord(text[error.position]):04X} is not allowed in YAML. Save the file as plain text.")
+        _refuse(
+            path,
+            line,
+            f"character U+{ord(text[error.position]):04X} is not allowed in YAML. Save the file as plain text.",
+        )
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         _refuse(path, mark.line + 1 if mark else 1, _syntax_error(error))
@@ -141,7 +157,9 @@ def load_yaml(path: Path) -> YamlDocument:
         raise DescriptionError(f"{path}: the file is empty; expected `key: value` lines.")
     if not isinstance(root, yaml.MappingNode):
         found = "a list" if isinstance(root, yaml.SequenceNode) else "a single value"
-        _refuse(path, root.start_mark.line + 1, f"the file holds {found}; expected `key: value` lines.")
+        _refuse(
+            path, root.start_mark.line + 1, f"the file holds {found}; expected `key: value` lines."
+        )
     lines: dict[Loc, int] = {(): root.start_mark.line + 1}
     return YamlDocument(path, _build(path, root, (), lines), lines)
 
@@ -165,7 +183,9 @@ def parse_model(document: YamlDocument, model: type[M]) -> M:
     except ValidationError as error:
         found = explain(error.errors(include_url=False), model, document.data)
         told = sorted((document.line_of(loc), text) for loc, text in found)
-        raise DescriptionError("\n".join(f"{document.path}:{line}: {text}" for line, text in told)) from None
+        raise DescriptionError(
+            "\n".join(f"{document.path}:{line}: {text}" for line, text in told)
+        ) from None
 
 
 def _read_text(path: Path) -> str:
@@ -179,7 +199,9 @@ def _read_text(path: Path) -> str:
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         raise DescriptionError(f"{path}: cannot be read: {error}.") from None
     if len(raw) > MAX_BYTES:
-        raise DescriptionError(f"{path}: larger than {MAX_BYTES // 1_000_000} MB, so it is no description. Was a log meant?")
+        raise DescriptionError(
+            f"{path}: larger than {MAX_BYTES // 1_000_000} MB, so it is no description. Was a log meant?"
+        )
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -214,20 +236,30 @@ def _build(path: Path, node: yaml.Node, loc: Loc, lines: dict[Loc, int]) -> Any:
         return _build_scalar(path, node)
     tag = node.tag.replace(_TAG, "!!")
     return _refuse(
-        path, node.start_mark.line + 1, f"tag {tag} is refused; only plain text, numbers, true, false, null, lists and mappings."
+        path,
+        node.start_mark.line + 1,
+        f"tag {tag} is refused; only plain text, numbers, true, false, null, lists and mappings.",
     )
 
 
-def _build_mapping(path: Path, node: yaml.MappingNode, loc: Loc, lines: dict[Loc, int]) -> dict[str, Any]:
+def _build_mapping(
+    path: Path, node: yaml.MappingNode, loc: Loc, lines: dict[Loc, int]
+) -> dict[str, Any]:
     data: dict[str, Any] = {}
     for key_node, value_node in node.value:
         line = key_node.start_mark.line + 1
         key = _build(path, key_node, loc, {}) if isinstance(key_node, yaml.ScalarNode) else None
         if not isinstance(key, str):
             shown = f"key {key_node.value}" if isinstance(key_node, yaml.ScalarNode) else "a key"
-            _refuse(path, line, f"{shown} is not text. Put keys that look like numbers, true or null in quotes.")
+            _refuse(
+                path,
+                line,
+                f"{shown} is not text. Put keys that look like numbers, true or null in quotes.",
+            )
         if key in data:
-            _refuse(path, line, f"key {key} stands here and in line {lines[*loc, key]}. Remove one.")
+            _refuse(
+                path, line, f"key {key} stands here and in line {lines[*loc, key]}. Remove one."
+            )
         lines[*loc, key] = line
         data[key] = _build(path, value_node, (*loc, key), lines)
     return data
@@ -237,11 +269,17 @@ def _build_scalar(path: Path, node: yaml.ScalarNode) -> Any:
     pattern, convert = _SCALARS[node.tag]
     shown = node.value if len(node.value) <= 40 else node.value[:37] + "..."
     if not pattern.match(node.value):
-        _refuse(path, node.start_mark.line + 1, f"{shown!r} is no {node.tag.removeprefix(_TAG)}, as its tag says.")
+        _refuse(
+            path,
+            node.start_mark.line + 1,
+            f"{shown!r} is no {node.tag.removeprefix(_TAG)}, as its tag says.",
+        )
     try:
         return convert(node.value)
     except ValueError:
-        _refuse(path, node.start_mark.line + 1, f"number {shown} is beyond what can be represented.")
+        _refuse(
+            path, node.start_mark.line + 1, f"number {shown} is beyond what can be represented."
+        )
 
 
 def _refuse(path: Path, line: int, what: str) -> NoReturn:

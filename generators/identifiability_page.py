@@ -33,9 +33,24 @@ from cell.files import write_whole
 from cell.geometry import INDEX, PARAMETERS, bar_frames
 from cell.inverse import refine
 from ident.estimator.closure import close_loop
-from ident.estimator.dependencies import PLATE, THESIS_PARAMETERS, Group, Selection, groups, shortened
+from ident.estimator.dependencies import (
+    PLATE,
+    THESIS_PARAMETERS,
+    Group,
+    Selection,
+    groups,
+    shortened,
+)
 from ident.thesis.costs import ENCODERS_NEEDED, CostName, cost_named
-from ident.thesis.tables import MOST, REMOVED, TABLE_3_2, TABLE_3_3, TABLE_3_4, TABLE_3_5_IDENTIFIED, THESIS_COSTS
+from ident.thesis.tables import (
+    MOST,
+    REMOVED,
+    TABLE_3_2,
+    TABLE_3_3,
+    TABLE_3_4,
+    TABLE_3_5_IDENTIFIED,
+    THESIS_COSTS,
+)
 from sim.errors.static_errors import THESIS_3_1
 
 ROOT = Path(__file__).parent.parent
@@ -88,7 +103,11 @@ class Footnotes:
         for key in keys:
             if key not in self.used:
                 self.used.append(key)
-        return f" [{', '.join(str(n) for n in sorted({self.used.index(key) + 1 for key in keys}))}]" if keys else ""
+        return (
+            f" [{', '.join(str(n) for n in sorted({self.used.index(key) + 1 for key in keys}))}]"
+            if keys
+            else ""
+        )
 
     def lines(self) -> Iterator[str]:
         """The numbered list of reasons."""
@@ -98,20 +117,39 @@ class Footnotes:
 def page_text() -> str:
     """The page. Raises ValueError for a difference from the thesis that nobody has explained."""
     loops = {name: _loop(name) for name in ROBOTS}
-    found = {name: {cost: study(loop, cost, ALL_ENCODERS, complete=False) for cost in THESIS_COSTS} for name, loop in loops.items()}
+    found = {
+        name: {cost: study(loop, cost, ALL_ENCODERS, complete=False) for cost in THESIS_COSTS}
+        for name, loop in loops.items()
+    }
     ml: dict[tuple[str, tuple[int, ...]], tuple[Study, Study]] = {
         (name, joints): _ml(loop, joints) for name, loop in loops.items() for joints in ENCODER_SETS
     }
-    every = [*(s for studies in found.values() for s in studies.values()), *(s for pair in ml.values() for s in pair)]
+    every = [
+        *(s for studies in found.values() for s in studies.values()),
+        *(s for pair in ml.values() for s in pair),
+    ]
     if max(s.spectrum.largest_ignored for s in every) > ROUNDING:
-        raise ValueError("a direction that is ignored is no rounding error; look before the page says so")
+        raise ValueError(
+            "a direction that is ignored is no rounding error; look before the page says so"
+        )
     weakest = min(s.spectrum.smallest_counted for s in every)
     irb = found["irb2400"]
     moved = {cost: influences(loops["irb2400"], s) for cost, s in irb.items()}
     notes = Footnotes(_reasons(loops["irb2400"], irb))
     lines = [INTRODUCTION.format(weakest=weakest, strongest=ROUNDING)]
-    lines += [*_zero_jacobians(irb), *dependency_lines(irb, notes), *_influences(irb, moved, notes), *_kept(irb)]
-    lines += ["## Where it differs, and why", "", *notes.lines(), "", *_recipe(_loop("irb2400", THESIS_SAMPLES), irb)]
+    lines += [
+        *_zero_jacobians(irb),
+        *dependency_lines(irb, notes),
+        *_influences(irb, moved, notes),
+        *_kept(irb),
+    ]
+    lines += [
+        "## Where it differs, and why",
+        "",
+        *notes.lines(),
+        "",
+        *_recipe(_loop("irb2400", THESIS_SAMPLES), irb),
+    ]
     lines += [*_other_robot(found), *_maximum_likelihood(ml)]
     return "\n".join(lines) + "\n"
 
@@ -121,10 +159,14 @@ def turned(loop: NominalLoop, angle: float) -> NominalLoop:
     c, s = np.cos(angle), np.sin(angle)
     x, y = loop.geometry["ox"], loop.geometry["oy"]
     moved = loop.geometry.replaced({"ox": c * x - s * y, "oy": s * x + c * y})
-    return replace(loop, geometry=moved, q=loop.q + angle * np.eye(1, 6), b=loop.b + angle * np.eye(1, 5))
+    return replace(
+        loop, geometry=moved, q=loop.q + angle * np.eye(1, 6), b=loop.b + angle * np.eye(1, 5)
+    )
 
 
-def missing_and_extra(ours: Sequence[Group], printed: Sequence[str]) -> list[tuple[str, str, list[str]]]:
+def missing_and_extra(
+    ours: Sequence[Group], printed: Sequence[str]
+) -> list[tuple[str, str, list[str]]]:
     """Each group as found and as printed, with the parameters that are in one of them only; "" where there is no counterpart."""
     theirs = {text: _names(text) for text in printed}
     rows = []
@@ -138,11 +180,15 @@ def missing_and_extra(ours: Sequence[Group], printed: Sequence[str]) -> list[tup
 
 def _names(text: str) -> set[str]:
     """Parameters of a printed group: `rtheta1 | ox,y` as rtheta1, ox, oy."""
-    return {name for part in text.replace("ox,y", "ox | oy").split(" | ") for name in part.split(" + ")}
+    return {
+        name for part in text.replace("ox,y", "ox | oy").split(" | ") for name in part.split(" + ")
+    }
 
 
 def _loop(name: str, samples: int = SAMPLES) -> NominalLoop:
-    return nominal_loop(load_scenario(SCENARIOS / f"{name}.yaml"), relative_to=SCENARIOS, samples=samples)
+    return nominal_loop(
+        load_scenario(SCENARIOS / f"{name}.yaml"), relative_to=SCENARIOS, samples=samples
+    )
 
 
 def _ml(loop: NominalLoop, joints: tuple[int, ...]) -> tuple[Study, Study]:
@@ -152,7 +198,9 @@ def _ml(loop: NominalLoop, joints: tuple[int, ...]) -> tuple[Study, Study]:
 def _reasons(loop: NominalLoop, found: Mapping[str, Study]) -> dict[str, str]:
     carried = turned(loop, np.radians(TURN_DEG))
     columns = cost_columns(carried, "transform", ALL_ENCODERS, THESIS_PARAMETERS)
-    about_axis_1 = next(g for g in groups(columns, THESIS_PARAMETERS, carried.geometry) if "rtheta1" in str(g))
+    about_axis_1 = next(
+        g for g in groups(columns, THESIS_PARAMETERS, carried.geometry) if "rtheta1" in str(g)
+    )
     position = found["position"].selection
     ba2 = next(vector_text(d) for d in position.dependent if d.name == "ba2")
     moved = reidentified(loop, "position", (1, 2), position.kept, "balpha2")
@@ -173,17 +221,29 @@ def _reasons(loop: NominalLoop, found: Mapping[str, Study]) -> dict[str, str]:
     }
 
 
-def by_thesis_recipe(loop: NominalLoop, cost: CostName, *, errors: Mapping[str, float]) -> dict[str, float]:
+def by_thesis_recipe(
+    loop: NominalLoop, cost: CostName, *, errors: Mapping[str, float]
+) -> dict[str, float]:
     """Diagonal of R for each parameter, last in priority last: printed scalar, nominal parameters, noisy angles (thesis sec. 3.2).
 
     errors : [m, rad] of the mechanism that the angles close, by parameter.
     """
-    true = loop.geometry.replaced({name: loop.geometry[name] + error for name, error in errors.items()})
+    true = loop.geometry.replaced(
+        {name: loop.geometry[name] + error for name, error in errors.items()}
+    )
     q = refine(true.robot, loop.q, bar_frames(true, loop.b).poses())
     rng = np.random.default_rng(2016)
-    noisy = close_loop(loop.geometry, q + rng.normal(0.0, NOISE, q.shape), loop.b + rng.normal(0.0, NOISE, loop.b.shape))
+    noisy = close_loop(
+        loop.geometry,
+        q + rng.normal(0.0, NOISE, q.shape),
+        loop.b + rng.normal(0.0, NOISE, loop.b.shape),
+    )
     order = [*(name for name in THESIS_PARAMETERS if name != PLATE), PLATE]
-    columns = cost_named(cost, "thesis").jacobian(noisy, [PARAMETERS[INDEX[name]] for name in order]).reshape(len(order), -1)
+    columns = (
+        cost_named(cost, "thesis")
+        .jacobian(noisy, [PARAMETERS[INDEX[name]] for name in order])
+        .reshape(len(order), -1)
+    )
     diagonal = np.abs(np.diag(np.linalg.qr(columns.T, mode="r")))
     return dict(zip(order, diagonal.tolist(), strict=True))
 
@@ -201,8 +261,14 @@ def _recipe(loop: NominalLoop, found: Mapping[str, Study]) -> Iterator[str]:
     for cost in ENCODERS_NEEDED:
         s = found[cost].selection
         left_out = {*s.without_effect, *(d.name for d in s.dependent)}
-        nominal, erroneous = by_thesis_recipe(loop, cost, errors={}), by_thesis_recipe(loop, cost, errors=table_3_1)
-        verdicts = [_more_or_less({name for name, r in found.items() if r < THESIS_LIMIT}, left_out) for found in (nominal, erroneous)]
+        nominal, erroneous = (
+            by_thesis_recipe(loop, cost, errors={}),
+            by_thesis_recipe(loop, cost, errors=table_3_1),
+        )
+        verdicts = [
+            _more_or_less({name for name, r in found.items() if r < THESIS_LIMIT}, left_out)
+            for found in (nominal, erroneous)
+        ]
         sizes = f"{max(nominal[name] for name in left_out):.0e} | {min(nominal[name] for name in s.kept):.0e}"
         yield f"| {THESIS_COSTS[cost]} | {' | '.join(verdicts)} | {sizes} |"
     yield ""
@@ -217,7 +283,9 @@ def _recipe(loop: NominalLoop, found: Mapping[str, Study]) -> Iterator[str]:
 def _reason(table: str, name: str, moved: str = "") -> str:
     key = REASON_OF.get((table, name, moved))
     if key is None:
-        raise ValueError(f"Table {table}: {name} {moved}differs from the thesis and nobody has said why; add it to REASON_OF")
+        raise ValueError(
+            f"Table {table}: {name} {moved}differs from the thesis and nobody has said why; add it to REASON_OF"
+        )
     return key
 
 
@@ -233,9 +301,16 @@ def _zero_jacobians(found: Mapping[str, Study]) -> Iterator[str]:
 
 def dependency_lines(found: Mapping[str, Study], notes: Footnotes) -> Iterator[str]:
     """Table 3.2 as found and as printed. Raises ValueError for a difference that nobody has explained."""
-    yield from ("## Dependencies (Table 3.2)", "", "| cost | here | null vectors | thesis |", "|---|---|---|---|")
+    yield from (
+        "## Dependencies (Table 3.2)",
+        "",
+        "| cost | here | null vectors | thesis |",
+        "|---|---|---|---|",
+    )
     for cost, title in THESIS_COSTS.items():
-        vectors = {str(group): "; ".join(map(vector_text, group.vectors)) for group in found[cost].groups}
+        vectors = {
+            str(group): "; ".join(map(vector_text, group.vectors)) for group in found[cost].groups
+        }
         for ours, theirs, different in missing_and_extra(found[cost].groups, TABLE_3_2[cost]):
             printed = "the same" if not different else _cell(theirs) or "not printed"
             mark = notes.mark([_reason("3.2", name) for name in different])
@@ -245,7 +320,9 @@ def dependency_lines(found: Mapping[str, Study], notes: Footnotes) -> Iterator[s
     yield ""
 
 
-def _influences(found: Mapping[str, Study], moved: Mapping[str, Influences], notes: Footnotes) -> Iterator[str]:
+def _influences(
+    found: Mapping[str, Study], moved: Mapping[str, Influences], notes: Footnotes
+) -> Iterator[str]:
     yield from ("## Influence of what is left out (Table 3.4)", "")
     yield "Each left-out parameter off by 1 mm|mrad, the kept ones identified again from nominal; those moved by more than 0.05 mm|mrad."
     yield from ("", "| left out | cost | moves here, mm\\|mrad | thesis |", "|---|---|---|---|")
@@ -253,8 +330,12 @@ def _influences(found: Mapping[str, Study], moved: Mapping[str, Influences], not
     for cost, title in THESIS_COSTS.items():
         for name, moves in moved[cost].items():
             text = ", ".join(f"{other} {x:+.3f}" for other, x in moves.items())
-            rows.setdefault((name, text, _printed(name, moves, found[cost], notes)), []).append(title)
-    for (name, text, printed), costs in sorted(rows.items(), key=lambda row: (*REMOVED, "ba2").index(row[0][0])):
+            rows.setdefault((name, text, _printed(name, moves, found[cost], notes)), []).append(
+                title
+            )
+    for (name, text, printed), costs in sorted(
+        rows.items(), key=lambda row: (*REMOVED, "ba2").index(row[0][0])
+    ):
         yield f"| `{name}`, {unit_of(name)} | {', '.join(costs)} | {text} | {printed} |"
     yield ""
 
@@ -265,7 +346,11 @@ def _printed(name: str, moves: Mapping[str, float], found: Study, notes: Footnot
         return MOST + notes.mark(["scale"])
     applicable = set(printed) - set(found.selection.without_effect)
     different = sorted(moves.keys() ^ applicable)
-    text = "the same" if not different else _code(shortened(n for n in printed if n in applicable)) or "not printed"
+    text = (
+        "the same"
+        if not different
+        else _code(shortened(n for n in printed if n in applicable)) or "not printed"
+    )
     return text + notes.mark([_reason("3.4", name, other) for other in different])
 
 
@@ -288,7 +373,11 @@ def _kept(found: Mapping[str, Study]) -> Iterator[str]:
 
 
 def _more_or_less(ours: set[str], theirs: set[str]) -> str:
-    words = [f"{word} {_code(sorted(names))}" for word, names in (("also", ours - theirs), ("not", theirs - ours)) if names]
+    words = [
+        f"{word} {_code(sorted(names))}"
+        for word, names in (("also", ours - theirs), ("not", theirs - ours))
+        if names
+    ]
     return " ".join(words) or "the same"
 
 
@@ -306,7 +395,10 @@ def _other_robot(found: Mapping[str, Mapping[str, Study]]) -> Iterator[str]:
     yield f"{'The same' if same else 'Other'} zero Jacobians, groups and kept parameters with all four costs. What follows its lengths:"
     yield from ("", "| | IRB 2400 | NJ 220 |", "|---|---|---|")
     vectors = {
-        name: {v.name: vector_text(v) for f in studies.values() for g in f.groups for v in g.vectors} for name, studies in found.items()
+        name: {
+            v.name: vector_text(v) for f in studies.values() for g in f.groups for v in g.vectors
+        }
+        for name, studies in found.items()
     }
     for name, text in vectors["nj220"].items():
         if text != vectors["irb2400"].get(name):
@@ -317,7 +409,9 @@ def _other_robot(found: Mapping[str, Mapping[str, Study]]) -> Iterator[str]:
     yield ""
 
 
-def _maximum_likelihood(found: Mapping[tuple[str, tuple[int, ...]], tuple[Study, Study]]) -> Iterator[str]:
+def _maximum_likelihood(
+    found: Mapping[tuple[str, tuple[int, ...]], tuple[Study, Study]],
+) -> Iterator[str]:
     yield from (
         "## The default cost, ml, with fewer encoders",
         "",
@@ -325,11 +419,21 @@ def _maximum_likelihood(found: Mapping[tuple[str, tuple[int, ...]], tuple[Study,
     )
     yield ""
     yield "Directions of the thesis's 47 parameters, and of the complete 51: Hayati angles `rbeta2`, `rbeta6` and base tilt `otx,y` added."
-    yield from ("", "| robot | encoders | equations a sample | of 47 | of 51 | condition (51) |", "|---|---|---|---|---|---|")
+    yield from (
+        "",
+        "| robot | encoders | equations a sample | of 47 | of 51 | condition (51) |",
+        "|---|---|---|---|---|---|",
+    )
     for (name, joints), (thesis, complete) in found.items():
         counts = f"{EQUATIONS[len(joints)]} | {thesis.spectrum.rank} | {complete.spectrum.rank} | {complete.spectrum.condition:.0f}"
         yield f"| {ROBOTS[name]} | {_encoders(joints)} | {counts} |"
-    yield from ("", "Complete model, IRB 2400:", "", "| encoders | no effect | dependencies |", "|---|---|---|")
+    yield from (
+        "",
+        "Complete model, IRB 2400:",
+        "",
+        "| encoders | no effect | dependencies |",
+        "|---|---|---|",
+    )
     for joints in ENCODER_SETS:
         complete = found["irb2400", joints][1]
         none = _code(shortened(complete.selection.without_effect)) or "none"

@@ -44,12 +44,33 @@ def picture(data: RunData) -> bytes:
         assert isinstance(cell, Axes3D)
         _draw_cell(cell, data)
         axes = figure.add_subplot(1, 2, 2)
-        for values, colour, label in ((tcp.after, AFTER, "identified robot"), (tcp.before, BEFORE, "nominal robot")):
+        for values, colour, label in (
+            (tcp.after, AFTER, "identified robot"),
+            (tcp.before, BEFORE, "nominal robot"),
+        ):
             ordered = np.sort(values) * 1e3
-            axes.step(ordered, np.arange(1, ordered.size + 1) / ordered.size * 100.0, where="post", color=colour, linewidth=2.0)
+            axes.step(
+                ordered,
+                np.arange(1, ordered.size + 1) / ordered.size * 100.0,
+                where="post",
+                color=colour,
+                linewidth=2.0,
+            )
             words = f"{label}\nmean {values.mean() * 1e3:.2g} mm"
-            axes.annotate(words, (float(np.median(ordered)), 50.0), (12, 0), color=colour, textcoords="offset points")
-        axes.set(xscale="log", xlim=(2e-4, 150.0), ylim=(0.0, 101.0), xlabel="TCP error [mm]", ylabel=f"share of {values.size} poses [%]")
+            axes.annotate(
+                words,
+                (float(np.median(ordered)), 50.0),
+                (12, 0),
+                color=colour,
+                textcoords="offset points",
+            )
+        axes.set(
+            xscale="log",
+            xlim=(2e-4, 150.0),
+            ylim=(0.0, 101.0),
+            xlabel="TCP error [mm]",
+            ylabel=f"share of {values.size} poses [%]",
+        )
         axes.xaxis.set_major_formatter("{x:g}")
         return _png(figure)
 
@@ -73,14 +94,27 @@ def _draw_cell(axes: Axes3D, data: RunData) -> None:
     rows = np.linspace(0, log.t.size * INSTANT, 400).astype(int)
     q = log.q[rows]
     robot = robot_frames(result.geometry, q)
-    bar = bar_frames(result.geometry, complete_bar_angles(result.geometry, q, np.zeros((q.shape[0], 0)), ()))
+    bar = bar_frames(
+        result.geometry, complete_bar_angles(result.geometry, q, np.zeros((q.shape[0], 0)), ())
+    )
     centre, radius = result.geometry.origin, result.geometry["bd3"]
     turn, height = np.meshgrid(np.linspace(0, 2 * np.pi, 37), np.linspace(0, np.pi, 19))
     sphere = [np.sin(height) * np.cos(turn), np.sin(height) * np.sin(turn), np.cos(height)]
-    axes.plot_wireframe(*(c + radius * x for c, x in zip(centre, sphere, strict=True)), color="#c8d0d6", linewidth=0.4)
+    axes.plot_wireframe(
+        *(c + radius * x for c, x in zip(centre, sphere, strict=True)),
+        color="#c8d0d6",
+        linewidth=0.4,
+    )
     axes.plot(*robot.tip, color=AFTER, linewidth=1.4)
     for chain, colour, width in ((robot.origin, "#22303c", 5.0), (bar.origin, BEFORE, 3.0)):
-        axes.plot(*chain[:, :, -1].T, color=colour, linewidth=width, marker="o", markersize=width * 1.4, solid_capstyle="round")
+        axes.plot(
+            *chain[:, :, -1].T,
+            color=colour,
+            linewidth=width,
+            marker="o",
+            markersize=width * 1.4,
+            solid_capstyle="round",
+        )
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", box_aspect=(1, 1, 1))
     axes.set_aspect("equal")
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
@@ -98,7 +132,9 @@ def _png(figure: Figure) -> bytes:
 def main() -> None:
     """Writes both."""
     with TemporaryDirectory(prefix="ballbar-picture-") as folder:
-        data = run_scenario(load_scenario(SCENARIO), SCENARIO, Path(folder) / "run", command="", progress=print)
+        data = run_scenario(
+            load_scenario(SCENARIO), SCENARIO, Path(folder) / "run", command="", progress=print
+        )
     write_whole(IMAGES / "readme.png", picture(data))
     write_whole(IMAGES / "tutorial.png", tutorial_picture())
     print(f"Wrote {IMAGES / 'readme.png'} and tutorial.png")

@@ -37,7 +37,9 @@ def _sections(path: str, model: type[BaseModel]) -> Iterator[str]:
     """Heading and table of a model, then those of the models in it."""
     if path:
         yield f"\n{'#' * min(4, 2 + path.count('.'))} {path}\n\n{_sentence(model.__doc__)}\n"
-    plain = {name: field for name, field in model.model_fields.items() if not _inner(field.annotation)}
+    plain = {
+        name: field for name, field in model.model_fields.items() if not _inner(field.annotation)
+    }
     if plain:
         yield "\n| key | values | default | meaning |\n|---|---|---|---|\n"
         for name, field in plain.items():
@@ -70,7 +72,11 @@ def _kind(annotation: Any) -> str:
     if origin in (Union, types.UnionType):
         return " or ".join(_kind(part) for part in parts if part is not type(None))
     if origin is tuple:
-        return f"list of ({_kind(parts[0])})" if " " in _kind(parts[0]) else f"list of {_kind(parts[0])}s"
+        return (
+            f"list of ({_kind(parts[0])})"
+            if " " in _kind(parts[0])
+            else f"list of {_kind(parts[0])}s"
+        )
     if origin is dict:
         return f"map to {_kind(parts[1])}"
     if parts:  # Annotated
@@ -80,8 +86,17 @@ def _kind(annotation: Any) -> str:
 
 def _bounds(metadata: Any) -> str:
     """Limits in words, empty if there are none."""
-    found = [item for entry in metadata for item in (entry.metadata if isinstance(entry, FieldInfo) else [entry])]
-    words = [f"{sign} {getattr(item, key):g}" for item in found for kind, sign, key in _BOUNDS if isinstance(item, kind)]
+    found = [
+        item
+        for entry in metadata
+        for item in (entry.metadata if isinstance(entry, FieldInfo) else [entry])
+    ]
+    words = [
+        f"{sign} {getattr(item, key):g}"
+        for item in found
+        for kind, sign, key in _BOUNDS
+        if isinstance(item, kind)
+    ]
     least = next((item.min_length for item in found if isinstance(item, MinLen)), None)
     most = next((item.max_length for item in found if isinstance(item, MaxLen)), None)
     if least is not None and least == most:

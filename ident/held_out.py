@@ -19,10 +19,25 @@ from cell.geometry import nominal_geometry
 from cell.logs import segment_starts
 from ident.estimator.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized
 from ident.estimator.joint_fit import Excess, JointFit, Model, minimise
-from ident.estimator.machine import DEVIATION, NEEDS_LOADS, ForceSource, Prepared, continued, track, with_likely_tension
+from ident.estimator.machine import (
+    DEVIATION,
+    NEEDS_LOADS,
+    ForceSource,
+    Prepared,
+    continued,
+    track,
+    with_likely_tension,
+)
 from ident.estimator.problem import Clock
 from ident.estimator.unknowns import RecordingShape, Unknowns, unknowns
-from ident.identify import DEFAULT_SAMPLES, WIDEST_KNOT_SPACING, Identification, Logs, MachineCovariance, identify
+from ident.identify import (
+    DEFAULT_SAMPLES,
+    WIDEST_KNOT_SPACING,
+    Identification,
+    Logs,
+    MachineCovariance,
+    identify,
+)
 from ident.loads.gear_loads import mass_model
 from ident.robot.unloaded_robot import FreeRobot
 from ident.signals.smooth_log import smooth_log
@@ -43,7 +58,9 @@ class LoopClosure:
 
     @property
     def in_words(self) -> str:
-        position, largest, angle = (_two_digits(v * 1e3) for v in (self.position_rms, self.position_max, self.angle_rms))
+        position, largest, angle = (
+            _two_digits(v * 1e3) for v in (self.position_rms, self.position_max, self.angle_rms)
+        )
         return f"{position} mm rms (largest {largest}), {angle} mrad"
 
 
@@ -66,14 +83,23 @@ class HeldOut:
     @property
     def sentence(self) -> str:
         """In words."""
-        nominal, ratio, surprise = (_two_digits(v) for v in (self.nominal.position_rms * 1e3, self.identified.ratio, self.surprise))
+        nominal, ratio, surprise = (
+            _two_digits(v)
+            for v in (self.nominal.position_rms * 1e3, self.identified.ratio, self.surprise)
+        )
         told = (
             f"Held out {self.name}: the loop closes to {self.identified.in_words}; nominal robot {nominal} mm. "
             f"{ratio} times what noise explains, {surprise} with the stated uncertainty"
         )
         if self.ambiguous:
-            return f"{told}; but its logs can be aligned in more than one way, so this proves nothing."
-        return f"{told}." if self.acceptable else f"{told}: a misfit. The machine as identified does not explain this recording."
+            return (
+                f"{told}; but its logs can be aligned in more than one way, so this proves nothing."
+            )
+        return (
+            f"{told}."
+            if self.acceptable
+            else f"{told}: a misfit. The machine as identified does not explain this recording."
+        )
 
 
 def _two_digits(value: float) -> str:
@@ -96,12 +122,27 @@ def held_out(
 
     Raises StartError when the logs cannot be brought together.
     """
-    alone = identify(machine.cell, logs.robot, logs.ballbar, logs.force, model="dh", samples=samples, progress=progress)
+    alone = identify(
+        machine.cell,
+        logs.robot,
+        logs.ballbar,
+        logs.force,
+        model="dh",
+        samples=samples,
+        progress=progress,
+    )
     recording = _prepared(alone, logs)
-    robot, bare = machine.free_robot(), FreeRobot(machine.cell, nominal_geometry(machine.cell, np.zeros(3)))
+    robot, bare = (
+        machine.free_robot(),
+        FreeRobot(machine.cell, nominal_geometry(machine.cell, np.zeros(3))),
+    )
     progress(f"closing the loop of {name}")
-    events = events_in_logs(recording.robot, recording.bar, recording.joints, recording.signs, recording.clock)
-    most = len(events) + MAX_EVENTS if machine.model == "complete" else 0  # what a poor model leaves over passes for jumps
+    events = events_in_logs(
+        recording.robot, recording.bar, recording.joints, recording.signs, recording.clock
+    )
+    most = (
+        len(events) + MAX_EVENTS if machine.model == "complete" else 0
+    )  # what a poor model leaves over passes for jumps
     fit = _fit(robot, recording, force, events, machine.excess, progress)
     while len(events) < most and (event := find_event(fit)) is not None:
         events = (*events, event)
@@ -110,7 +151,13 @@ def held_out(
     return HeldOut(
         name,
         _closure(fit),
-        float(np.sqrt(fit.chi2_per_dof * fit.degrees / (fit.degrees + _expected(fit, machine.machine, robot)))),
+        float(
+            np.sqrt(
+                fit.chi2_per_dof
+                * fit.degrees
+                / (fit.degrees + _expected(fit, machine.machine, robot))
+            )
+        ),
         _closure(nominal),
         recording.times.size,
         alone.start.ambiguous,
@@ -120,13 +167,33 @@ def held_out(
 
 def _prepared(alone: Identification, logs: Logs) -> Prepared:
     """The recording, started from its own dh fit."""
-    robot = smooth_log(logs.robot.t, logs.robot.q, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=segment_starts(logs.robot.segment))
+    robot = smooth_log(
+        logs.robot.t,
+        logs.robot.q,
+        widest_knot_spacing=WIDEST_KNOT_SPACING,
+        starts=segment_starts(logs.robot.segment),
+    )
     bar = None
     if logs.ballbar is not None:
         starts = segment_starts(logs.ballbar.segment)
-        bar = smooth_log(logs.ballbar.t, logs.ballbar.angles, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=starts)
+        bar = smooth_log(
+            logs.ballbar.t,
+            logs.ballbar.angles,
+            widest_knot_spacing=WIDEST_KNOT_SPACING,
+            starts=starts,
+        )
     signs, clock = np.array(alone.signs, dtype=float), alone.clock or Clock(0.0, 0.0)
-    return Prepared(robot, bar, alone.joints, signs, alone.geometry, clock, alone.after.t, logs.robot, logs.force)
+    return Prepared(
+        robot,
+        bar,
+        alone.joints,
+        signs,
+        alone.geometry,
+        clock,
+        alone.after.t,
+        logs.robot,
+        logs.force,
+    )
 
 
 def _fit(
@@ -152,14 +219,25 @@ def _fit(
     )
     repaired = jumps(events)
     corrections = robot.corrections if repaired is None else (*robot.corrections, repaired)
-    layout, _ = unknowns(cell, robot.geometry, [shape], corrections, measured_force=loaded and source != "none", rod_sigma=None)
+    layout, _ = unknowns(
+        cell,
+        robot.geometry,
+        [shape],
+        corrections,
+        measured_force=loaded and source != "none",
+        rod_sigma=None,
+    )
     layout = _held(layout, robot)
     model = Model(cell, mass_model(cell) if loaded else None, corrections, layout, (samples,))
     x, bars = layout.mean.copy(), [recording.angles(recording.times)[3]]
     if loaded and source == "none":
         x, bars = continued(model, x, bars, progress)
     fit = minimise(model, x, bars, excess)
-    return minimise(with_likely_tension(fit), fit.x, [p.bar for p in fit.linear.points], excess) if loaded else fit
+    return (
+        minimise(with_likely_tension(fit), fit.x, [p.bar for p in fit.linear.points], excess)
+        if loaded
+        else fit
+    )
 
 
 def _held(layout: Unknowns, robot: FreeRobot) -> Unknowns:
@@ -192,6 +270,8 @@ def _expected(fit: JointFit, machine: MachineCovariance, robot: FreeRobot) -> fl
 
 def _closure(fit: JointFit) -> LoopClosure:
     (point,) = fit.linear.points
-    position, angle = (np.linalg.norm(part, axis=0) for part in (point.closure.error[:3], point.closure.error[3:]))
+    position, angle = (
+        np.linalg.norm(part, axis=0) for part in (point.closure.error[:3], point.closure.error[3:])
+    )
     rms = float(np.sqrt((position**2).mean())), float(np.sqrt((angle**2).mean()))
     return LoopClosure(rms[0], float(position.max()), rms[1], float(np.sqrt(fit.chi2_per_dof)))

@@ -91,7 +91,9 @@ class CorrectionValue:
 class MachineCovariance:
     """How far the unknowns are known that belong to robot, ball-bar and corrections, and not to one recording."""
 
-    names: tuple[str, ...]  # of kinematic parameters, then of coefficients; what is not named was taken as exact
+    names: tuple[
+        str, ...
+    ]  # of kinematic parameters, then of coefficients; what is not named was taken as exact
     values: Array  # (U, U) SI units
 
 
@@ -103,7 +105,9 @@ class Identification:
     joints: tuple[int, ...]
     nominal: Geometry
     geometry: Geometry  # identified; parameters left out stay nominal
-    sigma: dict[str, float]  # [m, rad] of the identified parameters, scaled up where the fit is poor
+    sigma: dict[
+        str, float
+    ]  # [m, rad] of the identified parameters, scaled up where the fit is poor
     covariance: Array  # (P [+ 2], P [+ 2]) of `parameters`, then offset and skew; scaled likewise
     parameters: NDArray[np.intp]
     machine: MachineCovariance
@@ -125,7 +129,9 @@ class Identification:
     tcp_sigma: Array  # (G,) [m] stated TCP uncertainty over the accuracy grid
     verdict: Verdict
     corrections: tuple[CorrectionValue, ...] = ()
-    tension: Array = field(default_factory=lambda: np.zeros(0))  # (N,) [N] of the rod at the samples, complete model only
+    tension: Array = field(
+        default_factory=lambda: np.zeros(0)
+    )  # (N,) [N] of the rod at the samples, complete model only
     tension_source: str = ""  # "sensor", "torque" or "none"
     events: tuple[Event, ...] = ()
 
@@ -138,7 +144,9 @@ class Identification:
         return free_robot(self.cell, self.geometry, self.joints, self.corrections)
 
 
-def free_robot(cell: Cell, geometry: Geometry, joints: tuple[int, ...], corrections: Sequence[CorrectionValue]) -> FreeRobot:
+def free_robot(
+    cell: Cell, geometry: Geometry, joints: tuple[int, ...], corrections: Sequence[CorrectionValue]
+) -> FreeRobot:
     """A robot with the corrections that were found; joints : encoders of the ball-bar that found them."""
     made = tuple(CORRECTIONS[c.name](cell, joints) for c in corrections)
     values = np.array([c.value for one in corrections for c in one.coefficients])
@@ -165,7 +173,17 @@ class Alone:
         """For the complete model."""
         p = self.problem
         here, logs = self.estimate, self.logs
-        return Prepared(p.robot, p.bar, p.joints, p.signs, here.geometry, here.clock, p.times, logs.robot, logs.force)
+        return Prepared(
+            p.robot,
+            p.bar,
+            p.joints,
+            p.signs,
+            here.geometry,
+            here.clock,
+            p.times,
+            logs.robot,
+            logs.force,
+        )
 
 
 def identify(
@@ -195,7 +213,15 @@ def identify(
     """
     logs = [Logs(robot_log, ballbar_log, force_log)]
     return identify_together(
-        cell, logs, model=model, corrections=corrections, force=force, rod_sigma=rod_sigma, samples=samples, progress=progress, watch=watch
+        cell,
+        logs,
+        model=model,
+        corrections=corrections,
+        force=force,
+        rod_sigma=rod_sigma,
+        samples=samples,
+        progress=progress,
+        watch=watch,
     )[0]
 
 
@@ -218,7 +244,10 @@ def identify_together(
     for name in corrections or ():
         if name not in CORRECTIONS:
             raise ValueError(f"unknown correction {name!r}; there are {', '.join(CORRECTIONS)}")
-    alone = [fit_alone(cell, logs, samples, progress, None if k else watch) for k, logs in enumerate(recordings)]
+    alone = [
+        fit_alone(cell, logs, samples, progress, None if k else watch)
+        for k, logs in enumerate(recordings)
+    ]
     if len(alone) == 1:
         simple = _outcome(cell, alone[0])
         if model == "dh" or (model == "auto" and corrections is None and not _wants_more(simple)):
@@ -226,7 +255,12 @@ def identify_together(
     elif model == "dh":
         raise ValueError("model: dh fits one recording; several together need the complete model")
     asked = list(CORRECTIONS) if corrections is None else list(corrections)
-    if model == "auto" and corrections is None and len(alone) == 1 and len(alone[0].problem.joints) < COMPLETE_ENCODERS:
+    if (
+        model == "auto"
+        and corrections is None
+        and len(alone) == 1
+        and len(alone[0].problem.joints) < COMPLETE_ENCODERS
+    ):
         asked = []  # jumps can be sized all the same
     prepared = [one.prepared() for one in alone]
     fit = fit_machine(
@@ -247,7 +281,9 @@ def identify_together(
 
 def _wants_more(simple: Identification) -> bool:
     """Whether the dh model leaves something that the complete one could explain, or a jump to be sized."""
-    left = simple.verdict.status in ("suspect", "misfit") and len(simple.joints) >= COMPLETE_ENCODERS
+    left = (
+        simple.verdict.status in ("suspect", "misfit") and len(simple.joints) >= COMPLETE_ENCODERS
+    )
     return left or bool(simple.events)
 
 
@@ -268,29 +304,65 @@ def fit_alone(
     start = automatic_start(robot, bar, joints, nominal, noise)
     chosen = start.chosen
     if watch:
-        fitted(chosen.hypothesis, robot, bar, joints, noise, watch)  # once more, to be watched alone among its rivals
+        fitted(
+            chosen.hypothesis, robot, bar, joints, noise, watch
+        )  # once more, to be watched alone among its rivals
     progress("fitting")
     times = sample_times(robot, bar, chosen.fit.estimate.clock, samples)
-    noise = noise_from_logs(robot, bar, joints, spacing=float(times[1] - times[0]), rod=ROD_SIGMA_START)
-    problem = Problem(robot, bar, joints, np.array(chosen.hypothesis.signs, dtype=float), times, noise)
+    noise = noise_from_logs(
+        robot, bar, joints, spacing=float(times[1] - times[0]), rod=ROD_SIGMA_START
+    )
+    problem = Problem(
+        robot, bar, joints, np.array(chosen.hypothesis.signs, dtype=float), times, noise
+    )
     here = problem.start(chosen.fit.estimate.geometry, chosen.fit.estimate.clock)
     subset = identifiable(problem, here, nominal, candidates(joints))
-    first = solve(problem, _on_nominal(problem, here, nominal, subset.parameters), subset.parameters, watch=watch)
-    problem = replace(problem, noise=replace(noise, rod=rod_deviation(replace(problem, noise=replace(noise, rod=0.0)), first.estimate)))
+    first = solve(
+        problem,
+        _on_nominal(problem, here, nominal, subset.parameters),
+        subset.parameters,
+        watch=watch,
+    )
+    problem = replace(
+        problem,
+        noise=replace(
+            noise,
+            rod=rod_deviation(replace(problem, noise=replace(noise, rod=0.0)), first.estimate),
+        ),
+    )
     fit = solve(problem, first.estimate, subset.parameters, watch=watch)
-    return Alone(problem, nominal, start, subset, fit, chosen.fit.iterations + first.iterations + fit.iterations, logs)
+    return Alone(
+        problem,
+        nominal,
+        start,
+        subset,
+        fit,
+        chosen.fit.iterations + first.iterations + fit.iterations,
+        logs,
+    )
 
 
-def _smoothed(robot_log: RobotLog, ballbar_log: BallBarLog | None) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
-    robot = smooth_log(robot_log.t, robot_log.q, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=segment_starts(robot_log.segment))
+def _smoothed(
+    robot_log: RobotLog, ballbar_log: BallBarLog | None
+) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
+    robot = smooth_log(
+        robot_log.t,
+        robot_log.q,
+        widest_knot_spacing=WIDEST_KNOT_SPACING,
+        starts=segment_starts(robot_log.segment),
+    )
     if ballbar_log is None:
         return robot, None, ()
     starts = segment_starts(ballbar_log.segment)
-    bar = smooth_log(ballbar_log.t, ballbar_log.angles, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=starts)
+    bar = smooth_log(
+        ballbar_log.t, ballbar_log.angles, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=starts
+    )
     return robot, bar, ballbar_log.joints
 
 
-def _on_nominal(problem: Problem, estimate: Estimate, nominal: Geometry, parameters: NDArray[np.intp]) -> Estimate:
+def _on_nominal(
+    problem: Problem, estimate: Estimate, nominal: Geometry, parameters: NDArray[np.intp]
+) -> Estimate:
     """The estimate with every parameter that is not to be identified back at its catalogue value."""
     values = nominal.values.copy()
     values[parameters] = estimate.geometry.values[parameters]
@@ -310,7 +382,9 @@ def _outcome(cell: Cell, alone: Alone) -> Identification:
     geometry = _wrapped(fit.estimate.geometry)
     clock = fit.estimate.clock if problem.has_clock else None
     identified = tuple(NAMES[i] for i in fit.parameters)
-    found = events_in_logs(problem.robot, problem.bar, problem.joints, problem.signs, fit.estimate.clock)
+    found = events_in_logs(
+        problem.robot, problem.bar, problem.joints, problem.signs, fit.estimate.clock
+    )
     events = tuple(as_logged(event, problem.bar, cell.ballbar.encoder_lines) for event in found)
     evidence = Evidence(
         fit.converged,
@@ -356,19 +430,29 @@ def _outcome(cell: Cell, alone: Alone) -> Identification:
 def _scores(fit: Fit) -> Array:
     """(P, N) gradient of half the cost that each sample contributes."""
     final, n = fit.final, fit.final.closure.error.shape[1]
-    return np.asarray((final.jacobian * final.residual).reshape(final.jacobian.shape[0], -1, n).sum(axis=1))
+    return np.asarray(
+        (final.jacobian * final.residual).reshape(final.jacobian.shape[0], -1, n).sum(axis=1)
+    )
 
 
-def _of_machine(cell: Cell, alone: Sequence[Alone], fit: JointFit, trust: Uncertainty, k: int, source: str) -> Identification:
+def _of_machine(
+    cell: Cell, alone: Sequence[Alone], fit: JointFit, trust: Uncertainty, k: int, source: str
+) -> Identification:
     """The complete model's result for recording k."""
     layout, one = fit.model.unknowns, alone[k]
     problem = one.problem
     geometry = _wrapped(layout.geometry(fit.x, k))
     place, clock = layout.own[k].place, layout.own[k].clock
-    unknowns = np.concatenate((np.arange(layout.shared.size), _indices(layout.own[k].zeros), _indices(place)))
-    parameters = np.concatenate((layout.shared, layout.zero_parameters[k], [INDEX[n] for n in PLACE])).astype(np.intp)
+    unknowns = np.concatenate(
+        (np.arange(layout.shared.size), _indices(layout.own[k].zeros), _indices(place))
+    )
+    parameters = np.concatenate(
+        (layout.shared, layout.zero_parameters[k], [INDEX[n] for n in PLACE])
+    ).astype(np.intp)
     by_data = trust.told_by_data[unknowns] > MOSTLY_PRIOR
-    told = unknowns[by_data] if clock is None else np.concatenate((unknowns[by_data], _indices(clock)))
+    told = (
+        unknowns[by_data] if clock is None else np.concatenate((unknowns[by_data], _indices(clock)))
+    )
     covariance = trust.covariance[np.ix_(told, told)]
     deviations = np.sqrt(np.diag(covariance))
     parameters = parameters[by_data]
@@ -399,7 +483,9 @@ def _of_machine(cell: Cell, alone: Sequence[Alone], fit: JointFit, trust: Uncert
         sigma={NAMES[i]: float(s) for i, s in zip(parameters, deviations, strict=False)},
         covariance=covariance,
         parameters=parameters,
-        machine=MachineCovariance(tuple(layout.names[i] for i in machine), trust.covariance[np.ix_(machine, machine)]),
+        machine=MachineCovariance(
+            tuple(layout.names[i] for i in machine), trust.covariance[np.ix_(machine, machine)]
+        ),
         clock=None if clock is None else found,
         clock_sigma=(0.0, 0.0) if clock is None else (float(deviations[-2]), float(deviations[-1])),
         signs=one.start.chosen.hypothesis.signs,
@@ -411,7 +497,9 @@ def _of_machine(cell: Cell, alone: Sequence[Alone], fit: JointFit, trust: Uncert
         converged=fit.converged,
         start=one.start,
         iterations=one.iterations + fit.iterations,
-        identifiability=replace(one.subset, parameters=parameters, dropped=_left(one.subset, at_prior)),
+        identifiability=replace(
+            one.subset, parameters=parameters, dropped=_left(one.subset, at_prior)
+        ),
         before=_residuals(problem, _nominal_robot_fit(problem, one.estimate, one.nominal)),
         after=Residuals(problem.times, error[:3].T, error[3:].T),
         whitened=fit.linear.residuals[k],
@@ -427,7 +515,10 @@ def _of_machine(cell: Cell, alone: Sequence[Alone], fit: JointFit, trust: Uncert
 def _left(subset: Identifiability, at_prior: Sequence[str]) -> tuple[Dependency, ...]:
     known = {d.name: d for d in subset.dropped}
     fixed = [d for d in subset.dropped if d.name in FIXED]
-    return (*fixed, *(known.get(name, Dependency(name, "prior", ())) for name in at_prior if name not in FIXED))
+    return (
+        *fixed,
+        *(known.get(name, Dependency(name, "prior", ())) for name in at_prior if name not in FIXED),
+    )
 
 
 def strained(fit: JointFit) -> tuple[str, ...]:
@@ -441,11 +532,20 @@ def _correction_values(fit: JointFit, trust: Uncertainty) -> tuple[CorrectionVal
     layout, deviations = fit.model.unknowns, np.sqrt(np.diag(trust.covariance))
     out = []
     for correction in fit.model.corrections:
-        if correction.name not in CORRECTIONS:  # jumps of encoders belong to a recording, not to the machine
+        if (
+            correction.name not in CORRECTIONS
+        ):  # jumps of encoders belong to a recording, not to the machine
             continue
         where = _indices(coefficients_of(fit, correction))
         rows = [
-            CoefficientValue(c.name, c.unit, *(float(v[i]) for v in (fit.x, deviations, layout.mean, layout.sigma, trust.told_by_data)))
+            CoefficientValue(
+                c.name,
+                c.unit,
+                *(
+                    float(v[i])
+                    for v in (fit.x, deviations, layout.mean, layout.sigma, trust.told_by_data)
+                ),
+            )
             for c, i in zip(correction.coefficients, where, strict=True)
         ]
         out.append(CorrectionValue(correction.name, correction.sentence, tuple(rows)))
@@ -455,21 +555,33 @@ def _correction_values(fit: JointFit, trust: Uncertainty) -> tuple[CorrectionVal
 def _machine_unknowns(fit: JointFit) -> NDArray[np.intp]:
     """Where geometry and coefficients stand in x; jumps of encoders belong to a recording, not to the machine."""
     layout = fit.model.unknowns
-    lasting = [_indices(coefficients_of(fit, c)) for c in fit.model.corrections if c.name in CORRECTIONS]
+    lasting = [
+        _indices(coefficients_of(fit, c)) for c in fit.model.corrections if c.name in CORRECTIONS
+    ]
     return np.concatenate((np.arange(layout.shared.size), *lasting))
 
 
 def _machine_part(parameters: NDArray[np.intp], covariance: Array) -> MachineCovariance:
     """That of the dh model: its parameters less encoder zeros and place."""
-    lasting = [k for k, i in enumerate(parameters) if PARAMETERS[i].side == "robot" or NAMES[i] == "bd3"]
-    return MachineCovariance(tuple(NAMES[parameters[k]] for k in lasting), covariance[np.ix_(lasting, lasting)])
+    lasting = [
+        k for k, i in enumerate(parameters) if PARAMETERS[i].side == "robot" or NAMES[i] == "bd3"
+    ]
+    return MachineCovariance(
+        tuple(NAMES[parameters[k]] for k in lasting), covariance[np.ix_(lasting, lasting)]
+    )
 
 
 def _machine_tcp_sigma(cell: Cell, fit: JointFit, trust: Uncertainty, k: int) -> Array:
     layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
-    robot = FreeRobot(cell, layout.geometry(fit.x, k), fit.model.corrections, fit.x[layout.coefficients])
+    robot = FreeRobot(
+        cell, layout.geometry(fit.x, k), fit.model.corrections, fit.x[layout.coefficients]
+    )
     unknowns = np.concatenate((np.arange(layout.shared.size), _indices(layout.coefficients)))
-    return position_sigma(robot.tool(grid), robot.jacobian(grid, layout.shared), trust.covariance[np.ix_(unknowns, unknowns)])
+    return position_sigma(
+        robot.tool(grid),
+        robot.jacobian(grid, layout.shared),
+        trust.covariance[np.ix_(unknowns, unknowns)],
+    )
 
 
 def _indices(where: slice) -> NDArray[np.intp]:
@@ -483,7 +595,9 @@ def _placed(nominal: Geometry, geometry: Geometry) -> Geometry:
 def _nominal_robot_fit(problem: Problem, estimate: Estimate, nominal: Geometry) -> Estimate:
     """The nominal robot with zeros, ball-bar position and clock fitted to it: what an uncalibrated user would see."""
     placing = candidates(problem.joints)[: len(problem.joints) + 3]
-    return solve(problem, _on_nominal(problem, estimate, nominal, placing), placing, negligible=1e-2).estimate
+    return solve(
+        problem, _on_nominal(problem, estimate, nominal, placing), placing, negligible=1e-2
+    ).estimate
 
 
 def _residuals(problem: Problem, estimate: Estimate) -> Residuals:

@@ -47,7 +47,9 @@ class Space:
         """Of numbers z (size,), each folded into 0 to 1."""
         lissajous, position = self.many(z[None])
         return Candidate(
-            Lissajous(lissajous.centre[0], lissajous.amplitude[0], lissajous.cycles[0], lissajous.phase[0]),
+            Lissajous(
+                lissajous.centre[0], lissajous.amplitude[0], lissajous.cycles[0], lissajous.phase[0]
+            ),
             position[0],
         )
 
@@ -80,14 +82,26 @@ def numbers_of(space: Space, candidate: Candidate) -> Array:
     wide = np.where(space.upper > space.lower, space.upper - space.lower, 1.0)
     place = np.where(space.upper > space.lower, (candidate.position - space.lower) / wide, 0.0)
     swing = np.abs(shape.amplitude) / np.maximum(room, 1e-9)
-    return np.asarray(np.clip(np.concatenate((middle, swing, phase, (shape.cycles - 0.5) / space.cycles, place)), 0.0, 1.0))
+    return np.asarray(
+        np.clip(
+            np.concatenate((middle, swing, phase, (shape.cycles - 0.5) / space.cycles, place)),
+            0.0,
+            1.0,
+        )
+    )
 
 
 def rounded(candidate: Candidate) -> Candidate:
     """As it will stand in the files, so that what is judged, checked and exported is what is written."""
     shape = candidate.shape
-    centre, amplitude, phase = (np.radians(np.degrees(v).round(DECIMALS)) for v in (shape.centre, shape.amplitude, shape.phase))
-    return Candidate(Lissajous(centre, amplitude, shape.cycles, phase), candidate.position.round(POSITION_DECIMALS))
+    centre, amplitude, phase = (
+        np.radians(np.degrees(v).round(DECIMALS))
+        for v in (shape.centre, shape.amplitude, shape.phase)
+    )
+    return Candidate(
+        Lissajous(centre, amplitude, shape.cycles, phase),
+        candidate.position.round(POSITION_DECIMALS),
+    )
 
 
 def space_of(request: PlanRequest) -> Space:

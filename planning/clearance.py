@@ -19,7 +19,11 @@ from planning.request import PlanCell
 
 COLUMN, ARM, FOREARM, WRIST = 0.38, 0.14, 0.11, 0.09  # radii, shares of the upper arm's length
 ROD, PEDESTAL = 0.02, 0.0525  # [m] radii: tube assumed, adapter of thesis sec. 4.5
-PLATE_WIDTH, PLATE_THICKNESS, PLATE_OVERHANG = 0.10, 0.045, 0.05  # [m] cell/plates; beyond flange axis and cardan, assumed
+PLATE_WIDTH, PLATE_THICKNESS, PLATE_OVERHANG = (
+    0.10,
+    0.045,
+    0.05,
+)  # [m] cell/plates; beyond flange axis and cardan, assumed
 GIMBAL = 0.10  # [m] between a ball's centre and where rod or pedestal begin
 FAR = 0.5  # [m] beyond which distances are not told apart
 TIME_STEP = 1.0  # [s] between poses looked at in a plan; the check looks closer
@@ -59,19 +63,40 @@ ON_FLOOR = ("column", "pedestal")
 def clearance(cell: Cell, around: PlanCell) -> Clearance:
     """Bodies of a cell, with floor and keep-out boxes."""
     spec, arm = mujoco.MjSpec(), float(cell.robot.a[1])
-    radii = dict(zip(CAPSULES, (COLUMN * arm, ARM * arm, FOREARM * arm, WRIST * arm, ROD, PEDESTAL), strict=True))
+    radii = dict(
+        zip(
+            CAPSULES,
+            (COLUMN * arm, ARM * arm, FOREARM * arm, WRIST * arm, ROD, PEDESTAL),
+            strict=True,
+        )
+    )
     for name, radius in radii.items():
-        spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[radius, 0.1, 0.0])
+        spec.worldbody.add_geom(
+            name=name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[radius, 0.1, 0.0]
+        )
     plate = [0.5 * cell.plate.length + PLATE_OVERHANG, 0.5 * PLATE_WIDTH, 0.5 * PLATE_THICKNESS]
     spec.worldbody.add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_BOX, size=plate)
-    spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5.0, 5.0, 0.1], pos=[0.0, 0.0, around.floor_m])
+    spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[5.0, 5.0, 0.1],
+        pos=[0.0, 0.0, around.floor_m],
+    )
     for box in around.keep_out:
         low, high = np.array(box.lower_m), np.array(box.upper_m)
-        spec.worldbody.add_geom(name=f"box {box.name}", type=mujoco.mjtGeom.mjGEOM_BOX, size=0.5 * (high - low), pos=0.5 * (high + low))
+        spec.worldbody.add_geom(
+            name=f"box {box.name}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=0.5 * (high - low),
+            pos=0.5 * (high + low),
+        )
     model = spec.compile()
     names = tuple(model.geom(i).name for i in range(model.ngeom))
     pairs = tuple(
-        (i, j) for i in range(len(names)) for j in range(i + 1, len(names)) if names[i] in MOVING and _compared(names[i], names[j])
+        (i, j)
+        for i in range(len(names))
+        for j in range(i + 1, len(names))
+        if names[i] in MOVING and _compared(names[i], names[j])
     )
     height = float(cell.plate.body.com[2])
     return Clearance(model, radii, pairs, names, around.floor_m, height, cell.plate.tool_offset)
@@ -92,7 +117,9 @@ def nearest(of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array) -> 
     return best
 
 
-def distances_along(of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, *, step: float) -> Array:
+def distances_along(
+    of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, *, step: float
+) -> Array:
     """(K,) [m] the smallest distance of each pose, every `step` seconds; FAR where nothing is near."""
     smallest: dict[float, float] = {}
     for at, _, _, distance in _distances(of, geometry, q, b, t, step):
@@ -100,7 +127,9 @@ def distances_along(of: Clearance, geometry: Geometry, q: Array, b: Array, t: Ar
     return np.array(list(smallest.values()))
 
 
-def _distances(of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, step: float) -> Iterator[tuple[float, int, int, float]]:
+def _distances(
+    of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, step: float
+) -> Iterator[tuple[float, int, int, float]]:
     """Time [s], two geoms and their distance [m], of all pairs at all poses `step` seconds apart."""
     some = slice(None, None, max(1, round(step / float(t[1] - t[0]))))
     robot, bar = robot_frames(geometry, q[some]), bar_frames(geometry, b[some])
@@ -124,7 +153,9 @@ def _segments(of: Clearance, robot: Frames, bar: Frames) -> Array:
     along = (tip - ball) / np.linalg.norm(tip - ball, axis=0)
     fore = (o[4] - o[2]) / np.linalg.norm(o[4] - o[2], axis=0)
     foot = np.broadcast_to(np.array([[0.0], [0.0], [of.floor]]), (3, n))
-    column_top = np.array([[0.0], [0.0], [1.0]]) * np.maximum(o[1][2] - of.radii["column"], of.floor)
+    column_top = np.array([[0.0], [0.0], [1.0]]) * np.maximum(
+        o[1][2] - of.radii["column"], of.floor
+    )
     base = np.stack([ball[0], ball[1], np.full(n, of.floor)])
     ends: Sequence[tuple[Array, Array]] = (
         (foot, column_top),

@@ -35,7 +35,9 @@ class Course:
     tip_speed: Array  # (N,) [m/s]
 
 
-def course_over(cell: Cell, candidate: Candidate, timing: PlanTiming, *, step: float = STEP) -> list[Course]:
+def course_over(
+    cell: Cell, candidate: Candidate, timing: PlanTiming, *, step: float = STEP
+) -> list[Course]:
     """The courses of those configurations that reach every sample; none where the robot does not reach."""
     nominal = nominal_geometry(cell, candidate.position)
     t = np.arange(round(timing.duration_s / step) + 1, dtype=np.float64) * step
@@ -51,14 +53,20 @@ def course_over(cell: Cell, candidate: Candidate, timing: PlanTiming, *, step: f
             continue
         q = near_middle(cell, np.unwrap(branch, axis=0))
         spline = CubicSpline(t, q)
-        courses.append(Course(nominal, t, b, q, np.asarray(spline(t, 1)), np.asarray(spline(t, 2)), tip, tip_speed))
+        courses.append(
+            Course(
+                nominal, t, b, q, np.asarray(spline(t, 1)), np.asarray(spline(t, 2)), tip, tip_speed
+            )
+        )
     return courses
 
 
 def near_middle(cell: Cell, q: Array) -> Array:
     """Joint angles (N, 6) [rad], whole turns taken off where the middle of an axis's range is nearer then."""
     middle = joints_to_axes(cell.robot, q)
-    off = 0.5 * (middle.max(axis=0) + middle.min(axis=0)) - 0.5 * (cell.robot.axis_lower + cell.robot.axis_upper)
+    off = 0.5 * (middle.max(axis=0) + middle.min(axis=0)) - 0.5 * (
+        cell.robot.axis_lower + cell.robot.axis_upper
+    )
     turns = 2.0 * np.pi * np.round(off / (2.0 * np.pi))
     turns[:3] = 0.0  # the arm's angles are unique
     return np.asarray(q - turns @ cell.robot.controller_to_joint)

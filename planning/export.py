@@ -27,7 +27,9 @@ APPROACH_OVERRIDE = 3  # [%]
 def header(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> list[str]:
     """Lines that say what the program is and what it keeps; without comment marks."""
     low, high = targets.axes.min(axis=0), targets.axes.max(axis=0)
-    ranges = ", ".join(f"{i + 1}: {a:.1f} to {b:.1f}" for i, (a, b) in enumerate(zip(low, high, strict=True)))
+    ranges = ", ".join(
+        f"{i + 1}: {a:.1f} to {b:.1f}" for i, (a, b) in enumerate(zip(low, high, strict=True))
+    )
     return [
         f"{name}: ball-bar path for {robot.title}, {targets.t[-1]:.0f} s, {len(targets.t)} targets in axis angles [deg]",
         "RUN SLOWLY FIRST: without ball-bar, in manual mode at reduced speed, hand on the enabling device.",
@@ -46,8 +48,15 @@ def rapid(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> s
         numbers = ",".join(f"{angle:.4f}" for angle in axes)
         lines.append(f"    [[{numbers}],[{','.join([FAR] * 6)}]]{',' if k < count - 1 else ''}")
     lines += ["  ];", f"  CONST num seconds{{{count}}}:=[{_numbers(_segments(targets))}];"]
-    lines += [f"  CONST num rest{{{count}}}:=[{_numbers(targets.rests)}];", "", f"  PROC {name}_run()"]
-    lines += [f"    MoveAbsJ path{{1}}\\NoEOffs,{APPROACH},fine,tool0;", "    Stop; ! mount the ball-bar, start both logs, then go on"]
+    lines += [
+        f"  CONST num rest{{{count}}}:=[{_numbers(targets.rests)}];",
+        "",
+        f"  PROC {name}_run()",
+    ]
+    lines += [
+        f"    MoveAbsJ path{{1}}\\NoEOffs,{APPROACH},fine,tool0;",
+        "    Stop; ! mount the ball-bar, start both logs, then go on",
+    ]
     lines += [f"    SoftAct {axis},{SOFTNESS}\\Ramp:=100;" for axis in range(1, 7)]
     lines += [
         "    WaitTime rest{1};",
@@ -73,11 +82,18 @@ def pdl2(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> st
     lines = [f"PROGRAM {name} PROG_ARM = 1, STACK = 2048"]
     lines += [f"-- {line}" for line in header(name, robot, targets, limits)]
     lines += ["BEGIN", f"  $PROG_SPD_OVR := {APPROACH_OVERRIDE}"]
-    lines += [f"  MOVE JOINT TO {_joints(targets.axes[0])}", "  PAUSE -- mount the ball-bar, start both logs, switch the soft servo on"]
+    lines += [
+        f"  MOVE JOINT TO {_joints(targets.axes[0])}",
+        "  PAUSE -- mount the ball-bar, start both logs, switch the soft servo on",
+    ]
     lines += [f"  DELAY {targets.rests[0] * 1e3:.0f}"]
     for axes, rest, override in zip(targets.axes[1:], targets.rests[1:], overrides, strict=True):
         lines.append(f"  $PROG_SPD_OVR := {override}")
-        lines.append(f"  MOVE JOINT TO {_joints(axes)}" if rest > 0.0 else f"  MOVEFLY JOINT TO {_joints(axes)} ADVANCE")
+        lines.append(
+            f"  MOVE JOINT TO {_joints(axes)}"
+            if rest > 0.0
+            else f"  MOVEFLY JOINT TO {_joints(axes)} ADVANCE"
+        )
         if rest > 0.0:
             lines.append(f"  DELAY {rest * 1e3:.0f}")
     lines += ["  PAUSE -- take the ball-bar off, switch the soft servo off", f"END {name}"]

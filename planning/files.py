@@ -14,7 +14,9 @@ from planning.request import PlanRequest
 from planning.targets import Targets, targets_of
 
 PATH, SCENARIO, NUMBERS, TABLE = "path.yaml", "scenario.yaml", "plan.yaml", "path.csv"
-OUTPUTS = frozenset({PATH, SCENARIO, NUMBERS, TABLE, "plan.svg", "what_if.csv", "what_if.svg", "plate.svg"})
+OUTPUTS = frozenset(
+    {PATH, SCENARIO, NUMBERS, TABLE, "plan.svg", "what_if.csv", "what_if.svg", "plate.svg"}
+)
 EVERYTHING_ON: dict[str, object] = {
     "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
     "joint_compliance": {"spread": 0.3},
@@ -63,7 +65,11 @@ def scenario_data(plan: Plan) -> dict[str, object]:
         "path": {"kind": "lissajous", "file": PATH, **request.timing.model_dump()},
         "plant": {"servo": request.servo},
         "errors": EVERYTHING_ON,
-        "encoders": {"fitted": list(sensors.encoders), "bits": 12, "noise_sigma_rad": sensors.encoder_noise_sigma_rad},
+        "encoders": {
+            "fitted": list(sensors.encoders),
+            "bits": 12,
+            "noise_sigma_rad": sensors.encoder_noise_sigma_rad,
+        },
         "clocks": {"offset_s": 0.508, "skew": 5.0e-5, "overrun_probability": 0.005},
         "seed": request.seed,
     }
@@ -102,9 +108,16 @@ def numbers_data(plan: Plan, targets: Targets) -> dict[str, object]:
         "load_sign_changes": [int(n) for n in plan.reversals],
         "rod_force_N": [float(forces.tension.min()), float(forces.tension.max())],
         "sag_between_targets_m": targets.sag,
-        "search": {"evaluated": plan.evaluated, "seconds": round(plan.seconds, 1), "seed": plan.request.seed, "stopped": plan.stopped},
+        "search": {
+            "evaluated": plan.evaluated,
+            "seconds": round(plan.seconds, 1),
+            "seed": plan.request.seed,
+            "stopped": plan.stopped,
+        },
         "limits": plan.request.limits.model_dump(),
-        "sigma": {n: {"prior": float(priors[n]), "predicted": value} for n, value in typical.sigma.items()},
+        "sigma": {
+            n: {"prior": float(priors[n]), "predicted": value} for n, value in typical.sigma.items()
+        },
     }
 
 
@@ -113,7 +126,7 @@ def limit_lines(request: PlanRequest) -> list[str]:
     limit = request.limits
     return [
         f"Planned within: {limit.axis_margin_deg:g} deg inside each axis range, {limit.axis_speed_share:.0%} of axis speed, "
-        f"tool {limit.tcp_speed_m_per_s:g} m/s, rod force {limit.force_N:g} N on soft servo, clearance {limit.clearance_m * 1e3:g} mm.",
+        f"tool {limit.tcp_speed_m_per_s:g} m/s, rod force {limit.force_N:g} N on soft servo, clearance {limit.clearance_m * 1e3:g} mm."
     ]
 
 

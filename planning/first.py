@@ -38,11 +38,18 @@ def first_path(given: dict[str, Judge], *, seconds: float = SECONDS) -> tuple[St
         screened = screen(judge.cell, space, judge.limits, z)
         tried += len(z)
         reasons.update(screened.reason[screened.excess > 0.0].tolist())
-        best, least = descent(judge, space, z[int(screened.excess.argmin())], int(rng.integers(2**31)))
+        best, least = descent(
+            judge, space, z[int(screened.excess.argmin())], int(rng.integers(2**31))
+        )
         if least < VIOLATES:
             return Start(rod, best, least), tried
         if least < min(near[0], OFF):
-            near = (least, "; ".join(v.sentence for v in checked(judge, space.candidate(best)).violations[:SHOWN]))
+            near = (
+                least,
+                "; ".join(
+                    v.sentence for v in checked(judge, space.candidate(best)).violations[:SHOWN]
+                ),
+            )
     miss = f" The nearest miss (limits with their reserve): {near[1]}." if near[1] else ""
     raise InputError(
         f"no path found: {tried} random paths and descents from the best of them failed, the random ones by: {tally(reasons)}.{miss} "

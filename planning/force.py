@@ -66,27 +66,40 @@ def predicted_forces(model: ForceModel, course: Course) -> Forces:
     carried = loads(model.masses, geometry, course.q, course.b, course.speed, course.acceleration)
     robot, bar = robot_frames(geometry, course.q), bar_frames(geometry, course.b)
     _, wrench = on_ballbar(model.masses, bar, course.b)  # (6, N) per newton
-    away = [1.0 if PARAMETERS[i].side == "robot" else -1.0 for i in model.drawn]  # the tool moves out, or the rod's end after it
+    away = [
+        1.0 if PARAMETERS[i].side == "robot" else -1.0 for i in model.drawn
+    ]  # the tool moves out, or the rod's end after it
     levers = np.stack(
-        [s * (wrench * parameter_screw(geometry, robot, bar, PARAMETERS[i])).sum(axis=0) for i, s in zip(model.drawn, away, strict=True)]
+        [
+            s * (wrench * parameter_screw(geometry, robot, bar, PARAMETERS[i])).sum(axis=0)
+            for i, s in zip(model.drawn, away, strict=True)
+        ]
     )
     gap = model.errors.T @ levers
     rod = bar.z[2]
-    gap -= gap[:, :1] * (rod * rod[:, :1]).sum(axis=0)  # the base was set without strain at the first target: along the rod there
+    gap -= gap[:, :1] * (rod * rod[:, :1]).sum(
+        axis=0
+    )  # the base was set without strain at the first target: along the rod there
     per_newton = carried.gear_per_newton
     to_gear = cell.robot.gear_to_joint
-    weight = to_gear @ joint_torques(robot, carried_bodies(cell), course.q, gravity=cell.robot.gravity)
+    weight = to_gear @ joint_torques(
+        robot, carried_bodies(cell), course.q, gravity=cell.robot.gravity
+    )
     gear, servo = 1.0 / cell.robot.gears.stiffness[:, None], 1.0 / model.gains.kp[:, None]
     compliance = 1.0 / cell.ballbar.axial_stiffness + (per_newton**2 * (gear + servo)).sum(axis=0)
     rubbing = _friction(cell, (course.speed @ cell.robot.joint_to_gear).T)
-    sag = (per_newton * (carried.gear * gear + (carried.gear - weight + rubbing) * servo)).sum(axis=0)
+    sag = (per_newton * (carried.gear * gear + (carried.gear - weight + rubbing) * servo)).sum(
+        axis=0
+    )
     return Forces(carried, np.asarray((gap - sag) / compliance))
 
 
 def _friction(cell: Cell, speed: Array) -> Array:
     """(6, N) [N m] of the gears at speeds (6, N) [rad/s], Coulomb and viscous."""
     gears = cell.robot.gears
-    return np.asarray(gears.coulomb[:, None] * np.tanh(speed / CREEP) + gears.viscous[:, None] * speed)
+    return np.asarray(
+        gears.coulomb[:, None] * np.tanh(speed / CREEP) + gears.viscous[:, None] * speed
+    )
 
 
 def load_reversals(forces: Forces, width: Array) -> Array:
@@ -94,7 +107,9 @@ def load_reversals(forces: Forces, width: Array) -> Array:
 
     width : (6,) [N m] (ident.corrections.base.play_width).
     """
-    load = forces.carried.gear + forces.tension[:, None, :] * forces.carried.gear_per_newton  # (DRAWS, 6, N)
+    load = (
+        forces.carried.gear + forces.tension[:, None, :] * forces.carried.gear_per_newton
+    )  # (DRAWS, 6, N)
     side = np.where(load > width[:, None], 1, np.where(load < -width[:, None], -1, 0))
     out = np.zeros(side.shape[:2])
     for k, gear in np.ndindex(side.shape[:2]):

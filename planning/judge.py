@@ -65,14 +65,19 @@ class Judgement:
 def judges(request: PlanRequest) -> dict[str, Judge]:
     """One for each rod that may be taken, by its name. Raises InputError or DescriptionError for what is not there."""
     rods = (request.cell.ballbar, *request.cell.ballbar_choices)
-    return {rod: judge_of(request, rod, load_cell(request.cell.robot, rod, request.cell.plate)) for rod in rods}
+    return {
+        rod: judge_of(request, rod, load_cell(request.cell.robot, rod, request.cell.plate))
+        for rod in rods
+    }
 
 
 def judge_of(request: PlanRequest, rod: str, cell: Cell) -> Judge:
     """Raises InputError for a servo that the robot does not have."""
     gains = cell.robot.servo.get(request.servo)
     if gains is None:
-        raise InputError(f"servo = {request.servo!r}: robot {cell.robot.name} has no such gain set; it has {', '.join(cell.robot.servo)}")
+        raise InputError(
+            f"servo = {request.servo!r}: robot {cell.robot.name} has no such gain set; it has {', '.join(cell.robot.servo)}"
+        )
     masses = mass_model(cell)
     on = predictor(cell, request.sensors, request.timing, request.workspace)
     return Judge(
@@ -92,8 +97,13 @@ def judged(judge: Judge, candidate: Candidate, *, robots: int = ROBOTS) -> Judge
     at_best = checked(judge, candidate)
     if at_best.violations or at_best.course is None or at_best.forces is None:
         return at_best
-    tcp = [tcp_rms(judge, found) for found in predictions(judge.predictor, at_best.course, at_best.forces.tension[:robots])]
-    return Judgement(candidate, (), at_best.course, at_best.forces, float(np.sqrt(np.mean(np.square(tcp)))))
+    tcp = [
+        tcp_rms(judge, found)
+        for found in predictions(judge.predictor, at_best.course, at_best.forces.tension[:robots])
+    ]
+    return Judgement(
+        candidate, (), at_best.course, at_best.forces, float(np.sqrt(np.mean(np.square(tcp))))
+    )
 
 
 def checked(judge: Judge, candidate: Candidate) -> Judgement:
@@ -112,7 +122,12 @@ def checked(judge: Judge, candidate: Candidate) -> Judgement:
         if best is None or one.excess < best.excess:
             best = one
     return best or Judgement(
-        candidate, (Violation("reach", 10.0, "the robot does not reach all of it"),), None, None, np.inf, examined=False
+        candidate,
+        (Violation("reach", 10.0, "the robot does not reach all of it"),),
+        None,
+        None,
+        np.inf,
+        examined=False,
     )
 
 
@@ -139,7 +154,9 @@ def tcp_rms(judge: Judge, found: Prediction) -> float:
     wanted = np.zeros((s.size, moved.size))
     wanted[moved, np.arange(moved.size)] = s[moved]
     factor = np.linalg.cholesky(found.normal * np.outer(s, s))
-    half = solve_triangular(factor, wanted, lower=True, check_finite=False)  # covariance = half' half
+    half = solve_triangular(
+        factor, wanted, lower=True, check_finite=False
+    )  # covariance = half' half
     return float(np.sqrt(((half @ judge.gram) * half).sum() / len(found.grid)))
 
 

@@ -61,20 +61,36 @@ def _axis_rates(cell: Cell, limits: PlanLimits, course: Course) -> list[Violatio
     out = []
     for key, ratio, unit, top in (
         ("axis_speed_share", fast, "deg/s", np.degrees(allowed)),
-        ("axis_acceleration_deg_per_s2", hard, "deg/s^2", np.full(6, limits.axis_acceleration_deg_per_s2)),
+        (
+            "axis_acceleration_deg_per_s2",
+            hard,
+            "deg/s^2",
+            np.full(6, limits.axis_acceleration_deg_per_s2),
+        ),
     ):
         k, axis = (int(i) for i in np.unravel_index(int(ratio.argmax()), ratio.shape))
         text = f"axis {axis + 1} at {ratio[k, axis] * top[axis]:.0f} {unit}, limit {top[axis]:.0f}"
         out.append(_over(key, ratio[k, axis] - 1.0, text, course.t[k]))
     k = int(course.tip_speed.argmax())
     text = f"tool at {course.tip_speed[k]:.2f} m/s, limit {limits.tcp_speed_m_per_s:g}"
-    return [*out, _over("tcp_speed_m_per_s", course.tip_speed[k] / limits.tcp_speed_m_per_s - 1.0, text, course.t[k])]
+    return [
+        *out,
+        _over(
+            "tcp_speed_m_per_s",
+            course.tip_speed[k] / limits.tcp_speed_m_per_s - 1.0,
+            text,
+            course.t[k],
+        ),
+    ]
 
 
 def _singularities(limits: PlanLimits, course: Course) -> list[Violation]:
     out = []
     angles = [("axis 5", course.q[:, 4], limits.wrist_margin_deg, "wrist_margin_deg")]
-    angles += [(name, course.b[:, j], limits.ballbar_margin_deg, "ballbar_margin_deg") for name, j in BAR_SINGULAR]
+    angles += [
+        (name, course.b[:, j], limits.ballbar_margin_deg, "ballbar_margin_deg")
+        for name, j in BAR_SINGULAR
+    ]
     for name, angle, margin, key in angles:
         away = from_singular(angle)
         k = int(away.argmin())
@@ -115,7 +131,9 @@ def arm_margins(geometry: Geometry, q: Array) -> tuple[Array, Array]:
     frames = robot_frames(geometry, q)
     shoulder, elbow, wrist = frames.origin[1], frames.origin[2], frames.origin[4]
     upper, fore = elbow - shoulder, wrist - elbow
-    cosine = (upper * fore).sum(axis=0) / (np.linalg.norm(upper, axis=0) * np.linalg.norm(fore, axis=0))
+    cosine = (upper * fore).sum(axis=0) / (
+        np.linalg.norm(upper, axis=0) * np.linalg.norm(fore, axis=0)
+    )
     bend = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
     return np.asarray(bend), np.hypot(wrist[0], wrist[1])
 

@@ -29,7 +29,9 @@ from sim.path import Lissajous
 from sim.settings import LissajousFile
 from sim.simulate import lissajous
 
-COVERED_WITHIN = np.radians(10.0)  # of the path, by which a point of the sphere counts as covered (mujoco_facts sec. 10)
+COVERED_WITHIN = np.radians(
+    10.0
+)  # of the path, by which a point of the sphere counts as covered (mujoco_facts sec. 10)
 SPHERE_POINTS = 2000
 
 
@@ -92,7 +94,9 @@ class Plan:
 def scale_error(grid: Array, cell: Cell) -> float:
     """[m] root mean square TCP error over poses grid (G, 6) [rad] of a plate that is one deviation longer than it is said to be."""
     positions = robot_frames(nominal_geometry(cell, np.zeros(3)), grid).tip
-    spread = float(np.sqrt(((positions - positions.mean(axis=1, keepdims=True)) ** 2).sum(axis=0).mean()))
+    spread = float(
+        np.sqrt(((positions - positions.mean(axis=1, keepdims=True)) ** 2).sum(axis=0).mean())
+    )
     return spread * cell.plate.length_sigma / cell.plate.length
 
 
@@ -100,7 +104,9 @@ def covered(directions: Array) -> float:
     """Share of the unit sphere within COVERED_WITHIN of directions (3, N)."""
     k = np.arange(SPHERE_POINTS) + 0.5
     z, turn = 1.0 - 2.0 * k / SPHERE_POINTS, np.pi * (1.0 + np.sqrt(5.0)) * k  # Fibonacci lattice
-    points = np.stack((np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z), axis=1)
+    points = np.stack(
+        (np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z), axis=1
+    )
     return float(((points @ directions).max(axis=1) > np.cos(COVERED_WITHIN)).mean())
 
 
@@ -140,7 +146,13 @@ def plans(
     took = since()
     for one in best:
         candidate = rounded(space_of(request).candidate(one.z))
-        yield assessed(given[one.rod], candidate, evaluated=tried + progress.evaluated, seconds=took, stopped=progress.stopped)
+        yield assessed(
+            given[one.rod],
+            candidate,
+            evaluated=tried + progress.evaluated,
+            seconds=took,
+            stopped=progress.stopped,
+        )
 
 
 def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
@@ -151,7 +163,9 @@ def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
     for file in (relative_to / name for name in request.start_from):
         shape, place = known_path(file)
         z = numbers_of(space, Candidate(shape, middle if place is None else np.array(place)))
-        starts += [Start(rod, z, VIOLATES) for rod in (request.cell.ballbar, *request.cell.ballbar_choices)]
+        starts += [
+            Start(rod, z, VIOLATES) for rod in (request.cell.ballbar, *request.cell.ballbar_choices)
+        ]
     return starts
 
 
@@ -161,10 +175,19 @@ def known_path(file: Path) -> tuple[Lissajous, tuple[float, ...] | None]:
     return lissajous(read), read.ballbar_position_m
 
 
-def assessed(judge: Judge, candidate: Candidate, *, evaluated: int = 0, seconds: float = 0.0, stopped: bool = False) -> Plan:
+def assessed(
+    judge: Judge,
+    candidate: Candidate,
+    *,
+    evaluated: int = 0,
+    seconds: float = 0.0,
+    stopped: bool = False,
+) -> Plan:
     """A candidate with all predictions. Raises InputError where it cannot be run."""
     found = judged(judge, candidate)
     if found.violations or found.course is None or found.forces is None:
-        raise InputError(f"the path cannot be run: {'; '.join(v.sentence for v in found.violations)}")
+        raise InputError(
+            f"the path cannot be run: {'; '.join(v.sentence for v in found.violations)}"
+        )
     expected = predictions(judge.predictor, found.course, found.forces.tension)
     return Plan(judge.request, judge, found, expected, evaluated, seconds, stopped)

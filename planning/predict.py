@@ -36,7 +36,9 @@ from planning.course import Course
 from planning.request import PlanSensors, PlanTiming, Workspace
 
 EXACT = 1e-9  # [m]
-SAMPLES = 240  # computed, of DEFAULT_SAMPLES fitted; sigma comes out a few percent above that of all
+SAMPLES = (
+    240  # computed, of DEFAULT_SAMPLES fitted; sigma comes out a few percent above that of all
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +98,20 @@ class Prediction:
     def sigma(self) -> dict[str, float]:
         """[SI] of every unknown but the tension's knots."""
         spread = np.sqrt(np.diag(self.covariance))
-        return {n: float(v) for n, v in zip(self.layout.names, spread, strict=True) if not n.startswith("tension")}
+        return {
+            n: float(v)
+            for n, v in zip(self.layout.names, spread, strict=True)
+            if not n.startswith("tension")
+        }
 
     @cached_property
     def tcp_sigma(self) -> Array:
         """(G,) [m] of the free robot's tool under its own weight, base aligned."""
         moved = moving(self.layout)
         moves = self.free.jacobian(self.grid, self.layout.shared)
-        return position_sigma(self.free.tool(self.grid), moves, self.covariance[np.ix_(moved, moved)])
+        return position_sigma(
+            self.free.tool(self.grid), moves, self.covariance[np.ix_(moved, moved)]
+        )
 
 
 def moving(layout: Unknowns) -> NDArray[np.intp]:
@@ -111,28 +119,50 @@ def moving(layout: Unknowns) -> NDArray[np.intp]:
     return np.asarray(np.r_[0 : layout.shared.size, layout.coefficients], dtype=np.intp)
 
 
-def predictor(cell: Cell, sensors: PlanSensors, timing: PlanTiming, workspace: Workspace | None, *, samples: int = SAMPLES) -> Predictor:
+def predictor(
+    cell: Cell,
+    sensors: PlanSensors,
+    timing: PlanTiming,
+    workspace: Workspace | None,
+    *,
+    samples: int = SAMPLES,
+) -> Predictor:
     """For a cell, its sensors, and the workspace that counts."""
     grid = accuracy_grid(cell.robot)
     if workspace is not None:
-        box = replace(cell.robot, accuracy_lower=np.radians(workspace.lower_deg), accuracy_upper=np.radians(workspace.upper_deg))
+        box = replace(
+            cell.robot,
+            accuracy_lower=np.radians(workspace.lower_deg),
+            accuracy_upper=np.radians(workspace.upper_deg),
+        )
         grid = accuracy_grid(box)
     made = tuple(make(cell, sensors.encoders) for make in CORRECTIONS.values())
     return Predictor(cell, mass_model(cell), sensors, timing, made, grid, samples)
 
 
-def planned_unknowns(on: Predictor, nominal: Geometry, recordings: Sequence[RecordingShape]) -> tuple[Unknowns, Array]:
+def planned_unknowns(
+    on: Predictor, nominal: Geometry, recordings: Sequence[RecordingShape]
+) -> tuple[Unknowns, Array]:
     """Those of the complete model, the plate's length taken as exact.
 
     `ba5` is that length in other words (ra6 against it): 5 um are 20 ppm of scale whatever the path, stated apart (planning.plan).
     """
-    layout, x = unknowns(on.cell, nominal, recordings, on.corrections, measured_force=False, rod_sigma=on.sensors.rod_sigma_m)
+    layout, x = unknowns(
+        on.cell,
+        nominal,
+        recordings,
+        on.corrections,
+        measured_force=False,
+        rod_sigma=on.sensors.rod_sigma_m,
+    )
     sigma = layout.sigma.copy()
     sigma[layout.names.index("ba5")] = EXACT
     return replace(layout, sigma=sigma), x
 
 
-def predict(on: Predictor, course: Course, tension: Array, near: Prediction | None = None) -> Prediction:
+def predict(
+    on: Predictor, course: Course, tension: Array, near: Prediction | None = None
+) -> Prediction:
     """Of a course with a rod tension (N_course,) [N]. near : of the same course with another tension, whose loads per newton are taken."""
     t = on.instants
     track = _track(on, course, t)
@@ -158,21 +188,41 @@ def predictions(on: Predictor, course: Course, tensions: Array) -> tuple[Predict
 
 def _excess(on: Predictor) -> Excess:
     f, s = on.dilution, on.sensors
-    return Excess(f * s.robot_sigma_rad, 2.0 * f * s.robot_sigma_rad, f * s.encoder_sigma_rad, f * FIRST_EXCESS.rod)
+    return Excess(
+        f * s.robot_sigma_rad,
+        2.0 * f * s.robot_sigma_rad,
+        f * s.encoder_sigma_rad,
+        f * FIRST_EXCESS.rod,
+    )
 
 
 def _track(on: Predictor, course: Course, t: Array) -> Track:
     s, f = on.sensors, on.dilution
     fitted = [j - 1 for j in s.encoders]
     robot, bar = _as_log(course.t, course.q), _as_log(course.t, course.b[:, fitted])
-    spacing = min((on.timing.duration_s - 2.0 * on.timing.dwell_s) / DEFAULT_SAMPLES, WIDEST_KNOT_SPACING)
+    spacing = min(
+        (on.timing.duration_s - 2.0 * on.timing.dwell_s) / DEFAULT_SAMPLES, WIDEST_KNOT_SPACING
+    )
     robot_noise, bar_noise = (
         f * sigma * np.sqrt(min(1.0, 1.0 / (rate * spacing)))
-        for sigma, rate in ((s.robot_noise_sigma_rad, s.robot_rate_hz), (s.encoder_noise_sigma_rad, s.ballbar_rate_hz))
+        for sigma, rate in (
+            (s.robot_noise_sigma_rad, s.robot_rate_hz),
+            (s.encoder_noise_sigma_rad, s.ballbar_rate_hz),
+        )
     )
     noise = np.zeros(BAR_ROWS)
     noise[fitted] = bar_noise
-    return Track(robot, bar, s.encoders, np.ones(len(fitted)), t, on.knots, np.zeros(t.size), np.full((6, 1), robot_noise), noise)
+    return Track(
+        robot,
+        bar,
+        s.encoders,
+        np.ones(len(fitted)),
+        t,
+        on.knots,
+        np.zeros(t.size),
+        np.full((6, 1), robot_noise),
+        noise,
+    )
 
 
 def _as_log(t: Array, values: Array) -> SmoothLog:
@@ -181,5 +231,15 @@ def _as_log(t: Array, values: Array) -> SmoothLog:
     none = Outliers(np.zeros(0), np.zeros(0, dtype=np.intp), 0, t.size)
     period = float(t[1] - t[0])
     return SmoothLog(
-        spline, spline.derivative(), float(t[0]), float(t[-1]), np.zeros(values.shape[1]), period, period, np.zeros((0, 2)), t, none, ()
+        spline,
+        spline.derivative(),
+        float(t[0]),
+        float(t[-1]),
+        np.zeros(values.shape[1]),
+        period,
+        period,
+        np.zeros((0, 2)),
+        t,
+        none,
+        (),
     )

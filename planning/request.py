@@ -51,9 +51,13 @@ class PlanCell(Strict):
 
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
     ballbar: str = Field(description="A file of cell/ballbars, or a path.")
-    ballbar_choices: tuple[str, ...] = Field((), description="Other rods that may be taken instead.")
+    ballbar_choices: tuple[str, ...] = Field(
+        (), description="Other rods that may be taken instead."
+    )
     plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
-    ballbar_position_m: Vector3 | None = Field(None, description="Sphere centre in the robot's base frame, where it is given.")
+    ballbar_position_m: Vector3 | None = Field(
+        None, description="Sphere centre in the robot's base frame, where it is given."
+    )
     ballbar_region_m: Region | None = Field(None, description="Where it may be, when it is free.")
     keep_out: tuple[KeepOut, ...] = Field((), description="Boxes to stay clear of.")
     floor_m: float = Field(0.0, description="Height of the floor in the robot's base frame.")
@@ -61,7 +65,9 @@ class PlanCell(Strict):
     @model_validator(mode="after")
     def _placed(self) -> PlanCell:
         if (self.ballbar_position_m is None) == (self.ballbar_region_m is None):
-            raise ValueError("give either ballbar_position_m, or ballbar_region_m where the position is free")
+            raise ValueError(
+                "give either ballbar_position_m, or ballbar_region_m where the position is free"
+            )
         return self
 
     @property
@@ -80,39 +86,64 @@ class PlanTiming(Strict):
     dwell_s: Annotated[float, Field(ge=1.0)] = Field(
         4.0, description="Standstill at both ends and each stop: the clocks are matched there."
     )
-    stops: Annotated[int, Field(ge=0, le=50)] = Field(2, description="Standstills between the ends.")
+    stops: Annotated[int, Field(ge=0, le=50)] = Field(
+        2, description="Standstills between the ends."
+    )
 
 
 class PlanSensors(Strict):
     """What is measured and how well: what the prediction weighs."""
 
-    encoders: tuple[EncoderNumber, ...] = Field((1, 2, 4, 5), min_length=2, description="Ball-bar joints with an encoder.")
-    encoder_sigma_rad: Positive = Field(1.0e-5, description="Of a sample: sub-divisional error, noise (physical_parameters.yaml, 12 urad).")
+    encoders: tuple[EncoderNumber, ...] = Field(
+        (1, 2, 4, 5), min_length=2, description="Ball-bar joints with an encoder."
+    )
+    encoder_sigma_rad: Positive = Field(
+        1.0e-5,
+        description="Of a sample: sub-divisional error, noise (physical_parameters.yaml, 12 urad).",
+    )
     encoder_noise_sigma_rad: Positive = Field(2.0e-6, description="White, of a row.")
     ballbar_rate_hz: Positive = Field(100.0, description="Thesis sec. 4.6.")
-    robot_sigma_rad: Positive = Field(5.0e-6, description="Of a sample of axes 1-3; twice that in the wrist: what ripple models leave.")
+    robot_sigma_rad: Positive = Field(
+        5.0e-6,
+        description="Of a sample of axes 1-3; twice that in the wrist: what ripple models leave.",
+    )
     robot_noise_sigma_rad: Positive = Field(2.0e-6, description="White, of a row.")
     robot_rate_hz: Positive = Field(250.0, description="ABB external log.")
-    rod_sigma_m: Positive | None = Field(None, description="Of a measured rod length; without it, the catalogue's tolerance.")
+    rod_sigma_m: Positive | None = Field(
+        None, description="Of a measured rod length; without it, the catalogue's tolerance."
+    )
 
 
 class PlanLimits(Strict):
     """What a path must keep."""
 
-    axis_margin_deg: Annotated[float, Field(ge=0.0)] = Field(3.0, description="Inside each axis range.")
-    axis_speed_share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(0.25, description="Of each axis's top speed.")
-    axis_acceleration_deg_per_s2: Positive = Field(60.0, description="Assumed: inertia stays below a tenth of the weight.")
+    axis_margin_deg: Annotated[float, Field(ge=0.0)] = Field(
+        3.0, description="Inside each axis range."
+    )
+    axis_speed_share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
+        0.25, description="Of each axis's top speed."
+    )
+    axis_acceleration_deg_per_s2: Positive = Field(
+        60.0, description="Assumed: inertia stays below a tenth of the weight."
+    )
     tcp_speed_m_per_s: Positive = Field(0.25, description="Reduced speed of ISO 10218-1.")
     wrist_margin_deg: Positive = Field(10.0, description="Of axis 5 from its singularity.")
     elbow_margin_deg: Positive = Field(15.0, description="Of the arm from being stretched out.")
     shoulder_margin_m: Positive = Field(0.15, description="Of the wrist's centre from axis 1.")
-    ballbar_margin_deg: Positive = Field(15.0, description="Of b2 and b4 from their singularities (thesis sec. 5.1).")
-    cable_turns: Positive = Field(1.0, description="Of each ball-bar joint, end to end; the thesis's cables allowed 2 and were in the way.")
+    ballbar_margin_deg: Positive = Field(
+        15.0, description="Of b2 and b4 from their singularities (thesis sec. 5.1)."
+    )
+    cable_turns: Positive = Field(
+        1.0,
+        description="Of each ball-bar joint, end to end; the thesis's cables allowed 2 and were in the way.",
+    )
     force_N: Positive = Field(
         200.0,
         description="In the rod under soft servo, for robots of 1 mm, 1 mrad (physical_parameters.yaml: peaks of 226 N in the thesis).",
     )
-    clearance_m: Positive = Field(0.03, description="Between capsules of robot, plate, rod and everything else.")
+    clearance_m: Positive = Field(
+        0.03, description="Between capsules of robot, plate, rod and everything else."
+    )
 
 
 # What the soft servo may add to a plan: added to margins, a share of rates and forces. Measured by planning.verify.
@@ -121,9 +152,17 @@ RESERVE_DEG, RESERVE_M, RESERVE_RATE, RESERVE_FORCE = 1.0, 0.01, 0.9, 0.8
 
 def tightened(limits: PlanLimits) -> PlanLimits:
     """Limits that a plan keeps so that the run on soft servo keeps those given."""
-    changed = {f"{name}_margin_deg": getattr(limits, f"{name}_margin_deg") + RESERVE_DEG for name in ("axis", "wrist", "elbow", "ballbar")}
-    changed |= {name: getattr(limits, name) + RESERVE_M for name in ("clearance_m", "shoulder_margin_m")}
-    changed |= {name: getattr(limits, name) * RESERVE_RATE for name in ("axis_speed_share", "tcp_speed_m_per_s", "cable_turns")}
+    changed = {
+        f"{name}_margin_deg": getattr(limits, f"{name}_margin_deg") + RESERVE_DEG
+        for name in ("axis", "wrist", "elbow", "ballbar")
+    }
+    changed |= {
+        name: getattr(limits, name) + RESERVE_M for name in ("clearance_m", "shoulder_margin_m")
+    }
+    changed |= {
+        name: getattr(limits, name) * RESERVE_RATE
+        for name in ("axis_speed_share", "tcp_speed_m_per_s", "cable_turns")
+    }
     changed["axis_acceleration_deg_per_s2"] = limits.axis_acceleration_deg_per_s2 * RESERVE_RATE
     return limits.model_copy(update=changed | {"force_N": limits.force_N * RESERVE_FORCE})
 
@@ -139,7 +178,13 @@ class PlanRequest(Strict):
     """One file of scenarios/plans."""
 
     schema_: Annotated[Literal["ballbar-plan/1"], Field(alias="schema")]
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,23}$", description="Also names the controller's module.")]
+    name: Annotated[
+        str,
+        Field(
+            pattern=r"^[A-Za-z][A-Za-z0-9_]{0,23}$",
+            description="Also names the controller's module.",
+        ),
+    ]
     cell: PlanCell
     timing: PlanTiming = PlanTiming()
     sensors: PlanSensors = PlanSensors()
@@ -147,9 +192,12 @@ class PlanRequest(Strict):
     workspace: Workspace | None = Field(None, description="Default: the robot file's accuracy box.")
     servo: str = Field("soft", description="A gain set of the robot's file.")
     start_from: tuple[str, ...] = Field(
-        (), description="Path files to begin the search with, relative to this one; its ball-bar in the middle where the file does not say."
+        (),
+        description="Path files to begin the search with, relative to this one; its ball-bar in the middle where the file does not say.",
     )
-    cycles_max: Annotated[int, Field(ge=1, le=12)] = Field(5, description="Of a ball-bar joint in one run.")
+    cycles_max: Annotated[int, Field(ge=1, le=12)] = Field(
+        5, description="Of a ball-bar joint in one run."
+    )
     seed: Annotated[int, Field(ge=0)] = 1
 
 

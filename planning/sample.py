@@ -15,7 +15,10 @@ from planning.screen import screen
 
 SEARCHED = 1  # robots weighed in a search: with two, random paths rank as with all at 0.988 instead of 0.982, and take half as long again
 BATCH = 128  # candidates screened at a time
-VIOLATES, OFF = 10.0, 30.0  # figures of candidates that violate a limit, and of those that do not pass screening
+VIOLATES, OFF = (
+    10.0,
+    30.0,
+)  # figures of candidates that violate a limit, and of those that do not pass screening
 
 
 @dataclass(eq=False)
@@ -25,13 +28,21 @@ class Sampled:
     z: list[Array] = field(default_factory=list)
     tcp: list[float] = field(default_factory=list)  # [m]
     reasons: Counter[str] = field(default_factory=Counter)
-    nearest: tuple[float, str] = (np.inf, "")  # the least violation among those that cannot, in words
+    nearest: tuple[float, str] = (
+        np.inf,
+        "",
+    )  # the least violation among those that cannot, in words
     tried: int = 0
 
 
 def sampled(judge: Judge, *, seed: int, seconds: float, wanted: int | None = None) -> Sampled:
     """Uniform draws from the search space, for so long or until so many can be run."""
-    space, rng, out, since = space_of(judge.request), np.random.default_rng(seed), Sampled(), time.monotonic()
+    space, rng, out, since = (
+        space_of(judge.request),
+        np.random.default_rng(seed),
+        Sampled(),
+        time.monotonic(),
+    )
     while time.monotonic() - since < seconds:
         z = rng.random((BATCH, space.size))
         screened = screen(judge.cell, space, judge.limits, z)

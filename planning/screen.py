@@ -20,7 +20,9 @@ from planning.limits import from_singular
 from planning.request import PlanLimits
 
 PHASES = 24
-UNREACHED = 10.0  # excess of a candidate that the robot does not reach at all; less, the more it reaches
+UNREACHED = (
+    10.0  # excess of a candidate that the robot does not reach at all; less, the more it reaches
+)
 ARM = (0, 1, 2, 4)  # axes whose angle needs no turns counted
 
 
@@ -63,7 +65,9 @@ def screen(cell: Cell, space: Space, limits: PlanLimits, z: Array) -> Screened:
     at_best = worst[best, np.arange(m)]
     unreached = lost.mean(axis=1)
     excess = np.where(
-        unreached > 0.0, UNREACHED * (0.1 + unreached), np.where(total.min(axis=0) > 0.0, total.min(axis=0), at_best.max(axis=1))
+        unreached > 0.0,
+        UNREACHED * (0.1 + unreached),
+        np.where(total.min(axis=0) > 0.0, total.min(axis=0), at_best.max(axis=1)),
     )
     which = np.where(unreached > 0.0, 0, 1 + at_best.argmax(axis=1))
     return Screened(np.asarray(excess), np.array(REASONS)[which])
@@ -72,4 +76,8 @@ def screen(cell: Cell, space: Space, limits: PlanLimits, z: Array) -> Screened:
 def tally(reasons: Counter[str]) -> str:
     """What stood in the way, most frequent first, in one sentence."""
     total = sum(reasons.values())
-    return ", ".join(f"{reason} {count / total:.0%}" for reason, count in reasons.most_common(4)) if total else "nothing was tried"
+    return (
+        ", ".join(f"{reason} {count / total:.0%}" for reason, count in reasons.most_common(4))
+        if total
+        else "nothing was tried"
+    )

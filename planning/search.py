@@ -29,7 +29,10 @@ from planning.workers import figure_there, sampled_there
 SLICE = 1.5  # [s] of random candidates between two looks at the clock
 RANDOM_SHARE = 0.15  # of the time goes into random candidates, at most
 STARTS = 80  # random candidates that can be run are enough
-ENTRANTS, FINALISTS = 8, 2  # islands of a race: half of them go on after each round, until two are left
+ENTRANTS, FINALISTS = (
+    8,
+    2,
+)  # islands of a race: half of them go on after each round, until two are left
 ROUND = 12  # generations
 STALLED = 25  # generations without a gain of GAIN end an island
 LEADERS = 24  # the last of them are weighed with all robots
@@ -94,7 +97,9 @@ def search(
         progress.add(start)
     rods = (request.cell.ballbar, *request.cell.ballbar_choices)
     try:
-        starts += _random(request, pool, rods, workers, since + RANDOM_SHARE * seconds, progress, show)
+        starts += _random(
+            request, pool, rods, workers, since + RANDOM_SHARE * seconds, progress, show
+        )
         starts = hints + _apart(sorted(starts, key=lambda s: s.figure))
         _races(request, pool, since + seconds, evaluations, starts, progress, show)
     except KeyboardInterrupt:
@@ -105,7 +110,10 @@ def search(
 def ranked(leaders: list[Start], pool: ProcessPoolExecutor) -> list[Start]:
     """The last LEADERS by what they do over all robots of planning.force, best first; those that follow differ by STEP or more."""
     figures = [pool.submit(figure_there, one.rod, one.z, DRAWS) for one in leaders[-LEADERS:]]
-    weighed = [replace(one, figure=future.result()) for one, future in zip(leaders[-LEADERS:], figures, strict=True)]
+    weighed = [
+        replace(one, figure=future.result())
+        for one, future in zip(leaders[-LEADERS:], figures, strict=True)
+    ]
     apart: list[Start] = []
     for one in sorted(weighed, key=lambda one: one.figure):
         if not apart or one.figure > apart[-1].figure + STEP:
@@ -157,14 +165,19 @@ def _races(
 
     entrants = starts[:ENTRANTS]
     while entrants and going():
-        islands = [Island(space, start, request.seed + progress.evaluated + k) for k, start in enumerate(entrants)]
+        islands = [
+            Island(space, start, request.seed + progress.evaluated + k)
+            for k, start in enumerate(entrants)
+        ]
         for generation in count(1):
             asked = [island.ask(pool) for island in islands]
             for island, figures in zip(islands, asked, strict=True):
                 island.tell([future.result() for future in figures], progress)
             show(progress)
             if generation % ROUND == 0:
-                islands = sorted(islands, key=lambda island: island.best)[: max(FINALISTS, len(islands) // 2)]
+                islands = sorted(islands, key=lambda island: island.best)[
+                    : max(FINALISTS, len(islands) // 2)
+                ]
             islands = [island for island in islands if not island.done]
             if not islands or not going():
                 break
@@ -196,7 +209,10 @@ class Island:
         self._search = evolution(start.z[self._free], seed=seed % 2**31)
         self._asked: list[Array] = []
         self.best = start.figure
-        self._stands, self._since = np.inf, 0  # the best since it set out, and for how many generations
+        self._stands, self._since = (
+            np.inf,
+            0,
+        )  # the best since it set out, and for how many generations
 
     def ask(self, pool: ProcessPoolExecutor) -> list[Future[float]]:
         """One generation, on its way to the workers."""

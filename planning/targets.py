@@ -66,7 +66,11 @@ def _rests(t: Array, timing: PlanTiming) -> tuple[Array, Array]:
     begins = np.array([begin for begin, _ in _piece_ends(timing)])
     rest = np.where(np.isclose(t[:, None], ends).any(axis=1), timing.dwell_s, 0.0)
     rest[0] = timing.dwell_s
-    kept = ~np.isclose(t[:, None], begins[1:]).any(axis=1) if begins.size > 1 else np.ones(t.size, dtype=bool)
+    kept = (
+        ~np.isclose(t[:, None], begins[1:]).any(axis=1)
+        if begins.size > 1
+        else np.ones(t.size, dtype=bool)
+    )
     return kept, rest[kept]
 
 

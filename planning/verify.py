@@ -20,7 +20,16 @@ from planning.request import PlanLimits, PlanRequest
 from sim.errors.static_errors import true_geometry
 from sim.motion import Motion
 from sim.path import reference_path
-from sim.plant.effects import BarFriction, GearFriction, JointCompliance, LostMotion, PlateBending, RodBacklash, RodStrain, plant_effects
+from sim.plant.effects import (
+    BarFriction,
+    GearFriction,
+    JointCompliance,
+    LostMotion,
+    PlateBending,
+    RodBacklash,
+    RodStrain,
+    plant_effects,
+)
 from sim.plant.mujoco_plant import run_plant
 from sim.settings import ErrorSettings, StaticErrors
 from sim.simulate import PATH_STEP
@@ -44,7 +53,9 @@ class Check:
 
 def plant_errors(*, table: bool) -> ErrorSettings:
     """Errors of a real robot that move it or load it."""
-    static = StaticErrors(table="thesis_3_1") if table else StaticErrors(sigma_m=1e-3, sigma_rad=1e-3)
+    static = (
+        StaticErrors(table="thesis_3_1") if table else StaticErrors(sigma_m=1e-3, sigma_rad=1e-3)
+    )
     return ErrorSettings(
         static=static,
         joint_compliance=JointCompliance(),
@@ -61,11 +72,21 @@ def run_in_plant(cell: Cell, request: PlanRequest, candidate: Candidate, *, seed
     """One robot on the path; seed 0 is that of thesis Table 3.1. Raises PlantError where it does not get through."""
     nominal, timing = nominal_geometry(cell, candidate.position), request.timing
     path = reference_path(
-        cell.robot, nominal, candidate.shape, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops, step=PATH_STEP
+        cell.robot,
+        nominal,
+        candidate.shape,
+        duration=timing.duration_s,
+        dwell=timing.dwell_s,
+        stops=timing.stops,
+        step=PATH_STEP,
     )
     errors = plant_errors(table=seed == 0)
-    true = set_without_strain(true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed), path.q[:1])
-    return run_plant(cell, true, plant_effects(errors, cell, seed), path, servo=request.servo, timestep=TIMESTEP)
+    true = set_without_strain(
+        true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed), path.q[:1]
+    )
+    return run_plant(
+        cell, true, plant_effects(errors, cell, seed), path, servo=request.servo, timestep=TIMESTEP
+    )
 
 
 def set_without_strain(true: Geometry, q: Array) -> Geometry:
@@ -73,7 +94,12 @@ def set_without_strain(true: Geometry, q: Array) -> Geometry:
     tool = robot_frames(true, q).tip[:, 0]
     out = tool - true.origin
     moved = out * (1.0 - true["bd3"] / np.linalg.norm(out))
-    return true.replaced({f"o{axis}": true[f"o{axis}"] + float(step) for axis, step in zip("xyz", moved, strict=True)})
+    return true.replaced(
+        {
+            f"o{axis}": true[f"o{axis}"] + float(step)
+            for axis, step in zip("xyz", moved, strict=True)
+        }
+    )
 
 
 def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) -> list[Check]:
@@ -90,10 +116,18 @@ def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) ->
         _at_least("axis_margin_deg", np.degrees(inside), limits.axis_margin_deg, "deg"),
         _at_most("axis_speed_share", fastest, limits.axis_speed_share, ""),
         _at_most(
-            "axis_acceleration_deg_per_s2", np.degrees(np.abs(accelerations)).max(axis=1), limits.axis_acceleration_deg_per_s2, "deg/s^2"
+            "axis_acceleration_deg_per_s2",
+            np.degrees(np.abs(accelerations)).max(axis=1),
+            limits.axis_acceleration_deg_per_s2,
+            "deg/s^2",
         ),
         _at_most("tcp_speed_m_per_s", speed, limits.tcp_speed_m_per_s, "m/s"),
-        _at_least("wrist_margin_deg", np.degrees(from_singular(motion.q[:, 4])), limits.wrist_margin_deg, "deg"),
+        _at_least(
+            "wrist_margin_deg",
+            np.degrees(from_singular(motion.q[:, 4])),
+            limits.wrist_margin_deg,
+            "deg",
+        ),
         _at_least("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg"),
         _at_least("shoulder_margin_m", shoulder, limits.shoulder_margin_m, "m"),
         _at_least("ballbar_margin_deg", np.degrees(singular), limits.ballbar_margin_deg, "deg"),
@@ -124,13 +158,29 @@ def _rate(values: Array, t: Array) -> Array:
 
 
 def _at_least(limit: str, values: Array, allowed: float, unit: str) -> Check:
-    return Check(limit, float(values.min()), allowed, unit, int(np.count_nonzero(values < allowed)), values.size)
+    return Check(
+        limit,
+        float(values.min()),
+        allowed,
+        unit,
+        int(np.count_nonzero(values < allowed)),
+        values.size,
+    )
 
 
 def _at_most(limit: str, values: Array, allowed: float, unit: str) -> Check:
-    return Check(limit, float(values.max()), allowed, unit, int(np.count_nonzero(values > allowed)), values.size)
+    return Check(
+        limit,
+        float(values.max()),
+        allowed,
+        unit,
+        int(np.count_nonzero(values > allowed)),
+        values.size,
+    )
 
 
 def _near(limits: PlanLimits, around: Clearance, motion: Motion) -> Check:
-    distances = distances_along(around, motion.geometry, motion.q, motion.b, motion.t, step=CLEARANCE_STEP)
+    distances = distances_along(
+        around, motion.geometry, motion.q, motion.b, motion.t, step=CLEARANCE_STEP
+    )
     return _at_least("clearance_m", distances, limits.clearance_m, "m")

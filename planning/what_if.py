@@ -43,7 +43,9 @@ class Answer:
 
     key: str
     value: str
-    tcp: float | None  # [m] root mean square of the predicted TCP sigma; None where no path was found
+    tcp: (
+        float | None
+    )  # [m] root mean square of the predicted TCP sigma; None where no path was found
     scale: float  # [m] what the plate's own length adds
     note: str
 
@@ -58,13 +60,17 @@ Change = Callable[[PlanRequest, Cell, float], tuple[PlanRequest, Cell]]
 
 def _sensor(name: str) -> Change:
     def change(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
-        return request.model_copy(update={"sensors": request.sensors.model_copy(update={name: value})}), cell
+        return request.model_copy(
+            update={"sensors": request.sensors.model_copy(update={name: value})}
+        ), cell
 
     return change
 
 
 def _duration(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
-    return request.model_copy(update={"timing": request.timing.model_copy(update={"duration_s": value})}), cell
+    return request.model_copy(
+        update={"timing": request.timing.model_copy(update={"duration_s": value})}
+    ), cell
 
 
 def _rod_length(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
@@ -94,18 +100,28 @@ def question(text: str) -> Question:
     """`encoder=5e-6,1e-5` or `encoders=1245,12345`. Raises InputError."""
     key, _, listed = text.partition("=")
     if key not in (*CHANGES, ENCODERS):
-        raise InputError(f"--what-if {text}: there is no {key!r}.{nearest(key, [*CHANGES, ENCODERS], noun='name')}")
+        raise InputError(
+            f"--what-if {text}: there is no {key!r}.{nearest(key, [*CHANGES, ENCODERS], noun='name')}"
+        )
     if key == ENCODERS:
         if not re.fullmatch(r"[1-5]{2,5}(,[1-5]{2,5})*", listed):
-            raise InputError(f"--what-if {text}: give sets of at least two encoders, such as 1245,12345")
-        return Question(key, "", tuple(tuple(sorted({int(c) for c in part})) for part in listed.split(",")))
+            raise InputError(
+                f"--what-if {text}: give sets of at least two encoders, such as 1245,12345"
+            )
+        return Question(
+            key, "", tuple(tuple(sorted({int(c) for c in part})) for part in listed.split(","))
+        )
     unit, low, high, _ = CHANGES[key]
     try:
         values = tuple(float(part) for part in listed.split(","))
     except ValueError:
-        raise InputError(f"--what-if {text}: give numbers in {unit}, such as {key}={low:g},{high:g}") from None
+        raise InputError(
+            f"--what-if {text}: give numbers in {unit}, such as {key}={low:g},{high:g}"
+        ) from None
     if not all(low <= v <= high for v in values):
-        raise InputError(f"--what-if {text}: values of {key} are in {unit}, from {low:g} to {high:g}")
+        raise InputError(
+            f"--what-if {text}: values of {key} are in {unit}, from {low:g} to {high:g}"
+        )
     return Question(key, unit, values)
 
 
@@ -116,11 +132,17 @@ def answers(plan: Plan, questions: Sequence[Question]) -> Iterator[Answer]:
         for value in asked.values:
             if isinstance(value, tuple):
                 sensors = request.sensors.model_copy(update={"encoders": value})
-                changed, other, shown = request.model_copy(update={"sensors": sensors}), cell, " ".join(f"b{j}" for j in value)
+                changed, other, shown = (
+                    request.model_copy(update={"sensors": sensors}),
+                    cell,
+                    " ".join(f"b{j}" for j in value),
+                )
             else:
                 changed, other = CHANGES[asked.key][3](request, cell, value)
                 shown = f"{value:g} {asked.unit}"
-            yield _answer(asked.key, shown, judge_of(changed, plan.rod, other), plan.found.candidate)
+            yield _answer(
+                asked.key, shown, judge_of(changed, plan.rod, other), plan.found.candidate
+            )
 
 
 def _answer(key: str, shown: str, judge: Judge, candidate: Candidate) -> Answer:
@@ -139,7 +161,9 @@ def _adapted(judge: Judge, candidate: Candidate) -> Candidate | None:
     """The nearest candidate that the rig of `judge` can run."""
     here = candidate.position
     region = Region(lower=tuple((here - ROOM).tolist()), upper=tuple((here + ROOM).tolist()))
-    around = judge.request.cell.model_copy(update={"ballbar_position_m": None, "ballbar_region_m": region})
+    around = judge.request.cell.model_copy(
+        update={"ballbar_position_m": None, "ballbar_region_m": region}
+    )
     freed = replace(judge, request=judge.request.model_copy(update={"cell": around}))
     space = space_of(freed.request)
     best, least = descent(freed, space, numbers_of(space, candidate), ADAPTING_SEED)
@@ -152,7 +176,14 @@ def _longer(bar: BallBar, length: float) -> BallBar:
     d[2] = length
     shift = np.array([0.0, 0.0, 1.0])
     rod = bar.links[2]
-    links = [*bar.links[:2], Link(rod.mass * length / bar.length, rod.com + 0.5 * more * shift, rod.inertia * (length / bar.length) ** 3)]
+    links = [
+        *bar.links[:2],
+        Link(
+            rod.mass * length / bar.length,
+            rod.com + 0.5 * more * shift,
+            rod.inertia * (length / bar.length) ** 3,
+        ),
+    ]
     links += [Link(link.mass, link.com + more * shift, link.inertia) for link in bar.links[3:]]
     return replace(bar, d=d, links=tuple(links))
 

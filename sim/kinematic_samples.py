@@ -29,7 +29,9 @@ from sim.plant.kinematic_plant import refuse_forces
 from sim.settings import SimulationSettings
 from sim.streams import stream
 
-MOVING = 1e-3  # [rad/s] joint speed from which the robot counts as moving (ident.estimator.sampling)
+MOVING = (
+    1e-3  # [rad/s] joint speed from which the robot counts as moving (ident.estimator.sampling)
+)
 STICKING = 1e-3  # [m/s] vertical speed below which friction keeps its sign
 CHORDS = 10  # steps with the nominal Jacobian; errors of 1 mm and 1 mrad need five
 ARRIVED = 1e-13  # [rad] of a step (cell.inverse.refine)
@@ -64,18 +66,26 @@ class KinematicSamples:
     true: Geometry  # btheta holds the mechanical errors: no zeros are drawn
 
 
-def sample_path(cell: Cell, nominal: Geometry, path: ReferencePath, count: int, *, delay: float = 0.0) -> SampledPath:
+def sample_path(
+    cell: Cell, nominal: Geometry, path: ReferencePath, count: int, *, delay: float = 0.0
+) -> SampledPath:
     """`count` instants evenly over the part of a path from where the robot first moves to where it last does.
 
     delay : [s] by which the robot's angles are logged later than the ball-bar's. Raises InputError if nothing moves.
     """
     moving = np.flatnonzero(np.abs(path.speed).max(axis=1) > MOVING)
     if not moving.size:
-        raise InputError("path: the robot stands still from start to end; there is nothing to sample")
-    return sample_path_at(cell, nominal, path, np.linspace(path.t[moving[0]], path.t[moving[-1]], count), delay=delay)
+        raise InputError(
+            "path: the robot stands still from start to end; there is nothing to sample"
+        )
+    return sample_path_at(
+        cell, nominal, path, np.linspace(path.t[moving[0]], path.t[moving[-1]], count), delay=delay
+    )
 
 
-def sample_path_at(cell: Cell, nominal: Geometry, path: ReferencePath, t: Array, *, delay: float = 0.0) -> SampledPath:
+def sample_path_at(
+    cell: Cell, nominal: Geometry, path: ReferencePath, t: Array, *, delay: float = 0.0
+) -> SampledPath:
     """A path at chosen instants t (N,) [s]; as `sample_path`."""
     later = np.clip(t + delay, path.t[0], path.t[-1])
     course = CubicSpline(path.t, np.concatenate((path.b, path.q), axis=1))
@@ -114,7 +124,9 @@ def kinematic_samples(settings: SimulationSettings, path: SampledPath) -> Kinema
     Raises InputError for what samples do not have (forces, counters, stamps), UnreachableError near a singularity of the robot.
     """
     if path.delay != delay_of(settings.errors):
-        raise ValueError(f"path sampled with a delay of {path.delay} s, settings ask for {delay_of(settings.errors)} s")
+        raise ValueError(
+            f"path sampled with a delay of {path.delay} s, settings ask for {delay_of(settings.errors)} s"
+        )
     refuse_forces(settings)
     _refuse_devices(settings)
     errors, cell, seed = settings.errors, path.cell, settings.seed
@@ -154,7 +166,9 @@ def _follow(true: Geometry, path: SampledPath, longer: Array) -> Array:
     tip = target.tip + longer * target.z[2]
     q, chain = path.q.copy(), true.robot
     for _ in range(CHORDS):
-        step = np.einsum("nij,jn->ni", path.inverse, _small_mismatch(target, tip, forward(chain, q)))
+        step = np.einsum(
+            "nij,jn->ni", path.inverse, _small_mismatch(target, tip, forward(chain, q))
+        )
         q += step
         if np.abs(step).max() < ARRIVED:
             return q
@@ -169,7 +183,11 @@ def _newton(chain: Chain, near: Array, target: Frames, tip: Array) -> Array:
 
 def _small_mismatch(target: Frames, tip: Array, frames: Frames) -> Array:
     """(6, N) [m, rad] from a frame to one close by; the rotation to first order, exact where it vanishes."""
-    turn = cross(frames.x[-1], target.x[-1]) + cross(frames.y[-1], target.y[-1]) + cross(frames.z[-1], target.z[-1])
+    turn = (
+        cross(frames.x[-1], target.x[-1])
+        + cross(frames.y[-1], target.y[-1])
+        + cross(frames.z[-1], target.z[-1])
+    )
     return np.concatenate((tip - frames.tip, 0.5 * turn))
 
 
@@ -177,9 +195,17 @@ def _robot_log(settings: SimulationSettings, cell: Cell, q: Array) -> Array:
     """(N, 6) [rad] what the robot logs at true joint angles."""
     robot, errors = cell.robot, settings.errors
     gears = q @ robot.joint_to_gear
-    shown = (gears - plant_effects(errors, cell, settings.seed).transmission_error(gears)) @ robot.gear_to_joint
-    resolvers = resolver_effects(errors.resolver_error, seed=settings.seed) if errors.resolver_error else None
-    return np.asarray(motor_angles(robot, shown, errors, resolvers, settings.seed) @ robot.transmission)
+    shown = (
+        gears - plant_effects(errors, cell, settings.seed).transmission_error(gears)
+    ) @ robot.gear_to_joint
+    resolvers = (
+        resolver_effects(errors.resolver_error, seed=settings.seed)
+        if errors.resolver_error
+        else None
+    )
+    return np.asarray(
+        motor_angles(robot, shown, errors, resolvers, settings.seed) @ robot.transmission
+    )
 
 
 def _ballbar_log(settings: SimulationSettings, cell: Cell, path: SampledPath) -> Array:
@@ -187,7 +213,11 @@ def _ballbar_log(settings: SimulationSettings, cell: Cell, path: SampledPath) ->
     encoders, lines, seed = settings.encoders, cell.ballbar.encoder_lines, settings.seed
     read = np.empty_like(path.b)
     for joint in range(1, BAR_ROWS + 1):
-        effects = encoder_effects(settings.errors, joint, lines=lines, bits=encoders.bits, seed=seed)
-        noise = stream(seed, f"encoder_noise_b{joint}").normal(0.0, encoders.noise_sigma_rad, path.t.size)
+        effects = encoder_effects(
+            settings.errors, joint, lines=lines, bits=encoders.bits, seed=seed
+        )
+        noise = stream(seed, f"encoder_noise_b{joint}").normal(
+            0.0, encoders.noise_sigma_rad, path.t.size
+        )
         read[:, joint - 1] = effects.read_angle(path.b[:, joint - 1], path.t) + noise
     return read

@@ -32,10 +32,18 @@ class Motion:
     rod_stretch: Array  # (K,) [m]
     rod_force: Array  # (K,) [N] tension positive
     geometry: Geometry  # true parameters; btheta holds the mechanical errors only
-    torque: Array | None = None  # (K, 6) [N m] of the servos, at the gears' outputs, in the step that ends at t
-    wrench: Array | None = None  # (K, 6) [N, N m] that plate and ball-bar exert on the flange, flange frame, where measured
-    plate: Array = field(default_factory=lambda: np.zeros(1))  # (K,) or (1,) [rad] bending of the offset plate
-    base: Array = field(default_factory=lambda: np.zeros((1, 3)))  # (K, 3) or (1, 3) [m] shift of the ball-bar's base
+    torque: Array | None = (
+        None  # (K, 6) [N m] of the servos, at the gears' outputs, in the step that ends at t
+    )
+    wrench: Array | None = (
+        None  # (K, 6) [N, N m] that plate and ball-bar exert on the flange, flange frame, where measured
+    )
+    plate: Array = field(
+        default_factory=lambda: np.zeros(1)
+    )  # (K,) or (1,) [rad] bending of the offset plate
+    base: Array = field(
+        default_factory=lambda: np.zeros((1, 3))
+    )  # (K, 3) or (1, 3) [m] shift of the ball-bar's base
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Shown joint angles (N, 6) and ball-bar angles (N, 5) [rad] at any true times (N,) [s]."""
@@ -51,6 +59,15 @@ class Motion:
         some = slice(None, None, CLOSURE_STRIDE)
         n = self.t[some].size
         plate, base = np.broadcast_to(self.plate[some], n), np.broadcast_to(self.base[some], (n, 3))
-        ends = deflect(self.geometry, self.q[some], self.b[some], stretch=self.rod_stretch[some], plate=plate, base=base)
+        ends = deflect(
+            self.geometry,
+            self.q[some],
+            self.b[some],
+            stretch=self.rod_stretch[some],
+            plate=plate,
+            base=base,
+        )
         turned = np.einsum("ikn,jkn->ijn", ends.bar.rotation(), ends.tool_rotation)
-        return np.linalg.norm(ends.bar.tip - ends.tool, axis=0), np.linalg.norm(rotvec_from_matrix(turned), axis=0)
+        return np.linalg.norm(ends.bar.tip - ends.tool, axis=0), np.linalg.norm(
+            rotvec_from_matrix(turned), axis=0
+        )

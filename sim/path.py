@@ -33,7 +33,9 @@ class Lissajous:
 
     def angles(self, s: Array) -> Array:
         """(N, 5) [rad] at phases s (N,)."""
-        return self.centre + self.amplitude * np.sin(2.0 * np.pi * self.cycles * s[:, None] + self.phase)
+        return self.centre + self.amplitude * np.sin(
+            2.0 * np.pi * self.cycles * s[:, None] + self.phase
+        )
 
     def lengthening(self, s: Array) -> Array:
         """(N,) [m] of the commanded rod: none, the path stays on the sphere."""
@@ -55,7 +57,9 @@ class PushPull:
     """One held pose; the command goes to and fro along the rod, so the soft servo pulls and pushes on it (thesis Fig. 5.8)."""
 
     held: Array  # (5,) [rad] ball-bar angles
-    travel: float  # [m] amplitude of the commanded length; the force that results is the servo's affair
+    travel: (
+        float  # [m] amplitude of the commanded length; the force that results is the servo's affair
+    )
     cycles: int  # whole numbers per run
 
     def angles(self, s: Array) -> Array:
@@ -91,7 +95,9 @@ def _piece(t: Array, length: float) -> Array:
     t = np.clip(t, 0.0, length)
     rising, falling = np.minimum(t, RAMP) / RAMP, np.maximum(0.0, t - (length - RAMP)) / RAMP
     between = np.clip(t, RAMP, length - RAMP) - RAMP
-    return cruise * (RAMP * _ramp_integral(rising) + between + RAMP * (falling - _ramp_integral(falling)))
+    return cruise * (
+        RAMP * _ramp_integral(rising) + between + RAMP * (falling - _ramp_integral(falling))
+    )
 
 
 def _ramp_integral(x: Array) -> Array:
@@ -99,7 +105,14 @@ def _ramp_integral(x: Array) -> Array:
 
 
 def reference_path(
-    robot: Robot, nominal: Geometry, shape: Lissajous | PushPull, *, duration: float, dwell: float, stops: int, step: float
+    robot: Robot,
+    nominal: Geometry,
+    shape: Lissajous | PushPull,
+    *,
+    duration: float,
+    dwell: float,
+    stops: int,
+    step: float,
 ) -> ReferencePath:
     """The command of one run, sampled every `step` seconds.
 
@@ -135,7 +148,9 @@ def _continuous_branch(robot: Robot, nominal: Geometry, t: Array, b: Array, pose
         if fault is None:
             return np.asarray(q)
         faults.append(fault)
-    raise InputError(f"path: every configuration of the arm leaves an axis range; the nearest to feasible: {min(faults)[1]}")
+    raise InputError(
+        f"path: every configuration of the arm leaves an axis range; the nearest to feasible: {min(faults)[1]}"
+    )
 
 
 def axis_range_fault(robot: Robot, t: Array, q: Array) -> tuple[float, str] | None:
@@ -146,7 +161,10 @@ def axis_range_fault(robot: Robot, t: Array, q: Array) -> tuple[float, str] | No
         return None
     k, axis = (int(i) for i in np.unravel_index(int(excess.argmax()), excess.shape))
     limits = f"{np.degrees(robot.axis_lower[axis]):.0f}..{np.degrees(robot.axis_upper[axis]):.0f}"
-    return float(excess.max()), f"axis {axis + 1} at t = {t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg outside {limits} deg"
+    return (
+        float(excess.max()),
+        f"axis {axis + 1} at t = {t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg outside {limits} deg",
+    )
 
 
 def check_speeds(robot: Robot, t: Array, speed: Array) -> None:
@@ -154,5 +172,10 @@ def check_speeds(robot: Robot, t: Array, speed: Array) -> None:
     ratio = np.abs(speed @ robot.joint_to_axis) / robot.axis_speed_max
     if ratio.max() > 1.0:
         k, axis = (int(i) for i in np.unravel_index(int(ratio.argmax()), ratio.shape))
-        value, limit = np.degrees(ratio[k, axis] * robot.axis_speed_max[axis]), np.degrees(robot.axis_speed_max[axis])
-        raise InputError(f"path: axis {axis + 1} at t = {t[k]:.2f} s turns at {value:.0f} deg/s, limit {limit:.0f} deg/s; run it slower")
+        value, limit = (
+            np.degrees(ratio[k, axis] * robot.axis_speed_max[axis]),
+            np.degrees(robot.axis_speed_max[axis]),
+        )
+        raise InputError(
+            f"path: axis {axis + 1} at t = {t[k]:.2f} s turns at {value:.0f} deg/s, limit {limit:.0f} deg/s; run it slower"
+        )

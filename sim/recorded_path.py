@@ -21,16 +21,23 @@ from sim.path import ReferencePath, axis_range_fault, check_speeds
 
 OFF_SPHERE = 0.020  # [m] ten times what an uncalibrated robot leaves (thesis sec. 5.4: 2 mm)
 KNOT_SPACING = 0.1  # [s] keeps motion below 3 Hz, and a fifth of the noise of 4 ms rows
-BRANCH = (True, True)  # b2 and b4 negative, as in the path files of this project; the log cannot tell
+BRANCH = (
+    True,
+    True,
+)  # b2 and b4 negative, as in the path files of this project; the log cannot tell
 
 
-def recorded_path(robot: Robot, nominal: Geometry, log: RobotLog, *, duration: float, step: float) -> ReferencePath:
+def recorded_path(
+    robot: Robot, nominal: Geometry, log: RobotLog, *, duration: float, step: float
+) -> ReferencePath:
     """The first `duration` seconds of a robot's log as a command, every `step` seconds.
 
     Raises InputError when the log is shorter, the tool is not on the ball-bar's sphere, or a range or speed limit is passed.
     """
     if duration > log.t[-1]:
-        raise InputError(f"path.duration_s = {duration:g}: the recording's robot log lasts {log.t[-1]:.1f} s.")
+        raise InputError(
+            f"path.duration_s = {duration:g}: the recording's robot log lasts {log.t[-1]:.1f} s."
+        )
     poses = robot_frames(nominal, log.q).poses()
     _check_sphere(nominal, log.t, poses)
     smooth = _smoothed(log.t, np.unwrap(bar_angles(poses, nominal.origin, flipped=BRANCH), axis=0))

@@ -12,7 +12,16 @@ from pydantic import Field, model_validator
 
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
-from sim.errors.clock_errors import LEAD, ClockStep, ClockWander, DroppedRows, DuplicatedRows, LoggerRestart, StampJitter, StampQuantum
+from sim.errors.clock_errors import (
+    LEAD,
+    ClockStep,
+    ClockWander,
+    DroppedRows,
+    DuplicatedRows,
+    LoggerRestart,
+    StampJitter,
+    StampQuantum,
+)
 from sim.errors.outliers import Outliers
 from sim.errors.sample_errors import SampleErrors
 from sim.errors.sensor_errors import EncoderNumber, SensorErrors
@@ -20,7 +29,9 @@ from sim.logging.load_logs import LoadLogs
 from sim.plant.effects import PlantErrors
 
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
-Place = Annotated[tuple[Annotated[float, Field(ge=-20.0, le=20.0)], ...], Field(min_length=3, max_length=3)]
+Place = Annotated[
+    tuple[Annotated[float, Field(ge=-20.0, le=20.0)], ...], Field(min_length=3, max_length=3)
+]
 Vector5 = Annotated[tuple[float, ...], Field(min_length=5, max_length=5)]
 Whole5 = Annotated[tuple[int, ...], Field(min_length=5, max_length=5)]
 
@@ -40,19 +51,29 @@ class PathSettings(Strict):
     kind: Literal["lissajous", "push_pull", "recorded"] = Field(
         description="A motion over the sphere, pull and push on the rod at one pose, or where the robot of a recording went."
     )
-    file: str = Field("", description="Path file of lissajous and push_pull, relative to the scenario.")
-    recording: str = Field("", description="Folder of the recording, relative to the scenario; of recorded only.")
+    file: str = Field(
+        "", description="Path file of lissajous and push_pull, relative to the scenario."
+    )
+    recording: str = Field(
+        "", description="Folder of the recording, relative to the scenario; of recorded only."
+    )
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(
         description="Of the whole run, standstills included; of a recording, from its first row."
     )
-    dwell_s: Annotated[float, Field(ge=1.0)] = Field(4.0, description="Standstill at both ends and at each stop; a recording has its own.")
-    stops: Annotated[int, Field(ge=0, le=50)] = Field(2, description="Standstills between the ends; a recording has its own.")
+    dwell_s: Annotated[float, Field(ge=1.0)] = Field(
+        4.0, description="Standstill at both ends and at each stop; a recording has its own."
+    )
+    stops: Annotated[int, Field(ge=0, le=50)] = Field(
+        2, description="Standstills between the ends; a recording has its own."
+    )
 
     @model_validator(mode="after")
     def _of_its_kind(self) -> PathSettings:
         """What the kind needs is given, and nothing that it would not look at."""
         recorded = self.kind == "recorded"
-        needed, unused = ("recording", ("file", "dwell_s", "stops")) if recorded else ("file", ("recording",))
+        needed, unused = (
+            ("recording", ("file", "dwell_s", "stops")) if recorded else ("file", ("recording",))
+        )
         if not getattr(self, needed):
             raise ValueError(f"kind {self.kind} needs {needed}")
         for key in unused:
@@ -69,7 +90,9 @@ class LissajousFile(Strict):
     amplitude_deg: Vector5
     cycles: Whole5
     phase_deg: Vector5
-    ballbar_position_m: Place | None = Field(None, description="Where the path was planned for; only `ballbar plan` looks at it.")
+    ballbar_position_m: Place | None = Field(
+        None, description="Where the path was planned for; only `ballbar plan` looks at it."
+    )
 
 
 class PushPullFile(Strict):
@@ -84,20 +107,29 @@ class PushPullFile(Strict):
 class PlantSettings(Strict):
     """What turns the command into motion."""
 
-    kind: Literal["mujoco", "kinematic"] = Field("mujoco", description="MuJoCo, or exact inverse kinematics without forces.")
+    kind: Literal["mujoco", "kinematic"] = Field(
+        "mujoco", description="MuJoCo, or exact inverse kinematics without forces."
+    )
     timestep_s: Annotated[float, Field(gt=0.0, le=5e-3)] = Field(1e-3, description="MuJoCo step.")
     servo: str = Field("soft", description="A gain set of the robot's file.")
-    gravity_compensation: bool = Field(True, description="Whether the servo command carries the robot's nominal weight.")
+    gravity_compensation: bool = Field(
+        True, description="Whether the servo command carries the robot's nominal weight."
+    )
 
 
 class StaticErrors(Strict):
     """Deviations of the true geometry from the nominal one: a table, or drawn."""
 
     table: Literal["thesis_3_1"] | None = Field(None, description="Thesis Table 3.1.")
-    sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(None, description="Standard deviation of drawn lengths.")
-    sigma_rad: Annotated[float, Field(ge=0.0)] | None = Field(None, description="Standard deviation of drawn angles.")
+    sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(
+        None, description="Standard deviation of drawn lengths."
+    )
+    sigma_rad: Annotated[float, Field(ge=0.0)] | None = Field(
+        None, description="Standard deviation of drawn angles."
+    )
     parameters: Literal["thesis", "all"] = Field(
-        "thesis", description="Drawn: those of Table 3.1, or every one of robot, ball-bar and base but the plate's length."
+        "thesis",
+        description="Drawn: those of Table 3.1, or every one of robot, ball-bar and base but the plate's length.",
     )
 
     @model_validator(mode="after")
@@ -106,27 +138,38 @@ class StaticErrors(Strict):
         if (self.table is None) != drawn:
             raise ValueError("give either table, or both sigma_m and sigma_rad")
         if self.table and self.parameters == "all":
-            raise wrong_key("parameters", message="Table 3.1 has its own; to draw all, give sigma_m and sigma_rad instead of table")
+            raise wrong_key(
+                "parameters",
+                message="Table 3.1 has its own; to draw all, give sigma_m and sigma_rad instead of table",
+            )
         return self
 
 
 class BallbarAxes(Strict):
     """Axes of gimbal and cardan that pass each other and are not square: drawn (physical_parameters.yaml, joints_mechanical)."""
 
-    sigma_m: Annotated[float, Field(ge=0.0)] = Field(5.0e-6, description="Standard deviation of the intersection offsets.")
-    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(5.0e-5, description="Standard deviation of the squareness errors.")
+    sigma_m: Annotated[float, Field(ge=0.0)] = Field(
+        5.0e-6, description="Standard deviation of the intersection offsets."
+    )
+    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
+        5.0e-5, description="Standard deviation of the squareness errors."
+    )
 
 
 class BaseTilt(Strict):
     """The ball-bar's base does not stand parallel to the robot's: two drawn angles (physical_parameters.yaml, base)."""
 
-    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(1.0e-3, description="Standard deviation about x and about y.")
+    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
+        1.0e-3, description="Standard deviation about x and about y."
+    )
 
 
 class PlateLength(Strict):
     """The known length that fixes the scale is not quite known: drawn."""
 
-    sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(None, description="Standard deviation; default of the plate file.")
+    sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(
+        None, description="Standard deviation; default of the plate file."
+    )
 
 
 class JointNoise(Strict):
@@ -149,11 +192,18 @@ class ErrorSettings(PlantErrors, SensorErrors, SampleErrors):
 class EncoderSettings(Strict):
     """Ball-bar encoders. Their zeros are wherever power-up left them: always drawn."""
 
-    fitted: tuple[EncoderNumber, ...] = Field((1, 2, 3, 4, 5), description="Joints with an encoder; [] for a sensor-less bar.")
-    bits: Annotated[int, Field(ge=8, le=13)] = Field(12, description="Interpolation of one line (EL5021 8001:11).")
-    noise_sigma_rad: Annotated[float, Field(ge=0.0)] = Field(0.0, description="White, before quantisation.")
+    fitted: tuple[EncoderNumber, ...] = Field(
+        (1, 2, 3, 4, 5), description="Joints with an encoder; [] for a sensor-less bar."
+    )
+    bits: Annotated[int, Field(ge=8, le=13)] = Field(
+        12, description="Interpolation of one line (EL5021 8001:11)."
+    )
+    noise_sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
+        0.0, description="White, before quantisation."
+    )
     senses: Literal["declared", "unknown"] = Field(
-        "declared", description="Senses of rotation are drawn; recording.yaml says which, or says +1 for all."
+        "declared",
+        description="Senses of rotation are drawn; recording.yaml says which, or says +1 for all.",
     )
 
     @model_validator(mode="after")
@@ -166,9 +216,12 @@ class EncoderSettings(Strict):
 class ClockSettings(Strict):
     """The two clocks: t_robot = offset + (1 + skew) * t_bar, both from the first row of their log."""
 
-    offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(0.0, description="Robot time at the first ball-bar row.")
+    offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(
+        0.0, description="Robot time at the first ball-bar row."
+    )
     skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(
-        0.0, description="Seconds the robot's clock gains in each of the ball-bar's: 30 ppm is 3.0e-5."
+        0.0,
+        description="Seconds the robot's clock gains in each of the ball-bar's: 30 ppm is 3.0e-5.",
     )
     overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = Field(
         0.0, description="Chance that a ball-bar row comes one 5 ms task late."
@@ -200,7 +253,9 @@ class SimulationSettings(Strict):
     encoders: EncoderSettings = EncoderSettings()
     clocks: ClockSettings = ClockSettings()
     logs: LoadLogs = LoadLogs()
-    seed: Annotated[int, Field(ge=0)] = Field(0, description="Of every drawn value; each error source draws from its own stream.")
+    seed: Annotated[int, Field(ge=0)] = Field(
+        0, description="Of every drawn value; each error source draws from its own stream."
+    )
 
     @model_validator(mode="after")
     def _faults_happen(self) -> SimulationSettings:
@@ -208,9 +263,16 @@ class SimulationSettings(Strict):
         first, last = LEAD, self.path.duration_s - LEAD
         for place, time in (*self.errors.fault_times(), *self.clocks.fault_times()):
             if not first < time < last:
-                raise wrong_key(*place, message=f"t = {time:g} s is not logged; the logs run from {first:g} to {last:g} s of the path")
+                raise wrong_key(
+                    *place,
+                    message=f"t = {time:g} s is not logged; the logs run from {first:g} to {last:g} s of the path",
+                )
         for place, encoder in self.errors.fault_encoders():
             if encoder not in self.encoders.fitted:
                 fitted = ", ".join(map(str, self.encoders.fitted)) or "none"
-                raise wrong_key(*place, "encoder", message=f"joint {encoder} has no encoder; encoders.fitted are: {fitted}")
+                raise wrong_key(
+                    *place,
+                    "encoder",
+                    message=f"joint {encoder} has no encoder; encoders.fitted are: {fitted}",
+                )
         return self

@@ -14,7 +14,12 @@ from cell.geometry import Geometry, nominal_geometry
 from cell.logs import RobotLog
 from cell.strict_yaml import load_model
 from sim.errors.sample_errors import refuse_sample_errors
-from sim.errors.sensor_effects import EncoderEffects, ResolverEffects, encoder_effects, resolver_effects
+from sim.errors.sensor_effects import (
+    EncoderEffects,
+    ResolverEffects,
+    encoder_effects,
+    resolver_effects,
+)
 from sim.errors.static_errors import true_geometry
 from sim.logging.clocks import LogTimes, log_times
 from sim.logging.encoders import BarEncoder, motor_angles
@@ -32,7 +37,10 @@ from sim.settings import LissajousFile, PathSettings, PushPullFile, SimulationSe
 from sim.streams import stream
 from sim.truth import PlantTruth, Truth, plant_truth
 
-BALLBAR_FILES = ("raw/ballbarOld.csv", "raw/ballbar.csv")  # a logger that starts again renames its file (log_formats A.6)
+BALLBAR_FILES = (
+    "raw/ballbarOld.csv",
+    "raw/ballbar.csv",
+)  # a logger that starts again renames its file (log_formats A.6)
 PATH_STEP = 0.01  # [s] grid of the reference path; the command between is a cubic spline
 AT_REST = 0.01  # [rad/s] joint speed up to which a recording begins at rest: ten times what its noise leaves after smoothing
 
@@ -53,7 +61,11 @@ class Simulation:
 
 
 def simulate(
-    settings: SimulationSettings, *, relative_to: Path, recorded: RobotLog | None = None, watch: Watch | None = None
+    settings: SimulationSettings,
+    *,
+    relative_to: Path,
+    recorded: RobotLog | None = None,
+    watch: Watch | None = None,
 ) -> Simulation:
     """Runs the plant and decides what the loggers will see.
 
@@ -65,12 +77,18 @@ def simulate(
     chosen = settings.cell
     cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate, relative_to=relative_to)
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
-    true = true_geometry(nominal, settings.errors, plate_sigma=cell.plate.length_sigma, seed=settings.seed)
+    true = true_geometry(
+        nominal, settings.errors, plate_sigma=cell.plate.length_sigma, seed=settings.seed
+    )
     path = planned_path(settings.path, cell, nominal, relative_to=relative_to, recorded=recorded)
     effects = plant_effects(settings.errors, cell, settings.seed)
     motion = _moved(settings, cell, true, effects, path, watch)
     encoders, declared = _encoders(settings, cell)
-    resolvers = resolver_effects(settings.errors.resolver_error, seed=settings.seed) if settings.errors.resolver_error else None
+    resolvers = (
+        resolver_effects(settings.errors.resolver_error, seed=settings.seed)
+        if settings.errors.resolver_error
+        else None
+    )
     times = log_times(float(motion.t[-1]), settings.clocks, seed=settings.seed)
     rows = logged_rows(times, settings.clocks, seed=settings.seed)
     logs = _log_truth(settings, encoders, resolvers, times, rows)
@@ -83,14 +101,29 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
     """Writes `folder/raw/*`, the truth as `folder.truth.yaml` beside it, and `folder/recording.yaml` last."""
     motion, times = simulation.motion, simulation.times
     q, _ = motion.at(times.robot_true)
-    motors = motor_angles(simulation.cell.robot, q, settings.errors, simulation.resolvers, settings.seed)
+    motors = motor_angles(
+        simulation.cell.robot, q, settings.errors, simulation.resolvers, settings.seed
+    )
     rows = simulation.rows.robot
-    log, sensor, drawn = settings.logs.torque, settings.logs.force_sensor, simulation.truth.logs.loads
-    torques = motor_torques(simulation.cell.robot, motion, times.robot_true, log, drawn, settings.seed)[rows] if log else None
+    log, sensor, drawn = (
+        settings.logs.torque,
+        settings.logs.force_sensor,
+        simulation.truth.logs.loads,
+    )
+    torques = (
+        motor_torques(simulation.cell.robot, motion, times.robot_true, log, drawn, settings.seed)[
+            rows
+        ]
+        if log
+        else None
+    )
     write_abb_motor(folder / "raw" / "robot.csv", times.robot_stamp[rows], motors[rows], torques)
     if sensor:
         first, last = float(times.robot_true[0]), float(times.robot_true[-1])
-        write_force_torque(folder / "raw" / "force.csv", *sensor_rows(motion, first, last, sensor, drawn, settings.seed))
+        write_force_torque(
+            folder / "raw" / "force.csv",
+            *sensor_rows(motion, first, last, sensor, drawn, settings.seed),
+        )
     if simulation.encoders:
         _write_ballbar(simulation, settings, folder)
     simulation.truth.write(truth_path(folder))
@@ -101,10 +134,14 @@ def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder:
     times, seed = simulation.times, settings.seed
     _, b = simulation.motion.at(times.bar_true)
     if outliers := settings.errors.outliers:
-        b[:, [e.joint - 1 for e in simulation.encoders]] += outliers.on_ballbar(len(b), len(simulation.encoders), seed)
+        b[:, [e.joint - 1 for e in simulation.encoders]] += outliers.on_ballbar(
+            len(b), len(simulation.encoders), seed
+        )
     columns, status = {}, {}
     for e in simulation.encoders:
-        columns[f"b{e.joint}"] = e.counts(b[:, e.joint - 1], times.bar_true, stream(seed, f"encoder_noise_b{e.joint}"))
+        columns[f"b{e.joint}"] = e.counts(
+            b[:, e.joint - 1], times.bar_true, stream(seed, f"encoder_noise_b{e.joint}")
+        )
         status[f"s{e.joint}"] = e.status(times.bar_task, times.bar_true)
     for file, rows in zip(_ballbar_files(simulation.rows), simulation.rows.ballbar, strict=True):
         counts = {name: column[rows] for name, column in columns.items()}
@@ -122,7 +159,12 @@ def truth_path(folder: Path) -> Path:
 
 
 def planned_path(
-    timing: PathSettings, cell: Cell, nominal: Geometry, *, relative_to: Path, recorded: RobotLog | None = None
+    timing: PathSettings,
+    cell: Cell,
+    nominal: Geometry,
+    *,
+    relative_to: Path,
+    recorded: RobotLog | None = None,
 ) -> ReferencePath:
     """The reference path of a scenario; arguments as of `simulate`.
 
@@ -130,11 +172,23 @@ def planned_path(
     """
     if timing.kind == "recorded":
         if recorded is None:
-            raise InputError(f"path.recording = {timing.recording}: its robot log was not handed to the simulation.")
-        return recorded_path(cell.robot, nominal, recorded, duration=timing.duration_s, step=PATH_STEP)
+            raise InputError(
+                f"path.recording = {timing.recording}: its robot log was not handed to the simulation."
+            )
+        return recorded_path(
+            cell.robot, nominal, recorded, duration=timing.duration_s, step=PATH_STEP
+        )
     file = relative_to / timing.file
     shape = load_push_pull(file) if timing.kind == "push_pull" else load_lissajous(file)
-    return reference_path(cell.robot, nominal, shape, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops, step=PATH_STEP)
+    return reference_path(
+        cell.robot,
+        nominal,
+        shape,
+        duration=timing.duration_s,
+        dwell=timing.dwell_s,
+        stops=timing.stops,
+        step=PATH_STEP,
+    )
 
 
 def load_lissajous(path: Path) -> Lissajous:
@@ -145,7 +199,10 @@ def load_lissajous(path: Path) -> Lissajous:
 def lissajous(file: LissajousFile) -> Lissajous:
     """Its numbers as radians."""
     return Lissajous(
-        np.radians(file.centre_deg), np.radians(file.amplitude_deg), np.array(file.cycles, dtype=float), np.radians(file.phase_deg)
+        np.radians(file.centre_deg),
+        np.radians(file.amplitude_deg),
+        np.array(file.cycles, dtype=float),
+        np.radians(file.phase_deg),
     )
 
 
@@ -156,7 +213,12 @@ def load_push_pull(path: Path) -> PushPull:
 
 
 def _moved(
-    settings: SimulationSettings, cell: Cell, true: Geometry, effects: PlantEffects, path: ReferencePath, watch: Watch | None
+    settings: SimulationSettings,
+    cell: Cell,
+    true: Geometry,
+    effects: PlantEffects,
+    path: ReferencePath,
+    watch: Watch | None,
 ) -> Motion:
     plant = settings.plant
     if plant.kind == "kinematic":
@@ -186,14 +248,28 @@ def _refuse_moving_start(path: ReferencePath) -> None:
         )
 
 
-def _encoders(settings: SimulationSettings, cell: Cell) -> tuple[tuple[BarEncoder, ...], tuple[int, ...]]:
+def _encoders(
+    settings: SimulationSettings, cell: Cell
+) -> tuple[tuple[BarEncoder, ...], tuple[int, ...]]:
     """Encoders as they are, and the senses that recording.yaml declares; a zero and a sense per joint, fitted or not."""
     rng = stream(settings.seed, "encoder_mounting")
     zeros, senses = rng.uniform(-np.pi, np.pi, 5), rng.choice([-1, 1], 5)
     given, lines = settings.encoders, cell.ballbar.encoder_lines
-    effects = {j: encoder_effects(settings.errors, j, lines=lines, bits=given.bits, seed=settings.seed) for j in given.fitted}
+    effects = {
+        j: encoder_effects(settings.errors, j, lines=lines, bits=given.bits, seed=settings.seed)
+        for j in given.fitted
+    }
     encoders = tuple(
-        BarEncoder(j, lines, given.bits, int(senses[j - 1]), float(zeros[j - 1]), given.noise_sigma_rad, effects[j]) for j in given.fitted
+        BarEncoder(
+            j,
+            lines,
+            given.bits,
+            int(senses[j - 1]),
+            float(zeros[j - 1]),
+            given.noise_sigma_rad,
+            effects[j],
+        )
+        for j in given.fitted
     )
     return encoders, tuple(e.sign if given.senses == "declared" else 1 for e in encoders)
 
@@ -225,11 +301,17 @@ def _truth(
 
 
 def _log_truth(
-    settings: SimulationSettings, encoders: tuple[BarEncoder, ...], resolvers: ResolverEffects | None, times: LogTimes, rows: LoggedRows
+    settings: SimulationSettings,
+    encoders: tuple[BarEncoder, ...],
+    resolvers: ResolverEffects | None,
+    times: LogTimes,
+    rows: LoggedRows,
 ) -> LogTruth:
     clocks = settings.clocks
     return LogTruth(
-        first_rows=FirstRows(robot_s=float(times.robot_true[0]), ballbar_s=float(times.bar_true[0])),
+        first_rows=FirstRows(
+            robot_s=float(times.robot_true[0]), ballbar_s=float(times.bar_true[0])
+        ),
         encoders={f"b{e.joint}": e.effects for e in encoders if e.effects != EncoderEffects()},
         resolvers=resolvers,
         clock_wander=times.wander,

@@ -49,7 +49,13 @@ def plant_truth(effects: PlantEffects) -> PlantTruth:
         gear_slack_rad=tuple(effects.gear_slack.tolist()),
         gear_hysteresis_rad=tuple(effects.gear_hysteresis.tolist()),
         transmission_error=tuple(
-            RippleTruth(axis=r.gear + 1, cycles_per_turn=r.order, amplitude_rad=r.amplitude, phase_rad=r.phase) for r in effects.ripples
+            RippleTruth(
+                axis=r.gear + 1,
+                cycles_per_turn=r.order,
+                amplitude_rad=r.amplitude,
+                phase_rad=r.phase,
+            )
+            for r in effects.ripples
         ),
         gear_friction_scale=effects.friction_scale,
         rod_stiffness_N_per_m=None if effects.rod_stiffness == RIGID_ROD else effects.rod_stiffness,
@@ -87,7 +93,10 @@ class Truth:
             {
                 "schema": "ballbar-truth/1",
                 "seed": self.seed,
-                "parameters": {name: float(value) for name, value in zip(NAMES, self.geometry.values, strict=True)},
+                "parameters": {
+                    name: float(value)
+                    for name, value in zip(NAMES, self.geometry.values, strict=True)
+                },
                 "senses": dict(self.senses),
                 "clock": {"offset_s": self.offset, "skew": self.skew},
                 "closure": {"position_m": self.closure_position, "angle_rad": self.closure_angle},

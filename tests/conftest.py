@@ -19,8 +19,18 @@ SCENARIOS = Path(__file__).parents[1] / "scenarios"
 def settings(**changes: object) -> SimulationSettings:
     """The main scenario in 60 s, with top-level sections replaced."""
     base: dict[str, object] = {
-        "cell": {"robot": "irb2400", "ballbar": "lund_600", "ballbar_position_m": [0.70, 0.0, 0.54]},
-        "path": {"kind": "lissajous", "file": "paths/irb2400_a.yaml", "duration_s": 60.0, "dwell_s": 2.0, "stops": 1},
+        "cell": {
+            "robot": "irb2400",
+            "ballbar": "lund_600",
+            "ballbar_position_m": [0.70, 0.0, 0.54],
+        },
+        "path": {
+            "kind": "lissajous",
+            "file": "paths/irb2400_a.yaml",
+            "duration_s": 60.0,
+            "dwell_s": 2.0,
+            "stops": 1,
+        },
         "errors": {"static": {"table": "thesis_3_1"}, "joint_noise": {"sigma_rad": 1e-5}},
         "encoders": {"fitted": [1, 2, 3, 4, 5], "noise_sigma_rad": 1e-5},
         "clocks": {"offset_s": 0.137, "skew": 5e-5, "overrun_probability": 0.005},

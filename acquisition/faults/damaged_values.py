@@ -23,7 +23,10 @@ _CLEAR = 5.0  # standard deviations that a million values of white noise do not 
 _BESIDE = 8  # rows that judge
 _REACH = 15.0  # row periods: nine rows further apart than these say nothing of each other
 _CLOSE = _BESIDE  # rows: two damaged values so close may spoil each other's cubic; at the end of a log all that judge are on one side
-_MANY, _MANY_OF = 1000, 0.02  # values, and of all values: where more stand out, steps or grains stand out, not two that hide each other
+_MANY, _MANY_OF = (
+    1000,
+    0.02,
+)  # values, and of all values: where more stand out, steps or grains stand out, not two that hide each other
 _BLOCK = 8192  # rows at a time, for the processor's cache
 _SAMPLE = 2000  # rows, whose median tells the noise to 3 %
 
@@ -60,12 +63,20 @@ def damaged_values(t: Array, values: Array, breaks: NDArray[np.bool_]) -> NDArra
     log = _Log(t, values, firsts, lasts, _noise(t, values), _REACH * float(np.median(np.diff(t))))
     places = _notable(log)
     many = np.count_nonzero(places.size) > max(_MANY, _MANY_OF * values.size)
-    for apart in range(1 if many else _CLOSE + 1):  # each by itself, then two that stand 1, 2, ... rows apart
+    for apart in range(
+        1 if many else _CLOSE + 1
+    ):  # each by itself, then two that stand 1, 2, ... rows apart
         sets = _sets(places, apart, log)
         if not sets.row.size:
             continue
         for some in np.array_split(np.arange(sets.row.size), sets.row.size // _BLOCK + 1):
-            _mark(out, sets.row[some], sets.channel[some], _contradicted(log, sets.row[some], sets.channel[some], apart, None), apart)
+            _mark(
+                out,
+                sets.row[some],
+                sets.channel[some],
+                _contradicted(log, sets.row[some], sets.channel[some], apart, None),
+                apart,
+            )
     for _ in range(_CLOSE):
         row, channel = _beside(out)
         if not row.size or not (found := _contradicted(log, row, channel, 0, out)[:, 0]).any():
@@ -87,7 +98,9 @@ def _missed(times: list[Array], values: list[Array]) -> Array:
     times, values : of five rows each, the middle one of which is judged.
     """
     to = [times[k] - times[2] for k in range(5)]
-    with np.errstate(divide="ignore", invalid="ignore"):  # across a clock that was set back two stamps may agree
+    with np.errstate(
+        divide="ignore", invalid="ignore"
+    ):  # across a clock that was set back two stamps may agree
         error, power = values[2].copy(order="F"), np.ones(times[2].size)
         for k, a, b, c in ((0, 1, 3, 4), (1, 0, 3, 4), (3, 0, 1, 4), (4, 0, 1, 3)):
             weight = to[a] * to[b] * to[c]  # Lagrange's, of row k
@@ -112,7 +125,10 @@ def _notable(log: _Log) -> _Places:
     rows, channels, sizes = [], [], []
     for begin in range(2, t.size - 2, _BLOCK):
         stop = min(begin + _BLOCK, t.size - 2)
-        missed = _missed([t[begin + k - 2 : stop + k - 2] for k in range(5)], [values[begin + k - 2 : stop + k - 2] for k in range(5)])
+        missed = _missed(
+            [t[begin + k - 2 : stop + k - 2] for k in range(5)],
+            [values[begin + k - 2 : stop + k - 2] for k in range(5)],
+        )
         for k, column in enumerate(missed.T):
             notable = np.flatnonzero(column > threshold[k])
             rows.append(notable + begin)
@@ -134,7 +150,9 @@ def _sets(places: _Places, apart: int, log: _Log) -> _Places:
     if not apart:
         return places
     count = log.t.size
-    known, index = np.unique(places.channel * count + places.row, return_index=True)  # of the same place the first, which has the size
+    known, index = np.unique(
+        places.channel * count + places.row, return_index=True
+    )  # of the same place the first, which has the size
     size = places.size[index]
     clear = size > np.maximum(_CLEAR * log.sigma, 0.5 * SMALLEST)[known // count]
     both = np.intersect1d(known, known - apart, assume_unique=True)
@@ -160,7 +178,9 @@ def _beside(damaged: NDArray[np.bool_]) -> tuple[Rows, Rows]:
     return rows, channels
 
 
-def _contradicted(log: _Log, row: Rows, channel: Rows, apart: int, damaged: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+def _contradicted(
+    log: _Log, row: Rows, channel: Rows, apart: int, damaged: NDArray[np.bool_] | None
+) -> NDArray[np.bool_]:
     """(K, 2) whether `row` and `row + apart` are both off the cubic through the rows beside them, and by more than may stay.
 
     damaged : (N, C) values that do not judge, if any are known; some more rows judge in their place.
@@ -168,9 +188,17 @@ def _contradicted(log: _Log, row: Rows, channel: Rows, apart: int, damaged: NDAr
     t, firsts, lasts = log.t, log.firsts, log.lasts
     width = min(_BESIDE + 1 + (apart if damaged is None else _BESIDE // 2), t.size)
     stretch = np.searchsorted(firsts, row, side="right") - 1
-    begin = np.minimum(np.maximum(row - (width - apart) // 2, firsts[stretch]), lasts[stretch] - width + 1)
-    margin = 2 * (apart == 1)  # the last two rows of a log may be the beginning of a motion; good rows between or behind them tell
-    inside = (begin >= firsts[stretch]) & (row - margin >= firsts[stretch]) & (row + apart + margin <= lasts[stretch])
+    begin = np.minimum(
+        np.maximum(row - (width - apart) // 2, firsts[stretch]), lasts[stretch] - width + 1
+    )
+    margin = (
+        2 * (apart == 1)
+    )  # the last two rows of a log may be the beginning of a motion; good rows between or behind them tell
+    inside = (
+        (begin >= firsts[stretch])
+        & (row - margin >= firsts[stretch])
+        & (row + apart + margin <= lasts[stretch])
+    )
     window = np.clip(begin, 0, t.size - width)[:, None] + np.arange(width)  # (K, W)
     span = t[window[:, -1]] - t[window[:, 0]]
     inside &= (span > 0.0) & (span < log.longest * width / (_BESIDE + 1))
@@ -184,10 +212,14 @@ def _contradicted(log: _Log, row: Rows, channel: Rows, apart: int, damaged: NDAr
     y = y - y[np.arange(len(y)), judging.argmax(axis=1)][:, None]
     left = y - np.einsum("kwp,kvp,kv->kw", basis, basis, y * judging)
     spread = np.sqrt((left * left * judging).sum(axis=1) / np.maximum(judging.sum(axis=1) - 4, 1))
-    deviation = np.maximum(log.sigma[channel], spread)[:, None] * np.sqrt(1.0 + (basis * basis).sum(axis=2))
+    deviation = np.maximum(log.sigma[channel], spread)[:, None] * np.sqrt(
+        1.0 + (basis * basis).sum(axis=2)
+    )
     judged = np.clip((row - window[:, 0])[:, None] + (0, apart), 0, width - 1)  # (K, 2)
     off = np.take_along_axis(np.abs(left), judged, axis=1)
-    far = (off > FAR_OUT * np.take_along_axis(deviation, judged, axis=1)).all(axis=1)  # both, or it is one of them alone
+    far = (off > FAR_OUT * np.take_along_axis(deviation, judged, axis=1)).all(
+        axis=1
+    )  # both, or it is one of them alone
     return np.asarray((off > SMALLEST) & (far & inside & full)[:, None])
 
 
@@ -199,14 +231,18 @@ def _orthonormal(columns: Array, weight: Array) -> tuple[Array, NDArray[np.bool_
     basis, full = columns.copy(), np.ones(len(columns), dtype=bool)
     for k in range(columns.shape[2]):
         for j in range(k):
-            basis[:, :, k] -= (weight * basis[:, :, j] * basis[:, :, k]).sum(axis=1)[:, None] * basis[:, :, j]
+            basis[:, :, k] -= (weight * basis[:, :, j] * basis[:, :, k]).sum(axis=1)[
+                :, None
+            ] * basis[:, :, j]
         norm = np.sqrt((weight * basis[:, :, k] ** 2).sum(axis=1))
         full &= norm > 1e-9  # else the stamps are too few, or all but the same
         basis[:, :, k] /= np.where(norm > 1e-9, norm, 1.0)[:, None]
     return basis, full
 
 
-def _mark(out: NDArray[np.bool_], row: Rows, channel: Rows, found: NDArray[np.bool_], apart: int) -> None:
+def _mark(
+    out: NDArray[np.bool_], row: Rows, channel: Rows, found: NDArray[np.bool_], apart: int
+) -> None:
     """Enters what is contradicted, unless something beside it has been: that may be why."""
     for k in np.flatnonzero(found.any(axis=1)):
         first, column = int(row[k]), int(channel[k])

@@ -26,17 +26,29 @@ WORD = 2**32  # values of the counter
 SET_COUNTER_DONE = 1 << 2
 # Bits of the status word that make a row useless.
 FAULTS = {
-    1 << 3: (RowFlag.FREQUENCY, "frequency error", "the encoder turned faster than the terminal follows"),
+    1 << 3: (
+        RowFlag.FREQUENCY,
+        "frequency error",
+        "the encoder turned faster than the terminal follows",
+    ),
     1 << 4: (RowFlag.AMPLITUDE, "amplitude error", "the sine signal was too weak"),
-    1 << 14: (RowFlag.INVALID, "invalid process data", "the terminal marked its own data as suspect"),
+    1 << 14: (
+        RowFlag.INVALID,
+        "invalid process data",
+        "the terminal marked its own data as suspect",
+    ),
 }
 SYNC_ERROR = 1 << 13
 TOGGLE = 1 << 15
 _TOGGLES = 0.9  # of the rows: then every bus cycle is logged, and a toggle that stands still tells of old data
-_NEAR_ZERO = 4  # lines that an encoder may have turned since power-up to be taken for just switched on
+_NEAR_ZERO = (
+    4  # lines that an encoder may have turned since power-up to be taken for just switched on
+)
 
 
-def unwrap_counter(counter: NDArray[np.int64], sound: NDArray[np.bool_] | None = None) -> NDArray[np.int64]:
+def unwrap_counter(
+    counter: NDArray[np.int64], sound: NDArray[np.bool_] | None = None
+) -> NDArray[np.int64]:
     """(N,) counts without wraps, of counter words logged as UDINT or DINT; the first word is read as signed.
 
     sound : (N,) rows to count from one to the next; the words of the others are taken from the sound row before, and a garbage
@@ -59,39 +71,55 @@ def signed_word(difference: NDArray[np.int64]) -> NDArray[np.int64]:
     return difference.astype(np.int32).astype(np.int64)  # the low 32 bits
 
 
-def counts_to_rad(counts: NDArray[np.int64], *, lines: int, bits: int, sign: int) -> NDArray[np.float64]:
+def counts_to_rad(
+    counts: NDArray[np.int64], *, lines: int, bits: int, sign: int
+) -> NDArray[np.float64]:
     """(N,) [rad] encoder angle; its zero is where the counter was zero, and means nothing."""
     per_count = 2.0 * np.pi / float(lines * 2**bits)
     return counts.astype(np.float64) * (sign * per_count)
 
 
-def status_flags(table: Table, status: Mapping[EncoderName, str], findings: list[Finding]) -> tuple[Flags, NDArray[np.intp]]:
+def status_flags(
+    table: Table, status: Mapping[EncoderName, str], findings: list[Finding]
+) -> tuple[Flags, NDArray[np.intp]]:
     """(N,) flags of the rows of one file, and the rows at which a counter was preset; what is found is appended to `findings`."""
     silent = [encoder for encoder, column in status.items() if column not in table.columns]
     if silent:
-        sentence = f"encoders {', '.join(silent)} have no status column, so their faults cannot be seen."
-        findings.append(finding("no status word", "warning", table.files[0], sentence, count=len(silent)))
+        sentence = (
+            f"encoders {', '.join(silent)} have no status column, so their faults cannot be seen."
+        )
+        findings.append(
+            finding("no status word", "warning", table.files[0], sentence, count=len(silent))
+        )
     flags = np.zeros(len(table), dtype=np.uint32)
     preset: list[NDArray[np.intp]] = []
     for encoder, column in status.items():
         if encoder not in silent:
             flags |= _status_flags(table, encoder, column, findings)
             preset.append(np.flatnonzero(np.diff(table.columns[column] & SET_COUNTER_DONE) > 0) + 1)
-    rows = np.unique(np.concatenate(preset)).astype(np.intp) if preset else np.zeros(0, dtype=np.intp)
+    rows = (
+        np.unique(np.concatenate(preset)).astype(np.intp) if preset else np.zeros(0, dtype=np.intp)
+    )
     flags[rows] |= np.uint32(RowFlag.PRESET)
     return flags, rows
 
 
-def _status_flags(table: Table, encoder: EncoderName, column: str, findings: list[Finding]) -> Flags:
+def _status_flags(
+    table: Table, encoder: EncoderName, column: str, findings: list[Finding]
+) -> Flags:
     word, file = table.columns[column], table.files[0]
     outside = np.flatnonzero((word < 0) | (word > 0xFFFF))
     if outside.size:
-        raise LogError(f"{table.place(outside[0])}: column {column}: {word[outside[0]]} is no 16-bit status word.")
+        raise LogError(
+            f"{table.place(outside[0])}: column {column}: {word[outside[0]]} is no 16-bit status word."
+        )
     flags = np.zeros(len(table), dtype=np.uint32)
     preset = np.flatnonzero(np.diff(word & SET_COUNTER_DONE) > 0) + 1
     if preset.size:
         sentence = f"the counter of encoder {encoder} was preset here; a new segment."
-        findings.append(finding("counter preset", "warning", file, sentence, lines=table.line[preset]))
+        findings.append(
+            finding("counter preset", "warning", file, sentence, lines=table.line[preset])
+        )
     late = (word & SYNC_ERROR) != 0
     if late.any():
         sentence = f"encoder {encoder} missed the bus cycle; its sample may be one cycle old."
@@ -100,12 +128,22 @@ def _status_flags(table: Table, encoder: EncoderName, column: str, findings: lis
     for bit, (flag, kind, meaning) in FAULTS.items():
         rows = (word & bit) != 0
         if rows.any():
-            findings.append(finding(kind, "repaired", file, f"encoder {encoder}: {meaning}; rows left out.", lines=table.line[rows]))
+            findings.append(
+                finding(
+                    kind,
+                    "repaired",
+                    file,
+                    f"encoder {encoder}: {meaning}; rows left out.",
+                    lines=table.line[rows],
+                )
+            )
             flags[rows] |= np.uint32(flag)
     stale = np.concatenate(([False], np.diff(word & TOGGLE) == 0))
     if 0 < stale[1:].sum() <= (1.0 - _TOGGLES) * len(table):
         sentence = f"the toggle bit of encoder {encoder} stands still: its data are those of the row before."
-        findings.append(finding("stale process data", "warning", file, sentence, lines=table.line[stale]))
+        findings.append(
+            finding("stale process data", "warning", file, sentence, lines=table.line[stale])
+        )
         flags[stale] |= np.uint32(RowFlag.STALE)
     return flags
 
@@ -117,7 +155,9 @@ def counter_words(table: Table, fitted: Mapping[EncoderName, EncoderFitting]) ->
     """
     for encoder in fitted.values():
         counter = table.columns[encoder.column]
-        limit = WORD if counter.min() >= 0 else WORD // 2  # UDINT, or DINT once there is a negative word
+        limit = (
+            WORD if counter.min() >= 0 else WORD // 2
+        )  # UDINT, or DINT once there is a negative word
         outside = np.flatnonzero((counter >= limit) | (counter < -WORD // 2))
         if outside.size:
             raise LogError(
@@ -145,7 +185,12 @@ def jump_flags(
     flags, reset = np.zeros(len(table), dtype=np.uint32), np.zeros(0, dtype=np.intp)
     if rows.size < 2:
         return flags, reset
-    found = find_jumps(t[rows], words[rows], np.full(scale.size, SPEED_LIMIT), lambda late, early: signed_word(late - early) * scale)
+    found = find_jumps(
+        t[rows],
+        words[rows],
+        np.full(scale.size, SPEED_LIMIT),
+        lambda late, early: signed_word(late - early) * scale,
+    )
     if found.many():
         row = int(found.fast[0])
         step = signed_word(words[rows[row]] - words[rows[row - 1]]) * scale
@@ -166,41 +211,74 @@ def jump_flags(
         step = signed_word(words[reset] - words[rows[found.elsewhere - 1]]) * scale
         names = [list(fitted)[int(k)] for k in np.argmax(np.abs(step), axis=1)]
         sentence = f"the counter of encoder {names[0]} jumps by {np.abs(step).max(axis=1)[0]:.4g} rad: reset, or moved on unseen."
-        findings.append(finding("counter jumped", "warning", table.files[table.file[reset[0]]], sentence, lines=table.line[reset]))
+        findings.append(
+            finding(
+                "counter jumped",
+                "warning",
+                table.files[table.file[reset[0]]],
+                sentence,
+                lines=table.line[reset],
+            )
+        )
     return flags, reset
 
 
 def report_damaged(
-    table: Table, rows: NDArray[np.intp], names: list[str], channels: NDArray[np.intp] | None, findings: list[Finding]
+    table: Table,
+    rows: NDArray[np.intp],
+    names: list[str],
+    channels: NDArray[np.intp] | None,
+    findings: list[Finding],
 ) -> None:
     """One finding for the rows of each file whose values no motion explains."""
     for index, file in enumerate(table.files):
         here = rows[table.file[rows] == index]
         if here.size:
-            which = "" if channels is None else f" ({', '.join(names[k] for k in np.unique(channels))})"
+            which = (
+                "" if channels is None else f" ({', '.join(names[k] for k in np.unique(channels))})"
+            )
             sentence = f"the rows around it lead elsewhere{which}: a damaged number; row left out."
-            findings.append(finding("implausible value", "repaired", file, sentence, lines=table.line[here]))
+            findings.append(
+                finding("implausible value", "repaired", file, sentence, lines=table.line[here])
+            )
 
 
-def powered_up(words: NDArray[np.int64], fitted: Mapping[EncoderName, EncoderFitting], before: int | None, behind: int | None) -> bool:
+def powered_up(
+    words: NDArray[np.int64],
+    fitted: Mapping[EncoderName, EncoderFitting],
+    before: int | None,
+    behind: int | None,
+) -> bool:
     """Whether all counters start near zero at a row while at least one was far from it before."""
     if before is None or behind is None:
         return False
     near = np.array([_NEAR_ZERO * 2**one.bits for one in fitted.values()])
-    return bool((np.abs(signed_word(words[behind])) <= near).all() and (np.abs(signed_word(words[before])) > 10 * near).any())
+    return bool(
+        (np.abs(signed_word(words[behind])) <= near).all()
+        and (np.abs(signed_word(words[before])) > 10 * near).any()
+    )
 
 
-def encoder_angles(words: NDArray[np.int64], sound: NDArray[np.bool_], fitted: Mapping[EncoderName, EncoderFitting]) -> Array:
+def encoder_angles(
+    words: NDArray[np.int64], sound: NDArray[np.bool_], fitted: Mapping[EncoderName, EncoderFitting]
+) -> Array:
     """(N, E) [rad] unwrapped angles of the fitted encoders, declared sign applied; words : (N, E)."""
     columns = [
-        counts_to_rad(unwrap_counter(words[:, k], sound), lines=one.lines, bits=one.bits, sign=one.sign)
+        counts_to_rad(
+            unwrap_counter(words[:, k], sound), lines=one.lines, bits=one.bits, sign=one.sign
+        )
         for k, one in enumerate(fitted.values())
     ]
     return np.stack(columns).T
 
 
 def refuse_standing(
-    table: Table, words: NDArray[np.int64], flags: Flags, fitted: Mapping[EncoderName, EncoderFitting], *, robot_moves: bool
+    table: Table,
+    words: NDArray[np.int64],
+    flags: Flags,
+    fitted: Mapping[EncoderName, EncoderFitting],
+    *,
+    robot_moves: bool,
 ) -> None:
     """Raises LogError for a counter that stands while others, or the robot, move."""
     sound = usable(flags)

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Difference = Callable[[NDArray[Any], NDArray[Any]], Array]  # (later, earlier) values of some rows -> [rad]
+Difference = Callable[
+    [NDArray[Any], NDArray[Any]], Array
+]  # (later, earlier) values of some rows -> [rad]
 
 LONGEST = 3  # rows: damage that lasts longer is no damaged row
 _BLOCK = 4096  # rows at a time, for the processor's cache
@@ -40,7 +42,9 @@ def straight_difference(later: NDArray[Any], earlier: NDArray[Any]) -> Array:
     return np.asarray(later - earlier, dtype=np.float64)
 
 
-def find_jumps(t: Array, values: NDArray[Any], fastest: Array, difference: Difference = straight_difference) -> Jumps:
+def find_jumps(
+    t: Array, values: NDArray[Any], fastest: Array, difference: Difference = straight_difference
+) -> Jumps:
     """Steps of a log that are faster than possible.
 
     t : (N,) [s], may go back where the clock was set. values : (N, C). fastest : (C,) [rad/s].
@@ -87,7 +91,9 @@ def _far(values: NDArray[Any], limit: Array, difference: Difference) -> NDArray[
     return np.concatenate(found)
 
 
-def _back(t: Array, values: NDArray[Any], row: int, fastest: Array, usual: float, difference: Difference) -> int | None:
+def _back(
+    t: Array, values: NDArray[Any], row: int, fastest: Array, usual: float, difference: Difference
+) -> int | None:
     """First row at which all channels are where motion from before `row` may have led them."""
     jump = np.abs(difference(values[row : row + 1], values[row - 1 : row])[0])
     jumped = jump > fastest * max(float(t[row] - t[row - 1]), 0.5 * usual)

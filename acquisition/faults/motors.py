@@ -28,7 +28,9 @@ from cell.errors import LogError
 Array = NDArray[np.float64]
 Unit = Literal["rad", "deg"]
 
-FAR = 0.2  # of an axis's range beyond its limits: no calibration offset is as large, a wrong unit is
+FAR = (
+    0.2  # of an axis's range beyond its limits: no calibration offset is as large, a wrong unit is
+)
 OVERSPEED = 2.0  # times the axis's greatest speed: beyond it lies no motion
 MOVES = 0.1  # [rad] a path for calibration turns some axis by more
 HEAVY = 20.0  # times the arm's own weight at full reach: no motor bears more at its gear's output, one in another unit does
@@ -76,10 +78,14 @@ def refuse_other_angles(
     Angles `within_reach` that move and come nowhere too fast need not be asked about.
     """
     rows = np.arange(t.size) if sound.all() else np.flatnonzero(sound)
-    logged, joints, axes = (angles, joints, axes) if sound.all() else (angles[rows], joints[rows], axes[rows])
+    logged, joints, axes = (
+        (angles, joints, axes) if sound.all() else (angles[rows], joints[rows], axes[rows])
+    )
     if moves(joints) and _fits(robot, t[rows], axes):
         return
-    usual = median_filter(axes, size=(OUTLIER_ROWS, 1), mode="nearest")  # without single values that are wrong, however many
+    usual = median_filter(
+        axes, size=(OUTLIER_ROWS, 1), mode="nearest"
+    )  # without single values that are wrong, however many
     far, fast = _excess(robot, axes) > FAR, _overspeed(robot, t[rows], usual)
     if (far.any(axis=1)).sum() > max(1.0, _MANY * rows.size):
         row, axis = (int(index) for index in np.argwhere(far)[0])
@@ -90,12 +96,18 @@ def refuse_other_angles(
         )
     if fast.any(axis=1).sum() > max(2.0, _MANY * rows.size):
         row, axis = (int(index) for index in np.argwhere(fast)[0])
-        speed = abs(usual[row + 1, axis] - usual[row, axis]) / max(t[rows[row + 1]] - t[rows[row]], 1e-9)
+        speed = abs(usual[row + 1, axis] - usual[row, axis]) / max(
+            t[rows[row + 1]] - t[rows[row]], 1e-9
+        )
         raise LogError(
             f"{table.place(rows[row + 1])}: axis {axis + 1} of {robot.name} would turn at {speed:.4g} rad/s; it reaches "
             f"{robot.axis_speed_max[axis]:.3g} rad/s. {fast.any(axis=1).sum()} such steps.{_hint(robot, t[rows], logged, side, unit)}"
         )
-    if moves(logged) and not moves(joints) and (others := _others_that_fit(robot, t[rows], logged, side, unit)):
+    if (
+        moves(logged)
+        and not moves(joints)
+        and (others := _others_that_fit(robot, t[rows], logged, side, unit))
+    ):
         span = np.rad2deg(np.ptp(joints, axis=0).max())
         raise LogError(
             f"{table.place(rows[0])}: {_meant(others)} where {_MEANT[side, unit]} are declared? As declared they turn no axis by more than "
@@ -105,7 +117,11 @@ def refuse_other_angles(
 
 def _hint(robot: Robot, t: Array, logged: Array, side: Side, unit: Unit) -> str:
     others = _others_that_fit(robot, t, logged, side, unit)
-    if unit == "rad" and (side, "deg") not in others and _fits(robot, t, joints_to_axes(robot, to_joints(robot, logged, side, "deg"))):
+    if (
+        unit == "rad"
+        and (side, "deg") not in others
+        and _fits(robot, t, joints_to_axes(robot, to_joints(robot, logged, side, "deg")))
+    ):
         others.append((side, "deg"))
     if not others:
         return f" Is this the log of the robot that recording.yaml names, and does it hold {_MEANT[side, unit]}?"
@@ -124,7 +140,9 @@ def _meant(others: list[tuple[Side, Unit]], *, capital: bool = True) -> str:
     return text[0].upper() + text[1:] if capital else text
 
 
-def _others_that_fit(robot: Robot, t: Array, logged: Array, side: Side, unit: Unit) -> list[tuple[Side, Unit]]:
+def _others_that_fit(
+    robot: Robot, t: Array, logged: Array, side: Side, unit: Unit
+) -> list[tuple[Side, Unit]]:
     """Other readings of the numbers under which the robot moves within its limits and speeds; rad before degrees."""
     out: list[tuple[Side, Unit]] = []
     for other in _MEANT:
@@ -155,7 +173,10 @@ def _overspeed(robot: Robot, t: Array, axes: Array) -> NDArray[np.bool_]:
     """(N-1, 6) steps that would need more than an axis's speed."""
     step = np.diff(t)
     usual = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
-    return np.asarray(np.abs(np.diff(axes, axis=0)) / np.maximum(step, 0.5 * usual)[:, None] > axis_speed_limits(robot))
+    return np.asarray(
+        np.abs(np.diff(axes, axis=0)) / np.maximum(step, 0.5 * usual)[:, None]
+        > axis_speed_limits(robot)
+    )
 
 
 def gear_torques(robot: Robot, table: Table, columns: tuple[str, ...]) -> Array | None:
@@ -168,7 +189,9 @@ def gear_torques(robot: Robot, table: Table, columns: tuple[str, ...]) -> Array 
     """
     if not columns or columns[0] not in table.columns:
         return None
-    torque = np.stack([table.columns[name] for name in columns], axis=1) / np.diag(robot.transmission)
+    torque = np.stack([table.columns[name] for name in columns], axis=1) / np.diag(
+        robot.transmission
+    )
     bound = HEAVY * full_weight(robot)
     heavy = np.abs(torque) > bound
     if heavy.any():
@@ -190,7 +213,9 @@ def full_weight(robot: Robot) -> float:
 
 def moves(angles: Array) -> bool:
     """Whether some column of (N, C) [rad] turns far enough to be more than noise."""
-    return any(bool(np.ptp(some, axis=0).max() > MOVES) for some in (angles[::100], angles))  # few rows tell in most logs
+    return any(
+        bool(np.ptp(some, axis=0).max() > MOVES) for some in (angles[::100], angles)
+    )  # few rows tell in most logs
 
 
 def without_stand_ins(table: Table, columns: tuple[str, ...], findings: list[Finding]) -> Table:
@@ -198,23 +223,35 @@ def without_stand_ins(table: Table, columns: tuple[str, ...], findings: list[Fin
 
     Raises LogError if a column holds nothing else.
     """
-    extremes = np.array([(table.columns[name].min(), table.columns[name].max()) for name in columns])
+    extremes = np.array(
+        [(table.columns[name].min(), table.columns[name].max()) for name in columns]
+    )
     if np.abs(extremes).max() < SENTINEL and any(table.columns[name][0] for name in columns):
         return table
     angles = np.stack([table.columns[name] for name in columns], axis=1)
     absent = np.abs(angles) >= SENTINEL
     if absent.all(axis=0).any():
         column = columns[int(np.flatnonzero(absent.all(axis=0))[0])]
-        raise LogError(f"{table.place(0)}: column {column}: 9E9 in every row, which stands for an axis that is not there.")
+        raise LogError(
+            f"{table.place(0)}: column {column}: 9E9 in every row, which stands for an axis that is not there."
+        )
     drop = absent.any(axis=1)
     if drop.any():
         sentence = "9E9 stands for no value; row left out."
-        findings.append(finding("sentinel", "repaired", table.files[0], sentence, lines=table.line[drop]))
+        findings.append(
+            finding("sentinel", "repaired", table.files[0], sentence, lines=table.line[drop])
+        )
     zero = ~drop & (angles == 0.0).all(axis=1)
     first = int(np.argmin(zero)) if not zero.all() else 0
-    if first and np.abs(angles[first]).max() > MOVES:  # a robot that starts at zero leaves it slowly
+    if (
+        first and np.abs(angles[first]).max() > MOVES
+    ):  # a robot that starts at zero leaves it slowly
         sentence = "all angles are 0 before the first true ones; rows left out."
-        findings.append(finding("zeros at the start", "repaired", table.files[0], sentence, lines=table.line[:first]))
+        findings.append(
+            finding(
+                "zeros at the start", "repaired", table.files[0], sentence, lines=table.line[:first]
+            )
+        )
         drop[:first] = True
     if not drop.any():
         return table
@@ -222,20 +259,41 @@ def without_stand_ins(table: Table, columns: tuple[str, ...], findings: list[Fin
     return table.take(~drop)
 
 
-def report_limits(robot: Robot, table: Table, axes: Array, sound: NDArray[np.bool_], findings: list[Finding]) -> None:
+def report_limits(
+    robot: Robot, table: Table, axes: Array, sound: NDArray[np.bool_], findings: list[Finding]
+) -> None:
     """Appends axes a little beyond their limits to `findings`; axes : (N, 6) [rad]."""
     extremes = np.stack((axes.min(axis=0), axes.max(axis=0)))
     for axis in np.flatnonzero(_excess(robot, extremes).any(axis=0)):
         angle = axes[:, axis]
-        rows = np.flatnonzero(sound & ((angle < robot.axis_lower[axis]) | (angle > robot.axis_upper[axis])))
+        rows = np.flatnonzero(
+            sound & ((angle < robot.axis_lower[axis]) | (angle > robot.axis_upper[axis]))
+        )
         if not rows.size:
             continue
-        beyond = np.rad2deg(max(robot.axis_lower[axis] - angle[rows].min(), angle[rows].max() - robot.axis_upper[axis]))
-        sentence = f"axis {axis + 1} is up to {beyond:.3g} deg beyond its limits; is it the right robot?"
-        findings.append(finding("axis beyond its limits", "warning", table.files[table.file[rows[0]]], sentence, lines=table.line[rows]))
+        beyond = np.rad2deg(
+            max(
+                robot.axis_lower[axis] - angle[rows].min(),
+                angle[rows].max() - robot.axis_upper[axis],
+            )
+        )
+        sentence = (
+            f"axis {axis + 1} is up to {beyond:.3g} deg beyond its limits; is it the right robot?"
+        )
+        findings.append(
+            finding(
+                "axis beyond its limits",
+                "warning",
+                table.files[table.file[rows[0]]],
+                sentence,
+                lines=table.line[rows],
+            )
+        )
 
 
 def _excess(robot: Robot, axes: Array) -> Array:
     """(N, 6) how far each axis is beyond its limits, as a fraction of its range; 0 within."""
     span = robot.axis_upper - robot.axis_lower
-    return np.asarray(np.maximum(np.maximum(axes - robot.axis_upper, robot.axis_lower - axes), 0.0) / span)
+    return np.asarray(
+        np.maximum(np.maximum(axes - robot.axis_upper, robot.axis_lower - axes), 0.0) / span
+    )

@@ -81,7 +81,11 @@ def find_segments(
         file = table.files[table.file[row]]
         if elapsed <= 0:
             anew = bool(table.begins[row])
-            if before is not None and behind is not None and _goes_on(stamps, angles, sound, int(row), before, behind, period, anew=anew):
+            if (
+                before is not None
+                and behind is not None
+                and _goes_on(stamps, angles, sound, int(row), before, behind, period, anew=anew)
+            ):
                 stamps[row:] += round(period - elapsed)
                 sentence = (
                     f"the clock was set back by {amount(-elapsed * 1e-9)} while the motion went on; the rows behind are put one period "
@@ -96,11 +100,14 @@ def find_segments(
             parts[row:] += 1
             sentence = f"a counter was reset while rows are missing for {amount(elapsed * 1e-9)}: its zero is another."
             findings.append(finding("counter reset", "warning", file, sentence, lines=place))
-        elif row not in reset and powered_up is not None and elapsed > pause and powered_up(before, behind):
+        elif (
+            row not in reset
+            and powered_up is not None
+            and elapsed > pause
+            and powered_up(before, behind)
+        ):
             parts[row:] += 1
-            sentence = (
-                f"all counters start near zero after {amount(elapsed * 1e-9)} without rows: switched off and on, their zeros are others."
-            )
+            sentence = f"all counters start near zero after {amount(elapsed * 1e-9)} without rows: switched off and on, their zeros are others."
             findings.append(finding("counter reset", "warning", file, sentence, lines=place))
         elif elapsed > pause:
             sentence = f"{amount(elapsed * 1e-9)} without rows: a pause, or the clock was set; a new segment."
@@ -112,25 +119,41 @@ def find_segments(
 def _neighbours(sound: NDArray[np.bool_], row: int) -> tuple[int | None, int | None]:
     """The last sound row before `row`, and the first from it on."""
     before, behind = np.flatnonzero(sound[:row]), np.flatnonzero(sound[row:])
-    return (int(before[-1]) if before.size else None), (int(behind[0]) + row if behind.size else None)
+    return (int(before[-1]) if before.size else None), (
+        int(behind[0]) + row if behind.size else None
+    )
 
 
 def _goes_on(
-    stamps: Stamps, angles: Array, sound: NDArray[np.bool_], row: int, before: int, behind: int, period: float, *, anew: bool
+    stamps: Stamps,
+    angles: Array,
+    sound: NDArray[np.bool_],
+    row: int,
+    before: int,
+    behind: int,
+    period: float,
+    *,
+    anew: bool,
 ) -> bool:
     """Whether the angles behind a boundary are where a few periods of motion lead; anew : the logger ran anew."""
     speed = np.zeros(angles.shape[1])
     for start, stop in ((max(0, row - _LOOK), row), (row, min(row + _LOOK, stamps.size))):
         rows = np.arange(start, stop)[sound[start:stop]]
         if rows.size > 1 and stamps[rows[-1]] > stamps[rows[0]]:
-            speed = np.maximum(speed, np.abs(angles[rows[-1]] - angles[rows[0]]) / float(stamps[rows[-1]] - stamps[rows[0]]))
+            speed = np.maximum(
+                speed,
+                np.abs(angles[rows[-1]] - angles[rows[0]])
+                / float(stamps[rows[-1]] - stamps[rows[0]]),
+            )
     apart = (GAP + behind - row + row - 1 - before) * period
     on = bool((np.abs(angles[behind] - angles[before]) <= HELD + 2.0 * speed * apart).all())
     standing = speed.max() * 1e9 < STANDING  # then any time may have passed
     return on and not (standing and (anew or stamps[row - 1] - stamps[row] > PAUSE * 1e9))
 
 
-def _longest(table: Table, stamps: Stamps, parts: NDArray[np.int64], findings: list[Finding]) -> NDArray[np.bool_]:
+def _longest(
+    table: Table, stamps: Stamps, parts: NDArray[np.int64], findings: list[Finding]
+) -> NDArray[np.bool_]:
     """(N,) the rows of the longest part; the others are reported."""
     firsts = np.flatnonzero(np.diff(parts, prepend=-1))
     lasts = np.append(firsts[1:], parts.size) - 1
@@ -143,6 +166,13 @@ def _longest(table: Table, stamps: Stamps, parts: NDArray[np.int64], findings: l
             )
             file = table.files[table.file[first]]
             findings.append(
-                finding("part not used", "repaired", file, sentence, lines=[int(table.line[first])], count=int(last - first + 1))
+                finding(
+                    "part not used",
+                    "repaired",
+                    file,
+                    sentence,
+                    lines=[int(table.line[first])],
+                    count=int(last - first + 1),
+                )
             )
     return np.asarray(parts == parts[firsts[chosen]])

@@ -16,7 +16,9 @@ from acquisition.table.table import Table
 from acquisition.table.text import MOST_BYTES, read_bytes
 from cell.errors import LogError
 
-DAMAGED_LIMIT = 0.01  # of the records; a file that has lost more was not damaged, it holds something else
+DAMAGED_LIMIT = (
+    0.01  # of the records; a file that has lost more was not damaged, it holds something else
+)
 
 
 def stored_bytes(path: Path, file: str, findings: list[Finding]) -> bytes:
@@ -40,10 +42,14 @@ def check_stored(path: Path, file: str, *, largest: int) -> None:
     if not size:
         raise LogError(f"{file}: the file is empty.")
     if size > largest:
-        raise LogError(f"{file}: {size} bytes; a log has at most {largest}. Cut it, or name the right file.")
+        raise LogError(
+            f"{file}: {size} bytes; a log has at most {largest}. Cut it, or name the right file."
+        )
 
 
-def wanted_columns(layout: Layout, time: str, names: Collection[str], place: str) -> dict[str, Kind]:
+def wanted_columns(
+    layout: Layout, time: str, names: Collection[str], place: str
+) -> dict[str, Kind]:
     """Name and kind of the wanted columns that are present, the time column apart.
 
     names : what the file has.

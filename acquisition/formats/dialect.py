@@ -38,7 +38,9 @@ class TimeColumn(_Strict):
     type: Literal["integer", "float"] | None = None
     unit: Literal["s", "ms", "us", "100ns", "ns"] | None = None
     forms: tuple[TimeForm, ...] = ()
-    halves: tuple[Selector, Selector] | None = None  # low and high 32 bits, read where `column` is absent
+    halves: tuple[Selector, Selector] | None = (
+        None  # low and high 32 bits, read where `column` is absent
+    )
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -65,10 +67,18 @@ class Dialect(_Strict):
     axes: tuple[Selector, ...] = ()  # or the six angles that the controller shows,
     joints: tuple[Selector, ...] = ()  # or the six angles of the DH model
     angle_unit: Literal["rad", "deg"] = "rad"
-    torques: tuple[Selector, ...] = ()  # robot: what each motor exerts [N m at the motor], positive along its angle; all six or none
-    sequence: Selector | None = None  # number that grows with each row taken; the column may be absent
-    status: dict[EncoderName, Selector] = {}  # ballbar: EL5021 status word of each encoder; columns may be absent
-    wrench: tuple[Selector, ...] = ()  # force: forces x y z [N], torques x y z [N m], what the flange feels in its own frame
+    torques: tuple[
+        Selector, ...
+    ] = ()  # robot: what each motor exerts [N m at the motor], positive along its angle; all six or none
+    sequence: Selector | None = (
+        None  # number that grows with each row taken; the column may be absent
+    )
+    status: dict[
+        EncoderName, Selector
+    ] = {}  # ballbar: EL5021 status word of each encoder; columns may be absent
+    wrench: tuple[
+        Selector, ...
+    ] = ()  # force: forces x y z [N], torques x y z [N m], what the flange feels in its own frame
     period_s: tuple[float, float]  # a median period outside this range is reported
 
     @model_validator(mode="after")
@@ -79,10 +89,15 @@ class Dialect(_Strict):
         if self.source == "robot" and len(sides) != 1:
             raise ValueError("a robot's dialect names one of motors, axes and joints")
         if self.source != "robot" and (sides or self.torques):
-            raise ValueError(f"motors, axes, joints and torques are a robot's, not of a {self.source} log")
+            raise ValueError(
+                f"motors, axes, joints and torques are a robot's, not of a {self.source} log"
+            )
         if (self.source == "force") != bool(self.wrench):
             raise ValueError("wrench: six columns, of a force sensor's log only")
-        for what, columns in (*((side, self._selectors(side)) for side in sides), ("torques", self._selectors("torques"))):
+        for what, columns in (
+            *((side, self._selectors(side)) for side in sides),
+            ("torques", self._selectors("torques")),
+        ):
             if columns and len(columns) != 6:
                 raise ValueError(f"{what}: six columns, or one `re:` that finds six")
         if self.wrench and len(self.wrench) != 6:
@@ -112,7 +127,11 @@ class Dialect(_Strict):
     @property
     def headerless(self) -> bool:
         """Whether all columns that it names are counted, so that no header is needed."""
-        return by_position((self.time.column, *self.angles, *self.wrench)) if self.source != "ballbar" else by_position((self.time.column,))
+        return (
+            by_position((self.time.column, *self.angles, *self.wrench))
+            if self.source != "ballbar"
+            else by_position((self.time.column,))
+        )
 
 
 def dialect_names() -> list[str]:

@@ -30,7 +30,12 @@ FILE_START = b"EGM-RAW/1\r\n"  # the line end shows a copy in text mode
 LONGEST_MESSAGE = 65_507  # bytes that fit a UDP datagram; a real message has about a hundred
 
 _FRAME = struct.Struct("<II")
-_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5  # wire types; 3 and 4 are groups, which EGM never had
+_VARINT, _FIXED64, _BYTES, _FIXED32 = (
+    0,
+    1,
+    2,
+    5,
+)  # wire types; 3 and 4 are groups, which EGM never had
 _LONGEST_VARINT = 10  # bytes of a 64-bit varint
 
 
@@ -51,7 +56,9 @@ class Frames:
     messages: list[bytes]
     numbers: list[int]  # number in the file of each message, counted from 1
     damaged: list[int] = field(default_factory=list)  # numbers of the frames whose sum is wrong
-    torn: tuple[int, int] | None = None  # first and last byte of a frame or NUL block that ends the file
+    torn: tuple[int, int] | None = (
+        None  # first and last byte of a frame or NUL block that ends the file
+    )
 
 
 def decode(message: bytes) -> EgmFeedback:
@@ -60,7 +67,9 @@ def decode(message: bytes) -> EgmFeedback:
     Raises LogError if the bytes are no such message, or hold a joint angle or a time that cannot be.
     """
     if len(message) > LONGEST_MESSAGE:
-        raise LogError(f"EGM message of {len(message)} bytes; a datagram has at most {LONGEST_MESSAGE}.")
+        raise LogError(
+            f"EGM message of {len(message)} bytes; a datagram has at most {LONGEST_MESSAGE}."
+        )
     robot = _submessages(message)
     header, feedback = _fields(robot.get(1, b"")), robot.get(2, b"")
     parts = _submessages(feedback)
@@ -77,7 +86,9 @@ def frame(message: bytes) -> bytes:
     Raises ValueError if it is empty or longer than a datagram.
     """
     if not 0 < len(message) <= LONGEST_MESSAGE:
-        raise ValueError(f"an EGM message has 1 to {LONGEST_MESSAGE} bytes, this one {len(message)}")
+        raise ValueError(
+            f"an EGM message has 1 to {LONGEST_MESSAGE} bytes, this one {len(message)}"
+        )
     length = len(message).to_bytes(4, "little")
     return _FRAME.pack(len(message), zlib.crc32(message, zlib.crc32(length))) + message
 
@@ -90,7 +101,9 @@ def read_frames(raw: bytes) -> Frames:
     if not raw.startswith(FILE_START):
         copied = raw.startswith(FILE_START.replace(b"\r\n", b"\n"))
         hint = " It was copied in text mode: copy the file again in binary mode." if copied else ""
-        raise LogError(f"the file does not begin with {FILE_START!r}: no file of raw EGM messages.{hint}")
+        raise LogError(
+            f"the file does not begin with {FILE_START!r}: no file of raw EGM messages.{hint}"
+        )
     found = Frames([], [])
     at = len(FILE_START)
     end = len(raw.rstrip(b"\0"))
@@ -100,7 +113,9 @@ def read_frames(raw: bytes) -> Frames:
         length, checksum = _FRAME.unpack_from(raw, at)
         number = len(found.numbers) + len(found.damaged) + 1
         if not 0 < length <= LONGEST_MESSAGE:
-            raise LogError(f"message {number} (byte {at}) claims {length} bytes; a datagram has 1 to {LONGEST_MESSAGE}. Damaged here.")
+            raise LogError(
+                f"message {number} (byte {at}) claims {length} bytes; a datagram has 1 to {LONGEST_MESSAGE}. Damaged here."
+            )
         message = raw[at + _FRAME.size : at + _FRAME.size + length]
         if len(message) < length:
             return _torn(found, at, len(raw))
@@ -122,13 +137,17 @@ def _time_ns(parts: dict[int, bytes]) -> int | None:
     for field_number, ticks_per_second in ((5, 1_000_000_000), (4, 1_000_000)):
         if field_number not in parts:
             continue
-        clock = {number: value for number, wire, value in _fields(parts[field_number]) if wire == _VARINT}
+        clock = {
+            number: value for number, wire, value in _fields(parts[field_number]) if wire == _VARINT
+        }
         seconds, ticks = clock.get(1), clock.get(2)
         if not isinstance(seconds, int) or not isinstance(ticks, int):
             raise LogError("EGM message: a time without seconds, or without its fraction.")
         time_ns = seconds * 1_000_000_000 + ticks * (1_000_000_000 // ticks_per_second)
         if ticks >= ticks_per_second or time_ns >= 2**63:
-            raise LogError(f"EGM message: a time of {seconds} s and {ticks}/{ticks_per_second} s cannot be.")
+            raise LogError(
+                f"EGM message: a time of {seconds} s and {ticks}/{ticks_per_second} s cannot be."
+            )
         return time_ns
     return None
 
@@ -174,9 +193,13 @@ def _fields(message: bytes) -> Iterator[tuple[int, int, int | bytes]]:
         elif wire in (_FIXED64, _FIXED32):
             length = 8 if wire == _FIXED64 else 4
         else:
-            raise LogError(f"EGM message: field {number} has wire type {wire}, which EGM does not use.")
+            raise LogError(
+                f"EGM message: field {number} has wire type {wire}, which EGM does not use."
+            )
         if length > len(message) - at:
-            raise LogError(f"EGM message: field {number} claims {length} bytes, {len(message) - at} are left.")
+            raise LogError(
+                f"EGM message: field {number} claims {length} bytes, {len(message) - at} are left."
+            )
         yield number, wire, message[at : at + length]
         at += length
 

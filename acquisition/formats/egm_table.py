@@ -17,10 +17,14 @@ from acquisition.table.table import Form, Table
 from cell.errors import LogError
 
 _AXES = tuple(f"J{axis}" for axis in range(1, 7))
-_REORDERED = 100  # messages that a network may hold back; a sequence number further back is a restart
+_REORDERED = (
+    100  # messages that a network may hold back; a sequence number further back is a restart
+)
 
 
-def read_egm(path: Path, file: str, time: str, layout: Layout, findings: list[Finding]) -> tuple[Table, Form]:
+def read_egm(
+    path: Path, file: str, time: str, layout: Layout, findings: list[Finding]
+) -> tuple[Table, Form]:
     """Time [ns] and axis angles J1 to J6 [deg] of every message with feedback, in order of their sequence numbers.
 
     The lines are message numbers, counted from 1. Repeated messages, leading zeros and a torn end are left out and reported.
@@ -40,26 +44,40 @@ def read_egm(path: Path, file: str, time: str, layout: Layout, findings: list[Fi
     far = np.argwhere(np.abs(angles) > 1e6)  # 9E9 is ABB's mark of an axis that is not there
     if far.size:
         row, axis = (int(index) for index in far[0])
-        raise LogError(f"{file}:{number[row]}: {_AXES[axis]} is {angles[row, axis]:g} deg: an axis that is not there, or damage.")
+        raise LogError(
+            f"{file}:{number[row]}: {_AXES[axis]} is {angles[row, axis]:g} deg: an axis that is not there, or damage."
+        )
     columns: dict[str, NDArray[Any]] = {time: _times(feedback, number, file, findings)}
     columns |= {name: angles[:, _AXES.index(name)].copy() for name in wanted}
-    return one_file(columns, file, number), Form("protobuf", "none", "none", len(frames.numbers) + len(frames.damaged))
+    return one_file(columns, file, number), Form(
+        "protobuf", "none", "none", len(frames.numbers) + len(frames.damaged)
+    )
 
 
 def _report_frames(frames: Frames, raw: bytes, file: str, findings: list[Finding]) -> None:
     if frames.torn:
         first, last = frames.torn
         longest = max((len(message) for message in frames.messages), default=0)
-        if raw[first:].strip(b"\0") and last - first > 2 * longest + 8:  # more than a message under way
+        if (
+            raw[first:].strip(b"\0") and last - first > 2 * longest + 8
+        ):  # more than a message under way
             before = f"{len(frames.messages)} messages stand before it"
-            raise LogError(f"{file}: damaged at byte {first}: {before}, {last - first + 1} bytes behind it. Cut the file there.")
-        sentence = f"the file ends within a message or in NUL bytes (bytes {first} to {last}); left out."
+            raise LogError(
+                f"{file}: damaged at byte {first}: {before}, {last - first + 1} bytes behind it. Cut the file there."
+            )
+        sentence = (
+            f"the file ends within a message or in NUL bytes (bytes {first} to {last}); left out."
+        )
         findings.append(finding("torn end", "repaired", file, sentence, count=1))
     count = len(frames.messages) + len(frames.damaged)
     if len(frames.damaged) > max(1.0, DAMAGED_LIMIT * count):
-        raise LogError(f"{file}:{frames.damaged[0]}: {len(frames.damaged)} of {count} messages have a wrong checksum: the file is damaged.")
+        raise LogError(
+            f"{file}:{frames.damaged[0]}: {len(frames.damaged)} of {count} messages have a wrong checksum: the file is damaged."
+        )
     if frames.damaged:
-        findings.append(finding("checksum", "repaired", file, "message damaged; dropped.", lines=frames.damaged))
+        findings.append(
+            finding("checksum", "repaired", file, "message damaged; dropped.", lines=frames.damaged)
+        )
     if not frames.messages:
         raise LogError(f"{file}: no complete message.")
 
@@ -72,7 +90,9 @@ def _feedback(frames: Frames, file: str) -> tuple[list[EgmFeedback], NDArray[np.
         except LogError as error:
             raise LogError(f"{file}:{number}: {error}") from None
         if len(one.joints_deg) not in {0, 6}:
-            raise LogError(f"{file}:{number}: {len(one.joints_deg)} joint angles; six axes are read.")
+            raise LogError(
+                f"{file}:{number}: {len(one.joints_deg)} joint angles; six axes are read."
+            )
         feedback.append(one)
     return feedback, np.array(frames.numbers, dtype=np.int64)
 
@@ -89,20 +109,28 @@ def _in_sequence(
         return feedback, number  # a restart; the time tells whether it goes back
     if step.min(initial=1) < 0:
         sentence = "message came behind one that was sent later; put in order."
-        findings.append(finding("reordered message", "repaired", file, sentence, lines=number[1:][step < 0]))
+        findings.append(
+            finding("reordered message", "repaired", file, sentence, lines=number[1:][step < 0])
+        )
     order = np.argsort(seqno, kind="stable")
     repeated = np.diff(seqno[order], prepend=-1) == 0
     for i in np.flatnonzero(repeated):
         if feedback[order[i]] != feedback[order[i - 1]]:
-            raise LogError(f"{file}:{number[order[i]]}: sequence number {seqno[order[i]]} stands twice, with another content.")
+            raise LogError(
+                f"{file}:{number[order[i]]}: sequence number {seqno[order[i]]} stands twice, with another content."
+            )
     if repeated.any():
         sentence = "same message as the one before; the first is kept."
-        findings.append(finding("repeated message", "repaired", file, sentence, lines=number[order][repeated]))
+        findings.append(
+            finding("repeated message", "repaired", file, sentence, lines=number[order][repeated])
+        )
     kept = order[~repeated]
     lost = np.diff(seqno[kept]) - 1
     if lost.any():
         sentence = f"{lost.sum()} messages lost before these."
-        findings.append(finding("lost messages", "warning", file, sentence, lines=number[kept][1:][lost > 0]))
+        findings.append(
+            finding("lost messages", "warning", file, sentence, lines=number[kept][1:][lost > 0])
+        )
     return [feedback[i] for i in kept], number[kept]
 
 
@@ -122,12 +150,17 @@ def _from_first_angles(
     return feedback[start:], number[start:]
 
 
-def _times(feedback: list[EgmFeedback], number: NDArray[np.int64], file: str, findings: list[Finding]) -> NDArray[np.int64]:
+def _times(
+    feedback: list[EgmFeedback], number: NDArray[np.int64], file: str, findings: list[Finding]
+) -> NDArray[np.int64]:
     """[ns] of the controller's clock at the feedback, or of sending if no message has it."""
     if all(one.time_ns is None for one in feedback):
         sentence = "no time in the feedback (RobotWare before 6.07): the time of sending is used, in whole milliseconds."
         findings.append(finding("time of sending", "warning", file, sentence, count=len(feedback)))
-        feedback = [replace(one, time_ns=None if one.tm_ms is None else one.tm_ms * 1_000_000) for one in feedback]
+        feedback = [
+            replace(one, time_ns=None if one.tm_ms is None else one.tm_ms * 1_000_000)
+            for one in feedback
+        ]
     without = next((i for i, one in enumerate(feedback) if one.time_ns is None), None)
     if without is not None:
         raise LogError(f"{file}:{number[without]}: no time in this message.")

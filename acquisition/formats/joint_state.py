@@ -37,7 +37,9 @@ class Form:
     stamp: struct.Struct
     values: struct.Struct  # of the positions
     names: tuple[str, ...]  # of the joints; () where there are no positions
-    counts: tuple[tuple[bytes, int, int], ...]  # the counts of velocities and efforts, and where they stand
+    counts: tuple[
+        tuple[bytes, int, int], ...
+    ]  # the counts of velocities and efforts, and where they stand
 
     def read(self, message: bytes) -> JointState | None:
         """A message of this form; None if it is of another, or its numbers cannot be."""
@@ -50,7 +52,9 @@ class Form:
         positions = self.values.unpack_from(message, begin)
         if seconds < 0 or nanoseconds >= 1_000_000_000 or not math.isfinite(sum(positions)):
             return None
-        return JointState(seconds * 1_000_000_000 + nanoseconds, dict(zip(self.names, positions, strict=True)))
+        return JointState(
+            seconds * 1_000_000_000 + nanoseconds, dict(zip(self.names, positions, strict=True))
+        )
 
 
 class _Cdr:
@@ -58,7 +62,9 @@ class _Cdr:
 
     def __init__(self, message: bytes) -> None:
         if not 4 < len(message) <= _LARGEST or message[0] or message[1] not in {0, 1}:
-            raise LogError(f"JointState: {len(message)} bytes that begin with {message[:4].hex()!r} are no plain CDR message.")
+            raise LogError(
+                f"JointState: {len(message)} bytes that begin with {message[:4].hex()!r} are no plain CDR message."
+            )
         self.order = "<" if message[1] else ">"
         self._body = message[4:]
         self._at = 0
@@ -73,7 +79,9 @@ class _Cdr:
         size = struct.calcsize(code)
         at = self._at + -self._at % size if count else self._at
         if count * size > len(self._body) - at:
-            raise LogError(f"JointState: {count} numbers of {size} bytes claimed at byte {at + 4}, {len(self._body) - at} bytes are left.")
+            raise LogError(
+                f"JointState: {count} numbers of {size} bytes claimed at byte {at + 4}, {len(self._body) - at} bytes are left."
+            )
         self._at = at + count * size
         return struct.unpack_from(f"{self.order}{count}{code}", self._body, at)
 
@@ -86,7 +94,9 @@ class _Cdr:
         count = self.count()
         stop = self._at + count
         if not 0 < count <= len(self._body) - self._at or self._body[stop - 1]:
-            raise LogError(f"JointState: a text of {count} bytes at byte {self._at + 4} has no end.")
+            raise LogError(
+                f"JointState: a text of {count} bytes at byte {self._at + 4} has no end."
+            )
         text = self._body[self._at : stop - 1]
         self._at = stop
         try:
@@ -114,7 +124,9 @@ def decode_joint_state(message: bytes, known: list[Form]) -> JointState:
     positions = cdr.numbers("d", _at_most(cdr.count(), len(message)))
     begin, counts = cdr.place - 8 * len(positions), []
     if len(set(names)) < len(names) or len(positions) not in {0, len(names)}:
-        raise LogError(f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}.")
+        raise LogError(
+            f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}."
+        )
     if not all(math.isfinite(position) for position in positions):
         raise LogError("JointState: a position is not finite.")
     for _ in range(2):  # velocity and effort, often empty: only the end of the message is checked
@@ -122,10 +134,17 @@ def decode_joint_state(message: bytes, known: list[Form]) -> JointState:
         counts.append((message[cdr.place - 4 : cdr.place], cdr.place - 4, cdr.place))
         cdr.numbers("d", _at_most(count, len(message)))
     if len(known) < _FORMS:
-        stamp, values = struct.Struct(f"{cdr.order}iI"), struct.Struct(f"{cdr.order}{len(positions)}d")
+        stamp, values = (
+            struct.Struct(f"{cdr.order}iI"),
+            struct.Struct(f"{cdr.order}{len(positions)}d"),
+        )
         named = tuple(names) if positions else ()
-        known.append(Form(len(message), message[:4], message[12:begin], stamp, values, named, tuple(counts)))
-    return JointState(int(seconds) * 1_000_000_000 + int(nanoseconds), dict(zip(names, positions, strict=False)))
+        known.append(
+            Form(len(message), message[:4], message[12:begin], stamp, values, named, tuple(counts))
+        )
+    return JointState(
+        int(seconds) * 1_000_000_000 + int(nanoseconds), dict(zip(names, positions, strict=False))
+    )
 
 
 def _at_most(count: int, size: int) -> int:

@@ -25,7 +25,9 @@ from cell.errors import LogError
 _LONGEST_LINE = 10_000  # characters; a sample has about 300, and nesting that deep is an attack
 
 
-def read_json_lines(path: Path, file: str, time: str, layout: Layout, findings: list[Finding]) -> tuple[Table, Form]:
+def read_json_lines(
+    path: Path, file: str, time: str, layout: Layout, findings: list[Finding]
+) -> tuple[Table, Form]:
     """The wanted keys of every object, the time as whole numbers.
 
     Lines that are no such object are dropped and reported up to DAMAGED_LIMIT of all.
@@ -35,12 +37,18 @@ def read_json_lines(path: Path, file: str, time: str, layout: Layout, findings: 
     samples = [_sample(line) for line in text.lines]
     first = next((sample for sample in samples if sample), None)
     if first is None:
-        raise LogError(f"{file}:{text.number[0]}: {text.lines[0][:60]!r} is no JSON object with numbers.")
+        raise LogError(
+            f"{file}:{text.number[0]}: {text.lines[0][:60]!r} is no JSON object with numbers."
+        )
     place = f"{file}:{text.number[samples.index(first)]}"
     wanted = {time: "integer", **wanted_columns(layout, time, first, place)}
     if time not in first:
         raise LogError(f"{place}: {time} missing; the object has {', '.join(first)}.")
-    good = [i for i, sample in enumerate(samples) if sample and all(_fits(sample.get(name), kind) for name, kind in wanted.items())]
+    good = [
+        i
+        for i, sample in enumerate(samples)
+        if sample and all(_fits(sample.get(name), kind) for name, kind in wanted.items())
+    ]
     damaged = np.setdiff1d(np.arange(len(samples)), good)
     if damaged.size > max(1.0, DAMAGED_LIMIT * len(samples)):
         line = text.lines[int(damaged[0])]
@@ -50,10 +58,14 @@ def read_json_lines(path: Path, file: str, time: str, layout: Layout, findings: 
         )
     if damaged.size:
         sentence = "no JSON object with all keys; treated as torn line and dropped."
-        findings.append(finding("torn line", "repaired", file, sentence, lines=text.number[damaged]))
+        findings.append(
+            finding("torn line", "repaired", file, sentence, lines=text.number[damaged])
+        )
     rows = [samples[i] for i in good]
     columns = {
-        name: np.array([row[name] for row in rows if row], dtype=np.int64 if kind == "integer" else np.float64)
+        name: np.array(
+            [row[name] for row in rows if row], dtype=np.int64 if kind == "integer" else np.float64
+        )
         for name, kind in wanted.items()
     }
     table = one_file(columns, file, text.number[good])

@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, cast, NamedTuple
 
 import lz4.frame
 import zstandard
@@ -37,14 +37,19 @@ class _Message(NamedTuple):
     data: bytes
 
 
-def mcap_messages(path: Path, file: str, kind: str, findings: list[Finding]) -> Iterator[tuple[str, bytes]]:
+def mcap_messages(
+    path: Path, file: str, kind: str, findings: list[Finding]
+) -> Iterator[tuple[str, bytes]]:
     """Topic and CDR bytes of each message of one type, as they stand in the bag.
 
     Raises LogError if the bag is damaged; one that is only cut off is reported.
     """
     schemas: dict[int, str] = {}
     topics: dict[int, str] = {}
-    with path.open("rb") as opened, mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as stream:
+    with (
+        path.open("rb") as opened,
+        mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as stream,
+    ):
         size, complete = len(stream), 0
         if stream[: len(_MAGIC)] != _MAGIC:
             raise LogError(f"{file}: no MCAP bag: it does not begin with {_MAGIC!r}.")
@@ -55,13 +60,22 @@ def mcap_messages(path: Path, file: str, kind: str, findings: list[Finding]) -> 
                     schemas[record.id] = record.name
                 elif isinstance(record, Channel) and schemas.get(record.schema_id) == kind:
                     if record.message_encoding != "cdr":
-                        raise LogError(f"topic {record.topic} is encoded as {record.message_encoding!r}; ROS 2 writes cdr.")
+                        raise LogError(
+                            f"topic {record.topic} is encoded as {record.message_encoding!r}; ROS 2 writes cdr."
+                        )
                     topics[record.id] = record.topic
                 elif isinstance(record, (_Message, Message)) and record.channel_id in topics:
                     yield topics[record.channel_id], record.data
         except LogError as error:
             raise LogError(f"{file}: behind byte {complete}: {error}") from None
-        except (McapError, CRCValidationError, UnicodeDecodeError, struct.error, ValueError, OverflowError) as error:
+        except (
+            McapError,
+            CRCValidationError,
+            UnicodeDecodeError,
+            struct.error,
+            ValueError,
+            OverflowError,
+        ) as error:
             if stream.tell() < size or not isinstance(error, (McapError, struct.error)):
                 raise LogError(f"{file}: damaged behind byte {complete}: {error}") from None
             sentence = f"the bag is cut off: no whole record behind byte {complete} of {size}; what stands before it is read."
@@ -70,7 +84,9 @@ def mcap_messages(path: Path, file: str, kind: str, findings: list[Finding]) -> 
 
 def _records(stream: mmap.mmap, size: int) -> Iterator[Any]:
     """All records of the bag, those of the chunks included."""
-    for record in StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=size).records:  # type: ignore[arg-type]
+    bag = cast("BinaryIO", stream)  # an mmap reads and seeks as a file does
+    reader = StreamReader(bag, emit_chunks=True, validate_crcs=True, record_size_limit=size)
+    for record in reader.records:
         if isinstance(record, Chunk):
             yield from _broken_up(replace(record, compression="", data=_unpack(record)))
         else:
@@ -92,7 +108,9 @@ def _broken_up(chunk: Chunk) -> Iterator[Any]:
         elif length < _MESSAGE_HEAD:
             raise LogError("a message is shorter than its head.")
         else:
-            yield _Message(int.from_bytes(data[begin : begin + 2], "little"), data[begin + _MESSAGE_HEAD : end])
+            yield _Message(
+                int.from_bytes(data[begin : begin + 2], "little"), data[begin + _MESSAGE_HEAD : end]
+            )
         at = end
 
 
@@ -100,7 +118,9 @@ def _unpack(chunk: Chunk) -> bytes:
     """The content of a chunk: as long as it claims, and never more in memory."""
     claimed = chunk.uncompressed_size
     if claimed > _LARGEST_CHUNK:
-        raise LogError(f"a chunk claims to unpack to {claimed} bytes; at most {_LARGEST_CHUNK} are read.")
+        raise LogError(
+            f"a chunk claims to unpack to {claimed} bytes; at most {_LARGEST_CHUNK} are read."
+        )
     try:
         if chunk.compression == "zstd":
             data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(claimed + 1)
@@ -113,7 +133,11 @@ def _unpack(chunk: Chunk) -> bytes:
     except (zstandard.ZstdError, RuntimeError) as error:
         raise LogError(f"a chunk cannot be unpacked ({error}). The bag is damaged.") from None
     if len(data) != claimed:
-        raise LogError(f"a chunk that claims {claimed} bytes has {'more' if len(data) > claimed else len(data)}. The bag is damaged.")
+        raise LogError(
+            f"a chunk that claims {claimed} bytes has {'more' if len(data) > claimed else len(data)}. The bag is damaged."
+        )
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise LogError("the checksum of a chunk is wrong. The bag is damaged: `mcap recover` may save the other chunks.")
+        raise LogError(
+            "the checksum of a chunk is wrong. The bag is damaged: `mcap recover` may save the other chunks."
+        )
     return bytes(data)

@@ -26,7 +26,9 @@ _LONGEST_TEXT = 1000  # bytes; RAPID packs strings of at most 80
 _COMMAND = "cmdnum"
 
 
-def read_mpe(path: Path, file: str, time: str, layout: Layout, findings: list[Finding]) -> tuple[Table, Form]:
+def read_mpe(
+    path: Path, file: str, time: str, layout: Layout, findings: list[Finding]
+) -> tuple[Table, Form]:
     """The wanted columns of a log; float32 as the float64 of the same value. Its lines are row numbers, counted from 1.
 
     Raises LogError if the head is no such log's, columns are missing, or a number cannot be.
@@ -34,12 +36,16 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout, findings: list[Fi
     raw = stored_bytes(path, file, findings)
     version = _number(raw, 0, file)
     if version not in VERSIONS:
-        raise LogError(f"{file}: begins with {version:g}, not with a file version of abb_motion_program_exec (10011).")
+        raise LogError(
+            f"{file}: begins with {version:g}, not with a file version of abb_motion_program_exec (10011)."
+        )
     _, at = _text(raw, 4, file)
     header, at = _text(raw, at, file)
     names = header.split(",")
     if len(set(names)) < len(names) or time not in names:
-        raise LogError(f"{file}: the columns are {header!r}; expected {time} and the axes, each once.")
+        raise LogError(
+            f"{file}: the columns are {header!r}; expected {time} and the axes, each once."
+        )
     wanted = wanted_columns(layout, time, names, file)
     width = 4 * len(names)
     rest = (len(raw) - at) % width
@@ -54,7 +60,9 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout, findings: list[Fi
         raise LogError(f"{file}: a head but no complete row behind it.")
     _check_rows(filled, names, [names.index(name) for name in (time, *wanted)], file)
     columns = {name: filled[:, names.index(name)].copy() for name in (time, *wanted)}
-    return one_file(columns, file, np.arange(1, len(filled) + 1)), Form("float32", "none", "none", len(rows))
+    return one_file(columns, file, np.arange(1, len(filled) + 1)), Form(
+        "float32", "none", "none", len(rows)
+    )
 
 
 def _number(raw: bytes, at: int, file: str) -> float:
@@ -67,7 +75,9 @@ def _text(raw: bytes, at: int, file: str) -> tuple[str, int]:
     """A text with its length before it, and where the next field begins."""
     length = _number(raw, at, file)
     if not (0 < length <= _LONGEST_TEXT and length == int(length)):
-        raise LogError(f"{file}: a text of the head (byte {at}) claims {length:g} bytes: no log of abb_motion_program_exec, or damaged.")
+        raise LogError(
+            f"{file}: a text of the head (byte {at}) claims {length:g} bytes: no log of abb_motion_program_exec, or damaged."
+        )
     stop = at + 4 + int(length)
     text = raw[at + 4 : stop]
     if len(text) < length or not all(32 <= byte < 127 for byte in text):
@@ -75,24 +85,38 @@ def _text(raw: bytes, at: int, file: str) -> tuple[str, int]:
     return text.decode("ascii"), stop
 
 
-def _without_nul(rows: NDArray[np.float64], file: str, findings: list[Finding]) -> NDArray[np.float64]:
+def _without_nul(
+    rows: NDArray[np.float64], file: str, findings: list[Finding]
+) -> NDArray[np.float64]:
     """Rows without the block of zeros that a power loss leaves at the end; the first row may be zero."""
     filled = np.flatnonzero(rows.any(axis=1))
     count = int(filled[-1]) + 1 if filled.size else 0
     if count < len(rows):
         sentence = f"the last {len(rows) - count} rows are NUL bytes (power loss); left out."
-        findings.append(finding("NUL block at the end", "repaired", file, sentence, count=len(rows) - count))
+        findings.append(
+            finding("NUL block at the end", "repaired", file, sentence, count=len(rows) - count)
+        )
     return rows[:count]
 
 
-def _check_rows(rows: NDArray[np.float64], names: list[str], positions: list[int], file: str) -> None:
+def _check_rows(
+    rows: NDArray[np.float64], names: list[str], positions: list[int], file: str
+) -> None:
     wanted = rows[:, positions]
-    bad = np.argwhere(~np.isfinite(wanted) | (np.abs(wanted) > 1e6))  # 9E9 is ABB's mark of an axis that is not there
+    bad = np.argwhere(
+        ~np.isfinite(wanted) | (np.abs(wanted) > 1e6)
+    )  # 9E9 is ABB's mark of an axis that is not there
     if bad.size:
         row, column = (int(index) for index in bad[0])
-        raise LogError(f"{file}:{row + 1}: {names[positions[column]]} is {wanted[row, column]:g}, which no clock and no axis shows.")
+        raise LogError(
+            f"{file}:{row + 1}: {names[positions[column]]} is {wanted[row, column]:g}, which no clock and no axis shows."
+        )
     if _COMMAND in names:
         command = rows[:, names.index(_COMMAND)]
-        odd = np.flatnonzero((command != np.rint(command)) | (np.diff(command, prepend=command[0]) < 0))
+        odd = np.flatnonzero(
+            (command != np.rint(command)) | (np.diff(command, prepend=command[0]) < 0)
+        )
         if odd.size:
-            raise LogError(f"{file}:{odd[0] + 1}: {_COMMAND} {command[odd[0]]:g} is no number of a command, or goes back. Damaged here.")
+            raise LogError(
+                f"{file}:{odd[0] + 1}: {_COMMAND} {command[odd[0]]:g} is no number of a command, or goes back. Damaged here."
+            )

@@ -19,7 +19,9 @@ from acquisition.table.table import Form, Table, read_table
 from cell.errors import DescriptionError
 
 _Reader = Callable[[Path, str, str, Layout, list[Finding]], tuple[Table, Form]]
-_READERS: dict[str, tuple[_Reader, str, str]] = {  # with the type and unit of the times that it gives
+_READERS: dict[
+    str, tuple[_Reader, str, str]
+] = {  # with the type and unit of the times that it gives
     "twincat-scope": (read_scope, "integer", "ns"),
     "json-lines": (read_json_lines, "integer", "us"),
     "egm": (read_egm, "integer", "ns"),
@@ -30,7 +32,12 @@ _READERS: dict[str, tuple[_Reader, str, str]] = {  # with the type and unit of t
 
 def container_of(raw: bytes) -> Container:
     """The kind of container that the content of a device file begins like; text if it is like none of the others."""
-    begins: dict[bytes, Container] = {b"\x89MCAP0\r\n": "rosbag", b"SQLite format 3\0": "rosbag", FILE_START: "egm", b"{": "json-lines"}
+    begins: dict[bytes, Container] = {
+        b"\x89MCAP0\r\n": "rosbag",
+        b"SQLite format 3\0": "rosbag",
+        FILE_START: "egm",
+        b"{": "json-lines",
+    }
     for start, container in begins.items():
         if raw.startswith(start):
             return container
@@ -39,7 +46,9 @@ def container_of(raw: bytes) -> Container:
     return "twincat-scope" if b"Starttime of export" in raw[:1000] else "text"
 
 
-def read_file(path: Path, file: str, dialect: Dialect, layout: Layout, findings: list[Finding]) -> tuple[Table, Form]:
+def read_file(
+    path: Path, file: str, dialect: Dialect, layout: Layout, findings: list[Finding]
+) -> tuple[Table, Form]:
     """The wanted columns of one device file; repairs and warnings are appended to `findings`.
 
     file : the name that errors and findings give it.
@@ -49,5 +58,7 @@ def read_file(path: Path, file: str, dialect: Dialect, layout: Layout, findings:
         return read_table(path, file, layout, findings)
     reader, kind, unit = _READERS[dialect.container]
     if (dialect.time.type, dialect.time.unit) != (kind, unit):
-        raise DescriptionError(f"{file}: times of {dialect.container} have type: {kind}, unit: {unit}; the dialect says otherwise.")
+        raise DescriptionError(
+            f"{file}: times of {dialect.container} have type: {kind}, unit: {unit}; the dialect says otherwise."
+        )
     return reader(path, file, dialect.time.column, layout, findings)

@@ -34,7 +34,10 @@ FLOAT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 _FILETIMES = range(10**17, 2 * 10**17)  # [100 ns since 1601] the years 1917 to 2234
 _FREE_TEXT = {"Name", "SymbolComment"}  # a channel may be called as the key is
-_MAY_DIFFER = {SAMPLE_TIME, "SymbolComment"}  # 0,2 ms with comma separator has a field too many, empty comments one too few
+_MAY_DIFFER = {
+    SAMPLE_TIME,
+    "SymbolComment",
+}  # 0,2 ms with comma separator has a field too many, empty comments one too few
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,11 @@ class Export:
     @property
     def names(self) -> list[str]:
         """Names of the channels; not unique."""
-        return [name for group in self.groups for name in self.meta["Name"][group.start + 1 : group.stop]]
+        return [
+            name
+            for group in self.groups
+            for name in self.meta["Name"][group.start + 1 : group.stop]
+        ]
 
 
 def read_export(path: Path, file: str, findings: list[Finding]) -> tuple[LogText, Export]:
@@ -72,21 +79,33 @@ def read_export(path: Path, file: str, findings: list[Finding]) -> tuple[LogText
     """
     told: list[Finding] = []
     text = read_text(path, file, told)
-    findings += [one for one in told if one.kind != "blank line"]  # blank lines part preamble, metadata and data
+    findings += [
+        one for one in told if one.kind != "blank line"
+    ]  # blank lines part preamble, metadata and data
     lines = text.lines
     separator = lines[0][4:5]
     if not lines[0].startswith("Name") or separator not in {*SEPARATORS, " "}:
-        raise LogError(f"{file}:{text.number[0]}: no TwinCAT Scope export: the first line does not begin with `Name` and a separator.")
+        raise LogError(
+            f"{file}:{text.number[0]}: no TwinCAT Scope export: the first line does not begin with `Name` and a separator."
+        )
     if separator == " ":
-        raise LogError(f"{file}: fields are separated by blanks, as are the words in them. Export again with tabs.")
+        raise LogError(
+            f"{file}: fields are separated by blanks, as are the words in them. Export again with tabs."
+        )
     head = next((i for i in range(1, len(lines)) if lines[i].startswith("Name" + separator)), None)
     if head is None:
-        raise LogError(f"{file}: no line with the names of the channels (`Name`, name, ...) below the preamble.")
-    body = next((i for i in range(head, len(lines)) if _is_data(lines[i].split(separator)[0])), len(lines))
+        raise LogError(
+            f"{file}: no line with the names of the channels (`Name`, name, ...) below the preamble."
+        )
+    body = next(
+        (i for i in range(head, len(lines)) if _is_data(lines[i].split(separator)[0])), len(lines)
+    )
     meta, groups = _metadata(lines[head:body], separator, f"{file}:{text.number[head]}")
     start, end = (_filetime(lines[:head], key, separator, file) for key in ("Starttime", "Endtime"))
     rows, number = _rows(lines[body:], text.number[body:], separator, file)
-    return text, Export(file, separator, start, end, meta, groups, _decimal(rows, number, file), rows, number)
+    return text, Export(
+        file, separator, start, end, meta, groups, _decimal(rows, number, file), rows, number
+    )
 
 
 def _is_data(cell: str) -> bool:
@@ -97,13 +116,19 @@ def _filetime(preamble: list[str], key: str, separator: str, file: str) -> int:
     for line in preamble:
         cells = line.split(separator)
         if cells[0].startswith(key) and len(cells) > 1:
-            if INTEGER.fullmatch(cells[1]) and len(cells[1]) == len(str(_FILETIMES.start)) and int(cells[1]) in _FILETIMES:
+            if (
+                INTEGER.fullmatch(cells[1])
+                and len(cells[1]) == len(str(_FILETIMES.start))
+                and int(cells[1]) in _FILETIMES
+            ):
                 return int(cells[1])
             raise LogError(f"{file}: {cells[0]}: {cells[1][:30]!r} is no FILETIME (18 digits).")
     raise LogError(f"{file}: the preamble has no line `{key} of export`.")
 
 
-def _metadata(lines: list[str], separator: str, place: str) -> tuple[dict[str, list[str]], list[Group]]:
+def _metadata(
+    lines: list[str], separator: str, place: str
+) -> tuple[dict[str, list[str]], list[Group]]:
     """Metadata by key, and the groups of columns, on which all lines must agree."""
     names = lines[0].split(separator)
     width = len(names) - (names[-1] == "")
@@ -115,23 +140,33 @@ def _metadata(lines: list[str], separator: str, place: str) -> tuple[dict[str, l
         if cells[width:] in ([], [""]) and len(cells) >= width:
             meta[cells[0]] = cells[:width]
         elif cells[0] not in _MAY_DIFFER:
-            raise LogError(f"{place}: the line {cells[0][:30]!r} of the metadata has {len(cells)} fields, `Name` has {width}.")
+            raise LogError(
+                f"{place}: the line {cells[0][:30]!r} of the metadata has {len(cells)} fields, `Name` has {width}."
+            )
     if "Data-Type" not in meta:
-        raise LogError(f"{place}: the metadata have no line `Data-Type` with a field for each column of `Name`.")
+        raise LogError(
+            f"{place}: the metadata have no line `Data-Type` with a field for each column of `Name`."
+        )
     starts = [i for i, cell in enumerate(meta["Data-Type"]) if cell == "Data-Type"]
     for key, cells in meta.items():
         here = [i for i, cell in enumerate(cells) if cell == key]
         if not set(starts) <= set(here) or (here != starts and key not in _FREE_TEXT):
-            raise LogError(f"{place}: the lines `Data-Type` and {key!r} do not agree on which columns are times. The file is damaged.")
+            raise LogError(
+                f"{place}: the lines `Data-Type` and {key!r} do not agree on which columns are times. The file is damaged."
+            )
     groups = [Group(start, stop) for start, stop in zip(starts, [*starts[1:], width], strict=True)]
     if any(group.stop - group.start < 2 for group in groups):
         raise LogError(f"{place}: a time column without a channel.")
     return meta, groups
 
 
-def _rows(lines: list[str], number: NDArray[np.int64], separator: str, file: str) -> tuple[list[list[str]], NDArray[np.int64]]:
+def _rows(
+    lines: list[str], number: NDArray[np.int64], separator: str, file: str
+) -> tuple[list[list[str]], NDArray[np.int64]]:
     if "EOF" in lines[:-1]:
-        raise LogError(f"{file}:{number[lines.index('EOF')]}: `EOF` stands here, and lines follow. Two exports in one file? Split it.")
+        raise LogError(
+            f"{file}:{number[lines.index('EOF')]}: `EOF` stands here, and lines follow. Two exports in one file? Split it."
+        )
     rows = [line.split(separator) for line in lines if line != "EOF"]
     if not rows:
         raise LogError(f"{file}: metadata but no data below them.")
@@ -143,7 +178,12 @@ def _decimal(rows: list[list[str]], number: NDArray[np.int64], file: str) -> str
 
     Raises LogError if both stand there.
     """
-    commas, points = (next((i for i, row in enumerate(rows) if any(mark in cell for cell in row)), None) for mark in ",.")
+    commas, points = (
+        next((i for i, row in enumerate(rows) if any(mark in cell for cell in row)), None)
+        for mark in ",."
+    )
     if commas is not None and points is not None:
-        raise LogError(f"{file}:{number[max(commas, points)]}: decimal commas and decimal points in one file. Export it again.")
+        raise LogError(
+            f"{file}:{number[max(commas, points)]}: decimal commas and decimal points in one file. Export it again."
+        )
     return "comma" if commas is not None else "point"

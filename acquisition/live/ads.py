@@ -11,7 +11,9 @@ import pyads
 
 from acquisition.live.source import DeviceSilentError
 
-TIMEOUT_MS = 1000  # beyond it the connection counts as lost; a healthy PLC answers within a few cycles
+TIMEOUT_MS = (
+    1000  # beyond it the connection counts as lost; a healthy PLC answers within a few cycles
+)
 # What the common error codes of ADS mean for someone who stands at the machine.
 _MEANING = {
     -1: "the connection was closed",
@@ -46,7 +48,9 @@ class AdsMemory:
             self._group, self._offset = found.index_group, found.index_offset
         except (pyads.ADSError, RuntimeError) as error:
             self.close()
-            raise DeviceSilentError(f"PLC {self._address}, {self._symbol}: {_words(error)}") from None
+            raise DeviceSilentError(
+                f"PLC {self._address}, {self._symbol}: {_words(error)}"
+            ) from None
 
     def read(self, offset: int, size: int) -> bytes:
         """Bytes of the variable.
@@ -54,7 +58,9 @@ class AdsMemory:
         Raises DeviceSilentError when the PLC no longer answers.
         """
         try:
-            raw = self._connection.read(self._group, self._offset + offset, ctypes.c_ubyte * size, return_ctypes=True)
+            raw = self._connection.read(
+                self._group, self._offset + offset, ctypes.c_ubyte * size, return_ctypes=True
+            )
         except (pyads.ADSError, RuntimeError) as error:
             raise DeviceSilentError(f"PLC {self._address}: {_words(error)}") from None
         if raw is None:
@@ -70,4 +76,8 @@ class AdsMemory:
 
 
 def _words(error: Exception) -> str:
-    return _MEANING.get(getattr(error, "err_code", 0)) or str(error).removeprefix("ADSError: ").strip(" .") or "no answer"
+    return (
+        _MEANING.get(getattr(error, "err_code", 0))
+        or str(error).removeprefix("ADSError: ").strip(" .")
+        or "no answer"
+    )

@@ -21,7 +21,9 @@ LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 6510  # ABB's for UdpUc devices
 SILENCE = 2.0  # [s] without a message: the EGM session has ended; gaps of a running one reach 25 ms (log_formats sec. D)
 _BUFFER = 1 << 22  # bytes for the kernel to hold: several seconds of messages
-_REORDERED = 10  # messages; a network may swap neighbours, a session that starts anew goes back further
+_REORDERED = (
+    10  # messages; a network may swap neighbours, a session that starts anew goes back further
+)
 _MOST = 10_000  # messages a poll: whoever sends faster than they are read must not keep a poll from ending
 _AXES = 6
 
@@ -46,9 +48,14 @@ class EgmSource:
             self._socket.bind((address, port))
         except OSError as error:
             self._socket.close()
-            known = {errno.EADDRINUSE: "another program listens there", errno.EADDRNOTAVAIL: "no network card has this address"}
+            known = {
+                errno.EADDRINUSE: "another program listens there",
+                errno.EADDRNOTAVAIL: "no network card has this address",
+            }
             reason = known.get(error.errno or 0, error.strerror)
-            raise InputError(f"--egm {address}:{port}: {reason}. Name another port or address.") from None
+            raise InputError(
+                f"--egm {address}:{port}: {reason}. Name another port or address."
+            ) from None
         self._sender: tuple[str, int] | None = None
         self._last_seqno: int | None = None
         self._held: list[tuple[bytes, EgmFeedback]] = []  # of the next session
@@ -71,7 +78,12 @@ class EgmSource:
 
     def connect(self) -> None:
         """Forgets the sender and the numbers of the last session."""
-        self._sender, self._last_seqno, self._missing, self._heard = None, None, set(), time.monotonic()
+        self._sender, self._last_seqno, self._missing, self._heard = (
+            None,
+            None,
+            set(),
+            time.monotonic(),
+        )
 
     def poll(self) -> Batch:
         messages, refused = self._held, 0
@@ -114,7 +126,11 @@ class EgmSource:
                 break
             skipped = range(number if last is None else last + 1, number)
             lost += len(skipped) - (number in self._missing)  # late is not lost
-            self._missing = {n for n in (*self._missing, *skipped[-_REORDERED:]) if n > number - _REORDERED and n != number}
+            self._missing = {
+                n
+                for n in (*self._missing, *skipped[-_REORDERED:])
+                if n > number - _REORDERED and n != number
+            }
             last = number if last is None else max(last, number)
         self._last_seqno = last
         ends = "the controller started a new EGM session" if self._held else ""
@@ -122,7 +138,9 @@ class EgmSource:
         return Batch(
             records=[frame(content) for content, _ in messages],
             t_ns=np.array([_stamp(feedback) for feedback in shown], dtype=np.int64),
-            values=np.array([feedback.joints_deg[:_AXES] for feedback in shown], dtype=np.float64).reshape(len(shown), _AXES),
+            values=np.array(
+                [feedback.joints_deg[:_AXES] for feedback in shown], dtype=np.float64
+            ).reshape(len(shown), _AXES),
             status=np.zeros(0, dtype=np.int64),
             lost=lost,
             refused=refused,

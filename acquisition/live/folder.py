@@ -38,7 +38,9 @@ class RecordingFolder:
 
     def __init__(self, path: Path, cell: CellNames) -> None:
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise InputError(f"{path}: exists already; nothing was written. A recording needs a folder that is new or empty.")
+            raise InputError(
+                f"{path}: exists already; nothing was written. A recording needs a folder that is new or empty."
+            )
         (path / "raw").mkdir(parents=True, exist_ok=True)
         self.path = path
         self._cell = cell
@@ -76,10 +78,19 @@ class RecordingFolder:
         return tuple(words for name, words in _MISSING.items() if name not in self._files)
 
     def _write(self, notes: str) -> None:
-        recorded = {name: {"files": self._files[name], "dialect": self._dialects[name]} for name in sorted(self._files, reverse=True)}
+        recorded = {
+            name: {"files": self._files[name], "dialect": self._dialects[name]}
+            for name in sorted(self._files, reverse=True)
+        }
         # The sense of rotation is left at +1: identification finds it, from either start.
         fitted = {
-            f"b{j}": {"column": f"b{j}", "lines": self._cell.lines, "bits": self._encoders.bits, "sign": 1} for j in self._encoders.joints
+            f"b{j}": {
+                "column": f"b{j}",
+                "lines": self._cell.lines,
+                "bits": self._encoders.bits,
+                "sign": 1,
+            }
+            for j in self._encoders.joints
         }
         write_yaml(
             self.path / "recording.yaml",

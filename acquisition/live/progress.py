@@ -60,7 +60,9 @@ class Tally:
     def new_segment(self) -> None:
         """Neither gaps nor the rate reach over the end of a segment."""
         self._period = self._last_stamp = 0
-        self._recent: deque[tuple[int, int]] = deque(maxlen=_RATE_POLLS)  # last stamp [ns], records so far
+        self._recent: deque[tuple[int, int]] = deque(
+            maxlen=_RATE_POLLS
+        )  # last stamp [ns], records so far
 
     def show(self, **changes: object) -> None:
         """Replaces fields of the progress."""
@@ -81,7 +83,11 @@ class Tally:
         records = before.records + len(batch.records)
         if batch.t_ns.size:
             self._recent.append((int(batch.t_ns[-1]), records))
-        ever = batch.status if before.ever is None or not before.ever.size else before.ever | batch.status
+        ever = (
+            batch.status
+            if before.ever is None or not before.ever.size
+            else before.ever | batch.status
+        )
         self.show(
             records=records,
             lost=before.lost + batch.lost,

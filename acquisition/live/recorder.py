@@ -34,7 +34,12 @@ class Recorder:
     """Records one source until `stop` is set. `watch` sees each batch once it is on disk."""
 
     def __init__(
-        self, source: Source, folder: RecordingFolder, stop: threading.Event, *, watch: Callable[[Source, Batch], None] | None = None
+        self,
+        source: Source,
+        folder: RecordingFolder,
+        stop: threading.Event,
+        *,
+        watch: Callable[[Source, Batch], None] | None = None,
     ) -> None:
         self.failure: Exception | None = None
         self._source, self._folder, self._stop, self._watch = source, folder, stop, watch
@@ -64,7 +69,9 @@ class Recorder:
                 state = step[state]()
         except OSError as error:
             self.failure = self._broken(error)
-        except Exception as error:  # whatever it is: the files are closed, and the main thread raises it
+        except (
+            Exception
+        ) as error:  # whatever it is: the files are closed, and the main thread raises it
             self.failure = error
         finally:
             self._give_up()
@@ -161,5 +168,11 @@ class Recorder:
 
     def _broken(self, error: OSError) -> RecorderError:
         where = self._file.path if self._file is not None else self._folder.path
-        kept = f"{self._file.records} whole records are in it and can be read. " if self._file is not None else ""
-        return RecorderError(f"{where}: cannot be written: {error.strerror or error}. {kept}Make room or record to another disk.")
+        kept = (
+            f"{self._file.records} whole records are in it and can be read. "
+            if self._file is not None
+            else ""
+        )
+        return RecorderError(
+            f"{where}: cannot be written: {error.strerror or error}. {kept}Make room or record to another disk."
+        )

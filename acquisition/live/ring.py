@@ -22,8 +22,25 @@ from numpy.typing import NDArray
 from acquisition.live.source import DeviceSilentError, Encoders
 
 LAYOUT = 0x31424244  # "DBB1" in memory
-HEADER = np.dtype([("layout", "<u4"), ("capacity", "<u4"), ("fitted", "<u4"), ("bits", "<u4"), ("started", "<u8"), ("written", "<u8")])
-SAMPLE = np.dtype([("sequence", "<u8"), ("time", "<u8"), ("counter", "<u4", 5), ("status", "<u2", 5), ("spare", "<u2")])
+HEADER = np.dtype(
+    [
+        ("layout", "<u4"),
+        ("capacity", "<u4"),
+        ("fitted", "<u4"),
+        ("bits", "<u4"),
+        ("started", "<u8"),
+        ("written", "<u8"),
+    ]
+)
+SAMPLE = np.dtype(
+    [
+        ("sequence", "<u8"),
+        ("time", "<u8"),
+        ("counter", "<u4", 5),
+        ("status", "<u2", 5),
+        ("spare", "<u2"),
+    ]
+)
 CAPACITIES = range(16, 1 << 20)  # samples
 SAMPLES_A_READ = 500  # 24 kB; larger ADS reads only keep the PLC's router busy longer
 
@@ -82,7 +99,9 @@ class RingReader:
         samples = samples[overwritten:]
         expected = np.arange(first + overwritten, first + count, dtype=np.uint64) + np.uint64(1)
         if not np.array_equal(samples["sequence"], expected):
-            raise DeviceSilentError("the ring's sequence numbers do not follow one another; the PLC's program was changed")
+            raise DeviceSilentError(
+                "the ring's sequence numbers do not follow one another; the PLC's program was changed"
+            )
         lost = first + overwritten - self._next
         self._next = first + count
         return Taken(samples, lost)
@@ -105,10 +124,16 @@ class RingReader:
 
     def _header(self) -> _Header:
         raw = np.frombuffer(self._read(0, HEADER.itemsize), dtype=HEADER)[0]
-        layout, capacity, fitted, bits = (int(raw[name]) for name in ("layout", "capacity", "fitted", "bits"))
+        layout, capacity, fitted, bits = (
+            int(raw[name]) for name in ("layout", "capacity", "fitted", "bits")
+        )
         if layout != LAYOUT or capacity not in CAPACITIES:
-            raise DeviceSilentError("the PLC's ring has another layout than that of docs/recorder.md, or its program does not run yet")
+            raise DeviceSilentError(
+                "the PLC's ring has another layout than that of docs/recorder.md, or its program does not run yet"
+            )
         if not 0 < fitted < 32 or not 8 <= bits <= 13:
-            raise DeviceSilentError(f"the PLC's ring names no encoder, or none of an EL5021: fitted = {fitted}, bits = {bits}")
+            raise DeviceSilentError(
+                f"the PLC's ring names no encoder, or none of an EL5021: fitted = {fitted}, bits = {bits}"
+            )
         encoders = Encoders(tuple(j for j in range(1, 6) if fitted >> (j - 1) & 1), bits)
         return _Header(capacity, int(raw["started"]), int(raw["written"]), encoders)

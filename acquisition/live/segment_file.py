@@ -20,7 +20,9 @@ class SegmentFile:
     def __init__(self, path: Path, start: bytes) -> None:
         self.path = path
         self.records = 0  # in the file, whole
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
+        self._descriptor = os.open(
+            path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644
+        )
         self._start = start
         self._size = 0  # bytes of the whole records, with the start
 

@@ -16,12 +16,21 @@ CLOSING = 5.0  # [s] for a source to end; a device that hangs loses nothing that
 class LiveRecording:
     """Recorders of several sources into one folder."""
 
-    def __init__(self, folder: RecordingFolder, sources: Sequence[Source], *, watch: Callable[[Source, Batch], None] | None = None) -> None:
+    def __init__(
+        self,
+        folder: RecordingFolder,
+        sources: Sequence[Source],
+        *,
+        watch: Callable[[Source, Batch], None] | None = None,
+    ) -> None:
         self._folder = folder
         self._stop = threading.Event()
         self._recorders = [Recorder(source, folder, self._stop, watch=watch) for source in sources]
         # Daemons: a PLC that hangs in a call must not keep the program from ending.
-        self._threads = [threading.Thread(target=recorder.run, name=recorder.progress.name, daemon=True) for recorder in self._recorders]
+        self._threads = [
+            threading.Thread(target=recorder.run, name=recorder.progress.name, daemon=True)
+            for recorder in self._recorders
+        ]
 
     def start(self) -> None:
         """Begins; returns at once."""
@@ -57,14 +66,23 @@ class LiveRecording:
         for recorder in self._recorders:
             if recorder.failure is not None:
                 raise recorder.failure
-        self._folder.finish(" ".join(sentence for progress in self.progress for sentence in notes(progress)))
+        self._folder.finish(
+            " ".join(sentence for progress in self.progress for sentence in notes(progress))
+        )
 
 
 def notes(progress: Progress) -> list[str]:
     """What a reader of the recording should know of a source, as sentences."""
-    sentences = [f"{progress.name}: segment {i} ended: {event}." for i, event in enumerate(progress.events, start=1)]
+    sentences = [
+        f"{progress.name}: segment {i} ended: {event}."
+        for i, event in enumerate(progress.events, start=1)
+    ]
     if progress.lost:
-        sentences.append(f"{progress.name}: {progress.lost} records were lost before the recorder got them.")
+        sentences.append(
+            f"{progress.name}: {progress.lost} records were lost before the recorder got them."
+        )
     if progress.refused:
-        sentences.append(f"{progress.name}: {progress.refused} datagrams were not of this robot and were left out.")
+        sentences.append(
+            f"{progress.name}: {progress.refused} datagrams were not of this robot and were left out."
+        )
     return [*sentences, *(f"{progress.name}: {warning}." for warning in progress.warnings)]

@@ -21,8 +21,12 @@ class Batch:
 
     records: list[bytes]  # lines or frames of the file, each complete
     t_ns: NDArray[np.int64]  # (N,) [ns] the device's stamps of the records
-    values: NDArray[np.float64]  # (N, K) for the eye: encoder angles [deg] unwrapped from 0, or joint angles [deg]
-    status: NDArray[np.int64]  # (K,) status words of the encoders, or-ed over the records; empty for a robot
+    values: NDArray[
+        np.float64
+    ]  # (N, K) for the eye: encoder angles [deg] unwrapped from 0, or joint angles [deg]
+    status: NDArray[
+        np.int64
+    ]  # (K,) status words of the encoders, or-ed over the records; empty for a robot
     lost: int = 0  # records that the device made and that cannot be had any more
     refused: int = 0  # datagrams that are no message of this device
     ends: str = ""  # why the segment ends behind these records; what follows goes into a new file

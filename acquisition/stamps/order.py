@@ -33,8 +33,14 @@ def in_sequence(table: Table, sequence: str | None, findings: list[Finding]) -> 
     """
     stamps = table.columns[STAMP]
     if stamps.size and stamps.min() < 0:
-        raise LogError(f"{table.place(int(np.argmin(stamps)))}: time stamp {stamps.min() * 1e-9:.9g} s is negative.")
-    return table if sequence is None or sequence not in table.columns else _by_sequence(table, sequence, findings)
+        raise LogError(
+            f"{table.place(int(np.argmin(stamps)))}: time stamp {stamps.min() * 1e-9:.9g} s is negative."
+        )
+    return (
+        table
+        if sequence is None or sequence not in table.columns
+        else _by_sequence(table, sequence, findings)
+    )
 
 
 def in_order(table: Table, findings: list[Finding]) -> Table:
@@ -54,7 +60,11 @@ def _by_sequence(table: Table, sequence: str, findings: list[Finding]) -> Table:
     repeated = np.flatnonzero(step == 0) + 1
     if repeated.size:
         sentence = "same sequence number as the row before: read twice; the first is kept."
-        findings.append(finding("row read twice", "repaired", table.files[0], sentence, lines=table.line[repeated]))
+        findings.append(
+            finding(
+                "row read twice", "repaired", table.files[0], sentence, lines=table.line[repeated]
+            )
+        )
         table = table.take(np.concatenate(([True], step != 0)))
         number = table.columns[sequence]
         step = np.diff(number)
@@ -65,7 +75,9 @@ def _by_sequence(table: Table, sequence: str, findings: list[Finding]) -> Table:
     order = np.lexsort((number, stretch))
     moved = order != np.arange(order.size)
     sentence = "rows put in the order of their sequence numbers."
-    findings.append(finding("rows out of order", "repaired", table.files[0], sentence, lines=table.line[late]))
+    findings.append(
+        finding("rows out of order", "repaired", table.files[0], sentence, lines=table.line[late])
+    )
     table = table.take(order)
     table.flags[moved] |= np.uint32(RowFlag.REORDERED)
     table.begins[1:] |= np.diff(stretch[order]) > 0
@@ -86,7 +98,11 @@ def _without_strays(table: Table, findings: list[Finding]) -> Table:
     stray = np.zeros(stamps.size, dtype=bool)
     for row in np.flatnonzero(step < 0) + 1:
         for one in (row, row - 1):  # too low itself, or the one before too high
-            if 0 < one < stamps.size - 1 and not stray[max(0, one - 1) : one + 2].any() and 0 < stamps[one + 1] - stamps[one - 1] <= near:
+            if (
+                0 < one < stamps.size - 1
+                and not stray[max(0, one - 1) : one + 2].any()
+                and 0 < stamps[one + 1] - stamps[one - 1] <= near
+            ):
                 stray[one] = True
                 break
     rows = np.flatnonzero(stray)
@@ -97,8 +113,12 @@ def _without_strays(table: Table, findings: list[Finding]) -> Table:
             f"{table.place(rows[0])}: the stamp stands out of the order of its neighbours, and so in {rows.size} of {stamps.size} rows. "
             "Rows that come late need a sequence number to be put in order: log it, or the time at which they were taken."
         )
-    sentence = "the stamp stands out of the order of its neighbours, so it is damaged; row left out."
-    findings.append(finding("damaged stamp", "repaired", table.files[0], sentence, lines=table.line[rows]))
+    sentence = (
+        "the stamp stands out of the order of its neighbours, so it is damaged; row left out."
+    )
+    findings.append(
+        finding("damaged stamp", "repaired", table.files[0], sentence, lines=table.line[rows])
+    )
     return table.take(~stray)
 
 
@@ -107,7 +127,9 @@ def _without_repeats(table: Table, findings: list[Finding]) -> Table:
     repeated = np.flatnonzero(step == 0) + 1
     if not repeated.size:
         return table
-    values = [column for name, column in table.columns.items() if name != STAMP and column.dtype != object]
+    values = [
+        column for name, column in table.columns.items() if name != STAMP and column.dtype != object
+    ]
     other = np.zeros(repeated.size, dtype=bool)
     for column in values:
         other |= column[repeated] != column[repeated - 1]
@@ -117,7 +139,9 @@ def _without_repeats(table: Table, findings: list[Finding]) -> Table:
             "The clock is too coarse for the rows: log a finer one, or declare `quantised: true` if the rows were taken evenly."
         )
     sentence = "same stamp as the row before; the first row of each stamp is kept."
-    findings.append(finding("duplicate stamp", "repaired", table.files[0], sentence, lines=table.line[repeated]))
+    findings.append(
+        finding("duplicate stamp", "repaired", table.files[0], sentence, lines=table.line[repeated])
+    )
     kept = np.concatenate(([True], step != 0))
     before = np.flatnonzero(kept)[np.cumsum(kept)[repeated] - 1]
     table.flags[before] |= np.uint32(RowFlag.DUPLICATE)
@@ -140,8 +164,13 @@ def join(tables: list[Table]) -> Table:
                 "The files of one source must follow one another on one clock."
             )
         after.begins[0] = True
-    columns = {name: np.concatenate([table.columns[name] for table in ordered]) for name in _common_columns(ordered)}
-    index = np.concatenate([np.full(len(table), i, dtype=np.int64) for i, table in enumerate(ordered)])
+    columns = {
+        name: np.concatenate([table.columns[name] for table in ordered])
+        for name in _common_columns(ordered)
+    }
+    index = np.concatenate(
+        [np.full(len(table), i, dtype=np.int64) for i, table in enumerate(ordered)]
+    )
     return Table(
         columns,
         tuple(table.files[0] for table in ordered),
@@ -157,14 +186,22 @@ def seconds_from(stamps: Stamps, first: int | np.integer) -> NDArray[np.float64]
     return np.asarray((stamps - first) / 1_000_000_000, dtype=np.float64)
 
 
-def report_periods(table: Table, t: NDArray[np.float64], usual_s: tuple[float, float], findings: list[Finding]) -> Flags:
+def report_periods(
+    table: Table, t: NDArray[np.float64], usual_s: tuple[float, float], findings: list[Finding]
+) -> Flags:
     """(N,) flags of overruns and gaps of a log; they and an unusual period are appended to `findings`; t : (N,) [s]."""
     step = np.diff(t)
     period = float(np.median(step))
     if not usual_s[0] <= period <= usual_s[1]:
         sentence = f"the median period is {amount(period)}; logs of this dialect have {amount(usual_s[0])} to {amount(usual_s[1])}."
         findings.append(
-            finding("unusual period", "warning", table.files[0], sentence + " Is the time column in the declared unit?", count=1)
+            finding(
+                "unusual period",
+                "warning",
+                table.files[0],
+                sentence + " Is the time column in the declared unit?",
+                count=1,
+            )
         )
     gap = step > GAP * period
     overrun = (step > OVERRUN * period) & ~gap
@@ -176,7 +213,13 @@ def report_periods(table: Table, t: NDArray[np.float64], usual_s: tuple[float, f
     return flags
 
 
-def _report_irregular(step: NDArray[np.float64], period: float, known: NDArray[np.bool_], table: Table, findings: list[Finding]) -> None:
+def _report_irregular(
+    step: NDArray[np.float64],
+    period: float,
+    known: NDArray[np.bool_],
+    table: Table,
+    findings: list[Finding],
+) -> None:
     """A few steps that differ from the period, in a log that otherwise keeps it: the clock was set, or a stamp is damaged."""
     off = np.abs(step - period)
     if off.max() <= FINEST:
@@ -186,11 +229,18 @@ def _report_irregular(step: NDArray[np.float64], period: float, known: NDArray[n
     if 0 < odd.size <= max(3.0, STRAY_LIMIT * off.size):
         sentence = f"up to {amount(float(off[odd - 1].max()))} off the period, which the other rows keep to {amount(max(usual, 1e-9))}."
         file = table.files[table.file[odd[0]]]
-        findings.append(finding("irregular stamp", "warning", file, sentence, lines=table.line[odd]))
+        findings.append(
+            finding("irregular stamp", "warning", file, sentence, lines=table.line[odd])
+        )
 
 
 def _report_steps(
-    kind: str, where: NDArray[np.bool_], step: NDArray[np.float64], period: float, table: Table, findings: list[Finding]
+    kind: str,
+    where: NDArray[np.bool_],
+    step: NDArray[np.float64],
+    period: float,
+    table: Table,
+    findings: list[Finding],
 ) -> None:
     """One finding for each file, at the rows that come late."""
     for index, file in enumerate(table.files):

@@ -42,7 +42,11 @@ def spread(table: Table, findings: list[Finding]) -> Table:
     # Seen from the first row, a float64 of steps is exact to a nanosecond.
     shown = (stamps - stamps[0]) / step
     cuts = np.flatnonzero((np.diff(stamps) < 0) | table.begins[1:]) + 1
-    lines = [line for part in np.split(np.arange(stamps.size), cuts) for line in _lines(shown, int(part[0]), int(part[-1]) + 1)]
+    lines = [
+        line
+        for part in np.split(np.arange(stamps.size), cuts)
+        for line in _lines(shown, int(part[0]), int(part[-1]) + 1)
+    ]
     if len(lines) > max(2 + cuts.size, stamps.size / SHORTEST):
         raise LogError(
             f"{table.place(lines[1][0])}: declared as quantised, but the rows do not come evenly: within {stamps.size} rows they are late "
@@ -58,8 +62,17 @@ def spread(table: Table, findings: list[Finding]) -> Table:
         f"stamps in steps of {amount(step * 1e-9)}, rows put evenly between them, {amount(period * step * 1e-9)} apart, "
         f"anew at {len(lines) - 1} places; the furthest is moved by {amount(float(np.abs(moved - stamps).max()) * 1e-9)}."
     )
-    findings.append(finding("quantised stamps", "repaired", table.files[0], sentence, count=stamps.size))
-    return Table({**table.columns, STAMP: moved}, table.files, table.file, table.line, table.flags, table.begins)
+    findings.append(
+        finding("quantised stamps", "repaired", table.files[0], sentence, count=stamps.size)
+    )
+    return Table(
+        {**table.columns, STAMP: moved},
+        table.files,
+        table.file,
+        table.line,
+        table.flags,
+        table.begins,
+    )
 
 
 def _step(table: Table) -> int:
@@ -68,7 +81,9 @@ def _step(table: Table) -> int:
     forward = steps[steps > 0]
     if not forward.size:
         raise LogError(f"{table.place(0)}: all rows have the same stamp.")
-    coarse = int(np.median(forward)) if (steps == 0).any() else 0  # rows share stamps: the clock shows each of its steps
+    coarse = (
+        int(np.median(forward)) if (steps == 0).any() else 0
+    )  # rows share stamps: the clock shows each of its steps
     return max(coarse, int(np.gcd.reduce(forward)))
 
 

@@ -25,7 +25,9 @@ _TYPES = {"integer": pa.int64(), "text": pa.int64(), "decimal": pa.float64(), "f
 _BLOCK = 1 << 19  # bytes parsed at a time
 
 
-def clean_columns(raw: bytes, file: str, layout: Layout, findings: list[Finding]) -> tuple[Header, dict[str, NDArray[Any]]] | None:
+def clean_columns(
+    raw: bytes, file: str, layout: Layout, findings: list[Finding]
+) -> tuple[Header, dict[str, NDArray[Any]]] | None:
     """The wanted columns of a table of whose bytes none is out of place, with its header; else None, and `findings` untouched."""
     told: list[Finding] = []
     head = _head(raw, file, told)
@@ -70,33 +72,61 @@ def _columns(raw: bytes, begin: int, header: Header) -> dict[str, NDArray[Any]] 
     if _passes_unseen(raw, begin, header):
         return None
     fields = [f"f{k}" for k in range(len(header.names))]
-    wanted = {fields[position]: _TYPES[kind] for position, kind in zip(header.positions, header.columns.values(), strict=True)}
+    wanted = {
+        fields[position]: _TYPES[kind]
+        for position, kind in zip(header.positions, header.columns.values(), strict=True)
+    }
     try:
         table = csv.read_csv(
             pa.BufferReader(pa.py_buffer(raw).slice(begin)),
             csv.ReadOptions(use_threads=True, column_names=fields, block_size=_BLOCK),
-            csv.ParseOptions(delimiter=header.separator, quote_char=False, ignore_empty_lines=False),
-            csv.ConvertOptions(column_types=wanted, include_columns=list(wanted), null_values=[], strings_can_be_null=False),
+            csv.ParseOptions(
+                delimiter=header.separator, quote_char=False, ignore_empty_lines=False
+            ),
+            csv.ConvertOptions(
+                column_types=wanted,
+                include_columns=list(wanted),
+                null_values=[],
+                strings_can_be_null=False,
+            ),
         )
     except pa.ArrowInvalid:
         return None
-    if not table.num_rows or (b"\r" in raw and table.num_rows != raw.count(b"\n", begin)):  # a CR alone ends a row too
+    if not table.num_rows or (
+        b"\r" in raw and table.num_rows != raw.count(b"\n", begin)
+    ):  # a CR alone ends a row too
         return None
-    columns = {name: _values(table[fields[position]]) for name, position in zip(header.columns, header.positions, strict=True)}
-    return columns if all(_plain(columns[name], kind) for name, kind in header.columns.items()) else None
+    columns = {
+        name: _values(table[fields[position]])
+        for name, position in zip(header.columns, header.positions, strict=True)
+    }
+    return (
+        columns
+        if all(_plain(columns[name], kind) for name, kind in header.columns.items())
+        else None
+    )
 
 
 def _values(column: pa.ChunkedArray) -> NDArray[Any]:
     """(N,) the numbers of a column; pyarrow's own conversion imports pandas."""
     dtype = np.int64 if column.type == pa.int64() else np.float64
-    return np.concatenate([np.frombuffer(part.buffers()[1], dtype, len(part), 8 * part.offset) for part in column.chunks])
+    return np.concatenate(
+        [
+            np.frombuffer(part.buffers()[1], dtype, len(part), 8 * part.offset)
+            for part in column.chunks
+        ]
+    )
 
 
 def _passes_unseen(raw: bytes, begin: int, header: Header) -> bool:
     """Whether the rows may hold what pyarrow takes: hexadecimal integers, and anything in columns that are not read."""
-    if {"integer", "text"} & set(header.columns.values()) and (raw.find(b"x", begin) >= 0 or raw.find(b"X", begin) >= 0):
+    if {"integer", "text"} & set(header.columns.values()) and (
+        raw.find(b"x", begin) >= 0 or raw.find(b"X", begin) >= 0
+    ):
         return True
-    return len(header.names) > len(header.columns) and (b'"' in raw or b"\0" in raw or not raw.isascii())
+    return len(header.names) > len(header.columns) and (
+        b'"' in raw or b"\0" in raw or not raw.isascii()
+    )
 
 
 def _plain(column: NDArray[Any], kind: Kind) -> bool:

@@ -17,7 +17,9 @@ from acquisition.table import selectors
 from acquisition.table.text import LogText
 from cell.errors import LogError
 
-Kind = Literal["integer", "float", "decimal", "text"]  # decimal: text where a float would lose digits
+Kind = Literal[
+    "integer", "float", "decimal", "text"
+]  # decimal: text where a float would lose digits
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blank"}
 PREAMBLE = 200  # lines before a header, at most
 _TORN = "?"  # stands for a line whose quotes do not close; no number and no column is called that
@@ -31,7 +33,9 @@ class Layout:
     required: Mapping[str, Kind]
     optional: Mapping[str, Kind] = field(default_factory=dict)  # read where present
     together: tuple[str, ...] = ()  # those of the optional ones that stand all or none
-    instead: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # integer columns read where a required one is absent
+    instead: Mapping[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # integer columns read where a required one is absent
     names: tuple[str, ...] | None = None  # of all columns, for a file without header
     headerless: bool = False  # all columns are counted
     decimal: Literal["either", "point", "comma"] = "either"
@@ -85,11 +89,31 @@ def read_header(text: LogText, layout: Layout, findings: list[Finding]) -> Heade
     names, glued = _without_glued_row(text, at, cells, separator, layout)
     if glued:
         sentence = "the header has no line end; the first row stands on its line."
-        findings.append(finding("header without line end", "repaired", text.file, sentence, lines=[int(text.number[at])]))
+        findings.append(
+            finding(
+                "header without line end",
+                "repaired",
+                text.file,
+                sentence,
+                lines=[int(text.number[at])],
+            )
+        )
     if at:
         sentence = f"{at} lines before the header skipped."
-        findings.append(finding("preamble", "repaired", text.file, sentence, lines=text.number[:at]))
-    return _checked(place, names, separator, layout, text.file, findings, row=at + 1, line=text.lines[at], glued=glued)
+        findings.append(
+            finding("preamble", "repaired", text.file, sentence, lines=text.number[:at])
+        )
+    return _checked(
+        place,
+        names,
+        separator,
+        layout,
+        text.file,
+        findings,
+        row=at + 1,
+        line=text.lines[at],
+        glued=glued,
+    )
 
 
 def _header_line(text: LogText, layout: Layout) -> tuple[int, str]:
@@ -114,7 +138,9 @@ def _separator(line: str, layout: Layout) -> str:
 
 def _names_found(line: str, separator: str, layout: Layout) -> tuple[int, int]:
     names = split_fields(line, separator)
-    required = sum(bool(selectors.find(one, names)) or _halves(one, names, layout) for one in layout.required)
+    required = sum(
+        bool(selectors.find(one, names)) or _halves(one, names, layout) for one in layout.required
+    )
     return required, sum(bool(selectors.find(one, names)) for one in layout.optional) + len(names)
 
 
@@ -123,15 +149,36 @@ def _halves(selector: str, names: list[str], layout: Layout) -> bool:
     return bool(halves) and all(len(selectors.find(one, names)) == 1 for one in halves)
 
 
-def _headerless(place: str, cells: list[str], separator: str, layout: Layout, file: str, findings: list[Finding], at: int) -> Header:
-    names = list(layout.names) if layout.names is not None else [f"#{i + 1}" for i in range(len(cells))]
+def _headerless(
+    place: str,
+    cells: list[str],
+    separator: str,
+    layout: Layout,
+    file: str,
+    findings: list[Finding],
+    at: int,
+) -> Header:
+    names = (
+        list(layout.names) if layout.names is not None else [f"#{i + 1}" for i in range(len(cells))]
+    )
     if len(names) != len(cells):
-        raise LogError(f"{place}: {len(cells)} fields, but recording.yaml names {len(names)} columns.")
+        raise LogError(
+            f"{place}: {len(cells)} fields, but recording.yaml names {len(names)} columns."
+        )
     return _checked(place, names, separator, layout, file, findings, row=at, line="", glued="")
 
 
 def _checked(
-    place: str, names: list[str], separator: str, layout: Layout, file: str, findings: list[Finding], *, row: int, line: str, glued: str
+    place: str,
+    names: list[str],
+    separator: str,
+    layout: Layout,
+    file: str,
+    findings: list[Finding],
+    *,
+    row: int,
+    line: str,
+    glued: str,
 ) -> Header:
     while names and not names[-1] and len(names) > 1:
         names = names[:-1]  # a separator at the end of the line
@@ -146,26 +193,46 @@ def _checked(
     _refuse_incomplete(place, names, strange, layout)
     if separator not in layout.separators:
         allowed = " or ".join(SEPARATORS[s] for s in layout.separators)
-        raise LogError(f"{place}: fields are separated by {SEPARATORS[separator]}; this dialect has {allowed}.")
+        raise LogError(
+            f"{place}: fields are separated by {SEPARATORS[separator]}; this dialect has {allowed}."
+        )
     _refuse_several(place, names, found)
     if strange:
         sentence = f"{_listed(strange)}.{_misspelt(names, strange, layout)}"
         findings.append(finding("column not used", "warning", file, sentence, count=len(strange)))
     columns = {**wanted, **{name: kind for name, kind in layout.optional.items() if found[name]}}
-    return Header(separator, tuple(names), columns, tuple(found[name][0] for name in columns), row, line, glued)
+    return Header(
+        separator,
+        tuple(names),
+        columns,
+        tuple(found[name][0] for name in columns),
+        row,
+        line,
+        glued,
+    )
 
 
-def _without_glued_row(text: LogText, at: int, cells: list[str], separator: str, layout: Layout) -> tuple[list[str], str]:
+def _without_glued_row(
+    text: LogText, at: int, cells: list[str], separator: str, layout: Layout
+) -> tuple[list[str], str]:
     """The names, and the first row where the header's line end is missing: last name and first number share a field."""
     if at + 1 >= len(text.lines) or len(cells) < 3 or len(cells) % 2 == 0:
         return cells, ""
     last = len(cells) // 2
     width = len(split_fields(text.lines[at + 1], separator))
     behind = cells[last + 1 :]
-    if width != last + 1 or not all(_is_number(cell) for cell in behind) or any(_is_number(cell) for cell in cells[:last]):
+    if (
+        width != last + 1
+        or not all(_is_number(cell) for cell in behind)
+        or any(_is_number(cell) for cell in cells[:last])
+    ):
         return cells, ""
     known = [name for name in (*layout.required, *layout.optional) if name not in cells[:last]]
-    fits = [name for name in known if cells[last].startswith(name) and _is_number(cells[last][len(name) :])]
+    fits = [
+        name
+        for name in known
+        if cells[last].startswith(name) and _is_number(cells[last][len(name) :])
+    ]
     if len(fits) != 1:
         return cells, ""
     joint = "\t" if separator == " " else separator
@@ -185,7 +252,9 @@ def _refuse_missing(place: str, names: list[str], strange: list[str], missing: l
         shown = ", ".join(repr(name[:40]) for name in names[:12])
         if why := selectors.why_not(missing[0], names):
             raise LogError(f"{place}:{why} The header has {shown}.")
-        raise LogError(f"{place}: {_columns(missing)} missing; the header has {shown}.{_meant(missing[0], strange)}")
+        raise LogError(
+            f"{place}: {_columns(missing)} missing; the header has {shown}.{_meant(missing[0], strange)}"
+        )
 
 
 def _refuse_incomplete(place: str, names: list[str], strange: list[str], layout: Layout) -> None:
@@ -201,10 +270,14 @@ def _refuse_incomplete(place: str, names: list[str], strange: list[str], layout:
 def _refuse_several(place: str, names: list[str], found: Mapping[str, list[int]]) -> None:
     for selector, positions in sorted(found.items()):
         if len(positions) > 1 and selector in names:
-            raise LogError(f"{place}: column {selector} stands {len(positions)} times in the header. Remove the others.")
+            raise LogError(
+                f"{place}: column {selector} stands {len(positions)} times in the header. Remove the others."
+            )
         if len(positions) > 1:
             shown = _listed([names[i] for i in positions])
-            raise LogError(f"{place}: {selector} finds {len(positions)} columns: {shown}. Make the expression narrower.")
+            raise LogError(
+                f"{place}: {selector} finds {len(positions)} columns: {shown}. Make the expression narrower."
+            )
     twice = {i: [name for name, at in found.items() if at == [i]] for i in range(len(names))}
     for i, selected in twice.items():
         if len(selected) > 1:
@@ -228,10 +301,19 @@ def _meant(missing: str, strange: list[str]) -> str:
 def _misspelt(names: list[str], strange: list[str], layout: Layout) -> str:
     """A question about the first optional column that is absent while an unknown one has nearly its name."""
     absent = (name for name in layout.optional if not selectors.find(name, names))
-    return next((f" Is {near!r} meant for {name}? Then rename it." for name in absent if (near := _nearest(name, strange))), "")
+    return next(
+        (
+            f" Is {near!r} meant for {name}? Then rename it."
+            for name in absent
+            if (near := _nearest(name, strange))
+        ),
+        "",
+    )
 
 
 def _nearest(wanted: str, strange: list[str]) -> str | None:
     """The unknown column name most like a wanted one, if any is."""
-    near = difflib.get_close_matches(wanted.lower(), [name.lower() for name in strange[:PREAMBLE]], n=1)
+    near = difflib.get_close_matches(
+        wanted.lower(), [name.lower() for name in strange[:PREAMBLE]], n=1
+    )
     return next(name for name in strange if name.lower() == near[0]) if near else None

@@ -44,7 +44,10 @@ def plain_rows(text: LogText, header: Header, layout: Layout, findings: list[Fin
     """
     lines, number = text.lines[header.row :], text.number[header.row :]
     if header.glued:
-        lines, number = [header.glued, *lines], np.concatenate(([text.number[header.row - 1]], number))
+        lines, number = (
+            [header.glued, *lines],
+            np.concatenate(([text.number[header.row - 1]], number)),
+        )
     if lines and lines[-1].strip() == _END:
         lines, number = lines[:-1], number[:-1]
     begins = np.zeros(len(lines), dtype=bool)
@@ -66,7 +69,9 @@ def plain_rows(text: LogText, header: Header, layout: Layout, findings: list[Fin
     plain = _plain_lines(lines, separator, quoted=text.quoted, commas=bool(commas))
     repaired = np.zeros(len(lines), dtype=bool)
     repaired[0] = bool(header.glued)
-    return PlainRows(text.file, lines, plain, separator, number, begins, repaired, "comma" if commas else "point")
+    return PlainRows(
+        text.file, lines, plain, separator, number, begins, repaired, "comma" if commas else "point"
+    )
 
 
 def _without_headers(
@@ -76,35 +81,64 @@ def _without_headers(
     sentence = "the header stands here again: the logger was restarted; a new segment."
     findings.append(finding("header again", "repaired", file, sentence, lines=number[again]))
     rows = np.flatnonzero(~again)
-    return [lines[i] for i in rows], number[rows], _carried(np.concatenate(([False], again[:-1])) & ~again, rows, again)
+    return (
+        [lines[i] for i in rows],
+        number[rows],
+        _carried(np.concatenate(([False], again[:-1])) & ~again, rows, again),
+    )
 
 
-def _carried(begins: NDArray[np.bool_], kept: NDArray[np.intp], also: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+def _carried(
+    begins: NDArray[np.bool_], kept: NDArray[np.intp], also: NDArray[np.bool_] | None = None
+) -> NDArray[np.bool_]:
     """(K,) for each kept row whether it, or a row left out before it, begins something."""
     total = np.cumsum(begins if also is None else also)
     return np.diff(total[kept], prepend=0) > 0
 
 
-def _without_end(lines: list[str], separator: str, width: int, file: str, findings: list[Finding]) -> list[str]:
+def _without_end(
+    lines: list[str], separator: str, width: int, file: str, findings: list[Finding]
+) -> list[str]:
     """The lines without a separator at their end, if they have one."""
-    closed = [line.endswith(separator) and _width(line, separator) == width + 1 for line in lines[:20]]
+    closed = [
+        line.endswith(separator) and _width(line, separator) == width + 1 for line in lines[:20]
+    ]
     if not all(closed):
         return lines
-    findings.append(finding("separator at the line end", "repaired", file, "left out.", count=len(lines)))
-    return [line[:-1] if line.endswith(separator) and _width(line, separator) == width + 1 else line for line in lines]
+    findings.append(
+        finding("separator at the line end", "repaired", file, "left out.", count=len(lines))
+    )
+    return [
+        line[:-1] if line.endswith(separator) and _width(line, separator) == width + 1 else line
+        for line in lines
+    ]
 
 
 def _full_rows(
-    lines: list[str], number: NDArray[np.int64], header: Header, separator: str, text: LogText, findings: list[Finding]
+    lines: list[str],
+    number: NDArray[np.int64],
+    header: Header,
+    separator: str,
+    text: LogText,
+    findings: list[Finding],
 ) -> NDArray[np.int64]:
     """Indices of the rows that have as many fields as the header; the torn ones are reported."""
     expected = len(header.names)
     width, file = _widths(lines, separator, quoted=text.quoted), text.file
     torn = np.flatnonzero(width != expected)
     if torn.size > max(1.0, TORN_LIMIT * width.size):
-        _refuse_widths([lines[i] for i in torn], width[torn], number[torn], header, f"{file}:{number[torn[0]]}", total=width.size)
+        _refuse_widths(
+            [lines[i] for i in torn],
+            width[torn],
+            number[torn],
+            header,
+            f"{file}:{number[torn[0]]}",
+            total=width.size,
+        )
     if torn.size:
-        sentence = f"expected {expected} fields, got {width[torn[0]]}; treated as torn line and dropped."
+        sentence = (
+            f"expected {expected} fields, got {width[torn[0]]}; treated as torn line and dropped."
+        )
         findings.append(finding("torn line", "repaired", file, sentence, lines=number[torn]))
     return np.flatnonzero(width == expected)
 
@@ -112,7 +146,9 @@ def _full_rows(
 def _widths(lines: list[str], separator: str, *, quoted: bool) -> NDArray[np.int64]:
     if quoted:
         return np.array([_width(line, separator) for line in lines], dtype=np.int64)
-    return np.fromiter(map(str.count, lines, repeat(separator)), dtype=np.int64, count=len(lines)) + 1
+    return (
+        np.fromiter(map(str.count, lines, repeat(separator)), dtype=np.int64, count=len(lines)) + 1
+    )
 
 
 def _width(line: str, separator: str) -> int:
@@ -120,7 +156,13 @@ def _width(line: str, separator: str) -> int:
 
 
 def _refuse_widths(
-    lines: list[str], width: NDArray[np.int64], number: NDArray[np.int64], header: Header, place: str, *, total: int
+    lines: list[str],
+    width: NDArray[np.int64],
+    number: NDArray[np.int64],
+    header: Header,
+    place: str,
+    *,
+    total: int,
 ) -> NoReturn:
     expected, usual = len(header.names), int(np.median(width))
     if header.separator == "," and 1.5 * expected <= usual <= 2 * expected:
@@ -130,14 +172,23 @@ def _refuse_widths(
         )
     for other, name in SEPARATORS.items():
         if other not in (header.separator, " ") and _width(lines[0], other) == expected:
-            raise LogError(f"{place}: the header is separated by {SEPARATORS[header.separator]}, the rows by {name}. Use one of them.")
+            raise LogError(
+                f"{place}: the header is separated by {SEPARATORS[header.separator]}, the rows by {name}. Use one of them."
+            )
     raise LogError(
         f"{place}: {number.size} of {total} rows do not have the header's number of fields: expected {expected} fields, "
         f"got {width[0]}. More than {TORN_LIMIT:.0%} cannot be torn lines: is this the file that the dialect describes?"
     )
 
 
-def _decimal_commas(lines: list[str], header: Header, separator: str, layout: Layout, file: str, findings: list[Finding]) -> list[str]:
+def _decimal_commas(
+    lines: list[str],
+    header: Header,
+    separator: str,
+    layout: Layout,
+    file: str,
+    findings: list[Finding],
+) -> list[str]:
     """The float columns written with decimal commas, which only another separator allows.
 
     Raises LogError if one column has both commas and points.
@@ -150,13 +201,25 @@ def _decimal_commas(lines: list[str], header: Header, separator: str, layout: La
         comma = next((row[position] for row in cells if "," in row[position]), None)
         point = next((row[position] for row in cells if "." in row[position]), None)
         if comma and point:
-            raise LogError(f"{file}: column {name} has decimal commas and decimal points: {comma!r} and {point!r}. Export it again.")
+            raise LogError(
+                f"{file}: column {name} has decimal commas and decimal points: {comma!r} and {point!r}. Export it again."
+            )
         if comma and kind != "integer":
             found.append(name)
         if point and kind != "integer" and layout.decimal == "comma":
-            raise LogError(f"{file}: column {name} has decimal points ({point!r}), the dialect declares decimal commas.")
+            raise LogError(
+                f"{file}: column {name} has decimal points ({point!r}), the dialect declares decimal commas."
+            )
     if found and layout.decimal == "either":
-        findings.append(finding("decimal comma", "repaired", file, f"read as decimal point in {', '.join(found)}.", count=len(lines)))
+        findings.append(
+            finding(
+                "decimal comma",
+                "repaired",
+                file,
+                f"read as decimal point in {', '.join(found)}.",
+                count=len(lines),
+            )
+        )
     return found
 
 
@@ -165,7 +228,9 @@ def _plain_lines(lines: list[str], separator: str, *, quoted: bool, commas: bool
     if not commas and not quoted:
         return lines
     plain = [
-        line if '"' not in line else separator.join(cell.replace(separator, "?") for cell in split_fields(line, separator))
+        line
+        if '"' not in line
+        else separator.join(cell.replace(separator, "?") for cell in split_fields(line, separator))
         for line in lines
     ]
     return [line.replace(",", ".") for line in plain] if commas else plain

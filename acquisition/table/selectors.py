@@ -16,7 +16,9 @@ from collections.abc import Sequence
 from cell.errors import DescriptionError
 
 _REGEX, _NUMBER = "re:", re.compile(r"#([1-9][0-9]{0,3})")
-_PICK = re.compile(r"(re:.*)\[(\d)/(\d)\]", re.DOTALL)  # k-th of n columns that one expression finds
+_PICK = re.compile(
+    r"(re:.*)\[(\d)/(\d)\]", re.DOTALL
+)  # k-th of n columns that one expression finds
 LONGEST_NAME = 300  # characters; the lines of a PLC have at most 255
 _MOST_REPEATS = 3  # unbounded ones in one expression
 
@@ -33,7 +35,11 @@ def checked(selector: str) -> str:
     if selector.startswith(_REGEX):
         pattern = selector[len(_REGEX) :]
         bare = re.sub(r"\\.|\[\^?\]?[^\]]*\]", "c", pattern)
-        if re.search(r"\)[*+?{]", bare) or len(re.findall(r"[*+]|\{\d+,\}", bare)) > _MOST_REPEATS or len(pattern) > LONGEST_NAME:
+        if (
+            re.search(r"\)[*+?{]", bare)
+            or len(re.findall(r"[*+]|\{\d+,\}", bare)) > _MOST_REPEATS
+            or len(pattern) > LONGEST_NAME
+        ):
             raise ValueError(
                 f"{selector!r}: repeated groups and more than {_MOST_REPEATS} of `*` and `+` are refused: they can take forever"
             )
@@ -59,10 +65,16 @@ def find(selector: str, names: Sequence[str]) -> list[int]:
         return [i for i, name in enumerate(names) if name == selector]
     pick = _PICK.fullmatch(selector)
     pattern = re.compile((pick[1] if pick else selector)[len(_REGEX) :])
-    found = [i for i, name in enumerate(names) if len(name) <= LONGEST_NAME and pattern.search(name)]
+    found = [
+        i for i, name in enumerate(names) if len(name) <= LONGEST_NAME and pattern.search(name)
+    ]
     if pick is None:
         return found
-    return [_counted(found, names)[int(pick[2])]] if len(found) == int(pick[3]) and _counted(found, names) else []
+    return (
+        [_counted(found, names)[int(pick[2])]]
+        if len(found) == int(pick[3]) and _counted(found, names)
+        else []
+    )
 
 
 def why_not(selector: str, names: Sequence[str]) -> str:
@@ -70,7 +82,11 @@ def why_not(selector: str, names: Sequence[str]) -> str:
     pick = _PICK.fullmatch(selector)
     if pick is None:
         return ""
-    found = [name for name in names if len(name) <= LONGEST_NAME and re.search(pick[1][len(_REGEX) :], name)]
+    found = [
+        name
+        for name in names
+        if len(name) <= LONGEST_NAME and re.search(pick[1][len(_REGEX) :], name)
+    ]
     if len(found) != int(pick[3]):
         return f" {pick[1]} finds {len(found)} columns, not {pick[3]}."
     return f" {pick[1]} finds columns that are not alike but for one number that counts on: {', '.join(found)}."

@@ -41,7 +41,9 @@ class Table:
     file: NDArray[np.int64]  # (N,) index into files
     line: NDArray[np.int64]  # (N,) line number, counted from 1
     flags: Flags = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))  # (N,) row flags
-    begins: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (N,) rows from which the logger ran anew
+    begins: NDArray[np.bool_] = field(
+        default_factory=lambda: np.zeros(0, dtype=bool)
+    )  # (N,) rows from which the logger ran anew
 
     def __post_init__(self) -> None:
         for name in ("flags", "begins"):
@@ -61,9 +63,13 @@ class Table:
         index = np.flatnonzero(rows) if rows.dtype == bool else rows
         if index.size == len(self) and (np.diff(index) == 1).all():
             return self  # all of them
-        begins = np.diff(np.cumsum(self.begins)[index], prepend=0) > 0  # also where the row that began was left out
+        begins = (
+            np.diff(np.cumsum(self.begins)[index], prepend=0) > 0
+        )  # also where the row that began was left out
         columns = {name: values[index] for name, values in self.columns.items()}
-        return Table(columns, self.files, self.file[index], self.line[index], self.flags[index], begins)
+        return Table(
+            columns, self.files, self.file[index], self.line[index], self.flags[index], begins
+        )
 
     def cell_place(self, row: int | np.integer, column: str) -> str:
         """`file:line: column name` of a cell."""
@@ -80,7 +86,9 @@ class Form:
     rows_read: int
 
 
-def read_table(path: Path, file: str, layout: Layout, findings: list[Finding]) -> tuple[Table, Form]:
+def read_table(
+    path: Path, file: str, layout: Layout, findings: list[Finding]
+) -> tuple[Table, Form]:
     """The wanted columns of one device file; repairs and warnings are appended to `findings`.
 
     file : the name that errors and findings give it.
@@ -90,40 +98,59 @@ def read_table(path: Path, file: str, layout: Layout, findings: list[Finding]) -
     clean = clean_columns(raw, file, layout, findings)
     if clean is not None:
         header, columns = clean
-        line = np.arange(header.row + 1, header.row + 1 + len(next(iter(columns.values()))), dtype=np.int64)
+        line = np.arange(
+            header.row + 1, header.row + 1 + len(next(iter(columns.values()))), dtype=np.int64
+        )
         table = Table(columns, (file,), np.zeros(line.size, dtype=np.int64), line)
         return table, Form("utf-8", SEPARATORS[header.separator], "point", line.size)
     return _mended_table(raw, file, layout, findings)
 
 
-def _mended_table(raw: bytes, file: str, layout: Layout, findings: list[Finding]) -> tuple[Table, Form]:
+def _mended_table(
+    raw: bytes, file: str, layout: Layout, findings: list[Finding]
+) -> tuple[Table, Form]:
     """The wanted columns of a file that is not clean, line by line."""
     text = text_of(raw, file, findings)
     header = read_header(text, layout, findings)
     rows = plain_rows(text, header, layout, findings)
     line = rows.number
     flags = np.where(rows.repaired, np.uint32(RowFlag.REPAIRED), np.uint32(0))
-    table = Table(_parse(rows, header), (file,), np.zeros(line.size, dtype=np.int64), line, flags, rows.begins)
-    return table, Form(text.encoding, SEPARATORS[header.separator], rows.decimal, len(text.lines) - header.row + bool(header.glued))
+    table = Table(
+        _parse(rows, header), (file,), np.zeros(line.size, dtype=np.int64), line, flags, rows.begins
+    )
+    return table, Form(
+        text.encoding,
+        SEPARATORS[header.separator],
+        rows.decimal,
+        len(text.lines) - header.row + bool(header.glued),
+    )
 
 
 def _parse(rows: PlainRows, header: Header) -> dict[str, NDArray[Any]]:
     """The columns; text that holds nothing but whole numbers comes as such."""
-    kinds: dict[str, Kind] = {name: "integer" if kind == "text" else kind for name, kind in header.columns.items()}
+    kinds: dict[str, Kind] = {
+        name: "integer" if kind == "text" else kind for name, kind in header.columns.items()
+    }
     columns = _numbers(rows, header, kinds)
     if columns is None and "text" in header.columns.values():
-        columns = _numbers(rows, header, {name: kind for name, kind in header.columns.items() if kind != "text"})
+        columns = _numbers(
+            rows, header, {name: kind for name, kind in header.columns.items() if kind != "text"}
+        )
     if columns is None:
         _refuse_cell(rows, header)
     for name, position in zip(header.columns, header.positions, strict=True):
         coarse = header.columns[name] == "decimal" and np.abs(columns[name]).max() > FINE
         if name not in columns or coarse:
-            cells = [line.split(rows.separator, position + 1)[position].strip() for line in rows.plain]
+            cells = [
+                line.split(rows.separator, position + 1)[position].strip() for line in rows.plain
+            ]
             columns[name] = np.array(cells, dtype=object)
     return columns
 
 
-def _numbers(rows: PlainRows, header: Header, kinds: Mapping[str, Kind]) -> dict[str, NDArray[Any]] | None:
+def _numbers(
+    rows: PlainRows, header: Header, kinds: Mapping[str, Kind]
+) -> dict[str, NDArray[Any]] | None:
     """Columns of numbers; None if some cell is none."""
     if not kinds:
         return {}
@@ -131,7 +158,14 @@ def _numbers(rows: PlainRows, header: Header, kinds: Mapping[str, Kind]) -> dict
     dtype = np.dtype([(f"f{i}", _DTYPE[kind]) for i, kind in enumerate(kinds.values())])
     positions = [where[name] for name in kinds]
     try:
-        values = np.loadtxt(rows.plain, dtype=dtype, delimiter=rows.separator, comments=None, usecols=positions, ndmin=1)
+        values = np.loadtxt(
+            rows.plain,
+            dtype=dtype,
+            delimiter=rows.separator,
+            comments=None,
+            usecols=positions,
+            ndmin=1,
+        )
     except ValueError:
         return None
     columns = {name: np.ascontiguousarray(values[f"f{i}"]) for i, name in enumerate(kinds)}
@@ -144,7 +178,9 @@ def _refuse_cell(rows: PlainRows, header: Header) -> NoReturn:
         for (name, kind), position in zip(header.columns.items(), header.positions, strict=True):
             wrong = _wrong_number(cells[position], kind) if kind != "text" else ""
             if wrong:
-                raise LogError(f"{rows.file}:{number}: column {name}: {written[position]!r} {wrong}")
+                raise LogError(
+                    f"{rows.file}:{number}: column {name}: {written[position]!r} {wrong}"
+                )
     raise LogError(f"{rows.file}: the table holds a cell that is no number.")
 
 

@@ -24,7 +24,11 @@ from cell.errors import LogError
 
 MOST_BYTES = 2_000_000_000  # of one file, unpacked: fifty hours of a robot's log; a packed file may claim anything
 _PACKED: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
-_MARKS = ((b"\xef\xbb\xbf", "utf-8", 1), (b"\xff\xfe", "utf-16-le", 2), (b"\xfe\xff", "utf-16-be", 2))  # mark, codec, bytes per ASCII
+_MARKS = (
+    (b"\xef\xbb\xbf", "utf-8", 1),
+    (b"\xff\xfe", "utf-16-le", 2),
+    (b"\xfe\xff", "utf-16-be", 2),
+)  # mark, codec, bytes per ASCII
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +77,9 @@ def text_of(raw: bytes, file: str, findings: list[Finding]) -> LogText:
     """Complete lines of the content of a device file, as `read_text` gives them."""
     decoded = _decode(raw)
     if decoded.encoding != "utf-8":
-        findings.append(finding("encoding", "repaired", file, f"read as {decoded.encoding}.", count=1))
+        findings.append(
+            finding("encoding", "repaired", file, f"read as {decoded.encoding}.", count=1)
+        )
     text = _without_nul(decoded, file, findings)
     return _complete_lines(text, file, decoded.encoding, findings)
 
@@ -84,7 +90,9 @@ def read_bytes(path: Path, file: str, findings: list[Finding]) -> bytes:
     Raises LogError if it cannot be read or unpacked.
     """
     if path.suffix.lower() in (".zst", ".zip", ".7z", ".rar"):
-        raise LogError(f"{file}: packed in a way that is not read here. Unpack it first, or use .gz, .bz2 or .xz.")
+        raise LogError(
+            f"{file}: packed in a way that is not read here. Unpack it first, or use .gz, .bz2 or .xz."
+        )
     unpack = _PACKED.get(path.suffix.lower())
     try:
         if path.stat().st_size > MOST_BYTES:
@@ -103,7 +111,15 @@ def _unpacked(packed: Any, file: str, findings: list[Finding]) -> bytes:
             try:
                 part = packed.read1(1 << 20)  # what there is, so that a cut file gives all it holds
             except EOFError:
-                findings.append(finding("packed file cut off", "repaired", file, "what it holds up to there is read.", count=1))
+                findings.append(
+                    finding(
+                        "packed file cut off",
+                        "repaired",
+                        file,
+                        "what it holds up to there is read.",
+                        count=1,
+                    )
+                )
                 break
             if not part:
                 break
@@ -118,7 +134,13 @@ def _decode(raw: bytes) -> _Decoded:
     for mark, codec, width in _MARKS:
         if raw.startswith(mark):
             # "replace": an odd byte at a torn end becomes U+FFFD, which no number contains.
-            return _Decoded(raw[len(mark) :].decode(codec, "replace"), f"{codec} with byte order mark", width, len(mark), len(raw))
+            return _Decoded(
+                raw[len(mark) :].decode(codec, "replace"),
+                f"{codec} with byte order mark",
+                width,
+                len(mark),
+                len(raw),
+            )
     try:
         return _Decoded(raw.decode("utf-8"), "utf-8", 1, 0, len(raw))
     except UnicodeDecodeError:
@@ -132,7 +154,11 @@ def _without_nul(decoded: _Decoded, file: str, findings: list[Finding]) -> str:
         first = decoded.size - stripped
         findings.append(
             finding(
-                "NUL block at the end", "repaired", file, f"bytes {first} to {decoded.size - 1} are NUL (power loss); left out.", count=1
+                "NUL block at the end",
+                "repaired",
+                file,
+                f"bytes {first} to {decoded.size - 1} are NUL (power loss); left out.",
+                count=1,
             )
         )
     if "\0" in text:
@@ -159,7 +185,9 @@ def _complete_lines(text: str, file: str, encoding: str, findings: list[Finding]
     torn = lines.pop()
     if torn:
         sentence = "the last line has no line end, so it may be cut inside a number; dropped."
-        findings.append(finding("unterminated last line", "repaired", file, sentence, lines=[len(lines) + 1]))
+        findings.append(
+            finding("unterminated last line", "repaired", file, sentence, lines=[len(lines) + 1])
+        )
     number = np.arange(1, len(lines) + 1, dtype=np.int64)
     if not all(lines) or any(map(str.isspace, lines)):
         filled = np.array([bool(line.strip()) for line in lines], dtype=bool)

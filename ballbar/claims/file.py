@@ -44,7 +44,9 @@ class Claim(Strict):
     expected: Literal["holds", "differs"]
     finding: str = Field("", description="What we find instead, and why; of differs.")
     checks: Annotated[list[Check], Field(min_length=1)]
-    ml: list[Measure] = Field([], description="The same errors with cost ml, the clock a parameter.")
+    ml: list[Measure] = Field(
+        [], description="The same errors with cost ml, the clock a parameter."
+    )
 
     @model_validator(mode="after")
     def _explained(self) -> Claim:
@@ -102,11 +104,15 @@ class ClaimFile(Strict):
 
     schema_: Annotated[Literal["ballbar-claim/1"], Field(alias="schema")]
     title: str
-    place: str = Field(description="In the thesis, `sec. 3.5, Fig. 3.2`; files are shown in the order of its numbers.")
+    place: str = Field(
+        description="In the thesis, `sec. 3.5, Fig. 3.2`; files are shown in the order of its numbers."
+    )
     about: str = Field("", description="What is simulated, in a sentence or two.")
     sweep: str | None = Field(None, description="Sweep file, relative to this file.")
     quick: Quick = Quick()
-    identifiability: str | None = Field(None, description="Scenario whose nominal mechanism is judged, relative to this file.")
+    identifiability: str | None = Field(
+        None, description="Scenario whose nominal mechanism is judged, relative to this file."
+    )
     size: list[str] = Field([], description="Varied keys whose largest is the column `size`.")
     plots: list[Annotated[Plot | Ranking | PlatePlot, Field(discriminator="kind")]] = Field([])
     claims: Annotated[list[Claim], Field(min_length=1)]
@@ -119,7 +125,10 @@ class ClaimFile(Strict):
     @model_validator(mode="after")
     def _one_kind_of_evidence(self) -> ClaimFile:
         if self.sweep is not None and self.identifiability is not None:
-            raise wrong_key("identifiability", message="the checks look at one table: name this or a sweep, and give the other a file")
+            raise wrong_key(
+                "identifiability",
+                message="the checks look at one table: name this or a sweep, and give the other a file",
+            )
         return self
 
     @model_validator(mode="after")
@@ -127,18 +136,45 @@ class ClaimFile(Strict):
         for i, claim in enumerate(self.claims):
             for j, check in enumerate(claim.checks):
                 if isinstance(check, EqualTable) and self.identifiability is None:
-                    raise wrong_key("claims", i, "checks", j, "kind", message="looks at identifiability, which this file does not name")
-                if isinstance(check, OF_RUNS) and self.sweep is None and self.identifiability is None:
-                    raise wrong_key("claims", i, "checks", j, "kind", message="looks at runs: name a sweep or identifiability")
+                    raise wrong_key(
+                        "claims",
+                        i,
+                        "checks",
+                        j,
+                        "kind",
+                        message="looks at identifiability, which this file does not name",
+                    )
+                if (
+                    isinstance(check, OF_RUNS)
+                    and self.sweep is None
+                    and self.identifiability is None
+                ):
+                    raise wrong_key(
+                        "claims",
+                        i,
+                        "checks",
+                        j,
+                        "kind",
+                        message="looks at runs: name a sweep or identifiability",
+                    )
             if claim.ml and self.sweep is None:
-                raise wrong_key("claims", i, "ml", message="looks at the runs of a sweep, which this file does not name")
+                raise wrong_key(
+                    "claims",
+                    i,
+                    "ml",
+                    message="looks at the runs of a sweep, which this file does not name",
+                )
         names = [claim.name for claim in self.claims]
         for i, name in enumerate(names):
             if name in names[:i]:
-                raise wrong_key("claims", i, "name", message="another claim of this file has that name")
+                raise wrong_key(
+                    "claims", i, "name", message="another claim of this file has that name"
+                )
         for i, plot in enumerate(self.plots):
             if self.sweep is None and not isinstance(plot, PlatePlot):
-                raise wrong_key("plots", i, message="shows the runs of a sweep, which this file does not name")
+                raise wrong_key(
+                    "plots", i, message="shows the runs of a sweep, which this file does not name"
+                )
         return self
 
 

@@ -12,7 +12,9 @@ from cell.schema_errors import nearest, wrong_key
 
 Scalar = str | int | float | bool | None
 Rows = dict[str, Scalar | list[Scalar]]  # column -> value, or values, of the runs meant
-Statistic = Literal["median", "mean", "min", "max", "rms", "largest", "spread"]  # largest: by size; spread: standard deviation
+Statistic = Literal[
+    "median", "mean", "min", "max", "rms", "largest", "spread"
+]  # largest: by size; spread: standard deviation
 TableName = Literal["3.2", "3.3", "3.4", "3.5", "sec. 3.3"]
 
 DISTANCE = "distance_mm_mrad"
@@ -58,8 +60,12 @@ class Ordered(Measure):
 
     kind: Literal["ordered"]
     by: str = Field(description="Column that tells the groups apart.")
-    order: Annotated[list[Scalar], Field(min_length=2)] = Field(description="Its values, smallest number first.")
-    apart: Annotated[float, Field(gt=0.0)] = Field(1.0, description="Least factor from one to the next.")
+    order: Annotated[list[Scalar], Field(min_length=2)] = Field(
+        description="Its values, smallest number first."
+    )
+    apart: Annotated[float, Field(gt=0.0)] = Field(
+        1.0, description="Least factor from one to the next."
+    )
     reason: str
 
 
@@ -69,7 +75,9 @@ class Monotonic(Measure):
     kind: Literal["monotonic"]
     over: str
     direction: Literal["rising", "falling"]
-    slack: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(0.0, description="Relative step the other way that is let pass.")
+    slack: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
+        0.0, description="Relative step the other way that is let pass."
+    )
     reason: str
 
 
@@ -80,7 +88,9 @@ class AmongLargest(Strict):
     what: str
     rows: Rows = Field({})
     places: Annotated[int, Field(ge=1)]
-    parameters: Annotated[list[str], Field(min_length=1)] = Field(description="Names, or how they begin: `btheta`.")
+    parameters: Annotated[list[str], Field(min_length=1)] = Field(
+        description="Names, or how they begin: `btheta`."
+    )
     at_least: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     at_most: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
     reason: str
@@ -119,9 +129,15 @@ class Formula(Strict):
     @model_validator(mode="after")
     def _known(self) -> Formula:
         if self.figure not in FIGURES:
-            raise wrong_key("figure", message=f"there is no such figure.{nearest(self.figure, FIGURES, noun='figure')}")
+            raise wrong_key(
+                "figure",
+                message=f"there is no such figure.{nearest(self.figure, FIGURES, noun='figure')}",
+            )
         return self
 
 
-Check = Annotated[Bound | Ratio | Ordered | Monotonic | AmongLargest | EqualTable | Formula, Field(discriminator="kind")]
+Check = Annotated[
+    Bound | Ratio | Ordered | Monotonic | AmongLargest | EqualTable | Formula,
+    Field(discriminator="kind"),
+]
 OF_RUNS = (Bound, Ratio, Ordered, Monotonic, AmongLargest)

@@ -25,20 +25,31 @@ finding. The column `ml`: the default cost on the same errors, with the clock as
 """
 
 
-def page_text(judged: Sequence[Judged], images: Mapping[str, Sequence[str]], commands: Mapping[str, str]) -> str:
+def page_text(
+    judged: Sequence[Judged], images: Mapping[str, Sequence[str]], commands: Mapping[str, str]
+) -> str:
     """The page.
 
     images : of each file of claims, links from the page. commands : of each, what repeats its runs.
     """
     counts = Counter(verdict.word for one in judged for verdict in one.verdicts)
     failed = f", {counts[FAILS]} fail their checks" if counts[FAILS] else ""
-    lines = [_HEAD + f"{counts.total()} claims: {counts['holds']} hold, {counts['differs']} differ{failed}.\n"]
+    lines = [
+        _HEAD
+        + f"{counts.total()} claims: {counts['holds']} hold, {counts['differs']} differ{failed}.\n"
+    ]
     lines += ["| claim | thesis | verdict |", "|---|---|---|"]
     for one in judged:
         title = one.topic.file.title
-        lines += [f"| [{title}](#{_anchor(title)}): {v.claim.name} | {_cell(v.claim.source)} | {v.word} |" for v in one.verdicts]
+        lines += [
+            f"| [{title}](#{_anchor(title)}): {v.claim.name} | {_cell(v.claim.source)} | {v.word} |"
+            for v in one.verdicts
+        ]
     for one in judged:
-        lines += ["", *_section(one, images.get(one.topic.name, ()), commands.get(one.topic.name, ""))]
+        lines += [
+            "",
+            *_section(one, images.get(one.topic.name, ()), commands.get(one.topic.name, "")),
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -46,11 +57,19 @@ def _section(one: Judged, images: Sequence[str], command: str) -> Iterator[str]:
     file = one.topic.file
     yield from (f"## {file.title}", "")
     runs = f" ({one.plan.runs} runs)" if one.plan else ""
-    yield " ".join(part for part in (f"Thesis {file.place}.", file.about, command and f"`{command}`{runs}.") if part)
+    yield " ".join(
+        part
+        for part in (f"Thesis {file.place}.", file.about, command and f"`{command}`{runs}.")
+        if part
+    )
     for image in images:
         yield from ("", f"![{file.title}]({image})")
     beside = any(verdict.ml for verdict in one.verdicts)
-    yield from ("", f"| thesis | here |{' `ml` |' * beside} verdict |", f"|---|---|{'---|' * beside}---|")
+    yield from (
+        "",
+        f"| thesis | here |{' `ml` |' * beside} verdict |",
+        f"|---|---|{'---|' * beside}---|",
+    )
     for verdict in one.verdicts:
         cells = [
             f'"{verdict.claim.says}" ({verdict.claim.source})',
@@ -69,13 +88,19 @@ def _section(one: Judged, images: Sequence[str], command: str) -> Iterator[str]:
 
 def _difference(difference: Difference) -> str:
     sides = (("in the thesis", difference.thesis), ("here", difference.here))
-    only = [f"only {side} {' '.join(f'`{name}`' for name in names)}" for side, names in sides if names]
+    only = [
+        f"only {side} {' '.join(f'`{name}`' for name in names)}" for side, names in sides if names
+    ]
     return f"{difference.entry}: {', '.join(only)}. {difference.why}"
 
 
 def _verdict(verdict: Verdict) -> str:
     word = f"**{verdict.word}**"
-    return f"{word}. {verdict.claim.finding}" if verdict.claim.finding and verdict.word != FAILS else word
+    return (
+        f"{word}. {verdict.claim.finding}"
+        if verdict.claim.finding and verdict.word != FAILS
+        else word
+    )
 
 
 def _cell(text: str) -> str:

@@ -73,23 +73,34 @@ def topics(names: Sequence[str]) -> list[Topic]:
     Raises InputError for an unknown name, DescriptionError for a file that is wrong.
     """
     if not names and not FOLDER.is_dir():
-        raise InputError(f"{FOLDER}: no such folder here. Change to the project's folder, or name files of claims.")
-    found = [_read(path) for path in ([_file_of(name) for name in names] or sorted(FOLDER.glob("*.yaml")))]
+        raise InputError(
+            f"{FOLDER}: no such folder here. Change to the project's folder, or name files of claims."
+        )
+    found = [
+        _read(path)
+        for path in ([_file_of(name) for name in names] or sorted(FOLDER.glob("*.yaml")))
+    ]
     return sorted(found, key=lambda topic: topic.file.order)
 
 
-def judge_all(chosen: Sequence[Topic], work: Path, computing: Computing, *, quick: bool, showing: Showing) -> list[Judged]:
+def judge_all(
+    chosen: Sequence[Topic], work: Path, computing: Computing, *, quick: bool, showing: Showing
+) -> list[Judged]:
     """Runs what is needed into the folder `work`, and judges every claim.
 
     Raises InputError and DescriptionError for what is wrong in a file, SweepError when workers die.
     """
-    sweeps = [_sweep_of(topic, quick=quick) if topic.file.sweep is not None else None for topic in chosen]
+    sweeps = [
+        _sweep_of(topic, quick=quick) if topic.file.sweep is not None else None for topic in chosen
+    ]
     tables: dict[str, Path] = {}
     for sweep in filter(None, sweeps):
         plan = sweep.plan
         if plan.digest not in tables:
             with showing(plan) as progress:
-                outcome = run_sweep(sweep, work / plan.digest[:12], run_trial, computing, progress=progress)
+                outcome = run_sweep(
+                    sweep, work / plan.digest[:12], run_trial, computing, progress=progress
+                )
             if not outcome.finished:
                 raise KeyboardInterrupt
             tables[plan.digest] = outcome.folder.table
@@ -105,7 +116,9 @@ def _judged(topic: Topic, sweep: LoadedSweep | None, tables: dict[str, Path]) ->
         evidence = identifiability_evidence(topic.path.parent / file.identifiability)
     else:
         evidence = Evidence()
-    return Judged(topic, evidence, tuple(_verdict(topic, i, evidence) for i in range(len(file.claims))), plan)
+    return Judged(
+        topic, evidence, tuple(_verdict(topic, i, evidence) for i in range(len(file.claims))), plan
+    )
 
 
 def _verdict(topic: Topic, i: int, evidence: Evidence) -> Verdict:
@@ -148,7 +161,9 @@ def _file_of(name: str) -> Path:
     path = FOLDER / f"{name}.yaml"
     if not path.is_file():
         known = [file.stem for file in FOLDER.glob("*.yaml")]
-        raise InputError(f"{name}: there are no such claims in {FOLDER}.{nearest(name, known, noun='name')}")
+        raise InputError(
+            f"{name}: there are no such claims in {FOLDER}.{nearest(name, known, noun='name')}"
+        )
     return path
 
 

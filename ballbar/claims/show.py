@@ -26,13 +26,17 @@ def say_verdicts(out: Console, judged: Sequence[Judged]) -> bool:
         for verdict in one.verdicts:
             _say(out, verdict)
     counts = Counter(verdict.word for one in judged for verdict in one.verdicts)
-    out.print(f"{counts.total()} claims: {counts['holds']} hold, {counts['differs']} differ as stated, {counts[FAILS]} fail their checks")
+    out.print(
+        f"{counts.total()} claims: {counts['holds']} hold, {counts['differs']} differ as stated, {counts[FAILS]} fail their checks"
+    )
     return not counts[FAILS]
 
 
 def _say(out: Console, verdict: Verdict) -> None:
     claim = verdict.claim
-    out.print(f'  [{_COLOURS[verdict.word]}]{verdict.word}[/] {claim.name}, {escape(claim.source)}: [dim]"{escape(claim.says)}"[/]')
+    out.print(
+        f'  [{_COLOURS[verdict.word]}]{verdict.word}[/] {claim.name}, {escape(claim.source)}: [dim]"{escape(claim.says)}"[/]'
+    )
     for outcome in verdict.outcomes:
         mark = "" if outcome.met else "[red]not met:[/] "
         out.print(f"      {mark}{escape(outcome.found)} [dim]({escape(outcome.asked)})[/]")
@@ -55,5 +59,7 @@ def write_page(page: Path, judged: Sequence[Judged]) -> None:
         if file.sweep is not None:
             commands[name] = f"ballbar sweep {folder}/{file.sweep}"
         elif file.identifiability is not None:
-            commands[name] = f"ballbar identifiability {normpath(f'{folder}/{file.identifiability}')} --cost all"
+            commands[name] = (
+                f"ballbar identifiability {normpath(f'{folder}/{file.identifiability}')} --cost all"
+            )
     write_whole(page, page_text(judged, images, commands).encode())

@@ -24,7 +24,13 @@ from ident.thesis.costs import ENCODERS_NEEDED
 SIZE = "size"
 ERROR = "error."  # prefix of the columns with the error of each parameter
 _SAME = 1e-9  # relative: two numbers of YAML are the same
-_UNITS = {"_mm_mrad": "mm|mrad", "_mm": "mm", "_um": "um", "_us": "us", "_ppm": "ppm"}  # by the end of a column's name
+_UNITS = {
+    "_mm_mrad": "mm|mrad",
+    "_mm": "mm",
+    "_um": "um",
+    "_us": "us",
+    "_ppm": "ppm",
+}  # by the end of a column's name
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +79,9 @@ def selected(table: pd.DataFrame, rows: Rows) -> pd.DataFrame:
         cells = kept[_known(table, column)]
         kept = kept[np.logical_or.reduce([_equal(cells, value) for value in values])]
     if kept.empty:
-        raise InputError(f"no run has {', '.join(f'{column} = {value}' for column, value in rows.items())}")
+        raise InputError(
+            f"no run has {', '.join(f'{column} = {value}' for column, value in rows.items())}"
+        )
     return kept
 
 
@@ -89,7 +97,9 @@ def numbers(measure: Measure, table: pd.DataFrame, *also: Rows) -> dict[Any, flo
     if measure.each is None:
         return {None: statistic(measure.statistic, _figures(kept, column))}
     if without := int(kept[_known(kept, measure.each)].isna().sum()):
-        raise InputError(f"{measure.each}: {without} of the {len(kept)} runs meant have no such value")
+        raise InputError(
+            f"{measure.each}: {without} of the {len(kept)} runs meant have no such value"
+        )
     groups = kept.groupby(measure.each, sort=True)
     return {value: statistic(measure.statistic, _figures(rows, column)) for value, rows in groups}
 
@@ -123,14 +133,20 @@ def places(table: pd.DataFrame, count: int) -> list[list[str]]:
 
 def _known(table: pd.DataFrame, column: str) -> str:
     if column not in table.columns:
-        raise InputError(f"no run has a column {column}.{nearest(column, table.columns, noun='column')}")
+        raise InputError(
+            f"no run has a column {column}.{nearest(column, table.columns, noun='column')}"
+        )
     return column
 
 
 def _equal(cells: pd.Series, value: Scalar) -> NDArray[np.bool_]:
     if value is None:
         return np.asarray(cells.isna())
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and pd.api.types.is_numeric_dtype(cells):
+    if (
+        isinstance(value, (int, float))
+        and not isinstance(value, bool)
+        and pd.api.types.is_numeric_dtype(cells)
+    ):
         return np.asarray(np.isclose(cells.to_numpy(dtype=float), value, rtol=_SAME, atol=0.0))
     return np.asarray(cells == value)
 
@@ -138,5 +154,7 @@ def _equal(cells: pd.Series, value: Scalar) -> NDArray[np.bool_]:
 def _figures(rows: pd.DataFrame, column: str) -> Array:
     figures = rows[column]
     if figures.isna().any():
-        raise InputError(f"{column}: {int(figures.isna().sum())} of the {len(rows)} runs meant have no such figure")
+        raise InputError(
+            f"{column}: {int(figures.isna().sum())} of the {len(rows)} runs meant have no such figure"
+        )
     return figures.to_numpy(dtype=float)

@@ -24,11 +24,19 @@ CLAIM_WORKERS = 2  # processes: claims are for a laptop, and for continuous inte
 commands = typer.Typer()
 
 
-@commands.command(rich_help_panel=TEST_BENCH, epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`")
+@commands.command(
+    rich_help_panel=TEST_BENCH,
+    epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`",
+)
 def run(
     scenario: ScenarioFile,
     out_dir: Out = None,
-    live: Annotated[bool, typer.Option("--live", help="Show the cell and the identification in a rerun window as they come.")] = False,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live", help="Show the cell and the identification in a rerun window as they come."
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a scenario, identify the robot from its logs, compare with the truth, write report and replay.
@@ -45,7 +53,9 @@ def run(
     settings = load_scenario(scenario)
     folder = out_dir or Path("runs") / settings.name
     with live_run() if live else nullcontext() as window, progress_bar() as progress:
-        data = run_scenario(settings, scenario, folder, command=command_line(), progress=progress, live=window)
+        data = run_scenario(
+            settings, scenario, folder, command=command_line(), progress=progress, live=window
+        )
     if as_json:
         say_json(run_data(data, folder))
     say_identification(out, data)
@@ -55,12 +65,19 @@ def run(
         say_comparison(out, data.comparison)
     for limit in data.limits:
         colour, word = ("green", "met   ") if limit.met else ("red", "missed")
-        out.print(f"  [{colour}]{word}[/] {limit.what} {limit.measured:.3g}{' ' * bool(limit.unit)}{limit.unit} (limit {limit.allowed:g})")
-    out.print(f"Look at {escape(str(folder / 'report.html'))}, or: ballbar replay {escape(str(folder))}")
+        out.print(
+            f"  [{colour}]{word}[/] {limit.what} {limit.measured:.3g}{' ' * bool(limit.unit)}{limit.unit} (limit {limit.allowed:g})"
+        )
+    out.print(
+        f"Look at {escape(str(folder / 'report.html'))}, or: ballbar replay {escape(str(folder))}"
+    )
     raise typer.Exit(0 if data.acceptable else 1)
 
 
-@commands.command(rich_help_panel=TEST_BENCH, epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`")
+@commands.command(
+    rich_help_panel=TEST_BENCH,
+    epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`",
+)
 def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) -> None:
     """Simulate a scenario and write its device logs as a recording; the truth goes beside the folder, not into it."""
     from ballbar.commands.result_json import simulation_data
@@ -84,10 +101,17 @@ def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = Fals
     epilog="Example: `ballbar sweep scenarios/sweeps/noise.yaml --workers 4`, or on a cluster `--scheduler tcp://10.0.0.5:8786`",
 )
 def sweep(
-    file: Annotated[Path, typer.Argument(help="A sweep, such as scenarios/sweeps/noise.yaml.", metavar="FILE")],
+    file: Annotated[
+        Path, typer.Argument(help="A sweep, such as scenarios/sweeps/noise.yaml.", metavar="FILE")
+    ],
     out_dir: Out = None,
-    workers: Annotated[int | None, typer.Option(help="Processes on this machine; default one a core.", min=1)] = None,
-    scheduler: Annotated[str | None, typer.Option(help="Run on the workers of this Dask scheduler instead.", metavar="ADDRESS")] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes on this machine; default one a core.", min=1)
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Run on the workers of this Dask scheduler instead.", metavar="ADDRESS"),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Run a scenario many times with values and seeds that vary; one table with a row for each run.
@@ -103,10 +127,16 @@ def sweep(
     from ballbar.trial.trial import run_trial
 
     if workers is not None and scheduler is not None:
-        raise InputError("--workers counts processes on this machine; with --scheduler the cluster's own workers compute. Give one.")
+        raise InputError(
+            "--workers counts processes on this machine; with --scheduler the cluster's own workers compute. Give one."
+        )
     settings = load_sweep(file)
     folder = out_dir or Path("runs") / f"{settings.plan.name}-sweep"
-    computing = partial(dask_cluster, address=scheduler) if scheduler else partial(processes, count=workers or os.cpu_count() or 1)
+    computing = (
+        partial(dask_cluster, address=scheduler)
+        if scheduler
+        else partial(processes, count=workers or os.cpu_count() or 1)
+    )
     with run_bar(err, settings.plan) as progress:
         outcome = run_sweep(settings, folder, run_trial, computing, progress=progress)
     if as_json:
@@ -117,11 +147,22 @@ def sweep(
     raise typer.Exit(0 if succeeded else 1)
 
 
-@commands.command(rich_help_panel=TEST_BENCH, epilog="Example: `ballbar claims --quick`, or `ballbar claims noise`")
+@commands.command(
+    rich_help_panel=TEST_BENCH,
+    epilog="Example: `ballbar claims --quick`, or `ballbar claims noise`",
+)
 def claims(
-    names: Annotated[list[str] | None, typer.Argument(help="Of scenarios/claims, or files; default all.", metavar="NAME")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer points and seeds: less than a minute.")] = False,
-    page: Annotated[Path | None, typer.Option("--out", help="Write them, with figures, as a page.", metavar="FILE.md")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Of scenarios/claims, or files; default all.", metavar="NAME"),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer points and seeds: less than a minute.")
+    ] = False,
+    page: Annotated[
+        Path | None,
+        typer.Option("--out", help="Write them, with figures, as a page.", metavar="FILE.md"),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Check what the thesis says against what comes out here, by the runs behind each claim.
@@ -137,8 +178,13 @@ def claims(
     if page is not None and names:
         raise InputError("--out: the page is of all claims; leave the names out.")
     chosen = topics(names or ())
-    with TemporaryDirectory(prefix="ballbar-claims-") as work, process_pool(CLAIM_WORKERS) as computing:
-        judged = judge_all(chosen, Path(work), computing, quick=quick, showing=partial(run_bar, err))
+    with (
+        TemporaryDirectory(prefix="ballbar-claims-") as work,
+        process_pool(CLAIM_WORKERS) as computing,
+    ):
+        judged = judge_all(
+            chosen, Path(work), computing, quick=quick, showing=partial(run_bar, err)
+        )
     if as_json:
         say_json(claims_data(judged))
     passed = say_verdicts(out, judged)
@@ -149,16 +195,27 @@ def claims(
 
 
 @commands.command(
-    rich_help_panel=TEST_BENCH, epilog="Example: `ballbar identifiability scenarios/irb2400.yaml --cost all --encoders 1,2,4,5`"
+    rich_help_panel=TEST_BENCH,
+    epilog="Example: `ballbar identifiability scenarios/irb2400.yaml --cost all --encoders 1,2,4,5`",
 )
 def identifiability(
     scenario: ScenarioFile,
-    cost: Annotated[str | None, typer.Option(help=f"{', '.join(COSTS)} or all; default: the scenario's.", metavar="NAME")] = None,
+    cost: Annotated[
+        str | None,
+        typer.Option(help=f"{', '.join(COSTS)} or all; default: the scenario's.", metavar="NAME"),
+    ] = None,
     encoders: Annotated[
-        str | None, typer.Option(help="Ball-bar joints with an encoder, such as 1,2,4,5, or none; default: the scenario's.", metavar="LIST")
+        str | None,
+        typer.Option(
+            help="Ball-bar joints with an encoder, such as 1,2,4,5, or none; default: the scenario's.",
+            metavar="LIST",
+        ),
     ] = None,
     complete: Annotated[
-        bool, typer.Option("--complete", help="Ask for Hayati angles and base tilt too, which the thesis has not.")
+        bool,
+        typer.Option(
+            "--complete", help="Ask for Hayati angles and base tilt too, which the thesis has not."
+        ),
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
 ) -> None:
@@ -166,7 +223,16 @@ def identifiability(
 
     Judged on the nominal mechanism; nothing is simulated.
     """
-    from ballbar.identifiability import LEGEND, chosen_costs, influences, nominal_loop, parse_encoders, study, study_data, study_lines
+    from ballbar.identifiability import (
+        LEGEND,
+        chosen_costs,
+        influences,
+        nominal_loop,
+        parse_encoders,
+        study,
+        study_data,
+        study_lines,
+    )
     from ballbar.scenario import load_scenario
 
     settings = load_scenario(scenario)
@@ -181,7 +247,11 @@ def identifiability(
             found.append((judged, influences(loop, judged)))
     if as_json:
         tables = [study_data(judged, moved) for judged, moved in found]
-        typer.echo(json.dumps({"scenario": settings.name, "costs": tables, "passed_over": passed_over}, indent=2))
+        typer.echo(
+            json.dumps(
+                {"scenario": settings.name, "costs": tables, "passed_over": passed_over}, indent=2
+            )
+        )
         return
     for judged, moved in found:
         for k, line in enumerate(study_lines(judged, moved)):

@@ -18,7 +18,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for group in (planning, recordings, identification, result, bench):  # in the order of a day at the cell; the bench last
+for group in (
+    planning,
+    recordings,
+    identification,
+    result,
+    bench,
+):  # in the order of a day at the cell; the bench last
     app.add_typer(group.commands)
 
 
@@ -31,7 +37,13 @@ def _tell_version(asked: bool) -> None:
 
 
 Version = Annotated[
-    bool, typer.Option("--version", help="Print the release and a digest of the code, and exit.", callback=_tell_version, is_eager=True)
+    bool,
+    typer.Option(
+        "--version",
+        help="Print the release and a digest of the code, and exit.",
+        callback=_tell_version,
+        is_eager=True,
+    ),
 ]
 
 
@@ -52,5 +64,7 @@ def main() -> None:
         err.print(f"[red]failed:[/] {escape(str(error))}")
         sys.exit(1)
     except OSError as error:
-        err.print(f"[red]error:[/] {escape(str(error.filename or ''))}: {escape(error.strerror or str(error))}")
+        err.print(
+            f"[red]error:[/] {escape(str(error.filename or ''))}: {escape(error.strerror or str(error))}"
+        )
         sys.exit(2)

@@ -28,26 +28,51 @@ commands = typer.Typer()
 )
 def identify(
     recordings: Annotated[
-        list[Path], typer.Argument(help="Folders with recording.yaml and the device files, of one robot.", metavar="RECORDING")
+        list[Path],
+        typer.Argument(
+            help="Folders with recording.yaml and the device files, of one robot.",
+            metavar="RECORDING",
+        ),
     ],
     validate: Annotated[
         list[Path] | None,
-        typer.Option("--validate", help="A recording to try the result on, not fitted; may be repeated.", metavar="RECORDING"),
+        typer.Option(
+            "--validate",
+            help="A recording to try the result on, not fitted; may be repeated.",
+            metavar="RECORDING",
+        ),
     ] = None,
     out_dir: Out = None,
-    samples: Annotated[int, typer.Option(help="Instants of the logs that enter the fit.", min=50, max=100_000)] = DEFAULT_SAMPLES,
+    samples: Annotated[
+        int, typer.Option(help="Instants of the logs that enter the fit.", min=50, max=100_000)
+    ] = DEFAULT_SAMPLES,
     model: Annotated[
-        ModelName, typer.Option(help="Kinematics alone (dh), or with corrections; auto takes what the recording asks for.")
+        ModelName,
+        typer.Option(
+            help="Kinematics alone (dh), or with corrections; auto takes what the recording asks for."
+        ),
     ] = "auto",
     corrections: Annotated[
-        str, typer.Option(help=f"Of the complete model: auto, or some of {', '.join(CORRECTIONS)}.", metavar="auto|NAME,NAME")
+        str,
+        typer.Option(
+            help=f"Of the complete model: auto, or some of {', '.join(CORRECTIONS)}.",
+            metavar="auto|NAME,NAME",
+        ),
     ] = "auto",
-    force: Annotated[ForceSource, typer.Option(help="Where the rod's force comes from; auto takes the best that was logged.")] = "auto",
+    force: Annotated[
+        ForceSource,
+        typer.Option(help="Where the rod's force comes from; auto takes the best that was logged."),
+    ] = "auto",
     rod_sigma: Annotated[
         float | None,
-        typer.Option(help="Standard deviation [m] of a measured rod, whose length is bd3 of the ball-bar's file.", metavar="METRES"),
+        typer.Option(
+            help="Standard deviation [m] of a measured rod, whose length is bd3 of the ball-bar's file.",
+            metavar="METRES",
+        ),
     ] = None,
-    rerun: Annotated[bool, typer.Option("--rerun", help="Write the replay file run.rrd too.")] = False,
+    rerun: Annotated[
+        bool, typer.Option("--rerun", help="Write the replay file run.rrd too.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Identify a robot from one recording, or from several together; try it on others.
@@ -64,7 +89,9 @@ def identify(
     settings = _settings(
         samples=samples,
         model=model,
-        corrections="auto" if corrections == "auto" else [name.strip() for name in corrections.split(",")],
+        corrections="auto"
+        if corrections == "auto"
+        else [name.strip() for name in corrections.split(",")],
         force=force,
         rod_sigma_m=rod_sigma,
     )
@@ -73,7 +100,13 @@ def identify(
     claim_folder(folder, OUTPUTS, "the result")
     with progress_bar() as progress:
         log = IterationLog(progress)
-        data = identify_recordings(recordings, validate or (), settings=settings, progress=log.progress, watch=log.watch if rerun else None)
+        data = identify_recordings(
+            recordings,
+            validate or (),
+            settings=settings,
+            progress=log.progress,
+            watch=log.watch if rerun else None,
+        )
         data = replace(data, iterations=tuple(log.steps))
         write_outputs(folder, data, command=command_line(), replay=rerun, progress=progress)
     if as_json:
@@ -90,4 +123,9 @@ def _settings(**given: object) -> IdentifySettings:
     try:
         return IdentifySettings.model_validate(given)
     except ValidationError as error:
-        raise InputError("\n".join(text for _, text in explain(error.errors(include_url=False), IdentifySettings, given))) from None
+        raise InputError(
+            "\n".join(
+                text
+                for _, text in explain(error.errors(include_url=False), IdentifySettings, given)
+            )
+        ) from None

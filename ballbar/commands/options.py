@@ -14,11 +14,23 @@ from ballbar.terminal import silence
 
 AT_THE_CELL, RESULT, TEST_BENCH = "At the cell", "With the result", "Test bench"
 
-ScenarioFile = Annotated[Path, typer.Argument(help="A scenario, such as scenarios/irb2400.yaml.", metavar="SCENARIO")]
-RecordingFolder = Annotated[Path, typer.Argument(help="A folder with recording.yaml and the device files.", metavar="RECORDING")]
-ResultFile = Annotated[Path, typer.Argument(help="A calibration.yaml, or the folder that holds it.", metavar="RESULT")]
-Out = Annotated[Path | None, typer.Option("--out", help="Folder for the output; nothing else may be in it.", metavar="DIR")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON, SI units, and no words.")]
+ScenarioFile = Annotated[
+    Path, typer.Argument(help="A scenario, such as scenarios/irb2400.yaml.", metavar="SCENARIO")
+]
+RecordingFolder = Annotated[
+    Path,
+    typer.Argument(help="A folder with recording.yaml and the device files.", metavar="RECORDING"),
+]
+ResultFile = Annotated[
+    Path, typer.Argument(help="A calibration.yaml, or the folder that holds it.", metavar="RESULT")
+]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", help="Folder for the output; nothing else may be in it.", metavar="DIR"),
+]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON, SI units, and no words.")
+]
 
 
 def say_json(data: object) -> None:

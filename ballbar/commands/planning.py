@@ -17,17 +17,37 @@ WHAT_IF = (*CHANGES, ENCODERS)
 commands = typer.Typer()
 
 
-@commands.command(rich_help_panel=AT_THE_CELL, epilog="Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`")
+@commands.command(
+    rich_help_panel=AT_THE_CELL,
+    epilog="Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`",
+)
 def plan(
-    request: Annotated[Path, typer.Argument(help="What is asked for, such as scenarios/plans/irb2400.yaml.", metavar="REQUEST")],
+    request: Annotated[
+        Path,
+        typer.Argument(
+            help="What is asked for, such as scenarios/plans/irb2400.yaml.", metavar="REQUEST"
+        ),
+    ],
     out_dir: Out = None,
-    seconds: Annotated[float, typer.Option(help="For the search; 0 takes the first path that can be run.", min=0.0)] = 110.0,
-    path: Annotated[Path | None, typer.Option("--path", help="Judge, check and export this path file instead.", metavar="FILE")] = None,
-    position: Annotated[str | None, typer.Option(help="Where the ball-bar stands [m], with --path.", metavar="X,Y,Z")] = None,
+    seconds: Annotated[
+        float, typer.Option(help="For the search; 0 takes the first path that can be run.", min=0.0)
+    ] = 110.0,
+    path: Annotated[
+        Path | None,
+        typer.Option(
+            "--path", help="Judge, check and export this path file instead.", metavar="FILE"
+        ),
+    ] = None,
+    position: Annotated[
+        str | None,
+        typer.Option(help="Where the ball-bar stands [m], with --path.", metavar="X,Y,Z"),
+    ] = None,
     what_if: Annotated[
         list[str] | None,
         typer.Option(
-            "--what-if", help=f"Expected TCP error if one of {', '.join(WHAT_IF)} were another; may be repeated.", metavar="KEY=A,B"
+            "--what-if",
+            help=f"Expected TCP error if one of {', '.join(WHAT_IF)} were another; may be repeated.",
+            metavar="KEY=A,B",
         ),
     ] = None,
     as_json: AsJson = False,
@@ -44,7 +64,16 @@ def plan(
     folder = out_dir or default_folder(request)
     if as_json:
         silence()
-    kept = plan_path(request, folder=folder, path=path, position=place, seconds=seconds, what_if=what_if or (), out=out, err=err)
+    kept = plan_path(
+        request,
+        folder=folder,
+        path=path,
+        position=place,
+        seconds=seconds,
+        what_if=what_if or (),
+        out=out,
+        err=err,
+    )
     if as_json:
         say_json(plan_data(folder, kept=kept))
     raise typer.Exit(0 if kept else 1)

@@ -22,14 +22,26 @@ commands = typer.Typer()
 
 
 @commands.command(
-    rich_help_panel=RESULT, epilog="Example: `ballbar replay runs/irb2400 --web`, or `ballbar replay runs/irb2400 --against runs/nj220`"
+    rich_help_panel=RESULT,
+    epilog="Example: `ballbar replay runs/irb2400 --web`, or `ballbar replay runs/irb2400 --against runs/nj220`",
 )
 def replay(
-    run_dir: Annotated[Path, typer.Argument(help="A folder with run.rrd, or the file itself.", metavar="RUN")],
-    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine (loopback only).")] = False,
-    save: Annotated[Path | None, typer.Option("--save", help="Write the replay file instead of opening it.", metavar="FILE")] = None,
-    layout: Annotated[Layout, typer.Option(help="What to look at: the run, or how the identification converged.")] = "run",
-    against: Annotated[Path | None, typer.Option(help="Another run, to compare this one with.", metavar="RUN")] = None,
+    run_dir: Annotated[
+        Path, typer.Argument(help="A folder with run.rrd, or the file itself.", metavar="RUN")
+    ],
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve it to a browser on this machine (loopback only).")
+    ] = False,
+    save: Annotated[
+        Path | None,
+        typer.Option("--save", help="Write the replay file instead of opening it.", metavar="FILE"),
+    ] = None,
+    layout: Annotated[
+        Layout, typer.Option(help="What to look at: the run, or how the identification converged.")
+    ] = "run",
+    against: Annotated[
+        Path | None, typer.Option(help="Another run, to compare this one with.", metavar="RUN")
+    ] = None,
 ) -> None:
     """Open the replay of a run in the rerun viewer; its iterations with --layout identify, two runs with --against."""
     from ballbar.replay.write import open_viewer, serve_web
@@ -52,8 +64,15 @@ def replay(
     epilog="Example: `ballbar compare runs/irb2400/calibration.yaml runs/irb2400/recording.truth.yaml`",
 )
 def compare_files(
-    calibration: Annotated[Path, typer.Argument(help="A calibration.yaml, or the folder that holds it.", metavar="CALIBRATION")],
-    reference: Annotated[Path, typer.Argument(help="A truth file, or another calibration.", metavar="REFERENCE")],
+    calibration: Annotated[
+        Path,
+        typer.Argument(
+            help="A calibration.yaml, or the folder that holds it.", metavar="CALIBRATION"
+        ),
+    ],
+    reference: Annotated[
+        Path, typer.Argument(help="A truth file, or another calibration.", metavar="REFERENCE")
+    ],
     as_json: AsJson = False,
 ) -> None:
     """Compare a calibration with the truth of a simulated run, or with another calibration: TCP error over the workspace."""
@@ -75,7 +94,9 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
     from cell.descriptions import load_cell
     from sim.truth import load_truth
 
-    cell = load_cell(model.file.robot, model.file.ballbar, model.file.plate, relative_to=calibration.parent)
+    cell = load_cell(
+        model.file.robot, model.file.ballbar, model.file.plate, relative_to=calibration.parent
+    )
     identified = [name for name, entry in model.file.parameters.items() if entry.identified]
     if reference.name.endswith(".truth.yaml"):
         truth = load_truth(reference)
@@ -99,10 +120,17 @@ def export(
     result: ResultFile,
     to: Annotated[
         Format,
-        typer.Option("--to", help="Robot models, tables (mdh: Craig's DH; poe: screw axes), RAPID data, or everything as JSON."),
+        typer.Option(
+            "--to",
+            help="Robot models, tables (mdh: Craig's DH; poe: screw axes), RAPID data, or everything as JSON.",
+        ),
     ],
-    file: Annotated[Path | None, typer.Option("--out", help="A new file; default: print it.", metavar="FILE")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was exported as JSON.")] = False,
+    file: Annotated[
+        Path | None, typer.Option("--out", help="A new file; default: print it.", metavar="FILE")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print what was exported as JSON.")
+    ] = False,
 ) -> None:
     """Write the identified robot for other programs: URDF, MJCF, DH tables, screws, RAPID, JSON.
 
@@ -123,20 +151,40 @@ def export(
         out.print(f"Wrote {escape(str(file))}. Not in it: {escape('; '.join(read.left_out))}")
 
 
-@commands.command(rich_help_panel=RESULT, epilog="Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`")
+@commands.command(
+    rich_help_panel=RESULT,
+    epilog="Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`",
+)
 def correct(
     path: Annotated[
-        Path, typer.Argument(help="CSV with columns q1..q6 [rad, DH joints] or axis1_deg..axis6_deg [controller].", metavar="PATH.csv")
+        Path,
+        typer.Argument(
+            help="CSV with columns q1..q6 [rad, DH joints] or axis1_deg..axis6_deg [controller].",
+            metavar="PATH.csv",
+        ),
     ],
-    result: Annotated[Path, typer.Option("--with", help="A calibration.yaml, or the folder that holds it.", metavar="RESULT")],
-    file: Annotated[Path | None, typer.Option("--out", help="A new file; default PATH-corrected.csv.", metavar="FILE")] = None,
+    result: Annotated[
+        Path,
+        typer.Option(
+            "--with", help="A calibration.yaml, or the folder that holds it.", metavar="RESULT"
+        ),
+    ],
+    file: Annotated[
+        Path | None,
+        typer.Option("--out", help="A new file; default PATH-corrected.csv.", metavar="FILE"),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
 ) -> None:
     """Turn targets planned with the nominal robot into targets that reach the same poses with the identified robot.
 
     Geometry, and of the gears what was identified: compliance under the robot's own weight, play, ripple. Other columns are kept.
     """
-    from ballbar.compensation.targets_file import correct_file, correction_data, correction_lines, write_corrected
+    from ballbar.compensation.targets_file import (
+        correct_file,
+        correction_data,
+        correction_lines,
+        write_corrected,
+    )
     from ballbar.export.result import load_result
 
     read = load_result(result)

@@ -26,11 +26,19 @@ def run_data(data: RunData, folder: Path) -> dict[str, object]:
         "sentence": data.identification.verdict.sentence,
         "folder": str(folder),
         "files": sorted(entry.name for entry in folder.iterdir() if entry.name in OUTPUTS),
-        "calibration": load_calibration(folder / CALIBRATION).file.model_dump(mode="json", by_alias=True),
+        "calibration": load_calibration(folder / CALIBRATION).file.model_dump(
+            mode="json", by_alias=True
+        ),
         "plant": plant_data(data.simulation) if data.simulation else None,
         "comparison": comparison_data(data.comparison) if data.comparison else None,
         "limits": [
-            {"what": limit.what, "unit": limit.unit, "measured": limit.measured, "allowed": limit.allowed, "met": limit.met}
+            {
+                "what": limit.what,
+                "unit": limit.unit,
+                "measured": limit.measured,
+                "allowed": limit.allowed,
+                "met": limit.met,
+            }
             for limit in data.limits
         ],
     }
@@ -38,7 +46,11 @@ def run_data(data: RunData, folder: Path) -> dict[str, object]:
 
 def simulation_data(simulation: Simulation, folder: Path) -> dict[str, object]:
     """Of `simulate`."""
-    return {"recording": str(folder), "truth": str(truth_path(folder)), "plant": plant_data(simulation)}
+    return {
+        "recording": str(folder),
+        "truth": str(truth_path(folder)),
+        "plant": plant_data(simulation),
+    }
 
 
 def plant_data(simulation: Simulation) -> dict[str, object]:
@@ -67,13 +79,23 @@ def comparison_data(comparison: Comparison) -> dict[str, object]:
 def plan_data(folder: Path, *, kept: bool) -> dict[str, object]:
     """Of `plan`: plan.yaml as written, and whether every limit was kept in the plant."""
     content = yaml.safe_load((folder / "plan.yaml").read_text())  # our own file of plain values
-    return {"acceptable": kept, "folder": str(folder), "files": sorted(entry.name for entry in folder.iterdir()), "plan": content}
+    return {
+        "acceptable": kept,
+        "folder": str(folder),
+        "files": sorted(entry.name for entry in folder.iterdir()),
+        "plan": content,
+    }
 
 
 def sweep_data(outcome: Outcome) -> dict[str, object]:
     """Of `sweep`: where the table is, and the spread of the main figures at each point of the grid."""
     folder = outcome.folder
-    data: dict[str, object] = {"finished": outcome.finished, "runs": folder.plan.runs, "done": outcome.done, "folder": str(folder.path)}
+    data: dict[str, object] = {
+        "finished": outcome.finished,
+        "runs": folder.plan.runs,
+        "done": outcome.done,
+        "folder": str(folder.path),
+    }
     if not outcome.finished:
         return data
     points = [
@@ -112,7 +134,10 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
                     "says": verdict.claim.says,
                     "verdict": verdict.word,
                     "passed": verdict.passed,
-                    "checks": [{"met": check.met, "found": check.found, "asked": check.asked} for check in verdict.outcomes],
+                    "checks": [
+                        {"met": check.met, "found": check.found, "asked": check.asked}
+                        for check in verdict.outcomes
+                    ],
                     "ml": list(verdict.ml),
                 }
                 for verdict in one.verdicts
@@ -123,4 +148,8 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
 
 
 def _tcp(error: TcpError) -> dict[str, float]:
-    return {"mean_m": float(error.mean), "max_m": float(error.maximum), "mean_without_scale_m": float(error.error_without_scale.mean())}
+    return {
+        "mean_m": float(error.mean),
+        "max_m": float(error.maximum),
+        "mean_without_scale_m": float(error.error_without_scale.mean()),
+    }

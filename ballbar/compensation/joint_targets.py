@@ -41,22 +41,35 @@ def read_targets(path: Path, robot: Robot) -> TargetFile:
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start} is not UTF-8; save the file as plain CSV") from None
+        raise InputError(
+            f"{path}: byte {error.start} is not UTF-8; save the file as plain CSV"
+        ) from None
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     try:
         table = [(reader.line_num, tuple(row)) for row in reader if row]
     except csv.Error as error:
         raise InputError(f"{path}:{reader.line_num}: {error}") from None
     if not table:
-        raise InputError(f"{path}: is empty; expected a header with {', '.join(JOINTS)} or {', '.join(AXES)}")
+        raise InputError(
+            f"{path}: is empty; expected a header with {', '.join(JOINTS)} or {', '.join(AXES)}"
+        )
     header = tuple(name.strip() for name in table[0][1])
     columns = _columns(path, header)
     if len(table) == 1:
         raise InputError(f"{path}: has a header and no target below it")
     places = [header.index(name) for name in columns]
-    values = np.array([[_number(path, line, header, row, k) for k in places] for line, row in table[1:]])
+    values = np.array(
+        [[_number(path, line, header, row, k) for k in places] for line, row in table[1:]]
+    )
     q = values if columns == JOINTS else controller_to_joints(robot, np.radians(values))
-    return TargetFile(path, header, tuple(row for _, row in table[1:]), tuple(line for line, _ in table[1:]), columns, q)
+    return TargetFile(
+        path,
+        header,
+        tuple(row for _, row in table[1:]),
+        tuple(line for line, _ in table[1:]),
+        columns,
+        q,
+    )
 
 
 def targets_text(targets: TargetFile, robot: Robot, q: Array) -> str:
@@ -79,14 +92,20 @@ def _columns(path: Path, header: tuple[str, ...]) -> tuple[str, ...]:
     if len(found) != 1:
         what = "both kinds of angles" if found else "no angles"
         hint = " Columns are separated by commas." if ";" in "".join(header) else ""
-        raise InputError(f"{path}:1: {what} in the header; expected {', '.join(JOINTS)} [rad] or {', '.join(AXES)} [deg].{hint}")
+        raise InputError(
+            f"{path}:1: {what} in the header; expected {', '.join(JOINTS)} [rad] or {', '.join(AXES)} [deg].{hint}"
+        )
     missing = [name for name in found[0] if header.count(name) != 1]
     if missing:
-        raise InputError(f"{path}:1: column {missing[0]} stands {header.count(missing[0])} times in the header; it must be there once")
+        raise InputError(
+            f"{path}:1: column {missing[0]} stands {header.count(missing[0])} times in the header; it must be there once"
+        )
     return found[0]
 
 
-def _number(path: Path, line: int, header: tuple[str, ...], row: tuple[str, ...], column: int) -> float:
+def _number(
+    path: Path, line: int, header: tuple[str, ...], row: tuple[str, ...], column: int
+) -> float:
     if len(row) != len(header):
         raise InputError(f"{path}:{line}: {len(row)} cells, the header has {len(header)}")
     try:
@@ -94,5 +113,7 @@ def _number(path: Path, line: int, header: tuple[str, ...], row: tuple[str, ...]
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f"{path}:{line}: {header[column]} = {row[column]!r} is not a finite number")
+        raise InputError(
+            f"{path}:{line}: {header[column]} = {row[column]!r} is not a finite number"
+        )
     return value

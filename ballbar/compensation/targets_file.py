@@ -34,7 +34,9 @@ def correct_file(path: Path, result: Result) -> Correction:
     robot = result.cell.robot
     targets = read_targets(path, robot)
     try:
-        corrected = corrected_targets(result.calibration.free_robot(result.cell), result.calibration.nominal, targets.q)
+        corrected = corrected_targets(
+            result.calibration.free_robot(result.cell), result.calibration.nominal, targets.q
+        )
     except TargetError as error:
         said = [f"{path}:{targets.lines[row]}: {why}" for row, why in sorted(error.faults.items())]
         more = [f"and {len(said) - _NAMED} more targets"] if len(said) > _NAMED else []
@@ -53,8 +55,12 @@ def correct_file(path: Path, result: Result) -> Correction:
 def write_corrected(out: Path, correction: Correction, result: Result) -> None:
     """Writes the corrected targets whole or not at all. Raises InputError rather than write over a file."""
     if out.exists():
-        raise InputError(f"{out}: exists already; nothing was written. Name another file with --out.")
-    write_whole(out, targets_text(correction.targets, result.cell.robot, correction.corrected.q).encode())
+        raise InputError(
+            f"{out}: exists already; nothing was written. Name another file with --out."
+        )
+    write_whole(
+        out, targets_text(correction.targets, result.cell.robot, correction.corrected.q).encode()
+    )
 
 
 def correction_data(correction: Correction, result: Result, out: Path) -> dict[str, object]:
@@ -66,8 +72,14 @@ def correction_data(correction: Correction, result: Result, out: Path) -> dict[s
         "targets": len(c.q),
         "included": ["geometry", *correction.included],
         "warnings": list(correction.warnings),
-        "predicted_position_error_m": {"mean": float(c.position_before.mean()), "max": float(c.position_before.max())},
-        "predicted_angle_error_rad": {"mean": float(c.angle_before.mean()), "max": float(c.angle_before.max())},
+        "predicted_position_error_m": {
+            "mean": float(c.position_before.mean()),
+            "max": float(c.position_before.max()),
+        },
+        "predicted_angle_error_rad": {
+            "mean": float(c.angle_before.mean()),
+            "max": float(c.angle_before.max()),
+        },
         "left_in_the_model_m": float(c.position_after.max()),
         "largest_axis_correction_rad": np.abs(correction.moved).max(axis=0).tolist(),
     }
@@ -91,5 +103,7 @@ def _warnings(status: str, missing: list[str]) -> list[str]:
     if status != "good":
         out.append(f"the fit is called {status!r}; read its report before a robot moves by it")
     if missing:
-        out.append(f"not identified, so not corrected: {', '.join(EFFECTS[name] for name in missing)}")
+        out.append(
+            f"not identified, so not corrected: {', '.join(EFFECTS[name] for name in missing)}"
+        )
     return out

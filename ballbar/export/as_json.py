@@ -18,7 +18,12 @@ def export_data(result: Result) -> dict[str, object]:
     parameters = {}
     for p in ROBOT:
         entry = file.parameters[p.name]
-        state: dict[str, object] = {"unit": p.unit, "nominal": entry.nominal, "value": entry.value, "sigma": entry.sigma}
+        state: dict[str, object] = {
+            "unit": p.unit,
+            "nominal": entry.nominal,
+            "value": entry.value,
+            "sigma": entry.sigma,
+        }
         state["identified"] = entry.identified
         if p.name in reasons:
             state["reason"] = reasons[p.name]
@@ -29,18 +34,28 @@ def export_data(result: Result) -> dict[str, object]:
         "robot": result.name,
         "title": result.cell.robot.title,
         "convention": "standard DH: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta)",
-        "rows": {name: np.asarray(getattr(chain, name)).tolist() for name in ("a", "d", "alpha", "theta", "beta")},
+        "rows": {
+            name: np.asarray(getattr(chain, name)).tolist()
+            for name in ("a", "d", "alpha", "theta", "beta")
+        },
         "screws": screws.tolist(),
         "home": home.tolist(),
         "parameters": parameters,
-        "corrections": {name: {k: c.model_dump() for k, c in entries.items()} for name, entries in file.corrections.items()},
+        "corrections": {
+            name: {k: c.model_dump() for k, c in entries.items()}
+            for name, entries in file.corrections.items()
+        },
         "not_in_rows": result.left_out,
         "provenance": {
             "ballbar": version("ballbar-bench"),
             "source": result.file.name,
             "sha256": result.sha256,
             "recordings": [one.recording for one in file.recordings],
-            "fit": {"status": file.fit.status, "sentence": file.fit.sentence, "warnings": list(file.fit.warnings)},
+            "fit": {
+                "status": file.fit.status,
+                "sentence": file.fit.sentence,
+                "warnings": list(file.fit.warnings),
+            },
         },
     }
 

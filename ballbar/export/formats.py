@@ -35,7 +35,11 @@ def exported(result: Result, to: Format) -> str:
 
 def export_summary(result: Result, to: Format, text: str, out: Path | None) -> dict[str, object]:
     """What was exported, for --json; without a file the text itself is in it."""
-    sigma = {name: e.sigma for name, e in result.calibration.file.parameters.items() if name.startswith("r") and e.sigma is not None}
+    sigma = {
+        name: e.sigma
+        for name, e in result.calibration.file.parameters.items()
+        if name.startswith("r") and e.sigma is not None
+    }
     said: dict[str, object] = {
         "format": to,
         "robot": result.name,
@@ -51,5 +55,7 @@ def export_summary(result: Result, to: Format, text: str, out: Path | None) -> d
 def write_export(out: Path, text: str) -> None:
     """Writes an exported text whole or not at all. Raises InputError rather than write over a file."""
     if out.exists():
-        raise InputError(f"{out}: exists already; nothing was written. Name another file with --out.")
+        raise InputError(
+            f"{out}: exists already; nothing was written. Name another file with --out."
+        )
     write_whole(out, text.encode())

@@ -37,7 +37,9 @@ def urdf(result: Result) -> str:
         ET.SubElement(inertial, "origin", xyz=_numbers(body.com), rpy="0 0 0")
         ET.SubElement(inertial, "mass", value=number(body.mass))
         tensor = {
-            f"i{'xyz'[r]}{'xyz'[c]}": number(round(float(body.inertia[r, c]), _INERTIA_DIGITS)) for r in range(3) for c in range(r, 3)
+            f"i{'xyz'[r]}{'xyz'[c]}": number(round(float(body.inertia[r, c]), _INERTIA_DIGITS))
+            for r in range(3)
+            for c in range(r, 3)
         }
         ET.SubElement(inertial, "inertia", tensor)
         joint = _urdf_joint(robot, f"joint_{i + 1}", "revolute", parent, f"link_{i + 1}", poses[i])
@@ -60,10 +62,24 @@ def mjcf(result: Result) -> str:
     poses, (lower, upper) = _placements(result.chain), _joint_range(result.cell.robot)
     for i, body in enumerate(_bodies(result)):
         rotation, place = poses[i]
-        parent = ET.SubElement(parent, "body", name=f"link_{i + 1}", pos=_numbers(place), quat=_quat_wxyz(rotation))
+        parent = ET.SubElement(
+            parent, "body", name=f"link_{i + 1}", pos=_numbers(place), quat=_quat_wxyz(rotation)
+        )
         tensor = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].round(_INERTIA_DIGITS)
-        ET.SubElement(parent, "inertial", pos=_numbers(body.com), mass=number(body.mass), fullinertia=_numbers(tensor))
-        ET.SubElement(parent, "joint", name=f"joint_{i + 1}", axis="0 0 1", range=_numbers([lower[i], upper[i]]))
+        ET.SubElement(
+            parent,
+            "inertial",
+            pos=_numbers(body.com),
+            mass=number(body.mass),
+            fullinertia=_numbers(tensor),
+        )
+        ET.SubElement(
+            parent,
+            "joint",
+            name=f"joint_{i + 1}",
+            axis="0 0 1",
+            range=_numbers([lower[i], upper[i]]),
+        )
     rotation, place = poses[6]
     ET.SubElement(parent, "site", name="tool", pos=_numbers(place), quat=_quat_wxyz(rotation))
     return _text(root)
@@ -73,7 +89,12 @@ def _placements(chain: Chain) -> list[tuple[Array, Array]]:
     """Seven of (rotation (3, 3), translation (3,) [m]): links 1 to 6 and the tool, each in the frame before it."""
     out = [(np.eye(3), np.zeros(3))]
     for i in range(chain.rows):
-        row = Chain(*(values[i : i + 1] for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta)))
+        row = Chain(
+            *(
+                values[i : i + 1]
+                for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta)
+            )
+        )
         frames = forward(row, np.zeros((1, 1)))
         out.append((frames.rotation()[:, :, 0], frames.tip[:, 0]))
     return out
@@ -98,10 +119,14 @@ def _joint_range(robot: Robot) -> tuple[Array, Array]:
     """Smallest and largest angle (6,) [rad] of each joint over the box of the axes' limits."""
     shares = robot.controller_to_joint
     ends = np.stack((robot.axis_lower[:, None] * shares, robot.axis_upper[:, None] * shares))
-    return robot.controller_offset + ends.min(axis=0).sum(axis=0), robot.controller_offset + ends.max(axis=0).sum(axis=0)
+    return robot.controller_offset + ends.min(axis=0).sum(
+        axis=0
+    ), robot.controller_offset + ends.max(axis=0).sum(axis=0)
 
 
-def _urdf_joint(robot: ET.Element, name: str, kind: str, parent: str, child: str, pose: tuple[Array, Array]) -> ET.Element:
+def _urdf_joint(
+    robot: ET.Element, name: str, kind: str, parent: str, child: str, pose: tuple[Array, Array]
+) -> ET.Element:
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
@@ -112,7 +137,13 @@ def _urdf_joint(robot: ET.Element, name: str, kind: str, parent: str, child: str
 def _roll_pitch_yaw(rotation: Array) -> Array:
     """(3,) [rad] of R = Rz(yaw) Ry(pitch) Rx(roll)."""
     pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
-    return np.array([np.arctan2(rotation[2, 1], rotation[2, 2]), pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
+    return np.array(
+        [
+            np.arctan2(rotation[2, 1], rotation[2, 2]),
+            pitch,
+            np.arctan2(rotation[1, 0], rotation[0, 0]),
+        ]
+    )
 
 
 def _quat_wxyz(rotation: Array) -> str:

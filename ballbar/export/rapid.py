@@ -38,7 +38,9 @@ def rapid_module(result: Result) -> str:
     """A RAPID module of constants."""
     rows = standard_rows(result.chain)
     robot = result.cell.robot
-    axis_change = (result.chain.theta - result.calibration.nominal.robot.theta) @ robot.joint_to_axis
+    axis_change = (
+        result.chain.theta - result.calibration.nominal.robot.theta
+    ) @ robot.joint_to_axis
     data = {
         "motor_offset_rad": motor_offsets(result),
         "axis_change_deg": np.degrees(axis_change),
@@ -47,17 +49,27 @@ def rapid_module(result: Result) -> str:
         "dh_alpha_deg": np.degrees(rows.alpha),
         "dh_theta_deg": np.degrees(rows.theta),
     }
-    sigmas = {"sigma_a_mm": ("a", 1e3), "sigma_d_mm": ("d", 1e3), "sigma_alpha_deg": ("alpha", np.degrees(1.0))}
+    sigmas = {
+        "sigma_a_mm": ("a", 1e3),
+        "sigma_d_mm": ("d", 1e3),
+        "sigma_alpha_deg": ("alpha", np.degrees(1.0)),
+    }
     sigmas["sigma_theta_deg"] = ("theta", np.degrees(1.0))
     said = [
         *_HOW,
         "Standard DH: T = product over rows of Rz(theta + q) Tz(d) Tx(a) Rx(alpha); sigma -1: not identified, nominal.",
         "Then the tool turns about its y by dh_tool_beta_deg.",
     ]
-    lines = [f"MODULE {_short(result.name)}_identified", *(f"  ! {line}" for line in [*said, *notes(result)])]
+    lines = [
+        f"MODULE {_short(result.name)}_identified",
+        *(f"  ! {line}" for line in [*said, *notes(result)]),
+    ]
     lines += [f"  CONST dnum {name}{{6}} := [{_listed(values)}];" for name, values in data.items()]
     lines.append(f"  CONST dnum dh_tool_beta_deg := {number(np.degrees(rows.tool_beta))};")
-    lines += [f"  CONST dnum {name}{{6}} := [{_listed(_sigma(result, kind, unit))}];" for name, (kind, unit) in sigmas.items()]
+    lines += [
+        f"  CONST dnum {name}{{6}} := [{_listed(_sigma(result, kind, unit))}];"
+        for name, (kind, unit) in sigmas.items()
+    ]
     return "".join(f"{line}\n" for line in [*lines, "ENDMODULE"])
 
 

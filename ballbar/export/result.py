@@ -44,8 +44,14 @@ class Result:
     @property
     def left_out(self) -> list[str]:
         """What the identified robot does beyond its geometry, in words."""
-        found = [f"{what} ({name}, identified)" for name, what in EFFECTS.items() if name in self.calibration.file.corrections]
-        return found or ["elastic gears, play, transmission error: none was identified, so none is known"]
+        found = [
+            f"{what} ({name}, identified)"
+            for name, what in EFFECTS.items()
+            if name in self.calibration.file.corrections
+        ]
+        return found or [
+            "elastic gears, play, transmission error: none was identified, so none is known"
+        ]
 
 
 def load_result(path: Path) -> Result:
@@ -55,7 +61,9 @@ def load_result(path: Path) -> Result:
     """
     file = calibration_file(path)
     if not file.is_file():
-        raise InputError(f"{file}: no such file. Name a calibration.yaml, or the folder that `ballbar identify` or `ballbar run` wrote.")
+        raise InputError(
+            f"{file}: no such file. Name a calibration.yaml, or the folder that `ballbar identify` or `ballbar run` wrote."
+        )
     calibration = load_calibration(file)
     named = calibration.file
     cell = load_cell(named.robot, named.ballbar, named.plate, relative_to=file.parent)
@@ -84,4 +92,7 @@ def notes(result: Result) -> list[str]:
         "Parameters of the robot and their standard deviations:",
         *(f"  {parameter_note(result, p)}" for p in ROBOT),
     ]
-    return [" ".join(line.split()) if not line.startswith("  ") else "  " + " ".join(line.split()) for line in lines]
+    return [
+        " ".join(line.split()) if not line.startswith("  ") else "  " + " ".join(line.split())
+        for line in lines
+    ]

@@ -80,7 +80,9 @@ def _row(a: float, d: float, alpha: float, theta: float, beta: float) -> tuple[A
     return frames.rotation()[:, :, 0], frames.tip[:, 0]
 
 
-def _on_common_normal(rotation: Array, tip: Array, near: float, row: int) -> tuple[float, float, float, float, float, float]:
+def _on_common_normal(
+    rotation: Array, tip: Array, near: float, row: int
+) -> tuple[float, float, float, float, float, float]:
     """a, d, alpha, theta of a standard row with the same next axis, and phi, e along it; theta on the side of `near`."""
     axis = rotation[:, 2]
     sine = float(np.hypot(axis[0], axis[1]))
@@ -94,7 +96,10 @@ def _on_common_normal(rotation: Array, tip: Array, near: float, row: int) -> tup
         theta, sine = theta + np.pi, -sine
     theta = near + float(np.arctan2(np.sin(theta - near), np.cos(theta - near)))
     alpha = float(np.arctan2(sine, axis[2]))
-    x, y = np.array([np.cos(theta), np.sin(theta), 0.0]), np.array([-np.sin(theta), np.cos(theta), 0.0])
+    x, y = (
+        np.array([np.cos(theta), np.sin(theta), 0.0]),
+        np.array([-np.sin(theta), np.cos(theta), 0.0]),
+    )
     e = -float(tip @ y) / sine
     a, d = float(tip @ x), float(tip[2] - e * axis[2])
     bare, _ = _row(a, d, alpha, theta, 0.0)

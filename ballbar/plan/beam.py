@@ -46,12 +46,16 @@ class Plate:
 
 def tip_deflection(plate: Plate, force: float) -> float:
     """[m] by which the free end sinks under a force [N] there and the plate's own weight."""
-    return (force * plate.length**3 / 3.0 + plate.weight * plate.length**4 / 8.0) / plate.bending_stiffness
+    return (
+        force * plate.length**3 / 3.0 + plate.weight * plate.length**4 / 8.0
+    ) / plate.bending_stiffness
 
 
 def tip_slope(plate: Plate, force: float) -> float:
     """[rad] by which the free end turns under the same."""
-    return (force * plate.length**2 / 2.0 + plate.weight * plate.length**3 / 6.0) / plate.bending_stiffness
+    return (
+        force * plate.length**2 / 2.0 + plate.weight * plate.length**3 / 6.0
+    ) / plate.bending_stiffness
 
 
 def width_for(deflection: float, plate: Plate, force: float) -> float:
@@ -83,12 +87,16 @@ OFFSET_PLATE = Plate(
     modulus=70e9,  # aluminium alloys, EN 1999-1-1 cl. 3.2.5
     density=2700.0,  # the same
 )
-STEEL_PLATE = replace(OFFSET_PLATE, modulus=210e9, density=7850.0)  # EN 1993-1-1 cl. 3.2.6, EN 1991-1-1 table A.4
+STEEL_PLATE = replace(
+    OFFSET_PLATE, modulus=210e9, density=7850.0
+)  # EN 1993-1-1 cl. 3.2.6, EN 1991-1-1 table A.4
 ROD_FORCE = 150.0  # [N] thesis sec. 5.3
 ROD_LENGTH = 0.50  # [m] thesis sec. 5.3
 # Assumed: 57 % standard fibre of 230 GPa (Toray T700S) along the tube, in epoxy of 3 GPa: rule of mixtures.
 ROD_MODULUS = 0.57 * 230e9 + 0.43 * 3e9  # [Pa]
-ROD_SECTION = 0.35 / 1600.0  # [m^2] mass over length of cell/ballbars by the density of the laminate, both assumed
+ROD_SECTION = (
+    0.35 / 1600.0
+)  # [m^2] mass over length of cell/ballbars by the density of the laminate, both assumed
 
 FIGURES: Mapping[str, partial[float]] = {  # SI, by the names that claims use
     "plate_deflection": partial(tip_deflection, OFFSET_PLATE, PLATE_FORCE),

@@ -45,7 +45,9 @@ def plan_picture(plan: Plan) -> bytes:
         _loads(grid["load"], plan)
         _sigma(grid["sigma"], plan)
         figure.suptitle(
-            f"{plan.request.name}: predicted TCP sigma {np.median(plan.tcp) * 1e6:.1f} um rms over the workspace", x=0.01, ha="left"
+            f"{plan.request.name}: predicted TCP sigma {np.median(plan.tcp) * 1e6:.1f} um rms over the workspace",
+            x=0.01,
+            ha="left",
         )
         return svg_text(figure).encode()
 
@@ -55,10 +57,18 @@ def what_if_picture(plan: Plan, given: Sequence[Answer]) -> bytes:
     keys = list(dict.fromkeys(answer.key for answer in given))
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(3.2 * len(keys) + 0.6, 3.0), layout="constrained")
-        for axes, key in zip(np.atleast_1d(figure.subplots(1, len(keys), sharey=True)), keys, strict=True):
+        for axes, key in zip(
+            np.atleast_1d(figure.subplots(1, len(keys), sharey=True)), keys, strict=True
+        ):
             answers = [a for a in given if a.key == key]
             place = np.arange(len(answers))
-            axes.plot(place, [np.nan if a.tcp is None else a.tcp * 1e6 for a in answers], "o-", color=INK, label="from the path")
+            axes.plot(
+                place,
+                [np.nan if a.tcp is None else a.tcp * 1e6 for a in answers],
+                "o-",
+                color=INK,
+                label="from the path",
+            )
             total = [np.nan if a.total is None else a.total * 1e6 for a in answers]
             axes.plot(place, total, "o--", color=INK, mfc="white", label="and the plate's length")
             axes.axhline(plan.found.tcp * 1e6, color=FAINT, lw=0.8)
@@ -97,7 +107,9 @@ def _sphere(axes: Axes, plan: Plan) -> None:
         axes.text(0.0, radius, f"{degrees}°", color=QUIET, fontsize=7, ha="center")
     axes.set_aspect("equal")
     axes.set_axis_off()
-    axes.set_title(f"rod's direction from above (robot's x to the right); {plan.coverage:.0%} of the sphere within 10°")
+    axes.set_title(
+        f"rod's direction from above (robot's x to the right); {plan.coverage:.0%} of the sphere within 10°"
+    )
 
 
 def _axes(axes: Axes, plan: Plan) -> None:
@@ -125,7 +137,11 @@ def _loads(axes: Axes, plan: Plan) -> None:
 def _sigma(axes: Axes, plan: Plan) -> None:
     """How much of each prior is left."""
     typical = plan.typical
-    robot = [n for n in typical.sigma if n.startswith(("ra", "rd", "ralpha", "rtheta", "rbeta", "compliance", "play"))]
+    robot = [
+        n
+        for n in typical.sigma
+        if n.startswith(("ra", "rd", "ralpha", "rtheta", "rbeta", "compliance", "play"))
+    ]
     priors = dict(zip(typical.layout.names, typical.layout.sigma, strict=True))
     left = [typical.sigma[n] / priors[n] for n in robot]
     place = np.arange(len(robot))

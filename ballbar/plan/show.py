@@ -59,7 +59,11 @@ def plan_path(
     """
     request, questions = load_request(file), [question(text) for text in what_if]
     claim_folder(folder, {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}, "the plan")
-    found = iter([given_path(request, path, position)]) if path else searched(request, file.parent, seconds, err)
+    found = (
+        iter([given_path(request, path, position)])
+        if path
+        else searched(request, file.parent, seconds, err)
+    )
     for attempt, plan in enumerate(islice(found, ATTEMPTS)):
         if attempt:
             out.print("[yellow]Limits are violated in MuJoCo; the next best path of the search:[/]")
@@ -78,7 +82,9 @@ def plan_path(
     return violated == 0
 
 
-def searched(request: PlanRequest, relative_to: Path, seconds: float, err: Console) -> Iterator[Plan]:
+def searched(
+    request: PlanRequest, relative_to: Path, seconds: float, err: Console
+) -> Iterator[Plan]:
     """What a search finds, best first."""
     since = time.monotonic()
     with showing(err) as show:
@@ -95,7 +101,9 @@ def searched(request: PlanRequest, relative_to: Path, seconds: float, err: Conso
     return chain((best,), found)
 
 
-def answer(plan: Plan, questions: Sequence[Question], folder: Path, out: Console, err: Console) -> list[str]:
+def answer(
+    plan: Plan, questions: Sequence[Question], folder: Path, out: Console, err: Console
+) -> list[str]:
     """Prints and writes what other rigs would come to."""
     given = []
     with under_way(err, "what if ...") as say:
@@ -116,10 +124,24 @@ def answer(plan: Plan, questions: Sequence[Question], folder: Path, out: Console
 def say_answers(out: Console, plan: Plan, given: Sequence[Answer]) -> None:
     """The table: expected TCP error with one thing changed at a time."""
     shown = Table(box=None, pad_edge=False)
-    for heading in ("what if", "value", "TCP sigma [um]", "plate's length adds [um]", "together [um]", ""):
+    for heading in (
+        "what if",
+        "value",
+        "TCP sigma [um]",
+        "plate's length adds [um]",
+        "together [um]",
+        "",
+    ):
         shown.add_column(escape(heading), justify="left" if heading in ("what if", "") else "right")
     here = plan.found.tcp
-    shown.add_row("as planned", "", f"{here * 1e6:.1f}", f"{plan.plate_adds * 1e6:.1f}", f"{np.hypot(here, plan.plate_adds) * 1e6:.1f}", "")
+    shown.add_row(
+        "as planned",
+        "",
+        f"{here * 1e6:.1f}",
+        f"{plan.plate_adds * 1e6:.1f}",
+        f"{np.hypot(here, plan.plate_adds) * 1e6:.1f}",
+        "",
+    )
     for one in given:
         sigma, total = ("-" if v is None else f"{v * 1e6:.1f}" for v in (one.tcp, one.total))
         shown.add_row(one.key, one.value, sigma, f"{one.scale * 1e6:.1f}", total, escape(one.note))
@@ -140,11 +162,16 @@ def answers_csv(given: Sequence[Answer]) -> bytes:
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(("what_if", "value", "tcp_sigma_m", "plate_length_adds_m", "note"))
-    rows.writerows((a.key, a.value, "" if a.tcp is None else f"{a.tcp:.4g}", f"{a.scale:.4g}", a.note) for a in given)
+    rows.writerows(
+        (a.key, a.value, "" if a.tcp is None else f"{a.tcp:.4g}", f"{a.scale:.4g}", a.note)
+        for a in given
+    )
     return text.getvalue().encode()
 
 
-def given_path(request: PlanRequest, path: Path, position: tuple[float, float, float] | None) -> Plan:
+def given_path(
+    request: PlanRequest, path: Path, position: tuple[float, float, float] | None
+) -> Plan:
     """A path file, judged as a plan. Raises InputError where it cannot be run or no position is known."""
     shape, planned_for = known_path(path)
     place = position or request.cell.ballbar_position_m or planned_for
@@ -192,17 +219,30 @@ def say_plan(out: Console, plan: Plan) -> None:
     position = ", ".join(f"{v:.3f}" for v in plan.found.candidate.position)
     if plan.stopped:
         out.print("[yellow]stopped[/] before its time; this is the best so far")
-    found = f"found in {plan.seconds:.0f} s, {plan.evaluated} tried" if plan.evaluated else "as given"
+    found = (
+        f"found in {plan.seconds:.0f} s, {plan.evaluated} tried" if plan.evaluated else "as given"
+    )
     out.print(f"path {found}; ball-bar {plan.rod} at ({position}) m")
     out.print(
         f"predicted TCP sigma over the workspace: {np.median(plan.tcp) * 1e6:.1f} um rms ({plan.tcp.min() * 1e6:.1f} to "
         f"{plan.tcp.max() * 1e6:.1f} over {len(plan.tcp)} robots), largest {typical.tcp_sigma.max() * 1e6:.0f} um; "
         f"the plate's own length adds {plan.plate_adds * 1e6:.1f} um"
     )
-    out.print(f"sphere covered {plan.coverage:.0%}, rod force {forces.tension.min():.0f} to {forces.tension.max():.0f} N expected")
-    out.print(f"sign changes of the load of gears 1 to 6: {', '.join(f'{n:.0f}' for n in plan.reversals)}")
-    out.print("observability " + ", ".join(f"{name} {value:.3g}" for name, value in plan.indices().items()))
-    unseen = [n for n, s in typical.sigma.items() if s > 0.9 * typical.layout.sigma[typical.layout.names.index(n)]]
+    out.print(
+        f"sphere covered {plan.coverage:.0%}, rod force {forces.tension.min():.0f} to {forces.tension.max():.0f} N expected"
+    )
+    out.print(
+        f"sign changes of the load of gears 1 to 6: {', '.join(f'{n:.0f}' for n in plan.reversals)}"
+    )
+    out.print(
+        "observability "
+        + ", ".join(f"{name} {value:.3g}" for name, value in plan.indices().items())
+    )
+    unseen = [
+        n
+        for n, s in typical.sigma.items()
+        if s > 0.9 * typical.layout.sigma[typical.layout.names.index(n)]
+    ]
     out.print(f"hardly seen by the path ({len(unseen)}): {' '.join(unseen)}")
 
 
@@ -215,7 +255,12 @@ def say_checks(out: Console, found: list[tuple[int, list[Check]]]) -> None:
         bad = sum(row.instants for row in rows)
         colour = "red" if bad else "green"
         values = (f"{row.worst:.3g} {row.unit}".strip() for row in rows)
-        shown.add_row(rows[0].limit, f"{rows[0].allowed:.3g}", *values, f"[{colour}]{bad} of {sum(row.looked_at for row in rows)}[/]")
+        shown.add_row(
+            rows[0].limit,
+            f"{rows[0].allowed:.3g}",
+            *values,
+            f"[{colour}]{bad} of {sum(row.looked_at for row in rows)}[/]",
+        )
     out.print("MuJoCo, soft servo, robots with errors; worst value of each limit:")
     _wide(out).print(shown)
 
@@ -230,5 +275,7 @@ def parse_position(text: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        raise InputError(f"--position {text}: give three numbers in metres, such as 0.7,0,0.54") from None
+        raise InputError(
+            f"--position {text}: give three numbers in metres, such as 0.7,0,0.54"
+        ) from None
     return x, y, z

@@ -58,7 +58,9 @@ def record(folder: Path, options: RecordOptions, out: Console) -> LiveRecording:
     Raises InputError for bad options or a folder in use, RecorderError when it cannot write.
     """
     if options.plc is None and options.egm is None:
-        raise InputError("nothing to record: name a PLC with --plc, a port for the robot's EGM messages with --egm, or both.")
+        raise InputError(
+            "nothing to record: name a PLC with --plc, a port for the robot's EGM messages with --egm, or both."
+        )
     names = _cell_names(options)
     with ExitStack() as stack:
         sources: list[Source] = []
@@ -119,7 +121,12 @@ def say(out: Console, folder: Path, recording: LiveRecording) -> None:
         for words in recording.missing:
             out.print(f"Still missing: {escape(words)}.")
         out.print(
-            f"Recording {escape(str(folder))}" + ("" if recording.missing else f", look at it with: ballbar check {escape(str(folder))}")
+            f"Recording {escape(str(folder))}"
+            + (
+                ""
+                if recording.missing
+                else f", look at it with: ballbar check {escape(str(folder))}"
+            )
         )
 
 
@@ -128,21 +135,31 @@ def _cell_names(options: RecordOptions) -> CellNames:
     cell = load_cell(options.robot, options.ballbar, options.plate)
     files = [Path(name).name for name in options.own_files]
     if len({*files, "recording.yaml"}) <= len(files):
-        raise InputError(f"{', '.join(map(str, options.own_files))}: cannot stand in one folder beside recording.yaml. Rename one of them.")
-    robot, ballbar, plate = (Path(name).name if name in options.own_files else name for name in options.cell)
+        raise InputError(
+            f"{', '.join(map(str, options.own_files))}: cannot stand in one folder beside recording.yaml. Rename one of them."
+        )
+    robot, ballbar, plate = (
+        Path(name).name if name in options.own_files else name for name in options.cell
+    )
     return CellNames(robot, ballbar, plate, cell.ballbar.encoder_lines)
 
 
 def _ads_memory(plc: str) -> Memory:
     match = _NET_ID.fullmatch(plc)
     if match is None or any(int(number) > 255 for number in match[1].split(".")):
-        raise InputError(f"--plc {plc}: an AMS address is NETID[:PORT][@HOST], such as 5.12.82.20.1.1 or 5.12.82.20.1.1:851@192.168.1.20.")
+        raise InputError(
+            f"--plc {plc}: an AMS address is NETID[:PORT][@HOST], such as 5.12.82.20.1.1 or 5.12.82.20.1.1:851@192.168.1.20."
+        )
     try:
         from acquisition.live.ads import AdsMemory  # noqa: PLC0415  an extra
     except ImportError:
-        raise InputError("recording from a PLC needs pyads, which is not installed: pip install 'ballbar-bench[ads]'.") from None
+        raise InputError(
+            "recording from a PLC needs pyads, which is not installed: pip install 'ballbar-bench[ads]'."
+        ) from None
     except OSError as error:  # pyads loads the ADS library when it is imported
-        raise InputError(f"the ADS library of pyads cannot be loaded ({error}). On Windows it comes with TwinCAT.") from None
+        raise InputError(
+            f"the ADS library of pyads cannot be loaded ({error}). On Windows it comes with TwinCAT."
+        ) from None
     return AdsMemory(match[1], int(match[2] or PLC_PORT), symbol=RING, host=match[3])
 
 

@@ -49,13 +49,19 @@ def quiet_libraries(console: Console) -> Iterator[None]:
         os.close(spoken)
 
 
-def show_until_stopped(console: Console, recording: LiveRecording, *, duration: float | None) -> None:
+def show_until_stopped(
+    console: Console, recording: LiveRecording, *, duration: float | None
+) -> None:
     """Shows the recording until it stops, or `duration` [s] after the first records.
 
     A table on a terminal; elsewhere a line for each thing that happens.
     """
     begun, shown = None, _Lines(console)
-    with Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else nullcontext() as live:
+    with (
+        Live(console=console, auto_refresh=False, transient=True)
+        if console.is_terminal
+        else nullcontext() as live
+    ):
         while not recording.wait(_REFRESH):
             progress = recording.progress
             if begun is None and any(source.records for source in progress):
@@ -85,7 +91,12 @@ def say_recording(console: Console, progress: list[Progress]) -> None:
 
 def status_table(progress: list[Progress], elapsed: float) -> RenderableType:
     """The sources, and the angles and status of what they read."""
-    table = Table(title=f"{elapsed:.0f} s  (Ctrl-C ends the recording)", title_justify="left", box=None, pad_edge=False)
+    table = Table(
+        title=f"{elapsed:.0f} s  (Ctrl-C ends the recording)",
+        title_justify="left",
+        box=None,
+        pad_edge=False,
+    )
     for name in ("source", "state", "file", "records", "rate", "lost", "gaps"):
         table.add_column(name, justify="left" if name in ("source", "state", "file") else "right")
     for source in progress:
@@ -128,14 +139,20 @@ def _details(source: Progress) -> list[Text]:
     lines = []
     for name, angle in angles.items():
         now, before = status_words(words[name]), status_words(ever[name])
-        line = Text(f"{name} {angle:+9.3f} deg  ").append(now, style="green" if now == "ok" else "red")
+        line = Text(f"{name} {angle:+9.3f} deg  ").append(
+            now, style="green" if now == "ok" else "red"
+        )
         lines.append(line if before == now else line.append(f"  (was: {before})", style="yellow"))
     return lines
 
 
 def _named(source: Progress, *, ever: bool) -> list[tuple[str, int]]:
     words = source.ever if ever else source.status
-    return [] if words is None else [(name, int(word)) for name, word in zip(source.channels, words, strict=False)]
+    return (
+        []
+        if words is None
+        else [(name, int(word)) for name, word in zip(source.channels, words, strict=False)]
+    )
 
 
 class _Lines:

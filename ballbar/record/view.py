@@ -18,7 +18,14 @@ from cell.recording import SourceName
 
 FLUSH = 2.0  # [s] for the last records to reach the window
 ROWS = 10  # of a batch that are shown: 100 Hz is enough for the eye, and a slow screen keeps up
-COLOURS = [(31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40), (148, 103, 189), (140, 86, 75)]
+COLOURS = [
+    (31, 119, 180),
+    (255, 127, 14),
+    (44, 160, 44),
+    (214, 39, 40),
+    (148, 103, 189),
+    (140, 86, 75),
+]
 TIMELINE = "recording_time"
 APPLICATION = "ballbar-record"
 _TITLES: dict[SourceName, str] = {"ballbar": "Ball-bar encoders [deg]", "robot": "Robot axes [deg]"}
@@ -46,12 +53,16 @@ class LiveView:
         self._last[source.name] = float(t[-1])
         entity = f"/{source.name}/angle_deg"
         if first:
-            lines = rr.SeriesLines(names=list(source.channels), colors=COLOURS[: len(source.channels)])
+            lines = rr.SeriesLines(
+                names=list(source.channels), colors=COLOURS[: len(source.channels)]
+            )
             for shown in (entity, f"/{source.name}/fault"):
                 self._stream.log(shown, lines, static=True)
         few = slice(None, None, -(-batch.t_ns.size // ROWS))
         at = [rr.TimeColumn(TIMELINE, duration=t[few])]
-        self._stream.send_columns(entity, indexes=at, columns=rr.Scalars.columns(scalars=batch.values[few]))
+        self._stream.send_columns(
+            entity, indexes=at, columns=rr.Scalars.columns(scalars=batch.values[few])
+        )
         if batch.status.size:
             self._faults(source, batch, float(t[-1]))
 
@@ -75,7 +86,9 @@ def layout() -> rrb.Blueprint:
     """Encoders above, faults below them, robot axes at the bottom; each follows the present."""
     views = [
         rrb.TimeSeriesView(origin="/ballbar/angle_deg", name=_TITLES["ballbar"]),
-        rrb.TimeSeriesView(origin="/ballbar/fault", name="Encoder faults (1: rows will be left out)"),
+        rrb.TimeSeriesView(
+            origin="/ballbar/fault", name="Encoder faults (1: rows will be left out)"
+        ),
         rrb.TimeSeriesView(origin="/robot/angle_deg", name=_TITLES["robot"]),
     ]
     return rrb.Blueprint(

@@ -16,7 +16,12 @@ from cell.logs import segment_starts
 
 def check_lines(read: Recording, alignment: CoarseAlignment | None) -> list[str]:
     """The page: files, repairs, warnings, logs, clocks."""
-    return [*report_lines(read.report), "LOGS", *(f"  {line}" for line in _log_lines(read)), *_clock_lines(alignment)]
+    return [
+        *report_lines(read.report),
+        "LOGS",
+        *(f"  {line}" for line in _log_lines(read)),
+        *_clock_lines(alignment),
+    ]
 
 
 def check_data(read: Recording, alignment: CoarseAlignment | None) -> dict[str, Any]:
@@ -43,7 +48,10 @@ def check_data(read: Recording, alignment: CoarseAlignment | None) -> dict[str, 
 
 def import_reports(read: Mapping[str, Recording]) -> str:
     """The import reports of recordings, by their names, as JSON text (schema `ballbar-import/1`)."""
-    data = {"schema": "ballbar-import/1", "recordings": {name: check_data(one, None) for name, one in read.items()}}
+    data = {
+        "schema": "ballbar-import/1",
+        "recordings": {name: check_data(one, None) for name, one in read.items()},
+    }
     return json.dumps(data, indent=2, allow_nan=False) + "\n"
 
 
@@ -79,15 +87,31 @@ def _log_lines(read: Recording) -> list[str]:
     bar = read.ballbar_log
     lines = []
     for name, t, starts, rests in _logs(read):
-        encoders = f", encoders {', '.join(f'b{j}' for j in bar.joints)}" if name == "ball-bar" and bar is not None else ""
-        torque = ", with motor torques" if name == "robot" and read.robot_log.torque is not None else ""
-        cut = f", {len(starts) + 1} segments (new at {', '.join(f'{t[row]:.2f}' for row in starts[:8])} s)" if starts else ""
+        encoders = (
+            f", encoders {', '.join(f'b{j}' for j in bar.joints)}"
+            if name == "ball-bar" and bar is not None
+            else ""
+        )
+        torque = (
+            ", with motor torques" if name == "robot" and read.robot_log.torque is not None else ""
+        )
+        cut = (
+            f", {len(starts) + 1} segments (new at {', '.join(f'{t[row]:.2f}' for row in starts[:8])} s)"
+            if starts
+            else ""
+        )
         still = ""
         if name != "force":
             total = sum(t[b] - t[a] for a, b in rests)
-            still = f"; at rest {len(rests)} times, {total:.1f} s in all" if rests else "; never at rest"
+            still = (
+                f"; at rest {len(rests)} times, {total:.1f} s in all"
+                if rests
+                else "; never at rest"
+            )
         period = np.median(np.diff(t)) * 1e3
-        lines.append(f"{name} log: {t.size} samples over {t[-1]:.2f} s, median period {period:.4g} ms{encoders}{torque}{cut}{still}")
+        lines.append(
+            f"{name} log: {t.size} samples over {t[-1]:.2f} s, median period {period:.4g} ms{encoders}{torque}{cut}{still}"
+        )
     if bar is None:
         lines.append("no encoders: the ball-bar's length is the only measurement")
     return lines
@@ -99,4 +123,7 @@ def _clock_lines(found: CoarseAlignment | None) -> list[str]:
     rival = ""
     if found.runner_up_offset_s is not None:
         rival = f"; next best {found.runner_up_offset_s:+.2f} s with {found.runner_up_score / found.score:.0%} of the score"
-    return ["CLOCKS", f"  coarse clock offset: {found.offset_s:+.2f} s over {found.overlap_s:.0f} s of overlap{rival}"]
+    return [
+        "CLOCKS",
+        f"  coarse clock offset: {found.offset_s:+.2f} s over {found.overlap_s:.0f} s of overlap{rival}",
+    ]

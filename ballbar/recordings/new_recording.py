@@ -13,7 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from acquisition import Recording, read_recording
-from acquisition.formats.dialect import Container, Dialect, dialect_file, dialect_names, load_dialect
+from acquisition.formats.dialect import (
+    Container,
+    Dialect,
+    dialect_file,
+    dialect_names,
+    load_dialect,
+)
 from acquisition.formats.registry import container_of
 from acquisition.sources import MINIMUM_ROWS, force_layout, robot_layout
 from acquisition.table.header import read_header, split_fields
@@ -27,7 +33,11 @@ from cell.recording import SourceFile
 Ask = Callable[[str, str | None], str]  # (question, proposed answer) -> answer
 
 ENCODERS = ("b1", "b2", "b3", "b4", "b5")
-_SIDES = {"motors": "motor angles", "axes": "axis angles as the controller shows them", "joints": "joint angles of the DH model"}
+_SIDES = {
+    "motors": "motor angles",
+    "axes": "axis angles as the controller shows them",
+    "joints": "joint angles of the DH model",
+}
 
 
 @dataclass(frozen=True)
@@ -59,13 +69,17 @@ class _Shown:
         return [] if self.text is None else _names(self.text, self.container)
 
 
-def new_recording(folder: Path, robot_log: Path, ballbar_log: Path, told: Told, ask: Ask) -> Recording:
+def new_recording(
+    folder: Path, robot_log: Path, ballbar_log: Path, told: Told, ask: Ask
+) -> Recording:
     """Makes the folder and reads it.
 
     Raises InputError if something is there already, an answer is missing or the files cannot be read as told; then nothing is left.
     """
     if folder.exists() and (folder.is_file() or any(folder.iterdir())):
-        raise InputError(f"{folder}: exists and holds something; nothing was written. Choose another folder.")
+        raise InputError(
+            f"{folder}: exists and holds something; nothing was written. Choose another folder."
+        )
     if robot_log.name == ballbar_log.name:
         raise InputError(f"{robot_log} and {ballbar_log} have the same name; rename one of them.")
     description = _description(robot_log, ballbar_log, told, ask)
@@ -94,7 +108,9 @@ def _description(robot_log: Path, ballbar_log: Path, told: Told, ask: Ask) -> di
     robot_dialect = told.robot_dialect or _ask_dialect("robot", robot_shown, ask)
     bar_dialect = told.ballbar_dialect or _ask_dialect("ballbar", bar_shown, ask)
     robot = told.robot or ask(f"Which robot? ({', '.join(robot_names())}, or a .yaml file)", None)
-    ballbar = told.ballbar or ask(f"Which ball-bar? ({', '.join(ballbar_names())}, or a .yaml file)", None)
+    ballbar = told.ballbar or ask(
+        f"Which ball-bar? ({', '.join(ballbar_names())}, or a .yaml file)", None
+    )
     sources = {
         "robot": _source(robot_shown, robot_dialect, told.robot_time, ask),
         "ballbar": _source(bar_shown, bar_dialect, told.ballbar_time, ask),
@@ -121,7 +137,11 @@ def _shown(log: Path) -> _Shown:
 
 def _ask_dialect(side: str, shown: _Shown, ask: Ask) -> str:
     name = shown.name
-    fits = [one for one in dialect_names() if load_dialect(one).source == side and _fits(load_dialect(one), shown)]
+    fits = [
+        one
+        for one in dialect_names()
+        if load_dialect(one).source == side and _fits(load_dialect(one), shown)
+    ]
     known = ", ".join(one for one in dialect_names() if load_dialect(one).source == side)
     if fits:
         question = f"{name} fits the dialect {fits[0]}: {_meaning(load_dialect(fits[0]))}. Which dialect? ({known}, or a .yaml file)"
@@ -144,7 +164,9 @@ def _fits(dialect: Dialect, shown: _Shown) -> bool:
             read_header(text, force_layout(source, dialect), [])
         else:
             names = shown.names
-            return dialect.time.column in names or bool(dialect.time.halves and set(dialect.time.halves) <= set(names))
+            return dialect.time.column in names or bool(
+                dialect.time.halves and set(dialect.time.halves) <= set(names)
+            )
     except LogError:
         return False
     return True
@@ -162,7 +184,10 @@ def _source(shown: _Shown, dialect_name: str, time: str | None, ask: Ask) -> dic
     dialect = dialect_file(Path(dialect_name)) if own else load_dialect(dialect_name)
     source: dict[str, Any] = {"files": [f"raw/{shown.name}"], "dialect": dialect_name}
     if time is None and dialect.time.forms and not _time_shows(dialect, shown):
-        time = ask(f"{shown.name}: what are the time stamps? They do not show it. ({', '.join(TIME_FORMS)})", None)
+        time = ask(
+            f"{shown.name}: what are the time stamps? They do not show it. ({', '.join(TIME_FORMS)})",
+            None,
+        )
     if time is not None:
         source["time"] = time
     return source
@@ -173,8 +198,14 @@ def _time_shows(dialect: Dialect, shown: _Shown) -> bool:
     if text is None or dialect.time.column not in shown.names:
         return True  # two halves, or no text: the reader sees
     column = shown.names.index(dialect.time.column)
-    cells = [split_fields(line, _separator(text)) for line in text.lines[len(text.lines) // 2 : len(text.lines) // 2 + 1]]
-    return any(len(row) > column and recognised(row[column], dialect.time.forms) is not None for row in cells)
+    cells = [
+        split_fields(line, _separator(text))
+        for line in text.lines[len(text.lines) // 2 : len(text.lines) // 2 + 1]
+    ]
+    return any(
+        len(row) > column and recognised(row[column], dialect.time.forms) is not None
+        for row in cells
+    )
 
 
 def _encoders(bar: _Shown, ballbar: str, told: Told, ask: Ask) -> dict[str, dict[str, Any]]:
@@ -189,18 +220,32 @@ def _encoders(bar: _Shown, ballbar: str, told: Told, ask: Ask) -> dict[str, dict
         )
         chosen = _told_encoders(answer.split())
     nominal = None if ballbar.endswith(".yaml") else load_ballbar(ballbar)
-    lines = told.lines or _whole(ask("Lines of the encoders a turn?", str(nominal.encoder_lines) if nominal else None))
-    bits = told.bits or _whole(ask("Bits of the interpolation (EL5021 object 8001:11)?", str(nominal.encoder_bits) if nominal else None))
-    return {name: {"column": column, "lines": lines, "bits": bits, "sign": sign} for name, (column, sign) in sorted(chosen.items())}
+    lines = told.lines or _whole(
+        ask("Lines of the encoders a turn?", str(nominal.encoder_lines) if nominal else None)
+    )
+    bits = told.bits or _whole(
+        ask(
+            "Bits of the interpolation (EL5021 object 8001:11)?",
+            str(nominal.encoder_bits) if nominal else None,
+        )
+    )
+    return {
+        name: {"column": column, "lines": lines, "bits": bits, "sign": sign}
+        for name, (column, sign) in sorted(chosen.items())
+    }
 
 
 def _told_encoders(said: Sequence[str]) -> Mapping[str, tuple[str, int]]:
     out: dict[str, tuple[str, int]] = {}
     for one in said:
         name, equals, column = one.partition("=")
-        column, _, sign = column.rpartition(":") if column.endswith((":1", ":-1", ":+1")) else (column, "", "1")
+        column, _, sign = (
+            column.rpartition(":") if column.endswith((":1", ":-1", ":+1")) else (column, "", "1")
+        )
         if name not in ENCODERS or not equals or not column:
-            raise InputError(f"encoder {one!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts the other way; encoders are b1 to b5.")
+            raise InputError(
+                f"encoder {one!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts the other way; encoders are b1 to b5."
+            )
         out[name] = (column, int(sign))
     return out
 
@@ -215,7 +260,11 @@ def _names(text: LogText, container: Container) -> list[str]:
     """Names of the header: the first of the first lines that has as many fields as most lines; of the channels of a Scope export."""
     separator = _separator(text)
     if container == "twincat-scope":
-        heads = [split_fields(line, separator) for line in text.lines[:MINIMUM_ROWS] if line.startswith("Name")]
+        heads = [
+            split_fields(line, separator)
+            for line in text.lines[:MINIMUM_ROWS]
+            if line.startswith("Name")
+        ]
         return [name for head in heads[-1:] for name in head if name != "Name"]
     width = len(split_fields(text.lines[-1], separator))
     rows = (split_fields(line, separator) for line in text.lines[:MINIMUM_ROWS])

@@ -50,15 +50,27 @@ def even_directions(count: int) -> Array:
     return np.column_stack((across * np.cos(turn), across * np.sin(turn), height))
 
 
-def log_coverage(stream: rr.RecordingStream, covered: Coverage, centre: Array, radius: float) -> None:
+def log_coverage(
+    stream: rr.RecordingStream, covered: Coverage, centre: Array, radius: float
+) -> None:
     """One flat disc a row, which the view gathers up to the time shown, and the share as a curve."""
     size = _SIZE * radius * np.sqrt(4.0 / PATCHES)
     upright = np.array([[0.0, 0.0, 1.0]])
-    turns = np.array([Rotation.align_vectors(d[None], upright)[0].as_quat() for d in covered.directions])
+    turns = np.array(
+        [Rotation.align_vectors(d[None], upright)[0].as_quat() for d in covered.directions]
+    )
     fixed = rr.Ellipsoids3D.from_fields(colors=[_COVERED], fill_mode="solid")
     stream.log(COVERED, fixed, static=True)
     places = centre + _INSIDE * radius * covered.directions
-    discs = rr.Ellipsoids3D.columns(half_sizes=np.tile((size, size, _THICKNESS), (covered.t.size, 1)), centers=places, quaternions=turns)
+    discs = rr.Ellipsoids3D.columns(
+        half_sizes=np.tile((size, size, _THICKNESS), (covered.t.size, 1)),
+        centers=places,
+        quaternions=turns,
+    )
     stream.send_columns(COVERED, indexes=at(covered.t), columns=discs)
     stream.log(COVERAGE_SHARE, rr.SeriesLines(names=["covered"], colors=[_COVERED]), static=True)
-    stream.send_columns(COVERAGE_SHARE, indexes=at(covered.t), columns=rr.Scalars.columns(scalars=covered.share * 100.0))
+    stream.send_columns(
+        COVERAGE_SHARE,
+        indexes=at(covered.t),
+        columns=rr.Scalars.columns(scalars=covered.share * 100.0),
+    )

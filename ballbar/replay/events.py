@@ -68,17 +68,26 @@ def run_events(data: RunData, motion: CellMotion) -> Events:
     """The events of a run."""
     result, recording = data.identification, data.recording
     lanes = {
-        "robot": _lane(motion.t, np.where(_speed(motion) < STILL, "still", "moves"), marked="still"),
+        "robot": _lane(
+            motion.t, np.where(_speed(motion) < STILL, "still", "moves"), marked="still"
+        ),
         "configuration": _lane(motion.t, _configuration(data, motion)),
     }
     turned = lanes["configuration"]
     remarks = [Remark(0.0, "INFO", f"the robot's log begins; configuration {turned.states[0]}")]
-    remarks += [Remark(float(t), "INFO", f"configuration is now {s}") for t, s in zip(turned.t[1:], turned.states[1:], strict=True)]
+    remarks += [
+        Remark(float(t), "INFO", f"configuration is now {s}")
+        for t, s in zip(turned.t[1:], turned.states[1:], strict=True)
+    ]
     robot, ballbar = recording.robot_log, recording.ballbar_log
-    lanes["robot_log"] = _log_lane("robot's log", robot.t, robot.t, robot.q, robot.flags, robot.segment, remarks)
+    lanes["robot_log"] = _log_lane(
+        "robot's log", robot.t, robot.t, robot.q, robot.flags, robot.segment, remarks
+    )
     if ballbar is not None:
         shown = on_robot_clock(result, ballbar.t)
-        lanes["encoders"] = _log_lane("encoders", shown, ballbar.t, ballbar.angles, ballbar.flags, ballbar.segment, remarks)
+        lanes["encoders"] = _log_lane(
+            "encoders", shown, ballbar.t, ballbar.angles, ballbar.flags, ballbar.segment, remarks
+        )
     remarks += _jumps(result)
     return Events(lanes, tuple(sorted(remarks, key=lambda one: one.t)))
 
@@ -87,7 +96,9 @@ def _configuration(data: RunData, motion: CellMotion) -> NDArray[np.str_]:
     """(N,) on which side of their singular poses the robot's wrist (q5 = 0) and the ball-bar (b2, b4 = 0 or half a turn) are."""
     result, log = data.identification, data.recording.ballbar_log
     b = motion.b + result.geometry.bar.theta
-    if log is not None:  # before and after its log the ball-bar is drawn in either of its configurations
+    if (
+        log is not None
+    ):  # before and after its log the ball-bar is drawn in either of its configurations
         ends = on_robot_clock(result, log.t[[0, -1]])
         inside = np.flatnonzero((motion.t >= ends[0]) & (motion.t <= ends[1]))
         b = b[np.clip(np.arange(len(b)), inside[0], inside[-1])]
@@ -122,14 +133,32 @@ def _log_lane(
     """Gaps, outliers and new segments of one log, also told as remarks; shown : (N,) [s] its rows on the robot's clock."""
     steps = np.diff(t)
     wide = np.flatnonzero(steps > GAP_PERIODS * np.median(steps))
-    spans = [("gap", float(shown[i]), float(shown[i + 1]), f"{what}: no rows for {steps[i] * 1e3:.0f} ms") for i in wide]
+    spans = [
+        (
+            "gap",
+            float(shown[i]),
+            float(shown[i + 1]),
+            f"{what}: no rows for {steps[i] * 1e3:.0f} ms",
+        )
+        for i in wide
+    ]
     bad = outliers(t, values).any(axis=1)
     if flags is not None:
         bad |= (flags & np.uint32(EXCLUDED)) != 0
     for group in _groups(shown[bad]):
         count = f"{group.size} row{'s' * (group.size > 1)}"
-        spans.append(("outlier", float(group[0]), float(group[-1]), f"{what}: {count} that no motion explains, left out"))
-    spans += [("restart", float(shown[i]), float(shown[i]), f"{what}: a new segment begins") for i in segment_starts(segment)]
+        spans.append(
+            (
+                "outlier",
+                float(group[0]),
+                float(group[-1]),
+                f"{what}: {count} that no motion explains, left out",
+            )
+        )
+    spans += [
+        ("restart", float(shown[i]), float(shown[i]), f"{what}: a new segment begins")
+        for i in segment_starts(segment)
+    ]
     remarks += [Remark(begin, "WARN", sentence) for _, begin, _, sentence in spans]
     return _spans_lane(float(shown[0]), float(shown[-1]), spans)
 
@@ -143,7 +172,9 @@ def _spans_lane(first: float, last: float, spans: Sequence[tuple[str, float, flo
     """`rows` but for the spans, each long enough to be seen."""
     times, states = [first], ["rows"]
     for state, begin, end, _ in sorted(spans, key=lambda span: span[1]):
-        if begin <= times[-1] and states[-1] == "rows" and len(times) > 1:  # runs into the one before
+        if (
+            begin <= times[-1] and states[-1] == "rows" and len(times) > 1
+        ):  # runs into the one before
             times.pop()
             states.pop()
         times += [max(begin, times[-1] + 1e-6), max(end, begin + _SHORTEST, times[-1] + 2e-6)]
@@ -155,15 +186,26 @@ def _spans_lane(first: float, last: float, spans: Sequence[tuple[str, float, flo
 
 def _jumps(result: Identification) -> list[Remark]:
     times = on_robot_clock(result, np.array([event.time for event in result.events]))
-    return [Remark(float(t), "WARN", event.sentence) for t, event in zip(times, result.events, strict=True)]
+    return [
+        Remark(float(t), "WARN", event.sentence)
+        for t, event in zip(times, result.events, strict=True)
+    ]
 
 
 def log_events(stream: rr.RecordingStream, events: Events) -> None:
     """Writes lanes and table."""
     for name, lane in events.lanes.items():
         entity = f"{LANES}/{name}"
-        styles = rr.StateConfiguration(values=list(lane.colours), labels=list(lane.colours), colors=list(lane.colours.values()))
+        styles = rr.StateConfiguration(
+            values=list(lane.colours), labels=list(lane.colours), colors=list(lane.colours.values())
+        )
         stream.log(entity, styles, static=True)
-        stream.send_columns(entity, indexes=at(lane.t), columns=rr.StateChange.columns(state=list(lane.states)))
-    columns = rr.TextLog.columns(text=[one.sentence for one in events.remarks], level=[one.level for one in events.remarks])
-    stream.send_columns(EVENT_LOG, indexes=at(np.array([one.t for one in events.remarks])), columns=columns)
+        stream.send_columns(
+            entity, indexes=at(lane.t), columns=rr.StateChange.columns(state=list(lane.states))
+        )
+    columns = rr.TextLog.columns(
+        text=[one.sentence for one in events.remarks], level=[one.level for one in events.remarks]
+    )
+    stream.send_columns(
+        EVENT_LOG, indexes=at(np.array([one.t for one in events.remarks])), columns=columns
+    )

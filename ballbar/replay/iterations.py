@@ -45,20 +45,40 @@ def log_iterations(stream: rr.RecordingStream, data: RunData) -> None:
         return
     result = data.identification
     states = [(result.before.t, result.before.position, result.before.angle)]
-    states += [(s.iteration.times, s.iteration.error[:3].T, s.iteration.error[3:].T) for s in data.iterations]
+    states += [
+        (s.iteration.times, s.iteration.error[:3].T, s.iteration.error[3:].T)
+        for s in data.iterations
+    ]
     rms = np.array([[_rms(position) * 1e6, _rms(angle) * 1e6] for _, position, angle in states])
     numbers = np.arange(len(states))
     _log_curve(stream, MISMATCH_POSITION, numbers, rms[:, 0], "position", RED)
     _log_curve(stream, MISMATCH_ANGLE, numbers, rms[:, 1], "angle", (242, 142, 43))
-    _log_curve(stream, COST, numbers[1:], np.array([s.iteration.chi2_per_sample for s in data.iterations]), "chi-square", STEEL_GREY)
+    _log_curve(
+        stream,
+        COST,
+        numbers[1:],
+        np.array([s.iteration.chi2_per_sample for s in data.iterations]),
+        "chi-square",
+        STEEL_GREY,
+    )
     geometries = [result.nominal, *(s.iteration.geometry for s in data.iterations)]
     grid = accuracy_grid(result.cell.robot)
-    _log_curve(stream, FROM_RESULT, numbers, _tool_distances(geometries, result.geometry, grid), "from the final result", GREEN)
+    _log_curve(
+        stream,
+        FROM_RESULT,
+        numbers,
+        _tool_distances(geometries, result.geometry, grid),
+        "from the final result",
+        GREEN,
+    )
     if data.simulation is not None:
         distances = _tool_distances(geometries, data.simulation.truth.geometry, grid)
         _log_curve(stream, FROM_TRUTH, numbers, distances, "from the truth", (120, 165, 230))
     _log_arrows(stream, data, states)
-    stages = ["the nominal robot, the ball-bar placed and the clock set as well as can be", *(s.stage for s in data.iterations)]
+    stages = [
+        "the nominal robot, the ball-bar placed and the clock set as well as can be",
+        *(s.stage for s in data.iterations),
+    ]
     texts = [_page(i, len(states) - 1, stages[i], rms[i]) for i in range(len(states))]
     stream.log(STAGE, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
     stream.send_columns(STAGE, indexes=_at(numbers), columns=rr.TextDocument.columns(text=texts))
@@ -69,8 +89,15 @@ def log_step(stream: rr.RecordingStream, number: int, step: Step) -> None:
     made = step.iteration
     rms = np.array([_rms(made.error[:3].T) * 1e6, _rms(made.error[3:].T) * 1e6])
     stream.set_time(ITERATION, sequence=number)
-    stream.log(STAGE, rr.TextDocument(_page(number, None, step.stage, rms), media_type=rr.MediaType.MARKDOWN))
-    for entity, value in ((MISMATCH_POSITION, rms[0]), (MISMATCH_ANGLE, rms[1]), (COST, made.chi2_per_sample)):
+    stream.log(
+        STAGE,
+        rr.TextDocument(_page(number, None, step.stage, rms), media_type=rr.MediaType.MARKDOWN),
+    )
+    for entity, value in (
+        (MISMATCH_POSITION, rms[0]),
+        (MISMATCH_ANGLE, rms[1]),
+        (COST, made.chi2_per_sample),
+    ):
         stream.log(entity, rr.Scalars(np.log10(max(float(value), _SMALLEST))))
     stream.reset_time()
 
@@ -84,7 +111,14 @@ def _rms(values: Array) -> float:
     return float(np.sqrt((values * values).sum(axis=1).mean()))
 
 
-def _log_curve(stream: rr.RecordingStream, entity: str, numbers: NDArray[np.int64], values: Array, name: str, colour: Colour) -> None:
+def _log_curve(
+    stream: rr.RecordingStream,
+    entity: str,
+    numbers: NDArray[np.int64],
+    values: Array,
+    name: str,
+    colour: Colour,
+) -> None:
     stream.log(entity, rr.SeriesLines(names=[name], colors=[colour], widths=[2.5]), static=True)
     powers = np.log10(np.maximum(values, _SMALLEST))
     stream.send_columns(entity, indexes=_at(numbers), columns=rr.Scalars.columns(scalars=powers))
@@ -96,11 +130,18 @@ def _tool_distances(geometries: list[Geometry], reference: Geometry, grid: Array
     out = []
     for geometry in geometries:
         turn, shift = base_alignment(geometry, reference, grid)
-        out.append(np.linalg.norm(robot_frames(geometry, grid).tip.T @ turn.T + shift - actual, axis=1).mean() * 1e6)
+        out.append(
+            np.linalg.norm(
+                robot_frames(geometry, grid).tip.T @ turn.T + shift - actual, axis=1
+            ).mean()
+            * 1e6
+        )
     return np.array(out)
 
 
-def _log_arrows(stream: rr.RecordingStream, data: RunData, states: list[tuple[Array, Array, Array]]) -> None:
+def _log_arrows(
+    stream: rr.RecordingStream, data: RunData, states: list[tuple[Array, Array, Array]]
+) -> None:
     """At the tool's place, which is drawn as identified: mismatches are too small to be seen otherwise."""
     result, log = data.identification, data.recording.robot_log
     length = result.geometry["bd3"]
@@ -109,7 +150,10 @@ def _log_arrows(stream: rr.RecordingStream, data: RunData, states: list[tuple[Ar
     feet, arrows = [], []
     for t, position, _ in states:
         rows = np.arange(0, t.size, max(1, t.size // ARROWS))
-        q = np.stack([np.interp(on_robot_clock(result, t[rows]), log.t, column) for column in log.q.T], axis=1)
+        q = np.stack(
+            [np.interp(on_robot_clock(result, t[rows]), log.t, column) for column in log.q.T],
+            axis=1,
+        )
         feet.append(robot_frames(result.geometry, q).tip.T)
         arrows.append(factor * position[rows])
     columns = rr.Arrows3D.columns(origins=np.concatenate(feet), vectors=np.concatenate(arrows))

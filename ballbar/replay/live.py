@@ -36,8 +36,16 @@ class LiveRun:
 
     def moved(self, cell: Cell, geometry: Geometry, t: Array, q: Array, b: Array) -> None:
         """A stretch of the true motion; arguments as of sim.motion.Watch."""
-        rows = np.unique(np.append(np.arange(0, t.size, thinning(t)), t.size - 1))  # its last row is the next one's first
-        seen = CellMotion(t[rows], q[rows], robot_frames(geometry, q[rows]), b[rows], bar_frames(geometry, b[rows]))
+        rows = np.unique(
+            np.append(np.arange(0, t.size, thinning(t)), t.size - 1)
+        )  # its last row is the next one's first
+        seen = CellMotion(
+            t[rows],
+            q[rows],
+            robot_frames(geometry, q[rows]),
+            b[rows],
+            bar_frames(geometry, b[rows]),
+        )
         if not self._moved:
             self._stream.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             log_shapes(self._stream, cell, geometry, seen)
@@ -70,6 +78,12 @@ def live_run() -> Iterator[LiveRun]:
 
 
 def _scene() -> rrb.Blueprint:
-    cell = rrb.Spatial3DView(origin=CELL, contents=["$origin/**", f"- {MISMATCH}/**"], name="The cell as simulated")
+    cell = rrb.Spatial3DView(
+        origin=CELL, contents=["$origin/**", f"- {MISMATCH}/**"], name="The cell as simulated"
+    )
     panels = rrb.SelectionPanel(state="collapsed"), rrb.BlueprintPanel(state="collapsed")
-    return rrb.Blueprint(cell, rrb.TimePanel(timeline="robot_time", state="collapsed", play_state="following"), *panels)
+    return rrb.Blueprint(
+        cell,
+        rrb.TimePanel(timeline="robot_time", state="collapsed", play_state="following"),
+        *panels,
+    )

@@ -18,7 +18,9 @@ from ballbar.result.run_data import RunData
 from cell.chain import Array
 from ident.identify import Identification
 
-NEAR = np.deg2rad(5.0)  # [rad] from the singular pose: angles beside it are then known eleven times worse
+NEAR = np.deg2rad(
+    5.0
+)  # [rad] from the singular pose: angles beside it are then known eleven times worse
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,11 @@ def singular_angles(result: Identification, motion: CellMotion) -> dict[str, Arr
     """(N,) [rad] signed distance from each singular pose that the mechanism has."""
     theta = {k: motion.b[:, k - 1] + result.geometry[f"btheta{k}"] for k in (2, 4)}
     wrist = motion.q[:, 4] + result.geometry["rtheta5"]
-    angles = {"ball-bar: rod vertical": theta[2], "ball-bar: cardan straight": theta[4], "robot: wrist straight": wrist}
+    angles = {
+        "ball-bar: rod vertical": theta[2],
+        "ball-bar: cardan straight": theta[4],
+        "robot: wrist straight": wrist,
+    }
     return {name: np.asarray(np.arcsin(np.sin(angle))) for name, angle in angles.items()}
 
 
@@ -71,6 +77,10 @@ def mark_sentences(found: Marks) -> list[str]:
         if not len(spans):
             lines.append(f"{what}: never {near}.")
             continue
-        at = f"; it passes to the other configuration at {', '.join(f'{t:.1f}' for t in crossings[:6])} s" if crossings.size else ""
+        at = (
+            f"; it passes to the other configuration at {', '.join(f'{t:.1f}' for t in crossings[:6])} s"
+            if crossings.size
+            else ""
+        )
         lines.append(f"{what}: {near} for {seconds:.1f} s in {len(spans)} stretches{at}.")
     return lines

@@ -88,7 +88,11 @@ def base_alignment(model: Geometry, truth: Geometry, grid: Array) -> tuple[Array
     Without it a gauge would show as an error: parameters held fixed (`rd1`, `rtheta1`) leave the base where it is not.
     """
     predicted, actual = robot_frames(model, grid).tip.T, robot_frames(truth, grid).tip.T
-    turn = np.asarray(Rotation.align_vectors(actual - actual.mean(axis=0), predicted - predicted.mean(axis=0))[0].as_matrix())
+    turn = np.asarray(
+        Rotation.align_vectors(actual - actual.mean(axis=0), predicted - predicted.mean(axis=0))[
+            0
+        ].as_matrix()
+    )
     return turn, actual.mean(axis=0) - turn @ predicted.mean(axis=0)
 
 

@@ -36,7 +36,14 @@ from ident.identify import Identification, Residuals
 
 _REDS = [RED, (242, 142, 43), (214, 120, 160)]
 _GREENS = [GREEN, (118, 183, 178), (170, 205, 90)]
-_SERIES = [(78, 121, 167), (242, 142, 43), (225, 87, 76), (118, 183, 178), (89, 161, 79), (237, 201, 72)]  # one colour a joint
+_SERIES = [
+    (78, 121, 167),
+    (242, 142, 43),
+    (225, 87, 76),
+    (118, 183, 178),
+    (89, 161, 79),
+    (237, 201, 72),
+]  # one colour a joint
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,19 +59,32 @@ class Series:
 def run_series(data: RunData, motion: CellMotion, truth: TrueTool | None) -> dict[str, Series]:
     """Every plot of the run, by entity."""
     result, log = data.identification, data.recording.ballbar_log
-    series = {JOINTS: Series(motion.t, np.degrees(motion.q), [f"q{i}" for i in range(1, 7)], _SERIES)}
+    series = {
+        JOINTS: Series(motion.t, np.degrees(motion.q), [f"q{i}" for i in range(1, 7)], _SERIES)
+    }
     if log is not None:
         rows = np.arange(0, log.t.size, thinning(log.t))
         angles = np.degrees(mechanism_angles(result, log)[rows])
         colours = [_SERIES[joint - 1] for joint in log.joints]
-        series[ENCODERS] = Series(on_robot_clock(result, log.t[rows]), angles, [f"b{joint}" for joint in log.joints], colours)
-    series |= _residual_series(BEFORE, "before", on_robot_clock(result, result.before.t), result.before, _REDS)
-    series |= _residual_series(AFTER, "after", on_robot_clock(result, result.after.t), result.after, _GREENS)
+        series[ENCODERS] = Series(
+            on_robot_clock(result, log.t[rows]),
+            angles,
+            [f"b{joint}" for joint in log.joints],
+            colours,
+        )
+    series |= _residual_series(
+        BEFORE, "before", on_robot_clock(result, result.before.t), result.before, _REDS
+    )
+    series |= _residual_series(
+        AFTER, "after", on_robot_clock(result, result.after.t), result.after, _GREENS
+    )
     series |= _rod_series(result) | _clock_series(data, motion.t)
     return series if truth is None else series | _truth_series(truth, motion.t)
 
 
-def _residual_series(entity: str, when: str, t: Array, residuals: Residuals, colours: list[Colour]) -> dict[str, Series]:
+def _residual_series(
+    entity: str, when: str, t: Array, residuals: Residuals, colours: list[Colour]
+) -> dict[str, Series]:
     names = [f"{axis} {when}" for axis in "xyz"]
     return {
         f"{entity}/{POSITION}": Series(t, residuals.position * 1e6, names, colours),
@@ -73,8 +93,14 @@ def _residual_series(entity: str, when: str, t: Array, residuals: Residuals, col
 
 
 def _truth_series(truth: TrueTool, t: Array) -> dict[str, Series]:
-    before, after = (np.linalg.norm(error, axis=1)[:, None] * 1e6 for error in (truth.nominal_error, truth.identified_error))
-    series = {TCP_BEFORE: Series(t, before, ["nominal"], [RED]), TCP_AFTER: Series(t, after, ["identified"], [GREEN])}
+    before, after = (
+        np.linalg.norm(error, axis=1)[:, None] * 1e6
+        for error in (truth.nominal_error, truth.identified_error)
+    )
+    series = {
+        TCP_BEFORE: Series(t, before, ["nominal"], [RED]),
+        TCP_AFTER: Series(t, after, ["identified"], [GREEN]),
+    }
     if truth.rod_force.any():  # a kinematic plant knows no forces
         series[FORCE_TRUE] = Series(t, truth.rod_force[:, None], ["true"], [_SERIES[0]])
         series[STRAIN_TRUE] = Series(t, truth.rod_strain[:, None] * 1e6, ["true"], [_SERIES[0]])
@@ -87,9 +113,16 @@ def _rod_series(result: Identification) -> dict[str, Series]:
         return {}
     t = on_robot_clock(result, result.after.t)
     series = {FORCE_FOUND: Series(t, result.tension[:, None], ["identified"], [GREEN])}
-    compliance = [c.value for one in result.corrections for c in one.coefficients if c.name == "rod_compliance"]
+    compliance = [
+        c.value
+        for one in result.corrections
+        for c in one.coefficients
+        if c.name == "rod_compliance"
+    ]
     if compliance:
-        series[STRAIN_FOUND] = Series(t, compliance[0] * result.tension[:, None] * 1e6, ["identified"], [GREEN])
+        series[STRAIN_FOUND] = Series(
+            t, compliance[0] * result.tension[:, None] * 1e6, ["identified"], [GREEN]
+        )
     return series
 
 
@@ -108,7 +141,9 @@ def _clock_series(data: RunData, t: Array) -> dict[str, Series]:
     inside = (true_time >= times.bar_true[0]) & (true_time <= times.bar_true[-1])
     true = t[inside] - np.interp(true_time[inside], times.bar_true, stamps)
     series[CLOCK_TRUE] = Series(t[inside], true[:, None] * 1e3, ["true"], [_SERIES[0]])
-    series[CLOCK_ERROR] = Series(t[inside], (found[inside] - true)[:, None] * 1e6, ["identified minus true"], [RED])
+    series[CLOCK_ERROR] = Series(
+        t[inside], (found[inside] - true)[:, None] * 1e6, ["identified minus true"], [RED]
+    )
     return series
 
 

@@ -50,7 +50,9 @@ def joined(parts: Sequence[Mesh]) -> Mesh:
     )
 
 
-def turned(foot: Array, axis: Array, profile: Sequence[tuple[float, float]], colour: Colour) -> Mesh:
+def turned(
+    foot: Array, axis: Array, profile: Sequence[tuple[float, float]], colour: Colour
+) -> Mesh:
     """Solid of revolution about `axis` (unit) through `foot`; profile : (distance along the axis, radius) [m], from bottom to top."""
     across = np.cross(axis, [0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [1.0, 0.0, 0.0])
     across /= np.linalg.norm(across)
@@ -62,11 +64,20 @@ def turned(foot: Array, axis: Array, profile: Sequence[tuple[float, float]], col
         normal = radial * (s1 - s0) - axis * (r1 - r0)
         length = float(np.hypot(s1 - s0, r1 - r0))
         if length > 0.0:
-            bands.append(_band(foot + s0 * axis + r0 * radial, foot + s1 * axis + r1 * radial, normal / length, colour))
+            bands.append(
+                _band(
+                    foot + s0 * axis + r0 * radial,
+                    foot + s1 * axis + r1 * radial,
+                    normal / length,
+                    colour,
+                )
+            )
     return joined(bands)
 
 
-def cylinder(start: Array, end: Array, radius: float, colour: Colour, *, end_radius: float | None = None) -> Mesh:
+def cylinder(
+    start: Array, end: Array, radius: float, colour: Colour, *, end_radius: float | None = None
+) -> Mesh:
     """Round bar from `start` to `end`, bevelled, tapered where `end_radius` differs."""
     length = float(np.linalg.norm(end - start))
     top = radius if end_radius is None else end_radius
@@ -78,11 +89,23 @@ def cylinder(start: Array, end: Array, radius: float, colour: Colour, *, end_rad
 def ball(centre: Array, radius: float, colour: Colour) -> Mesh:
     """Sphere, smoothly shaded."""
     turn = np.linspace(0.0, np.pi, _SIDES)
-    solid = turned(centre, np.array([0.0, 0.0, 1.0]), [(-radius * np.cos(a), radius * np.sin(a)) for a in turn], colour)
+    solid = turned(
+        centre,
+        np.array([0.0, 0.0, 1.0]),
+        [(-radius * np.cos(a), radius * np.sin(a)) for a in turn],
+        colour,
+    )
     return replace(solid, normals=(solid.vertices - centre) / radius)
 
 
-def arm(start: Array, end: Array, normal: Array, radii: tuple[float, float], thickness: float, colour: Colour) -> Mesh:
+def arm(
+    start: Array,
+    end: Array,
+    normal: Array,
+    radii: tuple[float, float],
+    thickness: float,
+    colour: Colour,
+) -> Mesh:
     """Plate with round ends of the given radii about `start` and `end`, `thickness` along `normal` (unit), bevelled."""
     along = (end - start) / np.linalg.norm(end - start)
     flat = np.stack((along, np.cross(normal, along)))
@@ -93,10 +116,14 @@ def arm(start: Array, end: Array, normal: Array, radii: tuple[float, float], thi
     outward = np.hstack((np.cos(angle), np.sin(angle))) @ flat
     centre = np.repeat((end, start), _SIDES // 2, axis=0)
     radius = np.repeat(radii[::-1], _SIDES // 2)[:, None]
-    return _extruded(centre + radius * outward, outward, 0.5 * (start + end), normal, thickness, colour)
+    return _extruded(
+        centre + radius * outward, outward, 0.5 * (start + end), normal, thickness, colour
+    )
 
 
-def block(centre: Array, normal: Array, size: tuple[float, float], thickness: float, colour: Colour) -> Mesh:
+def block(
+    centre: Array, normal: Array, size: tuple[float, float], thickness: float, colour: Colour
+) -> Mesh:
     """Rectangular plate, `size` along the two axes that follow `normal` (a coordinate axis) in cyclic order."""
     u, v = np.roll(normal, 1), np.roll(normal, 2)
     corner = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]).repeat(2, axis=0)
@@ -145,8 +172,15 @@ def bar_shapes(cell: Cell, geometry: Geometry) -> tuple[Mesh, ...]:
 def _base(height: float, width: float) -> Mesh:
     up = np.array([0.0, 0.0, 1.0])
     foot = block(0.15 * width * up, up, (5.2 * width, 5.2 * width), 0.3 * width, DARK)
-    pedestal = turned(np.zeros(3), up, [(0.3 * width, 2.3 * width), (0.12 * height, 2.2 * width), (0.34 * height, 1.75 * width)], PAINT)
-    return joined([foot, pedestal, cylinder(0.34 * height * up, 0.4 * height * up, 1.9 * width, DARK)])
+    pedestal = turned(
+        np.zeros(3),
+        up,
+        [(0.3 * width, 2.3 * width), (0.12 * height, 2.2 * width), (0.34 * height, 1.75 * width)],
+        PAINT,
+    )
+    return joined(
+        [foot, pedestal, cylinder(0.34 * height * up, 0.4 * height * up, 1.9 * width, DARK)]
+    )
 
 
 def _axis(chain: Chain, row: int) -> tuple[Array, Array]:
@@ -160,11 +194,29 @@ def _column(chain: Chain, width: float) -> Mesh:
     side, shoulder, height = np.array([0.0, 0.0, 1.0]), np.zeros(3), chain.d[0]
     low = foot + 0.62 * height * up
     parts = [
-        turned(foot, up, [(0.4 * height, 1.8 * width), (0.5 * height, 1.7 * width), (0.6 * height, 1.35 * width)], PAINT),
+        turned(
+            foot,
+            up,
+            [
+                (0.4 * height, 1.8 * width),
+                (0.5 * height, 1.7 * width),
+                (0.6 * height, 1.35 * width),
+            ],
+            PAINT,
+        ),
         cylinder(shoulder - 1.75 * width * side, shoulder + 1.75 * width * side, 0.8 * width, DARK),
     ]
     for lateral in (-1.05 * width, 1.05 * width):  # the upper arm turns between two cheeks
-        parts.append(arm(low + lateral * side, shoulder + lateral * side, side, (1.35 * width, 1.15 * width), 0.55 * width, PAINT))
+        parts.append(
+            arm(
+                low + lateral * side,
+                shoulder + lateral * side,
+                side,
+                (1.35 * width, 1.15 * width),
+                0.55 * width,
+                PAINT,
+            )
+        )
     return joined(parts)
 
 
@@ -172,7 +224,9 @@ def _upper_arm(chain: Chain, width: float) -> Mesh:
     shoulder, side = _axis(chain, 1)
     elbow = np.zeros(3)
     parts = [arm(shoulder, elbow, side, (width, 0.8 * width), 1.3 * width, PAINT)]
-    parts.append(cylinder(elbow - 0.95 * width * side, elbow + 0.95 * width * side, 0.6 * width, DARK))
+    parts.append(
+        cylinder(elbow - 0.95 * width * side, elbow + 0.95 * width * side, 0.6 * width, DARK)
+    )
     return joined(parts)
 
 
@@ -180,11 +234,25 @@ def _elbow(chain: Chain, width: float) -> Mesh:
     elbow, side = _axis(chain, 2)
     roll = np.array([0.0, 0.0, 1.0])  # z of frame 3 is the forearm's axis
     front, back = 1.5 * width * roll, -1.7 * width * roll
-    parts = [cylinder(back, front, 0.95 * width, PAINT), cylinder(front, 1.15 * front, 0.85 * width, DARK)]
+    parts = [
+        cylinder(back, front, 0.95 * width, PAINT),
+        cylinder(front, 1.15 * front, 0.85 * width, DARK),
+    ]
     for lateral in (-0.85 * width, 0.85 * width):
-        parts.append(arm(elbow + lateral * side, lateral * side, side, (0.95 * width, 0.9 * width), 0.36 * width, PAINT))
+        parts.append(
+            arm(
+                elbow + lateral * side,
+                lateral * side,
+                side,
+                (0.95 * width, 0.9 * width),
+                0.36 * width,
+                PAINT,
+            )
+        )
     for turn in np.radians((90.0, 210.0, 330.0)):  # motors of joints 4, 5 and 6
-        place = back + 0.48 * width * (np.cos(turn) * np.array([1.0, 0.0, 0.0]) + np.sin(turn) * np.array([0.0, 1.0, 0.0]))
+        place = back + 0.48 * width * (
+            np.cos(turn) * np.array([1.0, 0.0, 0.0]) + np.sin(turn) * np.array([0.0, 1.0, 0.0])
+        )
         parts.append(cylinder(place, place - 1.0 * width * roll, 0.36 * width, DARK))
     return joined(parts)
 
@@ -194,12 +262,16 @@ def _forearm(chain: Chain, width: float) -> Mesh:
     side, wrist = np.array([0.0, 0.0, 1.0]), np.zeros(3)
     throat = wrist - 1.15 * width * along
     parts = [
-        cylinder(elbow + 1.72 * width * along, throat, 0.72 * width, PAINT, end_radius=0.56 * width),
+        cylinder(
+            elbow + 1.72 * width * along, throat, 0.72 * width, PAINT, end_radius=0.56 * width
+        ),
         cylinder(throat, throat + 0.3 * width * along, 0.62 * width, PAINT),
     ]
     for lateral in (-0.5 * width, 0.5 * width):
         root = throat + 0.2 * width * along + lateral * side
-        parts.append(arm(root, lateral * side, side, (0.44 * width, 0.44 * width), 0.24 * width, PAINT))
+        parts.append(
+            arm(root, lateral * side, side, (0.44 * width, 0.44 * width), 0.24 * width, PAINT)
+        )
     return joined(parts)
 
 
@@ -219,15 +291,25 @@ def _stand(height: float) -> Mesh:
     """Post from the floor to below the gimbal; a stub where the ball-bar stands lower than its own base part."""
     top, bottom = -0.125, min(-height, -0.2)
     up = np.array([0.0, 0.0, 1.0])
-    foot = turned(np.zeros(3), up, [(bottom, 0.17), (bottom + 0.015, 0.17), (bottom + 0.02, 0.165)], DARK)
-    return joined([foot, turned(np.zeros(3), up, [(bottom, 0.07), (top - 0.03, 0.05), (top, 0.05)], DARK)])
+    foot = turned(
+        np.zeros(3), up, [(bottom, 0.17), (bottom + 0.015, 0.17), (bottom + 0.02, 0.165)], DARK
+    )
+    return joined(
+        [foot, turned(np.zeros(3), up, [(bottom, 0.07), (top - 0.03, 0.05), (top, 0.05)], DARK)]
+    )
 
 
 def _yoke(axis: Array, along: Array, *, gap: float, depth: float, colour: Colour) -> list[Mesh]:
     """Two cheeks about `axis` that hold a pin, and the bridge between them `depth` down against `along`."""
     root = -depth * along
-    cheeks = [arm(root + s * gap * axis, s * gap * axis, axis, (0.022, 0.022), 0.012, colour) for s in (-1.0, 1.0)]
-    return [*cheeks, arm(root - gap * axis, root + gap * axis, along, (0.022, 0.022), 0.014, colour)]
+    cheeks = [
+        arm(root + s * gap * axis, s * gap * axis, axis, (0.022, 0.022), 0.012, colour)
+        for s in (-1.0, 1.0)
+    ]
+    return [
+        *cheeks,
+        arm(root - gap * axis, root + gap * axis, along, (0.022, 0.022), 0.014, colour),
+    ]
 
 
 def _gimbal_yoke() -> Mesh:
@@ -255,7 +337,12 @@ def _rod(length: float) -> Mesh:
 
 def _cross() -> Mesh:
     side, across = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    return joined([cylinder(-0.044 * side, 0.044 * side, 0.011, DARK), cylinder(-0.03 * across, 0.018 * across, 0.018, PLATE_BLUE)])
+    return joined(
+        [
+            cylinder(-0.044 * side, 0.044 * side, 0.011, DARK),
+            cylinder(-0.03 * across, 0.018 * across, 0.018, PLATE_BLUE),
+        ]
+    )
 
 
 def _cardan_shaft(tool_offset: float) -> Mesh:
@@ -267,12 +354,18 @@ def _band(lower: Array, upper: Array, normal: Array, colour: Colour) -> Mesh:
     """Closed strip between two rings of K points."""
     k = len(lower)
     here, there = np.arange(k), (np.arange(k) + 1) % k
-    triangles = np.concatenate((np.stack((here, there, k + there), axis=1), np.stack((here, k + there, k + here), axis=1)))
+    triangles = np.concatenate(
+        (np.stack((here, there, k + there), axis=1), np.stack((here, k + there, k + here), axis=1))
+    )
     colours = np.tile(np.array(colour, dtype=np.uint8), (2 * k, 1))
-    return Mesh(np.concatenate((lower, upper)), np.concatenate((normal, normal)), triangles, colours)
+    return Mesh(
+        np.concatenate((lower, upper)), np.concatenate((normal, normal)), triangles, colours
+    )
 
 
-def _extruded(outline: Array, outward: Array, middle: Array, normal: Array, thickness: float, colour: Colour) -> Mesh:
+def _extruded(
+    outline: Array, outward: Array, middle: Array, normal: Array, thickness: float, colour: Colour
+) -> Mesh:
     """Plate of a convex outline (K, 3) with `outward` normals, `thickness` along `normal`, its edges bevelled."""
     half = 0.5 * thickness
     edge = 2.0 * _EDGE * thickness
@@ -280,7 +373,10 @@ def _extruded(outline: Array, outward: Array, middle: Array, normal: Array, thic
     steps = [(inner, -half), (outline, edge - half), (outline, half - edge), (inner, half)]
     tilted = np.sqrt(0.5) * (outward + normal), np.sqrt(0.5) * (outward - normal)
     rings = [ring + height * normal for ring, height in steps]
-    bands = [_band(rings[i], rings[i + 1], n, colour) for i, n in enumerate((tilted[1], outward, tilted[0]))]
+    bands = [
+        _band(rings[i], rings[i + 1], n, colour)
+        for i, n in enumerate((tilted[1], outward, tilted[0]))
+    ]
     for height, ring, sense in ((-half, rings[0], -1.0), (half, rings[3], 1.0)):
         hub = np.broadcast_to(middle + height * normal, ring.shape)
         bands.append(_band(hub, ring, np.broadcast_to(sense * normal, ring.shape), colour))

@@ -34,7 +34,9 @@ def chosen_replay(run: Path, layout: Layout, against: Path | None) -> AbstractCo
 def _replay_file(run: Path) -> Path:
     file = run / REPLAY if run.is_dir() else run
     if not file.is_file():
-        raise InputError(f"{file}: no replay file. Make one with `ballbar run`, or `ballbar identify RECORDING --rerun`.")
+        raise InputError(
+            f"{file}: no replay file. Make one with `ballbar run`, or `ballbar identify RECORDING --rerun`."
+        )
     return file
 
 

@@ -42,15 +42,27 @@ def open_viewer(path: Path) -> None:
     except KeyboardInterrupt:
         return
     if code != 0:
-        raise ViewerError(f"{path}: the viewer ended with code {code}. Without a screen or graphics driver use --web.")
+        raise ViewerError(
+            f"{path}: the viewer ended with code {code}. Without a screen or graphics driver use --web."
+        )
 
 
 def _check_screen() -> None:
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise ViewerError("there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set). Use --web, and a browser on this machine.")
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise ViewerError(
+            "there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set). Use --web, and a browser on this machine."
+        )
 
 
-def serve_web(path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT, show: Callable[[str], None] = print) -> None:
+def serve_web(
+    path: Path,
+    *,
+    port: int = WEB_PORT,
+    data_port: int = DATA_PORT,
+    show: Callable[[str], None] = print,
+) -> None:
     """Serves the web viewer with a replay on this machine alone, until interrupted; `show` gets the address.
 
     Raises InputError if there is no such file or a port is taken, ViewerError if the server fails.
@@ -65,7 +77,9 @@ def serve_web(path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT, s
 
 
 @contextmanager
-def web_server(path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+def web_server(
+    path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT
+) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """A running web viewer: its address and its process, which ends with the block. Raises as `serve_web`."""
     _check_file(path)
     for number in (port, data_port):
@@ -91,7 +105,15 @@ def live_viewer() -> str:
     # A session of its own, so that the Ctrl-C that ends a recording does not close the window too; silent, so that it does not
     # write into the caller's terminal.
     viewer = subprocess.Popen(
-        [_rerun(), "--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", "--expect-data-soon"],
+        [
+            _rerun(),
+            "--bind",
+            LOOPBACK,
+            "--port",
+            str(port),
+            "--hide-welcome-screen",
+            "--expect-data-soon",
+        ],
         start_new_session=True,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -100,7 +122,9 @@ def live_viewer() -> str:
         _wait_for(viewer, port, "the viewer")
     except ViewerError as error:
         viewer.terminate()
-        raise ViewerError(f"{error} Record without --live where there is no screen or graphics driver.") from None
+        raise ViewerError(
+            f"{error} Record without --live where there is no screen or graphics driver."
+        ) from None
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
@@ -117,12 +141,16 @@ def _rerun() -> str:
     for program in (folder / name for folder in folders for name in _BINARIES):
         if program.is_file():
             return str(program)
-    raise ViewerError("the rerun viewer is not installed beside rerun-sdk; reinstall it with `pip install --force-reinstall rerun-sdk`.")
+    raise ViewerError(
+        "the rerun viewer is not installed beside rerun-sdk; reinstall it with `pip install --force-reinstall rerun-sdk`."
+    )
 
 
 def _check_file(path: Path) -> None:
     if not path.is_file():
-        raise InputError(f"{path}: no such replay. `ballbar run` writes run.rrd; for a recording use `ballbar identify --rerun`.")
+        raise InputError(
+            f"{path}: no such replay. `ballbar run` writes run.rrd; for a recording use `ballbar identify --rerun`."
+        )
 
 
 def _free_port() -> int:
@@ -136,7 +164,9 @@ def _check_free(port: int) -> None:
         try:
             probe.bind((LOOPBACK, port))
         except OSError as error:
-            raise InputError(f"port {port} on {LOOPBACK} cannot be used ({error.strerror}); choose another.") from None
+            raise InputError(
+                f"port {port} on {LOOPBACK} cannot be used ({error.strerror}); choose another."
+            ) from None
 
 
 def _wait_for(server: subprocess.Popen[bytes], port: int, what: str) -> None:

@@ -44,10 +44,16 @@ class _Replay:
     series: dict[str, Series]
 
     def blueprint(self) -> rrb.Blueprint:
-        robot, origin = self.data.identification.cell.robot, self.data.identification.geometry.origin
+        robot, origin = (
+            self.data.identification.cell.robot,
+            self.data.identification.geometry.origin,
+        )
         reach = float(np.abs(robot.d).sum() + np.abs(robot.a).sum())
         looking_at = np.array([0.5 * origin[0], 0.5 * origin[1], 0.3 * reach])
-        plots = {entity: float(np.abs(one.values).max(initial=0.0)) for entity, one in self.series.items()}
+        plots = {
+            entity: float(np.abs(one.values).max(initial=0.0))
+            for entity, one in self.series.items()
+        }
         return layout(plots, duration=float(self.motion.t[-1]), looking_at=looking_at, reach=reach)
 
     def log(self, stream: rr.RecordingStream) -> None:
@@ -57,7 +63,12 @@ class _Replay:
             stream.log(entity, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
         stream.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         log_mechanism(stream, result.cell, result.geometry, motion)
-        log_coverage(stream, coverage(motion.t, motion.tool, result.geometry.origin), result.geometry.origin, result.geometry["bd3"])
+        log_coverage(
+            stream,
+            coverage(motion.t, motion.tool, result.geometry.origin),
+            result.geometry.origin,
+            result.geometry["bd3"],
+        )
         log_tool(stream, motion)
         if self.truth is not None:
             log_truth(stream, self.truth, motion.t, result)
@@ -93,7 +104,9 @@ def send_replay(address: str, data: RunData) -> None:
 def recording_id(data: RunData) -> str:
     """The name of the run and a digest of what was measured and found: the same run, the same id."""
     log = data.recording.robot_log
-    digest = hashlib.sha256(log.t.tobytes() + log.q.tobytes() + data.identification.geometry.values.tobytes())
+    digest = hashlib.sha256(
+        log.t.tobytes() + log.q.tobytes() + data.identification.geometry.values.tobytes()
+    )
     return f"{data.name}-{digest.hexdigest()[:12]}"
 
 

@@ -27,10 +27,16 @@ if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 BEFORE, AFTER = "#d9740b", "#1f66ad"
-BEFORE_SCALE = LinearSegmentedColormap.from_list("before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"])
-AFTER_SCALE = LinearSegmentedColormap.from_list("after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"])
+BEFORE_SCALE = LinearSegmentedColormap.from_list(
+    "before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"]
+)
+AFTER_SCALE = LinearSegmentedColormap.from_list(
+    "after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"]
+)
 WIDTH = 4.6  # [in] 442 px: two figures side by side on a page of 1000 px, one on a phone
-_SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far pose would pale all others
+_SCALE_TOP = (
+    0.98  # share of the cells inside the colour scale; a single far pose would pale all others
+)
 _CELLS = 14  # across a map, about 0.13 m each for the IRB 2400
 _HISTOGRAM_HALF_WIDTH = 5.0  # standard deviations; wider where the residuals are
 STYLE: dict[RcKeyType, Any] = {
@@ -75,15 +81,25 @@ def cumulative(curves: Sequence[Curve], *, label: str) -> str:
             ordered = np.sort(curve.values) * 1e3
             share = np.arange(1, ordered.size + 1) / ordered.size * 100.0
             axes.step(
-                ordered, share, where="post", color=curve.colour, linestyle="--" if curve.dashed else "-", label=curve.label, linewidth=1.6
+                ordered,
+                share,
+                where="post",
+                color=curve.colour,
+                linestyle="--" if curve.dashed else "-",
+                label=curve.label,
+                linewidth=1.6,
             )
-        axes.set(xscale="log", ylim=(0.0, 101.0), xlabel=f"{label} [mm]", ylabel="share of poses [%]")
+        axes.set(
+            xscale="log", ylim=(0.0, 101.0), xlabel=f"{label} [mm]", ylabel="share of poses [%]"
+        )
         axes.xaxis.set_major_formatter("{x:g}")
         figure.legend(loc="outside upper left", ncols=1, handlelength=1.6)
         return as_svg(figure)
 
 
-def workspace_map(position: Array, error: Array, landmarks: Landmarks, *, label: str, before: bool) -> str:
+def workspace_map(
+    position: Array, error: Array, landmarks: Landmarks, *, label: str, before: bool
+) -> str:
     """Mean error over the workspace in hexagonal cells, seen from the side (x, z) and from above (x, y).
 
     position : (G, 3) [m] tool positions, robot base frame. error : (G,) [m].
@@ -93,13 +109,28 @@ def workspace_map(position: Array, error: Array, landmarks: Landmarks, *, label:
         figure = Figure(figsize=(WIDTH, 3.95))
         panels = figure.subplots(1, 2, sharex=True)
         colours = BEFORE_SCALE if before else AFTER_SCALE
-        cells = [_view(axes, position, error * factor, column, colours) for axes, column in zip(panels, (2, 1), strict=True)]
-        top = float(np.quantile(np.concatenate([one.get_array().compressed() for one in cells]), _SCALE_TOP))
-        for axes, one, column, title in zip(panels, cells, (2, 1), ("from the side", "from above"), strict=True):
+        cells = [
+            _view(axes, position, error * factor, column, colours)
+            for axes, column in zip(panels, (2, 1), strict=True)
+        ]
+        top = float(
+            np.quantile(np.concatenate([one.get_array().compressed() for one in cells]), _SCALE_TOP)
+        )
+        for axes, one, column, title in zip(
+            panels, cells, (2, 1), ("from the side", "from above"), strict=True
+        ):
             one.set_clim(0.0, top)
             axes.set_title(title)
             _mark(axes, landmarks, column)
-        bar = figure.colorbar(cells[0], ax=panels, location="top", aspect=38, pad=0.02, extend="max", label=f"{label} [{unit}]")
+        bar = figure.colorbar(
+            cells[0],
+            ax=panels,
+            location="top",
+            aspect=38,
+            pad=0.02,
+            extend="max",
+            label=f"{label} [{unit}]",
+        )
         bar.outline.set_visible(False)
         return as_svg(figure)
 
@@ -111,7 +142,9 @@ def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock:
         for values, colour, name in ((before, BEFORE, "before"), (after, AFTER, "after")):
             norm = np.linalg.norm(values, axis=1)
             axes.plot(t, np.where(norm > 0.0, norm, np.nan), color=colour, label=name)
-        axes.set(yscale="log", xlabel=f"time on the {clock} clock [s]", ylabel=label, xlim=(t[0], t[-1]))
+        axes.set(
+            yscale="log", xlabel=f"time on the {clock} clock [s]", ylabel=label, xlim=(t[0], t[-1])
+        )
         axes.set_ylim(bottom=_floor(after))
         axes.yaxis.set_major_formatter("{x:g}")
         figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
@@ -139,7 +172,11 @@ def tension_over_time(t: Array, tension: Array, *, clock: str) -> str:
         figure, axes = _one_panel(2.4)
         axes.axhline(0.0, color=QUIET, linewidth=0.6)
         axes.plot(t, tension, color=AFTER)
-        axes.set(xlabel=f"time on the {clock} clock [s]", ylabel="force in the rod [N]", xlim=(t[0], t[-1]))
+        axes.set(
+            xlabel=f"time on the {clock} clock [s]",
+            ylabel="force in the rod [N]",
+            xlim=(t[0], t[-1]),
+        )
         return as_svg(figure)
 
 
@@ -151,11 +188,30 @@ def whitened_histogram(whitened: Array) -> str:
     outside = int((np.abs(values) > half).sum())
     with matplotlib.rc_context(STYLE):
         figure, axes = _one_panel(2.9)
-        axes.hist(values, bins=np.linspace(-half, half, 51).tolist(), density=True, color="#8fb4d9", label="residuals after")
-        axes.plot(x, np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi), color=INK, linewidth=1.4, label="unit normal")
-        axes.set(xlabel="whitened residual [standard deviations]", ylabel="density", xlim=(-half, half))
+        axes.hist(
+            values,
+            bins=np.linspace(-half, half, 51).tolist(),
+            density=True,
+            color="#8fb4d9",
+            label="residuals after",
+        )
+        axes.plot(
+            x,
+            np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi),
+            color=INK,
+            linewidth=1.4,
+            label="unit normal",
+        )
+        axes.set(
+            xlabel="whitened residual [standard deviations]", ylabel="density", xlim=(-half, half)
+        )
         axes.annotate(
-            f"{outside} of {values.size} beyond ±{half:g}", (1.0, 0.97), xycoords="axes fraction", ha="right", va="top", color=QUIET
+            f"{outside} of {values.size} beyond ±{half:g}",
+            (1.0, 0.97),
+            xycoords="axes fraction",
+            ha="right",
+            va="top",
+            color=QUIET,
         )
         figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
         return as_svg(figure)
@@ -166,19 +222,38 @@ def _one_panel(height: float) -> tuple[Figure, Axes]:
     return figure, figure.subplots()
 
 
-def _view(axes: Axes, position: Array, error: Array, column: int, colours: LinearSegmentedColormap) -> Any:
+def _view(
+    axes: Axes, position: Array, error: Array, column: int, colours: LinearSegmentedColormap
+) -> Any:
     """Cells of one view: x to the right, `column` of the positions upwards."""
     axes.set(aspect="equal", xlabel="x [m]", ylabel=f"{'xyz'[column]} [m]")
     axes.xaxis.set_major_locator(MultipleLocator(0.5))
     axes.yaxis.set_major_locator(MultipleLocator(0.5))
-    return axes.hexbin(position[:, 0], position[:, column], C=error, gridsize=_CELLS, linewidths=0.4, edgecolors="white", cmap=colours)
+    return axes.hexbin(
+        position[:, 0],
+        position[:, column],
+        C=error,
+        gridsize=_CELLS,
+        linewidths=0.4,
+        edgecolors="white",
+        cmap=colours,
+    )
 
 
 def _mark(axes: Axes, landmarks: Landmarks, column: int) -> None:
     """Robot base, ball-bar base and the sphere on which the tool was measured."""
     centre = (float(landmarks.origin[0]), float(landmarks.origin[column]))
     axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor="white", linewidth=2.0))
-    axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor=INK, linewidth=1.0, linestyle=(0, (4, 3))))
+    axes.add_patch(
+        Circle(
+            centre,
+            landmarks.radius,
+            fill=False,
+            edgecolor=INK,
+            linewidth=1.0,
+            linestyle=(0, (4, 3)),
+        )
+    )
     axes.plot(*centre, marker="+", color=INK, markersize=8, linestyle="none")
     axes.plot(0.0, 0.0, marker="s", color=INK, markersize=6, linestyle="none")
 

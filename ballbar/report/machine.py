@@ -16,13 +16,22 @@ from ident.estimator.uncertainty import correlated_groups
 from ident.held_out import HeldOut
 from ident.identify import MOSTLY_PRIOR, CoefficientValue, CorrectionValue, Identification
 
-TENSION_SOURCES = {"sensor": "from the force sensor", "torque": "from the motor torques", "none": "from the geometry alone"}
+TENSION_SOURCES = {
+    "sensor": "from the force sensor",
+    "torque": "from the motor torques",
+    "none": "from the geometry alone",
+}
 _HOW = {
     "sensor": "biases and gains of the sensor fitted, its clock aligned by what it should feel",
     "torque": "friction and gains of the motors fitted; near a reversal of its joint a torque tells nothing, for friction jumps there",
     "none": "no force was logged, or none was asked for; the rod's force is what makes the loop close",
 }
-_UNITS = {"rad": (1e6, "µrad"), "rad/(N m)": (1e6, "µrad/(N m)"), "m/N": (1e9, "nm/N"), "m": (1e6, "µm")}  # SI to what is shown
+_UNITS = {
+    "rad": (1e6, "µrad"),
+    "rad/(N m)": (1e6, "µrad/(N m)"),
+    "m/N": (1e9, "nm/N"),
+    "m": (1e6, "µm"),
+}  # SI to what is shown
 _INVERSE = {"rad/(N m)": "N m/rad", "m/N": "N/m"}
 _CARRIERS = {"ripple": "gear ", "encoder": "encoder b"}  # of a harmonic's name
 
@@ -87,7 +96,12 @@ def standing_at_prior(result: Identification) -> list[str]:
 
 def coefficients_at_prior(result: Identification) -> list[CoefficientValue]:
     """Coefficients of the corrections likewise."""
-    return [value for one in result.corrections for value in one.coefficients if value.by_data < MOSTLY_PRIOR]
+    return [
+        value
+        for one in result.corrections
+        for value in one.coefficients
+        if value.by_data < MOSTLY_PRIOR
+    ]
 
 
 def coefficient_in_words(c: CoefficientValue) -> str:
@@ -104,13 +118,25 @@ def groups(result: Identification) -> list[tuple[str, ...]]:
 def event_rows(data: RunData) -> list[tuple[str, str]]:
     """(recording, what happened) of every jump that was found, held-out recordings too; the name empty for a single recording."""
     several = bool(data.joined or data.validations)
-    rows = [(one.name if several else "", event.sentence) for one in data.fitted for event in one.identification.events]
-    return rows + [(one.outcome.name, event.sentence) for one in data.validations for event in one.outcome.events]
+    rows = [
+        (one.name if several else "", event.sentence)
+        for one in data.fitted
+        for event in one.identification.events
+    ]
+    return rows + [
+        (one.outcome.name, event.sentence)
+        for one in data.validations
+        for event in one.outcome.events
+    ]
 
 
 def tension_sentences(data: RunData) -> list[str]:
     """Where the rod's force came from and how large it was, a sentence each recording."""
-    return [_tension_sentence(one, named=bool(data.joined)) for one in data.fitted if one.identification.tension.any()]
+    return [
+        _tension_sentence(one, named=bool(data.joined))
+        for one in data.fitted
+        if one.identification.tension.any()
+    ]
 
 
 def recording_columns(joined: Sequence[Joined]) -> list[RecordingColumn]:
@@ -118,7 +144,9 @@ def recording_columns(joined: Sequence[Joined]) -> list[RecordingColumn]:
     return [RecordingColumn(one.name, _recording_cells(one)) for one in joined]
 
 
-def held_out_groups(validations: Sequence[Validation]) -> list[tuple[str, list[tuple[str, str, str]]]]:
+def held_out_groups(
+    validations: Sequence[Validation],
+) -> list[tuple[str, list[tuple[str, str, str]]]]:
     """Of each held-out recording its name and rows: (what, nominal robot, identified robot), each with its unit."""
     return [(one.outcome.name, _held_out_rows(one.outcome)) for one in validations]
 
@@ -131,8 +159,15 @@ def _held_out_rows(one: HeldOut) -> list[tuple[str, str, str]]:
         ("angle, rms", nominal.angle_rms, identified.angle_rms, "mrad"),
     ]
     return [
-        *((what, f"{significant(before * 1e3)} {unit}", f"{significant(after * 1e3)} {unit}") for what, before, after, unit in sizes),
-        ("times what noise explains", significant(nominal.ratio, 2), significant(identified.ratio, 2)),
+        *(
+            (what, f"{significant(before * 1e3)} {unit}", f"{significant(after * 1e3)} {unit}")
+            for what, before, after, unit in sizes
+        ),
+        (
+            "times what noise explains",
+            significant(nominal.ratio, 2),
+            significant(identified.ratio, 2),
+        ),
         ("times what noise and stated uncertainty explain", MISSING, significant(one.surprise, 2)),
         ("samples", "", str(one.samples)),
     ]
@@ -158,7 +193,10 @@ def _condensed(members: Sequence[CoefficientValue]) -> list[tuple[str, Coefficie
     for c in members:
         base, _, wave = c.name.rpartition("_")
         waves.setdefault(base if wave in ("sin", "cos") else c.name, []).append(c)
-    return [(_harmonic_name(base), _amplitude(*pair)) if len(pair) == 2 else (base, pair[0]) for base, pair in waves.items()]
+    return [
+        (_harmonic_name(base), _amplitude(*pair)) if len(pair) == 2 else (base, pair[0])
+        for base, pair in waves.items()
+    ]
 
 
 def _harmonic_name(base: str) -> str:
@@ -170,8 +208,14 @@ def _harmonic_name(base: str) -> str:
 
 def _amplitude(sine: CoefficientValue, cosine: CoefficientValue) -> CoefficientValue:
     size = float(np.hypot(sine.value, cosine.value))
-    spread = float(np.hypot(sine.value * sine.sigma, cosine.value * cosine.sigma)) / size if size else sine.sigma
-    return CoefficientValue("", sine.unit, size, spread, 0.0, sine.prior_sigma, min(sine.by_data, cosine.by_data))
+    spread = (
+        float(np.hypot(sine.value * sine.sigma, cosine.value * cosine.sigma)) / size
+        if size
+        else sine.sigma
+    )
+    return CoefficientValue(
+        "", sine.unit, size, spread, 0.0, sine.prior_sigma, min(sine.by_data, cosine.by_data)
+    )
 
 
 def _row(name: str, c: CoefficientValue, factor: float, decimals: int) -> CoefficientRow:
@@ -219,7 +263,9 @@ def _recording_cells(one: Joined) -> tuple[str, ...]:
         skew,
         f"{', '.join(fixed(geometry[name] * 1e3, 2) for name in ('ox', 'oy', 'oz'))} mm",
         f"{', '.join(fixed(geometry[name] * 1e3, 2) for name in ('otx', 'oty'))} mrad",
-        f"{', '.join(fixed(np.degrees(geometry[f'btheta{j}']), 2) for j in found.joints)} deg" if found.joints else MISSING,
+        f"{', '.join(fixed(np.degrees(geometry[f'btheta{j}']), 2) for j in found.joints)} deg"
+        if found.joints
+        else MISSING,
         TENSION_SOURCES[found.tension_source] if found.tension.any() else MISSING,
         f"{significant(rms_norm(found.after.position) * 1e6)} µm",
         f"{significant(rms_norm(found.after.angle) * 1e6)} µrad",

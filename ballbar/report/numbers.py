@@ -10,7 +10,9 @@ import numpy as np
 from cell.chain import Array
 
 MISSING = "\u2013"
-_MOST_DECIMALS = 7  # of a degree: below a hundredth of an encoder step (3600 lines, 12 bits: 2.4e-5 deg)
+_MOST_DECIMALS = (
+    7  # of a degree: below a hundredth of an encoder step (3600 lines, 12 bits: 2.4e-5 deg)
+)
 
 
 def decimals_for(sigmas: Iterable[float], *, digits: int) -> int:
@@ -36,7 +38,9 @@ def significant(value: float | None, digits: int = 3, *, sign: bool = False) -> 
         return MISSING
     if value == 0.0:
         return "0"
-    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])  # after rounding: 9.996 has two digits before the point
+    exponent = int(
+        f"{value:.{digits - 1}e}".partition("e")[2]
+    )  # after rounding: 9.996 has two digits before the point
     return fixed(value, max(0, digits - 1 - exponent), sign=sign)
 
 

@@ -61,7 +61,11 @@ def write_report(path: Path, data: RunData, *, command: str) -> None:
 def render_report(data: RunData, *, command: str, written: datetime) -> str:
     """The page as text; the same inputs give the same text."""
     environment = Environment(
-        loader=PackageLoader("ballbar.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=PackageLoader("ballbar.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     result = data.identification
     tcp = tcp_view(data)
@@ -76,7 +80,9 @@ def render_report(data: RunData, *, command: str, written: datetime) -> str:
         tiles=_tiles(data, tcp),
         tcp=tcp,
         tcp_rows=_tcp_rows(data, tcp),
-        figures={name: Markup(svg) for name, svg in _figures(data, tcp).items()},  # no text from files is in them
+        figures={
+            name: Markup(svg) for name, svg in _figures(data, tcp).items()
+        },  # no text from files is in them
         position_rows=tables.residual_rows(result.before.position, result.after.position, 1e6),
         angle_rows=tables.residual_rows(result.before.angle, result.after.angle, 1e6),
         groups=tables.parameter_groups(result, data.comparison),
@@ -110,7 +116,10 @@ def _machine(data: RunData) -> dict[str, object]:
         "recording_rows": machine.RECORDING_ROWS,
         "corrections": machine.correction_tables(result),
         "at_prior": machine.standing_at_prior(result),
-        "coefficients_at_prior": [(one.name, machine.coefficient_in_words(one)) for one in machine.coefficients_at_prior(result)],
+        "coefficients_at_prior": [
+            (one.name, machine.coefficient_in_words(one))
+            for one in machine.coefficients_at_prior(result)
+        ],
         "groups": [", ".join(names) for names in machine.groups(result)],
         "tension": machine.tension_sentences(data),
         "events": machine.event_rows(data),
@@ -121,11 +130,17 @@ def _inputs(data: RunData) -> list[InputFile]:
     """The files of every recording; under its name where there are several."""
     read = [(one.name, one.recording, one.folder) for one in data.fitted]
     read += [(one.outcome.name, one.recording, one.folder) for one in data.validations]
-    scenario = [] if data.scenario_file is None else [hashed(data.scenario_file.parent, data.scenario_file.name)]
+    scenario = (
+        []
+        if data.scenario_file is None
+        else [hashed(data.scenario_file.parent, data.scenario_file.name)]
+    )
     if len(read) == 1:
         return scenario + input_files(data.recording, data.folder)
     return scenario + [
-        replace(file, name=f"{name}/{file.name}") for name, recording, folder in read for file in input_files(recording, folder)
+        replace(file, name=f"{name}/{file.name}")
+        for name, recording, folder in read
+        for file in input_files(recording, folder)
     ]
 
 
@@ -142,11 +157,29 @@ def tcp_view(data: RunData) -> TcpView:
     """Error against the truth if there is a comparison, else the correction made and its stated uncertainty."""
     result = data.identification
     grid = accuracy_grid(result.cell.robot)
-    shift = position_error(FreeRobot(result.cell, result.nominal).tool(grid), result.free_robot().tool(grid))
+    shift = position_error(
+        FreeRobot(result.cell, result.nominal).tool(grid), result.free_robot().tool(grid)
+    )
     if data.comparison:
         before, after = data.comparison.tcp_nominal, data.comparison.tcp
-        return TcpView(True, before.position, before.error, after.error, "TCP error before", "TCP error after", shift.error)
-    return TcpView(False, shift.position, shift.error, result.tcp_sigma, "TCP correction", "Stated TCP sigma", shift.error)
+        return TcpView(
+            True,
+            before.position,
+            before.error,
+            after.error,
+            "TCP error before",
+            "TCP error after",
+            shift.error,
+        )
+    return TcpView(
+        False,
+        shift.position,
+        shift.error,
+        result.tcp_sigma,
+        "TCP correction",
+        "Stated TCP sigma",
+        shift.error,
+    )
 
 
 def _in_short(tcp: TcpView) -> str:
@@ -173,7 +206,11 @@ def _what_to_do(data: RunData) -> str:
     if not data.acceptable:
         return "Do not use these parameters yet: the robot was identified, but not as well as was asked for."
     use = "The identified robot may be used: ballbar export writes it for other programs, ballbar correct corrects targets."
-    return f"{use} Clear up the remarks below first if the margin is tight." if result.verdict.status == "suspect" else use
+    return (
+        f"{use} Clear up the remarks below first if the margin is tight."
+        if result.verdict.status == "suspect"
+        else use
+    )
 
 
 def _confidence(data: RunData) -> str:
@@ -184,7 +221,11 @@ def _confidence(data: RunData) -> str:
         f"By its own account the identified model is within {_mm(2.0 * result.tcp_sigma.mean())} of the tool's place at an average pose "
         f"and within {_mm(2.0 * result.tcp_sigma.max())} at the worst, with 95 % confidence (2 sigma), under the assumptions below."
     )
-    return f"{text} Not determined by this path and kept at the catalogue's values: {left}." if left else text
+    return (
+        f"{text} Not determined by this path and kept at the catalogue's values: {left}."
+        if left
+        else text
+    )
 
 
 def names_of(leftovers: Sequence[tables.Leftover]) -> str:
@@ -208,13 +249,21 @@ def _tiles(data: RunData, tcp: TcpView) -> list[Tile]:
             f"angle {significant(angles[0] * 1e6)} → {significant(angles[1] * 1e6)} µrad",
         ),
         Tile("Iterations", f"{result.iterations}", f"from the automatic start{poor}"),
-        Tile("Samples", " + ".join(str(one.identification.after.t.size) for one in data.fitted), f"{each}, {_unknowns(result)}"),
+        Tile(
+            "Samples",
+            " + ".join(str(one.identification.after.t.size) for one in data.fitted),
+            f"{each}, {_unknowns(result)}",
+        ),
     ]
 
 
 def _unknowns(result: Identification) -> str:
     count = sum(len(one.coefficients) for one in result.corrections)
-    return f"{result.parameters.size} parameters, {count} coefficients" if count else f"{result.covariance.shape[0]} unknowns"
+    return (
+        f"{result.parameters.size} parameters, {count} coefficients"
+        if count
+        else f"{result.covariance.shape[0]} unknowns"
+    )
 
 
 def _tcp_tile(result: Identification, tcp: TcpView) -> Tile:
@@ -222,7 +271,11 @@ def _tcp_tile(result: Identification, tcp: TcpView) -> Tile:
     if tcp.against_truth:
         note = f"mean of {tcp.before.size} poses, against the truth; stated uncertainty {_mm(result.tcp_sigma.mean())} (1 sigma)"
         return Tile("TCP error, before → after", f"{before} → {after} mm", note)
-    return Tile("Stated TCP uncertainty", f"{after} mm", f"1 sigma, mean of {tcp.before.size} poses; correction made {before} mm")
+    return Tile(
+        "Stated TCP uncertainty",
+        f"{after} mm",
+        f"1 sigma, mean of {tcp.before.size} poses; correction made {before} mm",
+    )
 
 
 def _clock_tile(data: RunData) -> Tile:
@@ -247,26 +300,61 @@ def _tcp_rows(data: RunData, tcp: TcpView) -> list[tuple[str, str, str, str, str
 def _figures(data: RunData, tcp: TcpView) -> Mapping[str, str]:
     result = data.identification
     landmarks = figures.Landmarks(result.geometry.origin, result.geometry["bd3"])
-    before, after, clock = result.before, result.after, "robot" if result.clock is None else "ball-bar"
-    curves = [figures.Curve(tcp.before_label, tcp.before, figures.BEFORE), figures.Curve(tcp.after_label, tcp.after, figures.AFTER)]
+    before, after, clock = (
+        result.before,
+        result.after,
+        "robot" if result.clock is None else "ball-bar",
+    )
+    curves = [
+        figures.Curve(tcp.before_label, tcp.before, figures.BEFORE),
+        figures.Curve(tcp.after_label, tcp.after, figures.AFTER),
+    ]
     if tcp.against_truth:
-        curves += [figures.Curve("predicted before: nominal against identified", tcp.predicted, figures.BEFORE, dashed=True)]
-        curves += [figures.Curve("predicted after: stated sigma", result.tcp_sigma, figures.AFTER, dashed=True)]
+        curves += [
+            figures.Curve(
+                "predicted before: nominal against identified",
+                tcp.predicted,
+                figures.BEFORE,
+                dashed=True,
+            )
+        ]
+        curves += [
+            figures.Curve(
+                "predicted after: stated sigma", result.tcp_sigma, figures.AFTER, dashed=True
+            )
+        ]
     position, angle = "position residual [µm]", "angle residual [µrad]"
     directions = sphere.tool_directions(data.fitted[0])
     pulled = [one.identification for one in data.fitted if one.identification.tension.any()]
-    tension = {f"tension_{k}": figures.tension_over_time(one.after.t, one.tension, clock=clock) for k, one in enumerate(pulled)}
+    tension = {
+        f"tension_{k}": figures.tension_over_time(one.after.t, one.tension, clock=clock)
+        for k, one in enumerate(pulled)
+    }
     return tension | {
-        "cumulative": figures.cumulative(curves, label="TCP error" if tcp.against_truth else "distance of the TCP"),
-        "map_before": figures.workspace_map(tcp.position, tcp.before, landmarks, label=f"{tcp.before_label}, mean", before=True),
-        "map_after": figures.workspace_map(tcp.position, tcp.after, landmarks, label=f"{tcp.after_label}, mean", before=False),
-        "position_norm": figures.norms_over_time(after.t, before.position * 1e6, after.position * 1e6, label=position, clock=clock),
-        "angle_norm": figures.norms_over_time(after.t, before.angle * 1e6, after.angle * 1e6, label=angle, clock=clock),
-        "position": figures.components_over_time(after.t, after.position * 1e6, label=position, clock=clock),
+        "cumulative": figures.cumulative(
+            curves, label="TCP error" if tcp.against_truth else "distance of the TCP"
+        ),
+        "map_before": figures.workspace_map(
+            tcp.position, tcp.before, landmarks, label=f"{tcp.before_label}, mean", before=True
+        ),
+        "map_after": figures.workspace_map(
+            tcp.position, tcp.after, landmarks, label=f"{tcp.after_label}, mean", before=False
+        ),
+        "position_norm": figures.norms_over_time(
+            after.t, before.position * 1e6, after.position * 1e6, label=position, clock=clock
+        ),
+        "angle_norm": figures.norms_over_time(
+            after.t, before.angle * 1e6, after.angle * 1e6, label=angle, clock=clock
+        ),
+        "position": figures.components_over_time(
+            after.t, after.position * 1e6, label=position, clock=clock
+        ),
         "angle": figures.components_over_time(after.t, after.angle * 1e6, label=angle, clock=clock),
         "sphere_before": sphere.sphere_map(directions, before, before=True),
         "sphere_after": sphere.sphere_map(directions, after, before=False),
-        "correlations": sphere.correlation_map(result.machine.values, result.machine.names, machine.groups(result)),
+        "correlations": sphere.correlation_map(
+            result.machine.values, result.machine.names, machine.groups(result)
+        ),
         "histogram": figures.whitened_histogram(result.whitened),
     }
 
@@ -283,7 +371,12 @@ def _clock_rows(data: RunData) -> list[tuple[str, str, str, str]]:
         ("skew", clock.skew, skew_sigma, 1e6, "ppm", "ppm"),
     )
     return [
-        (name, f"{to_sigma(value * factor, sigma * factor)} {unit}", f"{significant(sigma * 1e6, 2)} {small}", _signed(error, small))
+        (
+            name,
+            f"{to_sigma(value * factor, sigma * factor)} {unit}",
+            f"{significant(sigma * 1e6, 2)} {small}",
+            _signed(error, small),
+        )
         for (name, value, sigma, factor, unit, small), error in zip(shown, errors, strict=True)
     ]
 
@@ -293,7 +386,11 @@ def _rival_rows(result: Identification) -> list[tuple[str, str, str]]:
     if not result.start.ambiguous:
         return []
     return [
-        (f"{significant(one.fit.estimate.clock.offset, 4)} s", significant(one.cost), f"{significant(one.overlap)} s")
+        (
+            f"{significant(one.fit.estimate.clock.offset, 4)} s",
+            significant(one.cost),
+            f"{significant(one.overlap)} s",
+        )
         for one in (result.start.chosen, *result.start.rivals)
     ]
 
@@ -303,15 +400,26 @@ def _sense_rows(result: Identification) -> list[tuple[str, str]]:
     signs = dict(zip(result.joints, result.signs, strict=True))
     kinds = {
         "sense as declared": [j for j, sign in signs.items() if j not in (2, 4) and sign > 0],
-        "sense opposite to the declared one; the found one is used": [j for j, sign in signs.items() if j not in (2, 4) and sign < 0],
-        "sense taken as declared: it cannot be observed, and does not change the result": [j for j in signs if j in (2, 4)],
+        "sense opposite to the declared one; the found one is used": [
+            j for j, sign in signs.items() if j not in (2, 4) and sign < 0
+        ],
+        "sense taken as declared: it cannot be observed, and does not change the result": [
+            j for j in signs if j in (2, 4)
+        ],
     }
-    return [(tables.names_in_words([f"b{j}" for j in joints]), words) for words, joints in kinds.items() if joints]
+    return [
+        (tables.names_in_words([f"b{j}" for j in joints]), words)
+        for words, joints in kinds.items()
+        if joints
+    ]
 
 
 def _resolutions(data: RunData) -> dict[str, float]:
     """[rad] one count of each encoder."""
-    return {name: 2.0 * np.pi / (one.lines * 2.0**one.bits) for name, one in data.recording.description.encoders.items()}
+    return {
+        name: 2.0 * np.pi / (one.lines * 2.0**one.bits)
+        for name, one in data.recording.description.encoders.items()
+    }
 
 
 def _signed(value: float | None, unit: str) -> str:

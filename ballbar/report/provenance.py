@@ -36,8 +36,15 @@ def input_files(recording: Recording, folder: Path) -> list[InputFile]:
     Raises OSError when one of them is gone.
     """
     file = recording.description
-    own = [name for name in (file.robot, file.ballbar, file.plate) if name.endswith(".yaml") and not _is_absolute(name)]
-    return [hashed(folder, name) for name in ("recording.yaml", *(one.file for one in recording.report.files), *own)]
+    own = [
+        name
+        for name in (file.robot, file.ballbar, file.plate)
+        if name.endswith(".yaml") and not _is_absolute(name)
+    ]
+    return [
+        hashed(folder, name)
+        for name in ("recording.yaml", *(one.file for one in recording.report.files), *own)
+    ]
 
 
 def hashed(folder: Path, name: str) -> InputFile:

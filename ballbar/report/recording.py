@@ -36,7 +36,10 @@ def recording_section(data: RunData) -> dict[str, object]:
         "angles": angles_with_marks(data, motion, found),
         "shift": mismatch_over_shift(data),
     }
-    return {"sentences": mark_sentences(found), "figures": {name: figure for name, figure in figures.items() if figure}}
+    return {
+        "sentences": mark_sentences(found),
+        "figures": {name: figure for name, figure in figures.items() if figure},
+    }
 
 
 def jitter_at_rest(data: RunData) -> str:
@@ -54,7 +57,12 @@ def jitter_at_rest(data: RunData) -> str:
         for axes, (name, t, angles, colour), rest in zip(panels, sides, rests, strict=True):
             assert rest is not None
             rows = slice(rest[0], min(rest[1] + 1, rest[0] + _JITTER))
-            axes.plot(t[rows], (angles[rows] - angles[rows].mean(axis=0)) * 1e6, color=colour, linewidth=0.5)
+            axes.plot(
+                t[rows],
+                (angles[rows] - angles[rows].mean(axis=0)) * 1e6,
+                color=colour,
+                linewidth=0.5,
+            )
             axes.set(ylabel=f"{name} [µrad]", xlim=(t[rows][0], t[rows][-1]))
         panels[-1].set_xlabel("time on each log's own clock [s]")
         return as_svg(figure)
@@ -70,18 +78,36 @@ def _longest_rest(t: Array, angles: Array) -> tuple[int, int] | None:
 
 def stillness_of_both(data: RunData) -> str:
     """When each log stands still, on one clock, around a rest in the middle of the run (Fig. 5.3)."""
-    robot, bar, clock = data.recording.robot_log, data.recording.ballbar_log, data.identification.clock
+    robot, bar, clock = (
+        data.recording.robot_log,
+        data.recording.ballbar_log,
+        data.identification.clock,
+    )
     if bar is None or clock is None:
         return ""
     still = stillness(robot.t, robot.q).still, stillness(bar.t, bar.angles).still
     inner = robot.t[still[0] & (robot.t > 0.1 * robot.t[-1]) & (robot.t < 0.9 * robot.t[-1])]
-    middle = float(inner[np.abs(inner - inner.mean()).argmin()]) if inner.size else 0.5 * float(robot.t[-1])  # within a rest
+    middle = (
+        float(inner[np.abs(inner - inner.mean()).argmin()])
+        if inner.size
+        else 0.5 * float(robot.t[-1])
+    )  # within a rest
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 1.9))
         axes = figure.subplots()
         axes.step(robot.t, still[0].astype(float), where="mid", color=BEFORE, label="robot")
-        axes.step(clock.robot_time(bar.t), -still[1].astype(float), where="mid", color=AFTER, label="ball-bar")
-        axes.set(xlim=(middle - _SPAN / 2, middle + _SPAN / 2), ylim=(-1.2, 1.2), xlabel="time on the robot's clock [s]")
+        axes.step(
+            clock.robot_time(bar.t),
+            -still[1].astype(float),
+            where="mid",
+            color=AFTER,
+            label="ball-bar",
+        )
+        axes.set(
+            xlim=(middle - _SPAN / 2, middle + _SPAN / 2),
+            ylim=(-1.2, 1.2),
+            xlabel="time on the robot's clock [s]",
+        )
         axes.set_yticks([-1, 0, 1], ["still", "moving", "still"])
         figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
         return as_svg(figure)
@@ -95,16 +121,33 @@ def angles_with_marks(data: RunData, motion: CellMotion, found: Marks) -> str:
         figure = Figure(figsize=(WIDTH, 4.1))
         panels = figure.subplots(2, 1, sharex=True)
         rows = slice(None, None, max(1, motion.t.size // _POINTS))
-        panels[0].plot(motion.t[rows], motion.q[rows], linewidth=0.7, label=[f"q{j + 1}" for j in range(motion.q.shape[1])])
+        panels[0].plot(
+            motion.t[rows],
+            motion.q[rows],
+            linewidth=0.7,
+            label=[f"q{j + 1}" for j in range(motion.q.shape[1])],
+        )
         panels[0].set_ylabel("robot joints [rad]")
         if bar is not None and result.clock is not None:
             rows = slice(None, None, max(1, bar.t.size // _POINTS))
             angles = mechanism_angles(result, bar)[rows]
-            panels[1].plot(result.clock.robot_time(bar.t[rows]), angles, linewidth=0.7, label=[f"b{j}" for j in bar.joints])
+            panels[1].plot(
+                result.clock.robot_time(bar.t[rows]),
+                angles,
+                linewidth=0.7,
+                label=[f"b{j}" for j in bar.joints],
+            )
         panels[1].set(ylabel="ball-bar joints [rad]", xlabel="time on the robot's clock [s]")
         for axes in panels:
             if axes.lines:
-                axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, handlelength=0.9, columnspacing=0.9, fontsize=7)
+                axes.legend(
+                    loc="lower left",
+                    bbox_to_anchor=(0.0, 1.0),
+                    ncols=6,
+                    handlelength=0.9,
+                    columnspacing=0.9,
+                    fontsize=7,
+                )
             for begin, end in found.rests:
                 axes.axvspan(begin, end, color=QUIET, alpha=0.18, linewidth=0)
             for name, spans in found.near_singular.items():
@@ -129,7 +172,12 @@ def mismatch_over_shift(data: RunData) -> str:
         figure = Figure(figsize=(WIDTH, 2.2))
         axes = figure.subplots()
         axes.plot(SHIFTS * 1e3, curve * 1e3, color=AFTER)
-        axes.set(xlabel="shift of the ball-bar's clock [ms]", ylabel="mismatch, rms [mm]", ylim=(0.0, None), xlim=(-300, 300))
+        axes.set(
+            xlabel="shift of the ball-bar's clock [ms]",
+            ylabel="mismatch, rms [mm]",
+            ylim=(0.0, None),
+            xlim=(-300, 300),
+        )
         return as_svg(figure)
 
 
@@ -139,7 +187,10 @@ def shift_curve(data: RunData) -> Array | None:
     if bar is None or result.clock is None or not {1, 2} <= set(bar.joints):
         return None
     t = result.after.t[:: max(1, result.after.t.size // _POINTS)]
-    t = t[(result.clock.robot_time(t + SHIFTS[0]) > 0.0) & (result.clock.robot_time(t + SHIFTS[-1]) < robot.t[-1])]
+    t = t[
+        (result.clock.robot_time(t + SHIFTS[0]) > 0.0)
+        & (result.clock.robot_time(t + SHIFTS[-1]) < robot.t[-1])
+    ]
     if t.size < 2:
         return None
     b = np.zeros((t.size, 5))
@@ -150,5 +201,7 @@ def shift_curve(data: RunData) -> Array | None:
     for shift in SHIFTS:
         at = result.clock.robot_time(t + shift)
         q = np.stack([np.interp(at, robot.t, column) for column in robot.q.T], axis=1)
-        out.append(float(np.sqrt(((robot_frames(result.geometry, q).tip - end) ** 2).sum(axis=0).mean())))
+        out.append(
+            float(np.sqrt(((robot_frames(result.geometry, q).tip - end) ** 2).sum(axis=0).mean()))
+        )
     return np.array(out)

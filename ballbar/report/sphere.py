@@ -25,7 +25,9 @@ from ident.identify import Residuals
 EQUATOR = float(np.sqrt(2.0))  # of the projection of a unit sphere
 _CELLS = 22
 _SCALE_TOP = 0.98  # share of the cells inside the colour scale
-_CORRELATION_SCALE = LinearSegmentedColormap.from_list("correlation", ["#d9740b", "#fbe3c6", "#ffffff", "#d6e6f4", "#1f66ad"])
+_CORRELATION_SCALE = LinearSegmentedColormap.from_list(
+    "correlation", ["#d9740b", "#fbe3c6", "#ffffff", "#d6e6f4", "#1f66ad"]
+)
 _LABELLED = 40  # names that stay readable on an axis of half a page
 _NAMES = 250.0  # [pt] height of all names together, 8 pt each at most
 
@@ -53,11 +55,20 @@ def sphere_map(directions: Array, residuals: Residuals, *, before: bool) -> str:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 2.95))
         for axes, (title, vectors) in zip(figure.subplots(1, 2), panels, strict=True):
-            _panel(figure, axes, place, np.linalg.norm(vectors, axis=1) * 1e6, title, BEFORE_SCALE if before else AFTER_SCALE)
+            _panel(
+                figure,
+                axes,
+                place,
+                np.linalg.norm(vectors, axis=1) * 1e6,
+                title,
+                BEFORE_SCALE if before else AFTER_SCALE,
+            )
         return as_svg(figure)
 
 
-def correlation_map(covariance: Array, names: tuple[str, ...], groups: list[tuple[str, ...]]) -> str:
+def correlation_map(
+    covariance: Array, names: tuple[str, ...], groups: list[tuple[str, ...]]
+) -> str:
     """Correlations among the members of the groups, group by group; empty text where there are more than can be read."""
     members = [name for group in groups for name in group]
     if not 1 < len(members) <= _LABELLED:
@@ -69,30 +80,56 @@ def correlation_map(covariance: Array, names: tuple[str, ...], groups: list[tupl
         figure = Figure(figsize=(WIDTH, 4.2))
         axes = figure.subplots()
         axes.grid(visible=False)
-        shown = axes.pcolormesh(some / np.outer(deviation, deviation), cmap=_CORRELATION_SCALE, vmin=-1.0, vmax=1.0, edgecolors="white")
+        shown = axes.pcolormesh(
+            some / np.outer(deviation, deviation),
+            cmap=_CORRELATION_SCALE,
+            vmin=-1.0,
+            vmax=1.0,
+            edgecolors="white",
+        )
         size = min(8.0, _NAMES / len(members))
         ticks = np.arange(len(members)) + 0.5
         axes.set_xticks([])  # in the same order
         axes.set_yticks(ticks, members, fontsize=size)
         axes.invert_yaxis()
         axes.set_aspect("equal")
-        figure.colorbar(shown, ax=axes, location="top", label="correlation [1]", aspect=38, pad=0.02).outline.set_visible(False)
+        figure.colorbar(
+            shown, ax=axes, location="top", label="correlation [1]", aspect=38, pad=0.02
+        ).outline.set_visible(False)
         return as_svg(figure)
 
 
-def _panel(figure: Figure, axes: Axes, place: Array, norm: Array, title: str, colours: LinearSegmentedColormap) -> None:
+def _panel(
+    figure: Figure,
+    axes: Axes,
+    place: Array,
+    norm: Array,
+    title: str,
+    colours: LinearSegmentedColormap,
+) -> None:
     axes.set(aspect="equal", xlim=(-2.05, 2.05), ylim=(-2.05, 2.05))
     axes.axis("off")
     for radius, dash in ((2.0, (0, ())), (EQUATOR, (0, (4, 3)))):
-        axes.add_patch(Circle((0.0, 0.0), radius, fill=False, edgecolor=INK, linewidth=0.8, linestyle=dash))
+        axes.add_patch(
+            Circle((0.0, 0.0), radius, fill=False, edgecolor=INK, linewidth=0.8, linestyle=dash)
+        )
     for x, y, name in ((1.0, 0.0, "x"), (0.0, 1.0, "y")):
         axes.annotate(name, (x * 1.72, y * 1.72), ha="center", va="center", color=INK)
     cells: Any = axes.hexbin(
-        place[:, 0], place[:, 1], C=norm, reduce_C_function=_rms, gridsize=_CELLS, extent=(-2, 2, -2, 2), linewidths=0.2, cmap=colours
+        place[:, 0],
+        place[:, 1],
+        C=norm,
+        reduce_C_function=_rms,
+        gridsize=_CELLS,
+        extent=(-2, 2, -2, 2),
+        linewidths=0.2,
+        cmap=colours,
     )
     top = float(np.quantile(cells.get_array().compressed(), _SCALE_TOP))
     cells.set_clim(0.0, top if top > 0.0 else 1.0)
-    figure.colorbar(cells, ax=axes, location="top", aspect=22, pad=0.02, extend="max", label=title).outline.set_visible(False)
+    figure.colorbar(
+        cells, ax=axes, location="top", aspect=22, pad=0.02, extend="max", label=title
+    ).outline.set_visible(False)
 
 
 def _rms(values: Array | list[float]) -> float:

@@ -72,53 +72,97 @@ def parameter_groups(result: Identification, comparison: Comparison | None) -> l
         ("Robot, angles", lambda p: p.side == "robot" and not p.is_length),
         ("Ball-bar, lengths", lambda p: p.side == "bar" and p.is_length),
         ("Ball-bar, encoder zeros", lambda p: p.side == "bar" and p.kind == "theta"),
-        ("Ball-bar, other angles", lambda p: p.side == "bar" and not p.is_length and p.kind != "theta"),
+        (
+            "Ball-bar, other angles",
+            lambda p: p.side == "bar" and not p.is_length and p.kind != "theta",
+        ),
         ("Ball-bar base", lambda p: p.side == "base" and p.is_length),
         ("Ball-bar base, tilt", lambda p: p.side == "base" and not p.is_length),
     ]
     identified = [p for p in PARAMETERS if p.name in result.sigma]
     groups = [(title, [p for p in identified if belongs(p)]) for title, belongs in members]
-    return [_group(title, parameters, result, comparison) for title, parameters in groups if parameters]
+    return [
+        _group(title, parameters, result, comparison) for title, parameters in groups if parameters
+    ]
 
 
 def z_rms(result: Identification, comparison: Comparison) -> float:
     """Root mean square of error over stated sigma; near 1 if the intervals are honest."""
-    return rms(np.array([error / result.sigma[name] for name, error in comparison.deviations.items() if result.sigma[name] > 0.0]))
+    return rms(
+        np.array(
+            [
+                error / result.sigma[name]
+                for name, error in comparison.deviations.items()
+                if result.sigma[name] > 0.0
+            ]
+        )
+    )
 
 
 def leftovers(result: Identification) -> list[Leftover]:
     """Parameters that were asked for and stay at nominal, with reason and consequence; those at their priors are not among them."""
-    return [_leftover(result, one) for one in result.identifiability.dropped if one.reason != "prior"]
+    return [
+        _leftover(result, one) for one in result.identifiability.dropped if one.reason != "prior"
+    ]
 
 
 def never_asked(result: Identification) -> list[str]:
     """Names of the parameters that no one tried to identify: taken as manufactured."""
     asked = set(result.sigma) | {one.name for one in result.identifiability.dropped}
-    unread = {f"btheta{j}" for j in range(1, 6) if j not in result.joints}  # joints without encoder have no zero
+    unread = {
+        f"btheta{j}" for j in range(1, 6) if j not in result.joints
+    }  # joints without encoder have no zero
     return [p.name for p in PARAMETERS if p.name not in asked | unread]
 
 
 def noise_rows(result: Identification, resolution: dict[str, float]) -> list[tuple[str, str, str]]:
     """(signal, noise of one logged row [urad], resolution [urad]); resolution of each encoder in rad by name."""
-    joints = [(f"robot joint {j + 1}", significant(s * 1e6), MISSING) for j, s in enumerate(result.log_noise.joint)]
+    joints = [
+        (f"robot joint {j + 1}", significant(s * 1e6), MISSING)
+        for j, s in enumerate(result.log_noise.joint)
+    ]
     noise = {f"b{j}": float(result.log_noise.encoder[j - 1]) for j in result.joints}
-    return joints + [(f"encoder {name}", significant(s * 1e6), significant(resolution[name] * 1e6)) for name, s in noise.items()]
+    return joints + [
+        (f"encoder {name}", significant(s * 1e6), significant(resolution[name] * 1e6))
+        for name, s in noise.items()
+    ]
 
 
 def residual_rows(before: Array, after: Array, factor: float) -> list[tuple[str, str, str, str]]:
     """(component, rms before, rms after, largest after) of (N, 3) residuals, times `factor`."""
     rows = [
-        (name, significant(rms(b) * factor), significant(rms(a) * factor), significant(float(np.abs(a).max()) * factor))
+        (
+            name,
+            significant(rms(b) * factor),
+            significant(rms(a) * factor),
+            significant(float(np.abs(a).max()) * factor),
+        )
         for name, b, a in zip("xyz", before.T, after.T, strict=True)
     ]
     largest = float(np.linalg.norm(after, axis=1).max())
-    return [*rows, ("norm", significant(rms_norm(before) * factor), significant(rms_norm(after) * factor), significant(largest * factor))]
+    return [
+        *rows,
+        (
+            "norm",
+            significant(rms_norm(before) * factor),
+            significant(rms_norm(after) * factor),
+            significant(largest * factor),
+        ),
+    ]
 
 
 def tcp_row(name: str, error: Array, without_scale: Array | None) -> tuple[str, str, str, str, str]:
     """(name, mean, 95th percentile, largest, mean without scale) in mm."""
-    mean, quantile, largest = (significant(float(v) * 1e3) for v in (error.mean(), np.quantile(error, 0.95), error.max()))
-    return name, mean, quantile, largest, MISSING if without_scale is None else significant(float(without_scale.mean()) * 1e3)
+    mean, quantile, largest = (
+        significant(float(v) * 1e3) for v in (error.mean(), np.quantile(error, 0.95), error.max())
+    )
+    return (
+        name,
+        mean,
+        quantile,
+        largest,
+        MISSING if without_scale is None else significant(float(without_scale.mean()) * 1e3),
+    )
 
 
 def names_in_words(names: Sequence[str]) -> str:
@@ -126,7 +170,9 @@ def names_in_words(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""
 
 
-def _group(title: str, parameters: list[Parameter], result: Identification, comparison: Comparison | None) -> ParameterGroup:
+def _group(
+    title: str, parameters: list[Parameter], result: Identification, comparison: Comparison | None
+) -> ParameterGroup:
     """Digits follow the smallest sigma of the group: one digit of it in the value, two in the sigma."""
     is_length = parameters[0].is_length
     to_value, value_unit = (1e3, "mm") if is_length else (180.0 / np.pi, "deg")
@@ -150,10 +196,18 @@ class _Digits:
     sigma: int
 
 
-def _row(parameter: Parameter, result: Identification, comparison: Comparison | None, to_value: float, digits: _Digits) -> ParameterRow:
+def _row(
+    parameter: Parameter,
+    result: Identification,
+    comparison: Comparison | None,
+    to_value: float,
+    digits: _Digits,
+) -> ParameterRow:
     name = parameter.name
     sigma, value, nominal = result.sigma[name], result.geometry[name], result.nominal[name]
-    in_catalogue = parameter.side != "base" and not (parameter.side == "bar" and parameter.kind == "theta")
+    in_catalogue = parameter.side != "base" and not (
+        parameter.side == "bar" and parameter.kind == "theta"
+    )
     deviation = value - nominal if in_catalogue else None
     error = comparison.deviations.get(name) if comparison else None
     true_deviation = deviation - error if deviation is not None and error is not None else None
@@ -180,11 +234,17 @@ def _leftover(result: Identification, one: Dependency) -> Leftover:
     on = names_in_words(one.on) or "other parameters"
     words = {"on": on, "carry": "carries" if len(one.on) == 1 else "carry"}
     why, meaning = _REASONS.get(one.reason, one.reason), _MEANINGS.get(one.reason, "")
-    return Leftover(one.name, _nominal_text(result, one.name), why.format(**words), meaning.format(**words))
+    return Leftover(
+        one.name, _nominal_text(result, one.name), why.format(**words), meaning.format(**words)
+    )
 
 
 def _nominal_text(result: Identification, name: str) -> str:
     if name not in INDEX:  # the clock
         return MISSING
     parameter = PARAMETERS[INDEX[name]]
-    return f"{fixed(result.nominal[name] * 1e3, 3)} mm" if parameter.is_length else f"{fixed(np.degrees(result.nominal[name]), 4)} deg"
+    return (
+        f"{fixed(result.nominal[name] * 1e3, 3)} mm"
+        if parameter.is_length
+        else f"{fixed(np.degrees(result.nominal[name]), 4)} deg"
+    )

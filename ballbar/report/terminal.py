@@ -25,7 +25,9 @@ def say_identification(out: Console, data: RunData) -> None:
         out.print(escape(line))
     for one in data.fitted:
         _clock(out, one, named=bool(data.joined))
-    out.print(f"stated TCP uncertainty over the workspace: mean {result.tcp_sigma.mean() * 1e3:.4f} mm (1 sigma)")
+    out.print(
+        f"stated TCP uncertainty over the workspace: mean {result.tcp_sigma.mean() * 1e3:.4f} mm (1 sigma)"
+    )
 
 
 def say_plant(out: Console, simulation: Simulation) -> None:
@@ -51,7 +53,9 @@ def say_comparison(out: Console, comparison: Comparison) -> None:
             f"largest {name} {value * 1e3:+.4f}"
         )
     if comparison.offset is not None and comparison.skew is not None:
-        out.print(f"clock error: offset {comparison.offset * 1e6:+.2f} us, skew {comparison.skew * 1e6:+.4f} ppm")
+        out.print(
+            f"clock error: offset {comparison.offset * 1e6:+.2f} us, skew {comparison.skew * 1e6:+.4f} ppm"
+        )
 
 
 def _sentence(out: Console, words: str, *, good: bool) -> None:
@@ -83,7 +87,9 @@ def _complete(data: RunData) -> list[str]:
         found = one.identification
         if found.tension.any():
             where = f"force in the rod of {one.name}" if data.joined else "force in the rod"
-            lines.append(f"{where}: {found.tension.min():.0f} to {found.tension.max():.0f} N, {TENSION_SOURCES[found.tension_source]}")
+            lines.append(
+                f"{where}: {found.tension.min():.0f} to {found.tension.max():.0f} N, {TENSION_SOURCES[found.tension_source]}"
+            )
     return lines
 
 

@@ -160,7 +160,9 @@ class CalibrationFile(_Strict):
     events: tuple[EventEntry, ...] = ()
     noise: NoiseEntry
     fit: FitEntry
-    recordings: tuple[RecordingEntry, ...] = ()  # of a joint fit; clock, zeros and place above are those of the first
+    recordings: tuple[
+        RecordingEntry, ...
+    ] = ()  # of a joint fit; clock, zeros and place above are those of the first
     held_out: tuple[HeldOutEntry, ...] = ()
 
 
@@ -178,11 +180,18 @@ class Calibration:
             CorrectionValue(
                 name,
                 "",
-                tuple(CoefficientValue(key, c.unit, c.value, c.sigma, c.prior, c.prior_sigma, c.by_data) for key, c in entries.items()),
+                tuple(
+                    CoefficientValue(
+                        key, c.unit, c.value, c.sigma, c.prior, c.prior_sigma, c.by_data
+                    )
+                    for key, c in entries.items()
+                ),
             )
             for name, entries in self.file.corrections.items()
         )
-        return free_robot(cell, self.geometry, tuple(int(name[1]) for name in self.file.senses), corrections)
+        return free_robot(
+            cell, self.geometry, tuple(int(name[1]) for name in self.file.senses), corrections
+        )
 
 
 def write_calibration(
@@ -207,10 +216,17 @@ def write_calibration(
         "plate": plate,
         "cost": "ml",
         "parameters": {name: _parameter(result, name) for name in NAMES},
-        "dropped": [{"name": d.name, "reason": d.reason, "on": list(d.on)} for d in result.identifiability.dropped],
-        "senses": {f"b{joint}": sense for joint, sense in zip(result.joints, result.signs, strict=True)},
+        "dropped": [
+            {"name": d.name, "reason": d.reason, "on": list(d.on)}
+            for d in result.identifiability.dropped
+        ],
+        "senses": {
+            f"b{joint}": sense for joint, sense in zip(result.joints, result.signs, strict=True)
+        },
         "clock": _clock(result),
-        "corrections": {c.name: {v.name: _coefficient(v) for v in c.coefficients} for c in result.corrections},
+        "corrections": {
+            c.name: {v.name: _coefficient(v) for v in c.coefficients} for c in result.corrections
+        },
         "tension_source": result.tension_source,
         "events": _events(result.events),
         "noise": {
@@ -242,11 +258,19 @@ def _clock(result: Identification) -> dict[str, object] | None:
     if result.clock is None:
         return None
     offset_sigma, skew_sigma = result.clock_sigma
-    return {"offset_s": result.clock.offset, "offset_sigma_s": offset_sigma, "skew": result.clock.skew, "skew_sigma": skew_sigma}
+    return {
+        "offset_s": result.clock.offset,
+        "offset_sigma_s": offset_sigma,
+        "skew": result.clock.skew,
+        "skew_sigma": skew_sigma,
+    }
 
 
 def _events(events: Sequence[Event]) -> list[dict[str, object]]:
-    return [{"kind": e.kind, "joint": e.joint, "time_s": e.time, "size": e.size, "periods": e.periods} for e in events]
+    return [
+        {"kind": e.kind, "joint": e.joint, "time_s": e.time, "size": e.size, "periods": e.periods}
+        for e in events
+    ]
 
 
 def _recording(name: str, result: Identification) -> dict[str, object]:
@@ -293,7 +317,13 @@ def _parameter(result: Identification, name: str) -> dict[str, object]:
 
 
 def _coefficient(value: CoefficientValue) -> dict[str, object]:
-    stated = {"value": value.value, "sigma": value.sigma, "prior": value.prior, "prior_sigma": value.prior_sigma, "by_data": value.by_data}
+    stated = {
+        "value": value.value,
+        "sigma": value.sigma,
+        "prior": value.prior,
+        "prior_sigma": value.prior_sigma,
+        "by_data": value.by_data,
+    }
     return {**stated, "unit": value.unit}
 
 

@@ -43,13 +43,26 @@ class Comparison:
         return max(self.deviations.items(), key=lambda item: abs(item[1]))
 
 
-def compare(model: FreeRobot, nominal: Geometry, reference: FreeRobot, names: Sequence[str]) -> Comparison:
+def compare(
+    model: FreeRobot, nominal: Geometry, reference: FreeRobot, names: Sequence[str]
+) -> Comparison:
     """Model and nominal robot against another identified robot; `names` are the parameters compared one by one."""
-    return _compared(model, nominal, reference.geometry, reference.tool(accuracy_grid(model.cell.robot)), names, None)
+    return _compared(
+        model,
+        nominal,
+        reference.geometry,
+        reference.tool(accuracy_grid(model.cell.robot)),
+        names,
+        None,
+    )
 
 
 def compare_with_truth(
-    model: FreeRobot, nominal: Geometry, truth: Truth, names: Sequence[str], clock: tuple[float, float] | None
+    model: FreeRobot,
+    nominal: Geometry,
+    truth: Truth,
+    names: Sequence[str],
+    clock: tuple[float, float] | None,
 ) -> Comparison:
     """Model and nominal robot against what the recording was simulated from; clock : (offset [s], skew) as identified."""
     reference = reference_of(truth)
@@ -65,7 +78,13 @@ def identification_against_truth(result: Identification, truth: Truth) -> Compar
 
 
 def compare_kinematics(
-    cell: Cell, model: Geometry, nominal: Geometry, reference: Geometry, names: Sequence[str], *, clock: tuple[float, float] | None = None
+    cell: Cell,
+    model: Geometry,
+    nominal: Geometry,
+    reference: Geometry,
+    names: Sequence[str],
+    *,
+    clock: tuple[float, float] | None = None,
 ) -> Comparison:
     """Rigid robots against each other; clock : (offset [s], skew) errors, if both sides have a clock."""
     actual = FreeRobot(cell, reference).tool(accuracy_grid(cell.robot))
@@ -73,13 +92,24 @@ def compare_kinematics(
 
 
 def _compared(
-    model: FreeRobot, nominal: Geometry, reference: Geometry, actual: Array, names: Sequence[str], clock: tuple[float, float] | None
+    model: FreeRobot,
+    nominal: Geometry,
+    reference: Geometry,
+    actual: Array,
+    names: Sequence[str],
+    clock: tuple[float, float] | None,
 ) -> Comparison:
     grid = accuracy_grid(model.cell.robot)
     deviations = {name: _difference(name, model.geometry, reference) for name in names}
     offset, skew = clock if clock else (None, None)
     bare = FreeRobot(model.cell, nominal)
-    return Comparison(deviations, position_error(model.tool(grid), actual), position_error(bare.tool(grid), actual), offset, skew)
+    return Comparison(
+        deviations,
+        position_error(model.tool(grid), actual),
+        position_error(bare.tool(grid), actual),
+        offset,
+        skew,
+    )
 
 
 def reference_of(truth: Truth) -> Geometry:
@@ -116,7 +146,10 @@ def limits_of(comparison: Comparison, iterations: int, accept: AcceptSettings) -
         "iterations": ("iterations", float(iterations), ""),
     }
     stated = accept.model_dump(exclude_none=True)
-    return tuple(Limit(measured[key][0], measured[key][1], float(allowed), measured[key][2]) for key, allowed in stated.items())
+    return tuple(
+        Limit(measured[key][0], measured[key][1], float(allowed), measured[key][2])
+        for key, allowed in stated.items()
+    )
 
 
 def _difference(name: str, model: Geometry, reference: Geometry) -> float:

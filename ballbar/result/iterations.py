@@ -19,7 +19,9 @@ class Step:
 class IterationLog:
     """Hears the stages (`progress`) and iterations (`watch`) of an identification, and hands them on."""
 
-    def __init__(self, progress: Callable[[str], None], watch: Callable[[int, Step], None] | None = None) -> None:
+    def __init__(
+        self, progress: Callable[[str], None], watch: Callable[[int, Step], None] | None = None
+    ) -> None:
         """progress : hears every stage too. watch : hears every iteration too, with its number from 1."""
         self._progress, self._watch = progress, watch
         self._stage = ""

@@ -44,17 +44,25 @@ class RunData:
     simulation: Simulation | None = None
     comparison: Comparison | None = None
     limits: tuple[Limit, ...] = ()
-    joined: tuple[Joined, ...] = ()  # all recordings of a joint fit, the first among them; empty for a single one
+    joined: tuple[
+        Joined, ...
+    ] = ()  # all recordings of a joint fit, the first among them; empty for a single one
     validations: tuple[Validation, ...] = ()
     scenario_file: Path | None = None  # of a simulated run
     scenario: Scenario | None = None
-    iterations: tuple[Step, ...] = ()  # of the chosen start and of the fits, where they were watched
+    iterations: tuple[
+        Step, ...
+    ] = ()  # of the chosen start and of the fits, where they were watched
 
     @property
     def acceptable(self) -> bool:
         """Whether the fit is trusted, every limit of the scenario is met and every held-out recording explained."""
         met = all(limit.met for limit in self.limits)
-        return self.identification.verdict.acceptable and met and all(one.outcome.acceptable for one in self.validations)
+        return (
+            self.identification.verdict.acceptable
+            and met
+            and all(one.outcome.acceptable for one in self.validations)
+        )
 
     @property
     def fitted(self) -> tuple[Joined, ...]:

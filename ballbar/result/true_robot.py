@@ -30,10 +30,16 @@ def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
     for _ in range(3):  # the ripple is that of the output's angle; each turn gains three digits
         error = np.zeros_like(gears)
         for r in plant.transmission_error:
-            error[:, r.axis - 1] += r.amplitude_rad * np.sin(r.cycles_per_turn * gears[:, r.axis - 1] + r.phase_rad)
+            error[:, r.axis - 1] += r.amplitude_rad * np.sin(
+                r.cycles_per_turn * gears[:, r.axis - 1] + r.phase_rad
+            )
         gears = shown + error
     if plant.gear_stiffness_N_m_per_rad is not None:
         weight = own_weight(mass_model(cell), geometry, q).T
         side = sides_of_play(weight.T).T
-        gears = gears - weight / np.array(plant.gear_stiffness_N_m_per_rad) - np.array(plant.gear_slack_rad) * side
+        gears = (
+            gears
+            - weight / np.array(plant.gear_stiffness_N_m_per_rad)
+            - np.array(plant.gear_slack_rad) * side
+        )
     return robot_frames(geometry, gears @ robot.gear_to_joint).tip.T

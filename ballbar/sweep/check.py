@@ -24,7 +24,12 @@ from cell.strict_yaml import YamlDocument, load_yaml, parse_model
 
 MAX_TOLD = 10  # refusals shown at once
 
-_FILE_KEYS = ("path.file", "cell.robot", "cell.ballbar", "cell.plate")  # where a scenario names files
+_FILE_KEYS = (
+    "path.file",
+    "cell.robot",
+    "cell.ballbar",
+    "cell.plate",
+)  # where a scenario names files
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +50,18 @@ def load(path: Path) -> LoadedSweep:
     sweep, document = load_sweep(path)
     scenario_file = path.parent / sweep.scenario
     if not scenario_file.is_file():
-        raise DescriptionError(f"{path}:{document.line_of(('scenario',))}: scenario = {sweep.scenario!r}: no such file {scenario_file}.")
+        raise DescriptionError(
+            f"{path}:{document.line_of(('scenario',))}: scenario = {sweep.scenario!r}: no such file {scenario_file}."
+        )
     scenario = load_yaml(scenario_file)
     parse_model(scenario, Scenario)
     try:
         base = with_changes(scenario.data, flattened(sweep.change))
     except InputError as error:
         key = str(error).partition(":")[0]
-        raise DescriptionError(f"{path}:{document.line_of(place_of(document, ('change',), key))}: {error}.") from None
+        raise DescriptionError(
+            f"{path}:{document.line_of(place_of(document, ('change',), key))}: {error}."
+        ) from None
     data: dict[str, Any] = {
         "name": sweep.name,
         "version": code_version(),
@@ -77,7 +86,9 @@ def check_points(sweep: LoadedSweep) -> None:
         if len(wrong) >= MAX_TOLD:
             break
     if wrong:
-        raise DescriptionError("\n".join(f"{document.path}:{line}: {text}" for line, text in sorted(wrong)[:MAX_TOLD]))
+        raise DescriptionError(
+            "\n".join(f"{document.path}:{line}: {text}" for line, text in sorted(wrong)[:MAX_TOLD])
+        )
 
 
 def _wrong_at(plan: Plan, point: int, document: YamlDocument) -> list[tuple[int, str]]:
@@ -86,7 +97,12 @@ def _wrong_at(plan: Plan, point: int, document: YamlDocument) -> list[tuple[int,
     try:
         data = scenario_data(plan, values)
     except InputError as error:
-        return [(document.line_of(_given_at(plan, point, str(error).partition(":")[0], document)), f"{error}.")]
+        return [
+            (
+                document.line_of(_given_at(plan, point, str(error).partition(":")[0], document)),
+                f"{error}.",
+            )
+        ]
     try:
         Scenario.model_validate_json(data, strict=True)
     except ValidationError as error:
@@ -99,7 +115,10 @@ def _told(loc: Loc, text: str, plan: Plan, point: int, document: YamlDocument) -
     place = _given_at(plan, point, ".".join(map(str, loc)), document)
     if place or not plan.axes:
         return document.line_of(place), text
-    return document.line_of(()), f"{text.rstrip('.')}, with {json.dumps(point_of(plan, point))}."  # only together are they wrong
+    return (
+        document.line_of(()),
+        f"{text.rstrip('.')}, with {json.dumps(point_of(plan, point))}.",
+    )  # only together are they wrong
 
 
 def _given_at(plan: Plan, point: int, key: str, document: YamlDocument) -> Loc:
@@ -108,7 +127,9 @@ def _given_at(plan: Plan, point: int, key: str, document: YamlDocument) -> Loc:
         point, index = divmod(point, len(axis))
         for given in axis.rows[index]:
             if _meets(given, key):
-                start: Loc = (axis.section, index) if axis.section == "together" else (axis.section,)
+                start: Loc = (
+                    (axis.section, index) if axis.section == "together" else (axis.section,)
+                )
                 place = place_of(document, start, given)
                 return (*place, index) if axis.section == "vary" else place
     for given in flattened(document.data.get("change", {})):

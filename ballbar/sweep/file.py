@@ -41,12 +41,16 @@ class Draw(Strict):
     """One distribution; exactly one key."""
 
     uniform: Pair | None = Field(None, description="From, to.")
-    log_uniform: Pair | None = Field(None, description="From, to, both above 0; the logarithm is uniform.")
+    log_uniform: Pair | None = Field(
+        None, description="From, to, both above 0; the logarithm is uniform."
+    )
     normal: Pair | None = Field(None, description="Mean, standard deviation.")
 
     @model_validator(mode="after")
     def _one_distribution(self) -> Draw:
-        if len(self.model_fields_set) != 1 or None in (getattr(self, kind) for kind in self.model_fields_set):
+        if len(self.model_fields_set) != 1 or None in (
+            getattr(self, kind) for kind in self.model_fields_set
+        ):
             raise ValueError("give exactly one of uniform, log_uniform, normal")
         low, high = self.uniform or self.log_uniform or (0.0, 1.0)
         if low >= high:
@@ -71,11 +75,19 @@ class SweepFile(Strict):
     schema_: Annotated[Literal["ballbar-sweep/1"], Field(alias="schema")]
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
     scenario: str = Field(description="Scenario file, relative to this file.")
-    change: dict[str, Any] = Field({}, description="Values of the scenario that are other than its file says, in every run.")
-    together: Annotated[list[dict[str, Any]], Field(min_length=1)] | None = Field(None, description="Rows of values that change together.")
-    vary: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field({}, description="Values of the grid.")
+    change: dict[str, Any] = Field(
+        {}, description="Values of the scenario that are other than its file says, in every run."
+    )
+    together: Annotated[list[dict[str, Any]], Field(min_length=1)] | None = Field(
+        None, description="Rows of values that change together."
+    )
+    vary: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field(
+        {}, description="Values of the grid."
+    )
     draw: dict[str, Draw] = Field({}, description="Distributions of drawn values.")
-    draws: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(None, description="How often to draw.")
+    draws: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(
+        None, description="How often to draw."
+    )
     seed: Annotated[int, Field(ge=0, le=2**62)] = Field(0, description="Of the draws.")
     seeds: Seeds = Field(description="Of the runs.")
 
@@ -84,7 +96,10 @@ class SweepFile(Strict):
         if self.draw and self.draws is None:
             raise wrong_key("draw", message="say how often to draw: add `draws: N`")
         if self.draws is not None and not self.draw:
-            raise wrong_key("draws", message="nothing is drawn: add `draw: {key: {uniform: [from, to]}}`, or remove draws")
+            raise wrong_key(
+                "draws",
+                message="nothing is drawn: add `draw: {key: {uniform: [from, to]}}`, or remove draws",
+            )
         return self
 
     @model_validator(mode="after")
@@ -101,7 +116,11 @@ class SweepFile(Strict):
                 raise wrong_key(section, key, message="the seeds of the runs are given under seeds")
         for (first, one), (second, other) in itertools.combinations(varied, 2):
             if _overlap(one, other) and not first == second == "together":
-                raise wrong_key(second, other, message=f"{one} is given under {first} already; remove one of them")
+                raise wrong_key(
+                    second,
+                    other,
+                    message=f"{one} is given under {first} already; remove one of them",
+                )
         return self
 
 

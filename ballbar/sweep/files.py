@@ -15,9 +15,15 @@ from typing import Any
 from cell.errors import InputError
 from cell.recording import load_recording_file
 
-Files = tuple[tuple[str, bytes], ...]  # name as the scenario has it, content; in the order of the names
+Files = tuple[
+    tuple[str, bytes], ...
+]  # name as the scenario has it, content; in the order of the names
 
-_NAMED = ("cell.robot", "cell.ballbar", "cell.plate")  # a name of ours, or a file that ends in .yaml
+_NAMED = (
+    "cell.robot",
+    "cell.ballbar",
+    "cell.plate",
+)  # a name of ours, or a file that ends in .yaml
 _PATH_FILE, _RECORDING = "path.file", "path.recording"
 
 
@@ -32,7 +38,9 @@ def read_files(scenarios: Iterable[Mapping[str, Any]], folder: Path) -> Files:
             try:
                 found[one] = (folder / one).read_bytes()
             except OSError as error:
-                raise InputError(f"{key} = {name!r}: {folder / one} cannot be read: {error.strerror}.") from None
+                raise InputError(
+                    f"{key} = {name!r}: {folder / one} cannot be read: {error.strerror}."
+                ) from None
     return tuple(sorted(found.items()))
 
 
@@ -71,7 +79,11 @@ def _named(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _recording_files(folder: Path, name: str) -> list[str]:
     """recording.yaml, the device files, and the descriptions that are not the shipped ones."""
     file = load_recording_file(folder / name)
-    sources = [source for source in (file.sources.robot, file.sources.ballbar, file.sources.force) if source]
+    sources = [
+        source
+        for source in (file.sources.robot, file.sources.ballbar, file.sources.force)
+        if source
+    ]
     device = [one for source in sources for one in source.files]
     described = [one for one in (file.robot, file.ballbar, file.plate) if one.endswith(".yaml")]
     return [f"{name}/{one}" for one in ("recording.yaml", *device, *described)]

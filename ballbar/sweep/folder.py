@@ -75,7 +75,10 @@ class SweepFolder:
         """Writes the files and plan.yaml, unless they are there."""
         if not self.started:
             unpack(files, self.files)
-            write_yaml(self.path / _PLAN, {"plan": self.plan.digest, "runs": self.plan.runs, **json.loads(self.plan.text)})
+            write_yaml(
+                self.path / _PLAN,
+                {"plan": self.plan.digest, "runs": self.plan.runs, **json.loads(self.plan.text)},
+            )
 
     def keep(self, number: int, rows: list[Row]) -> None:
         """Writes a finished part."""
@@ -83,7 +86,10 @@ class SweepFolder:
 
     def finish(self) -> None:
         """Writes the table from all parts."""
-        write_table([self.part(number) for number in range(self.plan.parts)], {"parquet": self.table, "csv": self.csv})
+        write_table(
+            [self.part(number) for number in range(self.plan.parts)],
+            {"parquet": self.table, "csv": self.csv},
+        )
 
 
 @contextmanager
@@ -93,7 +99,9 @@ def open_folder(path: Path, plan: Plan) -> Iterator[SweepFolder]:
     Raises InputError when it holds something else, another plan, or another process works in it.
     """
     folder = SweepFolder(path.absolute(), plan)
-    results = {name for file in (folder.table, folder.csv) for name in (file.name, f".{file.name}.part")}
+    results = {
+        name for file in (folder.table, folder.csv) for name in (file.name, f".{file.name}.part")
+    }
     claim_folder(path, {_FILES, _LOCK, _PLAN, f".{_PLAN}.part", _PARTS, *results}, "a sweep")
     if folder.started and not folder.checked:
         _refuse_other_plan(path / _PLAN, plan)
@@ -102,7 +110,9 @@ def open_folder(path: Path, plan: Plan) -> Iterator[SweepFolder]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise InputError(f"{path}: another process works on this sweep. Wait for it, or choose another folder with --out.") from None
+            raise InputError(
+                f"{path}: another process works on this sweep. Wait for it, or choose another folder with --out."
+            ) from None
         yield folder
 
 
@@ -113,4 +123,6 @@ def _refuse_other_plan(file: Path, plan: Plan) -> None:
     else:
         other = ", ".join(key for key, value in plan.data.items() if found.get(key) != value)
         what = f"its parts are of another sweep (other: {other or 'the order of keys'})"
-    raise InputError(f"{file}: {what}; nothing was run. Choose another folder with --out, or delete this one.")
+    raise InputError(
+        f"{file}: {what}; nothing was run. Choose another folder with --out, or delete this one."
+    )

@@ -24,7 +24,9 @@ from cell.errors import InputError
 from cell.threads import ONE_THREAD
 
 Row = dict[str, Value]  # column -> value
-Work = Callable[[Scenario, Path], Mapping[str, float | int | str]]  # scenario, folder of its files -> figures of the run
+Work = Callable[
+    [Scenario, Path], Mapping[str, float | int | str]
+]  # scenario, folder of its files -> figures of the run
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,9 @@ class Job:
 
 DONE, FAILED = "done", "failed"  # status of a run
 
-_TEMPORARY = re.compile(rf"{re.escape(gettempdir())}{os.sep}ballbar-[\w-]+{os.sep}")  # a folder made for one run or one worker
+_TEMPORARY = re.compile(
+    rf"{re.escape(gettempdir())}{os.sep}ballbar-[\w-]+{os.sep}"
+)  # a folder made for one run or one worker
 _OURS = ("cell", "sim", "acquisition", "ident", "ballbar")
 
 
@@ -66,8 +70,12 @@ def run_part_elsewhere(text: str, part: int, work: Work, files: Files) -> list[R
     Raises InputError too when this worker computes with several threads, which changes the last digits.
     """
     if several := [name for name in ONE_THREAD if os.environ.get(name) != "1"]:
-        raise InputError(f"a worker computes with several threads. Start it with a nanny, Dask's default, or with {'=1 '.join(several)}=1.")
-    top = _unpacked(files)  # held until the part is done, should another sweep's files take its place
+        raise InputError(
+            f"a worker computes with several threads. Start it with a nanny, Dask's default, or with {'=1 '.join(several)}=1."
+        )
+    top = _unpacked(
+        files
+    )  # held until the part is done, should another sweep's files take its place
     return run_part(text, part, work, Path(top.name))
 
 
@@ -103,8 +111,13 @@ def _row(plan: Plan, run: Run, top: Path, work: Work) -> Row:
     except Exception as error:  # whatever a run can raise is its result; the sweep goes on
         return row | {"status": FAILED, "reason": _reason(error, folder, top)}
     if clash := row.keys() & figures.keys():
-        raise ValueError(f"run {run.number}: figures have the names of other columns: {', '.join(sorted(clash))}")
-    return row | {name: value.item() if isinstance(value, np.generic) else value for name, value in figures.items()}
+        raise ValueError(
+            f"run {run.number}: figures have the names of other columns: {', '.join(sorted(clash))}"
+        )
+    return row | {
+        name: value.item() if isinstance(value, np.generic) else value
+        for name, value in figures.items()
+    }
 
 
 def _reason(error: Exception, *folders: Path) -> str:

@@ -47,7 +47,10 @@ class Draws(Sequence[Changes]):
         return min(len(column) for column in self.raw.values())
 
     def __getitem__(self, index: Any) -> Any:  # no slices: rows are asked for one by one
-        return {key: _drawn(self.distributions[key], float(column[index])) for key, column in self.raw.items()}
+        return {
+            key: _drawn(self.distributions[key], float(column[index]))
+            for key, column in self.raw.items()
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +173,9 @@ def _at_point(plan: Plan, point: int) -> tuple[Changes, Scenario]:
 
 def _axes(data: Mapping[str, Any]) -> tuple[Axis, ...]:
     together = [Axis("together", data["together"])] if data["together"] else []
-    grid = [Axis("vary", [{key: value} for value in values]) for key, values in data["vary"].items()]
+    grid = [
+        Axis("vary", [{key: value} for value in values]) for key, values in data["vary"].items()
+    ]
     return (*together, *grid, *_draw_axis(data))
 
 
@@ -191,7 +196,9 @@ def _drawn(distribution: Mapping[str, Sequence[float]], raw: float) -> float:
         return first + second * raw
     if kind == "uniform":
         return first + (second - first) * raw
-    return min(max(first * math.exp(math.log(second / first) * raw), first), second)  # rounding must not leave the bounds
+    return min(
+        max(first * math.exp(math.log(second / first) * raw), first), second
+    )  # rounding must not leave the bounds
 
 
 def _replaced(node: Value, parts: list[str], value: Value, key: str) -> Any:
@@ -201,8 +208,13 @@ def _replaced(node: Value, parts: list[str], value: Value, key: str) -> Any:
     if isinstance(node, list):
         if not head.isdecimal() or int(head) >= len(node):
             raise InputError(f"{key}: the list has no item {head}; it has {len(node)}, from 0")
-        return [_replaced(item, rest, value, key) if i == int(head) else item for i, item in enumerate(node)]
+        return [
+            _replaced(item, rest, value, key) if i == int(head) else item
+            for i, item in enumerate(node)
+        ]
     if node is not None and not isinstance(node, dict):
-        raise InputError(f"{key}: the scenario has the value {node!r} above {head}, with no keys of its own")
+        raise InputError(
+            f"{key}: the scenario has the value {node!r} above {head}, with no keys of its own"
+        )
     below = node or {}
     return {**below, head: _replaced(below.get(head), rest, value, key)}

@@ -44,7 +44,12 @@ class Outcome:
 
 
 def run_sweep(
-    sweep: LoadedSweep, path: Path, work: Work, workers: Callable[[Job], AbstractContextManager[Workers]], *, progress: Progress
+    sweep: LoadedSweep,
+    path: Path,
+    work: Work,
+    workers: Callable[[Job], AbstractContextManager[Workers]],
+    *,
+    progress: Progress,
 ) -> Outcome:
     """Computes what is missing in the folder `path` and writes the table.
 
@@ -75,7 +80,14 @@ def run_sweep(
         return Outcome(folder, kept, plan.runs - _runs_of(plan, missing))
 
 
-def _compute(folder: SweepFolder, missing: list[int], workers: Workers, *, asked: Callable[[], bool], progress: Progress) -> None:
+def _compute(
+    folder: SweepFolder,
+    missing: list[int],
+    workers: Workers,
+    *,
+    asked: Callable[[], bool],
+    progress: Progress,
+) -> None:
     """Keeps every part that comes back. A few more are under way than there are workers, so that none waits for the next."""
     plan = folder.plan
     done = plan.runs - _runs_of(plan, missing)
@@ -109,7 +121,9 @@ def _rows(future: Future[list[Row]], runs: range) -> list[Row]:
     except InputError:
         raise
     except BrokenProcessPool:
-        raise SweepError(f"a worker process died, {where} were under way. Is there enough memory? Fewer --workers need less.") from None
+        raise SweepError(
+            f"a worker process died, {where} were under way. Is there enough memory? Fewer --workers need less."
+        ) from None
     except CancelledError:
         raise SweepError(f"{where}: given up by the scheduler.") from None
     except Exception as error:
@@ -136,7 +150,9 @@ def _asked_to_stop() -> Iterator[Callable[[], bool]]:
             raise KeyboardInterrupt
         stop.set()
 
-    if threading.current_thread() is not threading.main_thread():  # only the main thread hears signals
+    if (
+        threading.current_thread() is not threading.main_thread()
+    ):  # only the main thread hears signals
         yield stop.is_set
         return
     before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}

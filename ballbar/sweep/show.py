@@ -10,14 +10,28 @@ from contextlib import contextmanager
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from ballbar.sweep.file import Value
 from ballbar.sweep.plan import Plan
 from ballbar.sweep.run import Outcome
 from ballbar.sweep.run import Progress as Report
-from ballbar.sweep.summary import FIGURES, MAX_POINTS, GridPoint, failures_of, grid_keys, grid_points
+from ballbar.sweep.summary import (
+    FIGURES,
+    MAX_POINTS,
+    GridPoint,
+    failures_of,
+    grid_keys,
+    grid_points,
+)
 from ballbar.terminal import moves
 
 BAR_AFTER = 2.0  # [s] what is done sooner needs no bar
@@ -59,15 +73,21 @@ def say_outcome(out: Console, outcome: Outcome) -> bool:
     folder = outcome.folder
     plan = folder.plan
     if not outcome.finished:
-        out.print(f"[yellow]stopped:[/] {outcome.done} of {plan.runs} runs are done and kept in {escape(str(folder.path))}.")
+        out.print(
+            f"[yellow]stopped:[/] {outcome.done} of {plan.runs} runs are done and kept in {escape(str(folder.path))}."
+        )
         out.print("The same command goes on from there.")
         return False
     _say_grid(out, outcome)
     kept = "" if outcome.kept == 0 else f", {outcome.kept} of them from before"
-    out.print(f"Table {escape(str(folder.table))} and {escape(folder.csv.name)}: {plan.runs} runs{kept}")
+    out.print(
+        f"Table {escape(str(folder.table))} and {escape(folder.csv.name)}: {plan.runs} runs{kept}"
+    )
     failures = failures_of(folder.table)
     if failures.count:
-        out.print(f"[red]{failures.count} of {plan.runs} runs failed;[/] most often ({failures.of_reason}): {escape(failures.reason)}")
+        out.print(
+            f"[red]{failures.count} of {plan.runs} runs failed;[/] most often ({failures.of_reason}): {escape(failures.reason)}"
+        )
     else:
         out.print("no run failed")
     return failures.count < plan.runs
@@ -77,14 +97,24 @@ def _say_grid(out: Console, outcome: Outcome) -> None:
     plan = outcome.folder.plan
     points = list(grid_points(outcome.folder.table, plan))
     keys = grid_keys(plan)
-    figures = [name for name in FIGURES if any(point.figures.get(name, np.empty(0)).size for point in points)]
+    figures = [
+        name
+        for name in FIGURES
+        if any(point.figures.get(name, np.empty(0)).size for point in points)
+    ]
     table = Table(box=None, pad_edge=False)
     for key in keys:
         table.add_column(escape(key.replace(".", ".\n")), overflow="fold", vertical="bottom")
-    for heading in ("runs", "failed", *(heading for name in figures for heading in (f"{name}\nmedian", "95 %"))):
+    for heading in (
+        "runs",
+        "failed",
+        *(heading for name in figures for heading in (f"{name}\nmedian", "95 %")),
+    ):
         table.add_column(heading, justify="right", vertical="bottom")
     for point in points:
-        table.add_row(*(escape(_shown(point.values.get(key))) for key in keys), *_numbers(point, figures))
+        table.add_row(
+            *(escape(_shown(point.values.get(key))) for key in keys), *_numbers(point, figures)
+        )
     (out if out.is_terminal else Console(file=out.file, width=WIDTH, quiet=out.quiet)).print(table)
     if (rest := plan.runs // plan.cell_runs - MAX_POINTS) > 0:
         out.print(f"... and {rest} more points of the grid, in the table")
@@ -93,7 +123,9 @@ def _say_grid(out: Console, outcome: Outcome) -> None:
 def _numbers(point: GridPoint, figures: list[str]) -> list[str]:
     cells = [str(point.runs), str(point.failed)]
     for values in (point.figures[name] for name in figures):
-        cells += [f"{np.quantile(values, share):.3g}" if values.size else "-" for share in (0.5, 0.95)]
+        cells += [
+            f"{np.quantile(values, share):.3g}" if values.size else "-" for share in (0.5, 0.95)
+        ]
     return cells
 
 

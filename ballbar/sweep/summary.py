@@ -31,7 +31,9 @@ class Failures:
     """Failed runs of a sweep."""
 
     count: int
-    reason: str  # the commonest but for the numbers in it, as one run gave it; empty without failures
+    reason: (
+        str  # the commonest but for the numbers in it, as one run gave it; empty without failures
+    )
     of_reason: int  # runs that failed so
 
 
@@ -42,7 +44,9 @@ class GridPoint:
     values: Changes
     runs: int
     failed: int
-    figures: dict[str, Array]  # (runs - failed,) in the unit of the figure's name, of each of FIGURES that the table has
+    figures: dict[
+        str, Array
+    ]  # (runs - failed,) in the unit of the figure's name, of each of FIGURES that the table has
 
 
 def failures_of(table: Path) -> Failures:
@@ -71,12 +75,19 @@ def grid_points(table: Path, plan: Plan) -> Iterator[GridPoint]:
         done = rows.filter(pc.field("status") != FAILED)
         columns = {name: done[name].drop_null().to_numpy() for name in figures}
         values = point_of(plan, number * plan.cell_runs // plan.seeds)
-        yield GridPoint({key: value for key, value in values.items() if key not in drawn}, len(rows), len(rows) - len(done), columns)
+        yield GridPoint(
+            {key: value for key, value in values.items() if key not in drawn},
+            len(rows),
+            len(rows) - len(done),
+            columns,
+        )
 
 
 def grid_keys(plan: Plan) -> list[str]:
     """Keys of the grid's values, `label` first."""
-    keys = dict.fromkeys(key for axis in plan.axes if axis.section != "draw" for row in axis.rows for key in row)
+    keys = dict.fromkeys(
+        key for axis in plan.axes if axis.section != "draw" for row in axis.rows for key in row
+    )
     return sorted(keys, key=lambda key: key != LABEL)
 
 

@@ -43,7 +43,10 @@ def part_bytes(rows: Sequence[Row], varied: Mapping[str, list[Value]]) -> bytes:
     """
     known = {**_FIXED, **{key: _type_of(values) for key, values in varied.items()}}
     figures = dict.fromkeys(name for row in rows for name in row if name not in known)
-    arrays = {name: pa.array([_as(kind, row.get(name)) for row in rows], kind) for name, kind in known.items()}
+    arrays = {
+        name: pa.array([_as(kind, row.get(name)) for row in rows], kind)
+        for name, kind in known.items()
+    }
     for name in figures:
         column = [row.get(name) for row in rows]
         kind = _type_of(column)
@@ -74,7 +77,9 @@ def table_schema(parts: Iterable[Path]) -> pa.Schema:
     for part in parts:
         for field in _opened(part).schema_arrow:
             types[field.name] = _common(types.get(field.name, pa.null()), field.type)
-    return pa.schema([(name, pa.float64() if pa.types.is_null(kind) else kind) for name, kind in types.items()])
+    return pa.schema(
+        [(name, pa.float64() if pa.types.is_null(kind) else kind) for name, kind in types.items()]
+    )
 
 
 def _groups(parts: Iterable[Path], schema: pa.Schema) -> Iterator[pa.Table]:
@@ -92,7 +97,10 @@ def _groups(parts: Iterable[Path], schema: pa.Schema) -> Iterator[pa.Table]:
 
 def _in_schema(rows: pa.Table, schema: pa.Schema) -> pa.Table:
     columns = [
-        rows[field.name].cast(field.type) if field.name in rows.column_names else pa.nulls(len(rows), field.type) for field in schema
+        rows[field.name].cast(field.type)
+        if field.name in rows.column_names
+        else pa.nulls(len(rows), field.type)
+        for field in schema
     ]
     return pa.table(columns, schema=schema)
 

@@ -23,7 +23,9 @@ def code_version() -> str:
     root = Path(__file__).parents[2]
     for package in _PACKAGES:
         for file in sorted(path for path in (root / package).rglob("*") if path.suffix in _CONTENT):
-            digest.update(f"{file.relative_to(root).as_posix()}\0".encode() + file.read_bytes() + b"\0")
+            digest.update(
+                f"{file.relative_to(root).as_posix()}\0".encode() + file.read_bytes() + b"\0"
+            )
     for library in _LIBRARIES:
         digest.update(f"{library} {version(library)}\0".encode())
     return f"{version(DISTRIBUTION)}+{digest.hexdigest()[:8]}"

@@ -46,7 +46,9 @@ def process_pool(count: int) -> Iterator[Callable[[Job], AbstractContextManager[
     """
     others = set(multiprocessing.active_children())
     with one_thread_each():
-        pool = ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_driver)
+        pool = ProcessPoolExecutor(
+            count, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_driver
+        )
 
         def submit(job: Job, part: int) -> Future[list[Row]]:
             try:
@@ -80,7 +82,9 @@ def dask_cluster(job: Job, *, address: str) -> Iterator[Workers]:
     try:
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise InputError(f"--scheduler {address}: no Dask scheduler answers there ({error}). Start one with `dask scheduler`.") from None
+        raise InputError(
+            f"--scheduler {address}: no Dask scheduler answers there ({error}). Start one with `dask scheduler`."
+        ) from None
     with client:
         executor = client.get_executor(pure=False)
         # A task of its own: sent once to each worker, and again to one that comes later.

@@ -23,7 +23,13 @@ from ident.thesis.cost_shift import fit_cost_with_shift
 from ident.thesis.costs import ENCODERS_NEEDED, CostName, cost_named
 from ident.thesis.paired_samples import SampleFit, fit_samples
 from sim.errors.sample_errors import delay_of
-from sim.kinematic_samples import KinematicSamples, SampledPath, kinematic_samples, sample_path, without_mean
+from sim.kinematic_samples import (
+    KinematicSamples,
+    SampledPath,
+    kinematic_samples,
+    sample_path,
+    without_mean,
+)
 from sim.path import ReferencePath
 from sim.settings import CellSettings, PathSettings
 from sim.simulate import planned_path
@@ -32,7 +38,9 @@ KEPT = 4  # scenarios: a sweep goes through its points one by one, and 100 000 s
 SELECTION_SAMPLES = 300  # instants that tell what is identifiable (ident.estimator.identifiability)
 
 
-def fit_cost_to_samples(scenario: Scenario, folder: Path) -> tuple[KinematicSamples, CostFit, float | None]:
+def fit_cost_to_samples(
+    scenario: Scenario, folder: Path
+) -> tuple[KinematicSamples, CostFit, float | None]:
     """Samples, the fit of one of the thesis's costs, and the shift [s] of the logs if it was asked for.
 
     Raises as ballbar.trial.trial.run_trial.
@@ -44,20 +52,37 @@ def fit_cost_to_samples(scenario: Scenario, folder: Path) -> tuple[KinematicSamp
     cost, chosen = cost_named(asked.cost, asked.form), cost_parameters(scenario, folder)
     sign = without_mean(samples.sign) if asked.rod_sign else None  # the mean is in bd3
     if not asked.shift_rounds:
-        return samples, fit_cost(cost, samples.nominal, samples.q, samples.b, chosen, rod_sign=sign), None
-    found = fit_cost_with_shift(cost, samples.nominal, samples.t, samples.q, samples.b, chosen, rounds=asked.shift_rounds, rod_sign=sign)
+        return (
+            samples,
+            fit_cost(cost, samples.nominal, samples.q, samples.b, chosen, rod_sign=sign),
+            None,
+        )
+    found = fit_cost_with_shift(
+        cost,
+        samples.nominal,
+        samples.t,
+        samples.q,
+        samples.b,
+        chosen,
+        rounds=asked.shift_rounds,
+        rod_sign=sign,
+    )
     return samples, found.fit, found.shift
 
 
 def fit_ml_to_samples(scenario: Scenario, folder: Path) -> tuple[KinematicSamples, SampleFit]:
     """Samples, and the whitened fit with the clock as parameter; raises as ballbar.trial.trial.run_trial."""
     samples = trial_samples(scenario, folder)
-    return samples, fit_samples(samples.t, samples.q, samples.b, scenario.encoders.fitted, samples.nominal)
+    return samples, fit_samples(
+        samples.t, samples.q, samples.b, scenario.encoders.fitted, samples.nominal
+    )
 
 
 def trial_samples(scenario: Scenario, folder: Path) -> KinematicSamples:
     """The paired samples of a scenario."""
-    sampled = _sampled(scenario.cell, scenario.path, folder, scenario.identify.samples, delay_of(scenario.errors))
+    sampled = _sampled(
+        scenario.cell, scenario.path, folder, scenario.identify.samples, delay_of(scenario.errors)
+    )
     return kinematic_samples(scenario, sampled)
 
 
@@ -75,19 +100,35 @@ def cost_parameters(scenario: Scenario, folder: Path) -> NDArray[np.intp]:
 
 
 @lru_cache(KEPT)
-def _planned(cell: CellSettings, path: PathSettings, folder: Path) -> tuple[Cell, Geometry, ReferencePath]:
+def _planned(
+    cell: CellSettings, path: PathSettings, folder: Path
+) -> tuple[Cell, Geometry, ReferencePath]:
     stands = load_cell(cell.robot, cell.ballbar, cell.plate, relative_to=folder)
     nominal = nominal_geometry(stands, np.array(cell.ballbar_position_m))
-    return stands, nominal, planned_path(path, stands, nominal, relative_to=folder, recorded=recorded_log(path, folder))
+    return (
+        stands,
+        nominal,
+        planned_path(
+            path, stands, nominal, relative_to=folder, recorded=recorded_log(path, folder)
+        ),
+    )
 
 
 @lru_cache(KEPT)
-def _sampled(cell: CellSettings, path: PathSettings, folder: Path, count: int, delay: float) -> SampledPath:
+def _sampled(
+    cell: CellSettings, path: PathSettings, folder: Path, count: int, delay: float
+) -> SampledPath:
     return sample_path(*_planned(cell, path, folder), count, delay=delay)
 
 
 @lru_cache(KEPT * len(ENCODERS_NEEDED))
-def _parameters(cell: CellSettings, path: PathSettings, folder: Path, cost: CostName) -> NDArray[np.intp]:
+def _parameters(
+    cell: CellSettings, path: PathSettings, folder: Path, cost: CostName
+) -> NDArray[np.intp]:
     nominal, reference = _planned(cell, path, folder)[1:]
-    some = np.linspace(0, reference.t.size - 1, min(SELECTION_SAMPLES, reference.t.size)).round().astype(int)
+    some = (
+        np.linspace(0, reference.t.size - 1, min(SELECTION_SAMPLES, reference.t.size))
+        .round()
+        .astype(int)
+    )
     return identifiable_by(cost, nominal, reference.q[some], reference.b[some])

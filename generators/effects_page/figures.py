@@ -43,7 +43,11 @@ def draw(source: Source) -> None:
         axes = figure.add_subplot()
         labelled = False
         for label, x, y in _lines(plot):
-            axes.plot(*(_dots(x, y) if plot.marks else (x, y)), label=label, linewidth=1.8 if plot.marks else None)
+            axes.plot(
+                *(_dots(x, y) if plot.marks else (x, y)),
+                label=label,
+                linewidth=1.8 if plot.marks else None,
+            )
             labelled |= bool(label)
         axes.set_xlabel(plot.axes[0])
         axes.set_ylabel(plot.axes[1])

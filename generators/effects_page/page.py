@@ -11,7 +11,14 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from cell.descriptions import load_cell
-from generators.effects_page.parameters import choices_of, description, field_at, models_in, parameter_text, value_text
+from generators.effects_page.parameters import (
+    choices_of,
+    description,
+    field_at,
+    models_in,
+    parameter_text,
+    value_text,
+)
 from generators.effects_page.runs import ROOT
 from generators.effects_page.sources import GROUPS, SOURCES, Source
 from sim.settings import SimulationSettings
@@ -86,13 +93,27 @@ OTHER_HEAD = """
 
 def page_text(sizes: list[dict[str, str]]) -> str:
     """The whole page; sizes : rows of sizes.csv."""
-    contents = "\n".join(f"- {group}: " + ", ".join(f"[{s.key}](#{_anchor(s.key)})" for s in GROUPS[group]) for group in GROUPS)
-    groups = "".join(f"\n## {group}\n\n<table>\n{''.join(map(_row, sources))}</table>\n" for group, sources in GROUPS.items())
+    contents = "\n".join(
+        f"- {group}: " + ", ".join(f"[{s.key}](#{_anchor(s.key)})" for s in GROUPS[group])
+        for group in GROUPS
+    )
+    groups = "".join(
+        f"\n## {group}\n\n<table>\n{''.join(map(_row, sources))}</table>\n"
+        for group, sources in GROUPS.items()
+    )
     table = "".join(
         f"| [{r['source']}](#{_anchor(r['source'])}) {r['variant']} | {r['tool_um']} | {r['q_urad']} | {r['b_urad']} | {r['rod_N']} |\n"
         for r in sizes
     )
-    return HEAD.format(contents=contents) + groups + "\n" + SIZES_HEAD + table + OTHER_HEAD + "".join(_other_rows())
+    return (
+        HEAD.format(contents=contents)
+        + groups
+        + "\n"
+        + SIZES_HEAD
+        + table
+        + OTHER_HEAD
+        + "".join(_other_rows())
+    )
 
 
 def _anchor(key: str) -> str:
@@ -119,23 +140,40 @@ def _row(source: Source) -> str:
 def _parameters(key: str, info: FieldInfo, models: list[type[BaseModel]]) -> str:
     if not models:
         return "- " + parameter_text(key, info)
-    notes = [note for note in (info.description, "A list, each with:" if info.default == () else "") if note]
+    notes = [
+        note
+        for note in (info.description, "A list, each with:" if info.default == () else "")
+        if note
+    ]
     lines = [" ".join(notes), ""] if notes else []
-    return "\n".join(lines + [f"- {parameter_text(name, field)}" for name, field in models[0].model_fields.items()])
+    return "\n".join(
+        lines
+        + [f"- {parameter_text(name, field)}" for name, field in models[0].model_fields.items()]
+    )
 
 
 def _machine(source: Source) -> str:
     if source.of_machine is None:
         return ""
     unit, sizes = source.of_machine
-    texts = {robot: _numbers(sizes(load_cell(robot, bar, "plate_250"))) for robot, bar in MACHINES.items()}
+    texts = {
+        robot: _numbers(sizes(load_cell(robot, bar, "plate_250")))
+        for robot, bar in MACHINES.items()
+    }
     first, *others = texts.values()
-    shown = first if all(other == first for other in others) else "; ".join(f"{robot} {text}" for robot, text in texts.items())
+    shown = (
+        first
+        if all(other == first for other in others)
+        else "; ".join(f"{robot} {text}" for robot, text in texts.items())
+    )
     return f"Size: {shown} ({unit})<br>\n"
 
 
 def _numbers(values: ArrayLike) -> str:
-    return ", ".join(value_text(float(f"{value:.3g}")).removesuffix(".0") for value in np.atleast_1d(np.asarray(values, dtype=float)))
+    return ", ".join(
+        value_text(float(f"{value:.3g}")).removesuffix(".0")
+        for value in np.atleast_1d(np.asarray(values, dtype=float))
+    )
 
 
 def _other_rows() -> Iterator[str]:

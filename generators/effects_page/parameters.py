@@ -61,13 +61,19 @@ def value_text(value: object) -> str:
         return text if "." in text else text + ".0"
     mantissa, exponent = f"{value:.3e}".split("e")
     mantissa = mantissa.rstrip("0")
-    return f"{mantissa}0e{int(exponent)}" if mantissa.endswith(".") else f"{mantissa}e{int(exponent)}"
+    return (
+        f"{mantissa}0e{int(exponent)}" if mantissa.endswith(".") else f"{mantissa}e{int(exponent)}"
+    )
 
 
 def parameter_text(name: str, info: FieldInfo) -> str:
     """Name, default, unit and description of one parameter."""
     default = "required" if info.default is PydanticUndefined else value_text(info.default)
-    parts = [f"`{name}: {default}`", unit_of(name), f"({' or '.join(choices)})" if (choices := choices_of(info.annotation)) else ""]
+    parts = [
+        f"`{name}: {default}`",
+        unit_of(name),
+        f"({' or '.join(choices)})" if (choices := choices_of(info.annotation)) else "",
+    ]
     described = description(info)
     return " ".join(part for part in parts if part) + (f": {described}" if described else "")
 
@@ -80,4 +86,8 @@ def description(info: FieldInfo) -> str:
 def choices_of(annotation: object) -> list[str]:
     """The words that a field of words may hold."""
     parts = get_args(annotation)
-    return [str(part) for part in parts] if parts and all(isinstance(part, str) for part in parts) else []
+    return (
+        [str(part) for part in parts]
+        if parts and all(isinstance(part, str) for part in parts)
+        else []
+    )

@@ -50,7 +50,9 @@ def residual_plot(changes: Changes, *, off: Changes | None = None, um: bool = Fa
 
 def sensor_plot(joint: int, changes: Changes, *, x: str = "angle", **more: Any) -> Plot:
     """One ball-bar angle by the log, over the angle or over time."""
-    signal, label = (signals.true_bar_deg(joint), f"b{joint} [deg]") if x == "angle" else (signals.time, T)
+    signal, label = (
+        (signals.true_bar_deg(joint), f"b{joint} [deg]") if x == "angle" else (signals.time, T)
+    )
     return Plot(
         signal,
         signals.bar_angle(joint, 1e6),

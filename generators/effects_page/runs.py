@@ -26,7 +26,13 @@ Changes = Mapping[str, Mapping[str, Any]]
 POSITION = [0.70, 0.0, 0.54]  # [m] of scenarios/irb2400.yaml
 BASE: Changes = {
     "cell": {"robot": "irb2400", "ballbar": "lund_600", "ballbar_position_m": POSITION},
-    "path": {"kind": "lissajous", "file": "paths/irb2400_a.yaml", "duration_s": 60.0, "dwell_s": 2.0, "stops": 1},
+    "path": {
+        "kind": "lissajous",
+        "file": "paths/irb2400_a.yaml",
+        "duration_s": 60.0,
+        "dwell_s": 2.0,
+        "stops": 1,
+    },
     "errors": {"static": {"table": "thesis_3_1"}},
 }
 
@@ -41,7 +47,9 @@ class Run:
     @property
     def pairs(self) -> bool:
         """Whether an error source of paired samples is switched on."""
-        return any(getattr(self.settings.errors, name) is not None for name in SampleErrors.model_fields)
+        return any(
+            getattr(self.settings.errors, name) is not None for name in SampleErrors.model_fields
+        )
 
 
 def run(changes: Changes) -> Run:
@@ -53,7 +61,10 @@ def run(changes: Changes) -> Run:
 def _run(asked: str) -> Run:
     settings = SimulationSettings.model_validate_json(asked)
     logged = settings.errors.model_copy(update=dict.fromkeys(SampleErrors.model_fields))
-    return Run(settings, simulate(settings.model_copy(update={"errors": logged}), relative_to=ROOT / "scenarios"))
+    return Run(
+        settings,
+        simulate(settings.model_copy(update={"errors": logged}), relative_to=ROOT / "scenarios"),
+    )
 
 
 def merged(base: Changes, changes: Changes) -> Changes:
@@ -85,7 +96,9 @@ class View:
         if self.run.pairs:
             return self.samples.q
         robot, settings = self.simulation.cell.robot, self.run.settings
-        motors = motor_angles(robot, self.true_angles[0], settings.errors, self.simulation.resolvers, settings.seed)
+        motors = motor_angles(
+            robot, self.true_angles[0], settings.errors, self.simulation.resolvers, settings.seed
+        )
         return np.asarray(motors @ robot.transmission)
 
     @cached_property
@@ -102,18 +115,26 @@ class View:
         """Paired samples of the run at these times."""
         settings, cell = self.run.settings, self.simulation.cell
         nominal = nominal_geometry(cell, np.array(settings.cell.ballbar_position_m))
-        path = sample_path_at(cell, nominal, self.simulation.path, self.t, delay=delay_of(settings.errors))
+        path = sample_path_at(
+            cell, nominal, self.simulation.path, self.t, delay=delay_of(settings.errors)
+        )
         return kinematic_samples(settings, path)
 
     def _counted(self, encoder: BarEncoder) -> Array:
         rng = stream(self.run.settings.seed, f"encoder_noise_b{encoder.joint}")
-        counts = encoder.counts(self.true_angles[1][:, encoder.joint - 1], self.t, rng).astype(np.int32)
-        return np.asarray(encoder.sign * counts * (2.0 * np.pi / encoder.counts_per_turn) + encoder.zero)
+        counts = encoder.counts(self.true_angles[1][:, encoder.joint - 1], self.t, rng).astype(
+            np.int32
+        )
+        return np.asarray(
+            encoder.sign * counts * (2.0 * np.pi / encoder.counts_per_turn) + encoder.zero
+        )
 
     @property
     def residual(self) -> Array:
         """(N, 3) [m] tool by the ball-bar's log minus tool by the robot's log, with rigid kinematics."""
-        return np.asarray((bar_frames(self.known, self.b).tip - robot_frames(self.known, self.q).tip).T)
+        return np.asarray(
+            (bar_frames(self.known, self.b).tip - robot_frames(self.known, self.q).tip).T
+        )
 
     @property
     def gears(self) -> Array:
@@ -143,4 +164,6 @@ class View:
         return self._sampled(self.simulation.motion.rod_stretch[:, None])[:, 0]
 
     def _sampled(self, values: Array) -> Array:
-        return np.stack([np.interp(self.t, self.simulation.motion.t, column) for column in values.T], axis=1)
+        return np.stack(
+            [np.interp(self.t, self.simulation.motion.t, column) for column in values.T], axis=1
+        )

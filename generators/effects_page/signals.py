@@ -70,7 +70,9 @@ def bar_error_urad(joint: int) -> Signal:
 
 def counts(joint: int) -> Signal:
     """One ball-bar angle by the log [counts]."""
-    return lambda view: view.b[:, joint - 1] * (view.simulation.encoders[joint - 1].counts_per_turn / (2.0 * np.pi))
+    return lambda view: (
+        view.b[:, joint - 1] * (view.simulation.encoders[joint - 1].counts_per_turn / (2.0 * np.pi))
+    )
 
 
 def signal_frequency(joint: int) -> Signal:
@@ -85,7 +87,9 @@ def signal_frequency(joint: int) -> Signal:
 
 def weak_signal(joint: int) -> Signal:
     """Status bits of a weak signal of one ball-bar encoder, 0 or 1."""
-    return lambda view: view.simulation.encoders[joint - 1].effects.weak_signal(view.t).astype(np.float64)
+    return lambda view: (
+        view.simulation.encoders[joint - 1].effects.weak_signal(view.t).astype(np.float64)
+    )
 
 
 def rod_force(view: View) -> Array:
@@ -124,7 +128,10 @@ def stamp_error(scale: float) -> Signal:
 
     def error(view: View) -> Array:
         times = view.simulation.times
-        return np.asarray(scale * (times.robot_stamp - times.robot_stamp[0] - times.robot_true + times.robot_true[0]))
+        return np.asarray(
+            scale
+            * (times.robot_stamp - times.robot_stamp[0] - times.robot_true + times.robot_true[0])
+        )
 
     return error
 
@@ -152,14 +159,23 @@ def bar_file_time(view: View) -> Array:
 
 def bar_file_interval_ms(view: View) -> Array:
     """Stamp of each row in the ball-bar's files minus that of the row before [ms]."""
-    return np.asarray(1e-6 * np.diff(view.simulation.times.bar_stamp[_bar_file_rows(view)]).astype(np.float64))
+    return np.asarray(
+        1e-6 * np.diff(view.simulation.times.bar_stamp[_bar_file_rows(view)]).astype(np.float64)
+    )
 
 
 def logged_and_true_torque(view: View) -> Array:
     """(N, 2) [N m at the motor] of axis 1."""
     log, robot = view.run.settings.logs.torque, view.simulation.cell.robot
     assert log is not None
-    logged = motor_torques(robot, view.simulation.motion, view.t, log, view.simulation.truth.logs.loads, view.run.settings.seed)[:, 0]
+    logged = motor_torques(
+        robot,
+        view.simulation.motion,
+        view.t,
+        log,
+        view.simulation.truth.logs.loads,
+        view.run.settings.seed,
+    )[:, 0]
     return np.stack((logged, view.torque[:, 0] * robot.transmission[0, 0]), axis=1)
 
 
@@ -174,12 +190,19 @@ def sensor_force_and_truth(view: View) -> Array:
     _, readings = _sensor(view)
     motion = view.simulation.motion
     assert motion.wrench is not None
-    return np.stack((readings[:, 0], np.interp(sensor_time(view), motion.t, motion.wrench[:, 0])), axis=1)
+    return np.stack(
+        (readings[:, 0], np.interp(sensor_time(view), motion.t, motion.wrench[:, 0])), axis=1
+    )
 
 
 def _sensor(view: View) -> tuple[Array, Array]:
     sensor = view.run.settings.logs.force_sensor
     assert sensor is not None
     return sensor_rows(
-        view.simulation.motion, 1.0 - sensor.offset_s, 59.0, sensor, view.simulation.truth.logs.loads, view.run.settings.seed
+        view.simulation.motion,
+        1.0 - sensor.offset_s,
+        59.0,
+        sensor,
+        view.simulation.truth.logs.loads,
+        view.run.settings.seed,
     )

@@ -86,7 +86,9 @@ class Correction:
     sentence: str
     coefficients: tuple[Coefficient, ...]
     signals: Callable[[State], Sequence[Array]]  # (N,) each, one a coefficient
-    slopes: Callable[[State], Sequence[Array]] | None = None  # derivative of each signal with the rod's tension; None: no load
+    slopes: Callable[[State], Sequence[Array]] | None = (
+        None  # derivative of each signal with the rod's tension; None: no load
+    )
 
 
 Maker = Callable[[Cell, tuple[int, ...]], Correction]

@@ -8,7 +8,11 @@ from cell.chain import Array
 from cell.descriptions import Cell
 from ident.corrections.base import BAR, Coefficient, Correction, State
 
-AMPLITUDES = (6.0e-5, 2.5e-5, 8.0e-6)  # [rad] expected, of 1, 2 and 3 cycles a turn (physical_parameters.yaml, encoder)
+AMPLITUDES = (
+    6.0e-5,
+    2.5e-5,
+    8.0e-6,
+)  # [rad] expected, of 1, 2 and 3 cycles a turn (physical_parameters.yaml, encoder)
 
 
 def encoder_harmonics(cell: Cell, joints: tuple[int, ...]) -> Correction:
@@ -21,6 +25,11 @@ def encoder_harmonics(cell: Cell, joints: tuple[int, ...]) -> Correction:
     ]
 
     def signals(state: State) -> list[Array]:
-        return [wave((order + 1) * state.bar[j - 1]) for j in joints for order in range(len(AMPLITUDES)) for wave in (np.sin, np.cos)]
+        return [
+            wave((order + 1) * state.bar[j - 1])
+            for j in joints
+            for order in range(len(AMPLITUDES))
+            for wave in (np.sin, np.cos)
+        ]
 
     return Correction("encoder_harmonics", "eccentric encoders", tuple(coefficients), signals)

@@ -37,6 +37,12 @@ def gear_ripple(cell: Cell, joints: tuple[int, ...]) -> Correction:
     ]
 
     def signals(state: State) -> list[Array]:
-        return [wave(order * state.gears[gear]) for gear, order, _ in orders for wave in (np.sin, np.cos)]
+        return [
+            wave(order * state.gears[gear])
+            for gear, order, _ in orders
+            for wave in (np.sin, np.cos)
+        ]
 
-    return Correction("gear_ripple", "transmission error and resolvers", tuple(coefficients), signals)
+    return Correction(
+        "gear_ripple", "transmission error and resolvers", tuple(coefficients), signals
+    )

@@ -16,7 +16,10 @@ def joint_compliance(cell: Cell, joints: tuple[int, ...]) -> Correction:
     return Correction(
         "joint_compliance",
         "elastic gears",
-        tuple(Coefficient(f"compliance{i + 1}", "rad/(N m)", float(c), SPREAD * float(c), GEAR + i) for i, c in enumerate(nominal)),
+        tuple(
+            Coefficient(f"compliance{i + 1}", "rad/(N m)", float(c), SPREAD * float(c), GEAR + i)
+            for i, c in enumerate(nominal)
+        ),
         lambda state: list(-state.loads.gears(state.tension)),
         lambda state: list(-state.loads.gear_per_newton * np.ones_like(state.tension)),
     )

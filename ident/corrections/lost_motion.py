@@ -14,9 +14,13 @@ def lost_motion(cell: Cell, joints: tuple[int, ...]) -> Correction:
     return Correction(
         "lost_motion",
         "play of the gears",
-        tuple(Coefficient(f"play{i + 1}", "rad", float(h), SPREAD * float(h), GEAR + i) for i, h in enumerate(half)),
+        tuple(
+            Coefficient(f"play{i + 1}", "rad", float(h), SPREAD * float(h), GEAR + i)
+            for i, h in enumerate(half)
+        ),
         lambda state: list(-state.load_sign()),
         lambda state: list(
-            -sign_slope(state.loads.gears(state.tension), state.width[:, None] / state.sharpness) * state.loads.gear_per_newton
+            -sign_slope(state.loads.gears(state.tension), state.width[:, None] / state.sharpness)
+            * state.loads.gear_per_newton
         ),
     )

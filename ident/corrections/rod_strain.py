@@ -25,5 +25,8 @@ def rod_strain(cell: Cell, joints: tuple[int, ...]) -> Correction:
             Coefficient("rod_play", "m", half, half, ROD),
         ),
         lambda state: [state.tension, state.tension_sign()],
-        lambda state: [np.ones_like(state.tension), sign_slope(state.tension, TENSION_WIDTH / state.sharpness)],
+        lambda state: [
+            np.ones_like(state.tension),
+            sign_slope(state.tension, TENSION_WIDTH / state.sharpness),
+        ],
     )

@@ -18,7 +18,15 @@ from itertools import groupby
 import numpy as np
 
 from cell.chain import Array, Frames, joint_screws, screw
-from cell.geometry import BAR_ROWS, ROBOT_ROWS, Geometry, Parameter, bar_frames, parameter_screw, robot_frames
+from cell.geometry import (
+    BAR_ROWS,
+    ROBOT_ROWS,
+    Geometry,
+    Parameter,
+    bar_frames,
+    parameter_screw,
+    robot_frames,
+)
 from cell.inverse import bar_angles, bar_roll
 from cell.rotation import inverse_left_jacobian, rotvec_from_matrix
 
@@ -34,14 +42,18 @@ class Closure:
 
     def part(self, samples: slice) -> Closure:
         """Some of the samples."""
-        return Closure(self.geometry, self.robot.part(samples), self.bar.part(samples), self.error[:, samples])
+        return Closure(
+            self.geometry, self.robot.part(samples), self.bar.part(samples), self.error[:, samples]
+        )
 
 
 def close_loop(geometry: Geometry, q: Array, b: Array) -> Closure:
     """Mismatch at robot angles q (N, 6) and ball-bar angles b (N, 5) [rad], before the zeros in btheta are added."""
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
     turned = np.einsum("ikn,jkn->ijn", bar.rotation(), robot.rotation())
-    return Closure(geometry, robot, bar, np.concatenate((bar.tip - robot.tip, rotvec_from_matrix(turned))))
+    return Closure(
+        geometry, robot, bar, np.concatenate((bar.tip - robot.tip, rotvec_from_matrix(turned)))
+    )
 
 
 def _of_bar(closure: Closure, motion: Array) -> Array:
@@ -89,7 +101,9 @@ def rod_jacobian(closure: Closure) -> Array:
     return _of_bar(closure, screw(closure.bar, "d", 2))
 
 
-def covariance(closure: Closure, joint_sigma: Array, encoder_sigma: Array, rod_sigma: float) -> Array:
+def covariance(
+    closure: Closure, joint_sigma: Array, encoder_sigma: Array, rod_sigma: float
+) -> Array:
     """(6, 6, N) covariance of the mismatch that noise on the angles and a yielding rod induce (Gauss-Helmert).
 
     joint_sigma : (6,) [rad]; encoder_sigma : (5,) [rad], 0 where no encoder is fitted; rod_sigma : [m].
@@ -97,7 +111,9 @@ def covariance(closure: Closure, joint_sigma: Array, encoder_sigma: Array, rod_s
     """
     columns = np.empty((ROBOT_ROWS + BAR_ROWS + 1, *closure.error.shape))
     np.multiply(robot_joint_jacobian(closure), joint_sigma[:, None, None], out=columns[:ROBOT_ROWS])
-    np.multiply(bar_joint_jacobian(closure), encoder_sigma[:, None, None], out=columns[ROBOT_ROWS:-1])
+    np.multiply(
+        bar_joint_jacobian(closure), encoder_sigma[:, None, None], out=columns[ROBOT_ROWS:-1]
+    )
     np.multiply(rod_jacobian(closure), rod_sigma, out=columns[-1])
     out = np.einsum("kin,kjn->ijn", columns, columns)
     floor = FLOOR_SIGMA**2
@@ -123,16 +139,22 @@ class Whitening:
 
     def part(self, samples: slice) -> Whitening:
         """Some of the samples."""
-        return Whitening(self.matrix[..., samples], self.absorbing[..., samples], self.triangle[..., samples])
+        return Whitening(
+            self.matrix[..., samples], self.absorbing[..., samples], self.triangle[..., samples]
+        )
 
-    def jacobian(self, closure: Closure, parameters: Sequence[Parameter], out: Array | None = None) -> Array:
+    def jacobian(
+        self, closure: Closure, parameters: Sequence[Parameter], out: Array | None = None
+    ) -> Array:
         """(P, 6 - m, N): what whitening makes of `parameter_jacobian`, without forming that; out : to write to."""
         out = np.empty((len(parameters), *self.matrix.shape[::2])) if out is None else out
         of_motion = self.of_robot(closure), self.of_bar(closure)
         for first, last, of_robot in _sides(parameters):
             screws = np.empty((last - first, 6, out.shape[2]))
             for k in range(first, last):
-                parameter_screw(closure.geometry, closure.robot, closure.bar, parameters[k], screws[k - first])
+                parameter_screw(
+                    closure.geometry, closure.robot, closure.bar, parameters[k], screws[k - first]
+                )
             np.einsum("ejn,pjn->pen", of_motion[0 if of_robot else 1], screws, out=out[first:last])
         return out
 
@@ -146,7 +168,9 @@ class Whitening:
 
     def _turned(self, angle: Array) -> Array:
         """The matrix times `J_l(-angle)^-1` on its right, which is `J_l(angle)^-1` on its rows."""
-        return np.concatenate((self.matrix[:, :3], inverse_left_jacobian(angle, self.matrix[:, 3:])), axis=1)
+        return np.concatenate(
+            (self.matrix[:, :3], inverse_left_jacobian(angle, self.matrix[:, 3:])), axis=1
+        )
 
     def free_step(self, error: Array) -> Array:
         """(m, N) [rad] change of the joints without encoder that best absorbs a mismatch (6, N)."""
@@ -204,7 +228,9 @@ def solve_lower(lower: Array, columns: Array) -> Array:
     return out
 
 
-def complete_bar_angles(geometry: Geometry, q: Array, measured: Array, joints: tuple[int, ...]) -> Array:
+def complete_bar_angles(
+    geometry: Geometry, q: Array, measured: Array, joints: tuple[int, ...]
+) -> Array:
     """(N, 5) ball-bar angles: measured where there is an encoder, from the robot's pose where there is none.
 
     measured : (N, E) [rad], columns for `joints` (1..5). The unmeasured ones are those of an ideal ball-bar that holds the

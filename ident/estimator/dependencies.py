@@ -28,7 +28,9 @@ Array = NDArray[np.float64]
 
 STRUCTURAL = 1e-6  # relative; thesis sec. 3.2. Structural zeros leave 1e-15, the weakest real direction 3e-4 (docs/identifiability.md)
 PLATE = "ra6"  # the offset plate is the known length (thesis secs. 3.3, 4.3)
-SCALE_PARTNERS = 3  # a combination of fewer lengths has a simpler name than "all lengths in proportion"
+SCALE_PARTNERS = (
+    3  # a combination of fewer lengths has a simpler name than "all lengths in proportion"
+)
 SIGNIFICANT = 0.05  # mm|mrad for an error of 1 mm|mrad, thesis sec. 3.3
 
 
@@ -38,9 +40,32 @@ def _rows(side: str, kinds: Iterable[str], count: int) -> list[str]:
 
 _BAR = [name for name in _rows("b", ("a", "d", "alpha"), BAR_ROWS) if name != "bd3"]
 _ROBOT = _rows("r", ("a", "d", "alpha", "theta"), ROBOT_ROWS)
-THESIS_PARAMETERS = (*_rows("b", ("theta",), BAR_ROWS), "ox", "oy", "oz", *_ROBOT, "bd3", *_BAR)  # 47, in the order of sec. 3.3
-EXTRA_PARAMETERS = (*(f"rbeta{row + 1}" for row in HAYATI_ROWS), "otx", "oty")  # what the thesis has not: after all others
-_WRITTEN = (*_ROBOT, *EXTRA_PARAMETERS[:-2], "ox", "oy", "oz", "otx", "oty", "bd3", *_BAR, *_rows("b", ("theta",), BAR_ROWS))
+THESIS_PARAMETERS = (
+    *_rows("b", ("theta",), BAR_ROWS),
+    "ox",
+    "oy",
+    "oz",
+    *_ROBOT,
+    "bd3",
+    *_BAR,
+)  # 47, in the order of sec. 3.3
+EXTRA_PARAMETERS = (
+    *(f"rbeta{row + 1}" for row in HAYATI_ROWS),
+    "otx",
+    "oty",
+)  # what the thesis has not: after all others
+_WRITTEN = (
+    *_ROBOT,
+    *EXTRA_PARAMETERS[:-2],
+    "ox",
+    "oy",
+    "oz",
+    "otx",
+    "oty",
+    "bd3",
+    *_BAR,
+    *_rows("b", ("theta",), BAR_ROWS),
+)
 
 
 @dataclass(frozen=True)
@@ -48,7 +73,9 @@ class Dependency:
     """A parameter left out, and the combination of kept ones that does the same."""
 
     name: str
-    partners: Mapping[str, float]  # kept parameter: x, in units of the partner per unit of `name` (m, rad)
+    partners: Mapping[
+        str, float
+    ]  # kept parameter: x, in units of the partner per unit of `name` (m, rad)
     is_scale: bool  # every length in proportion to itself
 
 
@@ -65,7 +92,9 @@ class Selection:
 class Group:
     """Parameters of which only some can be identified, one entry of Table 3.2."""
 
-    members: tuple[tuple[str, ...], ...]  # alternatives; several names in one alternative move together
+    members: tuple[
+        tuple[str, ...], ...
+    ]  # alternatives; several names in one alternative move together
     vectors: tuple[Dependency, ...]  # the null vectors behind it
 
     def __str__(self) -> str:
@@ -85,7 +114,11 @@ class Spectrum:
 def zero_jacobian(columns: Array, names: Sequence[str]) -> tuple[str, ...]:
     """The parameters that move nothing: columns (P, M) shorter than STRUCTURAL of the longest one (thesis Table 3.3)."""
     lengths = _lengths_of(columns, names)
-    return tuple(name for name, length in zip(names, lengths, strict=True) if length <= STRUCTURAL * lengths.max())
+    return tuple(
+        name
+        for name, length in zip(names, lengths, strict=True)
+        if length <= STRUCTURAL * lengths.max()
+    )
 
 
 def spectrum(columns: Array, names: Sequence[str]) -> Spectrum:
@@ -97,10 +130,17 @@ def spectrum(columns: Array, names: Sequence[str]) -> Spectrum:
     relative = relative / relative[0]
     rank = int((relative > STRUCTURAL).sum())
     ignored = [*relative[rank:], *([0.0] * max(0, len(unit) - len(relative)))]
-    return Spectrum(rank, float(1.0 / relative[rank - 1]), float(relative[rank - 1]), float(max(ignored, default=0.0)))
+    return Spectrum(
+        rank,
+        float(1.0 / relative[rank - 1]),
+        float(relative[rank - 1]),
+        float(max(ignored, default=0.0)),
+    )
 
 
-def select(columns: Array, names: Sequence[str], nominal: Geometry, *, known: Sequence[str] = (PLATE,)) -> Selection:
+def select(
+    columns: Array, names: Sequence[str], nominal: Geometry, *, known: Sequence[str] = (PLATE,)
+) -> Selection:
     """The parameters to identify, by the priority of thesis sec. 3.3.
 
     columns : (P, M), one row for each of `names`, in any order.
@@ -125,7 +165,11 @@ def select(columns: Array, names: Sequence[str], nominal: Geometry, *, known: Se
         else:
             basis = np.vstack((basis, rest / remainder))
             kept.append(k)
-    return Selection(tuple(names[k] for k in kept), tuple(names[k] for k in order if names[k] in none), tuple(dependent))
+    return Selection(
+        tuple(names[k] for k in kept),
+        tuple(names[k] for k in order if names[k] in none),
+        tuple(dependent),
+    )
 
 
 def remainder_of(column: Array, basis: Array) -> Array:
@@ -145,11 +189,15 @@ def groups(columns: Array, names: Sequence[str], nominal: Geometry) -> tuple[Gro
     shared: dict[str, list[Dependency]] = {}
     found = []
     for vector in vectors:
-        partners = [PLATE] if vector.is_scale and PLATE in vector.partners else list(vector.partners)
+        partners = (
+            [PLATE] if vector.is_scale and PLATE in vector.partners else list(vector.partners)
+        )
         if len(partners) == 1:
             shared.setdefault(partners[0], []).append(vector)
         else:
-            found.append(Group(((vector.name,), tuple(sorted(partners, key=_WRITTEN.index))), (vector,)))
+            found.append(
+                Group(((vector.name,), tuple(sorted(partners, key=_WRITTEN.index))), (vector,))
+            )
     for partner, alternatives in shared.items():
         members = sorted((partner, *(vector.name for vector in alternatives)), key=_WRITTEN.index)
         found.append(Group(tuple((name,) for name in members), tuple(alternatives)))
@@ -157,7 +205,12 @@ def groups(columns: Array, names: Sequence[str], nominal: Geometry) -> tuple[Gro
 
 
 def influence(
-    columns: Array, names: Sequence[str], kept: Sequence[str], left_out: Sequence[str], *, threshold: float = SIGNIFICANT
+    columns: Array,
+    names: Sequence[str],
+    kept: Sequence[str],
+    left_out: Sequence[str],
+    *,
+    threshold: float = SIGNIFICANT,
 ) -> dict[str, dict[str, float]]:
     """How far the kept parameters move when one left out is off by one unit, to first order (thesis Table 3.4).
 
@@ -170,34 +223,53 @@ def influence(
     unit = columns[[row[name] for name in kept]] / scale[:, None]
     wanted = columns[[row[name] for name in left_out]]
     moves = (np.linalg.lstsq(unit.T, wanted.T, rcond=None)[0] / scale[:, None]).T
-    return {name: significant(dict(zip(kept, move, strict=True)), threshold) for name, move in zip(left_out, moves, strict=True)}
+    return {
+        name: significant(dict(zip(kept, move, strict=True)), threshold)
+        for name, move in zip(left_out, moves, strict=True)
+    }
 
 
 def significant(moves: Mapping[str, float], threshold: float = SIGNIFICANT) -> dict[str, float]:
     """Those of the moves that exceed the threshold, largest first."""
-    return {name: float(x) for name, x in sorted(moves.items(), key=lambda item: -abs(item[1])) if abs(x) > threshold}
+    return {
+        name: float(x)
+        for name, x in sorted(moves.items(), key=lambda item: -abs(item[1]))
+        if abs(x) > threshold
+    }
 
 
 def shortened(names: Iterable[str]) -> list[str]:
     """Neighbours of one kind written together: `ba1, ba2, ba3, bd1, bd2, ox, oy` as `ba1-3`, `bd1,2`, `ox,y`."""
-    return [stem + _run([name[-1] for name in items]) for stem, items in groupby(names, key=lambda name: name[:-1])]
+    return [
+        stem + _run([name[-1] for name in items])
+        for stem, items in groupby(names, key=lambda name: name[:-1])
+    ]
 
 
 def _sum(names: Iterable[str]) -> str:
     """Names that move together; of these only the origin's coordinates are written as one, as in the thesis."""
-    parts = [shortened(items) if of_origin else list(items) for of_origin, items in groupby(names, key=lambda name: name[:-1] == "o")]
+    parts = [
+        shortened(items) if of_origin else list(items)
+        for of_origin, items in groupby(names, key=lambda name: name[:-1] == "o")
+    ]
     return " + ".join(name for items in parts for name in items)
 
 
 def _run(indices: Sequence[str]) -> str:
     numbers = [ord(i) for i in indices]
-    consecutive = len(numbers) > 2 and indices[0].isdigit() and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    consecutive = (
+        len(numbers) > 2
+        and indices[0].isdigit()
+        and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    )
     return f"{indices[0]}-{indices[-1]}" if consecutive else ",".join(indices)
 
 
 def _lengths_of(columns: Array, names: Sequence[str]) -> Array:
     if columns.ndim != 2 or len(columns) != len(names):
-        raise ValueError(f"columns {columns.shape} do not fit {len(names)} names; one row a parameter is needed")
+        raise ValueError(
+            f"columns {columns.shape} do not fit {len(names)} names; one row a parameter is needed"
+        )
     return np.asarray(np.linalg.norm(columns, axis=1))
 
 
@@ -208,17 +280,25 @@ def _priority(name: str) -> int:
     return order.index(name)
 
 
-def _combination(columns: Array, lengths: Array, names: Sequence[str], kept: list[int], k: int, basis: Array) -> dict[str, float]:
+def _combination(
+    columns: Array, lengths: Array, names: Sequence[str], kept: list[int], k: int, basis: Array
+) -> dict[str, float]:
     """x of `c_k = sum_i x_i c_i`, as written; shares of rounding size are left away. basis : (K, M) orthonormal, of the K kept."""
     if not kept:
         return {}
     triangle = basis @ (columns[kept] / lengths[kept, None]).T
     shares = np.linalg.solve(triangle, basis @ columns[k] / lengths[k])
-    x = {names[i]: float(share * lengths[k] / lengths[i]) for i, share in zip(kept, shares, strict=True) if abs(share) > STRUCTURAL}
+    x = {
+        names[i]: float(share * lengths[k] / lengths[i])
+        for i, share in zip(kept, shares, strict=True)
+        if abs(share) > STRUCTURAL
+    }
     return dict(sorted(x.items(), key=lambda item: _WRITTEN.index(item[0])))
 
 
-def _scale_without(name: str, kept: Sequence[str], dependent: Sequence[Dependency], nominal: Geometry) -> dict[str, float]:
+def _scale_without(
+    name: str, kept: Sequence[str], dependent: Sequence[Dependency], nominal: Geometry
+) -> dict[str, float]:
     """All lengths growing in proportion, but for that of `name`: by how much each kept length changes.
 
     A length left out earlier does it through its partners: with rd1 at its nominal value the origin's oz grows by oz - rd1.

@@ -26,16 +26,27 @@ THRESHOLD = 250.0  # decrease of the cost, in units of chi-square per degree of 
 MARGIN = 15  # samples at either end, where a step is little more than a different start
 JUMP_PRIOR = 0.1  # [rad] of an encoder
 EXACT = 1e-9  # [rad] of one whose size is known
-WHOLE, SURE = 0.1, 0.01  # signal periods off a whole number, to be called one and to be taken for one
+WHOLE, SURE = (
+    0.1,
+    0.01,
+)  # signal periods off a whole number, to be called one and to be taken for one
 Kind = Literal["encoder", "clock"]
-SMALLEST: dict[Kind, float] = {"encoder": 2e-4, "clock": 2e-3}  # [rad], [s] below it a step is something smooth that the model lacks
+SMALLEST: dict[Kind, float] = {
+    "encoder": 2e-4,
+    "clock": 2e-3,
+}  # [rad], [s] below it a step is something smooth that the model lacks
 MAX_EVENTS = 6  # found in the residual
 AS_LIKELY = 25.0  # gain, in units of chi-square per degree of freedom, by which instants must differ to be told apart
 LIKE = 0.3  # of a clock step: so close comes the irregularity of the stamps that it left
 
 
 def events_in_logs(
-    robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], signs: Array, clock: Clock, recording: int = 0
+    robot: SmoothLog,
+    bar: SmoothLog | None,
+    joints: tuple[int, ...],
+    signs: Array,
+    clock: Clock,
+    recording: int = 0,
 ) -> tuple[Event, ...]:
     """What the logs of one recording showed by themselves and no longer hold, times on the ball-bar's clock without its steps.
 
@@ -46,8 +57,12 @@ def events_in_logs(
     found = []
     for one in bar.breaks:
         kind: Kind = "clock" if one.channel is None else "encoder"
-        joint, sign = (0, 1.0) if one.channel is None else (joints[one.channel], float(signs[one.channel]))
-        found.append(Event(recording, kind, joint, one.time, sign * one.size, removed=sign * one.size))
+        joint, sign = (
+            (0, 1.0) if one.channel is None else (joints[one.channel], float(signs[one.channel]))
+        )
+        found.append(
+            Event(recording, kind, joint, one.time, sign * one.size, removed=sign * one.size)
+        )
     for one in robot.breaks:
         if one.channel is None:
             time = (one.time - clock.offset) / (1.0 + clock.skew)
@@ -58,17 +73,30 @@ def events_in_logs(
 def find_event(fit: JointFit) -> Event | None:
     """The step that would lower the cost most, if any is beyond the threshold."""
     best, found = THRESHOLD * max(1.0, fit.chi2_per_dof), None
-    for k, (point, weights, residual) in enumerate(zip(fit.linear.points, fit.linear.weights, fit.linear.residuals, strict=True)):
+    for k, (point, weights, residual) in enumerate(
+        zip(fit.linear.points, fit.linear.weights, fit.linear.residuals, strict=True)
+    ):
         track, layout = fit.model.tracks[k], fit.model.unknowns
         carriers = weights(point.columns)
-        candidates: list[tuple[Kind, int, Array]] = [("encoder", j, carriers[BAR:ROD][j - 1]) for j in track.joints]
+        candidates: list[tuple[Kind, int, Array]] = [
+            ("encoder", j, carriers[BAR:ROD][j - 1]) for j in track.joints
+        ]
         if layout.own[k].clock is not None:
-            candidates.append(("clock", 0, np.einsum("gen,gn->en", carriers[GEAR:BAR], point.speed)))
+            candidates.append(
+                ("clock", 0, np.einsum("gen,gn->en", carriers[GEAR:BAR], point.speed))
+            )
         columns = np.stack([column for _, _, column in candidates])
-        scores, energies = _from_the_end((columns * residual).sum(axis=1)), _from_the_end((columns * columns).sum(axis=1))
-        rows = zip(candidates, scores, energies, energies - _explained(fit, k, columns), strict=True)
+        scores, energies = (
+            _from_the_end((columns * residual).sum(axis=1)),
+            _from_the_end((columns * columns).sum(axis=1)),
+        )
+        rows = zip(
+            candidates, scores, energies, energies - _explained(fit, k, columns), strict=True
+        )
         for (kind, joint, _), score, energy, left in rows:
-            gain = np.where(left > 1e-3 * energy.max(), score**2 / np.maximum(left, 1e-3 * energy.max()), 0.0)
+            gain = np.where(
+                left > 1e-3 * energy.max(), score**2 / np.maximum(left, 1e-3 * energy.max()), 0.0
+            )
             gain[:MARGIN] = gain[-MARGIN:] = 0.0
             i = int(gain.argmax())
             size = float(score[i] / left[i])  # what the step would take out
@@ -77,7 +105,9 @@ def find_event(fit: JointFit) -> Event | None:
                 time = float(0.5 * (track.times[i - 1] + track.times[i]))
                 if kind == "clock":
                     likely = track.times[gain > gain[i] - AS_LIKELY * max(1.0, fit.chi2_per_dof)]
-                    time = _at_a_stamp(track, layout.clock(fit.x, k), time, (likely[0], likely[-1]), size)
+                    time = _at_a_stamp(
+                        track, layout.clock(fit.x, k), time, (likely[0], likely[-1]), size
+                    )
                 found = Event(k, kind, joint, time, size)
     return found
 
@@ -94,7 +124,9 @@ def _explained(fit: JointFit, k: int, columns: Array) -> Array:
     return out
 
 
-def _at_a_stamp(track: Track, clock: Clock, time: float, within: tuple[float, float], size: float) -> float:
+def _at_a_stamp(
+    track: Track, clock: Clock, time: float, within: tuple[float, float], size: float
+) -> float:
     """[s] the time of a clock step of `size` [s], from the irregular stamp that it left in either log if there is one.
 
     While everything stands still, all instants `within` are as likely and only the stamps tell.
@@ -107,7 +139,11 @@ def _at_a_stamp(track: Track, clock: Clock, time: float, within: tuple[float, fl
         if log is track.robot:
             middle = (middle - clock.offset) / (1.0 + clock.skew)
         margin = log.row_period + float(np.median(np.diff(track.times)))
-        off = np.where((middle > within[0] - margin) & (middle < within[1] + margin), np.abs(late - step), np.inf)
+        off = np.where(
+            (middle > within[0] - margin) & (middle < within[1] + margin),
+            np.abs(late - step),
+            np.inf,
+        )
         if off.min() < best:
             best, time = float(off.min()), float(middle[off.argmin()])
     return time
@@ -125,7 +161,9 @@ def jumps(events: tuple[Event, ...]) -> Correction | None:
         return None
 
     def signals(state: State) -> list[Array]:
-        return [((state.t >= e.time) & (state.recording == e.recording)).astype(float) for e in chosen]
+        return [
+            ((state.t >= e.time) & (state.recording == e.recording)).astype(float) for e in chosen
+        ]
 
     coefficients = [
         Coefficient(
@@ -159,7 +197,9 @@ def with_exact_periods(fit: JointFit, events: tuple[Event, ...], lines: int) -> 
         periods = size * lines / (2.0 * np.pi)
         whole = round(periods)
         exact = event.kind == "encoder" and whole != 0 and abs(periods - whole) < SURE
-        out.append(replace(event, size=whole * 2.0 * np.pi / lines, periods=whole) if exact else event)
+        out.append(
+            replace(event, size=whole * 2.0 * np.pi / lines, periods=whole) if exact else event
+        )
     return tuple(out)
 
 

@@ -30,12 +30,19 @@ def estimate_excess(fit: JointFit) -> Excess:
 
     def deviance(logs: Array) -> float:
         excess = _excess(logs)
-        return sum(_deviance(model, fit, k, errors[k], uncertain[k], excess) for k in range(len(errors)))
+        return sum(
+            _deviance(model, fit, k, errors[k], uncertain[k], excess) for k in range(len(errors))
+        )
 
-    start = np.log(np.clip([fit.excess.gear, fit.excess.wrist, fit.excess.bar, fit.excess.rod], 1e-6, HIGHEST))
+    start = np.log(
+        np.clip([fit.excess.gear, fit.excess.wrist, fit.excess.bar, fit.excess.rod], 1e-6, HIGHEST)
+    )
     simplex = np.vstack((start, start + 1.5 * np.eye(4)))
     found = minimize(
-        deviance, start, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.5, "maxfev": 160}
+        deviance,
+        start,
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.5, "maxfev": 160},
     )
     return _excess(found.x)
 
@@ -45,7 +52,9 @@ def _excess(logs: Array) -> Excess:
     return Excess(*(float(v) for v in values))
 
 
-def _deviance(model: Model, fit: JointFit, k: int, error: Array, uncertain: Array | float, excess: Excess) -> float:
+def _deviance(
+    model: Model, fit: JointFit, k: int, error: Array, uncertain: Array | float, excess: Excess
+) -> float:
     """-2 log likelihood of one recording's mismatch."""
     track, columns = model.tracks[k], fit.linear.points[k].columns
     spread = covariances(track, columns, excess, uncertain)

@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from cell.chain import Array, Chain
 from cell.geometry import BAR_ROWS, INDEX, NAMES, PARAMETERS, ROBOT_ROWS, Geometry, bar_frames
 from cell.inverse import UnreachableError, refine
-from ident.estimator.closure import bar_joint_jacobian, close_loop, covariance, parameter_jacobian, robot_joint_jacobian, whitening
+from ident.estimator.closure import (
+    bar_joint_jacobian,
+    close_loop,
+    covariance,
+    parameter_jacobian,
+    robot_joint_jacobian,
+    whitening,
+)
 from ident.estimator.dependencies import remainder_of
 from ident.estimator.problem import Estimate, Problem
 
@@ -54,7 +61,9 @@ def candidates(joints: tuple[int, ...], *, complete: bool = False) -> NDArray[np
     ball-bar, its base tilt and the Hayati angles to the thesis's choice.
     """
     zeros = [f"btheta{j}" for j in joints]
-    robot = [f"r{kind}{row + 1}" for kind in ("a", "d", "alpha", "theta") for row in range(ROBOT_ROWS)]
+    robot = [
+        f"r{kind}{row + 1}" for kind in ("a", "d", "alpha", "theta") for row in range(ROBOT_ROWS)
+    ]
     names = [*zeros, "ox", "oy", "oz", *robot, "bd3"]
     if complete:
         bar = [f"b{kind}{row + 1}" for kind in ("a", "d", "alpha") for row in range(BAR_ROWS)]
@@ -62,36 +71,56 @@ def candidates(joints: tuple[int, ...], *, complete: bool = False) -> NDArray[np
     return np.array([INDEX[name] for name in names if name != "ra6"])
 
 
-def identifiable(problem: Problem, estimate: Estimate, nominal: Geometry, asked: NDArray[np.intp]) -> Identifiability:
+def identifiable(
+    problem: Problem, estimate: Estimate, nominal: Geometry, asked: NDArray[np.intp]
+) -> Identifiability:
     """The subset of `asked` that the recording determines.
 
     nominal : catalogue geometry; zeros and origin are taken from `estimate`, which says where the mechanism was.
     """
     columns = _columns_on_nominal(problem, estimate, nominal, asked)
     clock = 2 if problem.has_clock else 0
-    order = np.concatenate((np.arange(columns.shape[0] - clock, columns.shape[0]), np.arange(columns.shape[0] - clock)))
-    kept, dropped = _greedy(columns[order], [*(["offset", "skew"][:clock]), *(NAMES[i] for i in asked)])
+    order = np.concatenate(
+        (np.arange(columns.shape[0] - clock, columns.shape[0]), np.arange(columns.shape[0] - clock))
+    )
+    kept, dropped = _greedy(
+        columns[order], [*(["offset", "skew"][:clock]), *(NAMES[i] for i in asked)]
+    )
     unit = columns[order][kept]
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
     values = np.linalg.svd(unit @ unit.T, compute_uv=False)
     chosen = asked[[k - clock for k in kept if k >= clock]]
-    return Identifiability(chosen, tuple(dropped), len(kept), float(np.sqrt(values[0] / values[-1])))
+    return Identifiability(
+        chosen, tuple(dropped), len(kept), float(np.sqrt(values[0] / values[-1]))
+    )
 
 
-def _columns_on_nominal(problem: Problem, estimate: Estimate, nominal: Geometry, asked: NDArray[np.intp]) -> Array:
+def _columns_on_nominal(
+    problem: Problem, estimate: Estimate, nominal: Geometry, asked: NDArray[np.intp]
+) -> Array:
     """(P [+ 2], M) whitened columns on the nominal mechanism, which moves as the recording says."""
-    keep = {name: estimate.geometry[name] for name in ("ox", "oy", "oz", *(f"btheta{j}" for j in range(1, 6)))}
+    keep = {
+        name: estimate.geometry[name]
+        for name in ("ox", "oy", "oz", *(f"btheta{j}" for j in range(1, 6)))
+    }
     geometry = nominal.replaced(keep)
-    some = np.unique(np.linspace(0, problem.times.size - 1, min(SAMPLES, problem.times.size)).round().astype(int))
+    some = np.unique(
+        np.linspace(0, problem.times.size - 1, min(SAMPLES, problem.times.size)).round().astype(int)
+    )
     bar, logged = estimate.bar[some], problem.robot_angles(estimate.clock)[some]
     q, closes = _closed_on(geometry.robot, logged, bar_frames(geometry, bar).poses())
     some, bar = some[closes], bar[closes]
     closure = close_loop(geometry, q, bar)
     noise = problem.noise
-    weights = whitening(covariance(closure, noise.joint, noise.encoder, noise.rod), bar_joint_jacobian(closure)[problem.free_joints])
+    weights = whitening(
+        covariance(closure, noise.joint, noise.encoder, noise.rod),
+        bar_joint_jacobian(closure)[problem.free_joints],
+    )
     columns = parameter_jacobian(closure, [PARAMETERS[i] for i in asked])
     if problem.has_clock:
-        offset = np.einsum("jcn,nj->cn", robot_joint_jacobian(closure), problem.robot_speeds(estimate.clock)[some])
+        offset = np.einsum(
+            "jcn,nj->cn", robot_joint_jacobian(closure), problem.robot_speeds(estimate.clock)[some]
+        )
         columns = np.concatenate((columns, offset[None], (offset * problem.times[some])[None]))
     share = np.sqrt(problem.times.size / some.size)  # as if all samples had been looked at
     return np.asarray(share * weights(columns).reshape(columns.shape[0], -1))
@@ -128,7 +157,9 @@ def _greedy(columns: Array, names: list[str]) -> tuple[list[int], list[Dependenc
         if remainder < DEPENDENT:
             dropped.append(Dependency(names[k], "depends on", _involved(columns, kept, k, names)))
         elif names[k] not in ("offset", "skew") and 1.0 / (remainder * lengths[k]) > POORLY_EXCITED:
-            dropped.append(Dependency(names[k], "poorly excited", _involved(columns, kept, k, names)))
+            dropped.append(
+                Dependency(names[k], "poorly excited", _involved(columns, kept, k, names))
+            )
         else:
             basis = np.vstack((basis, rest / remainder))
             kept.append(k)

@@ -41,8 +41,14 @@ from ident.signals.step_fault import Event
 FLOOR = 1e-7  # [m, rad]
 MAX_ITERATIONS = 40
 FREEZE_AFTER = 6  # iterations with new weights; then they stay, or loads near a reversal could change them for ever
-LOADS_HOLD = 1e-5, 2e-4  # [m, rad] of the geometry, [s] of the clock: what moves the loads by less than a thousandth of a percent
-COARSE_SAMPLES, COARSE_SHARE = 1500, 3  # a fit of so many of each recording comes first, where there are so many times more
+LOADS_HOLD = (
+    1e-5,
+    2e-4,
+)  # [m, rad] of the geometry, [s] of the clock: what moves the loads by less than a thousandth of a percent
+COARSE_SAMPLES, COARSE_SHARE = (
+    1500,
+    3,
+)  # a fit of so many of each recording comes first, where there are so many times more
 BLOCK_SAMPLES = 1500
 FREE_JOINT_STEPS = 2
 LINEAR_STEP = 1e-4  # [rad] of a free joint: a smaller one moves the tool by less than 1e-8 of its lever beyond its column
@@ -61,12 +67,20 @@ class Track:
     tension: Array  # (N,) [N] measured; 0 where nothing did
     gear_noise: Array  # (6, N) or (6, 1) [rad] of the logged angles
     bar_noise: Array  # (5,) [rad]; 0 where no encoder is fitted
-    clock_steps: tuple[float, ...] = ()  # [s] on the ball-bar's clock, where one of the clocks jumped
+    clock_steps: tuple[
+        float, ...
+    ] = ()  # [s] on the ball-bar's clock, where one of the clocks jumped
 
     def thinned(self, step: int) -> Track:
         """Every `step`-th sample."""
         knots, noise = self.knots[:, ::step], self.gear_noise[:, ::step]
-        return replace(self, times=self.times[::step], knots=knots, tension=self.tension[::step], gear_noise=noise)
+        return replace(
+            self,
+            times=self.times[::step],
+            knots=knots,
+            tension=self.tension[::step],
+            gear_noise=noise,
+        )
 
     @property
     def smoothing(self) -> float:
@@ -118,7 +132,12 @@ class Point:
     def columns(self) -> Array:
         """(CARRIERS, 6, N) change of the mismatch for a unit of each carrier."""
         columns = np.empty((CARRIERS, *self.closure.error.shape))
-        np.einsum("gj,jcn->gcn", self.gear_to_joint, robot_joint_jacobian(self.closure), out=columns[GEAR:BAR])
+        np.einsum(
+            "gj,jcn->gcn",
+            self.gear_to_joint,
+            robot_joint_jacobian(self.closure),
+            out=columns[GEAR:BAR],
+        )
         columns[BAR:ROD] = bar_joint_jacobian(self.closure)
         columns[ROD], columns[PLATE] = rod_jacobian(self.closure), plate_jacobian(self.closure)
         return columns
@@ -131,7 +150,15 @@ def plate_jacobian(closure: Closure) -> Array:
     return -np.concatenate((cross(robot.y[-1], arm), robot.y[-1]))
 
 
-def make_point(model: Model, x: Array, k: int, bar: Array, near: Point | None = None, *, same_loads: bool = False) -> Point:
+def make_point(
+    model: Model,
+    x: Array,
+    k: int,
+    bar: Array,
+    near: Point | None = None,
+    *,
+    same_loads: bool = False,
+) -> Point:
     """Mismatch of recording k at x with ball-bar angles `bar` (N, 5).
 
     near : a point whose ripple and loads stand in where that makes no difference; same_loads : the loads anyway, while
@@ -147,26 +174,59 @@ def make_point(model: Model, x: Array, k: int, bar: Array, near: Point | None = 
     loads_from, signals_from = (geometry, clock), clock
     if model.corrections:
         alike = near is not None and near.signals_from.alike(clock) and layout.own[k].steps is None
-        if near is not None and near.state is not None and ((alike and same_loads) or _holds(near, geometry, clock, at)):
+        if (
+            near is not None
+            and near.state is not None
+            and ((alike and same_loads) or _holds(near, geometry, clock, at))
+        ):
             carried, loads_from = near.state.loads, near.loads_from
         elif model.masses is None:
             carried = no_loads(q.shape[0])
         else:
             arm = track.robot.arm
-            carried = loads(model.masses, geometry, q, bar, np.asarray(arm(at, 1)), np.asarray(arm(at, 2)))
+            carried = loads(
+                model.masses, geometry, q, bar, np.asarray(arm(at, 1)), np.asarray(arm(at, 2))
+            )
         gears, turned = (q @ robot.joint_to_gear).T, bar.T + geometry.bar.theta[:, None]
-        state = State(track.times, k, gears, turned, carried, tension_at(model, x, k), play_width(model.cell), model.sharpness)
+        state = State(
+            track.times,
+            k,
+            gears,
+            turned,
+            carried,
+            tension_at(model, x, k),
+            play_width(model.cell),
+            model.sharpness,
+        )
         known: tuple[tuple[Array, ...], ...] = ((),) * len(model.corrections)
         if near is not None and alike:
             known, signals_from = near.signals, near.signals_from
         signals = tuple(
-            old if old and c.slopes is None else tuple(c.signals(state)) for c, old in zip(model.corrections, known, strict=True)
+            old if old and c.slopes is None else tuple(c.signals(state))
+            for c, old in zip(model.corrections, known, strict=True)
         )
         _displace(moved, model, x, signals)
-    closure = close_loop(geometry, q + moved[GEAR:BAR].T @ robot.gear_to_joint, bar + moved[BAR:ROD].T)
+    closure = close_loop(
+        geometry, q + moved[GEAR:BAR].T @ robot.gear_to_joint, bar + moved[BAR:ROD].T
+    )
     if model.corrections:
-        closure = replace(closure, error=closure.error + rod_jacobian(closure) * moved[ROD] + plate_jacobian(closure) * moved[PLATE])
-    return Point(closure, bar, state, signals, clock, loads_from, signals_from, (speed @ robot.joint_to_gear).T, robot.gear_to_joint)
+        closure = replace(
+            closure,
+            error=closure.error
+            + rod_jacobian(closure) * moved[ROD]
+            + plate_jacobian(closure) * moved[PLATE],
+        )
+    return Point(
+        closure,
+        bar,
+        state,
+        signals,
+        clock,
+        loads_from,
+        signals_from,
+        (speed @ robot.joint_to_gear).T,
+        robot.gear_to_joint,
+    )
 
 
 def robot_times(model: Model, x: Array, k: int) -> Array:
@@ -186,7 +246,10 @@ def _holds(near: Point, geometry: Geometry, clock: Clock, at: Array) -> bool:
     """Whether the loads of a point are as good at another geometry and clock."""
     (length, time), (there, then) = LOADS_HOLD, near.loads_from
     moved = np.abs(geometry.values - there.values).max()
-    return bool(moved < length and abs(clock.offset - then.offset) + abs(clock.skew - then.skew) * np.ptp(at) < time)
+    return bool(
+        moved < length
+        and abs(clock.offset - then.offset) + abs(clock.skew - then.skew) * np.ptp(at) < time
+    )
 
 
 def tension_at(model: Model, x: Array, k: int) -> Array:
@@ -208,11 +271,19 @@ def _displace(moved: Array, model: Model, x: Array, signals: tuple[tuple[Array, 
 
 def covariances(track: Track, columns: Array, excess: Excess, uncertain: Array | float) -> Array:
     """(6, 6, N) covariance of the mismatch; uncertain : (6, N) [rad] of the gears where play changes sides."""
-    gears = np.sqrt(track.gear_noise**2 + np.repeat([excess.gear, excess.wrist], 3)[:, None] ** 2 + np.square(uncertain))
+    gears = np.sqrt(
+        track.gear_noise**2
+        + np.repeat([excess.gear, excess.wrist], 3)[:, None] ** 2
+        + np.square(uncertain)
+    )
     fitted = np.array([j + 1 in track.joints for j in range(BAR_ROWS)])
     bars = np.where(fitted, np.hypot(track.bar_noise, excess.bar), 0.0)
     spread = np.concatenate(
-        (columns[GEAR:BAR] * gears[:, None, :], columns[BAR:ROD] * bars[:, None, None], columns[ROD:PLATE] * excess.rod)
+        (
+            columns[GEAR:BAR] * gears[:, None, :],
+            columns[BAR:ROD] * bars[:, None, None],
+            columns[ROD:PLATE] * excess.rod,
+        )
     )
     out = np.asarray(np.einsum("kin,kjn->ijn", spread, spread))
     for i in range(6):
@@ -238,7 +309,13 @@ def play_uncertainty(model: Model, x: Array, point: Point) -> Array | float:
 
 
 def settle(
-    model: Model, x: Array, k: int, bar: Array, excess: Excess, frozen: Whitening | None, near: Point | None
+    model: Model,
+    x: Array,
+    k: int,
+    bar: Array,
+    excess: Excess,
+    frozen: Whitening | None,
+    near: Point | None,
 ) -> tuple[Point, Whitening]:
     """The point of recording k with its joints without encoder where they absorb most of the mismatch."""
     track = model.tracks[k]
@@ -249,7 +326,9 @@ def settle(
         bar = bar.copy()
         bar[:, track.free] += step.T
         if np.abs(step).max() < LINEAR_STEP:
-            error = point.closure.error + np.einsum("jcn,jn->cn", point.columns[BAR:ROD][track.free], step)
+            error = point.closure.error + np.einsum(
+                "jcn,jn->cn", point.columns[BAR:ROD][track.free], step
+            )
             return replace(point, bar=bar, closure=replace(point.closure, error=error)), weights
         point = make_point(model, x, k, bar, point, same_loads=True)
         weights = frozen or weigh(model, point, k, excess, x)
@@ -270,7 +349,9 @@ class Columns:
         out, knots = np.zeros((model.unknowns.count, vector.shape[1])), model.unknowns.own[k].knots
         out[self.index] = (self.values * vector).sum(axis=1)
         if self.slope is not None and knots is not None:
-            out[knots] = (model.tracks[k].knots[:, self.samples] * (self.slope * vector).sum(axis=0)).toarray()
+            out[knots] = (
+                model.tracks[k].knots[:, self.samples] * (self.slope * vector).sum(axis=0)
+            ).toarray()
         return out
 
 
@@ -280,7 +361,11 @@ def jacobian(model: Model, x: Array, k: int, point: Point, weights: Whitening) -
     chosen = [PARAMETERS[i] for i in (*layout.shared, *layout.zero_parameters[k], *_PLACE_INDEX)]
     parts = [slice(0, layout.shared.size), own.zeros, own.place, layout.coefficients]
     parts += [slice(layout.gain, layout.gain + 1)] if layout.gain is not None else []
-    parts += [part for part in (own.clock, own.steps if own.clock is not None else None) if part is not None]
+    parts += [
+        part
+        for part in (own.clock, own.steps if own.clock is not None else None)
+        if part is not None
+    ]
     index = np.concatenate([np.arange(part.start, part.stop) for part in parts])
     carriers = weights(point.columns)
     carried = [c.carrier for correction in model.corrections for c in correction.coefficients]
@@ -338,7 +423,12 @@ class Linear:
 
 
 def linearise(
-    model: Model, x: Array, bars: Sequence[Array], excess: Excess, frozen: Sequence[Whitening] = (), near: Sequence[Point] = ()
+    model: Model,
+    x: Array,
+    bars: Sequence[Array],
+    excess: Excess,
+    frozen: Sequence[Whitening] = (),
+    near: Sequence[Point] = (),
 ) -> Linear:
     """Normal equations of all recordings and the prior; frozen : weights of each recording to be kept; near : points to borrow from."""
     layout = model.unknowns
@@ -347,13 +437,22 @@ def linearise(
     cost = float(gradient @ (x - layout.mean))
     points, weights, residuals = [], [], []
     for k in range(len(model.tracks)):
-        point, weight = settle(model, x, k, bars[k], excess, frozen[k] if frozen else None, near[k] if near else None)
+        point, weight = settle(
+            model, x, k, bars[k], excess, frozen[k] if frozen else None, near[k] if near else None
+        )
         residual = weight(point.closure.error)
         cost += float((residual * residual).sum())
         for block in jacobian(model, x, k, point, weight):
             _add(block, residual[:, block.samples], normal, gradient)
             if block.slope is not None and (knots := layout.own[k].knots) is not None:
-                _add_knots(model.tracks[k].knots[:, block.samples], knots, block, residual[:, block.samples], normal, gradient)
+                _add_knots(
+                    model.tracks[k].knots[:, block.samples],
+                    knots,
+                    block,
+                    residual[:, block.samples],
+                    normal,
+                    gradient,
+                )
         points.append(point)
         weights.append(weight)
         residuals.append(residual)
@@ -364,7 +463,10 @@ def cost_at(model: Model, x: Array, linear: Linear) -> tuple[float, list[Point]]
     """Posterior cost at x under frozen weights, and the points there."""
     layout = model.unknowns
     cost = float((((x - layout.mean) / layout.sigma) ** 2).sum())
-    points = [make_point(model, x, k, point.bar, point, same_loads=True) for k, point in enumerate(linear.points)]
+    points = [
+        make_point(model, x, k, point.bar, point, same_loads=True)
+        for k, point in enumerate(linear.points)
+    ]
     for point, weight in zip(points, linear.weights, strict=True):
         residual = weight(point.closure.error)
         cost += float((residual * residual).sum())
@@ -379,13 +481,22 @@ def _add(block: Columns, residual: Array, normal: Array, gradient: Array) -> Non
     gradient[block.index] += flat @ residual.reshape(-1)
 
 
-def _add_knots(splines: csr_array, knots: slice, block: Columns, residual: Array, normal: Array, gradient: Array) -> None:
+def _add_knots(
+    splines: csr_array,
+    knots: slice,
+    block: Columns,
+    residual: Array,
+    normal: Array,
+    gradient: Array,
+) -> None:
     """Adds the knots of one recording to the normal equations: each column is `slope` times a spline, so none is formed."""
     assert block.slope is not None
     mixed = splines @ np.einsum("pen,en->np", block.values, block.slope)
     normal[knots, block.index] += mixed
     normal[block.index, knots] += mixed.T
-    normal[knots, knots] += ((splines * (block.slope * block.slope).sum(axis=0)) @ splines.T).toarray()
+    normal[knots, knots] += (
+        (splines * (block.slope * block.slope).sum(axis=0)) @ splines.T
+    ).toarray()
     gradient[knots] += splines @ (block.slope * residual).sum(axis=0)
 
 
@@ -460,20 +571,35 @@ def minimise(
             break
         x = x + share * step
         settled = now.cost - cost < enough
-        now = linearise(model, x, [p.bar for p in now.points], excess, now.weights if iterations >= FREEZE_AFTER else (), points)
+        now = linearise(
+            model,
+            x,
+            [p.bar for p in now.points],
+            excess,
+            now.weights if iterations >= FREEZE_AFTER else (),
+            points,
+        )
         if watch:
             watch(_iteration(model, x, now))
         if settled:
             converged = True
             break
     scaled = now.normal * np.outer(model.unknowns.sigma, model.unknowns.sigma)
-    covariance = cho_solve(cho_factor(scaled), np.eye(x.size)) * np.outer(model.unknowns.sigma, model.unknowns.sigma)
+    covariance = cho_solve(cho_factor(scaled), np.eye(x.size)) * np.outer(
+        model.unknowns.sigma, model.unknowns.sigma
+    )
     return JointFit(model, x, now, covariance, excess, iterations, converged)
 
 
 def _iteration(model: Model, x: Array, now: Linear) -> Iteration:
     layout, size = model.unknowns, sum(r.size for r in now.residuals)
-    return Iteration(layout.geometry(x, 0), layout.clock(x, 0), model.tracks[0].times, now.points[0].closure.error, now.cost / size)
+    return Iteration(
+        layout.geometry(x, 0),
+        layout.clock(x, 0),
+        model.tracks[0].times,
+        now.points[0].closure.error,
+        now.cost / size,
+    )
 
 
 def newton_step(normal: Array, gradient: Array, sigma: Array) -> Array:

@@ -23,7 +23,14 @@ from cell.logs import ForceLog, RobotLog
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
 from ident.estimator.closure import complete_bar_angles
-from ident.estimator.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized, with_exact_periods
+from ident.estimator.events import (
+    MAX_EVENTS,
+    events_in_logs,
+    find_event,
+    jumps,
+    sized,
+    with_exact_periods,
+)
 from ident.estimator.excess import estimate_excess
 from ident.estimator.iteration import Watch
 from ident.estimator.joint_fit import Excess, JointFit, Model, Track, approach, minimise
@@ -38,15 +45,25 @@ from ident.signals.step_fault import Event
 
 ForceSource = Literal["auto", "none", "torque", "sensor"]
 KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (identification_facts sec. 4)
-DEVIATION = {"none": TENSION_PRIOR, "torque": 12.0, "sensor": 2.0}  # [N] prior of a knot on top of what was measured
-CONTINUATION = (20.0, 6.0, 2.0)  # noise and width of play, times; without a measured tension (identification_facts sec. 4)
+DEVIATION = {
+    "none": TENSION_PRIOR,
+    "torque": 12.0,
+    "sensor": 2.0,
+}  # [N] prior of a knot on top of what was measured
+CONTINUATION = (
+    20.0,
+    6.0,
+    2.0,
+)  # noise and width of play, times; without a measured tension (identification_facts sec. 4)
 CONTINUED_ITERATIONS = 8
 FIRST_EXCESS = Excess(5e-6, 1e-5, 1e-5, 1e-6)
 NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a jump must bring it down to
 ROWS_AVERAGED = 0.08  # [s] of torque rows behind one value: friction and noise average out, the motion hardly changes
 NEEDS_LOADS = {"joint_compliance", "lost_motion", "rod_strain", "plate_bending"}
-SUPPORT = 4.0  # a correction stays whose coefficients are that many deviations from nothing, all together
+SUPPORT = (
+    4.0  # a correction stays whose coefficients are that many deviations from nothing, all together
+)
 SENSOR_LAG = 2.0  # [s] the sensor's log may begin that much before or after the robot's
 LAG_STEP = 0.05  # [s]
 
@@ -81,7 +98,11 @@ class Prepared:
         """q, speed, acceleration (N, 6), ball-bar angles (N, 5) and robot times (N,) at ball-bar times t (N,)."""
         at = np.clip(self.clock.robot_time(t), self.robot.start, self.robot.end)
         q = np.asarray(self.robot.spline(at))
-        measured = np.zeros((t.size, 0)) if self.bar is None else np.asarray(self.bar.spline(t)) * self.signs
+        measured = (
+            np.zeros((t.size, 0))
+            if self.bar is None
+            else np.asarray(self.bar.spline(t)) * self.signs
+        )
         b = complete_bar_angles(self.geometry, q, measured, self.joints)
         return q, np.asarray(self.robot.speed(at)), np.asarray(self.robot.arm(at, 2)), b, at
 
@@ -106,12 +127,20 @@ def fit_machine(
     names: list[str] = list(corrections)
 
     def first_pass(events: tuple[Event, ...]) -> JointFit:
-        return _first_pass(cell, nominal, recordings, names, events, force, rod_sigma, progress, watch)
+        return _first_pass(
+            cell, nominal, recordings, names, events, force, rod_sigma, progress, watch
+        )
 
-    events = tuple(event for k, r in enumerate(recordings) for event in events_in_logs(r.robot, r.bar, r.joints, r.signs, r.clock, k))
+    events = tuple(
+        event
+        for k, r in enumerate(recordings)
+        for event in events_in_logs(r.robot, r.bar, r.joints, r.signs, r.clock, k)
+    )
     most = len(events) + MAX_EVENTS
     fit = first_pass(events)
-    while len(events) < most and (event := find_event(fit)) is not None:  # before it can pass for noise
+    while (
+        len(events) < most and (event := find_event(fit)) is not None
+    ):  # before it can pass for noise
         progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
         trial = first_pass((*events, event))
         if trial.chi2_per_dof > HELPS * fit.chi2_per_dof:  # whatever is wrong, it is no jump
@@ -120,14 +149,20 @@ def fit_machine(
     begin = _next_pass(fit)
     del fit  # large with many samples
     fit = noise_passes(begin, progress, watch)
-    while len(events) < most and (event := find_event(fit)) is not None:  # what shows only once the noise is known
+    while (
+        len(events) < most and (event := find_event(fit)) is not None
+    ):  # what shows only once the noise is known
         progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
         events = (*events, event)
         fit = noise_passes(_next_pass(first_pass(events)), progress, watch)
     exact = with_exact_periods(fit, events, cell.ballbar.encoder_lines)
     idle = unsupported(fit) if prune else set()
     if idle or exact != events:
-        progress(f"fitting again without {', '.join(sorted(idle))}" if idle else "fitting again with whole signal periods")
+        progress(
+            f"fitting again without {', '.join(sorted(idle))}"
+            if idle
+            else "fitting again with whole signal periods"
+        )
         names, events = [name for name in names if name not in idle], exact
         fit = noise_passes(_next_pass(first_pass(events)), progress, watch)
     return replace(fit, events=sized(fit, events, cell.ballbar.encoder_lines))
@@ -159,7 +194,9 @@ def _first_pass(
     watch: Watch | None,
 ) -> JointFit:
     progress("preparing the complete model")
-    model, x, bars = posed(cell, nominal, recordings, corrections, force, rod_sigma=rod_sigma, events=events)
+    model, x, bars = posed(
+        cell, nominal, recordings, corrections, force, rod_sigma=rod_sigma, events=events
+    )
     if model.masses is not None and "none" in [r.source(force) for r in recordings]:
         x, bars = continued(model, x, bars, progress, watch)
     progress(f"fitting {model.unknowns.count} unknowns")
@@ -183,28 +220,51 @@ def posed(
     loaded = bool(NEEDS_LOADS & set(corrections))
     sources = [r.source(force) for r in recordings]
     tracks = tuple(
-        replace(track(cell, r, s if loaded else None), clock_steps=tuple(e.time for e in events if e.kind == "clock" and e.recording == k))
+        replace(
+            track(cell, r, s if loaded else None),
+            clock_steps=tuple(e.time for e in events if e.kind == "clock" and e.recording == k),
+        )
         for k, (r, s) in enumerate(zip(recordings, sources, strict=True))
     )
     shapes = [
-        RecordingShape(r.joints, r.geometry, r.clock if r.has_clock else None, t.knots.shape[0], DEVIATION[s], len(t.clock_steps))
+        RecordingShape(
+            r.joints,
+            r.geometry,
+            r.clock if r.has_clock else None,
+            t.knots.shape[0],
+            DEVIATION[s],
+            len(t.clock_steps),
+        )
         for r, t, s in zip(recordings, tracks, sources, strict=True)
     ]
     measured = loaded and any(s != "none" for s in sources)
-    layout, x = unknowns(cell, nominal, shapes, chosen, measured_force=measured, rod_sigma=rod_sigma)
+    layout, x = unknowns(
+        cell, nominal, shapes, chosen, measured_force=measured, rod_sigma=rod_sigma
+    )
     model = Model(cell, mass_model(cell) if loaded else None, chosen, layout, tracks)
     return model, x, [r.angles(r.times)[3] for r in recordings]
 
 
 def continued(
-    model: Model, x: Array, bars: list[Array], progress: Callable[[str], None], watch: Watch | None = None
+    model: Model,
+    x: Array,
+    bars: list[Array],
+    progress: Callable[[str], None],
+    watch: Watch | None = None,
 ) -> tuple[Array, list[Array]]:
     """From nominal to where plain steps converge: much noise and wide play first, then less."""
     for times in CONTINUATION:
         progress(f"finding the force in the rod from geometry ({times:g} times the noise)")
         e = FIRST_EXCESS
         blurred = Excess(e.gear * times, e.wrist * times, e.bar * times, e.rod * times)
-        fit = minimise(replace(model, sharpness=1.0 / times), x, bars, blurred, max_iterations=CONTINUED_ITERATIONS, watch=watch)
+        fit = minimise(
+            replace(model, sharpness=1.0 / times),
+            x,
+            bars,
+            blurred,
+            max_iterations=CONTINUED_ITERATIONS,
+            watch=watch,
+        )
         x, bars = fit.x, [p.bar for p in fit.linear.points]
     return x, bars
 
@@ -222,13 +282,23 @@ class Pass:
 
 def _next_pass(fit: JointFit) -> Pass:
     """With the noise that a fit left unexplained and the logs do not show."""
-    return Pass(with_likely_tension(fit), fit.x, [p.bar for p in fit.linear.points], estimate_excess(fit), fit.iterations)
+    return Pass(
+        with_likely_tension(fit),
+        fit.x,
+        [p.bar for p in fit.linear.points],
+        estimate_excess(fit),
+        fit.iterations,
+    )
 
 
-def noise_passes(begin: Pass, progress: Callable[[str], None], watch: Watch | None = None) -> JointFit:
+def noise_passes(
+    begin: Pass, progress: Callable[[str], None], watch: Watch | None = None
+) -> JointFit:
     """Further fits, each with the noise found by the one before."""
     for k in range(1, NOISE_PASSES + 1):
-        progress(f"fitting {begin.model.unknowns.count} unknowns with estimated noise, {k} of {NOISE_PASSES}")
+        progress(
+            f"fitting {begin.model.unknowns.count} unknowns with estimated noise, {k} of {NOISE_PASSES}"
+        )
         fit = minimise(begin.model, begin.x, begin.bars, begin.excess, watch=watch)
         fit = replace(fit, iterations=begin.iterations + fit.iterations)
         if k < NOISE_PASSES:
@@ -243,7 +313,9 @@ def with_likely_tension(fit: JointFit) -> Model:
     sigma = layout.sigma.copy()
     for own in layout.own:
         if own.knots is not None:
-            sigma[own.knots] = np.sqrt(np.mean(fit.x[own.knots] ** 2 + np.diag(fit.covariance)[own.knots]))
+            sigma[own.knots] = np.sqrt(
+                np.mean(fit.x[own.knots] ** 2 + np.diag(fit.covariance)[own.knots])
+            )
     return replace(fit.model, unknowns=replace(layout, sigma=sigma))
 
 
@@ -251,7 +323,9 @@ def track(cell: Cell, recording: Prepared, source: str | None) -> Track:
     """The recording at its samples; source of the tension, None where no correction needs loads."""
     times = recording.times
     spacing = float(np.median(np.diff(times)))
-    noise = noise_from_logs(recording.robot, recording.bar, recording.joints, spacing=spacing, rod=0.0)
+    noise = noise_from_logs(
+        recording.robot, recording.bar, recording.joints, spacing=spacing, rod=0.0
+    )
     knots = csr_array((0, times.size)) if source is None else tension_splines(times)
     tension = np.zeros(times.size)
     if source == "torque":
@@ -259,7 +333,15 @@ def track(cell: Cell, recording: Prepared, source: str | None) -> Track:
     elif source == "sensor":
         tension = _sensor_tension(cell, recording)
     return Track(
-        recording.robot, recording.bar, recording.joints, recording.signs, times, knots, tension, noise.joint[:, None], noise.encoder
+        recording.robot,
+        recording.bar,
+        recording.joints,
+        recording.signs,
+        times,
+        knots,
+        tension,
+        noise.joint[:, None],
+        noise.encoder,
     )
 
 
@@ -288,7 +370,9 @@ def _torque_tension(cell: Cell, recording: Prepared) -> Array:
     q, speed, acceleration, b, _ = recording.angles(t)
     carried = loads(mass_model(cell), recording.geometry, q, b, speed, acceleration)
     to_gear = cell.robot.joint_to_gear
-    found = from_motor_torque(cell, torque.T, carried, (speed @ to_gear).T, (acceleration @ to_gear).T)
+    found = from_motor_torque(
+        cell, torque.T, carried, (speed @ to_gear).T, (acceleration @ to_gear).T
+    )
     return np.interp(recording.times, t, found.force)
 
 
@@ -308,7 +392,11 @@ def _sensor_tension(cell: Cell, recording: Prepared) -> Array:
 
     lags = np.arange(-SENSOR_LAG, SENSOR_LAG + 0.5 * LAG_STEP, LAG_STEP)
     best = float(lags[int(np.argmin([found(float(lag))[1] for lag in lags]))])
-    near = minimize_scalar(lambda lag: found(float(lag))[1], bounds=(best - LAG_STEP, best + LAG_STEP), method="bounded")
+    near = minimize_scalar(
+        lambda lag: found(float(lag))[1],
+        bounds=(best - LAG_STEP, best + LAG_STEP),
+        method="bounded",
+    )
     return found(float(near.x))[0].force
 
 

@@ -19,14 +19,22 @@ from ident.signals.smooth_log import SmoothLog
 ROD_SIGMA_RANGE = (1e-8, 1e-3)  # [m] from nothing to a rod that is no constraint any more
 
 
-def row_noise(robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], *, rod: float) -> NoiseModel:
+def row_noise(
+    robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], *, rod: float
+) -> NoiseModel:
     """Noise of one row of each log, with a given rod deviation [m]."""
     return NoiseModel(robot.noise, _per_joint(bar.noise if bar else None, joints), rod)
 
 
-def noise_from_logs(robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], *, spacing: float, rod: float) -> NoiseModel:
+def noise_from_logs(
+    robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], *, spacing: float, rod: float
+) -> NoiseModel:
     """Noise of samples `spacing` [s] apart, with a given rod deviation [m]."""
-    return NoiseModel(robot.sample_sigma(spacing), _per_joint(bar.sample_sigma(spacing) if bar else None, joints), rod)
+    return NoiseModel(
+        robot.sample_sigma(spacing),
+        _per_joint(bar.sample_sigma(spacing) if bar else None, joints),
+        rod,
+    )
 
 
 def _per_joint(fitted: Array | None, joints: tuple[int, ...]) -> Array:
@@ -43,7 +51,13 @@ def rod_deviation(problem: Problem, estimate: Estimate) -> float:
     residual, rod = weights(closure.error), weights(rod_jacobian(closure))
     projection, weight = (rod * residual).sum(axis=0), (rod * rod).sum(axis=0)
     low, high = (2.0 * float(np.log(s)) for s in ROD_SIGMA_RANGE)
-    found = minimize_scalar(_deviance, bounds=(low, high), args=(projection, weight), method="bounded", options={"xatol": 1e-3})
+    found = minimize_scalar(
+        _deviance,
+        bounds=(low, high),
+        args=(projection, weight),
+        method="bounded",
+        options={"xatol": 1e-3},
+    )
     return float(np.exp(0.5 * found.x))
 
 

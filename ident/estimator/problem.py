@@ -40,7 +40,10 @@ class Clock:
 
     def alike(self, other: Clock) -> bool:
         """Whether both show the same within what a ripple of the gears could notice."""
-        return abs(self.offset - other.offset) < ALIKE_OFFSET and abs(self.skew - other.skew) < ALIKE_SKEW
+        return (
+            abs(self.offset - other.offset) < ALIKE_OFFSET
+            and abs(self.skew - other.skew) < ALIKE_SKEW
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +123,9 @@ class Problem:
         for _ in range(FREE_JOINT_STEPS):
             closure = self.closure(estimate)
             bar = estimate.bar.copy()
-            bar[:, self.free_joints] += np.clip(self.whitening(closure).free_step(closure.error), -0.5, 0.5).T
+            bar[:, self.free_joints] += np.clip(
+                self.whitening(closure).free_step(closure.error), -0.5, 0.5
+            ).T
             estimate = replace(estimate, bar=bar)
         return estimate
 
@@ -152,23 +157,31 @@ def linearise(problem: Problem, estimate: Estimate, parameters: NDArray[np.intp]
         offset = np.einsum("ecn,cn->en", weights.of_robot(closure), motion)
         columns = np.concatenate((columns, offset[None], (offset * problem.times)[None]))
     residual = weights(closure.error).reshape(-1)
-    return Linearisation(estimate, closure, weights, residual, columns.reshape(columns.shape[0], -1))
+    return Linearisation(
+        estimate, closure, weights, residual, columns.reshape(columns.shape[0], -1)
+    )
 
 
 def moved(problem: Problem, estimate: Estimate, here: Linearisation) -> Linearisation:
     """Residual of an estimate close by, under the weights and with the Jacobian of another one."""
     closure = problem.closure(estimate)
-    return replace(here, estimate=estimate, closure=closure, residual=here.weights(closure.error).reshape(-1))
+    return replace(
+        here, estimate=estimate, closure=closure, residual=here.weights(closure.error).reshape(-1)
+    )
 
 
-def stepped(estimate: Estimate, parameters: NDArray[np.intp], step: Array, *, has_clock: bool) -> Estimate:
+def stepped(
+    estimate: Estimate, parameters: NDArray[np.intp], step: Array, *, has_clock: bool
+) -> Estimate:
     """The estimate moved by `step` (geometry parameters, then offset and skew)."""
     values = estimate.geometry.values.copy()
     values[parameters] += step[: parameters.size]
     clock = estimate.clock
     if has_clock:
         shift = float(np.clip(step[-2], -MAX_OFFSET_STEP, MAX_OFFSET_STEP))
-        clock = Clock(clock.offset + shift, float(np.clip(clock.skew + step[-1], -MAX_SKEW, MAX_SKEW)))
+        clock = Clock(
+            clock.offset + shift, float(np.clip(clock.skew + step[-1], -MAX_SKEW, MAX_SKEW))
+        )
     return replace(estimate, geometry=Geometry(values), clock=clock)
 
 

@@ -23,7 +23,10 @@ DAMPING_MAX = 1e6
 MAX_ITERATIONS = 50
 NEAR = 25.0  # five standard deviations each: the Jacobian at either end of such a step gives the same covariance
 QUICK = 1e-2  # of the predicted decrease: a step that leaves less of it needs no new Jacobian for the next
-COARSE_SAMPLES, COARSE_SHARE = 150, 4  # a fit of so many samples comes first, where there are so many times more
+COARSE_SAMPLES, COARSE_SHARE = (
+    150,
+    4,
+)  # a fit of so many samples comes first, where there are so many times more
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +86,20 @@ def solve(
     coarse = 0
     if (thin := problem.times.size // COARSE_SAMPLES) >= COARSE_SHARE:
         near = _minimise(
-            problem.thinned(thin), replace(start, bar=start.bar[::thin]), parameters, belief, 1.0, max_iterations, np.inf, watch
+            problem.thinned(thin),
+            replace(start, bar=start.bar[::thin]),
+            parameters,
+            belief,
+            1.0,
+            max_iterations,
+            np.inf,
+            watch,
         )
         if near.converged:
-            start, coarse = problem.start(near.estimate.geometry, near.estimate.clock), near.iterations
+            start, coarse = (
+                problem.start(near.estimate.geometry, near.estimate.clock),
+                near.iterations,
+            )
     fit = _minimise(problem, start, parameters, belief, negligible, max_iterations, NEAR, watch)
     return replace(fit, iterations=fit.iterations + coarse)
 
@@ -117,20 +130,39 @@ def _minimise(
         if accepted is None:
             break
         iterations += 1
-        now, before, ahead = accepted, ahead, _predicted_decrease(accepted, normal, belief, parameters)
+        now, before, ahead = (
+            accepted,
+            ahead,
+            _predicted_decrease(accepted, normal, belief, parameters),
+        )
         if first > near * len(normal) * unit or ahead > max(negligible * unit, QUICK * before):
             now = linearise(problem, now.estimate, parameters)
             normal = _normal(now, belief)
             first = ahead = _predicted_decrease(now, normal, belief, parameters)
-    return Fit(parameters, now, _inverse(normal), _prior_cost(now.estimate, belief, parameters), iterations, converged)
+    return Fit(
+        parameters,
+        now,
+        _inverse(normal),
+        _prior_cost(now.estimate, belief, parameters),
+        iterations,
+        converged,
+    )
 
 
 def _iteration(problem: Problem, now: Linearisation) -> Iteration:
     here = now.estimate
-    return Iteration(here.geometry, here.clock, problem.times, now.closure.error, now.cost / max(1, now.residual.size))
+    return Iteration(
+        here.geometry,
+        here.clock,
+        problem.times,
+        now.closure.error,
+        now.cost / max(1, now.residual.size),
+    )
 
 
-def _predicted_decrease(now: Linearisation, normal: Array, belief: Prior, parameters: NDArray[np.intp]) -> float:
+def _predicted_decrease(
+    now: Linearisation, normal: Array, belief: Prior, parameters: NDArray[np.intp]
+) -> float:
     """What an undamped step would gain."""
     _, decrease = _step(normal, _gradient(now, belief, parameters), DAMPING_START)
     return decrease
@@ -144,7 +176,9 @@ def _normal(now: Linearisation, prior: Prior) -> Array:
 
 def _gradient(now: Linearisation, prior: Prior, parameters: NDArray[np.intp]) -> Array:
     gradient = now.jacobian @ now.residual
-    gradient[: parameters.size] += (now.estimate.geometry.values[parameters] - prior.mean) / prior.sigma**2
+    gradient[: parameters.size] += (
+        now.estimate.geometry.values[parameters] - prior.mean
+    ) / prior.sigma**2
     return gradient
 
 
@@ -169,7 +203,9 @@ def _accepted_step(
     cost = now.cost + _prior_cost(now.estimate, prior, parameters)
     while damping <= DAMPING_MAX:
         step, _ = _step(normal, gradient, damping)
-        trial = moved(problem, stepped(now.estimate, parameters, step, has_clock=problem.has_clock), now)
+        trial = moved(
+            problem, stepped(now.estimate, parameters, step, has_clock=problem.has_clock), now
+        )
         if trial.cost + _prior_cost(trial.estimate, prior, parameters) < cost:
             return trial, max(DAMPING_START, damping * 0.01)
         damping = max(1e-6, damping * 10.0)

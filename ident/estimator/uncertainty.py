@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from cell.chain import Array
 from ident.estimator.joint_fit import JointFit, Model, jacobian
 
-BLOCK = 3.0  # [s] longer than residuals remember: the path's own motion and the knots of the tension
+BLOCK = (
+    3.0  # [s] longer than residuals remember: the path's own motion and the knots of the tension
+)
 STRONG = 0.9  # correlation from which two unknowns are named together
 
 
@@ -26,7 +28,9 @@ class Uncertainty:
 
     covariance: Array  # (P, P)
     widening: Array  # (P,) factor on each standard deviation over that of white residuals
-    told_by_data: Array  # (P,) share of the knowledge that is the data's, 0 to 1; the rest is the prior's
+    told_by_data: (
+        Array  # (P,) share of the knowledge that is the data's, 0 to 1; the rest is the prior's
+    )
     autocorrelation: float  # of neighbours in the whitened residual
 
 
@@ -39,7 +43,10 @@ def uncertainty(fit: JointFit) -> Uncertainty:
     data = fit.covariance - prior
     covariance = inflation * data * np.outer(widening, widening) + prior
     share = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
-    alike = [autocorrelation(r, t.times, t.smoothing) for r, t in zip(fit.linear.residuals, fit.model.tracks, strict=True)]
+    alike = [
+        autocorrelation(r, t.times, t.smoothing)
+        for r, t in zip(fit.linear.residuals, fit.model.tracks, strict=True)
+    ]
     return Uncertainty(0.5 * (covariance + covariance.T), widening, share, float(np.mean(alike)))
 
 
@@ -70,7 +77,9 @@ def _scores(fit: JointFit) -> tuple[Array, Array]:
     """Products (P, P) of the scores, summed over all samples, and their sums (P, B) over blocks of time, none across recordings."""
     model, layout = fit.model, fit.model.unknowns
     power, sums = np.zeros((layout.count, layout.count)), []
-    for k, (point, weights, residual) in enumerate(zip(fit.linear.points, fit.linear.weights, fit.linear.residuals, strict=True)):
+    for k, (point, weights, residual) in enumerate(
+        zip(fit.linear.points, fit.linear.weights, fit.linear.residuals, strict=True)
+    ):
         where = _block_of(model.tracks[k].times)
         own = np.zeros((layout.count, where[-1] + 1))
         for block in jacobian(model, fit.x, k, point, weights):
@@ -88,7 +97,11 @@ def autocorrelation(residual: Array, times: Array, smoothing: float) -> float:
     neighbour is the sample about as far away.
     """
     lag = max(1, round(smoothing / float(np.median(np.diff(times)))))
-    return float(((residual[:, lag:] * residual[:, :-lag]).sum(axis=1) / (residual * residual).sum(axis=1)).mean())
+    return float(
+        (
+            (residual[:, lag:] * residual[:, :-lag]).sum(axis=1) / (residual * residual).sum(axis=1)
+        ).mean()
+    )
 
 
 def correlated_groups(covariance: Array, names: tuple[str, ...]) -> list[tuple[str, ...]]:

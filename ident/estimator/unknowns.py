@@ -22,7 +22,9 @@ from ident.estimator.problem import Clock
 
 LENGTH_PRIOR = 5e-3  # [m] deviation of a robot's length from its catalogue; the data say far more (identification_facts sec. 6)
 ANGLE_PRIOR = 5e-3  # [rad] likewise
-PLACE_PRIOR = 1.0  # [m] where the ball-bar stands: the start has found it; this only keeps the steps finite
+PLACE_PRIOR = (
+    1.0  # [m] where the ball-bar stands: the start has found it; this only keeps the steps finite
+)
 TILT_PRIOR = 3e-3  # [rad] of the ball-bar's base (physical_parameters.yaml, base: 1 mrad)
 AXIS_OFFSET_PRIOR = 5e-6  # [m] of gimbal and cardan (physical_parameters.yaml, joints_mechanical)
 AXIS_ANGLE_PRIOR = 5e-5  # [rad] squareness, likewise
@@ -57,7 +59,9 @@ class Unknowns:
     shared: NDArray[np.intp]  # indices into PARAMETERS of the first unknowns
     coefficients: slice  # of the corrections
     gain: int | None  # of the measured rod force
-    zero_parameters: tuple[NDArray[np.intp], ...]  # indices into PARAMETERS of each recording's zeros
+    zero_parameters: tuple[
+        NDArray[np.intp], ...
+    ]  # indices into PARAMETERS of each recording's zeros
     own: tuple[Own, ...]
 
     @property
@@ -116,7 +120,10 @@ def unknowns(
             build.add(c.name, c.mean, c.sigma)
     coefficients = slice(first, len(build.names))
     gain = build.add("force_gain", 0.0, GAIN_PRIOR) if measured_force else None
-    own = [_own(build, recording, f"@{k + 1}" if len(recordings) > 1 else "") for k, recording in enumerate(recordings)]
+    own = [
+        _own(build, recording, f"@{k + 1}" if len(recordings) > 1 else "")
+        for k, recording in enumerate(recordings)
+    ]
     layout = Unknowns(
         tuple(build.names),
         np.array(build.mean),
@@ -134,13 +141,28 @@ def unknowns(
 def _own(build: _Builder, recording: RecordingShape, tail: str) -> Own:
     start, clock = recording.start, recording.clock
     zero_names = [f"btheta{j}" for j in recording.joints]
-    zeros = build.block(zero_names, tail, [start[n] for n in zero_names], [ZERO_PRIOR] * len(zero_names))
-    place = build.block(PLACE, tail, [*(start[n] for n in PLACE[:3]), 0.0, 0.0], [PLACE_PRIOR] * 3 + [TILT_PRIOR] * 2)
+    zeros = build.block(
+        zero_names, tail, [start[n] for n in zero_names], [ZERO_PRIOR] * len(zero_names)
+    )
+    place = build.block(
+        PLACE,
+        tail,
+        [*(start[n] for n in PLACE[:3]), 0.0, 0.0],
+        [PLACE_PRIOR] * 3 + [TILT_PRIOR] * 2,
+    )
     clocks = None
     if clock is not None:
-        clocks = build.block(("offset", "skew"), tail, [clock.offset, clock.skew], [OFFSET_PRIOR, SKEW_PRIOR])
+        clocks = build.block(
+            ("offset", "skew"), tail, [clock.offset, clock.skew], [OFFSET_PRIOR, SKEW_PRIOR]
+        )
     steps = build.numbered("clock_step", tail, recording.clock_steps, STEP_PRIOR)
-    return Own(zeros, place, clocks, steps, build.numbered("tension", tail, recording.knots, recording.tension_sigma))
+    return Own(
+        zeros,
+        place,
+        clocks,
+        steps,
+        build.numbered("tension", tail, recording.knots, recording.tension_sigma),
+    )
 
 
 class _Builder:
@@ -155,14 +177,22 @@ class _Builder:
         self.sigma.append(sigma)
         return len(self.names) - 1
 
-    def block(self, names: Sequence[str], tail: str, means: Sequence[float], sigmas: Sequence[float]) -> slice:
+    def block(
+        self, names: Sequence[str], tail: str, means: Sequence[float], sigmas: Sequence[float]
+    ) -> slice:
         first = len(self.names)
         for name, mean, sigma in zip(names, means, sigmas, strict=True):
             self.add(name + tail, mean, sigma)
         return slice(first, len(self.names))
 
     def numbered(self, name: str, tail: str, count: int, sigma: float) -> slice | None:
-        return self.block([f"{name}{i + 1}" for i in range(count)], tail, [0.0] * count, [sigma] * count) if count else None
+        return (
+            self.block(
+                [f"{name}{i + 1}" for i in range(count)], tail, [0.0] * count, [sigma] * count
+            )
+            if count
+            else None
+        )
 
 
 def _prior(cell: Cell, name: str, rod_sigma: float | None) -> float:

@@ -50,21 +50,35 @@ class MassModel:
 
 def mass_model(cell: Cell) -> MassModel:
     """The cell files' masses."""
-    return MassModel(carried_bodies(cell), [[link] for link in bar_bodies(cell)], cell.robot.gravity, cell.robot.gear_to_joint)
+    return MassModel(
+        carried_bodies(cell),
+        [[link] for link in bar_bodies(cell)],
+        cell.robot.gravity,
+        cell.robot.gear_to_joint,
+    )
 
 
-def loads(masses: MassModel, geometry: Geometry, q: Array, b: Array, speed: Array, acceleration: Array) -> Loads:
+def loads(
+    masses: MassModel, geometry: Geometry, q: Array, b: Array, speed: Array, acceleration: Array
+) -> Loads:
     """Loads along a motion: robot angles q, speeds and accelerations (N, 6), ball-bar angles b (N, 5), zeros not in them."""
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
-    arm = joint_torques(robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration)
+    arm = joint_torques(
+        robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration
+    )
     weight, per_newton = on_ballbar(masses, bar, b)
     screws = joint_screws(robot)
     held = arm + (screws * weight).sum(axis=1)
     held_per_newton = (screws * per_newton).sum(axis=1)
     hinge = robot.tip - (2.0 / 3.0 * geometry["ra6"]) * robot.x[-1]
     lever = cross(robot.y[-1], robot.tip - hinge)
-    bend, bend_per_newton = (-(lever * w[:3]).sum(axis=0) - (robot.y[-1] * w[3:]).sum(axis=0) for w in (weight, per_newton))
-    return Loads(masses.gear_to_joint @ held, masses.gear_to_joint @ held_per_newton, bend, bend_per_newton)
+    bend, bend_per_newton = (
+        -(lever * w[:3]).sum(axis=0) - (robot.y[-1] * w[3:]).sum(axis=0)
+        for w in (weight, per_newton)
+    )
+    return Loads(
+        masses.gear_to_joint @ held, masses.gear_to_joint @ held_per_newton, bend, bend_per_newton
+    )
 
 
 def no_loads(samples: int) -> Loads:
@@ -75,7 +89,10 @@ def no_loads(samples: int) -> Loads:
 
 def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Array:
     """(6, N) [N m] at the gears' outputs: the free robot with its plate, at rest at q (N, 6) [rad]."""
-    return np.asarray(masses.gear_to_joint @ joint_torques(robot_frames(geometry, q), masses.arm, q, gravity=masses.gravity))
+    return np.asarray(
+        masses.gear_to_joint
+        @ joint_torques(robot_frames(geometry, q), masses.arm, q, gravity=masses.gravity)
+    )
 
 
 def on_ballbar(masses: MassModel, bar: Frames, b: Array) -> tuple[Array, Array]:

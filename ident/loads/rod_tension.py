@@ -21,11 +21,15 @@ from ident.loads.gear_loads import Loads, mass_model, on_ballbar
 
 TORQUE_NOISE = np.array([2.0, 2.0, 2.0, 0.3, 0.3, 0.3])  # [N m] a row (identification_facts sec. 1)
 TORQUE_GAIN = 0.02  # likewise
-REVERSAL_SPEED = 0.012  # [rad/s] below it friction may have either sign (identification_facts sec. 5)
+REVERSAL_SPEED = (
+    0.012  # [rad/s] below it friction may have either sign (identification_facts sec. 5)
+)
 FRICTION_WIDTH = 2e-3  # [rad/s] over which the sign of a speed changes
 SENSOR_GAIN = 0.01
 SENSOR_NOISE = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])  # [N, N m]
-SENSOR_BIAS = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 2.0])  # [N, N m] wide: a sensor is seldom zeroed
+SENSOR_BIAS = np.array(
+    [20.0, 20.0, 20.0, 2.0, 2.0, 2.0]
+)  # [N, N m] wide: a sensor is seldom zeroed
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +42,9 @@ class Tension:
     theta_sigma: Array  # (T,)
 
 
-def from_motor_torque(cell: Cell, torque: Array, carried: Loads, speed: Array, acceleration: Array) -> Tension:
+def from_motor_torque(
+    cell: Cell, torque: Array, carried: Loads, speed: Array, acceleration: Array
+) -> Tension:
     """Tension from motor torques.
 
     torque : (6, N) [N m] at the gears' outputs. carried : loads of the mass model. speed, acceleration : (6, N) of the gears.
@@ -53,11 +59,15 @@ def from_motor_torque(cell: Cell, torque: Array, carried: Loads, speed: Array, a
     prior = np.concatenate((coulomb, 2.0 * viscous, np.full(6, TORQUE_GAIN)))
     mean = np.concatenate((coulomb, viscous, np.zeros(6)))
     known = carried.gear + cell.robot.armature[:, None] * acceleration
-    sigma = np.hypot(TORQUE_NOISE[:, None], coulomb[:, None] * np.exp(-((speed / REVERSAL_SPEED) ** 2)))
+    sigma = np.hypot(
+        TORQUE_NOISE[:, None], coulomb[:, None] * np.exp(-((speed / REVERSAL_SPEED) ** 2))
+    )
     return _eliminated(torque - known, sigma, columns, carried.gear_per_newton, mean, prior)
 
 
-def from_force_sensor(cell: Cell, geometry: Geometry, wrench: Array, q: Array, b: Array) -> tuple[Tension, float]:
+def from_force_sensor(
+    cell: Cell, geometry: Geometry, wrench: Array, q: Array, b: Array
+) -> tuple[Tension, float]:
     """Tension from a six-axis sensor at the flange, and the root mean square of what is left over [sigma].
 
     wrench : (6, N) [N, N m] that plate and ball-bar exert on the flange, flange frame, at robot angles q (N, 6) and ball-bar
@@ -70,7 +80,9 @@ def from_force_sensor(cell: Cell, geometry: Geometry, wrench: Array, q: Array, b
     prior = np.concatenate((SENSOR_BIAS, np.full(6, SENSOR_GAIN)))
     sigma = np.repeat(SENSOR_NOISE[:, None], q.shape[0], axis=1)
     found = _eliminated(wrench - known, sigma, columns, direction, np.zeros(12), prior)
-    left = (wrench - known - np.einsum("j,jkn->kn", found.theta, columns) - direction * found.force) / sigma
+    left = (
+        wrench - known - np.einsum("j,jkn->kn", found.theta, columns) - direction * found.force
+    ) / sigma
     return found, float(np.sqrt((left * left).mean()))
 
 
@@ -90,7 +102,9 @@ def _on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> tuple[Arra
     return out[0], out[1]
 
 
-def _eliminated(y: Array, sigma: Array, columns: Array, direction: Array, mean: Array, prior: Array) -> Tension:
+def _eliminated(
+    y: Array, sigma: Array, columns: Array, direction: Array, mean: Array, prior: Array
+) -> Tension:
     white, w = y / sigma, direction / sigma
     unit = w / np.linalg.norm(w, axis=0)
     design = columns / sigma
@@ -101,4 +115,9 @@ def _eliminated(y: Array, sigma: Array, columns: Array, direction: Array, mean: 
     theta = mean + np.linalg.solve(normal, flat @ (rest.reshape(-1) - mean @ flat))
     left = white - np.einsum("j,jkn->kn", theta, columns / sigma)
     weight = (w * w).sum(axis=0)
-    return Tension((w * left).sum(axis=0) / weight, 1.0 / np.sqrt(weight), theta, np.sqrt(np.diag(np.linalg.inv(normal))))
+    return Tension(
+        (w * left).sum(axis=0) / weight,
+        1.0 / np.sqrt(weight),
+        theta,
+        np.sqrt(np.diag(np.linalg.inv(normal))),
+    )

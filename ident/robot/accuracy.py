@@ -40,8 +40,12 @@ def accuracy_grid(robot: Robot) -> Array:
     """(G, 6) [rad] held-out joint angles: a Sobol sequence over the robot's accuracy box (which is in axis angles)."""
     from scipy.stats import qmc  # noqa: PLC0415  the slowest of our libraries to import
 
-    points = qmc.Sobol(d=6, scramble=True, rng=np.random.default_rng(_GRID_SEED)).random(1024)[:GRID_POSES]
-    return controller_to_joints(robot, robot.accuracy_lower + points * (robot.accuracy_upper - robot.accuracy_lower))
+    points = qmc.Sobol(d=6, scramble=True, rng=np.random.default_rng(_GRID_SEED)).random(1024)[
+        :GRID_POSES
+    ]
+    return controller_to_joints(
+        robot, robot.accuracy_lower + points * (robot.accuracy_upper - robot.accuracy_lower)
+    )
 
 
 def tcp_error(model: Geometry, truth: Geometry, grid: Array) -> TcpError:
@@ -64,14 +68,18 @@ def _aligned(points: Array, target: Array, *, scale: bool) -> Array:
     return np.asarray(factor * a @ (u @ turn @ vt).T + target.mean(axis=0))
 
 
-def tcp_sigma(geometry: Geometry, grid: Array, parameters: NDArray[np.intp], covariance: Array) -> Array:
+def tcp_sigma(
+    geometry: Geometry, grid: Array, parameters: NDArray[np.intp], covariance: Array
+) -> Array:
     """(G,) [m] standard deviation of the tool position that the parameter covariance implies, base aligned.
 
     parameters : (P,) indices into PARAMETERS of the covariance's first rows; those off the robot do not move the free tool.
     """
     on_robot = np.array([PARAMETERS[i].side == "robot" for i in parameters], dtype=bool)
     frames = robot_frames(geometry, grid)
-    moves = np.stack([screw(frames, PARAMETERS[i].kind, PARAMETERS[i].row)[:3] for i in parameters[on_robot]])
+    moves = np.stack(
+        [screw(frames, PARAMETERS[i].kind, PARAMETERS[i].row)[:3] for i in parameters[on_robot]]
+    )
     chosen = np.flatnonzero(on_robot)
     return position_sigma(frames.tip.T, moves, covariance[np.ix_(chosen, chosen)])
 

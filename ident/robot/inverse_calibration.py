@@ -21,7 +21,9 @@ from cell.geometry import Geometry, robot_frames
 from cell.inverse import UnreachableError, pose_mismatch, refine
 from ident.robot.unloaded_robot import FreeRobot
 
-LARGEST_CORRECTION = 0.1  # [rad] thirty times what geometry asks for away from singularities; more is a sign of one
+LARGEST_CORRECTION = (
+    0.1  # [rad] thirty times what geometry asks for away from singularities; more is a sign of one
+)
 _CONVERGED = 1e-11  # [rad] last Newton step; rounding leaves 1e-13 near a singularity
 _TURNS = 12  # of the fixed point; gear ripple changes by less than 1 % of the change of its angle, so six reach rounding
 
@@ -63,7 +65,9 @@ def corrected_targets(robot: FreeRobot, nominal: Geometry, q: Array) -> Correcte
     faults = _out_of_range(robot.cell.robot, target, "corrected")
     if faults:
         raise TargetError(faults)
-    before, after = (_distance(wanted, robot_frames(robot.geometry, robot.joints(told))) for told in (q, target))
+    before, after = (
+        _distance(wanted, robot_frames(robot.geometry, robot.joints(told))) for told in (q, target)
+    )
     return CorrectedTargets(target, *before, *after)
 
 
@@ -77,7 +81,9 @@ def _joints_at(chain: Chain, q: Array, poses: Array) -> Array:
             try:
                 refine(chain, q[row : row + 1], poses[row : row + 1], tolerance=_CONVERGED)
             except UnreachableError:
-                faults[row] = "the identified robot does not reach the wanted pose near this target. Move the target."
+                faults[row] = (
+                    "the identified robot does not reach the wanted pose near this target. Move the target."
+                )
         raise TargetError(faults) from None
 
 
@@ -107,7 +113,9 @@ def _out_of_range(robot: Robot, q: Array, which: str) -> dict[int, str]:
         axis = int(excess[row].argmax())
         lower, upper = np.degrees(robot.axis_lower[axis]), np.degrees(robot.axis_upper[axis])
         value = np.degrees(axes[row, axis])
-        faults[int(row)] = f"axis {axis + 1} of the {which} target is {value:.3f} deg, outside its range of {lower:.0f} to {upper:.0f} deg"
+        faults[int(row)] = (
+            f"axis {axis + 1} of the {which} target is {value:.3f} deg, outside its range of {lower:.0f} to {upper:.0f} deg"
+        )
     return faults
 
 

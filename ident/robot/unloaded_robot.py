@@ -17,7 +17,9 @@ from cell.geometry import PARAMETERS, Geometry, robot_frames
 from ident.corrections.base import BAR, CARRIERS, GEAR, Correction, State, play_width
 from ident.loads.gear_loads import Loads, mass_model, own_weight
 
-UNDECIDED = np.array([3.0, 3.0, 3.0, 0.15, 0.15, 0.15])  # [N m] load under which play counts in the middle (identification_facts sec. 1)
+UNDECIDED = np.array(
+    [3.0, 3.0, 3.0, 0.15, 0.15, 0.15]
+)  # [N m] load under which play counts in the middle (identification_facts sec. 1)
 
 
 def sides_of_play(load: Array) -> Array:
@@ -52,12 +54,18 @@ class FreeRobot:
         """(P + C, 3, N) change of the tool per unit of robot parameters (indices into PARAMETERS) and coefficients."""
         frames = robot_frames(self.geometry, self.joints(q))
         columns = [
-            screw(frames, PARAMETERS[i].kind, PARAMETERS[i].row)[:3] if PARAMETERS[i].side == "robot" else np.zeros((3, len(q)))
+            screw(frames, PARAMETERS[i].kind, PARAMETERS[i].row)[:3]
+            if PARAMETERS[i].side == "robot"
+            else np.zeros((3, len(q)))
             for i in parameters
         ]
         if self.corrections:
-            gears = np.einsum("gj,jcn->gcn", self.cell.robot.gear_to_joint, joint_screws(frames)[:, :3])
-            columns += [gears[c] * s if c < BAR else np.zeros((3, len(q))) for c, s in self._signals(q)]
+            gears = np.einsum(
+                "gj,jcn->gcn", self.cell.robot.gear_to_joint, joint_screws(frames)[:, :3]
+            )
+            columns += [
+                gears[c] * s if c < BAR else np.zeros((3, len(q))) for c, s in self._signals(q)
+            ]
         return np.stack(columns)
 
     def _signals(self, q: Array) -> list[tuple[int, Array]]:
@@ -74,4 +82,8 @@ class FreeRobot:
             play_width(self.cell),
             sides=sides_of_play(weight),
         )
-        return [(c.carrier, s) for cor in self.corrections for c, s in zip(cor.coefficients, cor.signals(state), strict=True)]
+        return [
+            (c.carrier, s)
+            for cor in self.corrections
+            for c, s in zip(cor.coefficients, cor.signals(state), strict=True)
+        ]

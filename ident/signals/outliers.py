@@ -21,7 +21,9 @@ LONGEST_BURST = 5  # rows; what lasts longer is no outlier but something that ha
 SIDE_ROWS = 8  # sound rows on either side that judge a stretch
 REACH = 3  # times as many row periods: sound rows further away do not count
 LOCAL_ROWS = 24  # on either side: a quick motion spreads all values there
-NOTABLE = 4.0  # standard deviations of the values around, for a suspect that the log as a whole makes one
+NOTABLE = (
+    4.0  # standard deviations of the values around, for a suspect that the log as a whole makes one
+)
 NORMAL_MEDIAN = 0.6745  # median of |x| over its standard deviation, for normal x
 CUBIC = 4  # coefficients of a cubic
 
@@ -37,7 +39,9 @@ class Stretches:
 
     def take(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Stretches:
         """Some of the stretches."""
-        return Stretches(self.first[which], self.last[which], self.beside[which], self.counts[which])
+        return Stretches(
+            self.first[which], self.last[which], self.beside[which], self.counts[which]
+        )
 
     def clock(self, t: Array, rows: NDArray[np.intp], period: float) -> Array:
         """Times of rows (Z, n), counted from the middle of each stretch in units that keep cubics well conditioned."""
@@ -100,7 +104,9 @@ def stretches(t: Array, suspect: NDArray[np.bool_], period: float) -> Stretches:
     place = np.searchsorted(sound, first)[:, None] + np.arange(-SIDE_ROWS, SIDE_ROWS)
     there = (place >= 0) & (place < sound.size)
     beside = sound[np.clip(place, 0, sound.size - 1)]
-    near = (t[beside] > t[first][:, None] - REACH * SIDE_ROWS * period) & (t[beside] < t[last][:, None] + REACH * SIDE_ROWS * period)
+    near = (t[beside] > t[first][:, None] - REACH * SIDE_ROWS * period) & (
+        t[beside] < t[last][:, None] + REACH * SIDE_ROWS * period
+    )
     return Stretches(first, last, beside, there & near)
 
 
@@ -131,7 +137,9 @@ def _contradicted(t: Array, values: Array) -> NDArray[np.bool_]:
     return out
 
 
-def _judge(t: Array, values: Array, where: Stretches, sigma: float, period: float, out: NDArray[np.bool_]) -> None:
+def _judge(
+    t: Array, values: Array, where: Stretches, sigma: float, period: float, out: NDArray[np.bool_]
+) -> None:
     """Marks the outliers of one channel; in place."""
     basis = powers(where.clock(t, where.beside, period), CUBIC) * where.counts[:, :, None]
     known = values[where.beside] * where.counts
@@ -144,7 +152,9 @@ def _judge(t: Array, values: Array, where: Stretches, sigma: float, period: floa
     rows = np.minimum(rows, t.size - 1)
     here = powers(where.clock(t, rows, period), CUBIC)
     error = np.abs(values[rows] - np.einsum("zrk,zk->zr", here, coefficients))
-    deviation = np.maximum(sigma, spread)[:, None] * np.sqrt(1.0 + np.einsum("zri,zij,zrj->zr", here, inverse, here))
+    deviation = np.maximum(sigma, spread)[:, None] * np.sqrt(
+        1.0 + np.einsum("zri,zij,zrj->zr", here, inverse, here)
+    )
     out[rows[inside & (error > np.maximum(FAR_OUT * deviation, SMALLEST))]] = True
 
 

@@ -26,7 +26,9 @@ from ident.signals.outliers import FAR_OUT, SIDE_ROWS, SMALLEST, outliers, robus
 from ident.signals.steps import Break, find_breaks, without_breaks
 
 _WHITE = 0.1  # lag-one autocorrelation of the residual above which motion is left in it (smoothing alone makes it negative)
-GAP_PERIODS = 3.0  # a longer stretch without rows is not interpolated (log_formats H.5: missing samples)
+GAP_PERIODS = (
+    3.0  # a longer stretch without rows is not interpolated (log_formats H.5: missing samples)
+)
 ARM_KNOT_SPACING = 0.25  # [s] keeps motion below 2 Hz
 _GRID = 10  # instants a knot of the arm's motion
 _ROWS_PER_KNOT = 3  # least-squares needs more rows than coefficients
@@ -67,7 +69,11 @@ class SmoothLog:
 
         Ripple of 10 urad at 15 Hz is 0.1 rad/s^2, and on a large arm 100 N m that nothing carries.
         """
-        t = np.linspace(self.start, self.end, max(4 * DEGREE, round((self.end - self.start) / (ARM_KNOT_SPACING / _GRID))))
+        t = np.linspace(
+            self.start,
+            self.end,
+            max(4 * DEGREE, round((self.end - self.start) / (ARM_KNOT_SPACING / _GRID))),
+        )
         return _fit(t, np.asarray(self.spline(t)), ARM_KNOT_SPACING)[0]
 
     def covers(self, t: Array) -> NDArray[np.bool_]:
@@ -82,7 +88,9 @@ class SmoothLog:
 
         Samples closer than a knot interval share noise; their deviation is counted so that they may pass for independent.
         """
-        return np.asarray(self.noise * np.sqrt(min(1.0, self.row_period / min(spacing, self.knot_spacing))))
+        return np.asarray(
+            self.noise * np.sqrt(min(1.0, self.row_period / min(spacing, self.knot_spacing)))
+        )
 
 
 def smoothing(robot: SmoothLog, bar: SmoothLog | None) -> float:
@@ -90,7 +98,9 @@ def smoothing(robot: SmoothLog, bar: SmoothLog | None) -> float:
     return max(robot.knot_spacing, bar.knot_spacing if bar else 0.0)
 
 
-def smooth_log(t: Array, values: Array, *, widest_knot_spacing: float, starts: Sequence[int] = ()) -> SmoothLog:
+def smooth_log(
+    t: Array, values: Array, *, widest_knot_spacing: float, starts: Sequence[int] = ()
+) -> SmoothLog:
     """Spline of one log without its jumps and outliers; t (N,) [s], values (N, channels) [rad].
 
     starts : rows at which a segment begins (cell.logs.segment_starts).
@@ -99,7 +109,9 @@ def smooth_log(t: Array, values: Array, *, widest_knot_spacing: float, starts: S
     Raises ValueError when the log has fewer rows than a spline needs.
     """
     if t.size < 4 * DEGREE:
-        raise ValueError(f"a log of {t.size} rows is too short to be smoothed; at least {4 * DEGREE} are needed")
+        raise ValueError(
+            f"a log of {t.size} rows is too short to be smoothed; at least {4 * DEGREE} are needed"
+        )
     logged = t
     breaks = find_breaks(t, values, starts)
     t, values = without_breaks(t, values, breaks)
@@ -117,9 +129,13 @@ def smooth_log(t: Array, values: Array, *, widest_knot_spacing: float, starts: S
         spacing *= 0.5
     rows = ~fit.out.any(axis=1)
     kept = t[rows]
-    noise = np.sqrt((fit.residual * fit.residual).sum(axis=0) / max(1, kept.size - fit.coefficients))
+    noise = np.sqrt(
+        (fit.residual * fit.residual).sum(axis=0) / max(1, kept.size - fit.coefficients)
+    )
     missing = _stretches(t, GAP_PERIODS * period)
-    left = _stretches(kept, max(GAP_PERIODS * period, spacing))  # where outliers lie, up to a knot interval is bridged
+    left = _stretches(
+        kept, max(GAP_PERIODS * period, spacing)
+    )  # where outliers lie, up to a knot interval is bridged
     found, channels = np.nonzero(fit.out)
     left_out = Outliers(logged[found], channels, t.size - kept.size, t.size)
     spline = fit.spline
@@ -196,7 +212,9 @@ def _in_motion(residual: Array, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
     around = np.clip(rows[:, None] + offsets, 0, residual.shape[0] - 1), channels[:, None]
     size = np.where(out[around], 0.0, np.abs(residual[around]))
     wide = np.zeros(out.shape, dtype=bool)
-    wide[rows, channels] = np.quantile(size, 0.75, axis=1) > _WIDE * _UPPER_QUARTILE * sigma[channels]
+    wide[rows, channels] = (
+        np.quantile(size, 0.75, axis=1) > _WIDE * _UPPER_QUARTILE * sigma[channels]
+    )
     return wide
 
 
@@ -212,4 +230,6 @@ def _fit(t: Array, values: Array, spacing: float) -> tuple[BSpline, Array, int]:
 
 def _lag_one(residual: Array) -> Array:
     power = (residual * residual).sum(axis=0)
-    return np.asarray((residual[1:] * residual[:-1]).sum(axis=0) / np.where(power > 0.0, power, 1.0))
+    return np.asarray(
+        (residual[1:] * residual[:-1]).sum(axis=0) / np.where(power > 0.0, power, 1.0)
+    )

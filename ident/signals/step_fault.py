@@ -16,7 +16,9 @@ class Event:
     time: float  # [s] on the ball-bar's clock
     size: float  # [rad] in the joint's sense, or [s] of the ball-bar's clock against the robot's
     periods: int = 0  # signal periods of the encoder, where the jump is a whole number of them
-    removed: float = 0.0  # [rad] or [s] of the size that was taken out of the log before anything was fitted
+    removed: float = (
+        0.0  # [rad] or [s] of the size that was taken out of the log before anything was fitted
+    )
 
     @property
     def sentence(self) -> str:

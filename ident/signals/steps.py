@@ -14,7 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.chain import Array
-from ident.signals.outliers import CUBIC, FAR_OUT, NORMAL_MEDIAN, SIDE_ROWS, Stretches, least_squares, outliers, powers, stretches, suspects
+from ident.signals.outliers import (
+    CUBIC,
+    FAR_OUT,
+    NORMAL_MEDIAN,
+    SIDE_ROWS,
+    Stretches,
+    least_squares,
+    outliers,
+    powers,
+    stretches,
+    suspects,
+)
 
 SMALLEST_JUMP = 6e-4  # [rad] a third of a signal period of 3600 lines; a joint that strikes in its play moves by less
 SMALLEST_STEP = 2e-3  # [s] half a row of the quicker log
@@ -45,7 +56,10 @@ def find_breaks(t: Array, values: Array, starts: Sequence[int] = ()) -> tuple[Br
     clock = continuous_clock(t, steps)
     found = [(row, None, size) for row, size in steps] + _channel_jumps(clock, values, out, period)
     middle = 0.5 * (clock[1:] + clock[:-1])
-    return tuple(Break(row, float(middle[row - 1]), channel, size) for row, channel, size in sorted(found, key=lambda one: one[0]))
+    return tuple(
+        Break(row, float(middle[row - 1]), channel, size)
+        for row, channel, size in sorted(found, key=lambda one: one[0])
+    )
 
 
 def without_breaks(t: Array, values: Array, breaks: tuple[Break, ...]) -> tuple[Array, Array]:
@@ -56,7 +70,9 @@ def without_breaks(t: Array, values: Array, breaks: tuple[Break, ...]) -> tuple[
     for one in breaks:
         if one.channel is not None:
             values[one.row :, one.channel] -= one.size
-    return continuous_clock(t, [(one.row, one.size) for one in breaks if one.channel is None]), values
+    return continuous_clock(
+        t, [(one.row, one.size) for one in breaks if one.channel is None]
+    ), values
 
 
 def continuous_clock(t: Array, steps: list[tuple[int, float]]) -> Array:
@@ -67,9 +83,14 @@ def continuous_clock(t: Array, steps: list[tuple[int, float]]) -> Array:
     return out
 
 
-def _clock_steps(t: Array, values: Array, out: NDArray[np.bool_], period: float, starts: Sequence[int]) -> list[tuple[int, float]]:
+def _clock_steps(
+    t: Array, values: Array, out: NDArray[np.bool_], period: float, starts: Sequence[int]
+) -> list[tuple[int, float]]:
     """First row behind and size [s] of each step of the clock; out (N, C) values that must not speak."""
-    irregular = np.union1d(np.flatnonzero(np.abs(np.diff(t) - period) > SMALLEST_STEP) + 1, np.asarray(starts, dtype=np.intp))
+    irregular = np.union1d(
+        np.flatnonzero(np.abs(np.diff(t) - period) > SMALLEST_STEP) + 1,
+        np.asarray(starts, dtype=np.intp),
+    )
     if irregular.size == 0:
         return []
     suspect, sigma = suspects(t, values)
@@ -81,7 +102,9 @@ def _clock_steps(t: Array, values: Array, out: NDArray[np.bool_], period: float,
     return steps
 
 
-def _clock_step(t: Array, values: Array, out: NDArray[np.bool_], sigma: Array, row: int, period: float) -> float | None:
+def _clock_step(
+    t: Array, values: Array, out: NDArray[np.bool_], sigma: Array, row: int, period: float
+) -> float | None:
     """[s] by how much the rows behind must be set back for the motion to go on; None if that does not explain them."""
     beside = slice(max(0, row - SIDE_ROWS - 2), min(t.size, row + SIDE_ROWS + 2))
     behind = (np.arange(t.size)[beside] >= row).astype(np.float64)
@@ -91,7 +114,9 @@ def _clock_step(t: Array, values: Array, out: NDArray[np.bool_], sigma: Array, r
         after = _misfit(stamps, angles, sound, sigma, behind, period, step)
         step += after.correction
         # an outlier beside a step is not seen before, since the rows around it agree on nothing
-        sound = sound & (after.left < FAR_OUT * max(1.0, float(np.median(after.left[sound])) / NORMAL_MEDIAN))
+        sound = sound & (
+            after.left < FAR_OUT * max(1.0, float(np.median(after.left[sound])) / NORMAL_MEDIAN)
+        )
     if abs(step - guess) > period or abs(step) < SMALLEST_STEP:
         return None
     after = _misfit(stamps, angles, sound, sigma, behind, period, step)
@@ -113,7 +138,15 @@ class _Misfit:
     sigma: float  # [s] of that correction
 
 
-def _misfit(t: Array, values: Array, sound: NDArray[np.bool_], sigma: Array, behind: Array, period: float, step: float) -> _Misfit:
+def _misfit(
+    t: Array,
+    values: Array,
+    sound: NDArray[np.bool_],
+    sigma: Array,
+    behind: Array,
+    period: float,
+    step: float,
+) -> _Misfit:
     """Of some rows, those `behind` set back by a step [s]."""
     t = t - step * behind
     x = (t - t.mean()) / (SIDE_ROWS * period)
@@ -129,15 +162,22 @@ def _misfit(t: Array, values: Array, sound: NDArray[np.bool_], sigma: Array, beh
     correction = -float((moved * left).sum()) / energy if energy > 0.0 else 0.0
     spread = float(np.sqrt((left * left).sum() / max(1.0, sound.sum() - CUBIC * sigma.size)))
     everywhere = np.abs(values - powers(x, CUBIC) @ coefficients.T) / sigma
-    return _Misfit(everywhere, spread, correction, 1.0 / np.sqrt(energy) if energy > 0.0 else np.inf)
+    return _Misfit(
+        everywhere, spread, correction, 1.0 / np.sqrt(energy) if energy > 0.0 else np.inf
+    )
 
 
-def _channel_jumps(t: Array, values: Array, out: NDArray[np.bool_], period: float) -> list[tuple[int, int | None, float]]:
+def _channel_jumps(
+    t: Array, values: Array, out: NDArray[np.bool_], period: float
+) -> list[tuple[int, int | None, float]]:
     """First row behind, channel and size [rad] of each jump of one channel; out (N, C) values that must not speak."""
     jumps: list[tuple[int, int | None, float]] = []
     for channel in range(values.shape[1]):
         rows = np.flatnonzero(~out[:, channel])
-        jumps += [(int(rows[row]), channel, size) for row, size in _jumps(t[rows], values[rows, channel], period)]
+        jumps += [
+            (int(rows[row]), channel, size)
+            for row, size in _jumps(t[rows], values[rows, channel], period)
+        ]
     return jumps
 
 
@@ -146,12 +186,16 @@ def _jumps(t: Array, values: Array, period: float) -> list[tuple[int, float]]:
     suspect, _ = suspects(t, values[:, None])
     where = stretches(t, suspect[:, 0], period)
     behind = np.repeat([False, True], SIDE_ROWS)
-    enough = (where.counts[:, ~behind].sum(axis=1) >= CUBIC) & (where.counts[:, behind].sum(axis=1) >= CUBIC)
+    enough = (where.counts[:, ~behind].sum(axis=1) >= CUBIC) & (
+        where.counts[:, behind].sum(axis=1) >= CUBIC
+    )
     where = where.take(enough)
     if where.first.size == 0:
         return []
     smooth = powers(where.clock(t, where.beside, period), CUBIC)
-    stepped = np.concatenate((smooth, np.broadcast_to(behind[:, None], (*smooth.shape[:2], 1))), axis=2)
+    stepped = np.concatenate(
+        (smooth, np.broadcast_to(behind[:, None], (*smooth.shape[:2], 1))), axis=2
+    )
     without, _, _ = _spread(smooth, values, where)
     spread, coefficients, inverse = _spread(stepped, values, where)
     size = coefficients[:, -1]
@@ -161,7 +205,9 @@ def _jumps(t: Array, values: Array, period: float) -> list[tuple[int, float]]:
         rows = np.arange(where.first[k], where.last[k] + 1)
         x = where.take(np.array([k])).clock(t, rows[None], period)[0]
         error = values[rows] - powers(x, CUBIC) @ coefficients[k, :-1]
-        jumps.append((int(rows[0]) + _split(np.abs(error), np.abs(error - size[k])), float(size[k])))
+        jumps.append(
+            (int(rows[0]) + _split(np.abs(error), np.abs(error - size[k])), float(size[k]))
+        )
     return jumps
 
 
@@ -176,5 +222,7 @@ def _spread(basis: Array, column: Array, where: Stretches) -> tuple[Array, Array
 
 def _split(before: Array, behind: Array) -> int:
     """How many of the rows of a stretch lie before the jump, from how far each is from either side's motion."""
-    cost = np.concatenate(([0.0], np.cumsum(before))) + np.concatenate((np.cumsum(behind[::-1])[::-1], [0.0]))
+    cost = np.concatenate(([0.0], np.cumsum(before))) + np.concatenate(
+        (np.cumsum(behind[::-1])[::-1], [0.0])
+    )
     return int(cost.argmin())

@@ -39,13 +39,26 @@ SAMPLES = 400
 HYPOTHESES = 8
 ITERATIONS = 15  # a wrong hypothesis crawls; the right one needs 3 to 7
 GEOMETRY_SIGMA = 5e-3  # [m, rad] a gauge weight, not a belief: unobservable directions stay where linearisation holds
-GAUGE = ("ra6", "rd1", "rd3", "rtheta1")  # known scale, and what the ball-bar's base and rd2 can take up; left free they wander
-ROLL_CLOSE = 0.9  # a sign of b3 whose mean resultant is within this factor of the better one is kept too
+GAUGE = (
+    "ra6",
+    "rd1",
+    "rd3",
+    "rtheta1",
+)  # known scale, and what the ball-bar's base and rd2 can take up; left free they wander
+ROLL_CLOSE = (
+    0.9  # a sign of b3 whose mean resultant is within this factor of the better one is kept too
+)
 SCORE_KEPT = 0.5  # of the best score
-ACCEPT_FACTOR, ACCEPT_MARGIN = 2.0, 0.5  # cost per residual: at most factor times the least plus margin
+ACCEPT_FACTOR, ACCEPT_MARGIN = (
+    2.0,
+    0.5,
+)  # cost per residual: at most factor times the least plus margin
 SAME_OFFSET = 0.05  # [s] two accepted solutions further apart are two answers
 SAME_ORIGIN = 0.05  # [m]
-SAME_OVERLAP, SAME_COST = 0.98, 1.2  # within these factors candidates are as good as each other; the better score goes first
+SAME_OVERLAP, SAME_COST = (
+    0.98,
+    1.2,
+)  # within these factors candidates are as good as each other; the better score goes first
 RIVAL_OVERLAP = 0.7  # of the chosen one's
 
 
@@ -90,7 +103,13 @@ class Start:
         return bool(self.rivals)
 
 
-def automatic_start(robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], nominal: Geometry, noise: NoiseModel) -> Start:
+def automatic_start(
+    robot: SmoothLog,
+    bar: SmoothLog | None,
+    joints: tuple[int, ...],
+    nominal: Geometry,
+    noise: NoiseModel,
+) -> Start:
     """Starting values for a recording.
 
     nominal : catalogue geometry; its origin and encoder zeros are ignored.
@@ -99,20 +118,28 @@ def automatic_start(robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, 
     """
     pairs = [pair for pair in ((1, 2), (5, 4)) if set(pair) <= set(joints)]
     if joints and not pairs:
-        raise StartError(f"encoders {joints} hold no complete gimbal: b1 with b2, or b4 with b5, is needed to align the logs")
+        raise StartError(
+            f"encoders {joints} hold no complete gimbal: b1 with b2, or b4 with b5, is needed to align the logs"
+        )
     if {1, 2, 4, 5} & set(joints) != {j for pair in pairs for j in pair}:
-        raise StartError(f"encoders {joints}: half a gimbal is fitted; use b1 with b2 and b4 with b5, or leave the odd one out")
+        raise StartError(
+            f"encoders {joints}: half a gimbal is fitted; use b1 with b2 and b4 with b5, or leave the odd one out"
+        )
     candidates = []
     for hypothesis in islice(_hypotheses(robot, bar, joints, nominal), HYPOTHESES):
         candidate = fitted(hypothesis, robot, bar, joints, noise)
         if candidate is not None:
             candidates.append(candidate)
     if not candidates:
-        raise StartError("no clock offset makes the two logs agree anywhere; are both of the same run, and is the robot the right one?")
+        raise StartError(
+            "no clock offset makes the two logs agree anywhere; are both of the same run, and is the robot the right one?"
+        )
     return _choice(candidates)
 
 
-def _hypotheses(robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], nominal: Geometry) -> Iterator[Hypothesis]:
+def _hypotheses(
+    robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], nominal: Geometry
+) -> Iterator[Hypothesis]:
     poses = _poses(robot, nominal, SPHERE_STEP)
     try:
         spheres = sphere_candidates(poses[:, :3, 3], nominal["bd3"])
@@ -127,7 +154,9 @@ def _hypotheses(robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...]
     yield from sorted((h for h in found if h.score >= SCORE_KEPT * best), key=lambda h: -h.score)
 
 
-def _aligned(robot: SmoothLog, bar: SmoothLog, joints: tuple[int, ...], nominal: Geometry, sphere: Sphere) -> Iterator[Hypothesis]:
+def _aligned(
+    robot: SmoothLog, bar: SmoothLog, joints: tuple[int, ...], nominal: Geometry, sphere: Sphere
+) -> Iterator[Hypothesis]:
     poses = _poses(robot, nominal, SCAN_STEP)
     rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
     rod = tip - sphere.centre
@@ -139,7 +168,9 @@ def _aligned(robot: SmoothLog, bar: SmoothLog, joints: tuple[int, ...], nominal:
     if {1, 2} <= set(joints):
         pairs[1, 2] = PairScan(Pair(column[1], column[2], u), SCAN_STEP)
     if {4, 5} <= set(joints):
-        pairs[5, 4] = PairScan(Pair(column[5], column[4], v * np.array([-1.0, 1.0, 1.0])), SCAN_STEP)
+        pairs[5, 4] = PairScan(
+            Pair(column[5], column[4], v * np.array([-1.0, 1.0, 1.0])), SCAN_STEP
+        )
     scan = scan_lags(list(pairs.values()))
     for index in best_lags(scan, count=LAGS_KEPT, separation=round(LAG_SEPARATION / SCAN_STEP)):
         offset = subsample(scan, index) * SCAN_STEP + robot.start - bar.start
@@ -150,7 +181,12 @@ def _aligned(robot: SmoothLog, bar: SmoothLog, joints: tuple[int, ...], nominal:
             for full in _with_roll(read, joints, column, rotation, int(scan.lags[index])):
                 signs = tuple(full[j][0] for j in joints)
                 zeros = {f"btheta{j}": full[j][1] for j in joints}
-                yield Hypothesis(Clock(offset, 0.0), signs, _with_base(nominal, sphere, zeros), float(scan.score[index]))
+                yield Hypothesis(
+                    Clock(offset, 0.0),
+                    signs,
+                    _with_base(nominal, sphere, zeros),
+                    float(scan.score[index]),
+                )
 
 
 def _readings(turning: int, tilting: int, branch: Branch) -> dict[int, tuple[int, float]]:
@@ -158,19 +194,27 @@ def _readings(turning: int, tilting: int, branch: Branch) -> dict[int, tuple[int
 
 
 def _with_roll(
-    read: dict[int, tuple[int, float]], joints: tuple[int, ...], column: dict[int, Array], rotation: Array, lag: int
+    read: dict[int, tuple[int, float]],
+    joints: tuple[int, ...],
+    column: dict[int, Array],
+    rotation: Array,
+    lag: int,
 ) -> Iterator[dict[int, tuple[int, float]]]:
     """The readings with that of b3 added: its zero, and its sign where one explains the roll clearly better."""
     if 3 not in joints:
         yield read
         return
     if not {1, 2, 4, 5} <= set(read):
-        raise StartError("encoder b3 needs b1, b2, b4 and b5 beside it: its zero is read off against the other four")
+        raise StartError(
+            "encoder b3 needs b1, b2, b4 and b5 beside it: its zero is read off against the other four"
+        )
     n = column[3].size
     first, last = max(0, -lag), min(n, rotation.shape[0] - lag)
     angle = {j: s * column[j][first:last] + z for j, (s, z) in read.items()}
     roll = bar_roll(rotation[first + lag : last + lag], angle[1], angle[2], angle[4], angle[5])
-    means = {sign: complex(np.exp(1j * (roll - sign * column[3][first:last])).mean()) for sign in (1, -1)}
+    means = {
+        sign: complex(np.exp(1j * (roll - sign * column[3][first:last])).mean()) for sign in (1, -1)
+    }
     longest = max(abs(mean) for mean in means.values())
     for sign, mean in means.items():
         if abs(mean) >= ROLL_CLOSE * longest:
@@ -195,7 +239,15 @@ def fitted(
     prior = Prior(hypothesis.geometry.values[parameters], sigma)
     start = problem.start(hypothesis.geometry, hypothesis.clock)
     try:
-        fit = solve(problem, start, parameters, prior=prior, negligible=1e-2, max_iterations=ITERATIONS, watch=watch)
+        fit = solve(
+            problem,
+            start,
+            parameters,
+            prior=prior,
+            negligible=1e-2,
+            max_iterations=ITERATIONS,
+            watch=watch,
+        )
     except np.linalg.LinAlgError:  # a wrong hypothesis may run into a pose where nothing can be solved; it is then no candidate
         return None
     first, last = overlap(robot, bar, fit.estimate.clock)
@@ -216,8 +268,14 @@ def _choice(candidates: list[Candidate]) -> Start:
     least = min(candidate.cost for candidate in candidates)
     accepted = [c for c in candidates if c.cost <= ACCEPT_FACTOR * least + ACCEPT_MARGIN]
     longest = [c for c in accepted if c.overlap >= SAME_OVERLAP * max(a.overlap for a in accepted)]
-    chosen = next(c for c in longest if c.cost <= SAME_COST * min(a.cost for a in longest))  # candidates come best score first
-    rivals = tuple(c for c in accepted if c is not chosen and _differs(c, chosen) and c.overlap > RIVAL_OVERLAP * chosen.overlap)
+    chosen = next(
+        c for c in longest if c.cost <= SAME_COST * min(a.cost for a in longest)
+    )  # candidates come best score first
+    rivals = tuple(
+        c
+        for c in accepted
+        if c is not chosen and _differs(c, chosen) and c.overlap > RIVAL_OVERLAP * chosen.overlap
+    )
     return Start(chosen, rivals, len(candidates))
 
 
@@ -233,7 +291,9 @@ def _with_base(nominal: Geometry, sphere: Sphere, zeros: dict[str, float]) -> Ge
 
 
 def _grid(log: SmoothLog, step: float) -> Array:
-    return np.asarray(log.start + step * np.arange(int((log.end - log.start) / step) + 1, dtype=np.float64))
+    return np.asarray(
+        log.start + step * np.arange(int((log.end - log.start) / step) + 1, dtype=np.float64)
+    )
 
 
 def _poses(robot: SmoothLog, nominal: Geometry, step: float) -> Array:

@@ -20,7 +20,9 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from cell.chain import Array
 
-DIRECTION_SIGMA = 3e-3  # [rad] what an uncalibrated robot leaves of a direction; floor of all variances here
+DIRECTION_SIGMA = (
+    3e-3  # [rad] what an uncalibrated robot leaves of a direction; floor of all variances here
+)
 ZEROS = 90  # grid of z2 over the full turn; maxima are refined by a parabola
 MIN_OVERLAP = 10.0  # [s]
 WITHIN = 9.0  # local maxima whose variance is within this factor of the best are kept as branches
@@ -109,7 +111,9 @@ class PairScan:
             for k in np.flatnonzero((gains >= np.roll(gains, 1)) & (gains > np.roll(gains, -1))):
                 zero = _peak(here, float(_grid()[k]))
                 phase = float(np.angle(np.cos(zero) * here.a1 + np.sin(zero) * here.a2)[0])
-                variance = max(0.0, 2.0 * (1.0 - float(here.gain(zero)[0]) / float(self.overlap[index])))
+                variance = max(
+                    0.0, 2.0 * (1.0 - float(here.gain(zero)[0]) / float(self.overlap[index]))
+                )
                 found.append(Branch(sign, phase, zero, variance))
         found.sort(key=lambda branch: branch.variance)
         floor = DIRECTION_SIGMA**2
@@ -131,7 +135,9 @@ def scan_lags(pairs: list[PairScan]) -> LagScan:
 def best_lags(scan: LagScan, *, count: int, separation: int) -> list[int]:
     """Indices of the best local maxima of the score, at least `separation` lags apart, best first."""
     padded = np.concatenate(([-np.inf], scan.score, [-np.inf]))
-    peaks = np.flatnonzero((scan.score >= padded[:-2]) & (scan.score > padded[2:]) & np.isfinite(scan.score))
+    peaks = np.flatnonzero(
+        (scan.score >= padded[:-2]) & (scan.score > padded[2:]) & np.isfinite(scan.score)
+    )
     chosen: list[int] = []
     for index in peaks[np.argsort(scan.score[peaks])[::-1]]:
         if len(chosen) == count:
@@ -143,7 +149,11 @@ def best_lags(scan: LagScan, *, count: int, separation: int) -> list[int]:
 
 def subsample(scan: LagScan, index: int) -> float:
     """Lag of a peak with the parabola through its neighbours, in steps."""
-    if index == 0 or index == scan.lags.size - 1 or not np.isfinite(scan.score[index - 1 : index + 2]).all():
+    if (
+        index == 0
+        or index == scan.lags.size - 1
+        or not np.isfinite(scan.score[index - 1 : index + 2]).all()
+    ):
         return float(scan.lags[index])
     left, centre, right = scan.score[index - 1 : index + 2]
     curvature = left - 2.0 * centre + right
@@ -171,7 +181,12 @@ def _correlate(pair: Pair, sign: int) -> _Correlation:
     sine, cosine = np.sin(pair.tilting), np.cos(pair.tilting)
     ux, uy, uz = pair.direction.T
     model1, model2 = -sine * turn, -cosine * turn
-    return _Correlation(_complex_lags(model1, ux, uy), _complex_lags(model2, ux, uy), _lags(cosine, uz), _lags(sine, uz))
+    return _Correlation(
+        _complex_lags(model1, ux, uy),
+        _complex_lags(model2, ux, uy),
+        _lags(cosine, uz),
+        _lags(sine, uz),
+    )
 
 
 def _complex_lags(model: NDArray[np.complex128], x: Array, y: Array) -> NDArray[np.complex128]:

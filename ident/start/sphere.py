@@ -12,7 +12,9 @@ import numpy as np
 
 from cell.chain import Array
 
-RADIUS_SIGMA = 0.010  # [m] the rod against its catalogue length; centres of candidates only, refined later
+RADIUS_SIGMA = (
+    0.010  # [m] the rod against its catalogue length; centres of candidates only, refined later
+)
 FIT_SIGMA = 0.002  # [m] what uncalibrated robots leave of a sphere (1 mm and mrad of DH error)
 SAME_ORDER = 10.0  # a centre this many times worse is not worth a hypothesis
 _ITERATIONS = 30
@@ -34,14 +36,23 @@ def sphere_candidates(points: Array, radius: float) -> list[Sphere]:
     """
     spread = points - points.mean(axis=0)
     if np.sqrt((spread * spread).sum(axis=1).mean()) < 0.01 * radius:
-        raise ValueError("the tool moves less than a hundredth of the rod length: no sphere can be seen in the robot log")
+        raise ValueError(
+            "the tool moves less than a hundredth of the rod length: no sphere can be seen in the robot log"
+        )
     algebraic = _algebraic_centre(points)
     normal = np.linalg.svd(spread, full_matrices=False)[2][2]
     foot = algebraic - float((algebraic - points.mean(axis=0)) @ normal) * normal
     height = np.sqrt(max(0.0, radius**2 - float(((points - foot) ** 2).sum(axis=1).mean())))
     starts = (algebraic, foot + height * normal, foot - height * normal)
-    best, *others = sorted((_refined(points, start, radius) for start in starts), key=lambda sphere: sphere.cost)
-    apart = [s for s in others if np.linalg.norm(s.centre - best.centre) > 0.01 * radius and s.cost <= SAME_ORDER * best.cost]
+    best, *others = sorted(
+        (_refined(points, start, radius) for start in starts), key=lambda sphere: sphere.cost
+    )
+    apart = [
+        s
+        for s in others
+        if np.linalg.norm(s.centre - best.centre) > 0.01 * radius
+        and s.cost <= SAME_ORDER * best.cost
+    ]
     return [best, *apart[:1]]
 
 
@@ -69,5 +80,7 @@ def _refined(points: Array, centre: Array, nominal: float) -> Sphere:
         if np.abs(step).max() < 1e-9:
             break
     distance = np.linalg.norm(points - centre, axis=1)
-    cost = float((((distance - radius) / FIT_SIGMA) ** 2).sum() + ((radius - nominal) / RADIUS_SIGMA) ** 2)
+    cost = float(
+        (((distance - radius) / FIT_SIGMA) ** 2).sum() + ((radius - nominal) / RADIUS_SIGMA) ** 2
+    )
     return Sphere(centre, float(radius), cost)

@@ -27,11 +27,11 @@ from ident.thesis.costs import ENCODERS_NEEDED, ROD, Cost, CostName
 
 DAMPING_START = 1e-12
 DAMPING_MAX = 1e6
-NEGLIGIBLE = (
-    1e-4  # predicted decrease in units of the cost per degree of freedom: a hundredth of a standard deviation (ident.estimator.solver)
-)
+NEGLIGIBLE = 1e-4  # predicted decrease in units of the cost per degree of freedom: a hundredth of a standard deviation (ident.estimator.solver)
 ROUNDING_STEP = 1e-12  # [m, rad] of an undamped step: a thousandth of a nanometre
-RELATIVE_DECREASE = 1e-10  # of the cost, and of the step against the parameters: what stops the printed scalars
+RELATIVE_DECREASE = (
+    1e-10  # of the cost, and of the step against the parameters: what stops the printed scalars
+)
 MAX_ITERATIONS = 500  # the thesis's limit (thesis sec. 5.3)
 
 
@@ -45,7 +45,9 @@ class CostFit:
     converged: bool
     cost: float  # sum of squared residuals: for a printed scalar, of its square
     rms: float  # of the residuals [of the cost's components; printed: of the scalar]
-    rod_deviation: float  # [m] of the rod's length from bd3 where it is pulled; 0 unless it was asked for
+    rod_deviation: (
+        float  # [m] of the rod's length from bd3 where it is pulled; 0 unless it was asked for
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +63,22 @@ class _Problem:
     def point(self, geometry: Geometry, deviation: float) -> _Point:
         closure = _closure(geometry, self.q, self.b)
         point = _Point(geometry, deviation, closure, self.cost.residual(closure))
-        return point if self.sign is None else replace(point, residual=point.residual + deviation * self._rod_column(point))
+        return (
+            point
+            if self.sign is None
+            else replace(point, residual=point.residual + deviation * self._rod_column(point))
+        )
 
     def columns(self, here: _Point) -> Array:
         """(P, E * N), and a last row for the rod's deviation."""
-        columns = self.cost.jacobian(here.closure, [PARAMETERS[i] for i in self.chosen]).reshape(self.chosen.size, -1)
-        return columns if self.sign is None else np.vstack((columns, self._rod_column(here).reshape(-1)))
+        columns = self.cost.jacobian(here.closure, [PARAMETERS[i] for i in self.chosen]).reshape(
+            self.chosen.size, -1
+        )
+        return (
+            columns
+            if self.sign is None
+            else np.vstack((columns, self._rod_column(here).reshape(-1)))
+        )
 
     def moved(self, here: _Point, step: Array) -> _Point:
         values = here.geometry.values.copy()
@@ -111,7 +123,9 @@ def fit_cost(
     Raises ValueError when an angle is not finite, and for the sign of a printed scalar.
     """
     if rod_sign is not None and cost.form != "vector":
-        raise ValueError("the rod's deviation is linear in the signed components only, not in a printed scalar")
+        raise ValueError(
+            "the rod's deviation is linear in the signed components only, not in a printed scalar"
+        )
     problem = _Problem(cost, q, b, np.asarray(parameters, dtype=np.intp), rod_sign)
     here = problem.point(start, 0.0)
     if not np.isfinite(here.cost):
@@ -131,7 +145,9 @@ def fit_cost(
         converged = cost.form == "thesis" and _stalled(here, there, step, problem.chosen)
         here = there
     rms = float(np.sqrt(here.cost / here.residual.size))
-    return CostFit(here.geometry, problem.chosen, iterations, converged, here.cost, rms, here.deviation)
+    return CostFit(
+        here.geometry, problem.chosen, iterations, converged, here.cost, rms, here.deviation
+    )
 
 
 def _closure(geometry: Geometry, q: Array, b: Array) -> Closure:
@@ -149,7 +165,9 @@ def _arrived(cost: Cost, here: _Point, normal: Array, gradient: Array) -> bool:
 
 
 def _stalled(here: _Point, there: _Point, step: Array, chosen: NDArray[np.intp]) -> bool:
-    small = float(np.linalg.norm(step)) <= RELATIVE_DECREASE * float(np.linalg.norm(there.geometry.values[chosen]))
+    small = float(np.linalg.norm(step)) <= RELATIVE_DECREASE * float(
+        np.linalg.norm(there.geometry.values[chosen])
+    )
     return small or here.cost - there.cost <= RELATIVE_DECREASE * here.cost
 
 
@@ -160,7 +178,9 @@ def _step(normal: Array, gradient: Array, damping: float) -> Array:
     return np.asarray(-scale * cho_solve(cho_factor(scaled), scale * gradient))
 
 
-def _accepted(problem: _Problem, here: _Point, normal: Array, gradient: Array, damping: float) -> tuple[_Point | None, Array, float]:
+def _accepted(
+    problem: _Problem, here: _Point, normal: Array, gradient: Array, damping: float
+) -> tuple[_Point | None, Array, float]:
     """The next point, the step to it and the damping after it; no point where no step lowers the cost."""
     step = np.zeros(gradient.size)
     while damping <= DAMPING_MAX:

@@ -56,9 +56,13 @@ def fit_cost_with_shift(
     sign = None if rod_sign is None else rod_sign[inside]
     geometry, shift = start, 0.0
     for _ in range(rounds):
-        geometry = fit_cost(cost, geometry, q, bar.spline(t + shift), parameters, rod_sign=sign).geometry
+        geometry = fit_cost(
+            cost, geometry, q, bar.spline(t + shift), parameters, rod_sign=sign
+        ).geometry
         shift = best_shift(cost, geometry, t, q, bar)
-    return ShiftedFit(fit_cost(cost, geometry, q, bar.spline(t + shift), parameters, rod_sign=sign), shift)
+    return ShiftedFit(
+        fit_cost(cost, geometry, q, bar.spline(t + shift), parameters, rod_sign=sign), shift
+    )
 
 
 def best_shift(cost: Cost, geometry: Geometry, t: Array, q: Array, bar: SmoothLog) -> float:
@@ -69,7 +73,13 @@ def best_shift(cost: Cost, geometry: Geometry, t: Array, q: Array, bar: SmoothLo
     robot = robot_frames(geometry, q)
 
     def cost_at(shift: float) -> float:
-        residual = cost.residual(Closure(geometry, robot, bar_frames(geometry, bar.spline(t + shift)), np.empty((6, 0))))
+        residual = cost.residual(
+            Closure(geometry, robot, bar_frames(geometry, bar.spline(t + shift)), np.empty((6, 0)))
+        )
         return float(np.vdot(residual, residual))
 
-    return float(minimize_scalar(cost_at, bounds=(-REACH, REACH), method="bounded", options={"xatol": SETTLED}).x)
+    return float(
+        minimize_scalar(
+            cost_at, bounds=(-REACH, REACH), method="bounded", options={"xatol": SETTLED}
+        ).x
+    )

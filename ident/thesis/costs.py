@@ -37,7 +37,12 @@ ENCODERS_NEEDED: dict[CostName, tuple[int, ...]] = {
 }
 ML = "ml"  # not one of the thesis: the whole residual, weighed by its noise (ident.estimator.problem)
 COSTS = (ML, *ENCODERS_NEEDED)
-EQUATIONS: dict[CostName, int] = {"length": 1, "position": 3, "position_angles": 5, "transform": 12}  # a sample, as vector
+EQUATIONS: dict[CostName, int] = {
+    "length": 1,
+    "position": 3,
+    "position_angles": 5,
+    "transform": 12,
+}  # a sample, as vector
 ROD = "bd3"
 
 
@@ -64,9 +69,13 @@ class Cost:
             return columns
         if self.name == "length":
             on_rod = np.array([p.name == ROD for p in parameters], dtype=bool)
-            size = np.where(on_rod[:, None], closure.geometry[ROD], np.linalg.norm(_rod(closure), axis=0))
+            size = np.where(
+                on_rod[:, None], closure.geometry[ROD], np.linalg.norm(_rod(closure), axis=0)
+            )
             return -2.0 * size[:, None, :] * columns
-        return np.asarray(2.0 * np.einsum("pen,en->pn", columns, _components(self.name, closure)))[:, None]
+        return np.asarray(2.0 * np.einsum("pen,en->pn", columns, _components(self.name, closure)))[
+            :, None
+        ]
 
 
 def cost_named(name: CostName, form: Form) -> Cost:
@@ -88,7 +97,9 @@ def _components(name: CostName, closure: Closure) -> Array:
         return position
     if name == "position_angles":
         return np.concatenate((position, np.sin(cardan_angles(closure).mismatch)))
-    return np.concatenate((position, bar.x[-1] - robot.x[-1], bar.y[-1] - robot.y[-1], bar.z[-1] - robot.z[-1]))
+    return np.concatenate(
+        (position, bar.x[-1] - robot.x[-1], bar.y[-1] - robot.y[-1], bar.z[-1] - robot.z[-1])
+    )
 
 
 def _derivatives(name: CostName, closure: Closure, parameters: Sequence[Parameter]) -> Array:
@@ -98,14 +109,18 @@ def _derivatives(name: CostName, closure: Closure, parameters: Sequence[Paramete
         _fill_length(columns, closure, parameters)
         return columns
     cardan = cardan_angles(closure) if name == "position_angles" else None
-    robot_axes, bar_axes = (np.stack((f.x[-1], f.y[-1], f.z[-1]), axis=1) for f in (closure.robot, closure.bar))
+    robot_axes, bar_axes = (
+        np.stack((f.x[-1], f.y[-1], f.z[-1]), axis=1) for f in (closure.robot, closure.bar)
+    )
     for column, parameter in zip(columns, parameters, strict=True):
         motion = _relative_motion(closure, parameter)
         column[:3] = motion[:3]
         if cardan:
             column[3:] = np.cos(cardan.mismatch) * cardan_columns(cardan, parameter, motion)
         elif name == "transform" and not parameter.is_length:
-            _fill_turn(column[3:], motion[3:], robot_axes if parameter.side == "robot" else bar_axes)
+            _fill_turn(
+                column[3:], motion[3:], robot_axes if parameter.side == "robot" else bar_axes
+            )
     return columns
 
 
@@ -120,7 +135,9 @@ def _relative_motion(closure: Closure, parameter: Parameter) -> Array:
         return np.negative(motion, out=motion)
     if parameter.side == "bar" and parameter.kind == "theta":
         bar, row = closure.bar, parameter.row
-        motion[:3] = cross(bar.z[row], bar.tip - (bar.origin[row] + closure.geometry.bar.d[row] * bar.z[row]))
+        motion[:3] = cross(
+            bar.z[row], bar.tip - (bar.origin[row] + closure.geometry.bar.d[row] * bar.z[row])
+        )
     return motion
 
 
@@ -134,7 +151,9 @@ def _fill_length(columns: Array, closure: Closure, parameters: Sequence[Paramete
     along = rod / np.linalg.norm(rod, axis=0)
     for column, parameter in zip(columns[:, 0], parameters, strict=True):
         if parameter.side == "robot":
-            column[:] = -(along * screw(closure.robot, parameter.kind, parameter.row)[:3]).sum(axis=0)
+            column[:] = -(along * screw(closure.robot, parameter.kind, parameter.row)[:3]).sum(
+                axis=0
+            )
         elif parameter.kind == "origin":
             column[:] = along[parameter.row]
         elif parameter.name == ROD:

@@ -41,7 +41,12 @@ class SampleFit:
 
 
 def fit_samples(
-    t: Array, q: Array, b: Array, joints: tuple[int, ...], start: Geometry, parameters: NDArray[np.intp] | None = None
+    t: Array,
+    q: Array,
+    b: Array,
+    joints: tuple[int, ...],
+    start: Geometry,
+    parameters: NDArray[np.intp] | None = None,
 ) -> SampleFit:
     """Fit geometry and clock to paired samples by the whitened loop closure.
 
@@ -55,14 +60,29 @@ def fit_samples(
     if bar is not None:
         encoder[[j - 1 for j in joints]] = bar.noise
     inside = t[(t >= t[0] + MARGIN) & (t <= t[-1] - MARGIN)]
-    problem = Problem(robot, bar, joints, np.ones(len(joints)), inside, NoiseModel(robot.noise, encoder, ROD_SIGMA_START))
+    problem = Problem(
+        robot,
+        bar,
+        joints,
+        np.ones(len(joints)),
+        inside,
+        NoiseModel(robot.noise, encoder, ROD_SIGMA_START),
+    )
     here = problem.start(start, Clock(0.0, 0.0))
-    chosen = identifiable(problem, here, start, candidates(joints)).parameters if parameters is None else parameters
+    chosen = (
+        identifiable(problem, here, start, candidates(joints)).parameters
+        if parameters is None
+        else parameters
+    )
     first = solve(problem, here, chosen)
     rigid = replace(problem, noise=replace(problem.noise, rod=0.0))
-    problem = replace(problem, noise=replace(problem.noise, rod=rod_deviation(rigid, first.estimate)))
+    problem = replace(
+        problem, noise=replace(problem.noise, rod=rod_deviation(rigid, first.estimate))
+    )
     fit = solve(problem, first.estimate, chosen)
-    return SampleFit(fit.estimate.geometry, fit.estimate.clock, fit, first.iterations + fit.iterations)
+    return SampleFit(
+        fit.estimate.geometry, fit.estimate.clock, fit, first.iterations + fit.iterations
+    )
 
 
 def through_samples(t: Array, angles: Array) -> SmoothLog:
@@ -70,9 +90,22 @@ def through_samples(t: Array, angles: Array) -> SmoothLog:
     if t.size <= 2 * DIFFERENCES:
         raise ValueError(f"{t.size} samples are too few; at least {2 * DIFFERENCES + 1} are needed")
     spline = make_interp_spline(t, angles, k=DEGREE)
-    period, nothing = float(t[1] - t[0]), Outliers(np.empty(0), np.empty(0, dtype=np.intp), 0, t.size)
+    period, nothing = (
+        float(t[1] - t[0]),
+        Outliers(np.empty(0), np.empty(0, dtype=np.intp), 0, t.size),
+    )
     return SmoothLog(
-        spline, spline.derivative(), float(t[0]), float(t[-1]), noise_of(angles), period, period, np.empty((0, 2)), t, nothing, ()
+        spline,
+        spline.derivative(),
+        float(t[0]),
+        float(t[-1]),
+        noise_of(angles),
+        period,
+        period,
+        np.empty((0, 2)),
+        t,
+        nothing,
+        (),
     )
 
 

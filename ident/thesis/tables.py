@@ -8,7 +8,12 @@ from __future__ import annotations
 
 from ident.estimator.dependencies import THESIS_PARAMETERS
 
-THESIS_COSTS = {"length": "C_l", "position": "C_P", "position_angles": "C_Ptheta", "transform": "C_T"}
+THESIS_COSTS = {
+    "length": "C_l",
+    "position": "C_P",
+    "position_angles": "C_Ptheta",
+    "transform": "C_T",
+}
 
 _BY_ALL = ("rd2 | rd3", "rtheta1 | ox,y")
 _WITH_DIRECTION = ("ra6 | bd3 | ba5", "rd1 | oz | bd1", *_BY_ALL, "rd6 | bd5")
@@ -21,16 +26,33 @@ TABLE_3_2: dict[str, tuple[str, ...]] = {  # dependencies: one of each group can
 }
 
 TABLE_3_3: dict[str, frozenset[str]] = {  # zero Jacobian
-    "length": frozenset(name for name in THESIS_PARAMETERS if name.startswith("b") and name != "bd3") | {"ralpha6"},
-    "position": frozenset({"ralpha6", "balpha3", "balpha4", "balpha5", "btheta3", "btheta4", "btheta5"}),
+    "length": frozenset(
+        name for name in THESIS_PARAMETERS if name.startswith("b") and name != "bd3"
+    )
+    | {"ralpha6"},
+    "position": frozenset(
+        {"ralpha6", "balpha3", "balpha4", "balpha5", "btheta3", "btheta4", "btheta5"}
+    ),
     "position_angles": frozenset({"balpha3", "balpha4", "balpha5", "btheta3"}),
     "transform": frozenset(),
 }
 
-REMOVED = ("ra6", "ba5", "rd1", "bd1", "rd3", "rtheta1", "bd5", "balpha2", "balpha5")  # sec. 3.3, all costs together
+REMOVED = (
+    "ra6",
+    "ba5",
+    "rd1",
+    "bd1",
+    "rd3",
+    "rtheta1",
+    "bd5",
+    "balpha2",
+    "balpha5",
+)  # sec. 3.3, all costs together
 
 MOST = "most parameters"
-TABLE_3_4: dict[str, tuple[str, ...]] = {  # moved by more than 0.05 mm|mrad by an error of 1 mm|mrad in the one left out
+TABLE_3_4: dict[
+    str, tuple[str, ...]
+] = {  # moved by more than 0.05 mm|mrad by an error of 1 mm|mrad in the one left out
     "ra6": (MOST,),
     "ba5": (MOST,),
     "rd1": ("oz",),
@@ -42,10 +64,12 @@ TABLE_3_4: dict[str, tuple[str, ...]] = {  # moved by more than 0.05 mm|mrad by 
     "balpha5": ("ralpha6",),
 }
 
-TABLE_3_5_IDENTIFIED = frozenset(  # those with a number in Table 3.5; the others have a dash. The set of C_l
-    {f"ra{i}" for i in (1, 2, 3, 4, 5)}
-    | {f"rd{i}" for i in (2, 4, 5, 6)}
-    | {f"ralpha{i}" for i in (1, 2, 3, 4, 5)}
-    | {f"rtheta{i}" for i in (2, 3, 4, 5, 6)}
-    | {"bd3", "ox", "oy", "oz"}
+TABLE_3_5_IDENTIFIED = (
+    frozenset(  # those with a number in Table 3.5; the others have a dash. The set of C_l
+        {f"ra{i}" for i in (1, 2, 3, 4, 5)}
+        | {f"rd{i}" for i in (2, 4, 5, 6)}
+        | {f"ralpha{i}" for i in (1, 2, 3, 4, 5)}
+        | {f"rtheta{i}" for i in (2, 3, 4, 5, 6)}
+        | {"bd3", "ox", "oy", "oz"}
+    )
 )

@@ -51,7 +51,10 @@ def cardan_columns(angles: CardanAngles, parameter: Parameter, motion: Array) ->
         if parameter.kind == "theta" and parameter.row in CARDAN_ROWS:
             columns[CARDAN_ROWS.index(parameter.row)] = 1.0
         return columns
-    (x, y, z), (dx, dy, dz) = angles.in_tool, _in_last_frame(angles.closure.robot, cross(motion[3:], angles.axis))
+    (x, y, z), (dx, dy, dz) = (
+        angles.in_tool,
+        _in_last_frame(angles.closure.robot, cross(motion[3:], angles.axis)),
+    )
     across = np.hypot(x, y)
     columns[0] = -angles.side * (z * (x * dx + y * dy) / across - across * dz)
     columns[1] = (x * dy - y * dx) / across**2
@@ -61,9 +64,13 @@ def cardan_columns(angles: CardanAngles, parameter: Parameter, motion: Array) ->
 def _joint_angle(frames: Frames, row: int) -> Array:
     """(N,) [rad] by which a joint is turned, zero included."""
     before, after, axis = frames.x[row], frames.x_link[row], frames.z[row]
-    return np.asarray(np.arctan2((cross(before, after) * axis).sum(axis=0), (before * after).sum(axis=0)))
+    return np.asarray(
+        np.arctan2((cross(before, after) * axis).sum(axis=0), (before * after).sum(axis=0))
+    )
 
 
 def _in_last_frame(frames: Frames, vector: Array) -> Array:
     """(3, N) components of a vector (3, N) of the base in the last frame."""
-    return np.stack([(axis * vector).sum(axis=0) for axis in (frames.x[-1], frames.y[-1], frames.z[-1])])
+    return np.stack(
+        [(axis * vector).sum(axis=0) for axis in (frames.x[-1], frames.y[-1], frames.z[-1])]
+    )

@@ -23,29 +23,43 @@ class ClockWander(Strict):
     0.1 ppm is what a walk of 0.5 ppm in 10 min does within 2 min. After power-on a quartz changes by about 5 ppm in 10 min.
     """
 
-    rate_rms_ppm: Annotated[float, Field(ge=0.0, le=100.0)] = Field(0.1, description="Random walk of the rate: RMS about its mean.")
-    warm_up_ppm: Annotated[float, Field(ge=-100.0, le=100.0)] = Field(0.0, description="Excess rate at power-on, decaying; 5 is usual.")
-    warm_up_time_s: Annotated[float, Field(ge=10.0)] = Field(600.0, description="Time constant of the decay.")
+    rate_rms_ppm: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
+        0.1, description="Random walk of the rate: RMS about its mean."
+    )
+    warm_up_ppm: Annotated[float, Field(ge=-100.0, le=100.0)] = Field(
+        0.0, description="Excess rate at power-on, decaying; 5 is usual."
+    )
+    warm_up_time_s: Annotated[float, Field(ge=10.0)] = Field(
+        600.0, description="Time constant of the decay."
+    )
 
 
 class ClockStep(Strict):
     """The ball-bar clock is set: later stamps are shifted. A reader must refuse stamps that go back."""
 
     at_s: RunTime
-    step_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(0.128, description="NTP sets a clock that is off by more than 128 ms.")
+    step_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(
+        0.128, description="NTP sets a clock that is off by more than 128 ms."
+    )
 
 
 class StampQuantum(Strict):
     """Stamps are rounded, counted from the first row. Truncation is the same but for a constant, which is offset."""
 
-    robot_s: Annotated[float, Field(ge=0.0, le=0.1)] = Field(1.0e-3, description="EGM headers: whole ms; 0 for none.")
-    ballbar_s: Annotated[float, Field(ge=0.0, le=0.1)] = Field(1.0e-3, description="SYSTEMTIME: whole ms, which a 5 ms task never shows.")
+    robot_s: Annotated[float, Field(ge=0.0, le=0.1)] = Field(
+        1.0e-3, description="EGM headers: whole ms; 0 for none."
+    )
+    ballbar_s: Annotated[float, Field(ge=0.0, le=0.1)] = Field(
+        1.0e-3, description="SYSTEMTIME: whole ms, which a 5 ms task never shows."
+    )
 
 
 class StampJitter(Strict):
     """The robot's rows are stamped a little early or late; the first one, from which time counts, is not."""
 
-    sigma_s: Annotated[float, Field(ge=0.0, le=5.0e-4)] = Field(2.0e-4, description="White; more would put rows out of order.")
+    sigma_s: Annotated[float, Field(ge=0.0, le=5.0e-4)] = Field(
+        2.0e-4, description="White; more would put rows out of order."
+    )
 
 
 class DroppedRows(Strict):

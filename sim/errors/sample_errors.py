@@ -23,7 +23,9 @@ IN_LOGS = {
 class Synchronisation(Strict):
     """The robot's angles of a sample are logged later than the ball-bar's (thesis Fig. 3.4)."""
 
-    delay_s: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(description="Positive: the robot has moved on.")
+    delay_s: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(
+        description="Positive: the robot has moved on."
+    )
 
 
 class RodDeviation(Strict):
@@ -33,7 +35,9 @@ class RodDeviation(Strict):
     thesis calls it ball-bar backlash and says nothing of the order of signs.
     """
 
-    amplitude_m: Annotated[float, Field(ge=0.0, le=0.01)] = Field(description="From the length bd3.")
+    amplitude_m: Annotated[float, Field(ge=0.0, le=0.01)] = Field(
+        description="From the length bd3."
+    )
 
 
 class Truncation(Strict):
@@ -42,7 +46,9 @@ class Truncation(Strict):
     Rounded to the nearest: cutting off instead is the same but for half a step, which is encoder zero.
     """
 
-    step_rad: Annotated[float, Field(gt=0.0, le=0.1)] = Field(description="Smallest difference of two angles.")
+    step_rad: Annotated[float, Field(gt=0.0, le=0.1)] = Field(
+        description="Smallest difference of two angles."
+    )
 
 
 class SampleErrors(Strict):

@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 
 from cell.chain import Array
 from cell.schema import Strict
-from sim.errors.sensor_errors import AmplitudeError, CouplingSlip, ResolverError, SensorErrors, SlippedPeriods
+from sim.errors.sensor_errors import (
+    AmplitudeError,
+    CouplingSlip,
+    ResolverError,
+    SensorErrors,
+    SlippedPeriods,
+)
 from sim.streams import stream
 
 # Signal frequency from which an EL5021 freezes low bits, by interpolation bits; +-15 % (log_formats A.3).
@@ -78,18 +84,35 @@ class ResolverEffects(Strict):
 
     def read_angles(self, motors: Array) -> Array:
         """(N, 6) [rad] what the converters give at motor angles (N, 6) [rad]."""
-        read = np.stack([m + _sum(harmonics, m) for m, harmonics in zip(motors.T, self.motors, strict=True)], axis=1)
-        return np.asarray(np.rint(read / self.quantum_rad) * self.quantum_rad if self.quantum_rad else read)
+        read = np.stack(
+            [m + _sum(harmonics, m) for m, harmonics in zip(motors.T, self.motors, strict=True)],
+            axis=1,
+        )
+        return np.asarray(
+            np.rint(read / self.quantum_rad) * self.quantum_rad if self.quantum_rad else read
+        )
 
 
-def encoder_effects(errors: SensorErrors, joint: int, *, lines: int, bits: int, seed: int) -> EncoderEffects:
+def encoder_effects(
+    errors: SensorErrors, joint: int, *, lines: int, bits: int, seed: int
+) -> EncoderEffects:
     """The encoder of one joint as a scenario describes it; its phases come from its own streams."""
     own, mounting = errors.encoder_eccentricity, errors.mounting_eccentricity
     within, frozen = errors.subdivisional_error, errors.frozen_bits
     return EncoderEffects(
-        mounting=_drawn((1,), (mounting.amplitude_rad,), stream(seed, f"mounting_eccentricity_b{joint}")) if mounting else (),
-        own=_drawn((1, 2, 3), own.amplitude_rad, stream(seed, f"encoder_eccentricity_b{joint}")) if own else (),
-        subdivisional=_drawn((lines,), (within.amplitude_rad,), stream(seed, f"subdivisional_error_b{joint}")) if within else (),
+        mounting=_drawn(
+            (1,), (mounting.amplitude_rad,), stream(seed, f"mounting_eccentricity_b{joint}")
+        )
+        if mounting
+        else (),
+        own=_drawn((1, 2, 3), own.amplitude_rad, stream(seed, f"encoder_eccentricity_b{joint}"))
+        if own
+        else (),
+        subdivisional=_drawn(
+            (lines,), (within.amplitude_rad,), stream(seed, f"subdivisional_error_b{joint}")
+        )
+        if within
+        else (),
         freezing_onset_Hz=FREEZING_ONSET_HZ[bits] * frozen.onset_factor if frozen else None,
         amplitude_errors=tuple(e for e in errors.amplitude_errors if e.encoder == joint),
         slipped_periods=tuple(e for e in errors.slipped_periods if e.encoder == joint),
@@ -100,10 +123,15 @@ def encoder_effects(errors: SensorErrors, joint: int, *, lines: int, bits: int, 
 def resolver_effects(asked: ResolverError, *, seed: int) -> ResolverEffects:
     """The six resolvers as a scenario describes them."""
     rng = stream(seed, "resolver_error")
-    return ResolverEffects(motors=tuple(_drawn((1, 2), asked.amplitude_rad, rng) for _ in range(6)), quantum_rad=asked.quantum_rad)
+    return ResolverEffects(
+        motors=tuple(_drawn((1, 2), asked.amplitude_rad, rng) for _ in range(6)),
+        quantum_rad=asked.quantum_rad,
+    )
 
 
-def _drawn(orders: tuple[int, ...], amplitudes: tuple[float, ...], rng: np.random.Generator) -> tuple[Harmonic, ...]:
+def _drawn(
+    orders: tuple[int, ...], amplitudes: tuple[float, ...], rng: np.random.Generator
+) -> tuple[Harmonic, ...]:
     phases = rng.uniform(0.0, 2.0 * np.pi, len(orders))
     return tuple(
         Harmonic(order=order, amplitude_rad=size, phase_rad=float(phase))

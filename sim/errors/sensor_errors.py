@@ -21,13 +21,17 @@ RunTime = Annotated[float, Field(description="Seconds after the start of the pat
 class EncoderEccentricity(Strict):
     """Low harmonics of the encoder itself: graduation off centre, elliptic disc; inside the maker's 18 arcsec."""
 
-    amplitude_rad: tuple[Amplitude, Amplitude, Amplitude] = Field((6.0e-5, 2.5e-5, 8.0e-6), description="Of 1, 2 and 3 cycles a turn.")
+    amplitude_rad: tuple[Amplitude, Amplitude, Amplitude] = Field(
+        (6.0e-5, 2.5e-5, 8.0e-6), description="Of 1, 2 and 3 cycles a turn."
+    )
 
 
 class MountingEccentricity(Strict):
     """The encoder sits off the joint's axis: one cycle a turn, outside the maker's specification."""
 
-    amplitude_rad: Amplitude = Field(3.0e-4, description="Lateral offset over the radius of the restraint.")
+    amplitude_rad: Amplitude = Field(
+        3.0e-4, description="Lateral offset over the radius of the restraint."
+    )
 
 
 class SubdivisionalError(Strict):
@@ -39,7 +43,9 @@ class SubdivisionalError(Strict):
 class FrozenBits(Strict):
     """The terminal freezes low bits at speed, one more with each octave of signal frequency, and no status tells."""
 
-    onset_factor: Annotated[float, Field(gt=0.0)] = Field(1.0, description="Onset frequency, times the terminal's documented one (+-15 %).")
+    onset_factor: Annotated[float, Field(gt=0.0)] = Field(
+        1.0, description="Onset frequency, times the terminal's documented one (+-15 %)."
+    )
 
 
 class AmplitudeError(Strict):
@@ -52,7 +58,9 @@ class AmplitudeError(Strict):
     @model_validator(mode="after")
     def _forwards(self) -> AmplitudeError:
         if self.end_s <= self.start_s:
-            raise ValueError(f"end_s = {self.end_s:g} must be later than start_s = {self.start_s:g}")
+            raise ValueError(
+                f"end_s = {self.end_s:g} must be later than start_s = {self.start_s:g}"
+            )
         return self
 
 
@@ -69,14 +77,20 @@ class CouplingSlip(Strict):
 
     encoder: EncoderNumber
     at_s: RunTime
-    angle_rad: float = Field(1.0e-3, description="How far the reading jumps, in the joint's sense. Assumed.")
+    angle_rad: float = Field(
+        1.0e-3, description="How far the reading jumps, in the joint's sense. Assumed."
+    )
 
 
 class ResolverError(Strict):
     """Error of the motors' resolvers and steps of their converters."""
 
-    amplitude_rad: tuple[Amplitude, Amplitude] = Field((1.5e-3, 1.5e-3), description="Of 1 and 2 cycles a motor turn, at the motor.")
-    quantum_rad: Amplitude = Field(2.0 * np.pi / 65536, description="Step of the converter at the motor; 0 for none.")
+    amplitude_rad: tuple[Amplitude, Amplitude] = Field(
+        (1.5e-3, 1.5e-3), description="Of 1 and 2 cycles a motor turn, at the motor."
+    )
+    quantum_rad: Amplitude = Field(
+        2.0 * np.pi / 65536, description="Step of the converter at the motor; 0 for none."
+    )
 
 
 class SensorErrors(Strict):
@@ -93,12 +107,30 @@ class SensorErrors(Strict):
 
     def fault_times(self) -> Iterator[tuple[tuple[str | int, ...], float]]:
         """Place in the scenario and time of every fault that happens at a stated time."""
-        yield from ((("errors", "amplitude_errors", i, "start_s"), fault.start_s) for i, fault in enumerate(self.amplitude_errors))
-        yield from ((("errors", "slipped_periods", i, "at_s"), fault.at_s) for i, fault in enumerate(self.slipped_periods))
-        yield from ((("errors", "coupling_slips", i, "at_s"), fault.at_s) for i, fault in enumerate(self.coupling_slips))
+        yield from (
+            (("errors", "amplitude_errors", i, "start_s"), fault.start_s)
+            for i, fault in enumerate(self.amplitude_errors)
+        )
+        yield from (
+            (("errors", "slipped_periods", i, "at_s"), fault.at_s)
+            for i, fault in enumerate(self.slipped_periods)
+        )
+        yield from (
+            (("errors", "coupling_slips", i, "at_s"), fault.at_s)
+            for i, fault in enumerate(self.coupling_slips)
+        )
 
     def fault_encoders(self) -> Iterator[tuple[tuple[str | int, ...], int]]:
         """Place in the scenario and encoder of every fault that names one."""
-        yield from ((("errors", "amplitude_errors", i), fault.encoder) for i, fault in enumerate(self.amplitude_errors))
-        yield from ((("errors", "slipped_periods", i), fault.encoder) for i, fault in enumerate(self.slipped_periods))
-        yield from ((("errors", "coupling_slips", i), fault.encoder) for i, fault in enumerate(self.coupling_slips))
+        yield from (
+            (("errors", "amplitude_errors", i), fault.encoder)
+            for i, fault in enumerate(self.amplitude_errors)
+        )
+        yield from (
+            (("errors", "slipped_periods", i), fault.encoder)
+            for i, fault in enumerate(self.slipped_periods)
+        )
+        yield from (
+            (("errors", "coupling_slips", i), fault.encoder)
+            for i, fault in enumerate(self.coupling_slips)
+        )

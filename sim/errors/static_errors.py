@@ -24,10 +24,15 @@ AXIS_OFFSETS = ("ba1", "ba2", "ba3", "ba4", "bd2", "bd4")
 AXIS_ANGLES = ("balpha1", "balpha2", "balpha3", "balpha4")
 BASE_TILT = ("otx", "oty")
 _MILLI = 1e-3
-_EVERY = (*THESIS_3_1, *(name for name in NAMES if name not in THESIS_3_1 and name != PLATE))  # Table 3.1 first: same draws for both
+_EVERY = (
+    *THESIS_3_1,
+    *(name for name in NAMES if name not in THESIS_3_1 and name != PLATE),
+)  # Table 3.1 first: same draws for both
 
 
-def true_geometry(nominal: Geometry, errors: ErrorSettings, *, plate_sigma: float, seed: int) -> Geometry:
+def true_geometry(
+    nominal: Geometry, errors: ErrorSettings, *, plate_sigma: float, seed: int
+) -> Geometry:
     """The nominal geometry with its static errors.
 
     plate_sigma : [m] standard deviation of the plate's length, used where the scenario does not state another.
@@ -58,7 +63,12 @@ def static_deviations(errors: StaticErrors, rng: np.random.Generator) -> dict[st
     return deviations(names, {True: errors.sigma_m or 0.0, False: errors.sigma_rad or 0.0}, rng)
 
 
-def deviations(names: tuple[str, ...], sigma: dict[bool, float], rng: np.random.Generator) -> dict[str, float]:
+def deviations(
+    names: tuple[str, ...], sigma: dict[bool, float], rng: np.random.Generator
+) -> dict[str, float]:
     """Normal deviations of the named parameters; sigma : of lengths [m] under True, of angles [rad] under False."""
     drawn = rng.standard_normal(len(names))
-    return {name: float(z) * sigma[PARAMETERS[INDEX[name]].is_length] for name, z in zip(names, drawn, strict=True)}
+    return {
+        name: float(z) * sigma[PARAMETERS[INDEX[name]].is_length]
+        for name, z in zip(names, drawn, strict=True)
+    }

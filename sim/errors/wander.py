@@ -30,7 +30,9 @@ def wander_curve(asked: ClockWander, length: float, rng: np.random.Generator) ->
     """The wander over a log of `length` seconds."""
     t: Array = np.linspace(0.0, length, int(np.ceil(length / KNOT)) + 1)
     step, middle = t[1], 0.5 * (t[1:] + t[:-1])
-    rate = asked.rate_rms_ppm * 1e-6 * _unit_walk(middle.size, rng) + asked.warm_up_ppm * 1e-6 * np.exp(-middle / asked.warm_up_time_s)
+    rate = asked.rate_rms_ppm * 1e-6 * _unit_walk(
+        middle.size, rng
+    ) + asked.warm_up_ppm * 1e-6 * np.exp(-middle / asked.warm_up_time_s)
     deviation = np.concatenate(([0.0], np.cumsum(rate * step)))
     line = np.polynomial.Polynomial.fit(t, deviation, 1)
     return WanderCurve(t_bar_s=tuple(t.tolist()), deviation_s=tuple((deviation - line(t)).tolist()))

@@ -46,10 +46,16 @@ def log_times(duration: float, clocks: ClockSettings, *, seed: int) -> LogTimes:
     """Rows of both logs for a run of `duration` seconds of true time."""
     offset, end = clocks.offset_s, duration - LEAD
     robot_start, bar_start = LEAD - max(0.0, offset), LEAD + min(0.0, offset)
-    robot_clock: Array = ROBOT_PERIOD * np.arange(int((end - robot_start) / ROBOT_PERIOD) + 1, dtype=np.float64)
+    robot_clock: Array = ROBOT_PERIOD * np.arange(
+        int((end - robot_start) / ROBOT_PERIOD) + 1, dtype=np.float64
+    )
     cycles = task_cycles(end - bar_start, clocks.overrun_probability, stream(seed, "overruns"))
     ticks = TASK_NS * cycles
-    wander = wander_curve(clocks.wander, end - bar_start, stream(seed, "clock_wander")) if clocks.wander else None
+    wander = (
+        wander_curve(clocks.wander, end - bar_start, stream(seed, "clock_wander"))
+        if clocks.wander
+        else None
+    )
     bar_true: Array = bar_start + (1.0 + clocks.skew) * ticks.astype(np.float64) * 1e-9
     if wander:
         bar_true += wander.at(ticks.astype(np.float64) * 1e-9)
@@ -64,7 +70,9 @@ def log_times(duration: float, clocks: ClockSettings, *, seed: int) -> LogTimes:
     )
 
 
-def task_cycles(length: float, overrun_probability: float, rng: np.random.Generator) -> NDArray[np.int64]:
+def task_cycles(
+    length: float, overrun_probability: float, rng: np.random.Generator
+) -> NDArray[np.int64]:
     """(M,) PLC task cycles of the rows of `length` seconds, from 0: every second one, or one later."""
     rows = int(length * 1e9 / (SAMPLE_TASKS * TASK_NS)) + 1
     tasks = SAMPLE_TASKS + (rng.random(rows) < overrun_probability)

@@ -41,16 +41,22 @@ class BarEncoder:
     def counts(self, angle: Array, t: Array, rng: np.random.Generator) -> NDArray[np.uint32]:
         """Counter values at true joint angles (N,) [rad] and run times (N,) [s], increasing."""
         read = self.effects.read_angle(angle, t) + rng.normal(0.0, self.noise_sigma, angle.shape)
-        counted = np.rint(self.sign * (read - self.zero) * (self.counts_per_turn / (2.0 * np.pi))).astype(np.int64)
+        counted = np.rint(
+            self.sign * (read - self.zero) * (self.counts_per_turn / (2.0 * np.pi))
+        ).astype(np.int64)
         counted += self.effects.periods(t) << self.bits
         if self.effects.freezing_onset_Hz is not None:
             frequency = np.abs(np.gradient(angle, t)) * (self.lines / (2.0 * np.pi))
-            counted = with_frozen_bits(counted, frozen_bits(frequency, self.effects.freezing_onset_Hz, self.bits))
+            counted = with_frozen_bits(
+                counted, frozen_bits(frequency, self.effects.freezing_onset_Hz, self.bits)
+            )
         return counted.astype(np.uint32)
 
     def status(self, cycles: NDArray[np.int64], t: Array) -> NDArray[np.int64]:
         """(N,) EL5021 status words at PLC cycles (N,) and run times (N,) [s]."""
-        return np.asarray(healthy_status(cycles) | np.where(self.effects.weak_signal(t), WEAK_SIGNAL, 0))
+        return np.asarray(
+            healthy_status(cycles) | np.where(self.effects.weak_signal(t), WEAK_SIGNAL, 0)
+        )
 
 
 def frozen_bits(frequency: Array, onset: float, bits: int) -> NDArray[np.int64]:
@@ -73,7 +79,9 @@ def healthy_status(cycles: NDArray[np.int64]) -> NDArray[np.int64]:
     return (cycles & 1) << 15
 
 
-def motor_angles(robot: Robot, q: Array, errors: ErrorSettings, resolvers: ResolverEffects | None, seed: int) -> Array:
+def motor_angles(
+    robot: Robot, q: Array, errors: ErrorSettings, resolvers: ResolverEffects | None, seed: int
+) -> Array:
     """(N, 6) [rad] motor angles of joint angles (N, 6) as the robot logs them."""
     sigma = errors.joint_noise.sigma_rad if errors.joint_noise else 0.0
     logged = q + stream(seed, "joint_noise").normal(0.0, sigma, q.shape)

@@ -35,7 +35,9 @@ class LogTruth(Strict):
 
     def stated(self) -> dict[str, object]:
         """As plain data, without what is absent."""
-        filled = {key: _filled(value) for key, value in self.model_dump(mode="json").items() if value}
+        filled = {
+            key: _filled(value) for key, value in self.model_dump(mode="json").items() if value
+        }
         return {key: value for key, value in filled.items() if value}
 
 

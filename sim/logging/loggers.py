@@ -42,19 +42,37 @@ def logged_rows(times: LogTimes, clocks: ClockSettings, *, seed: int) -> LoggedR
     robot, bar = times.robot_true.size, times.bar_true.size
     dropped, duplicated = clocks.dropped_rows, clocks.duplicated_rows
     lost = {
-        "robot": chosen(robot, dropped.robot_probability if dropped else 0.0, stream(seed, "dropped_rows_robot")),
-        "ballbar": chosen(bar, dropped.ballbar_probability if dropped else 0.0, stream(seed, "dropped_rows_ballbar")),
+        "robot": chosen(
+            robot, dropped.robot_probability if dropped else 0.0, stream(seed, "dropped_rows_robot")
+        ),
+        "ballbar": chosen(
+            bar,
+            dropped.ballbar_probability if dropped else 0.0,
+            stream(seed, "dropped_rows_ballbar"),
+        ),
     }
     twice = {
-        "robot": chosen(robot, duplicated.robot_probability if duplicated else 0.0, stream(seed, "duplicated_rows_robot")),
-        "ballbar": chosen(bar, duplicated.ballbar_probability if duplicated else 0.0, stream(seed, "duplicated_rows_ballbar")),
+        "robot": chosen(
+            robot,
+            duplicated.robot_probability if duplicated else 0.0,
+            stream(seed, "duplicated_rows_robot"),
+        ),
+        "ballbar": chosen(
+            bar,
+            duplicated.ballbar_probability if duplicated else 0.0,
+            stream(seed, "duplicated_rows_ballbar"),
+        ),
     }
     files = {side: written(lost[side], twice[side]) for side in lost}
     return LoggedRows(
         robot=files["robot"],
         ballbar=parts(files["ballbar"], times.bar_true, clocks.restart),
         counts={
-            side: RowCounts(taken=lost[side].size, dropped=int(lost[side].sum()), duplicated=int((twice[side] & ~lost[side]).sum()))
+            side: RowCounts(
+                taken=lost[side].size,
+                dropped=int(lost[side].sum()),
+                duplicated=int((twice[side] & ~lost[side]).sum()),
+            )
             for side in lost
         },
     )

@@ -17,7 +17,10 @@ from cell.files import write_whole
 
 
 def write_twincat_plc(
-    path: Path, stamps: NDArray[np.int64], counts: Mapping[str, NDArray[np.uint32]], status: Mapping[str, NDArray[np.int64]]
+    path: Path,
+    stamps: NDArray[np.int64],
+    counts: Mapping[str, NDArray[np.uint32]],
+    status: Mapping[str, NDArray[np.int64]],
 ) -> None:
     """Ball-bar log: `time;b1;..;s1;..` with DC time in ns and raw uint32 counters, records ending CRLF (log_formats sec. A.6).
 
@@ -34,9 +37,19 @@ def write_abb_motor(path: Path, stamps: Array, motors: Array, torques: Array | N
 
     stamps : (N,) [s]; motors : (N, 6) [rad]; torques : (N, 6) [N m] at the motors, if they are logged.
     """
-    names, forms, columns = ["time", *(f"m{i + 1}" for i in range(6))], ["%.6f", *["%.9f"] * 6], [stamps, motors]
-    if torques is not None:  # 1e-9 rad of the motor is 1e-11 rad of the joint, 1e-6 N m is 1e-4 N m there
-        names, forms, columns = [*names, *(f"tau{i + 1}" for i in range(6))], [*forms, *["%.6f"] * 6], [*columns, torques]
+    names, forms, columns = (
+        ["time", *(f"m{i + 1}" for i in range(6))],
+        ["%.6f", *["%.9f"] * 6],
+        [stamps, motors],
+    )
+    if (
+        torques is not None
+    ):  # 1e-9 rad of the motor is 1e-11 rad of the joint, 1e-6 N m is 1e-4 N m there
+        names, forms, columns = (
+            [*names, *(f"tau{i + 1}" for i in range(6))],
+            [*forms, *["%.6f"] * 6],
+            [*columns, torques],
+        )
     _write_table(path, names, forms, np.column_stack(columns))
 
 
@@ -45,7 +58,12 @@ def write_force_torque(path: Path, stamps: Array, readings: Array) -> None:
 
     stamps : (N,) [s] on the sensor's clock; readings : (N, 6).
     """
-    _write_table(path, ["time", "fx", "fy", "fz", "tx", "ty", "tz"], ["%.6f", *["%.5f"] * 6], np.column_stack((stamps, readings)))
+    _write_table(
+        path,
+        ["time", "fx", "fy", "fz", "tx", "ty", "tz"],
+        ["%.6f", *["%.5f"] * 6],
+        np.column_stack((stamps, readings)),
+    )
 
 
 def _write_table(path: Path, names: list[str], forms: list[str], rows: Array) -> None:

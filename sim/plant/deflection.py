@@ -22,7 +22,9 @@ class Deflected:
     hinge: Array  # (3, N) [m] where the plate bends
 
 
-def deflect(geometry: Geometry, q: Array, b: Array, *, stretch: Array, plate: Array, base: Array) -> Deflected:
+def deflect(
+    geometry: Geometry, q: Array, b: Array, *, stretch: Array, plate: Array, base: Array
+) -> Deflected:
     """Ends of the loop.
 
     q : (N, 6), b : (N, 5) [rad]; stretch : (N,) [m] of the rod; plate : (N,) [rad] bending angle about the plate's y;
@@ -42,4 +44,9 @@ def deflect(geometry: Geometry, q: Array, b: Array, *, stretch: Array, plate: Ar
 
 def turning(axes: Array, points: Array, end: Array) -> Array:
     """(K, 6, N) motion of `end` (3, N) for unit turns about axes (K, 3, N) through points (K, 3, N)."""
-    return np.stack([np.concatenate((cross(axis, end - point), axis)) for axis, point in zip(axes, points, strict=True)])
+    return np.stack(
+        [
+            np.concatenate((cross(axis, end - point), axis))
+            for axis, point in zip(axes, points, strict=True)
+        ]
+    )

@@ -23,7 +23,12 @@ from sim.plant.mujoco_plant import PlantError
 from sim.plant.statics import gravity_torque
 
 TIMESTEP = 1e-3  # [s]
-HOLDS = (1.0, 0.5, 0.5, 0.5)  # [s] the arm's slowest oscillation dies away by a factor of a thousand in the first
+HOLDS = (
+    1.0,
+    0.5,
+    0.5,
+    0.5,
+)  # [s] the arm's slowest oscillation dies away by a factor of a thousand in the first
 BATCH = 25  # poses a rollout call: 100 MB of states
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
@@ -39,7 +44,13 @@ class HeldPoses:
 
 
 def hold_poses(
-    cell: Cell, geometry: Geometry, effects: PlantEffects, targets: Array, *, resolvers: ResolverEffects | None = None, servo: str = "stiff"
+    cell: Cell,
+    geometry: Geometry,
+    effects: PlantEffects,
+    targets: Array,
+    *,
+    resolvers: ResolverEffects | None = None,
+    servo: str = "stiff",
 ) -> HeldPoses:
     """Poses of the true robot at targets (N, 6) [rad, DH joint angles as the controller reads them].
 
@@ -49,9 +60,19 @@ def hold_poses(
     """
     gains = cell.robot.servo[servo]
     model = free_robot_spec(cell, geometry, effects, gains, timestep=TIMESTEP).compile()
-    model.site_sameframe[:] = 0  # MuJoCo takes a site within 1e-6 of its body frame for identical (mujoco_facts sec. 7.1)
-    parts = [_held(model, cell, geometry, effects, targets[k : k + BATCH], resolvers, gains.kp) for k in range(0, len(targets), BATCH)]
-    return HeldPoses(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("tool", "joints", "miss", "drift")))
+    model.site_sameframe[:] = (
+        0  # MuJoCo takes a site within 1e-6 of its body frame for identical (mujoco_facts sec. 7.1)
+    )
+    parts = [
+        _held(model, cell, geometry, effects, targets[k : k + BATCH], resolvers, gains.kp)
+        for k in range(0, len(targets), BATCH)
+    ]
+    return HeldPoses(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("tool", "joints", "miss", "drift")
+        )
+    )
 
 
 def _held(

@@ -32,13 +32,23 @@ WITH_FORCES = (
 def refuse_forces(settings: SimulationSettings) -> None:
     """Raises InputError when a path, an error source or a log needs forces, which this plant has not."""
     asked = ["path.kind = push_pull"] * (settings.path.kind == "push_pull")
-    asked += [f"errors.{name}" for name in WITH_FORCES if getattr(settings.errors, name) is not None]
-    asked += [f"logs.{name}" for name in ("torque", "force_sensor") if getattr(settings.logs, name) is not None]
+    asked += [
+        f"errors.{name}" for name in WITH_FORCES if getattr(settings.errors, name) is not None
+    ]
+    asked += [
+        f"logs.{name}"
+        for name in ("torque", "force_sensor")
+        if getattr(settings.logs, name) is not None
+    ]
     if asked:
-        raise InputError(f"{asked[0]}: needs forces, and plant.kind = kinematic has none. Use plant.kind = mujoco, or leave it out.")
+        raise InputError(
+            f"{asked[0]}: needs forces, and plant.kind = kinematic has none. Use plant.kind = mujoco, or leave it out."
+        )
 
 
-def run_kinematic(robot: Robot, geometry: Geometry, effects: PlantEffects, path: ReferencePath) -> Motion:
+def run_kinematic(
+    robot: Robot, geometry: Geometry, effects: PlantEffects, path: ReferencePath
+) -> Motion:
     """Motion of a rigid, force-free mechanism. Raises UnreachableError near a singularity of the robot."""
     q = refine(geometry.robot, path.q, bar_frames(geometry, path.b).poses())
     gears = q @ robot.joint_to_gear

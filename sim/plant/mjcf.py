@@ -27,15 +27,22 @@ WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (mujoco_fa
 WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 SOLVER_TOLERANCE = 1e-4  # of the implicit solve; from 1e-3 down to 1e-14 no coordinate of 60 s moves by more than 1e-13
 PASSIVE = 16  # dcmotor without a control input: mjtCtrlSpec "none" (mujoco_facts sec. 4)
-BRISTLE_TRAVEL = 2e-5  # [rad] shortest pre-sliding of the friction model: below the gears' lost motion
+BRISTLE_TRAVEL = (
+    2e-5  # [rad] shortest pre-sliding of the friction model: below the gears' lost motion
+)
 BRISTLE_RATE = 200.0  # [rad/s] highest frequency of bristle and rotor: MuJoCo integrates them explicitly, above it they chatter
 BRISTLE_DAMPING = 0.7  # damping ratio of bristle and rotor
 HYSTERESIS_STIFFNESS = 4.0  # of the gear's: the friction element slips early in the loop
 PLATE_ARMATURE = 0.02  # [kg m^2] a third of the plate's inertia about the hinge; the tip itself carries no mass in the model
 PLATE_DAMPING = 1e-3  # [s] of the plate's stiffness
-ROTOR_MASS, ROTOR_INERTIA = 1e-9, 1e-9  # [kg, kg m^2] of the body: the rotor's inertia is its joint's armature
+ROTOR_MASS, ROTOR_INERTIA = (
+    1e-9,
+    1e-9,
+)  # [kg, kg m^2] of the body: the rotor's inertia is its joint's armature
 RING_INERTIA = 2e-3  # [kg m^2] what a ball-bar joint turns at least, for its friction model
-BASE_MASS = 5.0  # [kg] steel base adapter, assumed; its own weight is part of where the ball-bar stands
+BASE_MASS = (
+    5.0  # [kg] steel base adapter, assumed; its own weight is part of where the ball-bar stands
+)
 BASE_DAMPING = 1e-3  # [s] of the base's stiffness
 
 ROBOT_JOINTS = tuple(f"q{i + 1}" for i in range(ROBOT_ROWS))
@@ -72,10 +79,14 @@ class PlantModel:
     base: NDArray[np.intp]  # (3,) or (0,)
 
 
-def plant_model(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, *, timestep: float) -> PlantModel:
+def plant_model(
+    cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, *, timestep: float
+) -> PlantModel:
     """The compiled model of a cell with the given true geometry. Raises ValueError when MuJoCo refuses it."""
     model = plant_spec(cell, geometry, effects, gains, timestep=timestep).compile()
-    model.site_sameframe[:] = 0  # MuJoCo takes a site within 1e-6 of its body frame for identical (mujoco_facts sec. 7.1)
+    model.site_sameframe[:] = (
+        0  # MuJoCo takes a site within 1e-6 of its body frame for identical (mujoco_facts sec. 7.1)
+    )
     names = {model.joint(i).name: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
 
     def places(wanted: tuple[str, ...]) -> NDArray[np.intp]:
@@ -92,7 +103,9 @@ def plant_model(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: Se
     )
 
 
-def plant_spec(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, *, timestep: float) -> mujoco.MjSpec:
+def plant_spec(
+    cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, *, timestep: float
+) -> mujoco.MjSpec:
     """The model as a specification: compile it, or write it as XML.
 
     geometry : true kinematic parameters, encoder zeros left out (they belong to the encoders).
@@ -100,13 +113,21 @@ def plant_spec(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: Ser
     spec = free_robot_spec(cell, geometry, effects, gains, timestep=timestep)
     spec.modelname = f"{cell.robot.name} with {cell.ballbar.name}"
     _add_bar(spec, cell, geometry, effects)
-    weld = spec.add_equality(name="closure", type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_SITE, name1="bar_end", name2="tool")
+    weld = spec.add_equality(
+        name="closure",
+        type=mujoco.mjtEq.mjEQ_WELD,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        name1="bar_end",
+        name2="tool",
+    )
     weld.solref = WELD_SOLREF
     weld.solimp = WELD_SOLIMP
     return spec
 
 
-def free_robot_spec(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, *, timestep: float) -> mujoco.MjSpec:
+def free_robot_spec(
+    cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, *, timestep: float
+) -> mujoco.MjSpec:
     """Robot and plate alone, as they are before and after the ball-bar is mounted; arguments as of `plant_spec`."""
     spec = mujoco.MjSpec()
     spec.modelname = cell.robot.name
@@ -142,8 +163,13 @@ def _add_robot(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Pla
         _add_bending_plate(plate, tool, geometry["ra6"], effects.plate_stiffness)
     if effects.force_sensor:
         plate.add_site(name="flange")
-        for name, kind in (("force", mujoco.mjtSensor.mjSENS_FORCE), ("torque", mujoco.mjtSensor.mjSENS_TORQUE)):
-            spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="flange")
+        for name, kind in (
+            ("force", mujoco.mjtSensor.mjSENS_FORCE),
+            ("torque", mujoco.mjtSensor.mjSENS_TORQUE),
+        ):
+            spec.add_sensor(
+                name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="flange"
+            )
         spec.option.disableflags &= ~int(_OFF.mjDSBL_SENSOR)
 
 
@@ -152,7 +178,9 @@ def plate_hinge_stiffness(length: float, tip_stiffness: float) -> float:
     return tip_stiffness * (2.0 * length / 3.0) ** 2
 
 
-def _add_bending_plate(flange: mujoco.MjsBody, tool: tuple[Array, Array], length: float, tip_stiffness: float) -> None:
+def _add_bending_plate(
+    flange: mujoco.MjsBody, tool: tuple[Array, Array], length: float, tip_stiffness: float
+) -> None:
     """The tool on a hinge about the plate's y, two thirds of its length before the tool (mujoco_facts sec. 1)."""
     arm = np.array([2.0 * length / 3.0, 0.0, 0.0])
     tip = flange.add_body(name="plate_tip", pos=tool[1] - tool[0] @ arm, quat=_quat_wxyz(tool[0]))
@@ -181,7 +209,14 @@ def _add_gears(spec: mujoco.MjSpec, cell: Cell, effects: PlantEffects, gains: Se
             s = effects.friction_scale
             motor.part.damping[0] = s * float(gears.viscous[i])
             static = gears.static[i] if effects.stribeck else gears.coulomb[i]
-            _friction(spec, motor, s * gears.coulomb[i], s * static, gears.stribeck[i], float(cell.robot.armature[i]))
+            _friction(
+                spec,
+                motor,
+                s * gears.coulomb[i],
+                s * static,
+                gears.stribeck[i],
+                float(cell.robot.armature[i]),
+            )
     for k, ripple in enumerate(effects.ripples):
         torque = [float(gains.kp[ripple.gear]) * ripple.amplitude, ripple.order, ripple.phase]
         _passive(spec, f"ripple{k}", motors[ripple.gear], cogging=torque)
@@ -195,13 +230,17 @@ class _Shaft:
     kind: mujoco.mjtTrn
 
 
-def _elastic_gear(spec: mujoco.MjSpec, i: int, coefficients: Array, effects: PlantEffects, damping: float) -> _Shaft:
+def _elastic_gear(
+    spec: mujoco.MjSpec, i: int, coefficients: Array, effects: PlantEffects, damping: float
+) -> _Shaft:
     """Rotor i, and the spring between what its gear should turn the joints by and what they have turned by."""
     assert effects.gear_stiffness is not None
     body = spec.worldbody.add_body(name=f"rotor{i + 1}")
     body.mass, body.inertia, body.explicitinertial = ROTOR_MASS, [ROTOR_INERTIA] * 3, True
     rotor = body.add_joint(name=ROTORS[i], type=_HINGE, axis=[0, 0, 1])
-    stiffness, slack, hysteresis = (float(v[i]) for v in (effects.gear_stiffness, effects.gear_slack, effects.gear_hysteresis))
+    stiffness, slack, hysteresis = (
+        float(v[i]) for v in (effects.gear_stiffness, effects.gear_slack, effects.gear_hysteresis)
+    )
     spring = _tendon(spec, f"gear{i + 1}", coefficients, rotor=ROTORS[i])
     spring.springlength = [-slack, slack]
     spring.stiffness[0], spring.damping[0] = stiffness, damping
@@ -220,7 +259,9 @@ def _shaft(spec: mujoco.MjSpec, name: str, coefficients: Array) -> _Shaft:
     return _Shaft(_tendon(spec, name, coefficients), mujoco.mjtTrn.mjTRN_TENDON)
 
 
-def _tendon(spec: mujoco.MjSpec, name: str, coefficients: Array, rotor: str | None = None) -> mujoco.MjsTendon:
+def _tendon(
+    spec: mujoco.MjSpec, name: str, coefficients: Array, rotor: str | None = None
+) -> mujoco.MjsTendon:
     """The combination of joints that a gear turns, less what its rotor shows."""
     tendon = spec.add_tendon(name=name)
     for joint, coefficient in zip(ROBOT_JOINTS, coefficients, strict=True):
@@ -231,7 +272,14 @@ def _tendon(spec: mujoco.MjSpec, name: str, coefficients: Array, rotor: str | No
     return tendon
 
 
-def _friction(spec: mujoco.MjSpec, shaft: _Shaft, coulomb: float, static: float, stribeck: float, inertia: float) -> None:
+def _friction(
+    spec: mujoco.MjSpec,
+    shaft: _Shaft,
+    coulomb: float,
+    static: float,
+    stribeck: float,
+    inertia: float,
+) -> None:
     """LuGre friction on a shaft of this inertia; below BRISTLE_TRAVEL or where the bristle would chatter it gives way elastically."""
     bristle = min(float(static) / BRISTLE_TRAVEL, inertia * BRISTLE_RATE**2)
     damping = 2.0 * BRISTLE_DAMPING * float(np.sqrt(bristle * inertia))
@@ -250,17 +298,31 @@ def _add_bar(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Plant
     placements = row_placements(geometry.bar)
     pose = (geometry.bar_base_rotation, geometry.origin)
     if effects.base_stiffness is not None:
-        parent, pose = _add_base(spec, geometry, effects.base_stiffness), (geometry.bar_base_rotation, np.zeros(3))
+        parent, pose = (
+            _add_base(spec, geometry, effects.base_stiffness),
+            (geometry.bar_base_rotation, np.zeros(3)),
+        )
     for i, link in enumerate(bar_bodies(cell)):
         body = parent.add_body(name=f"bar{i + 1}", pos=pose[1], quat=_quat_wxyz(pose[0]))
         _set_inertia(body, link)
-        hinge = body.add_joint(name=BAR_JOINTS[i], type=_HINGE, axis=[0, 0, 1], damping=float(bar.joint_damping[i]))
+        hinge = body.add_joint(
+            name=BAR_JOINTS[i], type=_HINGE, axis=[0, 0, 1], damping=float(bar.joint_damping[i])
+        )
         if i == 2:
-            slide = body.add_joint(name=ROD_JOINT, type=_SLIDE, axis=[0, 0, 1], damping=bar.axial_damping)
+            slide = body.add_joint(
+                name=ROD_JOINT, type=_SLIDE, axis=[0, 0, 1], damping=bar.axial_damping
+            )
             if effects.rod_slack == 0.0:
                 slide.stiffness[0] = effects.rod_stiffness
         if effects.bar_friction > 0.0:
-            _friction(spec, _Shaft(hinge, mujoco.mjtTrn.mjTRN_JOINT), effects.bar_friction, effects.bar_friction, 0.01, RING_INERTIA)
+            _friction(
+                spec,
+                _Shaft(hinge, mujoco.mjtTrn.mjTRN_JOINT),
+                effects.bar_friction,
+                effects.bar_friction,
+                0.01,
+                RING_INERTIA,
+            )
         parent, pose = body, placements[i]
     if effects.rod_slack > 0.0:
         rod = spec.add_tendon(name="rod_spring")
@@ -272,7 +334,12 @@ def _add_bar(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Plant
 
 def _add_base(spec: mujoco.MjSpec, geometry: Geometry, stiffness: float) -> mujoco.MjsBody:
     base = spec.worldbody.add_body(name="bar_base", pos=geometry.origin)
-    base.mass, base.inertia, base.explicitinertial, base.gravcomp = BASE_MASS, [0.01, 0.01, 0.01], True, 1.0
+    base.mass, base.inertia, base.explicitinertial, base.gravcomp = (
+        BASE_MASS,
+        [0.01, 0.01, 0.01],
+        True,
+        1.0,
+    )
     for axis, name in enumerate(BASE_JOINTS):
         slide = base.add_joint(name=name, type=_SLIDE, axis=np.eye(3)[axis])
         slide.stiffness[0], slide.damping[0] = stiffness, BASE_DAMPING * stiffness
@@ -283,7 +350,12 @@ def row_placements(chain: Chain) -> list[tuple[Array, Array]]:
     """(rotation (3, 3), translation (3,) [m]) of each row at joint angle zero, in the frame that turns with its joint."""
     out = []
     for i in range(chain.rows):
-        row = Chain(*(values[i : i + 1] for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta)))
+        row = Chain(
+            *(
+                values[i : i + 1]
+                for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta)
+            )
+        )
         frames = forward(row, np.zeros((1, 1)))
         out.append((frames.rotation()[:, :, 0], frames.tip[:, 0]))
     return out

@@ -32,8 +32,16 @@ VIEWS = {
 }
 _HOLD = 0.02  # of the servo stiffness: springs that a mouse can overcome
 _TIMESTEP = 2e-3  # [s]
-_ORANGE, _STEEL, _CARBON, _GLASS = (0.93, 0.45, 0.13, 1), (0.7, 0.72, 0.75, 1), (0.15, 0.15, 0.17, 1), (0.3, 0.55, 0.9, 0.08)
-_LINK_RADIUS = {"irb2400": (0.16, 0.10, 0.11, 0.075, 0.055, 0.045), "nj220": (0.28, 0.19, 0.20, 0.14, 0.11, 0.09)}  # [m] to look at
+_ORANGE, _STEEL, _CARBON, _GLASS = (
+    (0.93, 0.45, 0.13, 1),
+    (0.7, 0.72, 0.75, 1),
+    (0.15, 0.15, 0.17, 1),
+    (0.3, 0.55, 0.9, 0.08),
+)
+_LINK_RADIUS = {
+    "irb2400": (0.16, 0.10, 0.11, 0.075, 0.055, 0.045),
+    "nj220": (0.28, 0.19, 0.20, 0.14, 0.11, 0.09),
+}  # [m] to look at
 
 
 def model_xml(robot: str) -> str:
@@ -54,13 +62,17 @@ def _hold_at(spec: mujoco.MjSpec, cell: Cell, q: Array, b: Array) -> None:
     for element in (*spec.actuators, *spec.tendons):
         spec.delete(element)
     stiffness = np.concatenate((_HOLD * cell.robot.servo["soft"].kp, np.zeros(5)))
-    for name, angle, spring in zip((*ROBOT_JOINTS, *BAR_JOINTS), np.concatenate((q, b)), stiffness, strict=True):
+    for name, angle, spring in zip(
+        (*ROBOT_JOINTS, *BAR_JOINTS), np.concatenate((q, b)), stiffness, strict=True
+    ):
         joint = spec.joint(name)
         body = joint.parent
         body.quat = _turned(np.array(body.quat), float(angle))
         joint.ref, joint.springref = float(angle), float(angle)
         joint.stiffness[0] = float(spring)
-        joint.damping[0] = max(float(joint.damping[0]), float(spring) * 0.5)  # half a second to come to rest
+        joint.damping[0] = max(
+            float(joint.damping[0]), float(spring) * 0.5
+        )  # half a second to come to rest
     for body in spec.bodies[1:]:
         body.gravcomp = 1.0
     spec.equalities[0].solref = (2.0 * _TIMESTEP, 1.0)
@@ -76,29 +88,46 @@ def _turned(quat: Array, angle: float) -> Array:
 def _add_shapes(spec: mujoco.MjSpec, cell: Cell) -> None:
     world = spec.worldbody
     world.add_light(pos=[1.5, -2.0, 3.5], dir=[-0.3, 0.5, -1.0])
-    world.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3, 3, 0.1], rgba=[0.92, 0.93, 0.94, 1])
+    world.add_geom(
+        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3, 3, 0.1], rgba=[0.92, 0.93, 0.94, 1]
+    )
     radii = _LINK_RADIUS[cell.robot.name]
     names = [*(f"link{i + 1}" for i in range(6))]
     for name, child, radius in zip(names[:-1], names[1:], radii, strict=False):
         end = np.array(spec.body(child).pos)
         _capsule(spec.body(name), np.zeros(3), end, radius, _ORANGE)
-    _capsule(world, np.zeros(3), np.array([0.0, 0.0, 0.6 * cell.robot.d[0]]), radii[0] * 1.2, _ORANGE)
+    _capsule(
+        world, np.zeros(3), np.array([0.0, 0.0, 0.6 * cell.robot.d[0]]), radii[0] * 1.2, _ORANGE
+    )
     plate = cell.plate
     middle = np.array([0.5 * plate.length, 0.0, 0.5 * plate.tool_offset])
     spec.body("link6").add_geom(
-        name="plate", type=mujoco.mjtGeom.mjGEOM_BOX, pos=middle, size=[0.5 * plate.length + 0.05, 0.05, 0.0225], rgba=_STEEL
+        name="plate",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=middle,
+        size=[0.5 * plate.length + 0.05, 0.05, 0.0225],
+        rgba=_STEEL,
     )
-    _capsule(spec.body("bar3"), np.zeros(3), np.array([0.0, 0.0, cell.ballbar.length]), 0.012, _CARBON)
+    _capsule(
+        spec.body("bar3"), np.zeros(3), np.array([0.0, 0.0, cell.ballbar.length]), 0.012, _CARBON
+    )
     _ball(spec.body("bar1"), 0.035, _STEEL)
     _ball(spec.body("bar4"), 0.03, _STEEL)
     _ball(spec.body("bar1"), cell.ballbar.length, _GLASS)
 
 
-def _capsule(body: mujoco.MjsBody, start: Array, end: Array, radius: float, colour: tuple[float, ...]) -> None:
+def _capsule(
+    body: mujoco.MjsBody, start: Array, end: Array, radius: float, colour: tuple[float, ...]
+) -> None:
     if np.linalg.norm(end - start) < 1e-3:
         _ball(body, radius, colour)
     else:
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], size=[radius, 0, 0], rgba=colour)
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            fromto=[*start, *end],
+            size=[radius, 0, 0],
+            rgba=colour,
+        )
 
 
 def _ball(body: mujoco.MjsBody, radius: float, colour: tuple[float, ...]) -> None:

@@ -63,12 +63,22 @@ def run_plant(
     Raises InputError for an unknown gain set; PlantError on divergence, when the loop opens by more than CLOSURE_LIMIT, when
     an axis leaves its range, or when robot or ball-bar flips into another configuration.
     """
-    prepared = prepare(cell, geometry, effects, path, servo=servo, timestep=timestep, gravity_compensation=gravity_compensation)
+    prepared = prepare(
+        cell,
+        geometry,
+        effects,
+        path,
+        servo=servo,
+        timestep=timestep,
+        gravity_compensation=gravity_compensation,
+    )
 
     def told(states: Array) -> None:
         plant = prepared.plant
         if watch is not None:
-            watch(cell, geometry, states[:, 0], states[:, 1 + plant.joints], states[:, 1 + plant.bar])
+            watch(
+                cell, geometry, states[:, 0], states[:, 1 + plant.joints], states[:, 1 + plant.bar]
+            )
 
     states, sensors = roll_out(prepared, told)
     motion = as_motion(cell, geometry, effects, cell.robot.servo[servo], prepared, states, sensors)
@@ -78,11 +88,20 @@ def run_plant(
 
 
 def prepare(
-    cell: Cell, geometry: Geometry, effects: PlantEffects, path: ReferencePath, *, servo: str, timestep: float, gravity_compensation: bool
+    cell: Cell,
+    geometry: Geometry,
+    effects: PlantEffects,
+    path: ReferencePath,
+    *,
+    servo: str,
+    timestep: float,
+    gravity_compensation: bool,
 ) -> PlantRun:
     """Model, start and commands of one run."""
     if servo not in cell.robot.servo:
-        raise InputError(f"plant.servo = {servo!r}: robot {cell.robot.name} has no such gain set; it has {', '.join(cell.robot.servo)}")
+        raise InputError(
+            f"plant.servo = {servo!r}: robot {cell.robot.name} has no such gain set; it has {', '.join(cell.robot.servo)}"
+        )
     gains = cell.robot.servo[servo]
     t = np.arange(round(path.t[-1] / timestep) + 1) * timestep
     command = _command(cell, geometry, path, t, gains, gravity_compensation=gravity_compensation)
@@ -91,7 +110,15 @@ def prepare(
     return PlantRun(plant, state_at_rest(cell.robot, plant, held), command, timestep)
 
 
-def _command(cell: Cell, geometry: Geometry, path: ReferencePath, t: Array, gains: ServoGains, *, gravity_compensation: bool) -> Array:
+def _command(
+    cell: Cell,
+    geometry: Geometry,
+    path: ReferencePath,
+    t: Array,
+    gains: ServoGains,
+    *,
+    gravity_compensation: bool,
+) -> Array:
     """(K, 6) [rad] servo commands at the gears: reference, velocity lead and, if asked for, the robot's weight."""
     joint_to_gear = cell.robot.joint_to_gear
     reference = CubicSpline(path.t, path.q @ joint_to_gear)
@@ -99,7 +126,9 @@ def _command(cell: Cell, geometry: Geometry, path: ReferencePath, t: Array, gain
     if gravity_compensation:
         coarse = np.append(np.arange(0.0, t[-1], _GRAVITY_STEP), t[-1])
         joints = reference(coarse) @ cell.robot.gear_to_joint
-        weight = CubicSpline(coarse, gravity_torque(cell, geometry, joints) @ cell.robot.gear_to_joint.T)
+        weight = CubicSpline(
+            coarse, gravity_torque(cell, geometry, joints) @ cell.robot.gear_to_joint.T
+        )
         command += weight(t) / gains.kp
     return np.asarray(command)
 
@@ -107,7 +136,11 @@ def _command(cell: Cell, geometry: Geometry, path: ReferencePath, t: Array, gain
 def state_at_rest(robot: Robot, plant: PlantModel, held: Rest) -> Array:
     """(nstate,) full physics state of a mechanism at rest."""
     data = mujoco.MjData(plant.model)
-    data.qpos[plant.joints], data.qpos[plant.bar], data.qpos[plant.rod] = held.q, held.b, held.stretch
+    data.qpos[plant.joints], data.qpos[plant.bar], data.qpos[plant.rod] = (
+        held.q,
+        held.b,
+        held.stretch,
+    )
     if plant.rotors.size:
         data.qpos[plant.rotors] = held.motor @ robot.joint_to_gear
     data.qpos[plant.plate] = held.plate
@@ -128,38 +161,66 @@ def roll_out(run: PlantRun, told: Callable[[Array], None] = lambda _: None) -> t
     model, stretch = run.plant.model, max(1, round(_STRETCH / run.timestep))
     data, warm = mujoco.MjData(model), np.zeros(model.nv)
     warnings: list[str] = []
-    states, sensors = np.empty((len(run.command), run.start.size)), np.empty((len(run.command), model.nsensordata))
+    states, sensors = (
+        np.empty((len(run.command), run.start.size)),
+        np.empty((len(run.command), model.nsensordata)),
+    )
     states[0] = run.start
     mujoco.set_mju_user_warning(warnings.append)
     try:
         for first in range(0, len(states) - 1, stretch):
             rows = slice(first + 1, min(first + stretch + 1, len(states)))
-            before = slice(rows.start - 1, rows.stop - 1)  # a step reads its sensors before it moves
+            before = slice(
+                rows.start - 1, rows.stop - 1
+            )  # a step reads its sensors before it moves
             out = {"state": states[None, rows], "sensordata": sensors[None, before]}
-            rollout.rollout(model, data, states[None, first], run.command[None, rows], initial_warmstart=warm[None], **out)
+            rollout.rollout(
+                model,
+                data,
+                states[None, first],
+                run.command[None, rows],
+                initial_warmstart=warm[None],
+                **out,
+            )
             warm = data.qacc_warmstart.copy()
             told(states[first : rows.stop])
     finally:
         mujoco.set_mju_user_warning(None)
     sensors[-1] = sensors[-2]
     time = states[:, 0]
-    bad = ~np.isfinite(states).all(axis=1) | (np.abs(time - np.arange(len(time)) * run.timestep) > 0.5 * run.timestep)
+    bad = ~np.isfinite(states).all(axis=1) | (
+        np.abs(time - np.arange(len(time)) * run.timestep) > 0.5 * run.timestep
+    )
     if bad.any() or warnings:
         k = int(bad.argmax())
         said = f" MuJoCo says: {warnings[0]}" if warnings else ""
-        raise PlantError(f"simulation diverged at t = {k * run.timestep:.3f} s.{said} A smaller timestep or a softer servo may help.")
+        raise PlantError(
+            f"simulation diverged at t = {k * run.timestep:.3f} s.{said} A smaller timestep or a softer servo may help."
+        )
     return states, sensors
 
 
 def as_motion(
-    cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, run: PlantRun, states: Array, sensors: Array
+    cell: Cell,
+    geometry: Geometry,
+    effects: PlantEffects,
+    gains: ServoGains,
+    run: PlantRun,
+    states: Array,
+    sensors: Array,
 ) -> Motion:
     """What the states mean: joints, shown angles, rod force, servo torques and the flange's load."""
     plant, model = run.plant, run.plant.model
-    positions, speeds = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq : 1 + model.nq + model.nv]
+    positions, speeds = (
+        states[:, 1 : 1 + model.nq],
+        states[:, 1 + model.nq : 1 + model.nq + model.nv],
+    )
     q = positions[:, plant.joints]
     rigid = not plant.rotors.size
-    outputs, rates = (v[:, plant.joints] @ cell.robot.joint_to_gear if rigid else v[:, plant.rotors] for v in (positions, speeds))
+    outputs, rates = (
+        v[:, plant.joints] @ cell.robot.joint_to_gear if rigid else v[:, plant.rotors]
+        for v in (positions, speeds)
+    )
     shown = outputs - effects.transmission_error(outputs)
     stretch = positions[:, plant.rod]
     strain = stretch - np.clip(stretch, -effects.rod_slack, effects.rod_slack)
@@ -172,7 +233,9 @@ def as_motion(
         rod_force=effects.rod_stiffness * strain,
         geometry=geometry,
         torque=gains.kp * (run.command - shown) - gains.kv * rates,
-        wrench=-sensors if effects.force_sensor else None,  # MuJoCo gives what the flange exerts on the plate
+        wrench=-sensors
+        if effects.force_sensor
+        else None,  # MuJoCo gives what the flange exerts on the plate
         plate=positions[:, plant.plate[0]] if plant.plate.size else np.zeros(1),
         base=positions[:, plant.base] if plant.base.size else np.zeros((1, 3)),
     )
@@ -193,7 +256,11 @@ def check_course(cell: Cell, motion: Motion) -> None:
     fault = axis_range_fault(cell.robot, motion.t, motion.q)
     if fault is not None:
         raise PlantError(fault[1])
-    for name, angle in (("robot joint q5", motion.q[:, 4]), ("ball-bar joint b2", motion.b[:, 1]), ("ball-bar joint b4", motion.b[:, 3])):
+    for name, angle in (
+        ("robot joint q5", motion.q[:, 4]),
+        ("ball-bar joint b2", motion.b[:, 1]),
+        ("ball-bar joint b4", motion.b[:, 3]),
+    ):
         side = np.sin(angle)
         flipped = np.flatnonzero(side * side[0] < 0.0)
         if flipped.size:

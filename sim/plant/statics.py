@@ -71,7 +71,15 @@ class _Machine:
     active: NDArray[np.intp]  # coordinates that can move
 
 
-def rest(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, command: Array, q: Array, b: Array) -> Rest:
+def rest(
+    cell: Cell,
+    geometry: Geometry,
+    effects: PlantEffects,
+    gains: ServoGains,
+    command: Array,
+    q: Array,
+    b: Array,
+) -> Rest:
     """Where the mechanism rests when the servos are told `command` (6,) [rad of the gears]; q (6,), b (5,) [rad] start close by.
 
     Raises NoEquilibriumError when the steps do not converge.
@@ -88,22 +96,30 @@ def rest(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGain
         imbalance = force[active] + columns.T @ multipliers
         if np.abs(closed).max() < _CLOSURE_TOLERANCE and np.abs(imbalance).max() < _FORCE_TOLERANCE:
             return _as_rest(machine, x, float(force[ROD] - _rod_weight(machine, ends)))
-        system = np.block([[hessian[np.ix_(active, active)], columns.T], [columns, np.zeros((6, 6))]])
+        system = np.block(
+            [[hessian[np.ix_(active, active)], columns.T], [columns, np.zeros((6, 6))]]
+        )
         solution = np.linalg.solve(system, -np.concatenate((force[active], closed)))
         step = np.zeros(COORDINATES)
         step[active] = np.clip(solution[: active.size], -0.1, 0.1)
         share = 1.0 if k < _PATIENCE else _to_end_of_play(machine, x, step)
         x += share * step
         multipliers += share * (solution[active.size :] - multipliers)
-    raise NoEquilibriumError(f"statics: no equilibrium in {_MAX_STEPS} steps; loop open by {np.abs(closed).max():.3g}")
+    raise NoEquilibriumError(
+        f"statics: no equilibrium in {_MAX_STEPS} steps; loop open by {np.abs(closed).max():.3g}"
+    )
 
 
 def gravity_torque(cell: Cell, geometry: Geometry, q: Array) -> Array:
     """(N, 6) [N m] torque that holds the free robot with its plate against gravity at joint angles q (N, 6) [rad]."""
-    return _weight(geometry.robot, q, robot_frames(geometry, q), _robot_links(cell), cell.robot.gravity).T
+    return _weight(
+        geometry.robot, q, robot_frames(geometry, q), _robot_links(cell), cell.robot.gravity
+    ).T
 
 
-def _machine(cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, command: Array) -> _Machine:
+def _machine(
+    cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, command: Array
+) -> _Machine:
     movable = np.ones(COORDINATES, dtype=bool)
     movable[GEAR] = effects.gear_stiffness is not None
     movable[PLATE] = effects.plate_stiffness is not None
@@ -128,7 +144,9 @@ def _robot_links(cell: Cell) -> list[list[Link]]:
     links = _turning_links(chain, robot.links[1:])
     flange = forward(chain, np.zeros((1, 6)))
     on_base = flange.tip[:, 0] + flange.rotation()[:, :, 0] @ plate.com
-    links[5] += _turning_links(chain, (*robot.links[1:6], Link(plate.mass, on_base, plate.inertia)))[5]
+    links[5] += _turning_links(
+        chain, (*robot.links[1:6], Link(plate.mass, on_base, plate.inertia))
+    )[5]
     return links
 
 
@@ -138,13 +156,22 @@ def _turning_links(chain: Chain, links: tuple[Link, ...]) -> list[list[Link]]:
     turned = []
     for i, link in enumerate(links):
         rotation = zero.rotation(i)[:, :, 0]
-        turned.append([Link(link.mass, rotation.T @ (link.com - zero.origin[i, :, 0]), link.inertia)])
+        turned.append(
+            [Link(link.mass, rotation.T @ (link.com - zero.origin[i, :, 0]), link.inertia)]
+        )
     return turned
 
 
 def _ends(machine: _Machine, x: Array) -> Deflected:
     q = (x[MOTOR] + x[GEAR])[None]
-    return deflect(machine.geometry, q, x[None, BAR], stretch=x[ROD : ROD + 1], plate=x[PLATE : PLATE + 1], base=x[None, BASE])
+    return deflect(
+        machine.geometry,
+        q,
+        x[None, BAR],
+        stretch=x[ROD : ROD + 1],
+        plate=x[PLATE : PLATE + 1],
+        base=x[None, BASE],
+    )
 
 
 def _closure(ends: Deflected) -> Array:
@@ -177,11 +204,20 @@ def _forces(machine: _Machine, ends: Deflected, x: Array) -> tuple[Array, Array]
         force[GEAR], stiffness[GEAR, GEAR] = to_gear @ torque, to_gear @ np.diag(slope) @ to_gear.T
     if effects.plate_stiffness is not None:
         # cantilever under a tip load F: deflection F / k, tilt 3 F / (2 k L); the load's lever about the hinge is 2 L / 3
-        bending = (2.0 / 3.0 * machine.geometry["ra6"]) * effects.plate_stiffness / (1.5 / machine.geometry["ra6"])
+        bending = (
+            (2.0 / 3.0 * machine.geometry["ra6"])
+            * effects.plate_stiffness
+            / (1.5 / machine.geometry["ra6"])
+        )
         force[PLATE], stiffness[PLATE, PLATE] = bending * x[PLATE], bending
     if effects.base_stiffness is not None:
-        force[BASE], stiffness[BASE, BASE] = effects.base_stiffness * x[BASE], effects.base_stiffness * np.eye(3)
-    rod, slope = _with_play(x[ROD : ROD + 1], np.array([effects.rod_stiffness]), np.array([effects.rod_slack]))
+        force[BASE], stiffness[BASE, BASE] = (
+            effects.base_stiffness * x[BASE],
+            effects.base_stiffness * np.eye(3),
+        )
+    rod, slope = _with_play(
+        x[ROD : ROD + 1], np.array([effects.rod_stiffness]), np.array([effects.rod_slack])
+    )
     force[ROD], stiffness[ROD, ROD] = rod[0], slope[0]
     return force + _weights(machine, ends, x), stiffness
 
@@ -190,15 +226,21 @@ def _with_play(deflection: Array, stiffness: Array, slack: Array) -> tuple[Array
     """Force and slope of springs with a dead band of half width `slack`."""
     inside = np.clip(deflection, -slack, slack)
     share = np.where((np.abs(deflection) < slack), INSIDE_PLAY, 1.0)
-    return stiffness * (deflection - inside + INSIDE_PLAY * inside * (slack > 0.0)), stiffness * share
+    return stiffness * (
+        deflection - inside + INSIDE_PLAY * inside * (slack > 0.0)
+    ), stiffness * share
 
 
 def _weights(machine: _Machine, ends: Deflected, x: Array) -> Array:
     """(22,) derivative of the potential energy of all masses."""
     load = np.zeros(COORDINATES)
     q = (x[MOTOR] + x[GEAR])[None]
-    load[MOTOR] = load[GEAR] = _weight(machine.geometry.robot, q, ends.robot, machine.robot, machine.gravity)[:, 0]
-    load[BAR] = _weight(machine.geometry.bar, x[None, BAR], ends.bar, machine.bar, machine.gravity)[:, 0]
+    load[MOTOR] = load[GEAR] = _weight(
+        machine.geometry.robot, q, ends.robot, machine.robot, machine.gravity
+    )[:, 0]
+    load[BAR] = _weight(machine.geometry.bar, x[None, BAR], ends.bar, machine.bar, machine.gravity)[
+        :, 0
+    ]
     load[ROD] = _rod_weight(machine, ends)
     load[BASE] = -sum(link.mass for links in machine.bar for link in links) * machine.gravity
     return load
@@ -210,14 +252,21 @@ def _rod_weight(machine: _Machine, ends: Deflected) -> float:
     return float(-mass * machine.gravity @ ends.bar.z[2, :, 0])
 
 
-def _weight(chain: Chain, q: Array, frames: Frames, bodies: list[list[Link]], gravity: Array) -> Array:
+def _weight(
+    chain: Chain, q: Array, frames: Frames, bodies: list[list[Link]], gravity: Array
+) -> Array:
     """(J, N) [N m/rad] derivative of the potential energy with respect to the joint angles of one chain."""
     gradient = np.zeros((chain.rows, q.shape[0]))
     cos, sin = np.cos(q.T), np.sin(q.T)
     for i, links in enumerate(bodies):
         x, y, z = frames.x[i], frames.y[i], frames.z[i]
         for link in links:
-            com = frames.origin[i] + link.com[0] * (cos[i] * x + sin[i] * y) + link.com[1] * (cos[i] * y - sin[i] * x) + link.com[2] * z
+            com = (
+                frames.origin[i]
+                + link.com[0] * (cos[i] * x + sin[i] * y)
+                + link.com[1] * (cos[i] * y - sin[i] * x)
+                + link.com[2] * z
+            )
             for j in range(i + 1):
                 gradient[j] -= link.mass * gravity @ cross(frames.z[j], com - frames.origin[j])
     return gradient
@@ -242,4 +291,6 @@ def _as_rest(machine: _Machine, x: Array, rod_force: float) -> Rest:
     effects = machine.effects
     play = np.abs(x[GEAR] @ machine.joint_to_gear) < effects.gear_slack
     in_play = bool(play.any() or abs(x[ROD]) < effects.rod_slack)
-    return Rest(x[MOTOR], x[GEAR], x[BAR], float(x[ROD]), float(x[PLATE]), x[BASE], rod_force, in_play)
+    return Rest(
+        x[MOTOR], x[GEAR], x[BAR], float(x[ROD]), float(x[PLATE]), x[BASE], rod_force, in_play
+    )

@@ -26,16 +26,24 @@ class Course:
     def angles(self, t: np.ndarray, columns: int, rng: np.random.Generator) -> np.ndarray:
         along = np.interp(t, self.t, self.progress)
         draws = rng.uniform([0.2, 0.01, 0.0], [0.6, 0.1, 6.28], (columns, 2, 3))
-        return np.stack([sum(a * np.sin(2 * np.pi * f * along + p) for a, f, p in terms) for terms in draws], axis=1)
+        return np.stack(
+            [sum(a * np.sin(2 * np.pi * f * along + p) for a, f, p in terms) for terms in draws],
+            axis=1,
+        )
 
 
 def draw_course(duration: float, rng: np.random.Generator) -> Course:
     """Rests at both ends, and a few dwells at random."""
-    dwells = [(start, start + rng.uniform(2.0, 5.0)) for start in rng.uniform(10.0, duration - 15.0, rng.integers(2, 6))]
+    dwells = [
+        (start, start + rng.uniform(2.0, 5.0))
+        for start in rng.uniform(10.0, duration - 15.0, rng.integers(2, 6))
+    ]
     return Course(duration, [(-1.0, 4.0), (duration - 4.0, duration + 1.0), *dwells])
 
 
-def logs_with_offset(offset: float, *, skew: float, seed: int, longer: bool) -> tuple[RobotLog, BallBarLog, float]:
+def logs_with_offset(
+    offset: float, *, skew: float, seed: int, longer: bool
+) -> tuple[RobotLog, BallBarLog, float]:
     """Both logs of one run, and the true offset.
 
     longer : the side that starts early logs the rest before the course; otherwise the side that starts late misses part of it.
@@ -46,11 +54,17 @@ def logs_with_offset(offset: float, *, skew: float, seed: int, longer: bool) -> 
     sign = -1.0 if longer else 1.0
     late_robot, late_bar = sign * max(0.0, -sign * offset), sign * max(0.0, sign * offset)
     t_robot = np.arange(late_robot, duration, 0.004032)
-    t_bar = late_bar + np.cumsum(rng.choice([0.010, 0.015], int((duration - late_bar) / 0.0101), p=[0.99, 0.01]))
+    t_bar = late_bar + np.cumsum(
+        rng.choice([0.010, 0.015], int((duration - late_bar) / 0.0101), p=[0.99, 0.01])
+    )
     q = course.angles(t_robot, 6, rng) + rng.normal(0.0, NOISE, (t_robot.size, 6))
     b = course.angles(t_bar, 4, rng) + rng.normal(0.0, NOISE, (t_bar.size, 4))
     stamps = (t_bar - t_bar[0]) / (1.0 + skew)
-    return RobotLog(t_robot - t_robot[0], q), BallBarLog(stamps, b, (1, 2, 4, 5)), float(t_bar[0] - t_robot[0])
+    return (
+        RobotLog(t_robot - t_robot[0], q),
+        BallBarLog(stamps, b, (1, 2, 4, 5)),
+        float(t_bar[0] - t_robot[0]),
+    )
 
 
 @pytest.mark.parametrize("longer", [True, False])
@@ -74,7 +88,13 @@ def test_the_second_best_offset_is_another_peak() -> None:
 
 
 def test_the_same_course_driven_twice_gives_a_runner_up_one_round_away() -> None:
-    rests = [(-1.0, 3.0), (17.0, 19.0), (41.0, 45.0), (59.0, 61.0), (83.0, 90.0)]  # rest, motion, dwell, motion, twice
+    rests = [
+        (-1.0, 3.0),
+        (17.0, 19.0),
+        (41.0, 45.0),
+        (59.0, 61.0),
+        (83.0, 90.0),
+    ]  # rest, motion, dwell, motion, twice
     rng = np.random.default_rng(0)
     course = Course(86.0, rests)
     t = np.arange(0.0, 86.0, 0.01)
@@ -90,8 +110,14 @@ def test_rest_against_rest_does_not_win() -> None:
     rng = np.random.default_rng(1)
     course = Course(130.0, [(-1.0, 100.0), (110.0, 113.0), (126.0, 140.0)])
     t_robot, t_bar = np.arange(0.0, 130.0, 0.004032), np.arange(90.0, 130.0, 0.01)
-    robot = RobotLog(t_robot, course.angles(t_robot, 6, rng) + rng.normal(0.0, NOISE, (t_robot.size, 6)))
-    bar = BallBarLog(t_bar - 90.0, course.angles(t_bar, 4, rng) + rng.normal(0.0, NOISE, (t_bar.size, 4)), (1, 2, 4, 5))
+    robot = RobotLog(
+        t_robot, course.angles(t_robot, 6, rng) + rng.normal(0.0, NOISE, (t_robot.size, 6))
+    )
+    bar = BallBarLog(
+        t_bar - 90.0,
+        course.angles(t_bar, 4, rng) + rng.normal(0.0, NOISE, (t_bar.size, 4)),
+        (1, 2, 4, 5),
+    )
     assert coarse_alignment(robot, bar).offset_s == pytest.approx(90.0, abs=0.15)
 
 
@@ -110,7 +136,11 @@ def test_correlation_at_every_lag_is_that_of_the_overlapping_samples() -> None:
     pairs = [(robot[max(0, lag) : lag + 35], ballbar[max(0, -lag) : 50 - lag]) for lag in lags]
     samples = np.array([len(r) for r, _ in pairs])
     enough = samples >= 5
-    expected = [max(0.0, np.corrcoef(r, b)[0, 1]) for (r, b), chosen in zip(pairs, enough, strict=True) if chosen]
+    expected = [
+        max(0.0, np.corrcoef(r, b)[0, 1])
+        for (r, b), chosen in zip(pairs, enough, strict=True)
+        if chosen
+    ]
     found = overlap_correlation(robot, ballbar, samples[enough].astype(float), enough)
     np.testing.assert_allclose(found, expected, atol=1e-10)
 
@@ -127,11 +157,15 @@ def test_a_signal_constant_in_the_overlap_correlates_with_nothing() -> None:
 def test_logs_without_motion_or_too_short_to_align_are_refused() -> None:
     robot, ballbar, _ = logs_with_offset(0.0, skew=0.0, seed=4, longer=True)
     rng = np.random.default_rng(2)
-    standing = BallBarLog(ballbar.t.copy(), rng.normal(0.0, NOISE, ballbar.angles.shape), ballbar.joints)
+    standing = BallBarLog(
+        ballbar.t.copy(), rng.normal(0.0, NOISE, ballbar.angles.shape), ballbar.joints
+    )
     with pytest.raises(LogError, match="nothing moves in the ball-bar log"):
         coarse_alignment(robot, standing)
     short = RobotLog(robot.t[:2000].copy(), robot.q[:2000].copy())
-    with pytest.raises(LogError, match=r"the robot log lasts 8\.06 s; aligning two clocks needs 10 s"):
+    with pytest.raises(
+        LogError, match=r"the robot log lasts 8\.06 s; aligning two clocks needs 10 s"
+    ):
         coarse_alignment(short, ballbar)
 
 
@@ -146,7 +180,9 @@ def test_the_rests_of_a_noisy_log_are_found_and_nothing_else(noise: float, perio
     expected = [(0.0, 4.0), (20.0, 23.0), (40.0, 41.5), (56.0, 60.0)]
     # A speed spans 0.1 s to either side, and a ramp begins too slowly to be seen.
     np.testing.assert_allclose(t[found.intervals], expected, atol=0.2)
-    np.testing.assert_array_equal(np.flatnonzero(np.diff(found.still.astype(int)) == 1), found.intervals[1:, 0] - 1)
+    np.testing.assert_array_equal(
+        np.flatnonzero(np.diff(found.still.astype(int)) == 1), found.intervals[1:, 0] - 1
+    )
     assert found.still.sum() == np.sum(found.intervals[:, 1] - found.intervals[:, 0] + 1)
 
 
@@ -160,7 +196,9 @@ def test_one_moving_channel_is_motion() -> None:
 
 def test_a_log_that_never_rests_has_no_rest() -> None:
     t = np.arange(0.0, 60.0, 0.01)
-    angles = np.stack([np.sin(0.5 * t + 0.7 * i) for i in range(5)], axis=1) + np.random.default_rng(6).normal(0.0, NOISE, (t.size, 5))
+    angles = np.stack(
+        [np.sin(0.5 * t + 0.7 * i) for i in range(5)], axis=1
+    ) + np.random.default_rng(6).normal(0.0, NOISE, (t.size, 5))
     found = stillness(t, angles)
     assert not found.still.any()
     assert found.intervals.shape == (0, 2)
@@ -170,7 +208,9 @@ def test_a_log_that_never_rests_has_no_rest() -> None:
 def test_noise_is_measured_in_motion_and_with_uneven_stamps(sigma: float) -> None:
     rng = np.random.default_rng(7)
     t = np.cumsum(rng.choice([0.010, 0.015, 0.020], 8000, p=[0.9, 0.08, 0.02]))
-    angles = np.stack([np.sin(0.5 * t), np.cos(0.3 * t)], axis=1) + rng.normal(0.0, sigma, (t.size, 2))
+    angles = np.stack([np.sin(0.5 * t), np.cos(0.3 * t)], axis=1) + rng.normal(
+        0.0, sigma, (t.size, 2)
+    )
     # 8000 samples: the median is good to about 2 %; jerk of 0.125 rad/s^3 leaves less than 1e-7 rad.
     assert noise_sigma(t, angles) == pytest.approx([sigma, sigma], rel=0.08)
 

@@ -13,7 +13,12 @@ from acquisition.table.header import Layout
 from acquisition.table.table import read_table
 from cell.errors import LogError
 
-BAR = Layout((";", ","), {"time": "text", "b1": "integer", "b2": "integer"}, {"s1": "integer"}, instead={"time": ("lo", "hi")})
+BAR = Layout(
+    (";", ","),
+    {"time": "text", "b1": "integer", "b2": "integer"},
+    {"s1": "integer"},
+    instead={"time": ("lo", "hi")},
+)
 ROBOT = Layout((",", ";", "\t"), {"time": "decimal", "m1": "float", "m2": "float"})
 ROWS = 12
 
@@ -25,13 +30,21 @@ def bar_file(rng: Rng) -> bytes:
     separator, end = (";", "\r\n") if rng.random() < 0.5 else (",", "\n")
     rows = [["s1", "note", "b2", "time", "b1"][rng.integers(2) :]]
     for k, word in enumerate(words.tolist()):
-        rows.append([str(word[0] % 4), "1.5", str(word[1]), str(10**17 + k), str(word[2])][-len(rows[0]) :])
+        rows.append(
+            [str(word[0] % 4), "1.5", str(word[1]), str(10**17 + k), str(word[2])][-len(rows[0]) :]
+        )
     return "".join(separator.join(row) + end for row in rows).encode()
 
 
 def robot_file(rng: Rng) -> bytes:
     first = (0.0, 1.7e9)[int(rng.integers(2))]
-    lines = ["time,m1,m2", *(f"{first + 0.004 * k:.6f},{a!r},{b:.3e}" for k, (a, b) in enumerate(rng.normal(size=(ROWS, 2)).tolist()))]
+    lines = [
+        "time,m1,m2",
+        *(
+            f"{first + 0.004 * k:.6f},{a!r},{b:.3e}"
+            for k, (a, b) in enumerate(rng.normal(size=(ROWS, 2)).tolist())
+        ),
+    ]
     return "\n".join(lines).encode() + b"\n"
 
 
@@ -39,7 +52,26 @@ def damaged(raw: bytes, rng: Rng) -> bytes:
     """The file with up to three marks put in, cut out or doubled."""
     for _ in range(int(rng.integers(4))):
         at = int(rng.integers(len(raw)))
-        mark = (b"x", b"0x", b"\r", b"\n", b" ", b"+", b"-", b".", b"e", b'"', b"\0", b"\xe4", b"nan", b",", b";", b"9" * 20, b"EOF\n", b"")
+        mark = (
+            b"x",
+            b"0x",
+            b"\r",
+            b"\n",
+            b" ",
+            b"+",
+            b"-",
+            b".",
+            b"e",
+            b'"',
+            b"\0",
+            b"\xe4",
+            b"nan",
+            b",",
+            b";",
+            b"9" * 20,
+            b"EOF\n",
+            b"",
+        )
         raw = raw[:at] + mark[rng.integers(len(mark))] + raw[at + int(rng.integers(3)) :]
     return raw
 
@@ -61,7 +93,9 @@ def files(count: int) -> Iterator[tuple[bytes, Layout]]:
         yield damaged(make(rng), rng), layout
 
 
-def test_what_is_read_at_once_is_what_is_read_line_by_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_read_at_once_is_what_is_read_line_by_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path, clean = tmp_path / "log.csv", 0
     for raw, layout in files(600):
         path.write_bytes(raw)
@@ -87,9 +121,22 @@ def test_a_clean_log_is_read_at_once() -> None:
 
 
 @pytest.mark.parametrize(
-    "row", [b"0x10;1;2", b"1;2;3;4", b"1;2", b"1;2;", b"", b"1;2;1e3", b'1;2;"3"', b"1;2;\xe4", b"2024-01-01-00:00:00;1;2"]
+    "row",
+    [
+        b"0x10;1;2",
+        b"1;2;3;4",
+        b"1;2",
+        b"1;2;",
+        b"",
+        b"1;2;1e3",
+        b'1;2;"3"',
+        b"1;2;\xe4",
+        b"2024-01-01-00:00:00;1;2",
+    ],
 )
 def test_a_row_that_is_not_plain_is_left_to_the_careful_reader(row: bytes) -> None:
     findings: list[Finding] = []
-    assert clean_columns(b"time;b1;b2\n1;2;3\n" + row + b"\n4;5;6\n", "log.csv", BAR, findings) is None
+    assert (
+        clean_columns(b"time;b1;b2\n1;2;3\n" + row + b"\n4;5;6\n", "log.csv", BAR, findings) is None
+    )
     assert findings == []

@@ -55,13 +55,19 @@ SAMPLES = Path(__file__).parents[1] / "data/twincat_scope"
 START_NS = (FILETIME - 116_444_736_000_000_000) * 100  # of the sample exports too
 
 
-def read(folder: Path, written: Written, content: bytes | None = None) -> tuple[Table, list[tuple[str, str]]]:
+def read(
+    folder: Path, written: Written, content: bytes | None = None
+) -> tuple[Table, list[tuple[str, str]]]:
     """The table of a file with that content, and kind and severity of each finding."""
     path = folder / ("log" + written.suffix)
     path.write_bytes(written.content if content is None else content)
     dialect, findings = load_dialect(written.dialect), list[Finding]()
     time = dialect.time.column
-    columns = {time: dialect.time.type, **dict.fromkeys(dialect.axes, "float"), **dict.fromkeys(written.integers, "integer")}
+    columns = {
+        time: dialect.time.type,
+        **dict.fromkeys(dialect.axes, "float"),
+        **dict.fromkeys(written.integers, "integer"),
+    }
     table, _ = read_file(path, path.name, dialect, Layout((), columns), findings)
     return table, [(one.kind, one.severity) for one in findings]
 
@@ -69,13 +75,16 @@ def read(folder: Path, written: Written, content: bytes | None = None) -> tuple[
 def equal(table: Table, written: Written, rows: slice = slice(None)) -> bool:
     found, wanted = table.columns, {name: values[rows] for name, values in written.columns.items()}
     return found.keys() == wanted.keys() and all(
-        found[name].dtype == values.dtype and np.array_equal(found[name], values) for name, values in wanted.items()
+        found[name].dtype == values.dtype and np.array_equal(found[name], values)
+        for name, values in wanted.items()
     )
 
 
 ALL: dict[str, Callable[[Path], Written]] = {
     "scope": lambda _: scope(),
-    "scope, semicolons and decimal commas": lambda _: scope(separator=";", decimal=",", own_times=True, eof=True),
+    "scope, semicolons and decimal commas": lambda _: scope(
+        separator=";", decimal=",", own_times=True, eof=True
+    ),
     "scope, commas": lambda _: scope(separator=","),
     "scope, colons": lambda _: scope(separator=":"),
     "json lines": lambda _: json_lines(),
@@ -112,7 +121,13 @@ def test_every_cut_is_seen(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["scope", "json lines", "egm", "mpe"])
 def test_packed_files_are_read_as_well(kind: str, tmp_path: Path) -> None:
     written = ALL[kind](tmp_path)
-    packed = Written(written.dialect, written.suffix + ".gz", gzip.compress(written.content), written.columns, written.integers)
+    packed = Written(
+        written.dialect,
+        written.suffix + ".gz",
+        gzip.compress(written.content),
+        written.columns,
+        written.integers,
+    )
     table, findings = read(tmp_path, packed)
     assert equal(table, written)
     assert findings == []
@@ -148,7 +163,9 @@ def test_scope_exports_read_as_pytcs_reads_them(name: str) -> None:
     for channel in found:
         theirs = other[channel.name]
         assert np.array_equal(channel.values.astype(np.float64), theirs.values)
-        assert np.array_equal(channel.time_ns - START_NS, np.rint(theirs.time * 1e6).astype(np.int64))
+        assert np.array_equal(
+            channel.time_ns - START_NS, np.rint(theirs.time * 1e6).astype(np.int64)
+        )
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in SAMPLES.glob("tc3*")))
@@ -163,7 +180,9 @@ def test_scope_channels_are_what_the_recorded_program_counted(name: str) -> None
         assert whole.values.dtype == signed.values.dtype == np.int64
     assert np.array_equal(found["var_UINT32"].time_ns, START_NS + 1_000_000 * cycles)
     assert np.array_equal(found["var_BIT"].values, np.minimum(cycles, 1))
-    assert np.array_equal(found["func_scaled_int"].values, cycles if "default" in name else 1 - cycles)
+    assert np.array_equal(
+        found["func_scaled_int"].values, cycles if "default" in name else 1 - cycles
+    )
     assert found["func_scaled_int"].scaled
     assert not found["var_INT32"].scaled
     if "func_OS" in found:
@@ -179,7 +198,10 @@ def test_scope_times_may_be_filetimes(tmp_path: Path) -> None:
     for row in rows.splitlines():
         cells = row.split("\t")
         stamped.append(
-            "\t".join(str(FILETIME + round(1e4 * float(cell))) if i in (0, 3) and cell.strip() else cell for i, cell in enumerate(cells))
+            "\t".join(
+                str(FILETIME + round(1e4 * float(cell))) if i in (0, 3) and cell.strip() else cell
+                for i, cell in enumerate(cells)
+            )
         )
     content = "\n".join([head, "", "", metadata, "", *stamped, ""]).encode()
     assert equal(read(tmp_path, written, content)[0], written)
@@ -190,10 +212,22 @@ SCOPE_REFUSED = {
     "no such file": (lambda t: "time;b1\n" + t, "no TwinCAT Scope export"),
     "two channels of one name": (lambda t: t.replace("fast", "b1"), "2 channels are called 'b1'"),
     "a channel missing": (lambda t: t.replace("\tb1\t", "\tbar1\t"), "b1 missing"),
-    "a scaled counter": (lambda t: t.replace("ScaleFactor\t1\t1", "ScaleFactor\t1\t-1", 1), "channel 'b2' is scaled"),
-    "a counter in a float": (lambda t: t.replace("Data-Type\tUINT32", "Data-Type\tREAL32"), "channel 'b1' is REAL32"),
-    "a counter beyond its type": (lambda t: t.replace("20\t200", "20\t99999999200", 1), "is no UINT32"),
-    "both decimal marks": (lambda t: t.replace("2.5\t0.625", "2,5\t0.625"), "decimal commas and decimal points"),
+    "a scaled counter": (
+        lambda t: t.replace("ScaleFactor\t1\t1", "ScaleFactor\t1\t-1", 1),
+        "channel 'b2' is scaled",
+    ),
+    "a counter in a float": (
+        lambda t: t.replace("Data-Type\tUINT32", "Data-Type\tREAL32"),
+        "channel 'b1' is REAL32",
+    ),
+    "a counter beyond its type": (
+        lambda t: t.replace("20\t200", "20\t99999999200", 1),
+        "is no UINT32",
+    ),
+    "both decimal marks": (
+        lambda t: t.replace("2.5\t0.625", "2,5\t0.625"),
+        "decimal commas and decimal points",
+    ),
     "a time that goes back": (lambda t: t.replace("\n30\t", "\n10\t"), "does not lie behind '20'"),
     "a second export behind": (lambda t: t + "EOF\n" + t, "Two exports in one file"),
     "no data": (lambda t: t[: t.index("\n0\t") + 1], "no data below"),
@@ -227,8 +261,14 @@ def test_a_torn_scope_row_is_dropped_and_reported(tmp_path: Path) -> None:
 
 
 JSON_REFUSED = {
-    "positions and velocities in one file": (lambda t: t + t.replace('"J1": ', '"J1": 1'), "Record one topic a file"),
-    "times that are no whole numbers": (lambda t: t.replace('"time": 165', '"time": 0.165'), "Whole numbers are needed for time"),
+    "positions and velocities in one file": (
+        lambda t: t + t.replace('"J1": ', '"J1": 1'),
+        "Record one topic a file",
+    ),
+    "times that are no whole numbers": (
+        lambda t: t.replace('"time": 165', '"time": 0.165'),
+        "Whole numbers are needed for time",
+    ),
     "no joints": (lambda t: t.replace('"J3"', '"K3"'), "J3 missing"),
     "no JSON": (lambda t: t.replace("{", ""), "is no JSON object"),
     "nothing but NaN": (lambda t: t.replace('"J10": 0.0', '"J10": NaN'), "is no JSON object"),
@@ -244,11 +284,23 @@ def test_json_lines_are_refused_in_words(what: str, tmp_path: Path) -> None:
         read(tmp_path, written, change(written.content.decode()).encode())
 
 
-@pytest.mark.parametrize("line", ['{"J1": 1.0', "[" * 9000, "9" * 9000, '{"time": 1, "time": 2}', '{"J1": 1e999}', '"' + "x" * 20_000])
+@pytest.mark.parametrize(
+    "line",
+    [
+        '{"J1": 1.0',
+        "[" * 9000,
+        "9" * 9000,
+        '{"time": 1, "time": 2}',
+        '{"J1": 1e999}',
+        '"' + "x" * 20_000,
+    ],
+)
 def test_one_damaged_json_line_is_dropped_and_reported(line: str, tmp_path: Path) -> None:
     written = json_lines()
     lines = written.content.decode().splitlines()
-    table, findings = read(tmp_path, written, "\n".join([*lines[:40], line, *lines[40:], ""]).encode())
+    table, findings = read(
+        tmp_path, written, "\n".join([*lines[:40], line, *lines[40:], ""]).encode()
+    )
     assert equal(table, written)
     assert findings == [("torn line", "repaired")]
 
@@ -256,19 +308,30 @@ def test_one_damaged_json_line_is_dropped_and_reported(line: str, tmp_path: Path
 # ---- ROS 2 bags: written by rosbags
 
 
-@pytest.mark.parametrize(("storage", "suffix"), [(StoragePlugin.SQLITE3, ".db3"), (StoragePlugin.MCAP, ".mcap")])
-def test_bags_of_another_writer_come_back_exactly(storage: StoragePlugin, suffix: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("storage", "suffix"), [(StoragePlugin.SQLITE3, ".db3"), (StoragePlugin.MCAP, ".mcap")]
+)
+def test_bags_of_another_writer_come_back_exactly(
+    storage: StoragePlugin, suffix: str, tmp_path: Path
+) -> None:
     """Two publishers on the topic: the robot with changing order of joints, and a gripper; and another topic beside them."""
     folder, written = tmp_path / "bag", mcap()
     bag(folder, written, storage)
-    made = Written(written.dialect, suffix, next(folder.glob("*" + suffix)).read_bytes(), written.columns)
+    made = Written(
+        written.dialect, suffix, next(folder.glob("*" + suffix)).read_bytes(), written.columns
+    )
     table, findings = read(tmp_path, made)
     assert equal(table, written)
     assert findings == [("other joints", "warning")]
     assert list(table.line[:3]) == [1, 3, 5]
 
 
-def bag(folder: Path, written: Written, storage: StoragePlugin, compression: CompressionMode = CompressionMode.NONE) -> None:
+def bag(
+    folder: Path,
+    written: Written,
+    storage: StoragePlugin,
+    compression: CompressionMode = CompressionMode.NONE,
+) -> None:
     types = get_typestore(Stores.ROS2_HUMBLE)
     state, text = types.types["sensor_msgs/msg/JointState"], types.types["std_msgs/msg/String"]
     header, stamp = types.types["std_msgs/msg/Header"], types.types["builtin_interfaces/msg/Time"]
@@ -282,7 +345,9 @@ def bag(folder: Path, written: Written, storage: StoragePlugin, compression: Com
             order = [(k + 5 * i) % 6 for k in range(6)]
             position = np.array([written.columns[JOINTS[k]][i] for k in order])
             head = header(stamp(ns // 10**9, ns % 10**9), "base_link")
-            message = state(head, [JOINTS[k] for k in order], position, np.array([]), np.arange(6.0))
+            message = state(
+                head, [JOINTS[k] for k in order], position, np.array([]), np.arange(6.0)
+            )
             writer.write(joints, ns + 5_000_000, types.serialize_cdr(message, state.__msgtype__))
             gripper = state(head, ["finger"], np.array([0.02]), np.array([0.0]), np.array([]))
             writer.write(joints, ns + 5_000_001, types.serialize_cdr(gripper, state.__msgtype__))
@@ -297,7 +362,9 @@ def test_packed_messages_are_refused_with_the_way_out(tmp_path: Path) -> None:
         read(tmp_path, made)
 
 
-def test_a_mcap_bag_without_the_extra_names_the_install_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mcap_bag_without_the_extra_names_the_install_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.delitem(sys.modules, "acquisition.formats.mcap_file", raising=False)
     monkeypatch.setitem(sys.modules, "mcap.exceptions", None)
     with pytest.raises(DescriptionError, match=r"pip install 'ballbar-bench\[ros\]'"):
@@ -321,11 +388,15 @@ def in_db3(folder: Path, change: Callable[[sqlite3.Connection], object]) -> Writ
     change(connection)
     connection.commit()
     connection.close()
-    return Written(written.dialect, written.suffix, (folder / "making.db3").read_bytes(), written.columns)
+    return Written(
+        written.dialect, written.suffix, (folder / "making.db3").read_bytes(), written.columns
+    )
 
 
 def first_message(content: bytes) -> Callable[[sqlite3.Connection], object]:
-    return lambda connection: connection.execute("UPDATE messages SET data = ? WHERE id = 1", (content,))
+    return lambda connection: connection.execute(
+        "UPDATE messages SET data = ? WHERE id = 1", (content,)
+    )
 
 
 def script(text: str) -> Callable[[sqlite3.Connection], object]:
@@ -336,7 +407,9 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELEC
 GOOD = joint_state(EPOCH_NS, JOINTS, [0.0] * 6)
 DB3_REFUSED = {
     "a view that never ends": (
-        script(f"DROP TABLE messages; CREATE VIEW messages AS {ENDLESS} i AS id, 1 AS topic_id, 0 AS timestamp, x'' AS data FROM n"),
+        script(
+            f"DROP TABLE messages; CREATE VIEW messages AS {ENDLESS} i AS id, 1 AS topic_id, 0 AS timestamp, x'' AS data FROM n"
+        ),
         "without the plain tables",
     ),
     "a computed column": (
@@ -345,14 +418,32 @@ DB3_REFUSED = {
         ),
         "without the plain tables",
     ),
-    "a huge message": (script("UPDATE messages SET data = zeroblob(2000000) WHERE id = 3"), "more than 1000000"),
-    "a huge message of another topic": (script("INSERT INTO messages VALUES (900, 7, 0, zeroblob(100000001))"), "too big"),
+    "a huge message": (
+        script("UPDATE messages SET data = zeroblob(2000000) WHERE id = 3"),
+        "more than 1000000",
+    ),
+    "a huge message of another topic": (
+        script("INSERT INTO messages VALUES (900, 7, 0, zeroblob(100000001))"),
+        "too big",
+    ),
     "text for a message": (script("UPDATE messages SET data = 'text' WHERE id = 3"), "no bytes"),
     "a message cut short": (first_message(GOOD[:60]), "message 1: JointState"),
-    "a name without end": (first_message(GOOD[:12] + b"\xff\xff\xff\x7f" + GOOD[16:]), "message 1: JointState"),
-    "four thousand million joints": (first_message(GOOD.replace(struct.pack("<I", 6), b"\xff\xff\xff\xff")), "message 1: JointState"),
-    "a position that is no number": (first_message(joint_state(EPOCH_NS, JOINTS, [0.0] * 5 + [np.nan])), "not finite"),
-    "a joint twice": (first_message(joint_state(EPOCH_NS, ("a", "a"), [0.0, 0.0])), "2 positions for the joints a, a"),
+    "a name without end": (
+        first_message(GOOD[:12] + b"\xff\xff\xff\x7f" + GOOD[16:]),
+        "message 1: JointState",
+    ),
+    "four thousand million joints": (
+        first_message(GOOD.replace(struct.pack("<I", 6), b"\xff\xff\xff\xff")),
+        "message 1: JointState",
+    ),
+    "a position that is no number": (
+        first_message(joint_state(EPOCH_NS, JOINTS, [0.0] * 5 + [np.nan])),
+        "not finite",
+    ),
+    "a joint twice": (
+        first_message(joint_state(EPOCH_NS, ("a", "a"), [0.0, 0.0])),
+        "2 positions for the joints a, a",
+    ),
     "the joints on two topics": (
         script(
             "INSERT INTO topics SELECT 2, '/copy', type, serialization_format, '' FROM topics; UPDATE messages SET topic_id = 1 + id % 2"
@@ -391,7 +482,12 @@ def test_messages_that_wait_in_a_write_ahead_log_are_reported(tmp_path: Path) ->
 
 
 def chunk(packing: str, claimed: int, data: bytes, checksum: int = 0) -> bytes:
-    body = struct.pack("<QQQII", 0, 0, claimed, checksum, len(packing)) + packing.encode() + struct.pack("<Q", len(data)) + data
+    body = (
+        struct.pack("<QQQII", 0, 0, claimed, checksum, len(packing))
+        + packing.encode()
+        + struct.pack("<Q", len(data))
+        + data
+    )
     return b"\x89MCAP0\r\n" + b"\x06" + struct.pack("<Q", len(body)) + body
 
 
@@ -403,7 +499,10 @@ def test_packing_bombs_are_not_unpacked(tmp_path: Path) -> None:
     bombs = {"zstd": zstandard.compress(zeros), "lz4": lz4.frame.compress(zeros)}
     del zeros
     for packing, data in bombs.items():
-        for claimed, words in ((1000, "has more"), (2**40, "claims to unpack to 1099511627776 bytes")):
+        for claimed, words in (
+            (1000, "has more"),
+            (2**40, "claims to unpack to 1099511627776 bytes"),
+        ):
             with pytest.raises(LogError, match=words):
                 read(tmp_path, mcap(), chunk(packing, claimed, data))
 
@@ -413,7 +512,10 @@ MCAP_REFUSED = {
     "an unknown packing": (chunk("brotli", 10, b"x"), "packed with 'brotli'"),
     "a chunk that is no zstd": (chunk("zstd", 10, b"0123456789"), "cannot be unpacked"),
     "a chunk with a wrong checksum": (chunk("", 3, b"abc", 1), "checksum of a chunk is wrong"),
-    "a record of 10^18 bytes": (b"\x89MCAP0\r\n\x05" + struct.pack("<Q", 10**18) + bytes(500), "exceeds limit"),
+    "a record of 10^18 bytes": (
+        b"\x89MCAP0\r\n\x05" + struct.pack("<Q", 10**18) + bytes(500),
+        "exceeds limit",
+    ),
 }
 
 
@@ -443,7 +545,10 @@ def test_messages_without_stamp_are_left_out_and_reported(tmp_path: Path) -> Non
 
 
 def messages() -> list[bytes]:
-    return [egm_message(7 + i, EPOCH_NS + 4_032_000 * i, row) for i, row in enumerate(angles_deg().tolist())]
+    return [
+        egm_message(7 + i, EPOCH_NS + 4_032_000 * i, row)
+        for i, row in enumerate(angles_deg().tolist())
+    ]
 
 
 def file_of(parts: list[bytes]) -> bytes:
@@ -480,13 +585,24 @@ def test_a_damaged_egm_message_is_dropped_and_a_second_one_refused(tmp_path: Pat
 EGM_REFUSED = {
     "another file": (lambda c: b"time,J1\n" + c, "no file of raw EGM messages"),
     "copied as text": (lambda c: c.replace(b"\r\n", b"\n"), "copied in text mode"),
-    "a length of 2 GB": (lambda c: c[:11] + b"\xff\xff\xff\x7f" + c[15:], "claims 2147483647 bytes"),
-    "a length that swallows the rest": (lambda c: c[:11] + b"\x00\xf0\x00\x00" + c[15:], "damaged at byte 11"),
+    "a length of 2 GB": (
+        lambda c: c[:11] + b"\xff\xff\xff\x7f" + c[15:],
+        "claims 2147483647 bytes",
+    ),
+    "a length that swallows the rest": (
+        lambda c: c[:11] + b"\x00\xf0\x00\x00" + c[15:],
+        "damaged at byte 11",
+    ),
     "no angles": (lambda _: file_of([egm_message(1, EPOCH_NS, [])]), "no message has joint angles"),
     "seven axes": (lambda _: file_of([egm_message(1, EPOCH_NS, [1.0] * 7)]), "7 joint angles"),
-    "an axis that is not there": (lambda _: file_of([egm_message(1, EPOCH_NS, [1.0] * 5 + [9e9])]), "J6 is 9e"),
+    "an axis that is not there": (
+        lambda _: file_of([egm_message(1, EPOCH_NS, [1.0] * 5 + [9e9])]),
+        "J6 is 9e",
+    ),
     "one number twice": (
-        lambda _: file_of([egm_message(1, EPOCH_NS, [1.0] * 6), egm_message(1, EPOCH_NS + 1000, [1.0] * 6)]),
+        lambda _: file_of(
+            [egm_message(1, EPOCH_NS, [1.0] * 6), egm_message(1, EPOCH_NS + 1000, [1.0] * 6)]
+        ),
         "sequence number 1 stands twice",
     ),
 }
@@ -516,8 +632,14 @@ def with_cell(row: int, column: int, value: float) -> Callable[[bytes], bytes]:
 
 MPE_REFUSED = {
     "another file": (lambda c: b"\x7fELF" + c, "not with a file version"),
-    "a text of 10^9 bytes": (lambda c: c[:4] + struct.pack("<f", 1e9) + c[8:], "claims 1e[+]09 bytes"),
-    "a text that is NaN long": (lambda c: c[:4] + struct.pack("<f", np.nan) + c[8:], "claims nan bytes"),
+    "a text of 10^9 bytes": (
+        lambda c: c[:4] + struct.pack("<f", 1e9) + c[8:],
+        "claims 1e[+]09 bytes",
+    ),
+    "a text that is NaN long": (
+        lambda c: c[:4] + struct.pack("<f", np.nan) + c[8:],
+        "claims nan bytes",
+    ),
     "other columns": (lambda c: c.replace(b"J3", b"K3"), "J3 missing"),
     "an axis that is not there": (with_cell(5, 4, 9e9), ":6: J3 is 9e"),
     "an angle that is no number": (with_cell(5, 4, np.nan), ":6: J3 is nan"),
@@ -535,7 +657,9 @@ def test_mpe_logs_are_refused_in_words(what: str, tmp_path: Path) -> None:
 # ---- all of them
 
 
-def in_folder(folder: Path, written: Written, content: bytes | None = None) -> tuple[RobotLog, list[tuple[str, str]]]:
+def in_folder(
+    folder: Path, written: Written, content: bytes | None = None
+) -> tuple[RobotLog, list[tuple[str, str]]]:
     """A robot's file behind all checks of the recording's reader."""
     name, ledger = "log" + written.suffix, Ledger([], [])
     (folder / name).write_bytes(written.content if content is None else content)
@@ -551,9 +675,15 @@ def test_a_robots_file_gives_joint_angles_on_its_own_clock(kind: str, tmp_path: 
     log, findings = in_folder(tmp_path, ALL[kind](tmp_path))
     axes = np.deg2rad(angles_deg().astype(np.float32) if kind == "mpe" else angles_deg())
     # axes of the IRB 2400: joint 3 turns with joint 2 (thesis App. A)
-    assert np.allclose(joints_to_axes(ROBOT, log.q), axes, rtol=0.0, atol=1e-6 if kind == "mpe" else 1e-14)
-    step = {"egm": 0.004032, "db3": 0.004000001}.get(kind, 0.004000001 if kind.startswith("mcap") else 0.004)
-    assert np.allclose(log.t, step * np.arange(ROWS), rtol=0.0, atol=3e-8 if kind == "mpe" else 1e-15)
+    assert np.allclose(
+        joints_to_axes(ROBOT, log.q), axes, rtol=0.0, atol=1e-6 if kind == "mpe" else 1e-14
+    )
+    step = {"egm": 0.004032, "db3": 0.004000001}.get(
+        kind, 0.004000001 if kind.startswith("mcap") else 0.004
+    )
+    assert np.allclose(
+        log.t, step * np.arange(ROWS), rtol=0.0, atol=3e-8 if kind == "mpe" else 1e-15
+    )
     assert findings == []
 
 
@@ -568,7 +698,9 @@ def changed_angle(written: Written, row: int) -> bytes:
 
 @pytest.mark.parametrize("row", [0, 1, 2, 33, ROWS - 3, ROWS - 2, ROWS - 1])
 @pytest.mark.parametrize("kind", ["json lines", "mpe"])
-def test_one_changed_angle_is_reported_where_no_checksum_shows_it(kind: str, row: int, tmp_path: Path) -> None:
+def test_one_changed_angle_is_reported_where_no_checksum_shows_it(
+    kind: str, row: int, tmp_path: Path
+) -> None:
     written = ALL[kind](tmp_path)
     log, findings = in_folder(tmp_path, written, changed_angle(written, row))
     assert findings[0][1] == "repaired"
@@ -594,7 +726,9 @@ OTHER_UNITS: dict[str, Callable[[Path], Written]] = {
 
 
 @pytest.mark.parametrize("kind", OTHER_UNITS)
-def test_angles_in_another_unit_than_the_container_has_are_refused(kind: str, tmp_path: Path) -> None:
+def test_angles_in_another_unit_than_the_container_has_are_refused(
+    kind: str, tmp_path: Path
+) -> None:
     with pytest.raises(LogError, match=r"(?i)(in rad|degrees).* where .* declared"):
         in_folder(tmp_path, OTHER_UNITS[kind](tmp_path))
 
@@ -602,9 +736,20 @@ def test_angles_in_another_unit_than_the_container_has_are_refused(kind: str, tm
 def test_scope_counters_become_encoder_angles(tmp_path: Path) -> None:
     (tmp_path / "bar.csv").write_bytes(scope().content)
     fitted = {name: EncoderFitting(column=name, lines=3600, bits=12) for name in ("b1", "b2")}
-    log = read_ballbar(tmp_path, SourceFile(files=("bar.csv",), dialect="twincat-scope"), fitted, Ledger([], []), robot_moves=True)
+    log = read_ballbar(
+        tmp_path,
+        SourceFile(files=("bar.csv",), dialect="twincat-scope"),
+        fitted,
+        Ledger([], []),
+        robot_moves=True,
+    )
     course = (counts() + 2**31) % 2**32 - 2**31
-    assert np.allclose(np.diff(log.angles, axis=0), np.diff(course, axis=0) * 2.0 * np.pi / (3600 * 2**12), rtol=0.0, atol=1e-12)
+    assert np.allclose(
+        np.diff(log.angles, axis=0),
+        np.diff(course, axis=0) * 2.0 * np.pi / (3600 * 2**12),
+        rtol=0.0,
+        atol=1e-12,
+    )
     assert np.allclose(log.t, 0.01 * np.arange(ROWS), rtol=0.0, atol=1e-15)
 
 
@@ -613,7 +758,9 @@ def test_damaged_files_are_equal_reported_or_refused(family: int, tmp_path: Path
     """A few files of the campaign in benchmarks.mutated_containers."""
     (tmp_path / "made").mkdir()
     written, mutations = list(families(tmp_path / "made").values())[family]
-    tally = campaign(written, mutations, 5 * len(mutations), tmp_path / "made", np.random.default_rng(family))
+    tally = campaign(
+        written, mutations, 5 * len(mutations), tmp_path / "made", np.random.default_rng(family)
+    )
     assert not {"silent", "crash", "hang"} & tally.counts.keys(), tally.examples
 
 
@@ -622,4 +769,10 @@ def test_a_dialect_with_another_unit_of_time_is_refused(tmp_path: Path) -> None:
     wrong = dialect.model_copy(update={"time": dialect.time.model_copy(update={"unit": "us"})})
     (tmp_path / "log.egm").write_bytes(egm().content)
     with pytest.raises(DescriptionError, match="have type: integer, unit: ns"):
-        read_file(tmp_path / "log.egm", "log.egm", wrong, Layout((), dict.fromkeys(("time", *AXES), "float")), [])
+        read_file(
+            tmp_path / "log.egm",
+            "log.egm",
+            wrong,
+            Layout((), dict.fromkeys(("time", *AXES), "float")),
+            [],
+        )

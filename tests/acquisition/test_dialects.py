@@ -26,12 +26,16 @@ OWN = {
 
 def own(tmp_path: Path, lines: list[str], **changes: object) -> Path:
     """A recording whose robot log is read by its own dialect file."""
-    folder = write(tmp_path, robot=lines, change=put("sources", "robot", "dialect", value="logger.yaml"))
+    folder = write(
+        tmp_path, robot=lines, change=put("sources", "robot", "dialect", value="logger.yaml")
+    )
     (folder / "logger.yaml").write_text(yaml.safe_dump(OWN | changes, sort_keys=False))
     return folder
 
 
-def rows(separator: str, *, comma: bool = False, order: tuple[int, ...] = (0, 1, 2, 3, 4, 5)) -> list[str]:
+def rows(
+    separator: str, *, comma: bool = False, order: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+) -> list[str]:
     table = np.column_stack((ROBOT_T * 1e3, AXES_DEG[:, order]))
     lines = [separator.join(f"{value:.12f}" for value in row) for row in table.tolist()]
     return [line.replace(".", ",") for line in lines] if comma else lines
@@ -46,8 +50,16 @@ def assert_read(folder: Path) -> None:
 def test_columns_by_name_with_decimal_commas(tmp_path: Path) -> None:
     assert_read(own(tmp_path, ["t;A1;A2;A3;A4;A5;A6", *rows(";", comma=True)], decimal="comma"))
     lines = ["t;A1;A2;A3;A4;A5;A6", *rows(";")]
-    with pytest.raises(LogError, match=r"raw/robot.csv: column t has decimal points .*declares decimal commas"):
-        read_recording(own(tmp_path, [*lines[:9], lines[9].replace(";", ";9,", 1), *lines[10:]], decimal="comma"))
+    with pytest.raises(
+        LogError, match=r"raw/robot.csv: column t has decimal points .*declares decimal commas"
+    ):
+        read_recording(
+            own(
+                tmp_path,
+                [*lines[:9], lines[9].replace(";", ";9,", 1), *lines[10:]],
+                decimal="comma",
+            )
+        )
 
 
 def test_six_columns_by_one_expression_in_the_order_of_their_names(tmp_path: Path) -> None:
@@ -59,11 +71,16 @@ def test_six_columns_by_one_expression_in_the_order_of_their_names(tmp_path: Pat
 
 
 def test_columns_by_number_need_no_header(tmp_path: Path) -> None:
-    changes = {"time": {"column": "#1", "type": "float", "unit": "ms"}, "axes": [f"#{k}" for k in range(2, 8)]}
+    changes = {
+        "time": {"column": "#1", "type": "float", "unit": "ms"},
+        "axes": [f"#{k}" for k in range(2, 8)],
+    }
     assert_read(own(tmp_path, rows(";"), **changes))
     assert_read(own(tmp_path, ["t;a;b;c;d;e;f", *rows(";")], **changes))
     with pytest.raises(LogError, match=r"raw/robot.csv:1: column #9 missing"):
-        read_recording(own(tmp_path, rows(";"), **(changes | {"axes": [f"#{k}" for k in (2, 3, 4, 5, 6, 9)]})))
+        read_recording(
+            own(tmp_path, rows(";"), **(changes | {"axes": [f"#{k}" for k in (2, 3, 4, 5, 6, 9)]}))
+        )
 
 
 def test_columns_apart_by_blanks(tmp_path: Path) -> None:
@@ -87,7 +104,9 @@ def test_columns_apart_by_blanks(tmp_path: Path) -> None:
         ({"speeds": ["v1"]}, "unknown key speeds"),
     ],
 )
-def test_a_dialect_that_cannot_be_followed_is_refused(tmp_path: Path, changes: dict, message: str) -> None:
+def test_a_dialect_that_cannot_be_followed_is_refused(
+    tmp_path: Path, changes: dict, message: str
+) -> None:
     with pytest.raises(DescriptionError, match=r"logger.yaml") as caught:
         read_recording(own(tmp_path, ["t;A1", "0;1"], **changes))
     assert message in str(caught.value)
@@ -104,7 +123,9 @@ def test_a_dialect_file_lies_in_the_recording_folder(tmp_path: Path) -> None:
 
 def test_a_dialect_file_executes_nothing(tmp_path: Path) -> None:
     folder = own(tmp_path, ["t;A1", "0;1"])
-    (folder / "logger.yaml").write_text(f"schema: !!python/object/apply:os.system ['touch {tmp_path}/ran']\n")
+    (folder / "logger.yaml").write_text(
+        f"schema: !!python/object/apply:os.system ['touch {tmp_path}/ran']\n"
+    )
     with pytest.raises(DescriptionError, match=r"logger.yaml"):
         read_recording(folder)
     assert not (tmp_path / "ran").exists()
@@ -116,7 +137,9 @@ def test_joint_2_comes_before_joint_10() -> None:
     assert (find(first, names), find(second, names)) == ([1], [0])
 
 
-@pytest.mark.parametrize("damaged", ["irb.joint+3].pos", "irb.joint[7].pos", "irq.joint[3].pos", "irb.joint[2].pos"])
+@pytest.mark.parametrize(
+    "damaged", ["irb.joint+3].pos", "irb.joint[7].pos", "irq.joint[3].pos", "irb.joint[2].pos"]
+)
 def test_a_damaged_name_in_the_header_does_not_change_the_order_of_joints(damaged: str) -> None:
     names = [f"irb.joint[{k}].pos" for k in range(1, 7)]
     selectors = spread([r"re:^ir.*joint.*pos"], 6)

@@ -17,7 +17,11 @@ from tests.helpers.container_files import dbl, num, sub, varint
 _DOUBLE, _MESSAGE, _UINT32, _UINT64, _BOOL = 1, 11, 13, 4, 8
 # The published egm.proto of RobotWare 7; numbers, types and labels only.
 _PROTO: dict[str, list[tuple[str, int, int | str, bool]]] = {
-    "Header": [("seqno", 1, _UINT32, False), ("tm", 2, _UINT32, False), ("mtype", 3, _UINT32, False)],
+    "Header": [
+        ("seqno", 1, _UINT32, False),
+        ("tm", 2, _UINT32, False),
+        ("mtype", 3, _UINT32, False),
+    ],
     "Joints": [("joints", 1, _DOUBLE, True)],
     "Clock": [("sec", 1, _UINT64, False), ("usec", 2, _UINT64, False)],
     "Timestamp": [("sec", 1, _UINT64, False), ("nsec", 2, _UINT64, False)],
@@ -65,13 +69,21 @@ def random_message(rng: np.random.Generator) -> bytes:
     if rng.random() < 0.9:
         robot.header.seqno, robot.header.tm = (int(rng.integers(2**32)) for _ in range(2))
     if rng.random() < 0.9:
-        robot.feedBack.joints.joints.extend(rng.uniform(-400.0, 400.0, int(rng.integers(8))).tolist())
+        robot.feedBack.joints.joints.extend(
+            rng.uniform(-400.0, 400.0, int(rng.integers(8))).tolist()
+        )
         robot.feedBack.cartesian.pos.x = rng.normal()
         robot.feedBack.externalJoints.joints.extend([1.0, 2.0])
     if rng.random() < 0.7:
-        robot.feedBack.time.sec, robot.feedBack.time.usec = int(rng.integers(2**31)), int(rng.integers(10**6))
+        robot.feedBack.time.sec, robot.feedBack.time.usec = (
+            int(rng.integers(2**31)),
+            int(rng.integers(10**6)),
+        )
     if rng.random() < 0.3:
-        robot.feedBack.timeStamp.sec, robot.feedBack.timeStamp.nsec = int(rng.integers(2**31)), int(rng.integers(10**9))
+        robot.feedBack.timeStamp.sec, robot.feedBack.timeStamp.nsec = (
+            int(rng.integers(2**31)),
+            int(rng.integers(10**9)),
+        )
     if rng.random() < 0.5:
         robot.planned.joints.joints.extend([9.0] * 6)
         robot.testSignals.joints.extend([1.5])
@@ -101,11 +113,19 @@ def test_messages_of_protobuf_are_decoded_as_protobuf_does() -> None:
 
 def test_unknown_fields_are_skipped_wherever_they_stand() -> None:
     rng = np.random.default_rng(2)
-    strange = [num(99, 2**63), sub(100, b"anything"), dbl(2**28, 1.0), varint(77 << 3 | 5) + b"four", num(2000, 0)]
+    strange = [
+        num(99, 2**63),
+        sub(100, b"anything"),
+        dbl(2**28, 1.0),
+        varint(77 << 3 | 5) + b"four",
+        num(2000, 0),
+    ]
     for _ in range(300):
         parts = [strange[int(i)] for i in rng.integers(len(strange), size=3)]
         inner = parts[0] + sub(1, parts[1] + dbl(1, 3.5)) + parts[2]
-        assert_as_protobuf(parts[0] + sub(1, num(1, 5) + parts[1]) + sub(2, inner) + parts[2] + random_message(rng))
+        assert_as_protobuf(
+            parts[0] + sub(1, num(1, 5) + parts[1]) + sub(2, inner) + parts[2] + random_message(rng)
+        )
 
 
 def test_packed_and_split_joints_are_joined_as_protobuf_does() -> None:
@@ -127,7 +147,11 @@ def test_damaged_messages_give_what_protobuf_gives_or_an_error() -> None:
             continue
         for _ in range(int(rng.integers(1, 4))):
             message[int(rng.integers(len(message)))] ^= 1 << int(rng.integers(8))
-        damaged = bytes(message[: int(rng.integers(len(message))) + 1]) if rng.random() < 0.3 else bytes(message)
+        damaged = (
+            bytes(message[: int(rng.integers(len(message))) + 1])
+            if rng.random() < 0.3
+            else bytes(message)
+        )
         try:
             found = decode(damaged)
         except LogError:
@@ -144,7 +168,10 @@ def test_damaged_messages_give_what_protobuf_gives_or_an_error() -> None:
 
 
 REFUSED = {
-    "a field that runs over the end": (sub(2, b"")[:1] + varint(2**40), "claims 1099511627776 bytes, 0 are left"),
+    "a field that runs over the end": (
+        sub(2, b"")[:1] + varint(2**40),
+        "claims 1099511627776 bytes, 0 are left",
+    ),
     "a number without end": (b"\x08" + b"\xff" * 30, "has no end"),
     "a group": (b"\x0b\x0c", "wire type 3"),
     "field number zero": (b"\x02\x01x", "field number 0"),
@@ -170,7 +197,10 @@ def test_frames_come_back_as_written_and_a_torn_end_is_named() -> None:
     content = FILE_START + b"".join(map(frame, messages))
     assert read_frames(content).messages == messages
     cut = read_frames(content[:-5])
-    assert (cut.messages, cut.torn) == (messages[:-1], (len(content) - len(messages[-1]) - 8, len(content) - 6))
+    assert (cut.messages, cut.torn) == (
+        messages[:-1],
+        (len(content) - len(messages[-1]) - 8, len(content) - 6),
+    )
 
 
 def test_a_message_that_is_no_datagram_is_not_written() -> None:

@@ -6,7 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.faults import encoders
-from acquisition.faults.encoders import counter_words, counts_to_rad, jump_flags, powered_up, refuse_standing, status_flags, unwrap_counter
+from acquisition.faults.encoders import (
+    counter_words,
+    counts_to_rad,
+    jump_flags,
+    powered_up,
+    refuse_standing,
+    status_flags,
+    unwrap_counter,
+)
 from acquisition.flags import RowFlag, usable
 from acquisition.report import Finding
 from acquisition.table.table import Table
@@ -20,21 +28,34 @@ STATUS = {"b1": "s1", "b2": "s2"}
 def table_of(**columns: np.ndarray) -> Table:
     count = len(next(iter(columns.values())))
     integers = {name: np.asarray(values, dtype=np.int64) for name, values in columns.items()}
-    return Table(integers, ("raw/bar.csv",), np.zeros(count, dtype=np.int64), np.arange(2, count + 2))
+    return Table(
+        integers, ("raw/bar.csv",), np.zeros(count, dtype=np.int64), np.arange(2, count + 2)
+    )
 
 
 def turning(*, period: float = 0.01, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, and counts of two encoders turning to and fro by 1 rad within the speed of a ball-bar."""
     t = period * np.arange(count)
     per_rad = LINES * 2**BITS / (2 * np.pi)
-    return t, np.rint(np.sin(t) * per_rad).astype(np.int64), np.rint(np.cos(t) * per_rad).astype(np.int64)
+    return (
+        t,
+        np.rint(np.sin(t) * per_rad).astype(np.int64),
+        np.rint(np.cos(t) * per_rad).astype(np.int64),
+    )
 
 
 def fitted(*names: str) -> dict:
     return {name: EncoderFitting(column=name, lines=LINES, bits=BITS) for name in names}
 
 
-def encoder_angles(table: Table, t: np.ndarray, names: dict, *, robot_moves: bool, findings: list[Finding] | None = None) -> np.ndarray:
+def encoder_angles(
+    table: Table,
+    t: np.ndarray,
+    names: dict,
+    *,
+    robot_moves: bool,
+    findings: list[Finding] | None = None,
+) -> np.ndarray:
     """As the reader does: words, jumps, angles, standing columns."""
     words, sound = counter_words(table, names), usable(table.flags)
     flags, _ = jump_flags(table, t, words, sound, names, [] if findings is None else findings)
@@ -47,8 +68,12 @@ def encoder_angles(table: Table, t: np.ndarray, names: dict, *, robot_moves: boo
     steps=st.lists(st.integers(-(2**31), 2**31 - 1), max_size=50),
     signed=st.booleans(),
 )
-def test_counts_wrapped_into_words_unwrap_to_the_same_counts(start: int, steps: list[int], signed: bool) -> None:
-    counts = start + np.concatenate(([0], np.cumsum(np.array(steps, dtype=np.int64)))).astype(np.int64)
+def test_counts_wrapped_into_words_unwrap_to_the_same_counts(
+    start: int, steps: list[int], signed: bool
+) -> None:
+    counts = start + np.concatenate(([0], np.cumsum(np.array(steps, dtype=np.int64)))).astype(
+        np.int64
+    )
     words = counts.astype(np.uint32)
     logged = words.view(np.int32).astype(np.int64) if signed else words.astype(np.int64)
     assert unwrap_counter(logged).tolist() == counts.tolist()
@@ -60,7 +85,9 @@ def test_the_first_backward_step_from_power_up_is_one_count_back() -> None:
 
 def test_one_turn_is_lines_times_interpolation_and_the_sign_turns_it_round() -> None:
     turn = np.array([LINES * 4096, 1])
-    assert counts_to_rad(turn, lines=LINES, bits=12, sign=1) == pytest.approx([2 * np.pi, 0.4261e-6], rel=1e-4)  # log_formats A.3
+    assert counts_to_rad(turn, lines=LINES, bits=12, sign=1) == pytest.approx(
+        [2 * np.pi, 0.4261e-6], rel=1e-4
+    )  # log_formats A.3
     assert counts_to_rad(turn, lines=LINES, bits=12, sign=-1)[0] == pytest.approx(-2 * np.pi)
     assert counts_to_rad(turn, lines=LINES, bits=13, sign=1)[0] == pytest.approx(np.pi)
 
@@ -69,7 +96,9 @@ def test_angles_survive_the_wrap_of_the_counter_exactly() -> None:
     t, first, second = turning()
     words = table_of(b1=(first + 2**32 - 1000) % 2**32, b2=second)
     angles = encoder_angles(words, t, fitted("b1", "b2"), robot_moves=True)
-    expected = counts_to_rad(np.stack((first - 1000, second), axis=1), lines=LINES, bits=BITS, sign=1)
+    expected = counts_to_rad(
+        np.stack((first - 1000, second), axis=1), lines=LINES, bits=BITS, sign=1
+    )
     np.testing.assert_array_equal(angles, expected)
 
 
@@ -79,10 +108,14 @@ def test_a_counter_that_was_reset_is_found_at_its_row_and_its_angle_jumps() -> N
     findings: list[Finding] = []
     table = table_of(b1=first % 2**32, b2=second % 2**32)
     names = fitted("b1", "b2")
-    flags, reset = jump_flags(table, t, counter_words(table, names), usable(table.flags), names, findings)
+    flags, reset = jump_flags(
+        table, t, counter_words(table, names), usable(table.flags), names, findings
+    )
     assert reset.tolist() == [250]
     assert flags[250] == RowFlag.PRESET
-    assert [(one.kind, one.severity, one.lines) for one in findings] == [("counter jumped", "warning", (252,))]
+    assert [(one.kind, one.severity, one.lines) for one in findings] == [
+        ("counter jumped", "warning", (252,))
+    ]
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3])
@@ -90,19 +123,34 @@ def test_a_counter_that_was_reset_is_found_at_its_row_and_its_angle_jumps() -> N
 def test_rows_that_are_off_for_a_moment_are_flagged_and_add_no_wrap(rows: int, at: int) -> None:
     t, first, _ = turning()
     words = first.copy()
-    damaged = np.arange(rows) if at == 0 else np.arange(400 - rows, 400) if at < 0 else np.arange(at, at + rows)
+    damaged = (
+        np.arange(rows)
+        if at == 0
+        else np.arange(400 - rows, 400)
+        if at < 0
+        else np.arange(at, at + rows)
+    )
     words[damaged] = words[120] + 3_000_000_000
     findings: list[Finding] = []
-    angles = encoder_angles(table_of(b1=words % 2**32), t, fitted("b1"), robot_moves=True, findings=findings)
+    angles = encoder_angles(
+        table_of(b1=words % 2**32), t, fitted("b1"), robot_moves=True, findings=findings
+    )
     sound = np.delete(np.arange(400), damaged)
     expected = counts_to_rad(first, lines=LINES, bits=BITS, sign=1)
-    assert np.ptp(angles[sound, 0] - expected[sound]) < 1e-12  # at the start the first word is another, and so is the zero
-    assert [(one.kind, one.lines) for one in findings] == [("implausible value", tuple((damaged + 2).tolist()))]
+    assert (
+        np.ptp(angles[sound, 0] - expected[sound]) < 1e-12
+    )  # at the start the first word is another, and so is the zero
+    assert [(one.kind, one.lines) for one in findings] == [
+        ("implausible value", tuple((damaged + 2).tolist()))
+    ]
 
 
 def test_an_encoder_that_jumps_all_the_time_is_declared_wrongly() -> None:
     t, first, _ = turning()
-    with pytest.raises(LogError, match=r"raw/bar.csv:\d+: encoder b1 jumps by -?\d.* rad within 0.01 ms .* such rows.*lines and bits"):
+    with pytest.raises(
+        LogError,
+        match=r"raw/bar.csv:\d+: encoder b1 jumps by -?\d.* rad within 0.01 ms .* such rows.*lines and bits",
+    ):
         encoder_angles(table_of(b1=first % 2**32), 1e-3 * t, fitted("b1"), robot_moves=True)
 
 
@@ -119,34 +167,55 @@ def test_counters_that_start_near_zero_after_a_pause_were_switched_off() -> None
 def test_a_fast_but_possible_motion_is_no_jump() -> None:
     t = 0.01 * np.arange(100)
     words = table_of(b1=np.rint(30.0 * t * LINES * 2**BITS / (2 * np.pi)).astype(np.int64))
-    assert np.ptp(encoder_angles(words, t, fitted("b1"), robot_moves=True)) == pytest.approx(30.0 * 0.99, abs=1e-6)
+    assert np.ptp(encoder_angles(words, t, fitted("b1"), robot_moves=True)) == pytest.approx(
+        30.0 * 0.99, abs=1e-6
+    )
 
 
 def test_a_stamp_that_follows_closely_makes_no_jump() -> None:
     t, first, _ = turning()
-    t[100] = t[99] + 1e-5  # written late, or early: 0.005 rad of motion within 10 us would be 500 rad/s
+    t[100] = (
+        t[99] + 1e-5
+    )  # written late, or early: 0.005 rad of motion within 10 us would be 500 rad/s
     assert len(encoder_angles(table_of(b1=first % 2**32), t, fitted("b1"), robot_moves=True)) == 400
 
 
 @pytest.mark.parametrize("value", [0, 123456])
 def test_a_standing_counter_while_others_move_is_a_column_without_counts(value: int) -> None:
     t, first, _ = turning()
-    with pytest.raises(LogError, match=f"encoder column without counts: column b2 of encoder b2 is {value} in every row"):
-        encoder_angles(table_of(b1=first % 2**32, b2=np.full(t.size, value)), t, fitted("b1", "b2"), robot_moves=False)
+    with pytest.raises(
+        LogError,
+        match=f"encoder column without counts: column b2 of encoder b2 is {value} in every row",
+    ):
+        encoder_angles(
+            table_of(b1=first % 2**32, b2=np.full(t.size, value)),
+            t,
+            fitted("b1", "b2"),
+            robot_moves=False,
+        )
 
 
 def test_counters_may_all_stand_only_while_the_robot_does() -> None:
     t = 0.01 * np.arange(60)
     words = table_of(b1=np.full(60, 7), b2=np.full(60, 8))
-    assert np.ptp(encoder_angles(words, t, fitted("b1", "b2"), robot_moves=False), axis=0).tolist() == [0.0, 0.0]
+    assert np.ptp(
+        encoder_angles(words, t, fitted("b1", "b2"), robot_moves=False), axis=0
+    ).tolist() == [0.0, 0.0]
     with pytest.raises(LogError, match="encoder column without counts: column b1"):
         encoder_angles(words, t, fitted("b1", "b2"), robot_moves=True)
 
 
 @pytest.mark.parametrize(("first", "second"), [(2**32, 0), (-(2**31) - 1, 0), (-1, 2**31)])
 def test_a_number_that_is_no_counter_word_is_refused(first: int, second: int) -> None:
-    with pytest.raises(LogError, match=r"raw/bar.csv:\d: column b1: -?\d+ is no 32-bit counter word"):
-        encoder_angles(table_of(b1=np.array([first, second])), np.array([0.0, 0.01]), fitted("b1"), robot_moves=True)
+    with pytest.raises(
+        LogError, match=r"raw/bar.csv:\d: column b1: -?\d+ is no 32-bit counter word"
+    ):
+        encoder_angles(
+            table_of(b1=np.array([first, second])),
+            np.array([0.0, 0.01]),
+            fitted("b1"),
+            robot_moves=True,
+        )
 
 
 FAULTS = [
@@ -157,19 +226,27 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("bit", "kind", "flag"), FAULTS)
-def test_rows_with_a_faulty_encoder_are_flagged_and_counted(bit: int, kind: str, flag: RowFlag) -> None:
+def test_rows_with_a_faulty_encoder_are_flagged_and_counted(
+    bit: int, kind: str, flag: RowFlag
+) -> None:
     _, first, second = turning()
     toggle = (np.arange(400) % 2) << 15
     status = np.zeros(400, dtype=np.int64)
     faulty = [10, 11, 12, 13, 14, 15, 200]
     status[faulty] = 1 << bit
     findings: list[Finding] = []
-    flags, preset = status_flags(table_of(b1=first % 2**32, b2=second % 2**32, s1=status + toggle, s2=toggle), STATUS, findings)
+    flags, preset = status_flags(
+        table_of(b1=first % 2**32, b2=second % 2**32, s1=status + toggle, s2=toggle),
+        STATUS,
+        findings,
+    )
     assert np.flatnonzero(flags).tolist() == faulty
     assert set(flags[faulty]) == {flag}
     assert np.flatnonzero(~usable(flags)).tolist() == faulty
     assert preset.size == 0
-    assert [(one.kind, one.severity, one.lines, one.count) for one in findings] == [(kind, "repaired", (12, 13, 14, 15, 16), 7)]
+    assert [(one.kind, one.severity, one.lines, one.count) for one in findings] == [
+        (kind, "repaired", (12, 13, 14, 15, 16), 7)
+    ]
 
 
 def test_garbage_words_between_good_ones_add_no_wrap() -> None:
@@ -180,7 +257,9 @@ def test_garbage_words_between_good_ones_add_no_wrap() -> None:
     table.flags[[100, 101]] = RowFlag.INVALID
     angles = encoder_angles(table, t, fitted("b1"), robot_moves=True)
     good = np.delete(np.arange(400), [100, 101])
-    np.testing.assert_array_equal(angles[good, 0], counts_to_rad(first[good], lines=LINES, bits=BITS, sign=1))
+    np.testing.assert_array_equal(
+        angles[good, 0], counts_to_rad(first[good], lines=LINES, bits=BITS, sign=1)
+    )
 
 
 def test_sync_errors_are_reported_and_their_rows_kept() -> None:
@@ -191,14 +270,20 @@ def test_sync_errors_are_reported_and_their_rows_kept() -> None:
     flags, _ = status_flags(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, findings)
     assert usable(flags).all()
     assert flags[5] == RowFlag.SYNC
-    assert [(one.kind, one.severity, one.lines) for one in findings] == [("sync error", "warning", (7,))]
+    assert [(one.kind, one.severity, one.lines) for one in findings] == [
+        ("sync error", "warning", (7,))
+    ]
 
 
 def test_a_toggle_that_stands_still_tells_of_old_data_only_where_every_cycle_is_logged() -> None:
     _, first, _ = turning()
     toggle = np.arange(400) % 2
     toggle[200:] ^= 1  # row 200 has the data of row 199 again
-    for log, stale in ((toggle, [200]), (np.zeros(400, dtype=np.int64), []), (np.arange(400) // 7 % 2, [])):
+    for log, stale in (
+        (toggle, [200]),
+        (np.zeros(400, dtype=np.int64), []),
+        (np.arange(400) // 7 % 2, []),
+    ):
         findings: list[Finding] = []
         flags, _ = status_flags(table_of(b1=first % 2**32, s1=log << 15), {"b1": "s1"}, findings)
         assert np.flatnonzero(flags == RowFlag.STALE).tolist() == stale
@@ -225,5 +310,9 @@ def test_an_encoder_without_status_column_is_warned_of() -> None:
     findings: list[Finding] = []
     status_flags(table_of(b1=first % 2**32, b2=second % 2**32, s1=np.zeros(400)), STATUS, findings)
     assert [(one.kind, one.severity, one.sentence) for one in findings] == [
-        ("no status word", "warning", "encoders b2 have no status column, so their faults cannot be seen.")
+        (
+            "no status word",
+            "warning",
+            "encoders b2 have no status column, so their faults cannot be seen.",
+        )
     ]

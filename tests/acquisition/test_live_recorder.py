@@ -110,7 +110,10 @@ def with_robot_log(folder: Path) -> Path:
     """The recording, with the robot's log added by hand as the recorder asks for."""
     t = np.arange(200) * 0.004032
     motors = np.sin(np.outer(t, np.arange(1, 7))) * 20.0
-    rows = [",".join(f"{value:.6f}" for value in (time_s, *row)) for time_s, row in zip(t, motors, strict=True)]
+    rows = [
+        ",".join(f"{value:.6f}" for value in (time_s, *row))
+        for time_s, row in zip(t, motors, strict=True)
+    ]
     (folder / "raw" / "robot.csv").write_text("\n".join(["time,m1,m2,m3,m4,m5,m6", *rows, ""]))
     description = yaml.safe_load((folder / "recording.yaml").read_text())
     description["sources"]["robot"] = {"files": ["raw/robot.csv"], "dialect": "abb-motor"}
@@ -120,7 +123,9 @@ def with_robot_log(folder: Path) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", [100, 1000])
-def test_what_the_plc_made_is_in_the_file_once_byte_by_byte(rate: int, address: str, tmp_path: Path) -> None:
+def test_what_the_plc_made_is_in_the_file_once_byte_by_byte(
+    rate: int, address: str, tmp_path: Path
+) -> None:
     with Plc(address, rate) as plc:
         recording = started(tmp_path / "r", plc_source(plc))
         until(lambda: recording.progress[0].records > 1.5 * rate)
@@ -131,7 +136,9 @@ def test_what_the_plc_made_is_in_the_file_once_byte_by_byte(rate: int, address: 
     assert last >= made - 1
     (progress,) = recording.progress
     assert (progress.state, progress.segments, progress.lost, progress.gaps) == (State.END, 1, 0, 0)
-    assert progress.rate == pytest.approx(rate, rel=0.01)  # by the stamps, so it does not depend on the machine's load
+    assert progress.rate == pytest.approx(
+        rate, rel=0.01
+    )  # by the stamps, so it does not depend on the machine's load
     read = read_recording(with_robot_log(tmp_path / "r"))
     assert read.ballbar_log is not None
     assert read.ballbar_log.t.size == progress.records
@@ -140,7 +147,9 @@ def test_what_the_plc_made_is_in_the_file_once_byte_by_byte(rate: int, address: 
 
 
 @pytest.mark.slow
-def test_a_connection_that_is_lost_and_comes_back_makes_a_new_file_and_loses_nothing(address: str, tmp_path: Path) -> None:
+def test_a_connection_that_is_lost_and_comes_back_makes_a_new_file_and_loses_nothing(
+    address: str, tmp_path: Path
+) -> None:
     with Plc(address, 100) as plc:
         recording = started(tmp_path / "r", plc_source(plc))
         until(lambda: recording.progress[0].records > 30)
@@ -149,7 +158,10 @@ def test_a_connection_that_is_lost_and_comes_back_makes_a_new_file_and_loses_not
         plc.connect()
         until(lambda: recording.progress[0].segments == 2 and recording.progress[0].records > 100)
         recording.finish()
-        first, second = (assert_made_by((tmp_path / "r" / "raw" / name).read_bytes(), plc) for name in ("ballbar.csv", "ballbar_2.csv"))
+        first, second = (
+            assert_made_by((tmp_path / "r" / "raw" / name).read_bytes(), plc)
+            for name in ("ballbar.csv", "ballbar_2.csv")
+        )
     assert second[0] == first[1] + 1  # the ring held what was made meanwhile
     (progress,) = recording.progress
     assert (progress.lost, progress.records) == (0, second[1] - first[0] + 1)
@@ -162,7 +174,9 @@ def test_a_connection_that_is_lost_and_comes_back_makes_a_new_file_and_loses_not
 
 
 @pytest.mark.slow
-def test_samples_that_the_ring_could_not_hold_are_counted_as_lost(address: str, tmp_path: Path) -> None:
+def test_samples_that_the_ring_could_not_hold_are_counted_as_lost(
+    address: str, tmp_path: Path
+) -> None:
     with Plc(address, 1000, capacity=600) as plc:
         recording = started(tmp_path / "r", plc_source(plc))
         until(lambda: recording.progress[0].records > 100)
@@ -173,13 +187,18 @@ def test_samples_that_the_ring_could_not_hold_are_counted_as_lost(address: str, 
         until(lambda: recording.progress[0].segments == 2)
         recording.finish()
         numbers = [
-            n for name in ("ballbar.csv", "ballbar_2.csv") for n in sample_numbers((tmp_path / "r" / "raw" / name).read_bytes(), plc)
+            n
+            for name in ("ballbar.csv", "ballbar_2.csv")
+            for n in sample_numbers((tmp_path / "r" / "raw" / name).read_bytes(), plc)
         ]
     (progress,) = recording.progress
     assert progress.lost > 0
     assert numbers == sorted(set(numbers))
     assert len(numbers) + progress.lost == numbers[-1] - numbers[0] + 1
-    assert f"ballbar: {progress.lost} records were lost" in yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())["notes"]
+    assert (
+        f"ballbar: {progress.lost} records were lost"
+        in yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())["notes"]
+    )
 
 
 @pytest.mark.slow
@@ -187,7 +206,9 @@ def test_kill_9_loses_at_most_the_last_poll(address: str, tmp_path: Path) -> Non
     """A poll is on disk before the next one begins; with 0.1 s between them and a machine that keeps up that is 0.2 s at most."""
     folder, file = tmp_path / "r", tmp_path / "r" / "raw" / "ballbar.csv"
     with Plc(address, 1000) as plc:
-        recorder = subprocess.Popen(recorder_command(folder, plc), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        recorder = subprocess.Popen(
+            recorder_command(folder, plc), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         until(lambda: file.exists() and file.stat().st_size > 50_000)
         recorder.send_signal(signal.SIGKILL)
         recorder.wait()
@@ -218,7 +239,10 @@ def test_a_full_disk_is_named_and_leaves_a_file_of_whole_rows(address: str, tmp_
         assert_made_by(raw, plc)
     rows = len(raw.splitlines()) - 1
     assert recorder.returncode == 1
-    assert f"raw/ballbar.csv: cannot be written: File too large. {rows} whole records are in it" in recorder.stderr
+    assert (
+        f"raw/ballbar.csv: cannot be written: File too large. {rows} whole records are in it"
+        in recorder.stderr
+    )
     longest = 18 + 8 * 11 + 2  # a stamp, eight counters of ten digits, CRLF
     assert limit - longest < len(raw) <= limit
     read = read_recording(with_robot_log(folder))
@@ -230,7 +254,12 @@ def test_a_full_disk_is_named_and_leaves_a_file_of_whole_rows(address: str, tmp_
 def test_ctrl_c_ends_cleanly_and_says_what_is_missing(address: str, tmp_path: Path) -> None:
     folder = tmp_path / "r"
     with Plc(address, 100) as plc:
-        recorder = subprocess.Popen(recorder_command(folder, plc), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        recorder = subprocess.Popen(
+            recorder_command(folder, plc),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
         until((folder / "recording.yaml").exists)
         made = plc.written
         recorder.send_signal(signal.SIGINT)
@@ -242,7 +271,9 @@ def test_ctrl_c_ends_cleanly_and_says_what_is_missing(address: str, tmp_path: Pa
     assert "Still missing: the robot's log" in said
 
 
-def test_egm_messages_are_kept_as_they_came_and_lost_ones_counted(egm: EgmSource, tmp_path: Path) -> None:
+def test_egm_messages_are_kept_as_they_came_and_lost_ones_counted(
+    egm: EgmSource, tmp_path: Path
+) -> None:
     recording = started(tmp_path / "r", egm)
     messages = [egm_message(n, [10.0 * j + 1e-3 * n for j in range(6)]) for n in range(100, 300)]
     dropped, swapped = 50, 80
@@ -276,9 +307,14 @@ def test_a_new_egm_session_goes_into_a_new_file(egm: EgmSource, tmp_path: Path) 
     assert recording.progress[0].lost == 0
 
 
-def test_what_is_no_egm_message_or_comes_from_elsewhere_is_left_out_and_counted(egm: EgmSource, tmp_path: Path) -> None:
+def test_what_is_no_egm_message_or_comes_from_elsewhere_is_left_out_and_counted(
+    egm: EgmSource, tmp_path: Path
+) -> None:
     recording = started(tmp_path / "r", egm)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+    ):
         robot.sendto(b"\xff\xff not protobuf", egm.address)
         robot.sendto(egm_message(1, [0.0] * 6), egm.address)
         until(lambda: recording.progress[0].records == 1)
@@ -287,7 +323,9 @@ def test_what_is_no_egm_message_or_comes_from_elsewhere_is_left_out_and_counted(
         robot.sendto(egm_message(2, [0.0] * 6), egm.address)
         until(lambda: recording.progress[0].records == 2 and recording.progress[0].refused == 3)
     recording.finish()
-    assert frames_of((tmp_path / "r" / "raw" / "robot.egm").read_bytes()) == [egm_message(n, [0.0] * 6) for n in (1, 2)]
+    assert frames_of((tmp_path / "r" / "raw" / "robot.egm").read_bytes()) == [
+        egm_message(n, [0.0] * 6) for n in (1, 2)
+    ]
 
 
 def test_the_receiver_listens_on_this_machine_alone_unless_told_otherwise(egm: EgmSource) -> None:
@@ -298,7 +336,9 @@ def test_the_receiver_listens_on_this_machine_alone_unless_told_otherwise(egm: E
 
 
 @pytest.mark.slow
-def test_both_devices_make_a_complete_recording(address: str, egm: EgmSource, tmp_path: Path) -> None:
+def test_both_devices_make_a_complete_recording(
+    address: str, egm: EgmSource, tmp_path: Path
+) -> None:
     angles = [[10.0 * np.sin(0.01 * n + j) for j in range(6)] for n in range(80)]
     with Plc(address, 1000) as plc, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
         recording = started(tmp_path / "r", plc_source(plc), egm)
@@ -309,16 +349,24 @@ def test_both_devices_make_a_complete_recording(address: str, egm: EgmSource, tm
     assert recording.missing == ()
     read = read_recording(tmp_path / "r")
     robot_file = load_robot("irb2400")
-    assert np.allclose(controller_to_joints(robot_file, np.deg2rad(angles)), read.robot_log.q, atol=1e-12)
-    assert np.allclose(read.robot_log.t, np.arange(80) * 0.004032, atol=1e-6)  # the message has microseconds
+    assert np.allclose(
+        controller_to_joints(robot_file, np.deg2rad(angles)), read.robot_log.q, atol=1e-12
+    )
+    assert np.allclose(
+        read.robot_log.t, np.arange(80) * 0.004032, atol=1e-6
+    )  # the message has microseconds
     assert read.ballbar_log is not None
     assert read.ballbar_log.t.size == recording.progress[0].records
-    fitted = {name: (encoder.lines, encoder.bits) for name, encoder in read.description.encoders.items()}
+    fitted = {
+        name: (encoder.lines, encoder.bits) for name, encoder in read.description.encoders.items()
+    }
     assert fitted == dict.fromkeys(("b1", "b2", "b4", "b5"), (3600, 12))
 
 
 def test_a_plc_that_is_not_there_is_waited_for_and_named(address: str, tmp_path: Path) -> None:
-    recording = started(tmp_path / "r", PlcSource(AdsMemory(f"{address}.1.1", 851, symbol=RING), lines=LINES))
+    recording = started(
+        tmp_path / "r", PlcSource(AdsMemory(f"{address}.1.1", 851, symbol=RING), lines=LINES)
+    )
     until(lambda: bool(recording.progress[0].reason))
     assert f"PLC {address}.1.1:851" in recording.progress[0].reason
     recording.finish()
@@ -337,7 +385,10 @@ def test_a_live_view_that_fails_does_not_end_the_recording(egm: EgmSource, tmp_p
             robot.sendto(egm_message(n, [0.0] * 6), egm.address)
             until(lambda n=n: recording.progress[0].records == n + 1)
     recording.finish()
-    assert "robot: the live view ended: no window." in yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())["notes"]
+    assert (
+        "robot: the live view ended: no window."
+        in yaml.safe_load((tmp_path / "r" / "recording.yaml").read_text())["notes"]
+    )
 
 
 def test_a_folder_that_holds_something_is_not_recorded_into(tmp_path: Path) -> None:
@@ -347,7 +398,12 @@ def test_a_folder_that_holds_something_is_not_recorded_into(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("word", "said"), [(0x8000, "ok"), (1 << 4, "amplitude error"), (1 << 3 | 1 << 14, "frequency error, invalid process data")]
+    ("word", "said"),
+    [
+        (0x8000, "ok"),
+        (1 << 4, "amplitude error"),
+        (1 << 3 | 1 << 14, "frequency error, invalid process data"),
+    ],
 )
 def test_status_words_are_said_in_words(word: int, said: str) -> None:
     assert status_words(word) == said
@@ -391,7 +447,11 @@ def test_the_table_shows_rate_losses_and_what_an_encoder_complained_of() -> None
     ],
 )
 def test_options_that_cannot_be_are_refused(
-    options: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    options: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     code, _, error = ballbar(monkeypatch, capsys, "record", tmp_path / "r", *NAMES, *options)
     assert code == 2
@@ -417,7 +477,17 @@ def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(
 
         sending = threading.Thread(target=send)
         sending.start()
-        options = ["--robot", mine, "--ballbar", "lund_600", "--egm", port, "--duration", "0.2", "--json"]
+        options = [
+            "--robot",
+            mine,
+            "--ballbar",
+            "lund_600",
+            "--egm",
+            port,
+            "--duration",
+            "0.2",
+            "--json",
+        ]
         code, out, _ = ballbar(monkeypatch, capsys, "record", folder, *options)
         beat.set()
         sending.join()
@@ -434,7 +504,9 @@ def test_a_viewer_that_does_not_start_is_named_before_anything_is_recorded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(replay_viewer, "_rerun", lambda: "false")
-    code, _, error = ballbar(monkeypatch, capsys, "record", tmp_path / "r", *NAMES, "--egm", free_port(), "--live")
+    code, _, error = ballbar(
+        monkeypatch, capsys, "record", tmp_path / "r", *NAMES, "--egm", free_port(), "--live"
+    )
     assert code == 1
     assert "Record without --live where there is no screen" in error
     assert not (tmp_path / "r").exists()
@@ -445,13 +517,17 @@ def test_without_the_extra_the_command_says_how_to_install_it(
 ) -> None:
     monkeypatch.delitem(sys.modules, "acquisition.live.ads")
     monkeypatch.setitem(sys.modules, "pyads", None)
-    code, _, error = ballbar(monkeypatch, capsys, "record", tmp_path / "r", *NAMES, "--plc", "5.12.82.20.1.1")
+    code, _, error = ballbar(
+        monkeypatch, capsys, "record", tmp_path / "r", *NAMES, "--plc", "5.12.82.20.1.1"
+    )
     assert code == 2
     assert "pip install 'ballbar-bench[ads]'" in error
 
 
 def test_only_one_module_needs_the_extra() -> None:
-    files = [file for package in ("acquisition", "ballbar") for file in (ROOT / package).rglob("*.py")]
+    files = [
+        file for package in ("acquisition", "ballbar") for file in (ROOT / package).rglob("*.py")
+    ]
     assert [file.name for file in files if "pyads" in imported(file)] == ["ads.py"]
 
 
@@ -468,9 +544,15 @@ def test_the_live_view_shows_angles_and_faults_on_one_timeline(tmp_path: Path) -
             memory.plc.write(100)
             shown.append(source.poll())
             view.watch(source, shown[-1])
-    chunks = [chunk for chunk in RrdReader(tmp_path / "live.rrd").stream().filter(content="/ballbar/angle_deg") if not chunk.is_static]
+    chunks = [
+        chunk
+        for chunk in RrdReader(tmp_path / "live.rrd").stream().filter(content="/ballbar/angle_deg")
+        if not chunk.is_static
+    ]
     batches = [chunk.to_record_batch() for chunk in chunks]
-    angles = np.concatenate([batch.column("Scalars:scalars").flatten().to_numpy().reshape(-1, 4) for batch in batches])
+    angles = np.concatenate(
+        [batch.column("Scalars:scalars").flatten().to_numpy().reshape(-1, 4) for batch in batches]
+    )
     times = np.concatenate([batch.column(TIMELINE).cast("int64").to_numpy() for batch in batches])
     assert np.array_equal(angles, np.concatenate([batch.values[::10] for batch in shown]))
     assert np.allclose(np.diff(times), 10e6, atol=1e3)  # 10 ms, to the microsecond
@@ -486,11 +568,21 @@ def structure(name: str) -> np.dtype[np.void]:
     body = re.search(rf"TYPE ST_{name} :\nSTRUCT\n(.*?)END_STRUCT", listing, re.DOTALL)
     assert body
     members: list[tuple[str, object, int]] = []
-    for member, low, high, kind in re.findall(r"(\w+)\s*: (?:ARRAY\[(\d)\.\.(\d+)\] OF )?(\w+);", body[1]):
+    for member, low, high, kind in re.findall(
+        r"(\w+)\s*: (?:ARRAY\[(\d)\.\.(\d+)\] OF )?(\w+);", body[1]
+    ):
         count = int(high) - int(low) + 1 if high else 1
-        element = structure(kind.removeprefix("ST_")) if kind.startswith("ST_") else np.dtype(SIZES[kind])
+        element = (
+            structure(kind.removeprefix("ST_")) if kind.startswith("ST_") else np.dtype(SIZES[kind])
+        )
         members.append((member[1:].lower(), element, count))
-    return np.dtype([(name, element) if count == 1 else (name, element, count) for name, element, count in members], align=True)
+    return np.dtype(
+        [
+            (name, element) if count == 1 else (name, element, count)
+            for name, element, count in members
+        ],
+        align=True,
+    )
 
 
 def test_the_listing_for_the_plc_has_the_layout_that_the_recorder_reads() -> None:
@@ -499,7 +591,9 @@ def test_the_listing_for_the_plc_has_the_layout_that_the_recorder_reads() -> Non
     ring = structure("BallBarRing")
     assert ring.fields is not None
     header = [(name, ring.fields[name][0].str, ring.fields[name][1]) for name in HEADER.names]
-    assert header == [(name, HEADER.fields[name][0].str, HEADER.fields[name][1]) for name in HEADER.names]
+    assert header == [
+        (name, HEADER.fields[name][0].str, HEADER.fields[name][1]) for name in HEADER.names
+    ]
     assert ring.fields["sample"][1] == HEADER.itemsize
     assert f"nLayout := 16#{LAYOUT:X};" in DOCUMENT.read_text()
     assert f"CAPACITY : UDINT := {ring.fields['sample'][0].shape[0]};" in DOCUMENT.read_text()

@@ -36,7 +36,9 @@ def test_every_sample_comes_once_and_whole_or_is_counted_as_lost(capacity: int) 
         memory.meanwhile = lambda pace=pace: int(rng.integers(0, pace + 1))
         taken = ring.take()
         expected += taken.lost
-        assert np.array_equal(taken.samples, plc_samples(expected, taken.samples.size, memory.plc.period_ns))
+        assert np.array_equal(
+            taken.samples, plc_samples(expected, taken.samples.size, memory.plc.period_ns)
+        )
         expected += taken.samples.size
         got, lost = got + taken.samples.size, lost + taken.lost
     memory.meanwhile = lambda: 0
@@ -99,7 +101,12 @@ def test_a_restarted_plc_is_noticed_and_read_from_its_first_sample() -> None:
 
 @pytest.mark.parametrize(
     ("header", "words"),
-    [({"layout": 1}, "another layout"), ({"capacity": 0}, "another layout"), ({"fitted": 0}, "no encoder"), ({"bits": 14}, "bits = 14")],
+    [
+        ({"layout": 1}, "another layout"),
+        ({"capacity": 0}, "another layout"),
+        ({"fitted": 0}, "no encoder"),
+        ({"bits": 14}, "bits = 14"),
+    ],
 )
 def test_memory_that_is_no_ring_is_not_read_as_one(header: dict[str, int], words: str) -> None:
     memory = ring_memory(100)
@@ -136,7 +143,9 @@ def test_samples_taken_before_the_cable_was_pulled_are_handed_on() -> None:
     source.connect()
     again = source.poll()
     header = source.file_start()
-    assert header + b"".join(batch.records + again.records) == text_of(plc_samples(0, 600, memory.plc.period_ns))
+    assert header + b"".join(batch.records + again.records) == text_of(
+        plc_samples(0, 600, memory.plc.period_ns)
+    )
 
 
 def test_a_clock_that_is_set_back_ends_the_file_before_that_sample() -> None:

@@ -13,7 +13,17 @@ from cell.errors import DescriptionError, InputError, LogError
 from cell.logs import ForceLog, RobotLog
 from sim.logging.load_logs import drawn_loads, sensor_rows
 from sim.simulate import write_recording
-from tests.acquisition.test_recording import ROBOT, ROBOT_T, change_line, found, joint_course, put, robot_lines, stamped, write
+from tests.acquisition.test_recording import (
+    ROBOT,
+    ROBOT_T,
+    change_line,
+    found,
+    joint_course,
+    put,
+    robot_lines,
+    stamped,
+    write,
+)
 from tests.conftest import Recorded, record, settings
 
 TAU = ["tau1", "tau2", "tau3", "tau4", "tau5", "tau6"]
@@ -21,7 +31,13 @@ FORCE_T = 0.002 * np.arange(400)
 WRENCH_HEADER = "time,fx,fy,fz,tx,ty,tz"
 PERFECT = {
     "torque": {"noise_N_m": 0.0, "wrist_noise_N_m": 0.0, "gain_sigma": 0.0},
-    "force_sensor": {"noise_N": 0.0, "noise_N_m": 0.0, "bias_N": 0.0, "bias_N_m": 0.0, "gain_sigma": 0.0},
+    "force_sensor": {
+        "noise_N": 0.0,
+        "noise_N_m": 0.0,
+        "bias_N": 0.0,
+        "bias_N_m": 0.0,
+        "gain_sigma": 0.0,
+    },
 }
 
 
@@ -34,7 +50,10 @@ def torque_lines(names: list[str] = TAU) -> list[str]:
     """The robot log with a column of torques for each name."""
     lines = robot_lines()
     cells = (",".join(map(repr, row[: len(names)])) for row in motor_torque_course().tolist())
-    return [",".join((lines[0], *names)), *(f"{line},{added}" for line, added in zip(lines[1:], cells, strict=True))]
+    return [
+        ",".join((lines[0], *names)),
+        *(f"{line},{added}" for line, added in zip(lines[1:], cells, strict=True)),
+    ]
 
 
 def wrench_course() -> np.ndarray:
@@ -43,14 +62,22 @@ def wrench_course() -> np.ndarray:
 
 
 def force_lines(t: np.ndarray = FORCE_T) -> list[str]:
-    return [WRENCH_HEADER, *(",".join(map(repr, row)) for row in np.column_stack((17.0 + t, wrench_course())).tolist())]
+    return [
+        WRENCH_HEADER,
+        *(
+            ",".join(map(repr, row))
+            for row in np.column_stack((17.0 + t, wrench_course())).tolist()
+        ),
+    ]
 
 
 def with_force(data: dict) -> None:
     data["sources"]["force"] = {"files": ["raw/force.csv"], "dialect": "force-torque"}
 
 
-def write_force(folder: Path, lines: list[str] | None = None, *, change: Callable[[dict], object] = with_force) -> Path:
+def write_force(
+    folder: Path, lines: list[str] | None = None, *, change: Callable[[dict], object] = with_force
+) -> Path:
     """A recording with a force sensor."""
     write(folder, change=change)
     (folder / "raw/force.csv").write_text("\n".join(lines or force_lines()) + "\n")
@@ -68,7 +95,9 @@ def force_log(recording: Recording) -> ForceLog:
 @pytest.fixture(scope="module")
 def loaded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     """The short run with torques and force sensor."""
-    return record(tmp_path_factory.mktemp("loads") / "recording", logs={"torque": {}, "force_sensor": {}})
+    return record(
+        tmp_path_factory.mktemp("loads") / "recording", logs={"torque": {}, "force_sensor": {}}
+    )
 
 
 @pytest.mark.slow
@@ -77,35 +106,55 @@ def test_a_simulated_force_log_is_read_as_it_was_written(loaded: Recorded) -> No
     sensor, true = loaded.settings.logs.force_sensor, simulation.times.robot_true
     assert sensor is not None
     stamps, readings = sensor_rows(
-        simulation.motion, float(true[0]), float(true[-1]), sensor, simulation.truth.logs.loads, loaded.settings.seed
+        simulation.motion,
+        float(true[0]),
+        float(true[-1]),
+        sensor,
+        simulation.truth.logs.loads,
+        loaded.settings.seed,
     )
     # The file has 1e-6 s and 1e-5 N; 2 ms steps are whole microseconds, and 1e-12 s is float64 at an up-time of a minute.
     np.testing.assert_allclose(force_log(recording).t, stamps - stamps[0], rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(force_log(recording).wrench, readings, rtol=0.0, atol=0.51e-5)
-    assert [(file.file, file.source, file.rows_read, file.rows_kept) for file in recording.report.files][2:] == [
-        ("raw/force.csv", "force", stamps.size, stamps.size)
-    ]
+    assert [
+        (file.file, file.source, file.rows_read, file.rows_kept) for file in recording.report.files
+    ][2:] == [("raw/force.csv", "force", stamps.size, stamps.size)]
     assert [one for one in recording.report.findings if one.file == "raw/force.csv"] == []
 
 
-def test_simulated_torques_and_forces_are_those_of_the_plant(loaded: Recorded, tmp_path: Path) -> None:
+def test_simulated_torques_and_forces_are_those_of_the_plant(
+    loaded: Recorded, tmp_path: Path
+) -> None:
     """Same run, loggers without noise, gain or bias: what is read at the gears and at the flange is the plant's own."""
     perfect = settings(logs=PERFECT)
     truth = loaded.simulation.truth
     quiet = truth.logs.model_copy(update={"loads": drawn_loads(perfect.logs, perfect.seed)})
-    write_recording(replace(loaded.simulation, truth=replace(truth, logs=quiet)), perfect, tmp_path / "recording")
+    write_recording(
+        replace(loaded.simulation, truth=replace(truth, logs=quiet)),
+        perfect,
+        tmp_path / "recording",
+    )
     recording = read_recording(tmp_path / "recording")
-    motion, times, rows = loaded.simulation.motion, loaded.simulation.times, loaded.simulation.rows.robot
+    motion, times, rows = (
+        loaded.simulation.motion,
+        loaded.simulation.times,
+        loaded.simulation.rows.robot,
+    )
     assert motion.torque is not None
     assert motion.wrench is not None
     assert recording.robot_log.torque is not None
-    at_gears = np.stack([np.interp(times.robot_true[rows], motion.t, column) for column in motion.torque.T], axis=1)
+    at_gears = np.stack(
+        [np.interp(times.robot_true[rows], motion.t, column) for column in motion.torque.T], axis=1
+    )
     # The file has 1e-6 N m at the motor.
     rounding = 0.51e-6 / np.abs(np.diag(loaded.simulation.cell.robot.transmission))
     assert (np.abs(recording.robot_log.torque - at_gears) < rounding).all()
     assert np.abs(at_gears).max() > 100.0  # [N m] the weight of the arm
     begin = float(times.robot_true[0]) + 0.05  # offset_s of the sensor's log
-    felt = np.stack([np.interp(begin + force_log(recording).t, motion.t, column) for column in motion.wrench.T], axis=1)
+    felt = np.stack(
+        [np.interp(begin + force_log(recording).t, motion.t, column) for column in motion.wrench.T],
+        axis=1,
+    )
     np.testing.assert_allclose(force_log(recording).wrench, felt, rtol=0.0, atol=0.6e-5)
 
 
@@ -129,7 +178,10 @@ def test_gears_pass_on_the_power_of_the_motors(tmp_path: Path, robot: str) -> No
     log = read_recording(write(tmp_path, robot=lines, change=put("robot", value=robot))).robot_log
     assert log.torque is not None
     gears = log.q @ described.joint_to_gear
-    at_motors, at_gears = torques[1:] * np.diff(motors, axis=0), log.torque[1:] * np.diff(gears, axis=0)
+    at_motors, at_gears = (
+        torques[1:] * np.diff(motors, axis=0),
+        log.torque[1:] * np.diff(gears, axis=0),
+    )
     # Differences of angles below 1e3 rad in float64, times a torque of 10 N m.
     np.testing.assert_allclose(at_gears, at_motors, rtol=0.0, atol=1e-11)
 
@@ -138,7 +190,9 @@ def test_torque_columns_stand_anywhere_and_bring_no_finding(tmp_path: Path) -> N
     order = [7, 12, 0, 3, 2, 1, 11, 4, 5, 6, 10, 9, 8]
     shuffled = [";".join(line.split(",")[i] for i in order) for line in torque_lines()]
     recording = read_recording(write(tmp_path, robot=shuffled))
-    np.testing.assert_allclose(recording.robot_log.torque, motor_torque_course() / np.diag(ROBOT.transmission), rtol=1e-15)
+    np.testing.assert_allclose(
+        recording.robot_log.torque, motor_torque_course() / np.diag(ROBOT.transmission), rtol=1e-15
+    )
     np.testing.assert_allclose(recording.robot_log.q, joint_course(ROBOT_T), atol=1e-13)
     assert found(recording) == []
 
@@ -157,7 +211,9 @@ def test_torque_columns_stand_anywhere_and_bring_no_finding(tmp_path: Path) -> N
         ),
     ],
 )
-def test_torques_are_logged_for_all_six_motors_or_for_none(tmp_path: Path, names: list[str], message: str) -> None:
+def test_torques_are_logged_for_all_six_motors_or_for_none(
+    tmp_path: Path, names: list[str], message: str
+) -> None:
     with pytest.raises(LogError) as caught:
         read_recording(write(tmp_path, robot=torque_lines(names)))
     assert message in str(caught.value)
@@ -166,8 +222,9 @@ def test_torques_are_logged_for_all_six_motors_or_for_none(tmp_path: Path, names
 def test_torques_under_other_names_are_not_read_and_the_report_asks(tmp_path: Path) -> None:
     recording = read_recording(write(tmp_path, robot=torque_lines([name.title() for name in TAU])))
     assert recording.robot_log.torque is None
-    assert "  raw/robot.csv: column not used: Tau1, Tau2, Tau3, Tau4, Tau5, Tau6. Is 'Tau1' meant for tau1? Then rename it." in (
-        report_lines(recording.report)
+    assert (
+        "  raw/robot.csv: column not used: Tau1, Tau2, Tau3, Tau4, Tau5, Tau6. Is 'Tau1' meant for tau1? Then rename it."
+        in (report_lines(recording.report))
     )
 
 
@@ -179,7 +236,9 @@ def test_torques_under_other_names_are_not_read_and_the_report_asks(tmp_path: Pa
         ("", "raw/robot.csv:90: column tau6: '' is an empty cell; a number was expected"),
     ],
 )
-def test_a_torque_that_is_no_number_is_refused_at_its_row(tmp_path: Path, cell: str, message: str) -> None:
+def test_a_torque_that_is_no_number_is_refused_at_its_row(
+    tmp_path: Path, cell: str, message: str
+) -> None:
     lines = torque_lines()
     lines[89] = ",".join((*lines[89].split(",")[:-1], cell))
     with pytest.raises(LogError) as caught:
@@ -189,12 +248,21 @@ def test_a_torque_that_is_no_number_is_refused_at_its_row(tmp_path: Path, cell: 
 
 def test_torques_of_several_files_are_joined_and_must_be_in_all_of_them(tmp_path: Path) -> None:
     lines = torque_lines()
-    write(tmp_path, robot=[lines[0], *lines[301:]], change=put("sources", "robot", "files", value=["raw/robot.csv", "raw/robotOld.csv"]))
+    write(
+        tmp_path,
+        robot=[lines[0], *lines[301:]],
+        change=put("sources", "robot", "files", value=["raw/robot.csv", "raw/robotOld.csv"]),
+    )
     (tmp_path / "raw/robotOld.csv").write_text("\n".join(lines[:301]) + "\n")
     log = read_recording(tmp_path).robot_log
-    np.testing.assert_allclose(log.torque, motor_torque_course() / np.diag(ROBOT.transmission), rtol=1e-15)
+    np.testing.assert_allclose(
+        log.torque, motor_torque_course() / np.diag(ROBOT.transmission), rtol=1e-15
+    )
     (tmp_path / "raw/robotOld.csv").write_text("\n".join(robot_lines()[:301]) + "\n")
-    with pytest.raises(LogError, match=r"raw/robotOld.csv: columns tau1, .*tau6 missing, and other files .* or remove them from all"):
+    with pytest.raises(
+        LogError,
+        match=r"raw/robotOld.csv: columns tau1, .*tau6 missing, and other files .* or remove them from all",
+    ):
         read_recording(tmp_path)
 
 
@@ -257,21 +325,44 @@ def test_files_of_a_force_sensor_are_joined_in_order_of_time(tmp_path: Path) -> 
     [
         (force_lines()[:1], "raw/force.csv: a header but no complete row below it"),
         (force_lines()[:40], "raw/force.csv: 39 usable rows; at least 50 are needed"),
-        ([line.rsplit(",", 2)[0] for line in force_lines()], "raw/force.csv:1: columns ty, tz missing; the header has 'time', 'fx'"),
+        (
+            [line.rsplit(",", 2)[0] for line in force_lines()],
+            "raw/force.csv:1: columns ty, tz missing; the header has 'time', 'fx'",
+        ),
         (
             change_line(force_lines(), 1, "time,fx,fy,Fz,tx,ty,tz"),
             "raw/force.csv:1: column fz missing; the header has 'time', 'fx', 'fy', 'Fz', 'tx', 'ty', 'tz'. Is 'Fz' meant?",
         ),
-        (force_lines()[1:], "raw/force.csv:1: the first line holds numbers, not column names. Expected a header with time, fx, fy, fz, tx"),
-        (robot_lines(), "raw/force.csv:1: columns fx, fy, fz, tx, ty, tz missing; the header has 'time', 'm1'"),
+        (
+            force_lines()[1:],
+            "raw/force.csv:1: the first line holds numbers, not column names. Expected a header with time, fx, fy, fz, tx",
+        ),
+        (
+            robot_lines(),
+            "raw/force.csv:1: columns fx, fy, fz, tx, ty, tz missing; the header has 'time', 'm1'",
+        ),
         ([line.replace(".", ",") for line in force_lines()], "decimal comma with comma separator"),
-        (change_line(force_lines(), 9, "17.014,1,2,nan,4,5,6"), "raw/force.csv:9: column fz: 'nan' is not a number"),
-        (change_line(force_lines(), 9, "17.014,1,2,3,4,5,inf"), "raw/force.csv:9: column tz: 'inf' is not a number"),
-        (change_line(force_lines(), 9, "17.014,1,2,,4,5,6"), "raw/force.csv:9: column fz: '' is an empty cell; a number was expected"),
-        (change_line(force_lines(), 2, stamped(force_lines()[1], -1.0)), "raw/force.csv:2: time stamp -1 s is negative"),
+        (
+            change_line(force_lines(), 9, "17.014,1,2,nan,4,5,6"),
+            "raw/force.csv:9: column fz: 'nan' is not a number",
+        ),
+        (
+            change_line(force_lines(), 9, "17.014,1,2,3,4,5,inf"),
+            "raw/force.csv:9: column tz: 'inf' is not a number",
+        ),
+        (
+            change_line(force_lines(), 9, "17.014,1,2,,4,5,6"),
+            "raw/force.csv:9: column fz: '' is an empty cell; a number was expected",
+        ),
+        (
+            change_line(force_lines(), 2, stamped(force_lines()[1], -1.0)),
+            "raw/force.csv:2: time stamp -1 s is negative",
+        ),
     ],
 )
-def test_a_force_log_that_cannot_be_trusted_is_refused(tmp_path: Path, lines: list[str], message: str) -> None:
+def test_a_force_log_that_cannot_be_trusted_is_refused(
+    tmp_path: Path, lines: list[str], message: str
+) -> None:
     with pytest.raises(LogError) as caught:
         read_recording(write_force(tmp_path, lines))
     assert message in str(caught.value)
@@ -281,7 +372,10 @@ def test_stamps_of_a_force_log_in_milliseconds_are_warned_of(tmp_path: Path) -> 
     lines = [WRENCH_HEADER, *(stamped(row, 2.0 * i) for i, row in enumerate(force_lines()[1:]))]
     recording = read_recording(write_force(tmp_path, lines))
     assert found(recording) == [("unusual period", "warning", "raw/force.csv", (), 1)]
-    assert "the median period is 2 s; logs of this dialect have 0.1 ms to 100 ms" in recording.report.findings[-1].sentence
+    assert (
+        "the median period is 2 s; logs of this dialect have 0.1 ms to 100 ms"
+        in recording.report.findings[-1].sentence
+    )
 
 
 def test_a_force_log_that_is_missing_is_named(tmp_path: Path) -> None:
@@ -297,11 +391,21 @@ def test_a_force_log_that_is_missing_is_named(tmp_path: Path) -> None:
             "abb-motor",
             "sources.force.dialect: abb-motor describes logs of the robot, not of the force sensor. Are the files swapped?",
         ),
-        ("robot", "force-torque", "sources.robot.dialect: force-torque describes logs of the force sensor, not of the robot."),
-        ("force", "force_torque", "sources.force.dialect: unknown dialect 'force_torque'. Did you mean force-torque?"),
+        (
+            "robot",
+            "force-torque",
+            "sources.robot.dialect: force-torque describes logs of the force sensor, not of the robot.",
+        ),
+        (
+            "force",
+            "force_torque",
+            "sources.force.dialect: unknown dialect 'force_torque'. Did you mean force-torque?",
+        ),
     ],
 )
-def test_a_dialect_of_another_device_is_refused(tmp_path: Path, source: str, dialect: str, message: str) -> None:
+def test_a_dialect_of_another_device_is_refused(
+    tmp_path: Path, source: str, dialect: str, message: str
+) -> None:
     def change(data: dict) -> None:
         with_force(data)
         data["sources"][source]["dialect"] = dialect
@@ -321,7 +425,9 @@ def test_load_series_are_checked_and_write_protected() -> None:
     for series in (log.torque, force.wrench):
         with pytest.raises(ValueError, match="read-only"):
             series[0, 0] = 0.0
-    with pytest.raises(ValueError, match=r"robot log, torque: times \(3,\) and values \(2, 6\) do not fit"):
+    with pytest.raises(
+        ValueError, match=r"robot log, torque: times \(3,\) and values \(2, 6\) do not fit"
+    ):
         RobotLog(t, six.copy(), np.ones((2, 6)))
     with pytest.raises(ValueError, match="robot log, torque: times or values are not finite"):
         RobotLog(t, six.copy(), np.full((3, 6), np.nan))

@@ -20,7 +20,9 @@ def course() -> Array:
 
 def found(values: Array, begins: tuple[int, ...] = ()) -> list[tuple[int, int]]:
     breaks = np.isin(np.arange(T.size), begins)
-    return [(int(row), int(channel)) for row, channel in np.argwhere(damaged_values(T, values, breaks))]
+    return [
+        (int(row), int(channel)) for row, channel in np.argwhere(damaged_values(T, values, breaks))
+    ]
 
 
 @pytest.mark.parametrize("row", [0, 1, 3, 500, 996, 999])
@@ -31,9 +33,13 @@ def test_a_damaged_value_is_found_wherever_it_stands(row: int, size: float) -> N
     assert found(values) == [(row, 1)]
 
 
-@pytest.mark.parametrize("rows", [(500, 501), (500, 502), (500, 503), (2, 3), (996, 999), (0, 2), (996, 997), (500, 504)])
+@pytest.mark.parametrize(
+    "rows", [(500, 501), (500, 502), (500, 503), (2, 3), (996, 999), (0, 2), (996, 997), (500, 504)]
+)
 @pytest.mark.parametrize("sizes", [(0.01, -0.008), (3e-4, 2e-4), (0.5, 2e-4)])
-def test_two_damaged_values_that_hide_each_other_are_found(rows: tuple[int, int], sizes: tuple[float, float]) -> None:
+def test_two_damaged_values_that_hide_each_other_are_found(
+    rows: tuple[int, int], sizes: tuple[float, float]
+) -> None:
     values = course()
     values[rows, 0] += sizes
     assert found(values) == [(row, 0) for row in rows]

@@ -21,7 +21,9 @@ COMMON = 1 + 3e-5  # no controller's crystal agrees with another clock to better
 def table(t: Array, step: float) -> Table:
     """Rows taken at t [s], stamped with the last step of a clock."""
     stamps = np.rint(np.floor(t / step) * step * 1e9).astype(np.int64)
-    return Table({STAMP: stamps}, ("log.csv",), np.zeros(t.size, dtype=np.int64), np.arange(t.size) + 2)
+    return Table(
+        {STAMP: stamps}, ("log.csv",), np.zeros(t.size, dtype=np.int64), np.arange(t.size) + 2
+    )
 
 
 def off(stamps: Array, t: Array) -> Array:
@@ -30,21 +32,33 @@ def off(stamps: Array, t: Array) -> Array:
     return np.abs(error - np.median(error))
 
 
-@pytest.mark.parametrize(("period", "step"), [(0.004032, 0.001), (0.004032, 0.016), (0.002016, 0.001), (0.012, 0.015625)])
+@pytest.mark.parametrize(
+    ("period", "step"), [(0.004032, 0.001), (0.004032, 0.016), (0.002016, 0.001), (0.012, 0.015625)]
+)
 def test_the_times_of_even_rows_come_back(period: float, step: float) -> None:
     t = 7.0031 + COMMON * period * np.arange(ROWS)
     coarse, findings = table(t, step), []
     fine = spread(coarse, findings)
     assert off(coarse.columns[STAMP], t).max() > 0.45 * step
     assert off(fine.columns[STAMP], t).max() < 20e-6
-    assert [(one.kind, one.severity, one.count) for one in findings] == [("quantised stamps", "repaired", ROWS)]
+    assert [(one.kind, one.severity, one.count) for one in findings] == [
+        ("quantised stamps", "repaired", ROWS)
+    ]
 
 
-@pytest.mark.parametrize(("period", "step", "divisor"), [(0.004, 0.016, 0.004), (0.01, 0.016, 0.002)])
-def test_commensurable_periods_are_known_to_half_the_common_divisor(period: float, step: float, divisor: float) -> None:
+@pytest.mark.parametrize(
+    ("period", "step", "divisor"), [(0.004, 0.016, 0.004), (0.01, 0.016, 0.002)]
+)
+def test_commensurable_periods_are_known_to_half_the_common_divisor(
+    period: float, step: float, divisor: float
+) -> None:
     t = 7.0031 + (1 + 1e-7) * period * np.arange(ROWS)  # rows and steps keep their few phases
     coarse = table(t, step)
-    assert off(spread(coarse, []).columns[STAMP], t).max() <= 0.51 * divisor < off(coarse.columns[STAMP], t).max()
+    assert (
+        off(spread(coarse, []).columns[STAMP], t).max()
+        <= 0.51 * divisor
+        < off(coarse.columns[STAMP], t).max()
+    )
 
 
 @pytest.mark.parametrize("step", [0.001, 0.016])
@@ -56,7 +70,9 @@ def test_behind_lost_and_late_rows_the_line_begins_anew(step: float) -> None:
     error = off(spread(table(t, step), findings).columns[STAMP], t)
     assert "anew at 3 places" in findings[0].sentence
     assert np.quantile(error, 0.95) < 0.03 * step
-    assert error.max() <= 2.1 * 0.004032  # rows beside such a place may be put to the other side of it
+    assert (
+        error.max() <= 2.1 * 0.004032
+    )  # rows beside such a place may be put to the other side of it
 
 
 def test_a_clock_that_was_set_back_has_a_line_on_either_side() -> None:
@@ -72,20 +88,38 @@ def test_a_clock_that_was_set_back_has_a_line_on_either_side() -> None:
 def test_rows_of_a_logger_that_comes_late_are_not_even(tmp_path: Path) -> None:
     late = np.random.default_rng(1).random(ROWS) < 0.1
     t = 7.0031 + np.cumsum(0.010 + 0.005 * late)
-    with pytest.raises(LogError, match=r"log.csv:\d+: declared as quantised, but the rows do not come evenly: .* missing at \d+ places"):
+    with pytest.raises(
+        LogError,
+        match=r"log.csv:\d+: declared as quantised, but the rows do not come evenly: .* missing at \d+ places",
+    ):
         spread(table(t, 0.001), [])
     with pytest.raises(LogError, match=r"log\.csv:2: all rows have the same stamp"):
         spread(table(t, 1000.0), [])
 
 
-def test_a_log_with_rows_that_share_stamps_is_read_once_it_is_declared_quantised(tmp_path: Path) -> None:
+def test_a_log_with_rows_that_share_stamps_is_read_once_it_is_declared_quantised(
+    tmp_path: Path,
+) -> None:
     lines = robot_lines()
     steps = np.floor((100.0 + ROBOT_T) / 0.016) * 0.016
-    coarse = [lines[0], *(stamped(line, f"{stamp:.3f}") for line, stamp in zip(lines[1:], steps.tolist(), strict=True))]
-    with pytest.raises(LogError, match=r"The clock is too coarse for the rows: log a finer one, or declare `quantised: true`"):
+    coarse = [
+        lines[0],
+        *(
+            stamped(line, f"{stamp:.3f}")
+            for line, stamp in zip(lines[1:], steps.tolist(), strict=True)
+        ),
+    ]
+    with pytest.raises(
+        LogError,
+        match=r"The clock is too coarse for the rows: log a finer one, or declare `quantised: true`",
+    ):
         read_recording(write(tmp_path, robot=coarse))
-    declared = write(tmp_path, robot=coarse, change=lambda data: data["sources"]["robot"].update(quantised=True))
-    assert any("stamps step by more than can be neglected" in line for line in explain_lines(declared))
+    declared = write(
+        tmp_path, robot=coarse, change=lambda data: data["sources"]["robot"].update(quantised=True)
+    )
+    assert any(
+        "stamps step by more than can be neglected" in line for line in explain_lines(declared)
+    )
     recording = read_recording(declared)
     log = recording.robot_log
     assert len(log.t) == len(ROBOT_T)

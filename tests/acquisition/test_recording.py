@@ -25,7 +25,9 @@ SIGNS = {"b1": 1, "b2": -1, "b4": 1, "b5": -1}
 
 def joint_course(t: np.ndarray) -> np.ndarray:
     """(N, 6) [rad] a course within limits and speeds."""
-    return np.stack([0.2 * (i - 2.5) + 0.4 * np.sin((0.5 + 0.1 * i) * t + i) for i in range(6)], axis=1)
+    return np.stack(
+        [0.2 * (i - 2.5) + 0.4 * np.sin((0.5 + 0.1 * i) * t + i) for i in range(6)], axis=1
+    )
 
 
 def bar_course(t: np.ndarray) -> np.ndarray:
@@ -35,13 +37,24 @@ def bar_course(t: np.ndarray) -> np.ndarray:
 
 def robot_lines(t: np.ndarray = ROBOT_T) -> list[str]:
     motors = joints_to_motors(ROBOT, joint_course(t))
-    return ["time,m1,m2,m3,m4,m5,m6", *(",".join(map(repr, row)) for row in np.column_stack((100.0 + t, motors)).tolist())]
+    return [
+        "time,m1,m2,m3,m4,m5,m6",
+        *(",".join(map(repr, row)) for row in np.column_stack((100.0 + t, motors)).tolist()),
+    ]
 
 
 def bar_lines(t: np.ndarray = BAR_T) -> list[str]:
-    counts = np.rint(bar_course(t) * list(SIGNS.values()) * PER_RAD).astype(np.int64).astype(np.uint32).astype(np.int64)
+    counts = (
+        np.rint(bar_course(t) * list(SIGNS.values()) * PER_RAD)
+        .astype(np.int64)
+        .astype(np.uint32)
+        .astype(np.int64)
+    )
     stamps = EPOCH + np.rint(t * 1e9).astype(np.int64)
-    return ["time;b1;b2;b4;b5", *(";".join(map(str, row)) for row in np.column_stack((stamps, counts)).tolist())]
+    return [
+        "time;b1;b2;b4;b5",
+        *(";".join(map(str, row)) for row in np.column_stack((stamps, counts)).tolist()),
+    ]
 
 
 def description() -> dict:
@@ -54,17 +67,28 @@ def description() -> dict:
             "robot": {"files": ["raw/robot.csv"], "dialect": "abb-motor"},
             "ballbar": {"files": ["raw/ballbar.csv"], "dialect": "twincat-plc"},
         },
-        "encoders": {name: {"column": name, "lines": 3600, "bits": 12, "sign": sign} for name, sign in SIGNS.items()},
+        "encoders": {
+            name: {"column": name, "lines": 3600, "bits": 12, "sign": sign}
+            for name, sign in SIGNS.items()
+        },
     }
 
 
-def write(folder: Path, *, robot: list[str] | None = None, ballbar: list[str] | None = None, change: Callable[[dict], object] = id) -> Path:
+def write(
+    folder: Path,
+    *,
+    robot: list[str] | None = None,
+    ballbar: list[str] | None = None,
+    change: Callable[[dict], object] = id,
+) -> Path:
     data = description()
     change(data)
     (folder / "raw").mkdir(exist_ok=True)
     (folder / "recording.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
     (folder / "raw/robot.csv").write_text("\n".join(robot or robot_lines()) + "\n")
-    (folder / "raw/ballbar.csv").write_text("\r\n".join(ballbar or bar_lines()) + "\r\n", newline="")
+    (folder / "raw/ballbar.csv").write_text(
+        "\r\n".join(ballbar or bar_lines()) + "\r\n", newline=""
+    )
     return folder
 
 
@@ -94,10 +118,9 @@ def test_both_logs_are_read_as_the_angles_that_were_recorded(tmp_path: Path) -> 
     assert ballbar.joints == (1, 2, 4, 5)
     assert recording.description.robot == "irb2400"
     assert found(recording) == []
-    assert [(file.file, file.source, file.rows_read, file.rows_kept) for file in recording.report.files] == [
-        ("raw/robot.csv", "robot", 800, 800),
-        ("raw/ballbar.csv", "ballbar", 300, 300),
-    ]
+    assert [
+        (file.file, file.source, file.rows_read, file.rows_kept) for file in recording.report.files
+    ] == [("raw/robot.csv", "robot", 800, 800), ("raw/ballbar.csv", "ballbar", 300, 300)]
 
 
 def test_any_subset_of_encoders_is_read_from_its_declared_columns(tmp_path: Path) -> None:
@@ -114,7 +137,9 @@ def test_any_subset_of_encoders_is_read_from_its_declared_columns(tmp_path: Path
     recording = read_recording(write(tmp_path, ballbar=shuffled, change=two))
     assert recording.ballbar_log is not None
     assert recording.ballbar_log.joints == (1, 5)
-    np.testing.assert_allclose(recording.ballbar_log.angles, bar_course(BAR_T)[:, [0, 3]], atol=0.51 / PER_RAD)
+    np.testing.assert_allclose(
+        recording.ballbar_log.angles, bar_course(BAR_T)[:, [0, 3]], atol=0.51 / PER_RAD
+    )
     assert found(recording) == [("column not used", "warning", "raw/ballbar.csv", (), 2)]
 
 
@@ -141,7 +166,9 @@ def test_files_of_one_source_are_joined_in_order_of_time(tmp_path: Path) -> None
     np.testing.assert_array_equal(recording.ballbar_log.t, np.rint(BAR_T * 1e9) / 1e9)
     np.testing.assert_allclose(recording.ballbar_log.angles, bar_course(BAR_T), atol=0.51 / PER_RAD)
     (tmp_path / "raw/ballbarOld.csv").write_text("\n".join(lines[:161]) + "\n")
-    with pytest.raises(LogError, match=r"raw/ballbar.csv:2: starts 90 ms before raw/ballbarOld.csv ends"):
+    with pytest.raises(
+        LogError, match=r"raw/ballbar.csv:2: starts 90 ms before raw/ballbarOld.csv ends"
+    ):
         read_recording(tmp_path)
 
 
@@ -164,24 +191,44 @@ def test_overruns_and_gaps_are_reported_against_the_nominal_period(tmp_path: Pat
         ("overrun", "warning", "raw/ballbar.csv", (102,), 1),
         ("gap", "warning", "raw/ballbar.csv", (202,), 1),
     ]
-    assert "rows up to 210 ms after the one before; the nominal period is 10 ms" in recording.report.findings[-1].sentence
+    assert (
+        "rows up to 210 ms after the one before; the nominal period is 10 ms"
+        in recording.report.findings[-1].sentence
+    )
     assert (flagged(recording, RowFlag.OVERRUN), flagged(recording, RowFlag.GAP)) == ([100], [200])
 
 
 def with_stamps(stamps: list[int]) -> list[str]:
-    return [bar_lines()[0], *(stamped(row, stamp) for row, stamp in zip(bar_lines()[1:], stamps, strict=True))]
+    return [
+        bar_lines()[0],
+        *(stamped(row, stamp) for row, stamp in zip(bar_lines()[1:], stamps, strict=True)),
+    ]
 
 
 def test_stamps_a_hundred_times_too_far_apart_are_warned_of(tmp_path: Path) -> None:
     lines = with_stamps([1_000_000_000 * i for i in range(300)])
-    recording = read_recording(write(tmp_path, ballbar=lines, change=put("sources", "ballbar", "time", value="ns")))
+    recording = read_recording(
+        write(tmp_path, ballbar=lines, change=put("sources", "ballbar", "time", value="ns"))
+    )
     assert found(recording) == [("unusual period", "warning", "raw/ballbar.csv", (), 1)]
-    assert "the median period is 1 s; logs of this dialect have 0.2 ms to 100 ms" in recording.report.findings[-1].sentence
+    assert (
+        "the median period is 1 s; logs of this dialect have 0.2 ms to 100 ms"
+        in recording.report.findings[-1].sentence
+    )
 
 
-def test_microseconds_where_nanoseconds_are_declared_make_the_encoders_impossibly_fast(tmp_path: Path) -> None:
-    folder = write(tmp_path, ballbar=with_stamps([10_000 * i for i in range(300)]), change=put("sources", "ballbar", "time", value="ns"))
-    with pytest.raises(LogError, match=r"raw/ballbar.csv:3: encoder b. jumps .*or the time column in another unit\?"):
+def test_microseconds_where_nanoseconds_are_declared_make_the_encoders_impossibly_fast(
+    tmp_path: Path,
+) -> None:
+    folder = write(
+        tmp_path,
+        ballbar=with_stamps([10_000 * i for i in range(300)]),
+        change=put("sources", "ballbar", "time", value="ns"),
+    )
+    with pytest.raises(
+        LogError,
+        match=r"raw/ballbar.csv:3: encoder b. jumps .*or the time column in another unit\?",
+    ):
         read_recording(folder)
 
 
@@ -221,29 +268,44 @@ def test_the_report_reads_as_lines_and_goes_through_json(tmp_path: Path) -> None
         "    robot, dialect abb-motor; utf-8, separator comma, decimal point; time in s",
     ]
     assert text[3] == "  raw/ballbar.csv: 299 of 300 rows used"
-    assert "  raw/ballbar.csv:151: torn line: expected 5 fields, got 1; treated as torn line and dropped." in text
+    assert (
+        "  raw/ballbar.csv:151: torn line: expected 5 fields, got 1; treated as torn line and dropped."
+        in text
+    )
     assert report_lines(replace(report, findings=()))[-2:] == ["REPAIRED: none", "WARNINGS: none"]
 
 
 def motor_rows(motors: np.ndarray) -> list[str]:
-    return [robot_lines()[0], *(",".join(map(repr, row)) for row in np.column_stack((ROBOT_T, motors)).tolist())]
+    return [
+        robot_lines()[0],
+        *(",".join(map(repr, row)) for row in np.column_stack((ROBOT_T, motors)).tolist()),
+    ]
 
 
 def test_degrees_where_radians_are_declared_are_refused_with_a_hint(tmp_path: Path) -> None:
     degrees = np.rad2deg(joints_to_motors(ROBOT, joint_course(ROBOT_T)))
-    with pytest.raises(LogError, match=r"raw/robot.csv:2: axis \d of irb2400 would stand at .* deg, far beyond.*Degrees where radians"):
+    with pytest.raises(
+        LogError,
+        match=r"raw/robot.csv:2: axis \d of irb2400 would stand at .* deg, far beyond.*Degrees where radians",
+    ):
         read_recording(write(tmp_path, robot=motor_rows(degrees)))
 
 
 def test_degrees_close_to_zero_betray_themselves_by_their_speed(tmp_path: Path) -> None:
-    small = np.rad2deg(joints_to_motors(ROBOT, 0.007 * np.sin(20.0 * ROBOT_T)[:, None] * np.ones(6)))
-    with pytest.raises(LogError, match=r"axis \d of irb2400 would turn at .* rad/s; it reaches .*Degrees where radians"):
+    small = np.rad2deg(
+        joints_to_motors(ROBOT, 0.007 * np.sin(20.0 * ROBOT_T)[:, None] * np.ones(6))
+    )
+    with pytest.raises(
+        LogError,
+        match=r"axis \d of irb2400 would turn at .* rad/s; it reaches .*Degrees where radians",
+    ):
         read_recording(write(tmp_path, robot=motor_rows(small)))
 
 
 def test_joint_angles_where_motor_angles_are_declared_are_refused(tmp_path: Path) -> None:
     with pytest.raises(
-        LogError, match=r"raw/robot.csv:2: Axis angles in rad or joint angles in rad where motor angles in rad are declared"
+        LogError,
+        match=r"raw/robot.csv:2: Axis angles in rad or joint angles in rad where motor angles in rad are declared",
     ):
         read_recording(write(tmp_path, robot=motor_rows(joint_course(ROBOT_T))))
 
@@ -253,13 +315,17 @@ def test_a_robot_that_stands_at_zero_is_no_joint_side_log(tmp_path: Path) -> Non
     assert np.ptp(read_recording(write(tmp_path, robot=motor_rows(still))).robot_log.q) < 1e-3
 
 
-@pytest.mark.parametrize("damage", [10.0, 0.1])  # one digit: 0.08 rad at the joint within 4 ms, and 0.8 mrad, which is slow enough
+@pytest.mark.parametrize(
+    "damage", [10.0, 0.1]
+)  # one digit: 0.08 rad at the joint within 4 ms, and 0.8 mrad, which is slow enough
 def test_a_damaged_motor_angle_is_left_out_and_named(tmp_path: Path, damage: float) -> None:
     motors = joints_to_motors(ROBOT, joint_course(ROBOT_T))
     motors[400, 2] += damage
     recording = read_recording(write(tmp_path, robot=motor_rows(motors)))
     assert found(recording)[0] == ("implausible value", "repaired", "raw/robot.csv", (402,), 1)
-    np.testing.assert_allclose(recording.robot_log.q, np.delete(joint_course(ROBOT_T), 400, axis=0), atol=1e-13)
+    np.testing.assert_allclose(
+        recording.robot_log.q, np.delete(joint_course(ROBOT_T), 400, axis=0), atol=1e-13
+    )
     rows = recording.rows["robot"]
     assert rows.flags[400] == RowFlag.IMPLAUSIBLE
     assert np.flatnonzero(~rows.used).tolist() == [400]
@@ -290,16 +356,50 @@ def stamped(row: str, stamp: object) -> str:
         (robot_lines()[:1], None, "raw/robot.csv: a header but no complete row below it"),
         (robot_lines()[:40], None, "raw/robot.csv: 39 usable rows; at least 50 are needed"),
         (None, bar_lines()[:50], "raw/ballbar.csv: 49 usable rows; at least 50 are needed"),
-        ([line.rsplit(",", 1)[0] for line in robot_lines()], None, "raw/robot.csv:1: column m6 missing"),
-        (None, [line.rsplit(";", 1)[0] for line in bar_lines()], "raw/ballbar.csv:1: column b5 missing"),
-        (bar_lines(), None, "raw/robot.csv:1: columns m1, m2, m3, m4, m5, m6 missing; the header has 'time', 'b1'"),
-        ([line.replace(".", ",") for line in robot_lines()], None, "decimal comma with comma separator"),
-        (change_line(robot_lines(), 9, "\0" * 50), None, "raw/robot.csv:9: NUL bytes inside the row"),
-        (change_line(robot_lines(), 2, stamped(robot_lines()[1], -1.5)), None, "raw/robot.csv:2: time stamp -1.5 s is negative"),
-        (None, change_line(bar_lines(), 7, stamped(bar_lines()[6], "1.1E+18")), "raw/ballbar.csv:7: column time: '1.1E+18' is in exponent"),
+        (
+            [line.rsplit(",", 1)[0] for line in robot_lines()],
+            None,
+            "raw/robot.csv:1: column m6 missing",
+        ),
         (
             None,
-            [bar_lines()[0], *(";".join((*row.split(";")[:3], "0", row.split(";")[4])) for row in bar_lines()[1:])],
+            [line.rsplit(";", 1)[0] for line in bar_lines()],
+            "raw/ballbar.csv:1: column b5 missing",
+        ),
+        (
+            bar_lines(),
+            None,
+            "raw/robot.csv:1: columns m1, m2, m3, m4, m5, m6 missing; the header has 'time', 'b1'",
+        ),
+        (
+            [line.replace(".", ",") for line in robot_lines()],
+            None,
+            "decimal comma with comma separator",
+        ),
+        (
+            change_line(robot_lines(), 9, "\0" * 50),
+            None,
+            "raw/robot.csv:9: NUL bytes inside the row",
+        ),
+        (
+            change_line(robot_lines(), 2, stamped(robot_lines()[1], -1.5)),
+            None,
+            "raw/robot.csv:2: time stamp -1.5 s is negative",
+        ),
+        (
+            None,
+            change_line(bar_lines(), 7, stamped(bar_lines()[6], "1.1E+18")),
+            "raw/ballbar.csv:7: column time: '1.1E+18' is in exponent",
+        ),
+        (
+            None,
+            [
+                bar_lines()[0],
+                *(
+                    ";".join((*row.split(";")[:3], "0", row.split(";")[4]))
+                    for row in bar_lines()[1:]
+                ),
+            ],
             "raw/ballbar.csv: encoder column without counts: column b4 of encoder b4 is 0 in every row",
         ),
         (
@@ -337,26 +437,43 @@ ROBOT_FILES = ("sources", "robot", "files")
             "sources.robot.dialect: unknown dialect 'abb-moto'. Did you mean abb-motor? "
             "Valid dialects: abb-egm, abb-labcomm, abb-libegm, abb-motor, ",
         ),
-        (put("sources", "robot", "dialect", value="../twincat-plc"), "unknown dialect '../twincat-plc'"),
+        (
+            put("sources", "robot", "dialect", value="../twincat-plc"),
+            "unknown dialect '../twincat-plc'",
+        ),
         (
             put("sources", "ballbar", "dialect", value="abb-motor"),
             "sources.ballbar.dialect: abb-motor describes logs of the robot, not of the ballbar",
         ),
         (put("encoders", value={}), "sources.ballbar is given, but no encoder is declared"),
-        (put("sources", "ballbar", value=None), "encoders b1, b2, b4, b5 are declared, but no sources.ballbar"),
-        (put("encoders", "b2", "column", value="b1"), "encoders: column b1 is declared for 2 encoders"),
+        (
+            put("sources", "ballbar", value=None),
+            "encoders b1, b2, b4, b5 are declared, but no sources.ballbar",
+        ),
+        (
+            put("encoders", "b2", "column", value="b1"),
+            "encoders: column b1 is declared for 2 encoders",
+        ),
         (put("robot", value="irb2401"), "unknown robot 'irb2401'. Did you mean irb2400?"),
         (put("ballbarr", value="lund_600"), "unknown key ballbarr"),
-        (put(*ROBOT_FILES, value=["../outside.csv"]), "file '../outside.csv' lies outside the recording folder"),
+        (
+            put(*ROBOT_FILES, value=["../outside.csv"]),
+            "file '../outside.csv' lies outside the recording folder",
+        ),
         (put(*ROBOT_FILES, value=["raw/../../outside.csv"]), "lies outside the recording folder"),
         (put(*ROBOT_FILES, value=["/etc/hostname"]), "lies outside the recording folder"),
         (put(*ROBOT_FILES, value=["C:\\logs\\robot.csv"]), "lies outside the recording folder"),
         (put(*ROBOT_FILES, value=["..\\outside.csv"]), "lies outside the recording folder"),
-        (put(*ROBOT_FILES, value=["raw/link.csv"]), "file 'raw/link.csv' lies outside the recording folder"),
+        (
+            put(*ROBOT_FILES, value=["raw/link.csv"]),
+            "file 'raw/link.csv' lies outside the recording folder",
+        ),
         (put(*ROBOT_FILES, value=["raw/loop.csv"]), "lies outside the recording folder"),
     ],
 )
-def test_a_description_that_contradicts_itself_is_refused(tmp_path: Path, change: Callable[[dict], None], message: str) -> None:
+def test_a_description_that_contradicts_itself_is_refused(
+    tmp_path: Path, change: Callable[[dict], None], message: str
+) -> None:
     folder = tmp_path / "recording"
     folder.mkdir()
     write(folder, change=change)
@@ -376,7 +493,10 @@ def test_a_file_that_is_missing_is_named(tmp_path: Path, missing: str) -> None:
 
 
 def test_a_folder_that_is_missing_is_named(tmp_path: Path) -> None:
-    with pytest.raises(DescriptionError, match=r"nowhere: no such folder\. A recording is a folder with recording.yaml"):
+    with pytest.raises(
+        DescriptionError,
+        match=r"nowhere: no such folder\. A recording is a folder with recording.yaml",
+    ):
         read_recording(tmp_path / "nowhere")
 
 
@@ -386,7 +506,15 @@ def test_the_same_file_named_twice_overlaps_itself(tmp_path: Path) -> None:
 
 
 def test_every_dialect_says_what_its_side_needs() -> None:
-    assert {"abb-motor", "abb-labcomm", "comau-joint", "abb-libegm", "joint-rad", "force-torque", "twincat-plc"} <= set(dialect_names())
+    assert {
+        "abb-motor",
+        "abb-labcomm",
+        "comau-joint",
+        "abb-libegm",
+        "joint-rad",
+        "force-torque",
+        "twincat-plc",
+    } <= set(dialect_names())
     for name in dialect_names():
         dialect = load_dialect(name)
         assert len(dialect.angles) == (6 if dialect.source == "robot" else 0)

@@ -12,12 +12,16 @@ from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table, read_table
 from cell.errors import LogError
 
-COUNTERS = Layout((";", ","), {"time": "integer", "b1": "integer", "b2": "integer"}, {"s1": "integer"})
+COUNTERS = Layout(
+    (";", ","), {"time": "integer", "b1": "integer", "b2": "integer"}, {"s1": "integer"}
+)
 MOTORS = Layout((",", ";", "\t"), {"time": "float", "m1": "float", "m2": "float"})
 EPOCH = 1_100_000_000_000_000_001  # [ns] near 2034 in time since 2000; the last digit is lost in a float64
 
 
-def read(folder: Path, content: bytes | str, layout: Layout = COUNTERS) -> tuple[Table, Form, list[Finding]]:
+def read(
+    folder: Path, content: bytes | str, layout: Layout = COUNTERS
+) -> tuple[Table, Form, list[Finding]]:
     raw = content if isinstance(content, bytes) else content.encode()
     (folder / "log.csv").write_bytes(raw)
     findings: list[Finding] = []
@@ -36,7 +40,9 @@ def kinds(findings: list[Finding]) -> list[tuple[str, tuple[int, ...], int]]:
 
 
 def test_nanosecond_stamps_and_counters_are_read_to_the_last_digit(tmp_path: Path) -> None:
-    table, form, findings = read(tmp_path, f"time;b1;b2\n{EPOCH};4294967295;-5\n{EPOCH + 1};{2**63 - 1};{-(2**63)}\n")
+    table, form, findings = read(
+        tmp_path, f"time;b1;b2\n{EPOCH};4294967295;-5\n{EPOCH + 1};{2**63 - 1};{-(2**63)}\n"
+    )
     assert table.columns["time"].dtype == np.int64
     assert table.columns["time"].tolist() == [EPOCH, EPOCH + 1]
     assert table.columns["b1"].tolist() == [4294967295, 2**63 - 1]
@@ -44,29 +50,51 @@ def test_nanosecond_stamps_and_counters_are_read_to_the_last_digit(tmp_path: Pat
     assert (form, findings) == (Form("utf-8", "semicolon", "point", 2), [])
 
 
-def test_columns_are_found_by_name_in_any_order_and_separator_and_others_are_named(tmp_path: Path) -> None:
-    table, form, findings = read(tmp_path, "note,b2,extra,time,s1,b1\nx,2,hello,10,7,1\ny,4,world,20,8,3\n")
-    assert {name: column.tolist() for name, column in table.columns.items()} == {"time": [10, 20], "b1": [1, 3], "b2": [2, 4], "s1": [7, 8]}
+def test_columns_are_found_by_name_in_any_order_and_separator_and_others_are_named(
+    tmp_path: Path,
+) -> None:
+    table, form, findings = read(
+        tmp_path, "note,b2,extra,time,s1,b1\nx,2,hello,10,7,1\ny,4,world,20,8,3\n"
+    )
+    assert {name: column.tolist() for name, column in table.columns.items()} == {
+        "time": [10, 20],
+        "b1": [1, 3],
+        "b2": [2, 4],
+        "s1": [7, 8],
+    }
     assert form.separator == "comma"
-    assert [(one.kind, one.severity, one.sentence) for one in findings] == [("column not used", "warning", "note, extra.")]
+    assert [(one.kind, one.severity, one.sentence) for one in findings] == [
+        ("column not used", "warning", "note, extra.")
+    ]
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r", "\n\r\n"])
 @pytest.mark.parametrize("quote", ["", '"'])
 @pytest.mark.parametrize("codec", ["utf-8", "utf-8-sig", "utf-16"])
-def test_line_ends_quotes_and_encodings_do_not_change_the_numbers(tmp_path: Path, newline: str, quote: str, codec: str) -> None:
+def test_line_ends_quotes_and_encodings_do_not_change_the_numbers(
+    tmp_path: Path, newline: str, quote: str, codec: str
+) -> None:
     rows = [["time", "b1", "b2"], [str(EPOCH), "1", "2"], [str(EPOCH + 5), "3", "-4"]]
     text = "".join(";".join(f"{quote}{cell}{quote}" for cell in row) + newline for row in rows)
     table, _, findings = read(tmp_path, text.encode(codec))
-    assert [table.columns[name].tolist() for name in COUNTERS.required] == [[EPOCH, EPOCH + 5], [1, 3], [2, -4]]
+    assert [table.columns[name].tolist() for name in COUNTERS.required] == [
+        [EPOCH, EPOCH + 5],
+        [1, 3],
+        [2, -4],
+    ]
     assert ("encoding" in [one.kind for one in findings]) == (codec != "utf-8")
 
 
 def test_western_windows_bytes_in_an_unused_column_are_read_and_reported(tmp_path: Path) -> None:
-    table, form, findings = read(tmp_path, "time;b1;b2;cost \u20ac\n1;2;3;l\u00e4ge\n".encode("cp1252"))
+    table, form, findings = read(
+        tmp_path, "time;b1;b2;cost \u20ac\n1;2;3;l\u00e4ge\n".encode("cp1252")
+    )
     assert table.columns["b2"].tolist() == [3]
     assert form.encoding == "cp1252"
-    assert [(one.kind, one.sentence) for one in findings] == [("encoding", "read as cp1252."), ("column not used", "cost \u20ac.")]
+    assert [(one.kind, one.sentence) for one in findings] == [
+        ("encoding", "read as cp1252."),
+        ("column not used", "cost \u20ac."),
+    ]
 
 
 def test_a_last_line_without_line_end_is_dropped_even_at_full_width(tmp_path: Path) -> None:
@@ -93,7 +121,9 @@ def test_nul_bytes_inside_a_row_are_refused_with_their_byte_range(tmp_path: Path
 
 
 def test_utf_16_without_mark_is_named_as_such(tmp_path: Path) -> None:
-    assert "UTF-16 without byte order mark" in refusal(tmp_path, ("time;b1;b2\n" + "1;2;3\n" * 40).encode("utf-16-le"))
+    assert "UTF-16 without byte order mark" in refusal(
+        tmp_path, ("time;b1;b2\n" + "1;2;3\n" * 40).encode("utf-16-le")
+    )
 
 
 def test_blank_lines_are_skipped_and_line_numbers_still_those_of_the_file(tmp_path: Path) -> None:
@@ -122,27 +152,41 @@ def test_an_unclosed_quote_tears_one_line_only(tmp_path: Path) -> None:
 def test_more_than_one_torn_line_in_a_hundred_is_refused(tmp_path: Path) -> None:
     lines = ["time;b1;b2"] + [f"{i};{i};{i}" for i in range(200)]
     lines[100] = lines[120] = lines[140] = "99;9"
-    assert "raw/log.csv:101: 3 of 200 rows do not have the header's number of fields: expected 3 fields, got 2" in refusal(
-        tmp_path, "\n".join(lines) + "\n"
+    assert (
+        "raw/log.csv:101: 3 of 200 rows do not have the header's number of fields: expected 3 fields, got 2"
+        in refusal(tmp_path, "\n".join(lines) + "\n")
     )
 
 
 @pytest.mark.parametrize("separator", [";", "\t"])
-def test_decimal_commas_are_read_where_the_separator_is_another(tmp_path: Path, separator: str) -> None:
+def test_decimal_commas_are_read_where_the_separator_is_another(
+    tmp_path: Path, separator: str
+) -> None:
     text = "time;m1;m2\n0,5;-1,25;3.5\n1;2,5e-3;4.5\n".replace(";", separator)
     table, form, findings = read(tmp_path, text, MOTORS)
-    assert [table.columns[name].tolist() for name in MOTORS.required] == [[0.5, 1.0], [-1.25, 0.0025], [3.5, 4.5]]
+    assert [table.columns[name].tolist() for name in MOTORS.required] == [
+        [0.5, 1.0],
+        [-1.25, 0.0025],
+        [3.5, 4.5],
+    ]
     assert form.decimal == "comma"
-    assert [(one.kind, one.sentence) for one in findings] == [("decimal comma", "read as decimal point in time, m1.")]
+    assert [(one.kind, one.sentence) for one in findings] == [
+        ("decimal comma", "read as decimal point in time, m1.")
+    ]
 
 
 def test_decimal_commas_with_comma_separator_are_refused(tmp_path: Path) -> None:
     message = refusal(tmp_path, "time,m1,m2\n" + "0,004,1,5,2,5\n" * 60, MOTORS)
-    assert "raw/log.csv:2: rows have 6 fields, the header 3: decimal comma with comma separator" in message
+    assert (
+        "raw/log.csv:2: rows have 6 fields, the header 3: decimal comma with comma separator"
+        in message
+    )
 
 
 def test_quoted_decimal_commas_with_comma_separator_are_refused(tmp_path: Path) -> None:
-    assert "column time: '0,004' is not a number" in refusal(tmp_path, 'time,m1,m2\n"0,004","1,5","2,5"\n' * 2, MOTORS)
+    assert "column time: '0,004' is not a number" in refusal(
+        tmp_path, 'time,m1,m2\n"0,004","1,5","2,5"\n' * 2, MOTORS
+    )
 
 
 @pytest.mark.parametrize(
@@ -154,27 +198,46 @@ def test_quoted_decimal_commas_with_comma_separator_are_refused(tmp_path: Path) 
         ("time;b1;b2", "raw/log.csv: the file holds no complete line"),
         ("time;b1;b2\n", "raw/log.csv: a header but no complete row below it"),
         ("time;b1;b2\n1;2\n", "raw/log.csv: the only row below the header is torn"),
-        ("1;2;3\n2;3;4\n", "raw/log.csv:1: the first line holds numbers, not column names. Expected a header with time, b1, b2"),
-        ("time;b1;B2\n1;2;3\n", "raw/log.csv:1: column b2 missing; the header has 'time', 'b1', 'B2'. Is 'B2' meant?"),
+        (
+            "1;2;3\n2;3;4\n",
+            "raw/log.csv:1: the first line holds numbers, not column names. Expected a header with time, b1, b2",
+        ),
+        (
+            "time;b1;B2\n1;2;3\n",
+            "raw/log.csv:1: column b2 missing; the header has 'time', 'b1', 'B2'. Is 'B2' meant?",
+        ),
         ("position;x\n1;2\n", "raw/log.csv:1: columns time, b1, b2 missing"),
         ("time;b1;b2;b1\n1;2;3;4\n", "raw/log.csv:1: column b1 stands 2 times in the header"),
-        ("time\tb1\tb2\n1\t2\t3\n", "raw/log.csv:1: fields are separated by tab; this dialect has semicolon or comma"),
-        ("time;b1;b2\n1,2,3\n2,3,4\n", "raw/log.csv:2: the header is separated by semicolon, the rows by comma"),
+        (
+            "time\tb1\tb2\n1\t2\t3\n",
+            "raw/log.csv:1: fields are separated by tab; this dialect has semicolon or comma",
+        ),
+        (
+            "time;b1;b2\n1,2,3\n2,3,4\n",
+            "raw/log.csv:2: the header is separated by semicolon, the rows by comma",
+        ),
         ("time;b1;b2\n1;2;3\n2;;4\n", "raw/log.csv:3: column b1: '' is an empty cell"),
         ("time;b1;b2\n1;2;3\n\n2;ERR;4\n", "raw/log.csv:4: column b1: 'ERR' is not a number"),
         ("time;b1;b2\n1;2;3\n2;1_000;4\n", "raw/log.csv:3: column b1: '1_000' is not a number"),
-        ("time;b1;b2\n1.32959733843760E+017;2;3\n", "raw/log.csv:2: column time: '1.32959733843760E+017' is in exponent form"),
+        (
+            "time;b1;b2\n1.32959733843760E+017;2;3\n",
+            "raw/log.csv:2: column time: '1.32959733843760E+017' is in exponent form",
+        ),
         ("time;b1;b2\n1;2.0;3\n", "raw/log.csv:2: column b1: '2.0' is not a whole number"),
         ("time;b1;b2\n1;2,0;3\n", "raw/log.csv:2: column b1: '2,0' is not a number"),
         (f"time;b1;b2\n1;{2**63};3\n", "does not fit a 64-bit integer"),
         (f"time;b1;b2\n1;{'9' * 6000};3\n", "does not fit a 64-bit integer"),
     ],
 )
-def test_a_table_of_counters_that_cannot_be_trusted_is_refused(tmp_path: Path, content: str, message: str) -> None:
+def test_a_table_of_counters_that_cannot_be_trusted_is_refused(
+    tmp_path: Path, content: str, message: str
+) -> None:
     assert message in refusal(tmp_path, content)
 
 
-def test_a_header_that_stands_again_is_left_out_and_the_row_below_begins_a_stretch(tmp_path: Path) -> None:
+def test_a_header_that_stands_again_is_left_out_and_the_row_below_begins_a_stretch(
+    tmp_path: Path,
+) -> None:
     table, _, findings = read(tmp_path, "time;b1;b2\n1;2;3\ntime;b1;b2\n2;3;4\n3;4;5\n")
     assert table.columns["time"].tolist() == [1, 2, 3]
     assert table.begins.tolist() == [False, True, False]
@@ -193,7 +256,9 @@ def test_a_header_that_stands_again_is_left_out_and_the_row_below_begins_a_stret
         ("0;0x10;1", "column m1: '0x10' is not a number"),
     ],
 )
-def test_a_cell_that_is_no_number_is_named_by_line_and_column(tmp_path: Path, cells: str, message: str) -> None:
+def test_a_cell_that_is_no_number_is_named_by_line_and_column(
+    tmp_path: Path, cells: str, message: str
+) -> None:
     assert f"raw/log.csv:3: {message}" in refusal(tmp_path, f"time;m1;m2\n0;1;2\n{cells}\n", MOTORS)
 
 
@@ -209,19 +274,35 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 INT64 = st.integers(-(2**63), 2**63 - 1)
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
-FORMS = st.tuples(st.sampled_from(",;"), st.sampled_from(["\n", "\r\n"]), st.sampled_from(["", '"']), st.permutations(range(3)))
+FORMS = st.tuples(
+    st.sampled_from(",;"),
+    st.sampled_from(["\n", "\r\n"]),
+    st.sampled_from(["", '"']),
+    st.permutations(range(3)),
+)
 
 
 @settings(max_examples=60, deadline=None)
 @given(rows=st.lists(st.tuples(INT64, INT64, INT64), min_size=1, max_size=30), form=FORMS)
-def test_integers_written_are_the_integers_read(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[int, ...]], form) -> None:
-    table, _, findings = read(tmp_path_factory.mktemp("log"), written(("time", "b1", "b2"), rows, form))
-    assert list(zip(*(table.columns[name].tolist() for name in ("time", "b1", "b2")), strict=True)) == rows
+def test_integers_written_are_the_integers_read(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[int, ...]], form
+) -> None:
+    table, _, findings = read(
+        tmp_path_factory.mktemp("log"), written(("time", "b1", "b2"), rows, form)
+    )
+    assert (
+        list(zip(*(table.columns[name].tolist() for name in ("time", "b1", "b2")), strict=True))
+        == rows
+    )
     assert findings == []
 
 
 @settings(max_examples=60, deadline=None)
-@given(rows=st.lists(st.tuples(FLOATS, FLOATS, FLOATS), min_size=1, max_size=30), form=FORMS, comma=st.booleans())
+@given(
+    rows=st.lists(st.tuples(FLOATS, FLOATS, FLOATS), min_size=1, max_size=30),
+    form=FORMS,
+    comma=st.booleans(),
+)
 def test_floats_written_are_the_floats_read_bit_for_bit(
     tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, ...]], form, comma: bool
 ) -> None:
@@ -235,22 +316,31 @@ def test_floats_written_are_the_floats_read_bit_for_bit(
 def written(names: tuple[str, ...], rows: list[tuple], form: tuple) -> str:
     separator, newline, quote, order = form
     lines = [[names[i] for i in order], *([repr(row[i]) for i in order] for row in rows)]
-    return "".join(separator.join(f"{quote}{cell}{quote}" for cell in line) + newline for line in lines)
+    return "".join(
+        separator.join(f"{quote}{cell}{quote}" for cell in line) + newline for line in lines
+    )
 
 
 @settings(max_examples=150, deadline=None)
 @given(cut=st.integers(0, 10_000))
-def test_a_file_cut_anywhere_gives_a_prefix_of_its_rows_or_a_refusal(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
+def test_a_file_cut_anywhere_gives_a_prefix_of_its_rows_or_a_refusal(
+    tmp_path_factory: pytest.TempPathFactory, cut: int
+) -> None:
     rows = [(EPOCH + 10_000_000 * i, 4294967295 - 1234567 * i, 98765 * i) for i in range(20)]
     whole = written(("time", "b1", "b2"), rows, (";", "\r\n", "", (0, 1, 2))).encode()
     content = whole[: cut % len(whole)]
     if content.count(b"\r") < 2:  # not even the header and one row
-        assert "complete" in (message := refusal(tmp_path_factory.mktemp("log"), content)) or "empty" in message
+        assert (
+            "complete" in (message := refusal(tmp_path_factory.mktemp("log"), content))
+            or "empty" in message
+        )
         return
     table, _, findings = read(tmp_path_factory.mktemp("log"), content)
     kept = list(zip(*(table.columns[name].tolist() for name in ("time", "b1", "b2")), strict=True))
     assert kept == rows[: content.count(b"\r") - 1]
-    assert ("unterminated last line" in [one.kind for one in findings]) == (not content.endswith((b"\r", b"\n")))
+    assert ("unterminated last line" in [one.kind for one in findings]) == (
+        not content.endswith((b"\r", b"\n"))
+    )
 
 
 @pytest.mark.parametrize("end", ["\n", "\n\n"])  # read at once, and line by line

@@ -42,7 +42,9 @@ def test_the_page_names_every_log_and_every_repair(recording: Path, monkeypatch,
     assert "5888 of 5889 rows used" in out
 
 
-def test_strict_exits_with_1_where_anything_was_repaired(recording: Path, monkeypatch, capsys) -> None:
+def test_strict_exits_with_1_where_anything_was_repaired(
+    recording: Path, monkeypatch, capsys
+) -> None:
     assert ballbar(monkeypatch, capsys, "check", "--strict", recording)[0] == 0
     damage_stamp(recording)
     code, out, err = ballbar(monkeypatch, capsys, "check", "--strict", recording)
@@ -51,7 +53,9 @@ def test_strict_exits_with_1_where_anything_was_repaired(recording: Path, monkey
     assert "1 kinds of repairs were needed" in err
 
 
-def test_the_reasons_stand_before_the_page_and_nothing_is_guessed(recording: Path, monkeypatch, capsys) -> None:
+def test_the_reasons_stand_before_the_page_and_nothing_is_guessed(
+    recording: Path, monkeypatch, capsys
+) -> None:
     _, out, _ = ballbar(monkeypatch, capsys, "check", "--explain", recording)
     reasons = out[: out.index("FILES")]
     for words in (
@@ -75,7 +79,11 @@ def test_the_report_as_json(recording: Path, monkeypatch, capsys) -> None:
     code, out, _ = ballbar(monkeypatch, capsys, "check", "--json", recording)
     assert code == 0
     data = json.loads(out)
-    assert [file["file"] for file in data["files"]] == ["raw/robot.csv", "raw/ballbar.csv", "raw/force.csv"]
+    assert [file["file"] for file in data["files"]] == [
+        "raw/robot.csv",
+        "raw/ballbar.csv",
+        "raw/force.csv",
+    ]
     assert ("damaged stamp", [100]) in [(one["kind"], one["lines"]) for one in data["findings"]]
     assert data["logs"]["ball-bar"]["rows"] == 5888
     assert len(data["logs"]["robot"]["rests_s"]) == 3

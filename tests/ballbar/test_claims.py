@@ -66,25 +66,67 @@ def check(kind: str, **given: object) -> Check:
     return adapter.validate_python({"kind": kind, "what": "it", "reason": "a test", **given})
 
 
-HOLDS: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [  # kind, a check that holds, what breaks it, what is found
-    ("at_most", {"rows": {"identify.cost": "length"}, "each": "size", "limit": 0.56}, {"limit": 0.54}, "it: 0.055 to 0.55 mm|mrad"),
-    ("at_most", {"rows": {"size": 1e-5, "label": None}, "statistic": "max", "limit": 0.13}, {"limit": 0.11}, "it: 0.12 mm|mrad"),
+HOLDS: list[
+    tuple[str, dict[str, Any], dict[str, Any], str]
+] = [  # kind, a check that holds, what breaks it, what is found
+    (
+        "at_most",
+        {"rows": {"identify.cost": "length"}, "each": "size", "limit": 0.56},
+        {"limit": 0.54},
+        "it: 0.055 to 0.55 mm|mrad",
+    ),
+    (
+        "at_most",
+        {"rows": {"size": 1e-5, "label": None}, "statistic": "max", "limit": 0.13},
+        {"limit": 0.11},
+        "it: 0.12 mm|mrad",
+    ),
     (
         "at_least",
-        {"rows": {"identify.cost": ["length", "transform"], "size": 1e-6}, "statistic": "min", "limit": 0.01},
+        {
+            "rows": {"identify.cost": ["length", "transform"], "size": 1e-6},
+            "statistic": "min",
+            "limit": 0.01,
+        },
         {"limit": 0.011},
         "0.01",
     ),
-    ("at_least", {"column": "error.ra1", "statistic": "largest", "limit": 6}, {"limit": 6.1}, "it: 6"),
-    ("at_most", {"column": "error.ra1", "statistic": "spread", "limit": 2.5}, {"limit": 2.4}, "it: 2.45"),
-    ("at_most", {"column": "error.ra1", "statistic": "rms", "limit": 3.9}, {"statistic": "largest"}, "it: 3.87"),
+    (
+        "at_least",
+        {"column": "error.ra1", "statistic": "largest", "limit": 6},
+        {"limit": 6.1},
+        "it: 6",
+    ),
+    (
+        "at_most",
+        {"column": "error.ra1", "statistic": "spread", "limit": 2.5},
+        {"limit": 2.4},
+        "it: 2.45",
+    ),
+    (
+        "at_most",
+        {"column": "error.ra1", "statistic": "rms", "limit": 3.9},
+        {"statistic": "largest"},
+        "it: 3.87",
+    ),
     (
         "ratio",
-        {"of": {"identify.cost": "length"}, "over": {"identify.cost": "transform"}, "each": "size", "at_least": 4.9, "at_most": 5.1},
+        {
+            "of": {"identify.cost": "length"},
+            "over": {"identify.cost": "transform"},
+            "each": "size",
+            "at_least": 4.9,
+            "at_most": 5.1,
+        },
         {"at_most": 4.99},
         "it: 5 times",
     ),
-    ("ratio", {"of": {"size": 1e-5}, "over": {"size": 1e-6}, "at_least": 9.9}, {"at_least": 10.1}, "it: 10 times"),
+    (
+        "ratio",
+        {"of": {"size": 1e-5}, "over": {"size": 1e-6}, "at_least": 9.9},
+        {"at_least": 10.1},
+        "it: 10 times",
+    ),
     (
         "ordered",
         {"by": "identify.cost", "order": ["transform", "length"], "each": "size", "apart": 4.0},
@@ -92,19 +134,41 @@ HOLDS: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [  # kind, a chec
         "it: transform 0.011 to 0.11 mm|mrad, length 0.055 to 0.55 mm|mrad",
     ),
     ("ordered", {"by": "size", "order": [1e-6, 1e-5], "apart": 4.0}, {"apart": 11.0}, "1e-06"),
-    ("monotonic", {"over": "size", "direction": "rising"}, {"direction": "falling"}, "it: 0.031 to 0.31 mm|mrad"),
+    (
+        "monotonic",
+        {"over": "size", "direction": "rising"},
+        {"direction": "falling"},
+        "it: 0.031 to 0.31 mm|mrad",
+    ),
     (
         "among_largest",
-        {"rows": {"identify.cost": "length"}, "places": 2, "parameters": ["ra"], "at_least": 0.3, "at_most": 0.4},
+        {
+            "rows": {"identify.cost": "length"},
+            "places": 2,
+            "parameters": ["ra"],
+            "at_least": 0.3,
+            "at_most": 0.4,
+        },
         {"at_least": 0.4, "at_most": 1.0},
         "it: 33%",
     ),
-    ("formula", {"figure": "rod_stretch", "value": 2.7, "unit": "um", "tolerance": 0.1}, {"value": 3.0}, "it: 2.59 um"),
+    (
+        "formula",
+        {"figure": "rod_stretch", "value": 2.7, "unit": "um", "tolerance": 0.1},
+        {"value": 3.0},
+        "it: 2.59 um",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("kind", "given", "breaks", "found"), HOLDS, ids=[f"{i}-{case[0]}" for i, case in enumerate(HOLDS)])
-def test_a_check_holds_within_its_limits_and_breaks_beyond(kind: str, given: dict[str, Any], breaks: dict[str, Any], found: str) -> None:
+@pytest.mark.parametrize(
+    ("kind", "given", "breaks", "found"),
+    HOLDS,
+    ids=[f"{i}-{case[0]}" for i, case in enumerate(HOLDS)],
+)
+def test_a_check_holds_within_its_limits_and_breaks_beyond(
+    kind: str, given: dict[str, Any], breaks: dict[str, Any], found: str
+) -> None:
     holds = judge(check(kind, **given), EVIDENCE)
     assert holds.met
     assert found in holds.found
@@ -124,18 +188,61 @@ def test_a_step_the_other_way_is_let_pass_only_as_slack() -> None:
 @pytest.mark.parametrize(
     ("kind", "given", "words"),
     [
-        ("at_most", {"rows": {"identify.cots": "length"}, "limit": 1}, "no run has a column identify.cots. Did you mean identify.cost?"),
-        ("at_most", {"rows": {"identify.cost": "position"}, "limit": 1}, "no run has identify.cost = position"),
-        ("at_most", {"column": "error.oy", "limit": 1}, "error.oy: 6 of the 12 runs meant have no such figure"),
-        ("ratio", {"of": {"size": 1e-5}, "over": {"identify.cost": "length"}, "each": "size", "at_least": 1}, "have the values"),
-        ("ratio", {"of": {"size": 1e-5}, "over": {"size": 1e-6}, "column": "zero", "at_least": 1}, "the runs of `over` have 0"),
-        ("ordered", {"by": "size", "order": [1e-6, 1e-5], "each": "size"}, "not every group of size has the same values"),
-        ("at_most", {"each": "label", "limit": 1}, "label: 6 of the 12 runs meant have no such value"),
-        ("monotonic", {"rows": {"size": 1e-5}, "over": "size", "direction": "rising"}, "one value alone neither rises nor falls"),
-        ("among_largest", {"places": 1, "parameters": ["bthet9"]}, "none of the identified ones is, or begins with, bthet9"),
+        (
+            "at_most",
+            {"rows": {"identify.cots": "length"}, "limit": 1},
+            "no run has a column identify.cots. Did you mean identify.cost?",
+        ),
+        (
+            "at_most",
+            {"rows": {"identify.cost": "position"}, "limit": 1},
+            "no run has identify.cost = position",
+        ),
+        (
+            "at_most",
+            {"column": "error.oy", "limit": 1},
+            "error.oy: 6 of the 12 runs meant have no such figure",
+        ),
+        (
+            "ratio",
+            {
+                "of": {"size": 1e-5},
+                "over": {"identify.cost": "length"},
+                "each": "size",
+                "at_least": 1,
+            },
+            "have the values",
+        ),
+        (
+            "ratio",
+            {"of": {"size": 1e-5}, "over": {"size": 1e-6}, "column": "zero", "at_least": 1},
+            "the runs of `over` have 0",
+        ),
+        (
+            "ordered",
+            {"by": "size", "order": [1e-6, 1e-5], "each": "size"},
+            "not every group of size has the same values",
+        ),
+        (
+            "at_most",
+            {"each": "label", "limit": 1},
+            "label: 6 of the 12 runs meant have no such value",
+        ),
+        (
+            "monotonic",
+            {"rows": {"size": 1e-5}, "over": "size", "direction": "rising"},
+            "one value alone neither rises nor falls",
+        ),
+        (
+            "among_largest",
+            {"places": 1, "parameters": ["bthet9"]},
+            "none of the identified ones is, or begins with, bthet9",
+        ),
     ],
 )
-def test_a_check_of_what_is_not_there_is_refused(kind: str, given: dict[str, Any], words: str) -> None:
+def test_a_check_of_what_is_not_there_is_refused(
+    kind: str, given: dict[str, Any], words: str
+) -> None:
     with pytest.raises(InputError, match=re.escape(words)):
         judge(check(kind, **given), EVIDENCE)
 
@@ -146,15 +253,27 @@ def test_runs_that_fail_break_every_check_of_runs(tmp_path: Path) -> None:
     runs.to_parquet(tmp_path / "runs.parquet")
     evidence = runs_evidence(tmp_path / "runs.parquet", [])
     outcome = judge(check("at_most", limit=1e9), evidence)
-    assert (outcome.met, outcome.found, outcome.asked) == (False, "1 of 12 runs failed: no motion", "no run fails")
+    assert (outcome.met, outcome.found, outcome.asked) == (
+        False,
+        "1 of 12 runs failed: no motion",
+        "no run fails",
+    )
     assert measured(Measure(what="it"), evidence) == "1 of 12 runs failed: no motion"
-    assert judge(check("formula", figure="rod_stretch", value=2.7, unit="um", tolerance=0.1), evidence).met
+    assert judge(
+        check("formula", figure="rod_stretch", value=2.7, unit="um", tolerance=0.1), evidence
+    ).met
 
 
 def test_the_size_of_a_run_is_the_largest_of_its_keys(tmp_path: Path) -> None:
-    runs = pd.DataFrame({"a": [1.0, None, 3.0], "b": [None, 2.0, 1.0], "status": "done", "reason": None})
+    runs = pd.DataFrame(
+        {"a": [1.0, None, 3.0], "b": [None, 2.0, 1.0], "status": "done", "reason": None}
+    )
     runs.to_parquet(tmp_path / "runs.parquet")
-    assert runs_evidence(tmp_path / "runs.parquet", ["a", "b"]).table["size"].tolist() == [1.0, 2.0, 3.0]
+    assert runs_evidence(tmp_path / "runs.parquet", ["a", "b"]).table["size"].tolist() == [
+        1.0,
+        2.0,
+        3.0,
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +283,9 @@ def identifiable() -> Evidence:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("table", ["3.2", "3.3", "3.4", "3.5", "sec. 3.3"])
-def test_a_printed_table_is_equal_but_for_what_the_file_states(table: str, identifiable: Evidence) -> None:
+def test_a_printed_table_is_equal_but_for_what_the_file_states(
+    table: str, identifiable: Evidence
+) -> None:
     [shipped] = [
         one
         for claim in load_claims(CLAIMS / "identifiability.yaml")[0].claims
@@ -173,15 +294,24 @@ def test_a_printed_table_is_equal_but_for_what_the_file_states(table: str, ident
     ]
     stated = shipped.model_dump()
     assert judge(shipped, identifiable).met
-    entries = [difference["entry"] for difference in stated["exceptions"]] or ["length" if table.startswith("3") else "all costs"]
+    entries = [difference["entry"] for difference in stated["exceptions"]] or [
+        "length" if table.startswith("3") else "all costs"
+    ]
     for k, entry in enumerate(entries):
         others = [one for one in stated["exceptions"] if one["entry"] != entry]
-        wrong = stated | {"exceptions": [*others, {"entry": entry, "thesis": ["rd5"], "why": "invented"}]}
+        wrong = stated | {
+            "exceptions": [*others, {"entry": entry, "thesis": ["rd5"], "why": "invented"}]
+        }
         outcome = judge(TypeAdapter(Check).validate_python(wrong), identifiable)
         assert not outcome.met
         assert f"not as stated: {entry}: " in outcome.found or k > 0
     with pytest.raises(InputError, match="has no entry lenght; it has"):
-        judge(check("equal_table", table=table, exceptions=[{"entry": "lenght", "why": "typed wrong"}]), identifiable)
+        judge(
+            check(
+                "equal_table", table=table, exceptions=[{"entry": "lenght", "why": "typed wrong"}]
+            ),
+            identifiable,
+        )
 
 
 ONE = """schema: ballbar-claim/1
@@ -200,7 +330,11 @@ claims:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("expected: holds", "expected: differs", ":5: claims[0]: say what is found instead, since it differs"),
+        (
+            "expected: holds",
+            "expected: differs",
+            ":5: claims[0]: say what is found instead, since it differs",
+        ),
         (
             "figure: rod_stretch",
             "figure: rod_strech",
@@ -212,7 +346,11 @@ claims:
             "plots: [{kind: curves, title: t, x: x, x_label: x, lines: l}]\nclaims:\n",
             "shows the runs of a sweep, which this file does not",
         ),
-        ("reason: assumed section}", "reason: r}\n    ml: [{what: x}]", "looks at the runs of a sweep, which this file does not name"),
+        (
+            "reason: assumed section}",
+            "reason: r}\n    ml: [{what: x}]",
+            "looks at the runs of a sweep, which this file does not name",
+        ),
         (
             "{kind: formula, what: stretch, figure: rod_stretch, value: 2.7, unit: um, tolerance: 0.1,",
             "{kind: at_most, what: it, limit: 1,",
@@ -228,11 +366,17 @@ claims:
             "kind: ratio, what: it, of: {}, over: {}",
             "give at_least",
         ),
-        ("claims:\n", "sweep: a.yaml\nidentifiability: b.yaml\nclaims:\n", "the checks look at one table"),
+        (
+            "claims:\n",
+            "sweep: a.yaml\nidentifiability: b.yaml\nclaims:\n",
+            "the checks look at one table",
+        ),
         ("tolerance: 0.1", "tolerance: 10", "expected less than 1"),
     ],
 )
-def test_a_file_of_claims_that_is_wrong_is_refused_with_its_line(old: str, new: str, words: str, tmp_path: Path) -> None:
+def test_a_file_of_claims_that_is_wrong_is_refused_with_its_line(
+    old: str, new: str, words: str, tmp_path: Path
+) -> None:
     file = tmp_path / "one.yaml"
     file.write_text(ONE)
     load_claims(file)
@@ -244,11 +388,16 @@ def test_a_file_of_claims_that_is_wrong_is_refused_with_its_line(old: str, new: 
 def test_two_claims_of_one_name_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "one.yaml"
     file.write_text(ONE + ONE.partition("claims:\n")[2])
-    with pytest.raises(DescriptionError, match=r":11: claims\[1\].name = 'strain': another claim of this file has that name"):
+    with pytest.raises(
+        DescriptionError,
+        match=r":11: claims\[1\].name = 'strain': another claim of this file has that name",
+    ):
         load_claims(file)
 
 
-def test_a_claim_that_fails_exits_with_1_and_one_that_holds_with_0(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_claim_that_fails_exits_with_1_and_one_that_holds_with_0(
+    tmp_path: Path, monkeypatch, capsys
+) -> None:
     file = tmp_path / "one.yaml"
     file.write_text(ONE)
     code, out, _ = ballbar(monkeypatch, capsys, "claims", file)
@@ -266,7 +415,10 @@ def test_a_claim_that_fails_exits_with_1_and_one_that_holds_with_0(tmp_path: Pat
 def test_names_are_of_shipped_claims_or_of_files(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(ROOT)
     code, _, err = ballbar(monkeypatch, capsys, "claims", "nois")
-    assert (code, "there are no such claims in scenarios/claims. Did you mean noise?" in err) == (2, True)
+    assert (code, "there are no such claims in scenarios/claims. Did you mean noise?" in err) == (
+        2,
+        True,
+    )
     code, out, _ = ballbar(monkeypatch, capsys, "claims", "rod")
     assert (code, out.splitlines()[0]) == (0, "Strain of the rod (sec. 5.3)")
     code, _, err = ballbar(monkeypatch, capsys, "claims", "rod", "--out", tmp_path / "page.md")
@@ -325,11 +477,28 @@ def test_a_sweep_that_two_files_name_runs_once(quick: bool, runs: int, tmp_path:
 def test_what_a_check_names_wrongly_is_told_with_file_and_line(tmp_path: Path) -> None:
     swept_topics(tmp_path)
     (tmp_path / "one.yaml").write_text(SWEPT.replace("statistic: max", "column: distance"))
-    with pytest.raises(DescriptionError, match=r"one.yaml:12: no run has a column distance. Did you mean distance_mm_mrad\?"):
-        judge_all(topics([str(tmp_path / "one.yaml")]), tmp_path / "work", inline, quick=True, showing=silent)
-    (tmp_path / "two.yaml").write_text(SWEPT.replace("identify.cost: [length]", "identify.cost: [lenght]"))
+    with pytest.raises(
+        DescriptionError,
+        match=r"one.yaml:12: no run has a column distance. Did you mean distance_mm_mrad\?",
+    ):
+        judge_all(
+            topics([str(tmp_path / "one.yaml")]),
+            tmp_path / "work",
+            inline,
+            quick=True,
+            showing=silent,
+        )
+    (tmp_path / "two.yaml").write_text(
+        SWEPT.replace("identify.cost: [length]", "identify.cost: [lenght]")
+    )
     with pytest.raises(DescriptionError, match="lenght"):
-        judge_all(topics([str(tmp_path / "two.yaml")]), tmp_path / "work", inline, quick=True, showing=silent)
+        judge_all(
+            topics([str(tmp_path / "two.yaml")]),
+            tmp_path / "work",
+            inline,
+            quick=True,
+            showing=silent,
+        )
 
 
 @pytest.mark.parametrize("file", sorted(CLAIMS.glob("*.yaml")), ids=lambda file: file.stem)
@@ -350,9 +519,11 @@ def test_the_page_has_every_claim_with_the_verdict_that_its_file_expects() -> No
     page = (ROOT / "docs" / "claims.md").read_text()
     for file in CLAIMS.glob("*.yaml"):
         for claim in load_claims(file)[0].claims:
-            assert re.search(rf"^\| \[.*\]\(#.*\): {claim.name} \| .* \| {claim.expected} \|$", page, re.MULTILINE), (
-                f"{file.stem}: {claim.name}"
-            )
+            assert re.search(
+                rf"^\| \[.*\]\(#.*\): {claim.name} \| .* \| {claim.expected} \|$",
+                page,
+                re.MULTILINE,
+            ), f"{file.stem}: {claim.name}"
             assert " ".join(claim.says.split()).replace("|", "\\|") in page
     for image in re.findall(r"\]\((images/.*?)\)", page):
         assert (ROOT / "docs" / image).is_file()
@@ -363,12 +534,20 @@ def test_every_claim_of_the_thesis_comes_out_as_stated(tmp_path: Path, monkeypat
     monkeypatch.chdir(ROOT)
     written = [ROOT / "docs" / "claims.md", *(ROOT / "docs" / "images" / "claims").iterdir()]
     before = [path.stat().st_mtime_ns for path in written]
-    code, out, err = ballbar(monkeypatch, capsys, "claims", "--quick", "--out", tmp_path / "claims.md")
+    code, out, err = ballbar(
+        monkeypatch, capsys, "claims", "--quick", "--out", tmp_path / "claims.md"
+    )
     assert (code, err) == (0, ""), out
-    assert re.search(r"^\d+ claims: \d+ hold, \d+ differ as stated, 0 fail their checks$", out, re.MULTILINE)
+    assert re.search(
+        r"^\d+ claims: \d+ hold, \d+ differ as stated, 0 fail their checks$", out, re.MULTILINE
+    )
     files = [load_claims(file)[0] for file in FOLDER.glob("*.yaml")]
-    assert len(list((tmp_path / "images" / "claims").glob("*.svg"))) == sum(len(file.plots) for file in files)
-    assert [path.stat().st_mtime_ns for path in written] == before, "a run of the tests leaves the project's page alone"
+    assert len(list((tmp_path / "images" / "claims").glob("*.svg"))) == sum(
+        len(file.plots) for file in files
+    )
+    assert [path.stat().st_mtime_ns for path in written] == before, (
+        "a run of the tests leaves the project's page alone"
+    )
 
 
 def test_the_plate_sinks_as_the_beam_equation_says() -> None:
@@ -382,15 +561,29 @@ def test_the_plate_sinks_as_the_beam_equation_says() -> None:
 
     bending = integral(shear)[-1] - integral(shear)
     slope = integral(bending / plate.bending_stiffness)
-    assert beam.tip_slope(plate, force) == pytest.approx(slope[-1], rel=1e-7)  # trapezes: (1 / 20000)^2
+    assert beam.tip_slope(plate, force) == pytest.approx(
+        slope[-1], rel=1e-7
+    )  # trapezes: (1 / 20000)^2
     assert beam.tip_deflection(plate, force) == pytest.approx(integral(slope)[-1], rel=1e-7)
     assert beam.tip_deflection(plate, force) == pytest.approx(10.9e-6, rel=0.01)
 
 
 def test_width_and_thickness_are_those_that_sink_so_far() -> None:
     plate, force, allowed = beam.OFFSET_PLATE, 100.0, 10e-6
-    wide = beam.Plate(plate.length, beam.width_for(allowed, plate, force), plate.thickness, plate.modulus, plate.density)
-    thick = beam.Plate(plate.length, plate.width, beam.thickness_for(allowed, plate, force), plate.modulus, plate.density)
+    wide = beam.Plate(
+        plate.length,
+        beam.width_for(allowed, plate, force),
+        plate.thickness,
+        plate.modulus,
+        plate.density,
+    )
+    thick = beam.Plate(
+        plate.length,
+        plate.width,
+        beam.thickness_for(allowed, plate, force),
+        plate.modulus,
+        plate.density,
+    )
     assert beam.tip_deflection(wide, force) == pytest.approx(allowed, rel=1e-9)
     assert beam.tip_deflection(thick, force) == pytest.approx(allowed, rel=1e-9)
     assert beam.stretch(150.0, 0.5, 1e11, 1e-4) == pytest.approx(7.5e-6, rel=1e-12)
@@ -418,21 +611,45 @@ def test_with_the_sign_of_its_force_the_rods_deviation_is_found_and_does_no_harm
 
 def test_a_rod_that_does_not_deviate_is_found_not_to() -> None:
     scenario = sampled(identify={"samples": 300})
-    samples, chosen = trial_samples(scenario, SAMPLED.parent), cost_parameters(scenario, SAMPLED.parent)
-    fit = fit_cost(cost_named("transform", "vector"), samples.nominal, samples.q, samples.b, chosen, rod_sign=samples.sign)
+    samples, chosen = (
+        trial_samples(scenario, SAMPLED.parent),
+        cost_parameters(scenario, SAMPLED.parent),
+    )
+    fit = fit_cost(
+        cost_named("transform", "vector"),
+        samples.nominal,
+        samples.q,
+        samples.b,
+        chosen,
+        rod_sign=samples.sign,
+    )
     assert abs(fit.rod_deviation) < 1e-12  # rounding
     with pytest.raises(ValueError, match="linear in the signed components only"):
-        fit_cost(cost_named("length", "thesis"), samples.nominal, samples.q, samples.b, chosen, rod_sign=samples.sign)
+        fit_cost(
+            cost_named("length", "thesis"),
+            samples.nominal,
+            samples.q,
+            samples.b,
+            chosen,
+            rod_sign=samples.sign,
+        )
 
 
 @pytest.mark.parametrize("cost", ["position", "position_angles", "transform"])
 def test_the_log_is_moved_by_as_much_as_it_was_late(cost: str) -> None:
     """With the true geometry the least cost is where the clocks agree; the spline through samples 0.08 s apart is the limit."""
-    scenario = sampled(errors={"static": {"table": "thesis_3_1"}, "synchronisation": {"delay_s": 0.034}}, identify={"cost": cost})
+    scenario = sampled(
+        errors={"static": {"table": "thesis_3_1"}, "synchronisation": {"delay_s": 0.034}},
+        identify={"cost": cost},
+    )
     samples = trial_samples(scenario, SAMPLED.parent)
     inside = (samples.t > samples.t[0] + REACH) & (samples.t < samples.t[-1] - REACH)
     found = best_shift(
-        cost_named(cost, "vector"), samples.true, samples.t[inside], samples.q[inside], through_samples(samples.t, samples.b)
+        cost_named(cost, "vector"),
+        samples.true,
+        samples.t[inside],
+        samples.q[inside],
+        through_samples(samples.t, samples.b),
     )
     assert found == pytest.approx(0.034, abs=2e-7)
 
@@ -441,7 +658,10 @@ def test_each_round_leaves_a_part_of_the_delay_and_the_clock_as_parameter_nothin
     errors = {"static": {"table": "thesis_3_1"}, "synchronisation": {"delay_s": 0.05}}
     left = []
     for rounds in (1, 2, 3):
-        row = run_trial(sampled(errors=errors, identify={"cost": "position", "shift_rounds": rounds}), SAMPLED.parent)
+        row = run_trial(
+            sampled(errors=errors, identify={"cost": "position", "shift_rounds": rounds}),
+            SAMPLED.parent,
+        )
         left.append(float(row["clock_offset_error_us"]))
     assert 4e3 < left[0] < 7e3
     assert 0.05 < left[1] / left[0] < 0.2
@@ -452,8 +672,19 @@ def test_each_round_leaves_a_part_of_the_delay_and_the_clock_as_parameter_nothin
 
 def test_no_round_is_the_plain_fit_away_from_the_ends() -> None:
     scenario = sampled(identify={"samples": 300})
-    samples, chosen = trial_samples(scenario, SAMPLED.parent), cost_parameters(scenario, SAMPLED.parent)
-    found = fit_cost_with_shift(cost_named("transform", "vector"), samples.nominal, samples.t, samples.q, samples.b, chosen, rounds=0)
+    samples, chosen = (
+        trial_samples(scenario, SAMPLED.parent),
+        cost_parameters(scenario, SAMPLED.parent),
+    )
+    found = fit_cost_with_shift(
+        cost_named("transform", "vector"),
+        samples.nominal,
+        samples.t,
+        samples.q,
+        samples.b,
+        chosen,
+        rounds=0,
+    )
     assert found.shift == 0.0
     assert np.abs(found.fit.geometry.values - samples.true.values).max() < 1e-12
 
@@ -463,10 +694,18 @@ def test_no_round_is_the_plain_fit_away_from_the_ends() -> None:
     [
         ({"cost": "ml", "rod_sign": True}, "is of the thesis's costs on samples"),
         ({"cost": "ml", "shift_rounds": 1}, "is of the thesis's costs on samples"),
-        ({"cost": "transform", "data": "files", "rod_sign": True}, "is of the thesis's costs on samples"),
-        ({"cost": "transform", "form": "thesis", "rod_sign": True}, "linear in the vector form only"),
+        (
+            {"cost": "transform", "data": "files", "rod_sign": True},
+            "is of the thesis's costs on samples",
+        ),
+        (
+            {"cost": "transform", "form": "thesis", "rod_sign": True},
+            "linear in the vector form only",
+        ),
     ],
 )
-def test_sign_and_shift_are_refused_where_they_mean_nothing(asked: dict[str, object], words: str) -> None:
+def test_sign_and_shift_are_refused_where_they_mean_nothing(
+    asked: dict[str, object], words: str
+) -> None:
     with pytest.raises(ValueError, match=words):
         sampled(identify=asked)

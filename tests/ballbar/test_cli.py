@@ -39,7 +39,9 @@ def recording(recorded: Recorded, tmp_path: Path) -> Path:
     return Path(shutil.copytree(recorded.folder, tmp_path / "rec"))
 
 
-def ballbar(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+def ballbar(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
+) -> tuple[int, str, str]:
     """Exit code, standard output and standard error of one command."""
     monkeypatch.setattr(sys, "argv", ["ballbar", *map(str, words)])
     monkeypatch.setenv("COLUMNS", "400")
@@ -53,29 +55,52 @@ def ballbar(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 
 
 @pytest.mark.slow
-def test_a_scenario_runs_to_report_replay_and_limits(scenario: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_scenario_runs_to_report_replay_and_limits(
+    scenario: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
     code, out, _ = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
     assert code == 0
     assert out.splitlines()[0].startswith("Good fit")
     assert "met" in out
-    assert {"calibration.yaml", "import_report.json", "report.html", "run.rrd", "recording", "recording.truth.yaml"} == {
-        p.name for p in (tmp_path / "out").iterdir()
-    }
+    assert {
+        "calibration.yaml",
+        "import_report.json",
+        "report.html",
+        "run.rrd",
+        "recording",
+        "recording.truth.yaml",
+    } == {p.name for p in (tmp_path / "out").iterdir()}
     code, out, _ = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
     assert code == 0, "a second run into the same folder replaces the first"
-    code, out, _ = ballbar(monkeypatch, capsys, "compare", tmp_path / "out/calibration.yaml", tmp_path / "out/recording.truth.yaml")
+    code, out, _ = ballbar(
+        monkeypatch,
+        capsys,
+        "compare",
+        tmp_path / "out/calibration.yaml",
+        tmp_path / "out/recording.truth.yaml",
+    )
     assert code == 0
     assert "TCP error over the workspace: mean 0.00" in out
     assert "clock error: offset" in out
-    code, out, _ = ballbar(monkeypatch, capsys, "compare", tmp_path / "out/calibration.yaml", tmp_path / "out/calibration.yaml")
+    code, out, _ = ballbar(
+        monkeypatch,
+        capsys,
+        "compare",
+        tmp_path / "out/calibration.yaml",
+        tmp_path / "out/calibration.yaml",
+    )
     assert "Euclidean distance 0.0000 mm|mrad over 28" in out
-    code, out, _ = ballbar(monkeypatch, capsys, "replay", tmp_path / "out", "--save", tmp_path / "copy.rrd")
+    code, out, _ = ballbar(
+        monkeypatch, capsys, "replay", tmp_path / "out", "--save", tmp_path / "copy.rrd"
+    )
     assert (tmp_path / "copy.rrd").read_bytes() == (tmp_path / "out/run.rrd").read_bytes()
     assert not list(tmp_path.rglob("*.part"))
 
 
 @pytest.mark.slow
-def test_a_limit_that_is_missed_exits_with_1(scenario: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_limit_that_is_missed_exits_with_1(
+    scenario: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
     scenario.write_text(scenario.read_text().replace("tcp_mean_mm: 0.05", "tcp_mean_mm: 1e-6"))
     code, out, _ = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
     assert code == 1
@@ -83,7 +108,9 @@ def test_a_limit_that_is_missed_exits_with_1(scenario: Path, tmp_path: Path, mon
 
 
 @pytest.mark.slow
-def test_simulate_check_and_identify_are_the_same_job_in_steps(scenario: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_simulate_check_and_identify_are_the_same_job_in_steps(
+    scenario: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
     folder = tmp_path / "logs"
     code, out, _ = ballbar(monkeypatch, capsys, "simulate", scenario, "--out", folder)
     assert code == 0
@@ -95,16 +122,24 @@ def test_simulate_check_and_identify_are_the_same_job_in_steps(scenario: Path, t
     assert offset == pytest.approx(-3.0, abs=0.1)
     code, out, _ = ballbar(monkeypatch, capsys, "identify", folder, "--samples", "300")
     assert code == 0
-    assert sorted(p.name for p in (tmp_path / "logs-identified").iterdir()) == ["calibration.yaml", "import_report.json", "report.html"]
+    assert sorted(p.name for p in (tmp_path / "logs-identified").iterdir()) == [
+        "calibration.yaml",
+        "import_report.json",
+        "report.html",
+    ]
     _, out, _ = ballbar(monkeypatch, capsys, "check", "--json", folder)
     checked = json.loads(out)
     checked.pop("coarse_clock")
-    assert json.loads((tmp_path / "logs-identified/import_report.json").read_text())["recordings"] == {"logs": checked}
+    assert json.loads((tmp_path / "logs-identified/import_report.json").read_text())[
+        "recordings"
+    ] == {"logs": checked}
     code, out, _ = ballbar(monkeypatch, capsys, "replay", tmp_path / "logs-identified")
     assert code == 2
 
 
-def test_an_output_folder_with_something_else_is_left_alone(scenario: Path, recording: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_an_output_folder_with_something_else_is_left_alone(
+    scenario: Path, recording: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
     mine = tmp_path / "mine"
     mine.mkdir()
     (mine / "thesis.docx").write_text("precious")
@@ -119,7 +154,9 @@ def test_an_output_folder_with_something_else_is_left_alone(scenario: Path, reco
     assert ballbar(monkeypatch, capsys, "run", scenario, "--out", file)[0] == 2
 
 
-def test_a_real_recording_is_never_overwritten_by_a_simulation(scenario: Path, recording: Path, monkeypatch, capsys) -> None:
+def test_a_real_recording_is_never_overwritten_by_a_simulation(
+    scenario: Path, recording: Path, monkeypatch, capsys
+) -> None:
     yaml = recording / "recording.yaml"
     yaml.write_text(yaml.read_text().replace("kind: simulated", "kind: real"))
     before = (recording / "raw/robot.csv").read_bytes()
@@ -159,7 +196,9 @@ def nul_bytes(folder: Path) -> None:
 
 def decimal_comma(folder: Path) -> None:
     lines = (folder / "raw/robot.csv").read_bytes().splitlines()
-    rewritten(folder / "raw/robot.csv", [lines[0], *(line.replace(b".", b",") for line in lines[1:])])
+    rewritten(
+        folder / "raw/robot.csv", [lines[0], *(line.replace(b".", b",") for line in lines[1:])]
+    )
 
 
 def out_of_order(folder: Path) -> None:
@@ -172,14 +211,19 @@ def out_of_order(folder: Path) -> None:
 def degrees(folder: Path) -> None:
     lines = (folder / "raw/robot.csv").read_bytes().splitlines()
     rows = [line.split(b",") for line in lines[1:]]
-    turned = [b",".join([row[0], *(b"%.9f" % (float(cell) * 57.29577951) for cell in row[1:])]) for row in rows]
+    turned = [
+        b",".join([row[0], *(b"%.9f" % (float(cell) * 57.29577951) for cell in row[1:])])
+        for row in rows
+    ]
     rewritten(folder / "raw/robot.csv", [lines[0], *turned])
 
 
 def dead_encoder(folder: Path) -> None:
     lines = (folder / "raw/ballbar.csv").read_bytes().splitlines()
     rows = [line.split(b";") for line in lines[1:]]
-    rewritten(folder / "raw/ballbar.csv", [lines[0], *(b";".join([r[0], b"0", *r[2:]]) for r in rows)])
+    rewritten(
+        folder / "raw/ballbar.csv", [lines[0], *(b";".join([r[0], b"0", *r[2:]]) for r in rows)]
+    )
 
 
 def empty(folder: Path) -> None:
@@ -245,9 +289,21 @@ def test_a_cut_last_line_is_dropped_and_reported(recording: Path, monkeypatch, c
         ("seed: 3", "sead: 3", ["short.yaml:12", "sead", "seed"]),
         ("duration_s: 40", "duration_s: forty", ["short.yaml:3", "path.duration_s", "forty"]),
         ("robot: irb2400", "robot: irb2401", ["short.yaml", "irb2401", "irb2400"]),
-        ("plant: {kind: kinematic}", "plant: {kind: kinematic, servo: softt, kind: mujoco}", ["short.yaml:4", "kind"]),
-        ("[0.70, 0.0, 0.54]", "[700, 0.0, 540]", ["short.yaml:2", "ballbar_position_m[0] = 700", "20 or less"]),
-        ("[0.70, 0.0, 0.54]", "[7.0, 0.0, 0.54]", ["short.yaml", "out of reach", "cell.ballbar_position_m, metres"]),
+        (
+            "plant: {kind: kinematic}",
+            "plant: {kind: kinematic, servo: softt, kind: mujoco}",
+            ["short.yaml:4", "kind"],
+        ),
+        (
+            "[0.70, 0.0, 0.54]",
+            "[700, 0.0, 540]",
+            ["short.yaml:2", "ballbar_position_m[0] = 700", "20 or less"],
+        ),
+        (
+            "[0.70, 0.0, 0.54]",
+            "[7.0, 0.0, 0.54]",
+            ["short.yaml", "out of reach", "cell.ballbar_position_m, metres"],
+        ),
         ("fitted: [1, 2, 4, 5]", "fitted: [1, 2, 4, 6]", ["short.yaml:8", "6"]),
     ],
 )
@@ -263,8 +319,12 @@ def test_a_wrong_scenario_names_line_key_and_value(
     assert not (tmp_path / "out").exists()
 
 
-def test_an_unknown_servo_lists_the_known_ones(scenario: Path, tmp_path: Path, monkeypatch, capsys) -> None:
-    scenario.write_text(scenario.read_text().replace("plant: {kind: kinematic}", "plant: {servo: softt}"))
+def test_an_unknown_servo_lists_the_known_ones(
+    scenario: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
+    scenario.write_text(
+        scenario.read_text().replace("plant: {kind: kinematic}", "plant: {servo: softt}")
+    )
     code, _, err = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
     assert code == 2
     assert "softt" in err
@@ -279,8 +339,12 @@ def test_every_command_has_help_with_an_example(command: str, monkeypatch, capsy
 
 
 @pytest.mark.slow
-def test_logs_that_do_not_belong_together_exit_with_1(recording: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+def test_logs_that_do_not_belong_together_exit_with_1(
+    recording: Path, tmp_path: Path, monkeypatch, capsys
+) -> None:
     damage(recording / "recording.yaml", b"lund_600", b"lund_900")
-    code, out, _ = ballbar(monkeypatch, capsys, "identify", recording, "--out", tmp_path / "out", "--samples", "200")
+    code, out, _ = ballbar(
+        monkeypatch, capsys, "identify", recording, "--out", tmp_path / "out", "--samples", "200"
+    )
     assert code == 1
     assert out.startswith("Not the declared cell")

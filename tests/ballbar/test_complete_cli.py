@@ -62,7 +62,9 @@ def quiet(_: str) -> None:
 def recorded_on(folder: Path, path: str, **sections: object) -> Path:
     """A minute of scenarios/irb2400_full.yaml on another path: the same seed, so the same machine."""
     scenario = load_scenario(SCENARIOS / "irb2400_full.yaml")
-    motion = scenario.path.model_copy(update={"file": path, "duration_s": 60.0, "dwell_s": 2.0, "stops": 1})
+    motion = scenario.path.model_copy(
+        update={"file": path, "duration_s": 60.0, "dwell_s": 2.0, "stops": 1}
+    )
     chosen = scenario.model_copy(update={"path": motion, **sections})
     write_recording(simulate(chosen, relative_to=SCENARIOS), chosen, folder)
     return folder
@@ -101,15 +103,21 @@ def together(tmp_path_factory: pytest.TempPathFactory, third_path: Path) -> Toge
 @pytest.fixture(scope="module")
 def machine(together: Together) -> RunData:
     """The same two recordings, from Python."""
-    return identify_recordings([together.a, together.b], settings=IdentifySettings(samples=500), progress=quiet)
+    return identify_recordings(
+        [together.a, together.b], settings=IdentifySettings(samples=500), progress=quiet
+    )
 
 
 def number(text: str) -> float:
-    return float(text.partition("±")[0].replace("\u202f", "").replace("\u2212", "-").split(maxsplit=1)[0])
+    return float(
+        text.partition("±")[0].replace("\u202f", "").replace("\u2212", "-").split(maxsplit=1)[0]
+    )
 
 
 @pytest.mark.slow
-def test_two_recordings_give_one_robot_and_the_held_out_line_comes_first(together: Together) -> None:
+def test_two_recordings_give_one_robot_and_the_held_out_line_comes_first(
+    together: Together,
+) -> None:
     lines = together.said.splitlines()
     assert together.code == 0, together.said
     found = re.fullmatch(
@@ -119,18 +127,29 @@ def test_two_recordings_give_one_robot_and_the_held_out_line_comes_first(togethe
     )
     assert found, lines[0]
     rms, largest, angle, nominal, times, surprise = map(float, found.groups())
-    assert rms < 0.03 < nominal  # noise of 8 urad encoders and sub-divisional error on 0.6 m alone: 0.015
+    assert (
+        rms < 0.03 < nominal
+    )  # noise of 8 urad encoders and sub-divisional error on 0.6 m alone: 0.015
     assert rms < largest < 0.2
     assert angle < 0.1
     assert 0.7 < times < 1.4
     assert surprise <= times
     assert lines[1].startswith(("Good fit", "Usable, with care"))
-    assert "6 corrections (joint_compliance, lost_motion, gear_ripple, encoder_harmonics, rod_strain, plate_bending)" in together.said
-    assert re.search(r"^force in the rod of B: -1\d\d to -?\d+ N, from the force sensor$", together.said, re.MULTILINE)
+    assert (
+        "6 corrections (joint_compliance, lost_motion, gear_ripple, encoder_harmonics, rod_strain, plate_bending)"
+        in together.said
+    )
+    assert re.search(
+        r"^force in the rod of B: -1\d\d to -?\d+ N, from the force sensor$",
+        together.said,
+        re.MULTILINE,
+    )
 
 
 @pytest.mark.slow
-def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_tool(together: Together, machine: RunData) -> None:
+def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_tool(
+    together: Together, machine: RunData
+) -> None:
     read = load_calibration(together.out / "calibration.yaml")
     assert [one.recording for one in read.file.recordings] == ["A", "B"]
     clocks = [one.clock.offset_s for one in read.file.recordings if one.clock is not None]
@@ -138,23 +157,35 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
     assert read.file.clock == read.file.recordings[0].clock
     assert read.file.recordings[0].zeros_rad["b4"] == read.geometry["btheta4"]
     assert read.file.recordings[1].place.ox != read.geometry["ox"], "each has a place of its own"
-    assert sum(one.chi2 for one in read.file.recordings) / sum(one.residuals for one in read.file.recordings) < 1.3
+    assert (
+        sum(one.chi2 for one in read.file.recordings)
+        / sum(one.residuals for one in read.file.recordings)
+        < 1.3
+    )
     (held,) = read.file.held_out
     assert held.sentence == together.said.splitlines()[0]
     cell = load_cell("irb2400", "lund_600", "plate_250")
     grid = accuracy_grid(cell.robot)
     predicted = read.free_robot(cell).tool(grid)
-    assert np.abs(predicted - machine.identification.free_robot().tool(grid)).max() < 1e-12  # YAML holds every digit
-    assert np.abs(predicted - machine.joined[1].identification.free_robot().tool(grid)).max() < 1e-12, "one robot"
+    assert (
+        np.abs(predicted - machine.identification.free_robot().tool(grid)).max() < 1e-12
+    )  # YAML holds every digit
+    assert (
+        np.abs(predicted - machine.joined[1].identification.free_robot().tool(grid)).max() < 1e-12
+    ), "one robot"
 
 
 @pytest.mark.slow
 def test_a_joint_calibration_comes_near_the_truth(together: Together) -> None:
-    code, said, _ = ballbar("compare", together.out / "calibration.yaml", f"{together.a}.truth.yaml")
+    code, said, _ = ballbar(
+        "compare", together.out / "calibration.yaml", f"{together.a}.truth.yaml"
+    )
     assert code == 0
     mean = re.search(r"TCP error over the workspace: mean ([\d.]+) mm", said)
     assert mean
-    assert float(mean[1]) < 0.03, "the goal for two paths (identification_facts sec. 0); nominal: 2.7"
+    assert float(mean[1]) < 0.03, (
+        "the goal for two paths (identification_facts sec. 0); nominal: 2.7"
+    )
 
 
 @pytest.mark.slow
@@ -174,22 +205,39 @@ def test_the_report_shows_the_numbers_of_the_complete_model(together: Together) 
     ripple = file.corrections["gear_ripple"]
     amplitude = np.hypot(ripple["ripple1_40_sin"].value, ripple["ripple1_40_cos"].value)
     assert number(cells.row("gear 1, 40 a turn")[1]) == pytest.approx(amplitude * 1e6, rel=0.01)
-    assert number(cells.row("times what noise explains")[2]) == pytest.approx(file.held_out[0].identified.ratio, rel=0.05)
+    assert number(cells.row("times what noise explains")[2]) == pytest.approx(
+        file.held_out[0].identified.ratio, rel=0.05
+    )
     assert number(cells.row("clock offset")[2]) == pytest.approx(508.0, abs=0.03)
     assert "ra2, ra3, rd4" in page, "lengths of the robot share one scale, which the rod fixes"
     assert all(f"{name}/raw/robot.csv" in page for name in "ABC")
-    assert page.index(file.held_out[0].sentence) < page.index(file.fit.sentence) < page.index('class="tile"')
+    assert (
+        page.index(file.held_out[0].sentence)
+        < page.index(file.fit.sentence)
+        < page.index('class="tile"')
+    )
     links = set(re.findall(r'href="#([^"]*)"', page))
-    assert {"held-out", "recordings", "corrections", "tension", "events"} <= links <= set(re.findall(r' id="([^"]*)"', page))
+    assert (
+        {"held-out", "recordings", "corrections", "tension", "events"}
+        <= links
+        <= set(re.findall(r' id="([^"]*)"', page))
+    )
 
 
 def tried_on(result: Identification, folder: Path) -> HeldOut:
     read = read_recording(folder)
-    return held_out(result, Logs(read.robot_log, read.ballbar_log, read.force_log), name=folder.name, samples=500)
+    return held_out(
+        result,
+        Logs(read.robot_log, read.ballbar_log, read.force_log),
+        name=folder.name,
+        samples=500,
+    )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "error"), [("ra2", 1e-4), ("rd4", -2e-4), ("rtheta3", 1e-4), ("rtheta4", -1e-4)])
+@pytest.mark.parametrize(
+    ("name", "error"), [("ra2", 1e-4), ("rd4", -2e-4), ("rtheta3", 1e-4), ("rtheta4", -1e-4)]
+)
 def test_a_tenth_of_a_millimetre_or_milliradian_is_too_much_for_a_held_out_recording(
     together: Together, machine: RunData, name: str, error: float
 ) -> None:
@@ -204,7 +252,9 @@ def test_a_tenth_of_a_millimetre_or_milliradian_is_too_much_for_a_held_out_recor
 @pytest.mark.slow
 def test_what_one_path_leaves_open_is_expected_on_another_and_no_misfit(together: Together) -> None:
     """Play whose load never reversed (identification_facts sec. 6, trap 4): far above noise, but stated."""
-    (alone,) = identify_recordings([together.a], settings=IdentifySettings(samples=500), progress=quiet).fitted
+    (alone,) = identify_recordings(
+        [together.a], settings=IdentifySettings(samples=500), progress=quiet
+    ).fitted
     outcome = tried_on(alone.identification, together.b)
     assert outcome.identified.ratio > 1.5
     assert outcome.acceptable
@@ -212,11 +262,25 @@ def test_what_one_path_leaves_open_is_expected_on_another_and_no_misfit(together
 
 
 @pytest.mark.slow
-def test_a_machine_that_is_another_one_is_called_a_misfit(together: Together, third_path: Path, tmp_path: Path) -> None:
+def test_a_machine_that_is_another_one_is_called_a_misfit(
+    together: Together, third_path: Path, tmp_path: Path
+) -> None:
     other = recorded_on(tmp_path / "other", str(third_path), seed=2)
-    code, said, _ = ballbar("identify", together.a, together.b, "--validate", other, "--samples", 300, "--out", tmp_path / "out")
+    code, said, _ = ballbar(
+        "identify",
+        together.a,
+        together.b,
+        "--validate",
+        other,
+        "--samples",
+        300,
+        "--out",
+        tmp_path / "out",
+    )
     assert code == 1
-    assert said.splitlines()[0].endswith("a misfit. The machine as identified does not explain this recording.")
+    assert said.splitlines()[0].endswith(
+        "a misfit. The machine as identified does not explain this recording."
+    )
     assert 'class="verdict bad"' in (tmp_path / "out/report.html").read_text()
 
 
@@ -234,7 +298,9 @@ def slipped(recording: Path, folder: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_an_encoder_that_slips_is_an_event_in_every_output(together: Together, tmp_path: Path) -> None:
+def test_an_encoder_that_slips_is_an_event_in_every_output(
+    together: Together, tmp_path: Path
+) -> None:
     folder = slipped(together.a, tmp_path / "A")
     code, said, _ = ballbar("identify", folder, "--samples", 500, "--out", tmp_path / "out")
     assert code == 0, said
@@ -247,9 +313,21 @@ def test_an_encoder_that_slips_is_an_event_in_every_output(together: Together, t
 
 
 @pytest.mark.slow
-def test_an_encoder_that_slips_while_held_out_is_no_fault_of_the_machine(together: Together, tmp_path: Path) -> None:
+def test_an_encoder_that_slips_while_held_out_is_no_fault_of_the_machine(
+    together: Together, tmp_path: Path
+) -> None:
     folder = slipped(together.c, tmp_path / "C")
-    code, said, _ = ballbar("identify", together.a, together.b, "--validate", folder, "--samples", 400, "--out", tmp_path / "out")
+    code, said, _ = ballbar(
+        "identify",
+        together.a,
+        together.b,
+        "--validate",
+        folder,
+        "--samples",
+        400,
+        "--out",
+        tmp_path / "out",
+    )
     assert code == 0, said
     assert re.search(r"^event: C: encoder b4 slipped [+-]5 signal periods", said, re.MULTILINE)
     (held,) = load_calibration(tmp_path / "out/calibration.yaml").file.held_out
@@ -283,8 +361,16 @@ def another_own_plate(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("first", "second", "words"),
     [
-        (None, lambda f: changed(f, "robot: irb2400", "robot: nj220"), ["is of robot nj220", "of irb2400"]),
-        (None, lambda f: changed(f, "ballbar: lund_600", "ballbar: lund_900"), ["is of ball-bar lund_900", "of lund_600"]),
+        (
+            None,
+            lambda f: changed(f, "robot: irb2400", "robot: nj220"),
+            ["is of robot nj220", "of irb2400"],
+        ),
+        (
+            None,
+            lambda f: changed(f, "ballbar: lund_600", "ballbar: lund_900"),
+            ["is of ball-bar lund_900", "of lund_600"],
+        ),
         (None, own_plate, ["is of plate plate.yaml", "of plate_250"]),
         (own_plate, another_own_plate, ["plate.yaml, whose content differs"]),
     ],
@@ -311,7 +397,10 @@ def test_recordings_of_another_cell_are_refused(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--corrections", "lost_motion,backlash"], ["corrections[1] = 'backlash'", "joint_compliance, lost_motion, gear_ripple"]),
+        (
+            ["--corrections", "lost_motion,backlash"],
+            ["corrections[1] = 'backlash'", "joint_compliance, lost_motion, gear_ripple"],
+        ),
         (["--corrections", ""], ["corrections[0] = ''", "joint_compliance"]),
         (["--rod-sigma", "5.0"], ["rod_sigma_m = 5.0", "0.01 or less"]),
         (["--rod-sigma", "0"], ["rod_sigma_m = 0.0", "more than 0"]),
@@ -319,7 +408,15 @@ def test_recordings_of_another_cell_are_refused(
         (["--force", "sensor"], ["has no log of a force sensor", "sources.force"]),
         (["--force", "torque"], ["has no motor torques", "tau1 to tau6"]),
     ],
-    ids=["unknown correction", "no correction", "rod in mm", "rod exact", "dh with force", "no sensor", "no torque"],
+    ids=[
+        "unknown correction",
+        "no correction",
+        "rod in mm",
+        "rod exact",
+        "dh with force",
+        "no sensor",
+        "no torque",
+    ],
 )
 def test_options_that_cannot_be_met_exit_with_2_and_write_nothing(
     two: tuple[Path, Path], tmp_path: Path, options: list[str], words: list[str]
@@ -330,7 +427,9 @@ def test_options_that_cannot_be_met_exit_with_2_and_write_nothing(
     assert not (tmp_path / "out").exists()
 
 
-def test_the_kinematic_model_fits_one_recording_only(two: tuple[Path, Path], tmp_path: Path) -> None:
+def test_the_kinematic_model_fits_one_recording_only(
+    two: tuple[Path, Path], tmp_path: Path
+) -> None:
     code, _, err = ballbar("identify", *two, "--model", "dh", "--out", tmp_path / "out")
     assert code == 2
     assert "model dh fits one recording, 2 were given" in err
@@ -338,7 +437,9 @@ def test_the_kinematic_model_fits_one_recording_only(two: tuple[Path, Path], tmp
 
 @pytest.mark.parametrize("option", [[], ["--validate"]])
 def test_a_recording_counts_once(two: tuple[Path, Path], tmp_path: Path, option: list[str]) -> None:
-    code, _, err = ballbar("identify", *two, *option, tmp_path / "B" / ".." / "A", "--out", tmp_path / "out")
+    code, _, err = ballbar(
+        "identify", *two, *option, tmp_path / "B" / ".." / "A", "--out", tmp_path / "out"
+    )
     assert code == 2
     assert "given twice" in err
 
@@ -355,13 +456,21 @@ def test_scenarios_take_the_same_settings_and_name_the_line_of_a_wrong_one(tmp_p
     old = "identify: {cost: ml, samples: 1500}"
     assert old in text
     file = tmp_path / "scenario.yaml"
-    file.write_text(text.replace(old, "identify: {model: complete, corrections: [rod_strain], force: none, rod_sigma_m: 5.0e-6}"))
-    assert load_scenario(file).identify == IdentifySettings(model="complete", corrections=("rod_strain",), force="none", rod_sigma_m=5e-6)
+    file.write_text(
+        text.replace(
+            old,
+            "identify: {model: complete, corrections: [rod_strain], force: none, rod_sigma_m: 5.0e-6}",
+        )
+    )
+    assert load_scenario(file).identify == IdentifySettings(
+        model="complete", corrections=("rod_strain",), force="none", rod_sigma_m=5e-6
+    )
     file.write_text(text.replace(old, "identify: {corrections: auto}"))
     assert load_scenario(file).identify == IdentifySettings()
     file.write_text(text.replace(old, "identify: {corrections: [rod_strian]}"))
     with pytest.raises(
-        DescriptionError, match=r"scenario.yaml:\d+: identify.corrections\[0\] = 'rod_strian': unknown; there are joint_comp"
+        DescriptionError,
+        match=r"scenario.yaml:\d+: identify.corrections\[0\] = 'rod_strian': unknown; there are joint_comp",
     ):
         load_scenario(file)
 
@@ -377,7 +486,9 @@ def test_a_scenario_runs_with_the_model_that_it_asks_for(tmp_path: Path) -> None
     code, said, err = ballbar("run", file, "--out", tmp_path / "out")
     assert code == 0, said + err
     assert "coefficients of 1 correction (gear_ripple) from 200 samples" in said
-    assert list(load_calibration(tmp_path / "out/calibration.yaml").file.corrections) == ["gear_ripple"]
+    assert list(load_calibration(tmp_path / "out/calibration.yaml").file.corrections) == [
+        "gear_ripple"
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -403,7 +514,9 @@ def test_a_joint_fit_without_loads_has_no_force_to_show(light: RunData) -> None:
 
 
 def test_a_single_recording_is_reported_as_before(recorded: Recorded, tmp_path: Path) -> None:
-    code, said, _ = ballbar("identify", recorded.folder, "--samples", 300, "--out", tmp_path / "out")
+    code, said, _ = ballbar(
+        "identify", recorded.folder, "--samples", 300, "--out", tmp_path / "out"
+    )
     assert code == 0
     assert said.startswith(("Good fit", "Usable, with care"))
     text = (tmp_path / "out/calibration.yaml").read_text()
@@ -439,7 +552,9 @@ def with_validation(data: RunData, outcome: HeldOut) -> RunData:
 
 def test_a_held_out_misfit_makes_the_page_and_the_run_not_acceptable(light: RunData) -> None:
     event = Event(0, "clock", 0, 12.5, 0.02)
-    good, poor = (HeldOut("C", CLOSES, surprise, NOMINAL, 500, False, (event,)) for surprise in (1.0, 3.0))
+    good, poor = (
+        HeldOut("C", CLOSES, surprise, NOMINAL, 500, False, (event,)) for surprise in (1.0, 3.0)
+    )
     assert with_validation(light, good).acceptable == light.identification.verdict.acceptable
     data = with_validation(light, poor)
     assert not data.acceptable
@@ -453,7 +568,9 @@ def test_the_calibration_of_a_held_out_recording_reads_back(light: RunData, tmp_
     result: Identification = light.identification
     outcome = HeldOut("C", CLOSES, 1.05, NOMINAL, 500, False, ())
     path = tmp_path / "calibration.yaml"
-    write_calibration(path, result, robot="irb2400", ballbar="lund_600", plate="plate_250", held_out=[outcome])
+    write_calibration(
+        path, result, robot="irb2400", ballbar="lund_600", plate="plate_250", held_out=[outcome]
+    )
     (held,) = load_calibration(path).file.held_out
     assert (held.recording, held.sentence, held.acceptable) == ("C", outcome.sentence, True)
     assert held.identified.position_max_m == CLOSES.position_max

@@ -33,7 +33,12 @@ AXES = ",".join(f"axis{i + 1}_deg" for i in range(6))
 def result(tmp_path: Path, cell: Cell, nominal: Geometry) -> Path:
     rng = np.random.default_rng(3)
     folder = tmp_path / "run"
-    write_calibration_of(folder / "calibration.yaml", nominal, perturbed(nominal, rng, 5e-4), corrections=corrections_of(cell, GEARS, rng))
+    write_calibration_of(
+        folder / "calibration.yaml",
+        nominal,
+        perturbed(nominal, rng, 5e-4),
+        corrections=corrections_of(cell, GEARS, rng),
+    )
     return folder
 
 
@@ -41,16 +46,22 @@ def easy_targets(cell: Cell, count: int) -> Array:
     """Targets of the accuracy box away from stretched elbow and stretched wrist."""
     grid = accuracy_grid(cell.robot)
     screws = joint_screws(robot_frames(nominal_geometry(cell, np.zeros(3)), grid))
-    return grid[np.linalg.svd(screws.transpose(2, 1, 0), compute_uv=False).min(axis=1) > 0.1][:count]
+    return grid[np.linalg.svd(screws.transpose(2, 1, 0), compute_uv=False).min(axis=1) > 0.1][
+        :count
+    ]
 
 
-def test_the_identified_robot_takes_the_nominal_pose_at_the_corrected_target(result: Path, cell: Cell) -> None:
+def test_the_identified_robot_takes_the_nominal_pose_at_the_corrected_target(
+    result: Path, cell: Cell
+) -> None:
     calibration = load_calibration(result / "calibration.yaml")
     robot, q = calibration.free_robot(cell), easy_targets(cell, 200)
     done = corrected_targets(robot, calibration.nominal, q)
     wanted = robot_frames(calibration.nominal, q)
     settled = done.position_after < 1e-9
-    assert settled.mean() > 0.98, "but where the load hardly decides on which side of its play a gear lies"
+    assert settled.mean() > 0.98, (
+        "but where the load hardly decides on which side of its play a gear lies"
+    )
     assert done.position_after.max() < 1e-4
     assert np.abs(robot.tool(done.q)[settled] - wanted.tip.T[settled]).max() < 1e-9
     assert done.angle_after[settled].max() < 1e-9
@@ -58,7 +69,9 @@ def test_the_identified_robot_takes_the_nominal_pose_at_the_corrected_target(res
     assert np.abs(done.q - q).max() < 0.1
 
 
-def test_a_robot_that_is_nominal_is_told_what_it_was_told_before(cell: Cell, nominal: Geometry) -> None:
+def test_a_robot_that_is_nominal_is_told_what_it_was_told_before(
+    cell: Cell, nominal: Geometry
+) -> None:
     q = easy_targets(cell, 50)
     assert np.abs(corrected_targets(FreeRobot(cell, nominal), nominal, q).q - q).max() < 1e-12
 
@@ -77,10 +90,14 @@ def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None
     before, after = plant.hold(q), plant.hold(done.q)
     assert np.abs(after.miss).max() < 5e-6, "the controller brought the readings to the targets"
     assert pose_error(wanted, before)[0].mean() > 1e-3
-    assert pose_error(wanted, after)[0].max() < 5e-6  # [m] a step is 2.2 urad at the wrist, 0.7 at the main axes
+    assert (
+        pose_error(wanted, after)[0].max() < 5e-6
+    )  # [m] a step is 2.2 urad at the wrist, 0.7 at the main axes
     geometry_only = corrected_targets(FreeRobot(cell, plant.true), plant.nominal, q)
     sagging = pose_error(wanted, plant.hold(geometry_only.q))[0]
-    assert sagging.mean() > 2e-4, "compliance is worth more than the tolerance: geometry alone does not do"
+    assert sagging.mean() > 2e-4, (
+        "compliance is worth more than the tolerance: geometry alone does not do"
+    )
 
 
 def test_a_held_pose_without_any_error_is_the_nominal_pose(cell: Cell, nominal: Geometry) -> None:
@@ -105,31 +122,52 @@ def write_targets(path: Path, header: str, rows: list[str]) -> Path:
     return path
 
 
-def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(tmp_path: Path, result: Path, cell: Cell) -> None:
+def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(
+    tmp_path: Path, result: Path, cell: Cell
+) -> None:
     q = easy_targets(cell, 5)
     axes = np.degrees(joints_to_axes(cell.robot, q))
     names = [f'"p{k}, top"' for k in range(5)]
     given = write_targets(
         tmp_path / "deg.csv",
         f"name,{AXES},speed",
-        [f"{n},{','.join(repr(float(v)) for v in row)},v100" for n, row in zip(names, axes, strict=True)],
+        [
+            f"{n},{','.join(repr(float(v)) for v in row)},v100"
+            for n, row in zip(names, axes, strict=True)
+        ],
     )
-    radians = write_targets(tmp_path / "rad.csv", "q6,q5,q4,q3,q2,q1", [",".join(repr(float(v)) for v in row[::-1]) for row in q])
+    radians = write_targets(
+        tmp_path / "rad.csv",
+        "q6,q5,q4,q3,q2,q1",
+        [",".join(repr(float(v)) for v in row[::-1]) for row in q],
+    )
     code, said, _ = ballbar("correct", given, "--with", result)
     assert code == 0
-    assert "5 targets corrected for geometry, elastic gears under the robot's own weight, play of the gears" in said
+    assert (
+        "5 targets corrected for geometry, elastic gears under the robot's own weight, play of the gears"
+        in said
+    )
     rows = list(csv.DictReader((tmp_path / "deg-corrected.csv").read_text().splitlines()))
     assert [row["name"] for row in rows] == [n.strip('"') for n in names]
     assert {row["speed"] for row in rows} == {"v100"}
     out = tmp_path / "out.csv"
-    code, said, _ = ballbar("correct", radians, "--with", result / "calibration.yaml", "--out", out, "--json")
+    code, said, _ = ballbar(
+        "correct", radians, "--with", result / "calibration.yaml", "--out", out, "--json"
+    )
     assert code == 0
     data = json.loads(said)
     assert data["targets"] == 5
     assert data["file"] == str(out)
     assert 1e-4 < data["predicted_position_error_m"]["mean"] < 1e-2
-    by_degrees = controller_to_joints(cell.robot, np.radians([[float(row[f"axis{i + 1}_deg"]) for i in range(6)] for row in rows]))
-    by_radians = np.array([[float(row[f"q{i + 1}"]) for i in range(6)] for row in csv.DictReader(out.read_text().splitlines())])
+    by_degrees = controller_to_joints(
+        cell.robot, np.radians([[float(row[f"axis{i + 1}_deg"]) for i in range(6)] for row in rows])
+    )
+    by_radians = np.array(
+        [
+            [float(row[f"q{i + 1}"]) for i in range(6)]
+            for row in csv.DictReader(out.read_text().splitlines())
+        ]
+    )
     assert np.abs(by_degrees - by_radians).max() < 1e-12
     calibration = load_calibration(result / "calibration.yaml")
     expected = corrected_targets(calibration.free_robot(cell), calibration.nominal, q).q
@@ -148,12 +186,22 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(tmp_path
         ("q1,q2,q3,q4,q5,q6", "0,0,zero,0,1,0", r":2: q3 = 'zero' is not a finite number"),
         ("q1,q2,q3,q4,q5,q6", "0,0,0,0,1", r":2: 5 cells, the header has 6"),
         ("q1,q2,q3,q4,q5,q6", "", r"has a header and no target"),
-        (AXES, "0,120,0,0,45,0", r":2: axis 2 of the given target is 120.000 deg, outside its range of -100 to 110 deg"),
-        (AXES, "0,0,0,0,0,0", r":2: the robot stands at a singularity .* \(joint 5 stands at 0.0 deg\)"),
+        (
+            AXES,
+            "0,120,0,0,45,0",
+            r":2: axis 2 of the given target is 120.000 deg, outside its range of -100 to 110 deg",
+        ),
+        (
+            AXES,
+            "0,0,0,0,0,0",
+            r":2: the robot stands at a singularity .* \(joint 5 stands at 0.0 deg\)",
+        ),
         (AXES, "180,0,0,0,45,0", r":2: axis 1 of the corrected target is 180\.\d+ deg, outside"),
     ],
 )
-def test_bad_targets_are_refused_by_line_and_nothing_is_written(tmp_path: Path, result: Path, header: str, row: str, said: str) -> None:
+def test_bad_targets_are_refused_by_line_and_nothing_is_written(
+    tmp_path: Path, result: Path, header: str, row: str, said: str
+) -> None:
     given = write_targets(tmp_path / "targets.csv", header, [row] if row else [])
     code, _, error = ballbar("correct", given, "--with", result)
     assert code == 2
@@ -170,7 +218,9 @@ def test_an_existing_file_is_not_written_over(tmp_path: Path, result: Path) -> N
     assert (tmp_path / "targets-corrected.csv").read_text() == "mine"
 
 
-def test_a_doubtful_fit_and_what_it_did_not_identify_are_said(tmp_path: Path, nominal: Geometry) -> None:
+def test_a_doubtful_fit_and_what_it_did_not_identify_are_said(
+    tmp_path: Path, nominal: Geometry
+) -> None:
     write_calibration_of(tmp_path / "calibration.yaml", nominal, nominal, status="suspect")
     given = write_targets(tmp_path / "targets.csv", AXES, ["0,0,0,0,45,0"])
     code, said, _ = ballbar("correct", given, "--with", tmp_path)

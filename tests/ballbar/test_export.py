@@ -34,13 +34,24 @@ PLAIN = ("rbeta2", "rbeta6", "rd1", "rtheta1")
 
 
 @pytest.fixture(scope="module", params=["plain", "hayati"])
-def result(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, cell: Cell, nominal: Geometry) -> Result:
+def result(
+    request: pytest.FixtureRequest,
+    tmp_path_factory: pytest.TempPathFactory,
+    cell: Cell,
+    nominal: Geometry,
+) -> Result:
     rng = np.random.default_rng(5)
     left = PLAIN if request.param == "plain" else ("rd1",)
     folder = tmp_path_factory.mktemp(request.param)
     corrections = corrections_of(cell, GEARS, rng)
     return load_result(
-        write_calibration_of(folder / "calibration.yaml", nominal, perturbed(nominal, rng), left=left, corrections=corrections)
+        write_calibration_of(
+            folder / "calibration.yaml",
+            nominal,
+            perturbed(nominal, rng),
+            left=left,
+            corrections=corrections,
+        )
     )
 
 
@@ -48,7 +59,9 @@ def result(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 def angles(cell: Cell) -> Array:
     robot = cell.robot
     share = np.random.default_rng(6).random((POSES, 6))
-    return controller_to_joints(robot, robot.axis_lower + share * (robot.axis_upper - robot.axis_lower))
+    return controller_to_joints(
+        robot, robot.axis_lower + share * (robot.axis_upper - robot.axis_lower)
+    )
 
 
 def assert_same_poses(found: Array, result: Result, q: Array) -> None:
@@ -96,7 +109,9 @@ def along_table(text: str, q: Array, order: str) -> Array:
 
 
 def read_dh(text: str, q: Array) -> Array:
-    assert all(float(row["beta_rad"]) == 0.0 for row in table(text)[:-1]), "a standard table has no Hayati angle in its rows"
+    assert all(float(row["beta_rad"]) == 0.0 for row in table(text)[:-1]), (
+        "a standard table has no Hayati angle in its rows"
+    )
     return along_table(text, q, "zZXxy")
 
 
@@ -110,14 +125,18 @@ def read_hayati(text: str, q: Array) -> Array:
 
 
 def read_poe(text: str, q: Array) -> Array:
-    rows = {row["row"]: [float(v) for k, v in row.items() if k != "row" and v] for row in table(text)}
+    rows = {
+        row["row"]: [float(v) for k, v in row.items() if k != "row" and v] for row in table(text)
+    }
     home = np.vstack([rows["M1"], rows["M2"], rows["M3"], [0.0, 0.0, 0.0, 1.0]])
     pose: Array = np.eye(4)[None]
     for i in range(6):
         w, v = np.array(rows[str(i + 1)][:3]), np.array(rows[str(i + 1)][3:])
         step = np.tile(np.eye(4), (len(q), 1, 1))
         step[:, :3, :3] = Rotation.from_rotvec(q[:, i, None] * w).as_matrix()
-        step[:, :3, 3] = (np.eye(3) - step[:, :3, :3]) @ np.cross(w, v)  # exponential of a screw without pitch, |w| = 1
+        step[:, :3, 3] = (np.eye(3) - step[:, :3, :3]) @ np.cross(
+            w, v
+        )  # exponential of a screw without pitch, |w| = 1
         pose = pose @ step
     return np.asarray(pose @ home)
 
@@ -131,8 +150,16 @@ def read_rapid(text: str, q: Array) -> Array:
     data = rapid_data(text)
     pose: Array = np.eye(4)[None]
     for i in range(6):
-        pose = pose @ turn("z", np.radians(data["dh_theta_deg"][i]) + q[:, i]) @ shift("z", data["dh_d_mm"][i] / 1e3)
-        pose = pose @ shift("x", data["dh_a_mm"][i] / 1e3) @ turn("x", np.radians(data["dh_alpha_deg"][i]))
+        pose = (
+            pose
+            @ turn("z", np.radians(data["dh_theta_deg"][i]) + q[:, i])
+            @ shift("z", data["dh_d_mm"][i] / 1e3)
+        )
+        pose = (
+            pose
+            @ shift("x", data["dh_a_mm"][i] / 1e3)
+            @ turn("x", np.radians(data["dh_alpha_deg"][i]))
+        )
     return np.asarray(pose @ turn("y", np.radians(data["dh_tool_beta_deg"][0])))
 
 
@@ -140,12 +167,19 @@ def read_json(text: str, q: Array) -> Array:
     rows = json.loads(text)["rows"]
     pose: Array = np.eye(4)[None]
     for i in range(6):
-        pose = pose @ turn("z", rows["theta"][i] + q[:, i]) @ shift("z", rows["d"][i]) @ shift("x", rows["a"][i])
+        pose = (
+            pose
+            @ turn("z", rows["theta"][i] + q[:, i])
+            @ shift("z", rows["d"][i])
+            @ shift("x", rows["a"][i])
+        )
         pose = pose @ turn("x", rows["alpha"][i]) @ turn("y", rows["beta"][i])
     return pose
 
 
-def in_mujoco(model: mujoco.MjModel, q: Array, place: Callable[[mujoco.MjData], tuple[Array, Array]]) -> Array:
+def in_mujoco(
+    model: mujoco.MjModel, q: Array, place: Callable[[mujoco.MjData], tuple[Array, Array]]
+) -> Array:
     data = mujoco.MjData(model)
     pose = np.tile(np.eye(4), (len(q), 1, 1))
     where = [int(model.joint(f"joint_{i + 1}").qposadr[0]) for i in range(6)]
@@ -160,11 +194,17 @@ def in_mujoco(model: mujoco.MjModel, q: Array, place: Callable[[mujoco.MjData], 
 def read_urdf(text: str, q: Array) -> Array:
     spec = mujoco.MjSpec.from_string(text)
     spec.compiler.fusestatic = False  # or the tool's frame melts into link 6
-    return in_mujoco(spec.compile(), q, lambda data: (data.body("tool0").xmat, data.body("tool0").xpos))
+    return in_mujoco(
+        spec.compile(), q, lambda data: (data.body("tool0").xmat, data.body("tool0").xpos)
+    )
 
 
 def read_mjcf(text: str, q: Array) -> Array:
-    return in_mujoco(mujoco.MjModel.from_xml_string(text), q, lambda data: (data.site("tool").xmat, data.site("tool").xpos))
+    return in_mujoco(
+        mujoco.MjModel.from_xml_string(text),
+        q,
+        lambda data: (data.site("tool").xmat, data.site("tool").xpos),
+    )
 
 
 READERS: dict[Format, Callable[[str, Array], Array]] = {
@@ -184,12 +224,16 @@ def test_every_format_has_a_reader_here() -> None:
 
 
 @pytest.mark.parametrize("to", FORMATS)
-def test_every_format_read_back_puts_the_tool_where_our_kinematics_does(to: Format, result: Result, angles: Array) -> None:
+def test_every_format_read_back_puts_the_tool_where_our_kinematics_does(
+    to: Format, result: Result, angles: Array
+) -> None:
     assert_same_poses(READERS[to](exported(result, to), angles), result, angles)
 
 
 @pytest.mark.parametrize("to", FORMATS)
-def test_every_format_says_what_it_leaves_out_and_what_stayed_nominal(to: Format, result: Result) -> None:
+def test_every_format_says_what_it_leaves_out_and_what_stayed_nominal(
+    to: Format, result: Result
+) -> None:
     text = exported(result, to)
     if to == "json":
         data = json.loads(text)
@@ -199,7 +243,12 @@ def test_every_format_says_what_it_leaves_out_and_what_stayed_nominal(to: Format
         assert data["parameters"]["ra2"]["sigma"] == 2e-6
         assert set(data["corrections"]) == set(GEARS)
         return
-    for said in ("NOT in this file", "elastic gears under the robot's own weight", "play of the gears", "transmission error"):
+    for said in (
+        "NOT in this file",
+        "elastic gears under the robot's own weight",
+        "play of the gears",
+        "transmission error",
+    ):
         assert said in text
     assert re.search(r"rd1 = 0\.615 m, NOMINAL: not identified", text)
     assert re.search(r"ra2 = [\d.]+ m, sigma 2e-06 m \(nominal 0\.705\)", text)
@@ -207,7 +256,9 @@ def test_every_format_says_what_it_leaves_out_and_what_stayed_nominal(to: Format
     assert str(result.file.parent) not in text, "no path of this computer"
 
 
-def test_urdf_and_mjcf_carry_the_weight_of_arm_and_plate(result: Result, angles: Array, nominal: Geometry) -> None:
+def test_urdf_and_mjcf_carry_the_weight_of_arm_and_plate(
+    result: Result, angles: Array, nominal: Geometry
+) -> None:
     from sim.plant.statics import gravity_torque  # noqa: PLC0415
 
     model = mujoco.MjModel.from_xml_string(exported(result, "mjcf"))
@@ -221,42 +272,62 @@ def test_urdf_and_mjcf_carry_the_weight_of_arm_and_plate(result: Result, angles:
     assert spec.compile().body_mass.sum() == pytest.approx(model.body_mass.sum(), rel=1e-12)
 
 
-def test_motor_offsets_turn_the_nominal_joints_by_the_identified_offsets(result: Result, cell: Cell) -> None:
+def test_motor_offsets_turn_the_nominal_joints_by_the_identified_offsets(
+    result: Result, cell: Cell
+) -> None:
     data = rapid_data(exported(result, "abb"))
     offsets = result.chain.theta - result.calibration.nominal.robot.theta
-    assert np.array(data["motor_offset_rad"]) @ cell.robot.transmission == pytest.approx(offsets, abs=1e-12)
+    assert np.array(data["motor_offset_rad"]) @ cell.robot.transmission == pytest.approx(
+        offsets, abs=1e-12
+    )
     change = joints_to_axes(cell.robot, offsets) - joints_to_axes(cell.robot, np.zeros(6))
     assert np.radians(data["axis_change_deg"]) == pytest.approx(change, abs=1e-12)
     assert data["sigma_d_mm"][0] == -1.0, "rd1 was not identified"
 
 
-def test_a_table_of_axes_that_are_parallel_to_rounding_is_refused(tmp_path: Path, nominal: Geometry) -> None:
+def test_a_table_of_axes_that_are_parallel_to_rounding_is_refused(
+    tmp_path: Path, nominal: Geometry
+) -> None:
     bent = nominal.replaced({"rbeta2": 1e-8})
     result = load_result(write_calibration_of(tmp_path / "calibration.yaml", nominal, bent))
-    with pytest.raises(InputError, match=r"joints 2 and 3 are parallel within 1e-08 rad .* Export with --to hayati"):
+    with pytest.raises(
+        InputError, match=r"joints 2 and 3 are parallel within 1e-08 rad .* Export with --to hayati"
+    ):
         exported(result, "dh")
     q = np.random.default_rng(7).uniform(-1.0, 1.0, (50, 6))
     assert_same_poses(read_hayati(exported(result, "hayati"), q), result, q)
 
 
-def test_names_in_a_result_cannot_end_a_comment_or_begin_a_line(tmp_path: Path, nominal: Geometry, cell: Cell) -> None:
+def test_names_in_a_result_cannot_end_a_comment_or_begin_a_line(
+    tmp_path: Path, nominal: Geometry, cell: Cell
+) -> None:
     """A robot file of one's own may have any title."""
     source = (Path(__file__).parents[2] / "cell" / "robots" / "irb2400.yaml").read_text()
     robot = tmp_path / "my -- robot.yaml"
     robot.write_text(source.replace("title: ABB IRB 2400/16", 'title: "x --> <a/>\\nMODULE evil"'))
-    result = load_result(write_calibration_of(tmp_path / "calibration.yaml", nominal, nominal, robot=robot.name))
+    result = load_result(
+        write_calibration_of(tmp_path / "calibration.yaml", nominal, nominal, robot=robot.name)
+    )
     assert result.name == "my____robot"
     mujoco.MjModel.from_xml_string(exported(result, "mjcf"))
     for to in ("dh", "abb"):
-        assert not [line for line in exported(result, to).splitlines() if line.startswith("MODULE evil")]
+        assert not [
+            line for line in exported(result, to).splitlines() if line.startswith("MODULE evil")
+        ]
 
 
 def test_the_larger_robot_is_exported_alike(tmp_path: Path) -> None:
     from cell.descriptions import load_cell  # noqa: PLC0415
 
-    nominal = nominal_geometry(load_cell("nj220", "lund_600", "plate_250"), np.array([1.5, 0.0, 0.7]))
+    nominal = nominal_geometry(
+        load_cell("nj220", "lund_600", "plate_250"), np.array([1.5, 0.0, 0.7])
+    )
     true = perturbed(nominal, np.random.default_rng(8))
-    result = load_result(write_calibration_of(tmp_path / "calibration.yaml", nominal, true, left=PLAIN, robot="nj220"))
+    result = load_result(
+        write_calibration_of(
+            tmp_path / "calibration.yaml", nominal, true, left=PLAIN, robot="nj220"
+        )
+    )
     q = np.random.default_rng(9).uniform(-2.0, 2.0, (100, 6))
     for to, read in READERS.items():
         assert_same_poses(read(exported(result, to), q), result, q)

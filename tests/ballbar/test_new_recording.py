@@ -24,7 +24,9 @@ def logs(tmp_path: Path) -> tuple[Path, Path]:
     return robot, bar
 
 
-def test_options_and_accepted_proposals_make_a_folder_that_reads(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+def test_options_and_accepted_proposals_make_a_folder_that_reads(
+    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
+) -> None:
     code, out, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
     assert code == 0
     assert "dialect abb-motor: motor angles in rad, time in s" in out
@@ -45,13 +47,21 @@ def test_logs_that_are_no_tables_are_recognised_by_their_first_bytes(
     robot, bar = tmp_path / f"robot{make().suffix}", tmp_path / "scope.csv"
     robot.write_bytes(make().content)
     bar.write_bytes(scope().content)
-    code, out, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", robot, bar, *SAID, "--yes", "--json")
+    code, out, err = ballbar(
+        monkeypatch, capsys, "new", tmp_path / "made", robot, bar, *SAID, "--yes", "--json"
+    )
     assert code == 0
     assert f"{robot.name} fits the dialect {dialect}" in err
     told = json.loads(out)
     assert told["recording"] == str(tmp_path / "made")
-    assert [(one["dialect"], one["rows_kept"]) for one in told["files"]] == [(dialect, 80), ("twincat-scope", 80)]
-    assert list(yaml.safe_load((tmp_path / "made/recording.yaml").read_text())["encoders"]) == ["b1", "b2"]
+    assert [(one["dialect"], one["rows_kept"]) for one in told["files"]] == [
+        (dialect, 80),
+        ("twincat-scope", 80),
+    ]
+    assert list(yaml.safe_load((tmp_path / "made/recording.yaml").read_text())["encoders"]) == [
+        "b1",
+        "b2",
+    ]
 
 
 def test_without_a_terminal_what_is_not_told_is_named_and_nothing_is_written(
@@ -61,7 +71,10 @@ def test_without_a_terminal_what_is_not_told_is_named_and_nothing_is_written(
         (["--yes"], "Which robot?"),
         (SAID, "Proposed: abb-motor; --yes takes it."),
         ([*SAID, "--yes", "--encoder", "b9=b1"], "encoders are b1 to b5"),
-        ([*SAID, "--yes", "--robot-dialect", "comau-joint"], "columns J1, J2, J3, J4, J5, J6 missing"),
+        (
+            [*SAID, "--yes", "--robot-dialect", "comau-joint"],
+            "columns J1, J2, J3, J4, J5, J6 missing",
+        ),
         ([*SAID, "--yes", "--encoder", "b1=time"], "column time holds the time stamps"),
     ):
         code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *words)
@@ -70,24 +83,45 @@ def test_without_a_terminal_what_is_not_told_is_named_and_nothing_is_written(
         assert sorted(path.name for path in tmp_path.iterdir()) == ["bar.csv", "robot.csv"]
 
 
-def test_the_form_of_up_time_stamps_is_asked(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+def test_the_form_of_up_time_stamps_is_asked(
+    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
+) -> None:
     lines = bar_lines()
-    logs[1].write_text("\n".join([lines[0], *(f"{10 * i};{line.split(';', 1)[1]}" for i, line in enumerate(lines[1:]))]) + "\n")
+    logs[1].write_text(
+        "\n".join(
+            [lines[0], *(f"{10 * i};{line.split(';', 1)[1]}" for i, line in enumerate(lines[1:]))]
+        )
+        + "\n"
+    )
     code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
     assert code == 2
     assert "what are the time stamps? They do not show it" in err
-    code, _, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes", "--ballbar-time", "ms-32bit")
+    code, _, _ = ballbar(
+        monkeypatch,
+        capsys,
+        "new",
+        tmp_path / "made",
+        *logs,
+        *SAID,
+        "--yes",
+        "--ballbar-time",
+        "ms-32bit",
+    )
     assert code == 0
 
 
-def test_the_user_is_asked_at_the_prompt(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+def test_the_user_is_asked_at_the_prompt(
+    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
+) -> None:
     asked: list[str] = []
     answers = {"Which robot": "irb2400", "Which ball-bar": "lund_600"}
 
     def prompt(question: str, default: str | None = None, *, err: bool) -> str:
         assert not err
         asked.append(question)
-        return default or next(answer for start, answer in answers.items() if question.startswith(start))
+        return default or next(
+            answer for start, answer in answers.items() if question.startswith(start)
+        )
 
     monkeypatch.setattr(recordings.typer, "prompt", prompt)
     monkeypatch.setattr(recordings.sys.stdin, "isatty", lambda: True, raising=False)
@@ -96,7 +130,9 @@ def test_the_user_is_asked_at_the_prompt(logs: tuple[Path, Path], tmp_path: Path
     assert len(asked) == 7  # two dialects, robot, ball-bar, encoders, lines, bits
 
 
-def test_a_folder_that_holds_something_is_left_alone(logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys) -> None:
+def test_a_folder_that_holds_something_is_left_alone(
+    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
+) -> None:
     (tmp_path / "made").mkdir()
     (tmp_path / "made/mine.txt").write_text("mine")
     code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")

@@ -59,7 +59,13 @@ def run(tmp_path_factory) -> RunData:
 @pytest.fixture(scope="module")
 def real(tmp_path_factory) -> RunData:
     """As from a real cell: two encoders, and nobody knows the truth."""
-    return replace(simulated_run(tmp_path_factory.mktemp("two"), fitted=(1, 2)), simulation=None, comparison=None, limits=(), scenario=None)
+    return replace(
+        simulated_run(tmp_path_factory.mktemp("two"), fitted=(1, 2)),
+        simulation=None,
+        comparison=None,
+        limits=(),
+        scenario=None,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -84,15 +90,27 @@ def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
     write_recording(simulation, scenario, folder / "recording")
     recording = read_recording(folder / "recording")
     log = IterationLog(lambda _: None)
-    found = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=300, progress=log.progress, watch=log.watch)
+    found = identify(
+        simulation.cell,
+        recording.robot_log,
+        recording.ballbar_log,
+        samples=300,
+        progress=log.progress,
+        watch=log.watch,
+    )
     comparison = identification_against_truth(found, simulation.truth)
-    limits = (Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm"), Limit("iterations", 11.0, 10.0, ""))
+    limits = (
+        Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm"),
+        Limit("iterations", 11.0, 10.0, ""),
+    )
     data = RunData("minute", folder / "recording", recording, found, simulation, comparison, limits)
     return replace(data, scenario=scenario, iterations=tuple(log.steps))
 
 
 def _rerun(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "rerun_cli", *arguments], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "rerun_cli", *arguments], capture_output=True, text=True, check=False
+    )
 
 
 def _entities(path: Path) -> set[str]:
@@ -138,22 +156,40 @@ def test_residuals_are_in_um_and_urad_on_the_robots_clock(file, run):
 def test_bodies_of_the_file_stand_where_the_identified_kinematics_put_them(file, run):
     frames = robot_frames(run.identification.geometry, cell_motion(run).q)
     _, places = _read(file, "/cell/robot/link4", "Transform3D:translation")
-    np.testing.assert_allclose(places.reshape(-1, 3), frames.origin[4].T, atol=2e-7)  # float32 in the viewer
+    np.testing.assert_allclose(
+        places.reshape(-1, 3), frames.origin[4].T, atol=2e-7
+    )  # float32 in the viewer
 
 
 def test_everything_a_newcomer_needs_is_in_the_file(file):
     entities = _entities(file)
     links = {f"/cell/robot/{name}" for name in ("base", *(f"link{i}" for i in range(1, 7)))}
-    bar = {f"/cell/ballbar/{name}" for name in ("stand", "gimbal_b1", "gimbal_b2", "rod_b3", "cardan_b4", "cardan_b5")}
-    tool = {f"/cell/tool/{name}" for name in ("path", "path_so_far", "identified_position", "true_position")}
+    bar = {
+        f"/cell/ballbar/{name}"
+        for name in ("stand", "gimbal_b1", "gimbal_b2", "rod_b3", "cardan_b4", "cardan_b5")
+    }
+    tool = {
+        f"/cell/tool/{name}"
+        for name in ("path", "path_so_far", "identified_position", "true_position")
+    }
     errors = {"/cell/tool/error_of_nominal_robot", "/cell/tool/error_of_identified_robot"}
-    plots = {"/tcp_error/nominal_um", "/tcp_error/identified_um", "/ballbar/encoder_angles_deg", "/notes"}
+    plots = {
+        "/tcp_error/nominal_um",
+        "/tcp_error/identified_um",
+        "/ballbar/encoder_angles_deg",
+        "/notes",
+    }
     assert links | bar | tool | errors | plots | {"/cell/plate", "/cell/sphere"} <= entities
     assert "/ballbar/rod_force_N" not in entities  # the kinematic plant knows none
 
 
 def test_the_timelines_are_the_robots_clock_and_the_iterations(file):
-    timelines = {name for chunk in RrdReader(str(file)).stream().to_chunks() if not chunk.is_static for name in chunk.timeline_names}
+    timelines = {
+        name
+        for chunk in RrdReader(str(file)).stream().to_chunks()
+        if not chunk.is_static
+        for name in chunk.timeline_names
+    }
     assert timelines == {"robot_time", "iteration"}
 
 
@@ -162,8 +198,14 @@ def test_writing_the_same_run_twice_gives_the_same_recording(file, run, tmp_path
     write_replay(again, run)
     done = _rerun("rrd", "compare", "--unordered", str(file), str(again))
     assert done.returncode == 0, done.stdout + done.stderr
-    components = {name for chunk in RrdReader(str(again)).stream().to_chunks() for name in chunk.to_record_batch().schema.names}
-    assert not [name for name in components if "start_time" in name or "log_time" in name]  # `compare` looks past these
+    components = {
+        name
+        for chunk in RrdReader(str(again)).stream().to_chunks()
+        for name in chunk.to_record_batch().schema.names
+    }
+    assert not [
+        name for name in components if "start_time" in name or "log_time" in name
+    ]  # `compare` looks past these
 
 
 def test_a_minute_takes_little_space(file):
@@ -174,7 +216,9 @@ def test_a_real_recording_needs_no_truth(real, tmp_path):
     path = tmp_path / "real.rrd"
     write_replay(path, real)
     entities = _entities(path)
-    assert not [e for e in entities if e.startswith("/tcp_error") or "error_of" in e or "true_position" in e]
+    assert not [
+        e for e in entities if e.startswith("/tcp_error") or "error_of" in e or "true_position" in e
+    ]
     assert {"/cell/ballbar/rod_b3", "/residual/after/position_um"} <= entities
     _, angles = _read(path, "/ballbar/encoder_angles_deg", "Scalars:scalars")
     assert angles.shape[1] == 2
@@ -184,7 +228,9 @@ def test_a_real_recording_needs_no_truth(real, tmp_path):
 def test_without_encoders_the_ball_bar_follows_the_robot(real, tmp_path):
     """And where the ball-bar's log says nothing, before it began, likewise."""
     motion = cell_motion(real)
-    assert np.abs(motion.bar.tip - motion.robot.tip).max() < 3e-3  # starting values of an ideal ball-bar, mm
+    assert (
+        np.abs(motion.bar.tip - motion.robot.tip).max() < 3e-3
+    )  # starting values of an ideal ball-bar, mm
     bare = replace(
         real,
         recording=replace(real.recording, ballbar_log=None),
@@ -196,7 +242,9 @@ def test_without_encoders_the_ball_bar_follows_the_robot(real, tmp_path):
     assert "/ballbar/encoder_angles_deg" not in _entities(tmp_path / "bare.rrd")
 
 
-def test_a_file_that_cannot_be_finished_leaves_the_old_one_and_nothing_else(run, tmp_path, monkeypatch):
+def test_a_file_that_cannot_be_finished_leaves_the_old_one_and_nothing_else(
+    run, tmp_path, monkeypatch
+):
     path = tmp_path / "run.rrd"
     path.write_bytes(b"old")
 
@@ -224,7 +272,9 @@ def test_notes_begin_with_the_verdict_and_list_every_parameter(run, real):
     rows = [line.split(" | ") for line in notes.splitlines() if line.startswith("| ra2 |")]
     assert [f"{run.identification.geometry['ra2'] * 1e3:.4f} mm"] == [row[2] for row in rows]
     assert all(f"| {name} |" in notes for name in run.identification.sigma)
-    assert all(f"| {d.name} | {d.reason}" in notes for d in run.identification.identifiability.dropped)
+    assert all(
+        f"| {d.name} | {d.reason}" in notes for d in run.identification.identifiability.dropped
+    )
     assert "| 0.05 mm | yes |" in notes
     assert "| iterations | 11  | 10  | NO |" in notes
     assert "TCP error" not in replay_notes(real)
@@ -233,11 +283,16 @@ def test_notes_begin_with_the_verdict_and_list_every_parameter(run, real):
 def test_magnified_error_is_that_of_the_comparison(run):
     """At the grid's own angles the mean error is the TCP error by another way; along the path it is of that size."""
     truth = true_tool(run.simulation, run.identification, cell_motion(run).t)
-    for error, figure in ((truth.nominal_error, run.comparison.tcp_nominal), (truth.identified_error, run.comparison.tcp)):
+    for error, figure in (
+        (truth.nominal_error, run.comparison.tcp_nominal),
+        (truth.identified_error, run.comparison.tcp),
+    ):
         size = np.linalg.norm(error, axis=1)
         assert 0.2 * figure.mean < size.mean() < 2.0 * figure.mean
     shift = np.abs(truth.position - cell_motion(run).tool).max()
-    assert shift < 3e-4  # identified and true tool: logged angles are noisy (1e-5 rad at 2 m, largest of many) and the model is close
+    assert (
+        shift < 3e-4
+    )  # identified and true tool: logged angles are noisy (1e-5 rad at 2 m, largest of many) and the model is close
 
 
 def test_a_base_that_stands_elsewhere_is_no_tool_error():
@@ -247,11 +302,17 @@ def test_a_base_that_stands_elsewhere_is_no_tool_error():
     truth = model.replaced({"rd1": model["rd1"] + 0.3, "rtheta1": model["rtheta1"] + 0.5})
     turn, shift = base_alignment(model, truth, grid)
     moved = robot_frames(model, grid).tip.T @ turn.T + shift
-    np.testing.assert_allclose(moved, robot_frames(truth, grid).tip.T, atol=1e-12)  # rounding at 2 m
+    np.testing.assert_allclose(
+        moved, robot_frames(truth, grid).tip.T, atol=1e-12
+    )  # rounding at 2 m
 
 
 def test_magnification_is_a_round_factor_that_fits():
-    assert [magnification(1e-3, 0.2), magnification(1.3e-6, 0.2), magnification(1e-2, 0.06)] == [200, 100_000, 5]
+    assert [magnification(1e-3, 0.2), magnification(1.3e-6, 0.2), magnification(1e-2, 0.06)] == [
+        200,
+        100_000,
+        5,
+    ]
     assert magnification(0.0, 0.2) == magnification(0.5, 0.2) == 1
 
 
@@ -261,7 +322,9 @@ def test_axis_ends_are_round():
 
 def test_quaternions_come_scalar_last():
     quarter_turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])[:, :, None]
-    np.testing.assert_allclose(quat_xyzw(quarter_turn), [[0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-15)
+    np.testing.assert_allclose(
+        quat_xyzw(quarter_turn), [[0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-15
+    )
 
 
 @pytest.mark.parametrize(("robot", "ballbar"), [("irb2400", "lund_600"), ("nj220", "lund_1200")])
@@ -270,16 +333,29 @@ def test_links_meet_at_every_joint(robot, ballbar):
     cell = load_cell(robot, ballbar, "plate_250")
     geometry = nominal_geometry(cell, np.array([1.0, 0.0, 0.6]))
     rng = np.random.default_rng(1)
-    machine, bar = robot_frames(geometry, rng.uniform(-2.0, 2.0, (1, 6))), bar_frames(geometry, rng.uniform(-2.0, 2.0, (1, 5)))
-    bodies = ((machine, robot_shapes(cell), 0.16 * cell.robot.a[1]), (bar, bar_shapes(cell, geometry), 0.05))
+    machine, bar = (
+        robot_frames(geometry, rng.uniform(-2.0, 2.0, (1, 6))),
+        bar_frames(geometry, rng.uniform(-2.0, 2.0, (1, 5))),
+    )
+    bodies = (
+        (machine, robot_shapes(cell), 0.16 * cell.robot.a[1]),
+        (bar, bar_shapes(cell, geometry), 0.05),
+    )
     for frames, shapes, radius in bodies:
         for joint, (before, behind) in enumerate(pairwise(shapes)):
             axis, point = frames.z[joint, :, 0], frames.origin[joint, :, 0]
-            spans = [_span(shape, frames, row, point, axis, radius) for shape, row in ((before, joint), (behind, joint + 1))]
-            assert max(low for low, _ in spans) <= min(high for _, high in spans) + 1e-9, f"{robot} joint {joint + 1}: {spans}"
+            spans = [
+                _span(shape, frames, row, point, axis, radius)
+                for shape, row in ((before, joint), (behind, joint + 1))
+            ]
+            assert max(low for low, _ in spans) <= min(high for _, high in spans) + 1e-9, (
+                f"{robot} joint {joint + 1}: {spans}"
+            )
 
 
-def _span(shape: Mesh, frames: Frames, row: int, point: Array, axis: Array, radius: float) -> tuple[float, float]:
+def _span(
+    shape: Mesh, frames: Frames, row: int, point: Array, axis: Array, radius: float
+) -> tuple[float, float]:
     """Where a body has corners within `radius` [m] of an axis, along it."""
     away = shape.vertices @ frames.rotation(row)[:, :, 0].T + frames.origin[row, :, 0] - point
     along = away @ axis
@@ -291,7 +367,14 @@ def _span(shape: Mesh, frames: Frames, row: int, point: Array, axis: Array, radi
     "solid",
     [
         cylinder(np.zeros(3), np.array([0.0, 0.3, 0.4]), 0.1, STEEL, end_radius=0.06),
-        arm(np.zeros(3), np.array([0.5, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), (0.1, 0.05), 0.04, STEEL),
+        arm(
+            np.zeros(3),
+            np.array([0.5, 0.0, 0.0]),
+            np.array([0.0, 0.0, 1.0]),
+            (0.1, 0.05),
+            0.04,
+            STEEL,
+        ),
         block(np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.0, 1.0]), (0.2, 0.3), 0.05, STEEL),
         ball(np.array([0.1, 0.2, 0.3]), 0.2, STEEL),
     ],
@@ -300,8 +383,12 @@ def _span(shape: Mesh, frames: Frames, row: int, point: Array, axis: Array, radi
 def test_solids_are_closed_and_their_normals_point_outward(solid):
     """All are convex, so outward is away from the middle."""
     np.testing.assert_allclose(np.linalg.norm(solid.normals, axis=1), 1.0, atol=1e-12)
-    assert (((solid.vertices - solid.vertices.mean(axis=0)) * solid.normals).sum(axis=1) > -1e-12).all()
-    corners = np.unique(solid.vertices.round(9), axis=0, return_inverse=True)[1].reshape(-1)[solid.triangles]
+    assert (
+        ((solid.vertices - solid.vertices.mean(axis=0)) * solid.normals).sum(axis=1) > -1e-12
+    ).all()
+    corners = np.unique(solid.vertices.round(9), axis=0, return_inverse=True)[1].reshape(-1)[
+        solid.triangles
+    ]
     solid_triangles = [set(t) for t in corners.tolist() if len(set(t)) == 3]
     edges = Counter(frozenset(edge) for t in solid_triangles for edge in combinations(t, 2))
     assert set(edges.values()) == {2}
@@ -338,7 +425,9 @@ def test_viewer_that_fails_is_reported_with_a_way_out(file, monkeypatch):
         with pytest.raises(ViewerError, match=r"there is no screen .* Use --web"):
             open_viewer(file)
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(subprocess, "run", lambda command, **_: subprocess.CompletedProcess(command, 102))
+    monkeypatch.setattr(
+        subprocess, "run", lambda command, **_: subprocess.CompletedProcess(command, 102)
+    )
     with pytest.raises(ViewerError, match=r"ended with code 102.*use --web"):
         open_viewer(file)
 

@@ -59,12 +59,25 @@ def other(run, tmp_path_factory) -> Path:
     result = run.identification
     wide = replace(result, sigma={name: 40.0 * sigma for name, sigma in result.sigma.items()})
     path = tmp_path_factory.mktemp("other") / "wide.rrd"
-    write_replay(path, replace(run, name="wide", identification=wide, simulation=None, comparison=None, limits=(), iterations=()))
+    write_replay(
+        path,
+        replace(
+            run,
+            name="wide",
+            identification=wide,
+            simulation=None,
+            comparison=None,
+            limits=(),
+            iterations=(),
+        ),
+    )
     return path
 
 
 def _chunks(path: Path, entity: str) -> list:
-    return [chunk for chunk in RrdReader(str(path)).stream().to_chunks() if chunk.entity_path == entity]
+    return [
+        chunk for chunk in RrdReader(str(path)).stream().to_chunks() if chunk.entity_path == entity
+    ]
 
 
 def _values(path: Path, entity: str, component: str) -> list:
@@ -77,23 +90,43 @@ def _column(chunk, component: str) -> list:
 
 
 def _verified(path: Path) -> bool:
-    return subprocess.run([sys.executable, "-m", "rerun_cli", "rrd", "verify", str(path)], capture_output=True, check=False).returncode == 0
+    return (
+        subprocess.run(
+            [sys.executable, "-m", "rerun_cli", "rrd", "verify", str(path)],
+            capture_output=True,
+            check=False,
+        ).returncode
+        == 0
+    )
 
 
 def test_iterations_begin_with_the_nominal_robot_and_end_with_the_result(file, run):
-    powers = np.array(_values(file, "/identify/mismatch/position_um_log10", "Scalars:scalars")).ravel()
-    rms = [np.sqrt((r.position**2).sum(axis=1).mean()) * 1e6 for r in (run.identification.before, run.identification.after)]
+    powers = np.array(
+        _values(file, "/identify/mismatch/position_um_log10", "Scalars:scalars")
+    ).ravel()
+    rms = [
+        np.sqrt((r.position**2).sum(axis=1).mean()) * 1e6
+        for r in (run.identification.before, run.identification.after)
+    ]
     np.testing.assert_allclose(10.0 ** powers[[0, -1]], rms, rtol=1e-9)
     assert powers.size == len(run.iterations) + 1
     last = run.iterations[-1]
-    np.testing.assert_allclose(last.iteration.geometry["ra2"], run.identification.geometry["ra2"], atol=1e-12)
+    np.testing.assert_allclose(
+        last.iteration.geometry["ra2"], run.identification.geometry["ra2"], atol=1e-12
+    )
     assert last.stage == "fitting"
     pages = _values(file, STAGE, "TextDocument:text")
-    assert pages[-1][0].startswith(f"## Iteration {powers.size - 1} of {powers.size - 1}\n\nfitting")
+    assert pages[-1][0].startswith(
+        f"## Iteration {powers.size - 1} of {powers.size - 1}\n\nfitting"
+    )
 
 
 def test_arrows_of_the_mismatch_shrink_with_the_iterations(file):
-    sizes = [np.linalg.norm(row, axis=1).mean() for row in _values(file, MISMATCH, "Arrows3D:vectors") if row]
+    sizes = [
+        np.linalg.norm(row, axis=1).mean()
+        for row in _values(file, MISMATCH, "Arrows3D:vectors")
+        if row
+    ]
     assert 0.05 < sizes[0] < 0.5  # of a rod of 0.6 m
     assert sizes[-1] < 0.02 * sizes[0]
 
@@ -138,7 +171,14 @@ def test_events_name_gaps_outliers_and_still_stand(run):
     assert spike == pytest.approx(shown[2_000], abs=1e-6)
     assert re.fullmatch(r"encoders: no rows for 4\d\d ms", lost)
     assert gap == pytest.approx(shown[3_000 - 1], abs=2e-3)
-    assert list(events.lanes["encoders"].states) == ["rows", "outlier", "rows", "gap", "rows", "ended"]
+    assert list(events.lanes["encoders"].states) == [
+        "rows",
+        "outlier",
+        "rows",
+        "gap",
+        "rows",
+        "ended",
+    ]
     assert events.lanes["robot"].states[0] == "still"
     for lane in events.lanes.values():
         assert (np.diff(lane.t) > 0.0).all()
@@ -151,7 +191,9 @@ def test_a_wrist_that_turns_over_is_an_event(run):
     half = motion.t.size // 2
     q[half:, 4] *= -1.0
     events = run_events(run, replace(motion, q=q))
-    changes = [remark for remark in events.remarks if remark.sentence.startswith("configuration is now")]
+    changes = [
+        remark for remark in events.remarks if remark.sentence.startswith("configuration is now")
+    ]
     assert [remark.t for remark in changes] == [motion.t[half]]
 
 
@@ -159,7 +201,9 @@ def test_clock_error_is_that_of_the_comparison(run):
     motion = cell_motion(run)
     error = run_series(run, motion, None)["/clock/error_us"]
     begin = run.comparison.offset * 1e6
-    assert error.values[0, 0] == pytest.approx(begin, abs=0.1 + abs(run.comparison.skew) * 1e6)  # jitter of the stamps
+    assert error.values[0, 0] == pytest.approx(
+        begin, abs=0.1 + abs(run.comparison.skew) * 1e6
+    )  # jitter of the stamps
     found = run_series(run, motion, None)["/clock/offset_ms/identified"]
     assert found.values[0, 0] == pytest.approx(run.identification.clock.offset * 1e3, abs=0.1)
 
@@ -169,7 +213,11 @@ def test_table_of_parameters_goes_through_the_file(file, run):
     table, written = parameter_table(run), read_table(chunk)
     assert written.names == table.names
     assert written.has_truth
-    for one, two in ((table.moved, written.moved), (table.sigma, written.sigma), (table.error, written.error)):
+    for one, two in (
+        (table.moved, written.moved),
+        (table.sigma, written.sigma),
+        (table.error, written.error),
+    ):
         np.testing.assert_array_equal(one, two)
     assert "ra2" in table.names
     assert "ox" not in table.names  # where it stands is no property of the robot
@@ -178,18 +226,29 @@ def test_table_of_parameters_goes_through_the_file(file, run):
 def test_two_runs_are_drawn_on_common_axes(file, other, tmp_path):
     with chosen_replay(file, "run", other) as path:
         assert _verified(path)
-        rows = [_values(path, f"{PARAMETER_VALUES}/{root}/interval", "LineStrips2D:strips")[0] for root in "AB"]
+        rows = [
+            _values(path, f"{PARAMETER_VALUES}/{root}/interval", "LineStrips2D:strips")[0]
+            for root in "AB"
+        ]
         bars = [np.array(row).reshape(-1, 2, 2) for row in rows]
         entities = {chunk.entity_path for chunk in RrdReader(str(path)).stream().to_chunks()}
     assert not path.exists()
     lengths = [bar[:, 1, 0] - bar[:, 0, 0] for bar in bars]
     np.testing.assert_allclose(lengths[1], 40.0 * lengths[0], rtol=1e-3)  # float32
     assert np.abs(bars[1][:, :, 0] - RIGHT).max() <= HALF * 1.001
-    assert {"/A/robot/joint_angles_deg", "/B/robot/joint_angles_deg", "/A/notes", "/B/notes"} <= entities
+    assert {
+        "/A/robot/joint_angles_deg",
+        "/B/robot/joint_angles_deg",
+        "/A/notes",
+        "/B/notes",
+    } <= entities
 
 
 def test_layouts_refuse_what_they_cannot_show(file, other, tmp_path):
-    with pytest.raises(InputError, match=r"wide\.rrd: holds no iterations.*--rerun"), chosen_replay(other, "identify", None):
+    with (
+        pytest.raises(InputError, match=r"wide\.rrd: holds no iterations.*--rerun"),
+        chosen_replay(other, "identify", None),
+    ):
         pass
     with pytest.raises(InputError, match="--against has a layout of its own"):
         chosen_replay(file, "identify", other)
@@ -201,13 +260,18 @@ def test_layouts_refuse_what_they_cannot_show(file, other, tmp_path):
     with rr.RecordingStream("other") as stream:
         stream.save(empty)
         stream.log("/x", rr.Scalars(1.0))
-    with pytest.raises(InputError, match="is no replay of a run"), chosen_replay(empty, "run", file):
+    with (
+        pytest.raises(InputError, match="is no replay of a run"),
+        chosen_replay(empty, "run", file),
+    ):
         pass
 
 
 def test_command_saves_the_iterations_as_a_file_of_their_own(file, tmp_path):
     saved = tmp_path / "identify.rrd"
-    done = CliRunner().invoke(app, ["replay", str(file), "--layout", "identify", "--save", str(saved)])
+    done = CliRunner().invoke(
+        app, ["replay", str(file), "--layout", "identify", "--save", str(saved)]
+    )
     assert done.exit_code == 0, done.output
     assert _verified(saved)
     assert _values(saved, STAGE, "TextDocument:text") == _values(file, STAGE, "TextDocument:text")
@@ -217,9 +281,15 @@ def test_page_of_the_scenario_holds_what_was_set_and_nothing_breaks_out_of_it(ru
     page = scenario_page(run)
     assert "    name: irb2400" in page
     assert "    schema: ballbar-recording/1" in page
-    (tmp_path / "recording.yaml").write_text("notes: |\n  ```\n  # Title\n  <script>\n", encoding="utf-8")
+    (tmp_path / "recording.yaml").write_text(
+        "notes: |\n  ```\n  # Title\n  <script>\n", encoding="utf-8"
+    )
     lines = scenario_page(replace(run, folder=tmp_path)).splitlines()
-    assert all(line.startswith("    ") for line in lines if "```" in line or "<script>" in line or line.endswith("# Title"))
+    assert all(
+        line.startswith("    ")
+        for line in lines
+        if "```" in line or "<script>" in line or line.endswith("# Title")
+    )
 
 
 def test_live_run_shows_the_cell_and_then_the_iterations(run, tmp_path):
@@ -230,13 +300,17 @@ def test_live_run_shows_the_cell_and_then_the_iterations(run, tmp_path):
         motion = run.simulation.motion
         half = motion.t.size // 2
         for rows in (slice(0, half + 1), slice(half, None)):
-            live.moved(run.simulation.cell, motion.geometry, motion.t[rows], motion.q[rows], motion.b[rows])
+            live.moved(
+                run.simulation.cell, motion.geometry, motion.t[rows], motion.q[rows], motion.b[rows]
+            )
         for number, step in enumerate(run.iterations, 1):
             live.iterated(number, step)
         live.finished(run)
     assert _verified(path)
     assert _chunks(path, "/cell/robot/link6")
-    powers = np.array(_values(path, "/identify/mismatch/position_um_log10", "Scalars:scalars")).ravel()
+    powers = np.array(
+        _values(path, "/identify/mismatch/position_um_log10", "Scalars:scalars")
+    ).ravel()
     assert powers.size == len(run.iterations)
     assert not log.steps
 
@@ -259,7 +333,9 @@ def test_the_served_page_may_call_no_outside_host(file):
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/re_viewer.js", timeout=5.0) as answer:
             assert len(answer.read()) > 10_000
     assert "re_viewer.js" in page
-    assert not re.findall(r"<(?:link|script|img|iframe)\b[^>]*(?:href|src)=[\"']?(?:https?:)?//[^>]*>", page)
+    assert not re.findall(
+        r"<(?:link|script|img|iframe)\b[^>]*(?:href|src)=[\"']?(?:https?:)?//[^>]*>", page
+    )
     named = set(re.findall(r"https?://([\w.:-]+)", policy))
     assert named == {f"127.0.0.1:{data_port}", f"localhost:{data_port}"}
     assert policy.startswith("default-src 'self'")
@@ -269,10 +345,19 @@ def test_the_served_page_may_call_no_outside_host(file):
 @pytest.mark.slow
 def test_the_viewer_draws_every_layout_without_an_error(file, other, tmp_path):
     port = _free_port()
-    if not any(Path(folder).is_dir() and any(Path(folder).iterdir()) for folder in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")):
-        pytest.skip("no Vulkan driver: install mesa-vulkan-drivers and libvulkan1 for pictures without a screen")
+    if not any(
+        Path(folder).is_dir() and any(Path(folder).iterdir())
+        for folder in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")
+    ):
+        pytest.skip(
+            "no Vulkan driver: install mesa-vulkan-drivers and libvulkan1 for pictures without a screen"
+        )
     with ViewerClient.spawn(headless=True, port=port, executable_path=_rerun()) as viewer:
-        for layout, against, timeline in (("run", None, "robot_time"), ("identify", None, "iteration"), ("run", other, "robot_time")):
+        for layout, against, timeline in (
+            ("run", None, "robot_time"),
+            ("identify", None, "iteration"),
+            ("run", other, "robot_time"),
+        ):
             with chosen_replay(file, layout, against) as path:
                 viewer.open(str(path.resolve()))
                 time.sleep(0.3)
@@ -287,7 +372,9 @@ def test_the_viewer_draws_every_layout_without_an_error(file, other, tmp_path):
                 picture = tmp_path / f"{layout}{against is not None}.png"
                 viewer.save_screenshot(str(picture))
             shades = matplotlib.image.imread(picture)[..., :3].reshape(-1, 3)
-            assert len(np.unique(np.floor(shades * 16.0), axis=0)) > 100  # a scene, not an empty window
+            assert (
+                len(np.unique(np.floor(shades * 16.0), axis=0)) > 100
+            )  # a scene, not an empty window
 
 
 def _free_port() -> int:

@@ -43,10 +43,16 @@ COMMAND = "ballbar run scenarios/irb2400.yaml"
 def _run(folder: Path, fitted: tuple[int, ...]) -> RunData:
     """A kinematic minute with Table 3.1 errors, identified from few samples."""
     settings = SimulationSettings(
-        cell=CellSettings(robot="irb2400", ballbar="lund_600", ballbar_position_m=(0.70, 0.0, 0.54)),
-        path=PathSettings(kind="lissajous", file="paths/irb2400_a.yaml", duration_s=60.0, dwell_s=4.0),
+        cell=CellSettings(
+            robot="irb2400", ballbar="lund_600", ballbar_position_m=(0.70, 0.0, 0.54)
+        ),
+        path=PathSettings(
+            kind="lissajous", file="paths/irb2400_a.yaml", duration_s=60.0, dwell_s=4.0
+        ),
         plant=PlantSettings(kind="kinematic"),
-        errors=ErrorSettings(static=StaticErrors(table="thesis_3_1"), joint_noise=JointNoise(sigma_rad=1e-5)),
+        errors=ErrorSettings(
+            static=StaticErrors(table="thesis_3_1"), joint_noise=JointNoise(sigma_rad=1e-5)
+        ),
         encoders=EncoderSettings(fitted=fitted, noise_sigma_rad=1e-5),
         clocks=ClockSettings(offset_s=0.137, skew=5e-5, overrun_probability=0.005),
         seed=1,
@@ -55,7 +61,14 @@ def _run(folder: Path, fitted: tuple[int, ...]) -> RunData:
     write_recording(simulation, settings, folder)
     recording = read_recording(folder)
     result = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=250)
-    return RunData("irb2400", folder, recording, result, simulation, identification_against_truth(result, simulation.truth))
+    return RunData(
+        "irb2400",
+        folder,
+        recording,
+        result,
+        simulation,
+        identification_against_truth(result, simulation.truth),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +89,13 @@ def page(run: RunData, tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture
 def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures take most of the time; tests about words do without."""
-    for name in ("cumulative", "workspace_map", "norms_over_time", "components_over_time", "whitened_histogram"):
+    for name in (
+        "cumulative",
+        "workspace_map",
+        "norms_over_time",
+        "components_over_time",
+        "whitened_histogram",
+    ):
         monkeypatch.setattr(report_figures, name, lambda *_, **__: "<svg></svg>")
 
 
@@ -124,11 +143,15 @@ def test_the_verdict_stands_before_every_number_figure_and_table(run: RunData, p
     assert sentence < min(page.index(mark) for mark in ('class="tile"', "<svg", "<table"))
 
 
-def test_every_identified_parameter_stands_in_the_table_with_the_numbers_of_the_result(run: RunData, page: str) -> None:
+def test_every_identified_parameter_stands_in_the_table_with_the_numbers_of_the_result(
+    run: RunData, page: str
+) -> None:
     result, comparison, parsed = run.identification, run.comparison, _Page(page)
     assert comparison is not None
     for name, sigma in result.sigma.items():
-        _, nominal, identified, deviation, shown_sigma, significance, true_deviation, error, z = parsed.row(name)
+        _, nominal, identified, deviation, shown_sigma, significance, true_deviation, error, z = (
+            parsed.row(name)
+        )
         to_shown = 1e3 if PARAMETERS[INDEX[name]].is_length else 180.0 / np.pi
         assert _shows(identified, result.geometry[name] * to_shown), name
         assert _shows(shown_sigma, sigma * 1e6), name
@@ -142,7 +165,9 @@ def test_every_identified_parameter_stands_in_the_table_with_the_numbers_of_the_
             assert _shows(true_deviation, (off - comparison.deviations[name]) * 1e3), name
 
 
-def test_digits_of_a_parameter_reach_its_sigma_and_no_further_than_a_tenth_of_it(run: RunData, page: str) -> None:
+def test_digits_of_a_parameter_reach_its_sigma_and_no_further_than_a_tenth_of_it(
+    run: RunData, page: str
+) -> None:
     parsed, result = _Page(page), run.identification
     for name in ("ra1", "rd6", "bd3", "ox"):
         step_mm = 2.0 * _half_digit(parsed.row(name)[2])
@@ -168,7 +193,10 @@ def test_key_figures_are_those_of_the_comparison(run: RunData, page: str) -> Non
     comparison, result = run.comparison, run.identification
     assert comparison is not None
     assert result.clock is not None
-    assert f"{significant(comparison.tcp_nominal.mean * 1e3)} → {significant(comparison.tcp.mean * 1e3)} mm" in page
+    assert (
+        f"{significant(comparison.tcp_nominal.mean * 1e3)} → {significant(comparison.tcp.mean * 1e3)} mm"
+        in page
+    )
     parsed = _Page(page)
     assert _shows(parsed.row("offset")[1], result.clock.offset * 1e3)
     assert _shows(parsed.row("skew")[1], result.clock.skew * 1e6)
@@ -187,14 +215,20 @@ def test_noise_and_import_findings_are_those_of_the_logs(run: RunData, page: str
     for finding in data.recording.report.findings:
         assert finding.sentence in parsed.text
     for file in data.recording.report.files:
-        assert any(row[0] == file.file and row[-2:] == [str(file.rows_kept), str(file.rows_read)] for row in parsed.rows if row)
+        assert any(
+            row[0] == file.file and row[-2:] == [str(file.rows_kept), str(file.rows_read)]
+            for row in parsed.rows
+            if row
+        )
 
 
 def test_the_page_requests_nothing_and_runs_nothing(page: str) -> None:
     parsed = _Page(page)
     assert not {"script", "link", "iframe", "object", "embed", "base"} & set(parsed.tags)
     loading = [
-        (name, value) for name, value in parsed.attributes if name in ("src", "href", "xlink:href", "srcset", "action", "poster", "data")
+        (name, value)
+        for name, value in parsed.attributes
+        if name in ("src", "href", "xlink:href", "srcset", "action", "poster", "data")
     ]
     assert loading
     assert all(value.startswith(("#", "data:image/png;base64,")) for _, value in loading)
@@ -207,7 +241,11 @@ def test_the_page_requests_nothing_and_runs_nothing(page: str) -> None:
 def test_inner_links_lead_somewhere(page: str) -> None:
     attributes = _Page(page).attributes
     names = {value for name, value in attributes if name == "id"}
-    assert {value[1:] for name, value in attributes if name in ("href", "xlink:href") and value.startswith("#")} <= names
+    assert {
+        value[1:]
+        for name, value in attributes
+        if name in ("href", "xlink:href") and value.startswith("#")
+    } <= names
     assert set(re.findall(r"url\(#([^)]*)\)", page)) <= names
 
 
@@ -215,10 +253,22 @@ def test_inner_links_lead_somewhere(page: str) -> None:
 def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> None:
     evil = '<script>alert("1")</script><img src=x onerror=alert(1)>'
     recording = run.recording
-    report = replace(recording.report, findings=(replace(recording.report.findings[0], sentence=evil, file=evil, kind=evil),))
-    hostile = replace(recording, description=recording.description.model_copy(update={"notes": evil}), report=report)
+    report = replace(
+        recording.report,
+        findings=(replace(recording.report.findings[0], sentence=evil, file=evil, kind=evil),),
+    )
+    hostile = replace(
+        recording,
+        description=recording.description.model_copy(update={"notes": evil}),
+        report=report,
+    )
     verdict = replace(run.identification.verdict, warnings=(evil,))
-    data = replace(run, name=evil, recording=hostile, identification=replace(run.identification, verdict=verdict))
+    data = replace(
+        run,
+        name=evil,
+        recording=hostile,
+        identification=replace(run.identification, verdict=verdict),
+    )
     parsed = _Page(_page(data, tmp_path, command=f"ballbar run {evil}"))
     assert not {"script", "img"} & set(parsed.tags)
     assert parsed.text.count("onerror=alert(1)") >= 6
@@ -237,11 +287,15 @@ def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
     second = _page(run, tmp_path).splitlines()
     stamp = re.compile(r'<p class="written">Written \d{4}-\d\d-\d\d \d\d:\d\d:\d\d UTC\.</p>')
     assert len([line for line in first if stamp.fullmatch(line)]) == 1
-    assert [line for line in first if not stamp.fullmatch(line)] == [line for line in second if not stamp.fullmatch(line)]
+    assert [line for line in first if not stamp.fullmatch(line)] == [
+        line for line in second if not stamp.fullmatch(line)
+    ]
 
 
 @pytest.mark.usefixtures("blank_figures")
-def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(run: RunData, tmp_path: Path) -> None:
+def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(
+    run: RunData, tmp_path: Path
+) -> None:
     data = replace(run, simulation=None, comparison=None)
     parsed = _Page(_page(data, tmp_path))
     assert "Stated TCP uncertainty" in parsed.text
@@ -253,7 +307,9 @@ def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(run: 
 
 
 @pytest.mark.slow
-def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(sensorless: RunData, tmp_path: Path) -> None:
+def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(
+    sensorless: RunData, tmp_path: Path
+) -> None:
     parsed = _Page(_page(sensorless, tmp_path))
     assert "there is one log, and no second clock to align" in parsed.text
     assert "time on the robot clock [s]" in parsed.text
@@ -272,8 +328,12 @@ def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(sensorless: RunDat
         ("misfit", "verdict bad", "Not acceptable"),
     ],
 )
-def test_the_band_takes_colour_and_word_from_the_verdict(run: RunData, tmp_path: Path, status: str, band: str, heading: str) -> None:
-    result = replace(run.identification, verdict=Verdict(status, "What the fit says.", ("one remark",)))
+def test_the_band_takes_colour_and_word_from_the_verdict(
+    run: RunData, tmp_path: Path, status: str, band: str, heading: str
+) -> None:
+    result = replace(
+        run.identification, verdict=Verdict(status, "What the fit says.", ("one remark",))
+    )
     page = _page(replace(run, identification=result), tmp_path)
     assert f'class="{band}"' in page
     assert f'<p class="heading">{heading}</p>\n<p class="sentence">What the fit says.</p>' in page
@@ -293,11 +353,17 @@ def test_rivals_of_the_clock_alignment_are_listed(run: RunData, tmp_path: Path) 
     assert _shows(parsed.row("rival")[1], result.start.chosen.fit.estimate.clock.offset)
 
 
-def test_input_files_stand_with_their_hashes_relative_to_the_recording(run: RunData, page: str) -> None:
+def test_input_files_stand_with_their_hashes_relative_to_the_recording(
+    run: RunData, page: str
+) -> None:
     parsed = _Page(page)
     for name in ("recording.yaml", "raw/robot.csv", "raw/ballbar.csv"):
         content = (run.folder / name).read_bytes()
-        (row,) = [row for row in parsed.rows if row and row[0] == name and row[-1] == hashlib.sha256(content).hexdigest()]
+        (row,) = [
+            row
+            for row in parsed.rows
+            if row and row[0] == name and row[-1] == hashlib.sha256(content).hexdigest()
+        ]
         assert row[1] == str(len(content))
     assert str(run.folder) not in page
     assert str(run.folder.parent) not in page
@@ -312,13 +378,24 @@ def test_the_scenario_file_stands_among_the_inputs(run: RunData, tmp_path: Path)
 
 def test_the_map_of_the_sphere_keeps_areas_poles_and_directions() -> None:
     rng = np.random.default_rng(1)
-    z, turn = rng.uniform(-1.0, 1.0, 20_000), rng.uniform(-np.pi, np.pi, 20_000)  # uniform over the sphere
+    z, turn = (
+        rng.uniform(-1.0, 1.0, 20_000),
+        rng.uniform(-np.pi, np.pi, 20_000),
+    )  # uniform over the sphere
     flat = np.sqrt(1.0 - z * z)
     place = equal_area(np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1))
     reach = np.hypot(*place.T)
-    for radius in (0.5, 1.0, EQUATOR, 1.8):  # share of points is share of the disc's area, within four deviations
+    for radius in (
+        0.5,
+        1.0,
+        EQUATOR,
+        1.8,
+    ):  # share of points is share of the disc's area, within four deviations
         assert abs((reach < radius).mean() - radius**2 / 4.0) < 4.0 * np.sqrt(0.25 / z.size), radius
-    assert np.allclose(equal_area(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])), [[0, 0], [EQUATOR, 0], [0, -EQUATOR]])
+    assert np.allclose(
+        equal_area(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])),
+        [[0, 0], [EQUATOR, 0], [0, -EQUATOR]],
+    )
 
 
 def test_the_directions_on_the_sphere_are_those_of_the_true_rod(run: RunData) -> None:
@@ -326,12 +403,16 @@ def test_the_directions_on_the_sphere_are_those_of_the_true_rod(run: RunData) ->
     assert simulation is not None
     assert result.clock is not None
     true_time = np.interp(
-        result.clock.robot_time(result.after.t), simulation.times.robot_stamp - simulation.times.robot_stamp[0], simulation.times.robot_true
+        result.clock.robot_time(result.after.t),
+        simulation.times.robot_stamp - simulation.times.robot_stamp[0],
+        simulation.times.robot_true,
     )
     q, _ = simulation.motion.at(true_time)
     rod = robot_frames(simulation.truth.geometry, q).tip.T - simulation.truth.geometry.origin
     rod /= np.linalg.norm(rod, axis=1, keepdims=True)
-    assert np.abs(tool_directions(run.fitted[0]) - rod).max() < 5e-3  # 2 mm of base gauge over a rod of 600 mm
+    assert (
+        np.abs(tool_directions(run.fitted[0]) - rod).max() < 5e-3
+    )  # 2 mm of base gauge over a rod of 600 mm
 
 
 def test_correlations_are_drawn_for_groups_and_only_while_names_are_readable() -> None:
@@ -346,17 +427,32 @@ def test_correlations_are_drawn_for_groups_and_only_while_names_are_readable() -
 def test_who_decides_reads_confidence_and_what_to_do(run: RunData, page: str) -> None:
     text = _Page(page).text
     sigma = run.identification.tcp_sigma
-    assert f"within {significant(2.0 * sigma.mean() * 1e3)} mm of the tool's place at an average pose" in text
-    assert f"within {significant(2.0 * sigma.max() * 1e3)} mm at the worst, with 95 % confidence" in text
+    assert (
+        f"within {significant(2.0 * sigma.mean() * 1e3)} mm of the tool's place at an average pose"
+        in text
+    )
+    assert (
+        f"within {significant(2.0 * sigma.max() * 1e3)} mm at the worst, with 95 % confidence"
+        in text
+    )
     assert "What to do. The identified robot may be used" in text
 
 
 @pytest.mark.parametrize(
     ("command", "shown"),
     [
-        ("ballbar run scenarios/irb2400.yaml --seed 2", "ballbar run scenarios/irb2400.yaml --seed 2"),
-        ("/home/me/.venv/bin/ballbar run /home/me/a.yaml --out=/data/run_1", "…/ballbar run …/a.yaml --out=…/run_1"),
-        ("ballbar identify 'C:\\cells\\cell 3' --samples 500", 'ballbar identify "…/cell 3" --samples 500'),
+        (
+            "ballbar run scenarios/irb2400.yaml --seed 2",
+            "ballbar run scenarios/irb2400.yaml --seed 2",
+        ),
+        (
+            "/home/me/.venv/bin/ballbar run /home/me/a.yaml --out=/data/run_1",
+            "…/ballbar run …/a.yaml --out=…/run_1",
+        ),
+        (
+            "ballbar identify 'C:\\cells\\cell 3' --samples 500",
+            'ballbar identify "…/cell 3" --samples 500',
+        ),
         ("ballbar run 'unclosed /home/me/a.yaml", "ballbar run 'unclosed …/a.yaml"),
     ],
 )
@@ -367,7 +463,9 @@ def test_the_command_is_shown_without_folders_of_this_computer(command: str, sho
 @pytest.mark.slow
 @pytest.mark.usefixtures("blank_figures")
 def test_a_missed_limit_of_the_scenario_stands_in_the_heading(run: RunData, tmp_path: Path) -> None:
-    missed = replace(run, limits=(Limit("TCP error, mean", 0.02, 0.01, "mm"), Limit("iterations", 4.0, 10.0, "")))
+    missed = replace(
+        run, limits=(Limit("TCP error, mean", 0.02, 0.01, "mm"), Limit("iterations", 4.0, 10.0, ""))
+    )
     assert "Limits of the scenario missed: TCP error, mean" in _Page(_page(missed, tmp_path)).text
     assert "Limits of the scenario missed" not in _Page(_page(run, tmp_path)).text
 
@@ -393,7 +491,9 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
 @pytest.mark.slow
 def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
-        write_report(tmp_path / "report.html", replace(run, folder=tmp_path / "gone"), command=COMMAND)
+        write_report(
+            tmp_path / "report.html", replace(run, folder=tmp_path / "gone"), command=COMMAND
+        )
     assert list(tmp_path.iterdir()) == []
 
 

@@ -17,13 +17,21 @@ from tests.conftest import Recorded
 
 def test_runs_of_true_are_stretches_of_time() -> None:
     t = np.arange(6) * 0.5
-    assert stretches(t, np.array([True, True, False, True, False, True])).tolist() == [[0.0, 0.5], [1.5, 1.5], [2.5, 2.5]]
+    assert stretches(t, np.array([True, True, False, True, False, True])).tolist() == [
+        [0.0, 0.5],
+        [1.5, 1.5],
+        [2.5, 2.5],
+    ]
     assert stretches(t, np.zeros(6, dtype=bool)).shape == (0, 2)
 
 
 @pytest.fixture(scope="module")
 def run(recorded: Recorded) -> RunData:
-    return identify_recordings([Path(recorded.folder)], settings=IdentifySettings(samples=300, model="dh"), progress=lambda _: None)
+    return identify_recordings(
+        [Path(recorded.folder)],
+        settings=IdentifySettings(samples=300, model="dh"),
+        progress=lambda _: None,
+    )
 
 
 @pytest.mark.slow

@@ -104,41 +104,103 @@ def table_bytes(outcome: Outcome) -> tuple[bytes, bytes]:
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
-        ("vary: {errors.joint_nose.sigma_rad: [1.0]}\nseeds: {count: 1}\n", 4, "unknown key errors.joint_nose. Did you mean joint_noise?"),
+        (
+            "vary: {errors.joint_nose.sigma_rad: [1.0]}\nseeds: {count: 1}\n",
+            4,
+            "unknown key errors.joint_nose. Did you mean joint_noise?",
+        ),
         (
             "vary:\n  errors.joint_noise.sigma_rad:\n    - 1.0e-5\n    - -1.0\nseeds: {count: 1}\n",
             7,
             "sigma_rad = -1.0: expected 0 or more.",
         ),
-        ("vary: {identify.samples: [many]}\nseeds: {count: 1}\n", 4, "identify.samples = 'many': expected a whole number"),
-        ("change:\n  errors:\n    joint_noise: {sigma: 1}\nseeds: {count: 1}\n", 6, "unknown key errors.joint_noise.sigma."),
-        ("change: {cell.robot.a: 1}\nseeds: {count: 1}\n", 4, "cell.robot.a: the scenario has the value 'irb2400' above a"),
+        (
+            "vary: {identify.samples: [many]}\nseeds: {count: 1}\n",
+            4,
+            "identify.samples = 'many': expected a whole number",
+        ),
+        (
+            "change:\n  errors:\n    joint_noise: {sigma: 1}\nseeds: {count: 1}\n",
+            6,
+            "unknown key errors.joint_noise.sigma.",
+        ),
+        (
+            "change: {cell.robot.a: 1}\nseeds: {count: 1}\n",
+            4,
+            "cell.robot.a: the scenario has the value 'irb2400' above a",
+        ),
         (
             "together:\n  - {clocks.skew: 0.0}\n  - {clocks: {skew: 1.0}}\nseeds: {count: 1}\n",
             6,
             "clocks.skew = 1.0: expected 0.002 or less",
         ),
-        ("vary: {cell.ballbar_position_m.3: [0.1]}\nseeds: {count: 1}\n", 4, "the list has no item 3; it has 3, from 0"),
-        ("draw:\n  errors.joint_noise.sigma_rad: {normal: [0, 1]}\ndraws: 9\nseeds: {count: 1}\n", 5, "expected 0 or more"),
-        ("vary: {seed: [1, 2]}\nseeds: {count: 1}\n", 4, "vary.seed: the seeds of the runs are given under seeds."),
-        ("vary: {clocks.skew: [0.0]}\nseeds: {count: 0}\n", 5, "seeds.count = 0: expected 1 or more."),
-        ("vary: {clocks.skew: []}\nseeds: {count: 1}\n", 4, "vary.clocks.skew: expected at least 1 items"),
-        ("draw: {clocks.skew: {uniform: [0, 1e-4]}}\nseeds: {count: 1}\n", 4, "say how often to draw: add `draws: N`"),
+        (
+            "vary: {cell.ballbar_position_m.3: [0.1]}\nseeds: {count: 1}\n",
+            4,
+            "the list has no item 3; it has 3, from 0",
+        ),
+        (
+            "draw:\n  errors.joint_noise.sigma_rad: {normal: [0, 1]}\ndraws: 9\nseeds: {count: 1}\n",
+            5,
+            "expected 0 or more",
+        ),
+        (
+            "vary: {seed: [1, 2]}\nseeds: {count: 1}\n",
+            4,
+            "vary.seed: the seeds of the runs are given under seeds.",
+        ),
+        (
+            "vary: {clocks.skew: [0.0]}\nseeds: {count: 0}\n",
+            5,
+            "seeds.count = 0: expected 1 or more.",
+        ),
+        (
+            "vary: {clocks.skew: []}\nseeds: {count: 1}\n",
+            4,
+            "vary.clocks.skew: expected at least 1 items",
+        ),
+        (
+            "draw: {clocks.skew: {uniform: [0, 1e-4]}}\nseeds: {count: 1}\n",
+            4,
+            "say how often to draw: add `draws: N`",
+        ),
         ("draws: 3\nseeds: {count: 1}\n", 4, "nothing is drawn"),
-        ("draw: {clocks.skew: {log_uniform: [0, 1e-4]}}\ndraws: 3\nseeds: {count: 1}\n", 4, "both bounds of log_uniform must be above 0"),
-        ("draw: {clocks.skew: {uniform: [1, 0]}}\ndraws: 3\nseeds: {count: 1}\n", 4, "the first bound must be below the second"),
-        ("draw: {clocks.skew: {uniform: [0, 1], normal: [0, 1]}}\ndraws: 3\nseeds: {count: 1}\n", 4, "give exactly one of uniform"),
-        ("vary:\n  clocks: [{}]\n  clocks.skew: [0.0]\nseeds: {count: 1}\n", 6, "clocks is given under vary already"),
+        (
+            "draw: {clocks.skew: {log_uniform: [0, 1e-4]}}\ndraws: 3\nseeds: {count: 1}\n",
+            4,
+            "both bounds of log_uniform must be above 0",
+        ),
+        (
+            "draw: {clocks.skew: {uniform: [1, 0]}}\ndraws: 3\nseeds: {count: 1}\n",
+            4,
+            "the first bound must be below the second",
+        ),
+        (
+            "draw: {clocks.skew: {uniform: [0, 1], normal: [0, 1]}}\ndraws: 3\nseeds: {count: 1}\n",
+            4,
+            "give exactly one of uniform",
+        ),
+        (
+            "vary:\n  clocks: [{}]\n  clocks.skew: [0.0]\nseeds: {count: 1}\n",
+            6,
+            "clocks is given under vary already",
+        ),
         (
             "together:\n  - {clocks.skew: 0}\nvary:\n  clocks.skew: [0.0]\nseeds: {count: 1}\n",
             7,
             "clocks.skew is given under together already",
         ),
-        ("vary: {path.file: [paths/irb2400_a.yaml, no.yaml]}\nseeds: {count: 1}\n", None, "path.file = 'no.yaml': "),
+        (
+            "vary: {path.file: [paths/irb2400_a.yaml, no.yaml]}\nseeds: {count: 1}\n",
+            None,
+            "path.file = 'no.yaml': ",
+        ),
         ("loop: 3\nseeds: {count: 1}\n", 4, "unknown key loop."),
     ],
 )
-def test_a_wrong_sweep_is_refused_with_file_line_and_words(text: str, line: int | None, words: str, tmp_path: Path) -> None:
+def test_a_wrong_sweep_is_refused_with_file_line_and_words(
+    text: str, line: int | None, words: str, tmp_path: Path
+) -> None:
     with pytest.raises(InputError) as refused:
         plan_of(tmp_path, text)
     told = str(refused.value)
@@ -149,25 +211,39 @@ def test_a_wrong_sweep_is_refused_with_file_line_and_words(text: str, line: int 
 
 def test_a_scenario_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"sweep.yaml:3: scenario = 'gone.yaml': no such file"):
-        plan_of(tmp_path, "schema: ballbar-sweep/1\nname: a\nscenario: gone.yaml\nseeds: {count: 1}\n")
+        plan_of(
+            tmp_path, "schema: ballbar-sweep/1\nname: a\nscenario: gone.yaml\nseeds: {count: 1}\n"
+        )
 
 
 def test_values_that_are_wrong_only_together_are_named_together(tmp_path: Path) -> None:
     """A shorter path leaves the scenario's own fault beyond its end; no key of the sweep is wrong by itself."""
-    scenario = (SCENARIOS / "irb2400.yaml").read_text().replace("clocks: {", "clocks: {step: {at_s: 90, step_s: 0.01}, ")
+    scenario = (
+        (SCENARIOS / "irb2400.yaml")
+        .read_text()
+        .replace("clocks: {", "clocks: {step: {at_s: 90, step_s: 0.01}, ")
+    )
     (tmp_path / "scenario.yaml").write_text(scenario.replace("paths/", f"{SCENARIOS}/paths/"))
     text = "schema: ballbar-sweep/1\nname: a\nscenario: scenario.yaml\nvary: {path.duration_s: [120, 60]}\nseeds: {count: 1}\n"
-    with pytest.raises(InputError, match=r'clocks.step.at_s = 90: t = 90 s is not logged; .* with \{"path.duration_s": 60\}\.'):
+    with pytest.raises(
+        InputError,
+        match=r'clocks.step.at_s = 90: t = 90 s is not logged; .* with \{"path.duration_s": 60\}\.',
+    ):
         plan_of(tmp_path, text)
 
 
 def test_every_wrong_value_of_a_grid_is_told_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError) as refused:
-        plan_of(tmp_path, "vary:\n  clocks.skew: [0.0, 1.0]\n  identify.samples: [3, 100]\nseeds: {count: 1}\n")
+        plan_of(
+            tmp_path,
+            "vary:\n  clocks.skew: [0.0, 1.0]\n  identify.samples: [3, 100]\nseeds: {count: 1}\n",
+        )
     assert [line.split(":")[1] for line in str(refused.value).splitlines()] == ["5", "6"]
 
 
-@pytest.mark.parametrize("file", sorted((SCENARIOS / "sweeps").glob("*.yaml")), ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file", sorted((SCENARIOS / "sweeps").glob("*.yaml")), ids=lambda file: file.stem
+)
 def test_every_shipped_sweep_is_accepted(file: Path) -> None:
     sweep = load(file)
     check_points(sweep)
@@ -200,7 +276,12 @@ seeds: {first: 7, count: 2}
     runs = [run_of(plan, k) for k in range(plan.runs)]
     expected = itertools.product(["one", "two"], [100, 200], ["thesis_3_1", None], [7, 8])
     assert [
-        (run.values["label"], run.scenario.identify.samples, run.scenario.errors.static.table, run.scenario.seed)  # type: ignore[union-attr]
+        (
+            run.values["label"],
+            run.scenario.identify.samples,
+            run.scenario.errors.static.table,
+            run.scenario.seed,
+        )  # type: ignore[union-attr]
         for run in runs
     ] == list(expected)
     assert [run.point for run in runs] == [k // 2 for k in range(16)]
@@ -208,7 +289,9 @@ seeds: {first: 7, count: 2}
 
 
 def test_draws_stay_when_another_key_is_drawn_or_more_are_drawn(tmp_path: Path) -> None:
-    one = plan_of(tmp_path, "draw: {clocks.skew: {uniform: [-1e-4, 1e-4]}}\ndraws: 20\nseeds: {count: 3}\n")
+    one = plan_of(
+        tmp_path, "draw: {clocks.skew: {uniform: [-1e-4, 1e-4]}}\ndraws: 20\nseeds: {count: 3}\n"
+    )
     more = plan_of(
         tmp_path,
         "draw: {errors.joint_noise.sigma_rad: {log_uniform: [1e-6, 1e-4]}, clocks.skew: {uniform: [-1e-4, 1e-4]}}\n"
@@ -219,7 +302,10 @@ def test_draws_stay_when_another_key_is_drawn_or_more_are_drawn(tmp_path: Path) 
     assert len(set(skews)) == 20
     sigmas = [point_of(more, i)["errors.joint_noise.sigma_rad"] for i in range(20)]
     assert abs(np.corrcoef(skews, np.log(sigmas))[0, 1]) < 0.9, "each key has a stream of its own"
-    other = plan_of(tmp_path, "draw: {clocks.skew: {uniform: [-1e-4, 1e-4]}}\ndraws: 20\nseed: 1\nseeds: {count: 3}\n")
+    other = plan_of(
+        tmp_path,
+        "draw: {clocks.skew: {uniform: [-1e-4, 1e-4]}}\ndraws: 20\nseed: 1\nseeds: {count: 3}\n",
+    )
     assert not set(skews) & {point_of(other, i)["clocks.skew"] for i in range(20)}
 
 
@@ -228,15 +314,25 @@ def test_draws_stay_when_another_key_is_drawn_or_more_are_drawn(tmp_path: Path) 
     [
         ("uniform: [-1.0, 3.0]", lambda u: -1.0 + 4.0 * u),
         ("log_uniform: [1.0e-2, 1.0]", lambda u: 10.0 ** (-2.0 + 2.0 * u)),
-        ("normal: [2.0, 0.5]", lambda u: 2.0 + 0.5 * float(np.sqrt(2.0)) * _inverse_erf(2.0 * u - 1.0)),
+        (
+            "normal: [2.0, 0.5]",
+            lambda u: 2.0 + 0.5 * float(np.sqrt(2.0)) * _inverse_erf(2.0 * u - 1.0),
+        ),
     ],
 )
-def test_draws_follow_their_distribution(distribution: str, quantile: Callable[[float], float], tmp_path: Path) -> None:
-    plan = plan_of(tmp_path, f"draw: {{clocks.offset_s: {{{distribution}}}}}\ndraws: 4000\nseeds: {{count: 1}}\n")
+def test_draws_follow_their_distribution(
+    distribution: str, quantile: Callable[[float], float], tmp_path: Path
+) -> None:
+    plan = plan_of(
+        tmp_path,
+        f"draw: {{clocks.offset_s: {{{distribution}}}}}\ndraws: 4000\nseeds: {{count: 1}}\n",
+    )
     drawn = np.sort([point_of(plan, i)["clocks.offset_s"] for i in range(plan.points)])
     for u in (0.1, 0.25, 0.5, 0.75, 0.9):
         share = float(np.mean(drawn < quantile(u)))
-        assert abs(share - u) < 4.0 * np.sqrt(u * (1.0 - u) / 4000)  # four standard deviations of a share
+        assert abs(share - u) < 4.0 * np.sqrt(
+            u * (1.0 - u) / 4000
+        )  # four standard deviations of a share
 
 
 def _inverse_erf(x: float) -> float:
@@ -247,9 +343,17 @@ def _inverse_erf(x: float) -> float:
 
 @given(points=st.integers(1, 60), seeds=st.integers(1, 500))
 def test_every_run_is_in_exactly_one_part(points: int, seeds: int) -> None:
-    data = {"name": "a", "together": [], "vary": {"clocks.skew": [0.0] * points}, "draw": {}, "draws": None}
+    data = {
+        "name": "a",
+        "together": [],
+        "vary": {"clocks.skew": [0.0] * points},
+        "draw": {},
+        "draws": None,
+    }
     plan = Plan(json.dumps(data | {"seed": 0, "seeds": {"first": 0, "count": seeds}}))
-    assert [run for part in range(plan.parts) for run in plan.part(part)] == list(range(points * seeds))
+    assert [run for part in range(plan.parts) for run in plan.part(part)] == list(
+        range(points * seeds)
+    )
 
 
 def test_changes_leave_the_scenario_as_it_was() -> None:
@@ -259,24 +363,35 @@ def test_changes_leave_the_scenario_as_it_was() -> None:
     assert data == {"a": {"b": [1, {"c": 2}]}, "d": None}
 
 
-def test_files_of_the_scenario_travel_with_the_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_of_the_scenario_travel_with_the_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A worker finds them by the same names, also above the scenario's folder, and another text is another sweep."""
     (tmp_path / "cells" / "mine").mkdir(parents=True)
     (tmp_path / "paths").mkdir()
     (tmp_path / "paths" / "a.yaml").write_text("one")
-    scenario = (SCENARIOS / "irb2400.yaml").read_text().replace("paths/irb2400_a.yaml", "../../paths/a.yaml")
+    scenario = (
+        (SCENARIOS / "irb2400.yaml")
+        .read_text()
+        .replace("paths/irb2400_a.yaml", "../../paths/a.yaml")
+    )
     (tmp_path / "cells" / "mine" / "s.yaml").write_text(scenario)
     text = "schema: ballbar-sweep/1\nname: a\nscenario: cells/mine/s.yaml\nseeds: {count: 1}\n"
     sweep = loaded(tmp_path, text)
     (tmp_path / "paths" / "a.yaml").write_text("two")
     for name in ONE_THREAD:
         monkeypatch.setenv(name, "1")
-    assert run_part_elsewhere(sweep.plan.text, 0, sweep_work.path_text, sweep.files)[0]["text"] == "one"
+    assert (
+        run_part_elsewhere(sweep.plan.text, 0, sweep_work.path_text, sweep.files)[0]["text"]
+        == "one"
+    )
     assert plan_of(tmp_path, text).digest != sweep.plan.digest
     for elsewhere in ("here", "there"):
         unpack(sweep.files, tmp_path / elsewhere)
         row = run_part(sweep.plan.text, 0, sweep_work.no_such_file, tmp_path / elsewhere)[0]
-        assert row["reason"] == "../../paths/a.yaml and paths/a.yaml: no such file.", "the folder of the worker is not in it"
+        assert row["reason"] == "../../paths/a.yaml and paths/a.yaml: no such file.", (
+            "the folder of the worker is not in it"
+        )
 
 
 # -- the table
@@ -288,7 +403,13 @@ def test_a_row_says_what_was_run_and_what_came_out(tmp_path: Path) -> None:
     table = pd.read_parquet(outcome.folder.table)
     assert list(table.columns) == [
         *("sweep", "scenario", "version", "run", "point", "seed", "status", "reason"),
-        *("errors.joint_noise.sigma_rad", "cell.ballbar_position_m.0", "distance_mm_mrad", "rows", "cost"),
+        *(
+            "errors.joint_noise.sigma_rad",
+            "cell.ballbar_position_m.0",
+            "distance_mm_mrad",
+            "rows",
+            "cost",
+        ),
     ]
     assert len(table) == sweep.plan.runs == 20
     assert (table["sweep"] == "tried").all()
@@ -316,7 +437,11 @@ def test_a_failed_run_is_a_row_with_its_reason(tmp_path: Path) -> None:
     assert table["distance_mm_mrad"].isna().sum() == 16
     assert list(table["extra"].dropna()) == [1.5] * 4
     failures = failures_of(outcome.folder.table)
-    assert (failures.count, failures.of_reason, failures.reason) == (16, 8, "no motion at 0.7 m in 4 s"), "whatever the numbers in it"
+    assert (failures.count, failures.of_reason, failures.reason) == (
+        16,
+        8,
+        "no motion at 0.7 m in 4 s",
+    ), "whatever the numbers in it"
 
 
 def test_a_column_has_one_type_whatever_its_parts_hold(tmp_path: Path) -> None:
@@ -333,7 +458,15 @@ def test_a_column_has_one_type_whatever_its_parts_hold(tmp_path: Path) -> None:
     write_table(files, {"parquet": tmp_path / "t.parquet", "csv": tmp_path / "t.csv"})
     rows = pd.read_parquet(tmp_path / "t.parquet", dtype_backend="pyarrow")
     assert [str(rows[name].dtype) for name in ("vary", "mixed", "a", "b", "c", "d", "e")] == [
-        *("double[pyarrow]", "string[pyarrow]", "double[pyarrow]", "int64[pyarrow]", "bool[pyarrow]", "string[pyarrow]", "double[pyarrow]")
+        *(
+            "double[pyarrow]",
+            "string[pyarrow]",
+            "double[pyarrow]",
+            "int64[pyarrow]",
+            "bool[pyarrow]",
+            "string[pyarrow]",
+            "double[pyarrow]",
+        )
     ]
     assert rows["b"][2] == 2**60
     assert rows["d"][2] == "u,\n\"'"
@@ -347,12 +480,19 @@ def test_a_figure_cannot_take_the_place_of_another_column(tmp_path: Path) -> Non
 
 
 def test_the_summary_takes_draws_and_seeds_of_a_grid_point_together(tmp_path: Path) -> None:
-    sweep = loaded(tmp_path, GRID.replace("seeds", "draw: {clocks.skew: {uniform: [0, 1e-4]}}\ndraws: 3\nseeds"))
+    sweep = loaded(
+        tmp_path,
+        GRID.replace("seeds", "draw: {clocks.skew: {uniform: [0, 1e-4]}}\ndraws: 3\nseeds"),
+    )
     outcome = swept(sweep, tmp_path / "out", inline, sweep_work.figures_with_failures)
     table = pd.read_parquet(outcome.folder.table)
     points = list(grid_points(outcome.folder.table, sweep.plan))
     assert [(point.runs, point.failed) for point in points] == [(15, 12)] * 4
-    for (_, rows), point in zip(table.groupby(["errors.joint_noise.sigma_rad", "cell.ballbar_position_m.0"]), points, strict=True):
+    for (_, rows), point in zip(
+        table.groupby(["errors.joint_noise.sigma_rad", "cell.ballbar_position_m.0"]),
+        points,
+        strict=True,
+    ):
         assert list(point.values) == ["errors.joint_noise.sigma_rad", "cell.ballbar_position_m.0"]
         assert list(point.figures["distance_mm_mrad"]) == list(rows["distance_mm_mrad"].dropna())
 
@@ -369,7 +509,9 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedSweep, Ou
 
 
 @pytest.mark.slow
-def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(reference: tuple[LoadedSweep, Outcome], tmp_path: Path) -> None:
+def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(
+    reference: tuple[LoadedSweep, Outcome], tmp_path: Path
+) -> None:
     sweep, whole = reference
     heard: list[str] = []
     killed: list[int] = []
@@ -393,7 +535,9 @@ def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(reference: tuple[L
     assert table_bytes(again) == table_bytes(whole)
 
 
-def test_a_second_interrupt_drops_what_is_under_way_and_nothing_else(reference: tuple[LoadedSweep, Outcome], tmp_path: Path) -> None:
+def test_a_second_interrupt_drops_what_is_under_way_and_nothing_else(
+    reference: tuple[LoadedSweep, Outcome], tmp_path: Path
+) -> None:
     sweep, whole = reference
 
     def interrupt(done: int, stage: str) -> None:
@@ -413,14 +557,19 @@ def test_a_finished_sweep_is_not_run_again(reference: tuple[LoadedSweep, Outcome
     assert again.kept == sweep.plan.runs
 
 
-def test_a_torn_part_is_named_and_only_its_runs_are_repeated(reference: tuple[LoadedSweep, Outcome], tmp_path: Path) -> None:
+def test_a_torn_part_is_named_and_only_its_runs_are_repeated(
+    reference: tuple[LoadedSweep, Outcome], tmp_path: Path
+) -> None:
     sweep, whole = reference
     plan = sweep.plan
     first = swept(sweep, tmp_path / "out", inline)
     first.folder.csv.unlink()
     torn = first.folder.part(3)
     torn.write_bytes(torn.read_bytes()[:100])
-    with pytest.raises(InputError, match=r"000003\.parquet: cannot be read: .* Delete this file and run the sweep again"):
+    with pytest.raises(
+        InputError,
+        match=r"000003\.parquet: cannot be read: .* Delete this file and run the sweep again",
+    ):
         swept(sweep, tmp_path / "out", inline)
     torn.unlink()
     again = swept(sweep, tmp_path / "out", inline)
@@ -431,7 +580,10 @@ def test_a_torn_part_is_named_and_only_its_runs_are_repeated(reference: tuple[Lo
 @pytest.mark.slow
 def test_a_worker_that_dies_ends_the_sweep_in_words(tmp_path: Path) -> None:
     sweep = loaded(tmp_path, GRID)
-    with pytest.raises(SweepError, match=r"a worker process died, runs \d+ to \d+ were under way\. Is there enough memory\?"):
+    with pytest.raises(
+        SweepError,
+        match=r"a worker process died, runs \d+ to \d+ were under way\. Is there enough memory\?",
+    ):
         swept(sweep, tmp_path / "out", partial(processes, count=2), sweep_work.figures_or_death)
 
 
@@ -441,9 +593,18 @@ def test_the_version_changes_with_a_byte_of_our_code(tmp_path: Path) -> None:
         shutil.copytree(root / package, tmp_path / package)
 
     def version() -> str:
-        command = [sys.executable, "-c", "from ballbar.sweep.version import code_version; print(code_version())"]
+        command = [
+            sys.executable,
+            "-c",
+            "from ballbar.sweep.version import code_version; print(code_version())",
+        ]
         return subprocess.run(
-            command, cwd=tmp_path, check=True, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(tmp_path)}
+            command,
+            cwd=tmp_path,
+            check=True,
+            capture_output=True,
+            text=True,
+            env=os.environ | {"PYTHONPATH": str(tmp_path)},
         ).stdout
 
     before = version()
@@ -455,16 +616,24 @@ def test_the_version_changes_with_a_byte_of_our_code(tmp_path: Path) -> None:
 def test_a_worker_of_another_version_is_refused(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, GRID)
     other = plan.text.replace(plan.data["version"], "0.0.9+00000000")
-    with pytest.raises(InputError, match=r"a worker has version \S+, the sweep 0\.0\.9\+00000000\. Install the same version"):
+    with pytest.raises(
+        InputError,
+        match=r"a worker has version \S+, the sweep 0\.0\.9\+00000000\. Install the same version",
+    ):
         run_part(other, 0, sweep_work.figures, tmp_path)
 
 
-def test_a_worker_of_a_cluster_with_several_threads_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_of_a_cluster_with_several_threads_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     monkeypatch.setenv("MKL_NUM_THREADS", "4")
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     sweep = loaded(tmp_path, GRID)
-    with pytest.raises(InputError, match="with a nanny, Dask's default, or with OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1"):
+    with pytest.raises(
+        InputError,
+        match="with a nanny, Dask's default, or with OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1",
+    ):
         run_part_elsewhere(sweep.plan.text, 0, sweep_work.figures, sweep.files)
 
 
@@ -476,9 +645,14 @@ def test_parts_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) ->
 
     plan = plan_of(tmp_path, GRID)
     started(plan)
-    with pytest.raises(InputError, match=r"plan\.yaml: its parts are of another sweep \(other: vary\); nothing was run"):
+    with pytest.raises(
+        InputError,
+        match=r"plan\.yaml: its parts are of another sweep \(other: vary\); nothing was run",
+    ):
         started(plan_of(tmp_path, GRID.replace("0.72", "0.73")))
-    with pytest.raises(InputError, match=r"plan\.yaml: its parts were computed by version \S+, this is 0\.0\.9"):
+    with pytest.raises(
+        InputError, match=r"plan\.yaml: its parts were computed by version \S+, this is 0\.0\.9"
+    ):
         started(Plan(plan.text.replace(plan.data["version"], "0.0.9")))
     started(plan)
 
@@ -491,7 +665,10 @@ def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> Non
 
 def test_two_processes_never_work_in_one_folder(tmp_path: Path) -> None:
     sweep = loaded(tmp_path, GRID)
-    with open_folder(tmp_path / "out", sweep.plan), pytest.raises(InputError, match="another process works on this sweep"):
+    with (
+        open_folder(tmp_path / "out", sweep.plan),
+        pytest.raises(InputError, match="another process works on this sweep"),
+    ):
         swept(sweep, tmp_path / "out", inline)
 
 
@@ -501,7 +678,16 @@ def test_the_command_says_where_the_table_is_and_what_failed(
 ) -> None:
     monkeypatch.setattr("ballbar.trial.trial.run_trial", sweep_work.figures_with_failures)
     loaded(tmp_path, GRID)
-    code, out, err = ballbar(monkeypatch, capsys, "sweep", tmp_path / "sweep.yaml", "--out", tmp_path / "out", "--workers", 2)
+    code, out, err = ballbar(
+        monkeypatch,
+        capsys,
+        "sweep",
+        tmp_path / "sweep.yaml",
+        "--out",
+        tmp_path / "out",
+        "--workers",
+        2,
+    )
     assert code == 0
     assert f"Table {tmp_path / 'out' / 'tried.parquet'} and tried.csv: 20 runs" in out
     assert "16 of 20 runs failed; most often (8): no motion at 0.7 m in 4 s" in out
@@ -516,7 +702,16 @@ def test_a_sweep_whose_every_run_fails_exits_with_1(
 ) -> None:
     monkeypatch.setattr("ballbar.trial.trial.run_trial", sweep_work.no_such_file)
     loaded(tmp_path, "seeds: {count: 3}\n")
-    code, out, _ = ballbar(monkeypatch, capsys, "sweep", tmp_path / "sweep.yaml", "--out", tmp_path / "out", "--workers", 1)
+    code, out, _ = ballbar(
+        monkeypatch,
+        capsys,
+        "sweep",
+        tmp_path / "sweep.yaml",
+        "--out",
+        tmp_path / "out",
+        "--workers",
+        1,
+    )
     assert code == 1
     assert "3 of 3 runs failed" in out
 
@@ -530,7 +725,9 @@ def test_bad_input_exits_with_2_and_writes_nothing(
     assert code == 2
     assert "sweep.yaml:5: errors.joint_noise.sigma_rad = -1e-06: expected 0 or more." in err
     assert not (tmp_path / "out").exists()
-    code, _, err = ballbar(monkeypatch, capsys, "sweep", file, "--workers", 2, "--scheduler", "tcp://10.0.0.5:8786")
+    code, _, err = ballbar(
+        monkeypatch, capsys, "sweep", file, "--workers", 2, "--scheduler", "tcp://10.0.0.5:8786"
+    )
     assert code == 2
     assert "--workers counts processes on this machine" in err
 
@@ -540,12 +737,27 @@ def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) ->
     """The command as a user runs it: killed with its parts half done, stopped by Ctrl-C, then left alone."""
     file = tmp_path / "real.yaml"
     file.write_text(REAL)
-    command = [sys.executable, "-m", "ballbar", "sweep", str(file), "--workers", "2", "--out", str(tmp_path / "broken")]
+    command = [
+        sys.executable,
+        "-m",
+        "ballbar",
+        "sweep",
+        str(file),
+        "--workers",
+        "2",
+        "--out",
+        str(tmp_path / "broken"),
+    ]
 
     def killed(number: signal.Signals, parts: int) -> tuple[int, str, list[psutil.Process]]:
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as sweep:
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, start_new_session=True
+        ) as sweep:
             until = time.monotonic() + 30.0
-            while len(list((tmp_path / "broken" / "parts").glob("*.parquet"))) < parts and time.monotonic() < until:
+            while (
+                len(list((tmp_path / "broken" / "parts").glob("*.parquet"))) < parts
+                and time.monotonic() < until
+            ):
                 time.sleep(0.02)
             workers = psutil.Process(sweep.pid).children(recursive=True)
             if number == signal.SIGKILL:
@@ -567,7 +779,9 @@ def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) ->
     assert done.returncode == 0, done.stderr
     assert "real.parquet and real.csv: 60 runs, " in done.stdout
     assert "no run failed" in done.stdout
-    whole = swept(loaded(tmp_path, REAL), tmp_path / "whole", partial(processes, count=2), run_trial)
+    whole = swept(
+        loaded(tmp_path, REAL), tmp_path / "whole", partial(processes, count=2), run_trial
+    )
     assert whole.kept == 0
     for file in (whole.folder.table, whole.folder.csv, whole.folder.path / "plan.yaml"):
         assert (tmp_path / "broken" / file.name).read_bytes() == file.read_bytes()

@@ -24,8 +24,15 @@ def test_a_dask_cluster_gives_the_same_bytes(tmp_path: Path) -> None:
 
     sweep = loaded(tmp_path, GRID.replace("count: 5", "count: 40"))
     alone = swept(sweep, tmp_path / "alone", inline, sweep_work.figures_with_failures)
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
-        there = swept(sweep, tmp_path / "there", partial(dask_cluster, address=cluster.scheduler_address), sweep_work.figures_with_failures)
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        there = swept(
+            sweep,
+            tmp_path / "there",
+            partial(dask_cluster, address=cluster.scheduler_address),
+            sweep_work.figures_with_failures,
+        )
     assert there.finished
     assert table_bytes(there) == table_bytes(alone)
 
@@ -33,7 +40,9 @@ def test_a_dask_cluster_gives_the_same_bytes(tmp_path: Path) -> None:
 def test_without_a_scheduler_the_address_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep_workers, "CONNECT_TIMEOUT", 0.2)
     with (
-        pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:9: no Dask scheduler answers there"),
+        pytest.raises(
+            InputError, match=r"--scheduler tcp://127\.0\.0\.1:9: no Dask scheduler answers there"
+        ),
         dask_cluster(NOTHING, address="tcp://127.0.0.1:9"),
     ):
         pass
@@ -42,7 +51,9 @@ def test_without_a_scheduler_the_address_is_named(monkeypatch: pytest.MonkeyPatc
 def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        pytest.raises(InputError, match=r"--scheduler needs Dask: pip install 'ballbar-bench\[dask\]'"),
+        pytest.raises(
+            InputError, match=r"--scheduler needs Dask: pip install 'ballbar-bench\[dask\]'"
+        ),
         dask_cluster(NOTHING, address="tcp://127.0.0.1:9"),
     ):
         pass

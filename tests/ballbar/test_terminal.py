@@ -33,36 +33,64 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(scenario: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+def made(
+    scenario: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, subprocess.CompletedProcess[str]]:
     """A run in a process of its own, piped, with every stage told."""
     folder = tmp_path_factory.mktemp("run") / "out"
-    command = [sys.executable, "-m", "ballbar", "run", str(scenario), "--out", str(folder), "--json", "--verbose"]
+    command = [
+        sys.executable,
+        "-m",
+        "ballbar",
+        "run",
+        str(scenario),
+        "--out",
+        str(folder),
+        "--json",
+        "--verbose",
+    ]
     return folder, subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def test_the_json_of_a_run_holds_calibration_comparison_and_limits(made: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+def test_the_json_of_a_run_holds_calibration_comparison_and_limits(
+    made: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
     folder, done = made
     assert done.returncode == 0, done.stderr
     data = json.loads(done.stdout)
     assert data["acceptable"] is True
     assert data["files"] == ["calibration.yaml", "import_report.json", "report.html", "run.rrd"]
     assert data["calibration"]["schema"] == "ballbar-calibration/1"
-    assert 0.0 < data["comparison"]["tcp_error"]["mean_m"] < 5e-5 < data["comparison"]["tcp_error_nominal"]["mean_m"]
+    assert (
+        0.0
+        < data["comparison"]["tcp_error"]["mean_m"]
+        < 5e-5
+        < data["comparison"]["tcp_error_nominal"]["mean_m"]
+    )
     assert [limit["what"] for limit in data["limits"]] == ["TCP error, mean"]
-    assert f"value: {data['calibration']['parameters']['ra1']['value']!r}" in (folder / "calibration.yaml").read_text()
+    assert (
+        f"value: {data['calibration']['parameters']['ra1']['value']!r}"
+        in (folder / "calibration.yaml").read_text()
+    )
 
 
-def test_verbose_tells_the_stages_on_standard_error(made: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+def test_verbose_tells_the_stages_on_standard_error(
+    made: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
     _, done = made
     stages = [re.fullmatch(r" *(\d+\.\d) s  (.+)", line) for line in done.stderr.splitlines()]
     assert all(stages), done.stderr
-    assert {"simulating the cell", "fitting", "writing the report"} <= {stage[2] for stage in stages if stage}
+    assert {"simulating the cell", "fitting", "writing the report"} <= {
+        stage[2] for stage in stages if stage
+    }
     times = [float(stage[1]) for stage in stages if stage]
     assert times == sorted(times)
 
 
 def test_compare_says_the_same_in_words_in_json_and_nothing_when_quiet(
-    made: tuple[Path, subprocess.CompletedProcess[str]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    made: tuple[Path, subprocess.CompletedProcess[str]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     folder, _ = made
     words = ("compare", folder / "calibration.yaml", folder / "recording.truth.yaml")
@@ -71,7 +99,9 @@ def test_compare_says_the_same_in_words_in_json_and_nothing_when_quiet(
     assert f"mean {json.loads(printed)['tcp_error']['mean_m'] * 1e3:.4f} mm" in said
     assert ballbar(monkeypatch, capsys, *words, "--quiet") == (0, "", "")
     assert ballbar(monkeypatch, capsys, "-q", *words) == (0, "", "")
-    assert json.loads(ballbar(monkeypatch, capsys, *words, "-q", "--json")[1]) == json.loads(printed)
+    assert json.loads(ballbar(monkeypatch, capsys, *words, "-q", "--json")[1]) == json.loads(
+        printed
+    )
     assert ballbar(monkeypatch, capsys, *words)[1] == said, "quiet is for one command"
     code, said, told = ballbar(monkeypatch, capsys, "check", folder / "nothing", "--quiet")
     assert (code, said) == (2, "")
@@ -86,29 +116,52 @@ def test_simulate_and_identify_print_json(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     _, done = made
-    _, printed, _ = ballbar(monkeypatch, capsys, "simulate", scenario, "--out", tmp_path / "rec", "--json")
+    _, printed, _ = ballbar(
+        monkeypatch, capsys, "simulate", scenario, "--out", tmp_path / "rec", "--json"
+    )
     simulated = json.loads(printed)
     assert (Path(simulated["recording"]) / "recording.yaml").is_file()
     assert Path(simulated["truth"]).is_file()
-    _, printed, _ = ballbar(monkeypatch, capsys, "identify", tmp_path / "rec", "--samples", 300, "--json")
+    _, printed, _ = ballbar(
+        monkeypatch, capsys, "identify", tmp_path / "rec", "--samples", 300, "--json"
+    )
     identified, run = json.loads(printed), json.loads(done.stdout)
     assert identified["comparison"] is None
-    assert identified["calibration"]["parameters"] == run["calibration"]["parameters"], "the same scenario gives the same logs"
+    assert identified["calibration"]["parameters"] == run["calibration"]["parameters"], (
+        "the same scenario gives the same logs"
+    )
 
 
-def test_colours_are_for_a_terminal_unless_they_are_forced(made: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+def test_colours_are_for_a_terminal_unless_they_are_forced(
+    made: tuple[Path, subprocess.CompletedProcess[str]],
+) -> None:
     folder, piped = made
     assert ESCAPE not in piped.stdout + piped.stderr
     command = [sys.executable, "-m", "ballbar", "check", str(folder / "recording")]
-    environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"} | {"FORCE_COLOR": "1"}
+    environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"} | {
+        "FORCE_COLOR": "1"
+    }
     forced = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert forced.returncode == 0
     assert ESCAPE in forced.stdout
 
 
-def test_ctrl_c_ends_with_130_and_leaves_nothing_half_written(scenario: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "ballbar", "run", str(scenario), "--out", str(tmp_path / "out"), "--verbose"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+def test_ctrl_c_ends_with_130_and_leaves_nothing_half_written(
+    scenario: Path, tmp_path: Path
+) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "ballbar",
+        "run",
+        str(scenario),
+        "--out",
+        str(tmp_path / "out"),
+        "--verbose",
+    ]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as running:
         assert running.stderr is not None
         while "fitting" not in running.stderr.readline():
             assert running.poll() is None
@@ -118,7 +171,9 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing_half_written(scenario: Path, tm
     assert said == ""
     assert "interrupted; nothing half-written was left" in told
     assert not list(tmp_path.rglob("*.part"))
-    assert not {"calibration.yaml", "report.html", "run.rrd"} & {path.name for path in tmp_path.rglob("*")}
+    assert not {"calibration.yaml", "report.html", "run.rrd"} & {
+        path.name for path in tmp_path.rglob("*")
+    }
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -130,16 +185,29 @@ def test_every_command_has_an_example_and_is_quiet_on_request(
     assert f"ballbar {command} " in said.split("Example")[1]
     assert "--quiet" in said
     assert "--verbose" in said
-    if command not in ("replay", "record", "new", "dialect"):  # these show or make something, and have no result
+    if command not in (
+        "replay",
+        "record",
+        "new",
+        "dialect",
+    ):  # these show or make something, and have no result
         assert "--json" in said
 
 
-def test_the_version_is_that_of_the_code(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_version_is_that_of_the_code(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert ballbar(monkeypatch, capsys, "--version") == (0, f"ballbar {code_version()}\n", "")
 
 
-def test_completion_knows_the_commands(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    for key, value in (("_BALLBAR_COMPLETE", "complete_bash"), ("COMP_WORDS", "ballbar ident"), ("COMP_CWORD", "1")):
+def test_completion_knows_the_commands(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for key, value in (
+        ("_BALLBAR_COMPLETE", "complete_bash"),
+        ("COMP_WORDS", "ballbar ident"),
+        ("COMP_CWORD", "1"),
+    ):
         monkeypatch.setenv(key, value)
     with pytest.raises(SystemExit):
         cli.app(args=[], prog_name="ballbar")

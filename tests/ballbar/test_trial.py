@@ -50,8 +50,18 @@ def scenario(**changes: Any) -> Scenario:
     """Thesis ch. 3 in 60 s: kinematic plant, Table 3.1, 10 urad on every angle, 400 paired samples, C_T."""
     base: dict[str, Any] = {
         "name": "trial",
-        "cell": {"robot": "irb2400", "ballbar": "lund_600", "ballbar_position_m": [0.70, 0.0, 0.54]},
-        "path": {"kind": "lissajous", "file": "paths/irb2400_a.yaml", "duration_s": 60.0, "dwell_s": 2.0, "stops": 1},
+        "cell": {
+            "robot": "irb2400",
+            "ballbar": "lund_600",
+            "ballbar_position_m": [0.70, 0.0, 0.54],
+        },
+        "path": {
+            "kind": "lissajous",
+            "file": "paths/irb2400_a.yaml",
+            "duration_s": 60.0,
+            "dwell_s": 2.0,
+            "stops": 1,
+        },
         "plant": {"kind": "kinematic"},
         "errors": STATIC | NOISE,
         "encoders": {"noise_sigma_rad": 1e-5},
@@ -75,7 +85,9 @@ def test_paired_samples_close_the_true_loop_exactly() -> None:
     assert samples.t.size == 400
     assert np.abs(close_loop(samples.true, samples.q, samples.b).error).max() < 1e-12
     assert 1e-3 < np.abs(close_loop(samples.nominal, samples.q, samples.b).error).max() < 2e-2
-    assert samples.true["btheta3"] - samples.nominal["btheta3"] == pytest.approx(-1.90e-3, abs=1e-15)  # no zero is drawn
+    assert samples.true["btheta3"] - samples.nominal["btheta3"] == pytest.approx(
+        -1.90e-3, abs=1e-15
+    )  # no zero is drawn
 
 
 def test_samples_are_spread_evenly_over_the_moving_part_of_the_path() -> None:
@@ -99,14 +111,19 @@ def test_samples_show_the_machine_that_a_recording_with_the_same_seed_shows() ->
     shown, b = simulation.motion.at(samples.t)
     missing = samples.q - shown
     assert np.abs(missing - missing.mean(axis=0)).max() < 1e-9  # the run is a spline through 10 ms
-    read = np.stack([e.effects.read_angle(b[:, e.joint - 1], samples.t) for e in simulation.encoders], axis=1)
+    read = np.stack(
+        [e.effects.read_angle(b[:, e.joint - 1], samples.t) for e in simulation.encoders], axis=1
+    )
     missing = samples.b - read
     assert np.abs(missing - missing.mean(axis=0)).max() < 1e-9
 
 
 def test_what_varies_along_the_path_has_no_mean() -> None:
     """Thesis sec. 3.1: a mean would be a static error."""
-    gears = {"cycloid_ripple": {"amplitude_rad": 1e-4}, "sinusoidal_gear_error": {"amplitude_rad": 1e-4}}
+    gears = {
+        "cycloid_ripple": {"amplitude_rad": 1e-4},
+        "sinusoidal_gear_error": {"amplitude_rad": 1e-4},
+    }
     exact, noisy = clean(), samples_of(errors=STATIC | NOISE | gears)
     for error in (noisy.q - exact.q, noisy.b - exact.b):
         assert np.abs(error.mean(axis=0)).max() < 1e-15
@@ -133,13 +150,18 @@ def test_each_sample_error_leaves_all_other_draws_bit_identical() -> None:
 
 
 def test_truncation_leaves_multiples_of_the_step_nearest_to_the_angles() -> None:
-    plain, stepped = samples_of(), samples_of(errors=STATIC | NOISE | {"truncation": {"step_rad": 1e-4}})
+    plain, stepped = (
+        samples_of(),
+        samples_of(errors=STATIC | NOISE | {"truncation": {"step_rad": 1e-4}}),
+    )
     assert np.array_equal(stepped.b, np.rint(plain.b / 1e-4) * 1e-4)
     smallest = np.diff(np.unique(np.round(stepped.b[:, 0] / 1e-4).astype(int))).min()
     assert smallest == 1
 
 
-def test_a_rod_that_deviates_is_longer_and_shorter_by_its_amplitude_as_its_end_rises_and_sinks() -> None:
+def test_a_rod_that_deviates_is_longer_and_shorter_by_its_amplitude_as_its_end_rises_and_sinks() -> (
+    None
+):
     samples = clean(rod_deviation={"amplitude_m": 1e-5})
     tip = robot_frames(samples.true, samples.q).tip
     deviation = np.linalg.norm(tip - samples.true.origin[:, None], axis=0) - samples.true["bd3"]
@@ -148,7 +170,9 @@ def test_a_rod_that_deviates_is_longer_and_shorter_by_its_amplitude_as_its_end_r
     speed = np.gradient(tip[2], samples.t)
     fast = np.abs(speed) > 5e-3
     assert np.array_equal(np.sign(speed[fast]), samples.sign[fast])
-    assert np.abs(close_loop(samples.true, samples.q, samples.b).error[3:]).max() < 1e-12  # a length, no turn
+    assert (
+        np.abs(close_loop(samples.true, samples.q, samples.b).error[3:]).max() < 1e-12
+    )  # a length, no turn
 
 
 def test_a_robot_logged_late_is_a_robot_at_a_later_time() -> None:
@@ -164,7 +188,9 @@ def test_a_robot_logged_late_is_a_robot_at_a_later_time() -> None:
 def test_the_clock_parameter_recovers_the_delay_of_paired_samples() -> None:
     late = clean(synchronisation={"delay_s": 2e-3})
     found = fit_samples(late.t, late.q, late.b, (1, 2, 3, 4, 5), late.nominal)
-    assert found.clock.offset == pytest.approx(-2e-3, abs=2e-8)  # what splines through samples 0.14 s apart make of the motion
+    assert found.clock.offset == pytest.approx(
+        -2e-3, abs=2e-8
+    )  # what splines through samples 0.14 s apart make of the motion
     assert found.clock.skew == pytest.approx(0.0, abs=1e-9)
     assert np.abs((found.geometry.values - late.true.values)[found.fit.parameters]).max() < 1e-6
 
@@ -178,13 +204,17 @@ def test_a_path_sampled_for_another_delay_is_not_taken() -> None:
 def sampled(asked: Scenario) -> SampledPath:
     cell = load_cell("irb2400", "lund_600", "plate_250")
     nominal = nominal_geometry(cell, np.array(asked.cell.ballbar_position_m))
-    return sample_path(cell, nominal, planned_path(asked.path, cell, nominal, relative_to=SCENARIOS), 50)
+    return sample_path(
+        cell, nominal, planned_path(asked.path, cell, nominal, relative_to=SCENARIOS), 50
+    )
 
 
 def test_noise_of_samples_is_told_from_their_motion() -> None:
     noisy = samples_of(identify={"cost": "ml", "data": "samples", "samples": 1500})
     for angles in (noisy.q, noisy.b):
-        assert noise_of(angles) == pytest.approx(np.full(angles.shape[1], 1e-5), rel=0.15)  # a median of 1500 scatters by 3 %
+        assert noise_of(angles) == pytest.approx(
+            np.full(angles.shape[1], 1e-5), rel=0.15
+        )  # a median of 1500 scatters by 3 %
 
 
 @pytest.mark.parametrize(
@@ -193,7 +223,10 @@ def test_noise_of_samples_is_told_from_their_motion() -> None:
         ({"errors": {"rod_strain": {}}}, r"errors\.rod_strain: needs forces"),
         ({"errors": {"frozen_bits": {}}}, r"errors\.frozen_bits: acts on device logs"),
         ({"clocks": {"wander": {}}}, r"clocks\.wander: acts on device logs"),
-        ({"path": {"kind": "push_pull", "file": "paths/irb2400_push.yaml", "duration_s": 60.0}}, "needs forces"),
+        (
+            {"path": {"kind": "push_pull", "file": "paths/irb2400_push.yaml", "duration_s": 60.0}},
+            "needs forces",
+        ),
     ],
 )
 def test_what_paired_samples_do_not_have_is_refused(changes: dict[str, Any], words: str) -> None:
@@ -204,7 +237,9 @@ def test_what_paired_samples_do_not_have_is_refused(changes: dict[str, Any], wor
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 @pytest.mark.parametrize("name", SAMPLE_ERRORS)
 def test_device_logs_refuse_the_errors_of_paired_samples(name: str, plant: str) -> None:
-    asked = scenario(errors={name: SAMPLE_ERRORS[name]}, plant={"kind": plant}, identify={"cost": "ml"})
+    asked = scenario(
+        errors={name: SAMPLE_ERRORS[name]}, plant={"kind": plant}, identify={"cost": "ml"}
+    )
     with pytest.raises(InputError, match=rf"errors\.{name}: acts on samples .*, or leave it out"):
         run_trial(asked, SCENARIOS)
 
@@ -213,20 +248,31 @@ def test_device_logs_refuse_the_errors_of_paired_samples(name: str, plant: str) 
     ("changes", "words"),
     [
         ({"plant": {"kind": "mujoco"}}, "samples come from the kinematic plant only"),
-        ({"encoders": {"fitted": [1, 2, 4, 5]}}, "needs encoders on b3, which are not in encoders.fitted"),
+        (
+            {"encoders": {"fitted": [1, 2, 4, 5]}},
+            "needs encoders on b3, which are not in encoders.fitted",
+        ),
         ({"identify": {"cost": "ml", "form": "thesis"}}, "the thesis prints no ml"),
         ({"path": {"kind": "recorded", "duration_s": 60.0}}, "kind recorded needs recording"),
         ({"path": {"kind": "lissajous", "duration_s": 60.0}}, "kind lissajous needs file"),
-        ({"path": {"kind": "recorded", "recording": "r", "stops": 0, "duration_s": 60.0}}, "kind recorded has no use for it"),
+        (
+            {"path": {"kind": "recorded", "recording": "r", "stops": 0, "duration_s": 60.0}},
+            "kind recorded has no use for it",
+        ),
     ],
 )
-def test_a_scenario_that_contradicts_itself_is_refused_when_it_is_read(changes: dict[str, Any], words: str) -> None:
+def test_a_scenario_that_contradicts_itself_is_refused_when_it_is_read(
+    changes: dict[str, Any], words: str
+) -> None:
     with pytest.raises(ValidationError, match=words):
         scenario(**changes)
 
 
 def test_a_validated_scenario_may_be_written_and_read_again() -> None:
-    for path in ({"kind": "recorded", "recording": "r", "duration_s": 60.0}, {"kind": "lissajous", "file": "f", "duration_s": 60.0}):
+    for path in (
+        {"kind": "recorded", "recording": "r", "duration_s": 60.0},
+        {"kind": "lissajous", "file": "f", "duration_s": 60.0},
+    ):
         one = scenario(path=path)
         assert Scenario.model_validate_json(one.model_dump_json(by_alias=True)) == one
 
@@ -242,11 +288,20 @@ def test_a_validated_scenario_may_be_written_and_read_again() -> None:
         ("ml", "vector", 29, 0.05),
     ],
 )
-def test_a_row_tells_how_far_the_identified_robot_is_from_the_true_one(cost: str, form: str, count: int, distance: float) -> None:
+def test_a_row_tells_how_far_the_identified_robot_is_from_the_true_one(
+    cost: str, form: str, count: int, distance: float
+) -> None:
     """Distances in mm|mrad as thesis Fig. 3.2 orders them; C_l is several times worse."""
-    row = run_trial(scenario(identify={"cost": cost, "form": form, "data": "samples", "samples": 400}), SCENARIOS)
-    errors = {key.removeprefix("error."): value for key, value in row.items() if key.startswith("error.")}
-    assert set(row) - {f"error.{name}" for name in errors} == FIGURES | (CLOCK | {"chi2_per_dof", "verdict"} if cost == "ml" else set())
+    row = run_trial(
+        scenario(identify={"cost": cost, "form": form, "data": "samples", "samples": 400}),
+        SCENARIOS,
+    )
+    errors = {
+        key.removeprefix("error."): value for key, value in row.items() if key.startswith("error.")
+    }
+    assert set(row) - {f"error.{name}" for name in errors} == FIGURES | (
+        CLOCK | {"chi2_per_dof", "verdict"} if cost == "ml" else set()
+    )
     assert row["parameters"] == len(errors) == count
     assert set(errors) <= set(NAMES)
     values = np.array(list(errors.values()), dtype=float)
@@ -278,7 +333,12 @@ def test_a_synchronisation_error_ruins_the_thesis_costs_with_encoders_and_not_ml
     """Thesis Fig. 3.4; C_l has no second clock."""
     late = STATIC | {"synchronisation": {"delay_s": 2e-3}}
     rows = {
-        cost: run_trial(scenario(errors=late, encoders={}, identify={"cost": cost, "data": "samples", "samples": 400}), SCENARIOS)
+        cost: run_trial(
+            scenario(
+                errors=late, encoders={}, identify={"cost": cost, "data": "samples", "samples": 400}
+            ),
+            SCENARIOS,
+        )
         for cost in ("length", "transform", "ml")
     }
     assert float(rows["length"]["distance_mm_mrad"]) < 1e-6
@@ -288,7 +348,10 @@ def test_a_synchronisation_error_ruins_the_thesis_costs_with_encoders_and_not_ml
 
 
 def test_device_logs_give_the_same_row_with_the_clock_found_on_the_way() -> None:
-    row = run_trial(scenario(clocks={"offset_s": 0.137, "skew": 5e-5}, identify={"cost": "ml", "samples": 400}), SCENARIOS)
+    row = run_trial(
+        scenario(clocks={"offset_s": 0.137, "skew": 5e-5}, identify={"cost": "ml", "samples": 400}),
+        SCENARIOS,
+    )
     assert set(row) >= FIGURES | CLOCK | {"chi2_per_dof", "verdict"}
     assert row["parameters"] == 29
     assert float(row["distance_mm_mrad"]) < 0.02
@@ -297,8 +360,13 @@ def test_device_logs_give_the_same_row_with_the_clock_found_on_the_way() -> None
 
 
 @pytest.mark.parametrize(("cost", "distance"), [("transform", 0.05), ("length", 0.3)])
-def test_a_thesis_cost_takes_the_angles_of_device_logs_on_the_clock_that_alignment_found(cost: str, distance: float) -> None:
-    row = run_trial(scenario(clocks={"offset_s": 0.137, "skew": 5e-5}, identify={"cost": cost, "samples": 400}), SCENARIOS)
+def test_a_thesis_cost_takes_the_angles_of_device_logs_on_the_clock_that_alignment_found(
+    cost: str, distance: float
+) -> None:
+    row = run_trial(
+        scenario(clocks={"offset_s": 0.137, "skew": 5e-5}, identify={"cost": cost, "samples": 400}),
+        SCENARIOS,
+    )
     assert set(row) - {key for key in row if key.startswith("error.")} == FIGURES
     assert 1e-3 < float(row["distance_mm_mrad"]) < distance
 
@@ -308,17 +376,33 @@ def test_device_logs_of_a_robot_of_the_user_s_own_can_be_tried(tmp_path: Path) -
     own = yaml.safe_load((SCENARIOS.parent / "cell" / "robots" / "irb2400.yaml").read_text())
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(own | {"title": "Mine"}))
     stands = {"robot": "mine.yaml", "ballbar": "lund_600", "ballbar_position_m": [0.70, 0.0, 0.54]}
-    path = {"kind": "lissajous", "file": str(SCENARIOS / "paths" / "irb2400_a.yaml"), "duration_s": 60.0, "dwell_s": 2.0, "stops": 1}
-    row = run_trial(scenario(cell=stands, path=path, identify={"cost": "ml", "samples": 300}), tmp_path)
+    path = {
+        "kind": "lissajous",
+        "file": str(SCENARIOS / "paths" / "irb2400_a.yaml"),
+        "duration_s": 60.0,
+        "dwell_s": 2.0,
+        "stops": 1,
+    }
+    row = run_trial(
+        scenario(cell=stands, path=path, identify={"cost": "ml", "samples": 300}), tmp_path
+    )
     assert float(row["distance_mm_mrad"]) < 0.02
 
 
 def test_a_run_with_report_refuses_what_only_sweeps_do(tmp_path: Path) -> None:
     file = tmp_path / "scenario.yaml"
     asked = scenario().model_dump(mode="json", exclude_none=True, by_alias=True)
-    file.write_text(yaml.safe_dump(asked | {"path": asked["path"] | {"file": str(SCENARIOS / "paths" / "irb2400_a.yaml")}}))
-    with pytest.raises(InputError, match=r"identify\.cost = transform, data = samples: .* are for sweeps"):
-        run_scenario(load_scenario(file), file, tmp_path / "out", command="test", progress=lambda _: None)
+    file.write_text(
+        yaml.safe_dump(
+            asked | {"path": asked["path"] | {"file": str(SCENARIOS / "paths" / "irb2400_a.yaml")}}
+        )
+    )
+    with pytest.raises(
+        InputError, match=r"identify\.cost = transform, data = samples: .* are for sweeps"
+    ):
+        run_scenario(
+            load_scenario(file), file, tmp_path / "out", command="test", progress=lambda _: None
+        )
     assert not (tmp_path / "out").exists()
 
 
@@ -337,7 +421,9 @@ def test_a_recorded_path_goes_where_the_recorded_robot_went(measured: Recorded) 
     samples = trial_samples(asked, folder)
     log = read_recording(measured.folder).robot_log
     logged = np.stack([np.interp(samples.t, log.t, angle) for angle in log.q.T], axis=1)
-    assert np.abs(samples.q - logged).max() < 0.05  # a robot that is off by millimetres, led back to a sphere of 0.6 m
+    assert (
+        np.abs(samples.q - logged).max() < 0.05
+    )  # a robot that is off by millimetres, led back to a sphere of 0.6 m
     assert np.sqrt(np.mean((samples.q - logged) ** 2)) < 0.01
     assert np.abs(close_loop(samples.true, samples.q, samples.b).error).max() < 1e-12
     row = run_trial(scenario(path=RECORDED), folder)
@@ -362,40 +448,64 @@ def test_a_recorded_path_can_be_run_again_with_known_errors(measured: Recorded, 
     assert row["converged"] == 1
 
 
-def test_a_recording_made_along_a_recorded_path_is_an_ordinary_one(measured: Recorded, tmp_path: Path) -> None:
+def test_a_recording_made_along_a_recorded_path_is_an_ordinary_one(
+    measured: Recorded, tmp_path: Path
+) -> None:
     asked = scenario(path=RECORDED | {"duration_s": 20.0}, identify={"cost": "ml"})
-    simulate_scenario(asked, measured.folder.parent / "scenario.yaml", tmp_path / "again", progress=lambda _: None)
+    simulate_scenario(
+        asked, measured.folder.parent / "scenario.yaml", tmp_path / "again", progress=lambda _: None
+    )
     assert read_recording(tmp_path / "again").robot_log.t[-1] == pytest.approx(20.0 - 1.0, abs=0.01)
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"path": RECORDED | {"duration_s": 60.0}}, r"path\.duration_s = 60: the recording's robot log lasts 59\.\d s"),
+        (
+            {"path": RECORDED | {"duration_s": 60.0}},
+            r"path\.duration_s = 60: the recording's robot log lasts 59\.\d s",
+        ),
         ({"path": RECORDED | {"recording": "lost"}}, "lost: no such folder"),
         (
-            {"path": RECORDED, "cell": {"robot": "irb2400", "ballbar": "lund_900", "ballbar_position_m": [0.70, 0.0, 0.54]}},
+            {
+                "path": RECORDED,
+                "cell": {
+                    "robot": "irb2400",
+                    "ballbar": "lund_900",
+                    "ballbar_position_m": [0.70, 0.0, 0.54],
+                },
+            },
             r"-30\d mm off the ball-bar's sphere",
         ),
     ],
 )
-def test_a_recorded_path_that_cannot_be_is_refused(measured: Recorded, changes: dict[str, Any], words: str) -> None:
+def test_a_recorded_path_that_cannot_be_is_refused(
+    measured: Recorded, changes: dict[str, Any], words: str
+) -> None:
     with pytest.raises(InputError, match=words):
         run_trial(scenario(**changes), measured.folder.parent)
 
 
-def test_mujoco_refuses_a_recording_that_begins_in_motion(measured: Recorded, tmp_path: Path) -> None:
+def test_mujoco_refuses_a_recording_that_begins_in_motion(
+    measured: Recorded, tmp_path: Path
+) -> None:
     rows = (measured.folder / "raw" / "robot.csv").read_text().splitlines(keepends=True)
     cut = tmp_path / "measured"
     (cut / "raw").mkdir(parents=True)
     (cut / "recording.yaml").write_text((measured.folder / "recording.yaml").read_text())
-    (cut / "raw" / "ballbar.csv").write_bytes((measured.folder / "raw" / "ballbar.csv").read_bytes())
+    (cut / "raw" / "ballbar.csv").write_bytes(
+        (measured.folder / "raw" / "ballbar.csv").read_bytes()
+    )
     (cut / "raw" / "robot.csv").write_text("".join((rows[0], *rows[2000:])))
-    asked = scenario(path=RECORDED | {"duration_s": 20.0}, plant={"kind": "mujoco"}, identify={"cost": "ml"})
+    asked = scenario(
+        path=RECORDED | {"duration_s": 20.0}, plant={"kind": "mujoco"}, identify={"cost": "ml"}
+    )
     with pytest.raises(InputError, match="the robot moves at its first row"):
         run_trial(asked, tmp_path)
 
 
 def test_a_simulation_wants_the_log_of_the_recording_handed_in(measured: Recorded) -> None:
     with pytest.raises(InputError, match="was not handed to the simulation"):
-        simulate(scenario(path=RECORDED, identify={"cost": "ml"}), relative_to=measured.folder.parent)
+        simulate(
+            scenario(path=RECORDED, identify={"cost": "ml"}), relative_to=measured.folder.parent
+        )

@@ -72,7 +72,9 @@ def nj220_urdf_frames(quarters: tuple[float, ...]) -> tuple[list[Array], list[Ar
     rotations, origins = [np.eye(3)], [np.zeros(3)]
     for (xyz, (roll, pitch, yaw)), angle in zip(NJ220_URDF_JOINTS, (*quarters, 0.0), strict=True):
         origins.append(origins[-1] + rotations[-1] @ xyz)
-        rotations.append(rotations[-1] @ turn(2, yaw) @ turn(1, pitch) @ turn(0, roll) @ turn(2, angle))
+        rotations.append(
+            rotations[-1] @ turn(2, yaw) @ turn(1, pitch) @ turn(0, roll) @ turn(2, angle)
+        )
     return rotations, origins
 
 
@@ -105,21 +107,36 @@ def test_the_irb2400_at_zero_holds_its_flange_where_the_data_sheet_draws_it() ->
     robot = load_robot("irb2400")
     frames = flange_frames(robot, np.zeros((1, 6)))
     # Upper arm straight up, forearm straight forward: x = a1 + d4 + d6, z = d1 + a2 + a3.
-    np.testing.assert_allclose(frames.tip[:, 0], [0.100 + 0.755 + 0.085, 0.0, 0.615 + 0.705 + 0.135], atol=1e-15)
+    np.testing.assert_allclose(
+        frames.tip[:, 0], [0.100 + 0.755 + 0.085, 0.0, 0.615 + 0.705 + 0.135], atol=1e-15
+    )
     np.testing.assert_allclose(frames.tip[:, 0], [0.940, 0.0, 1.455], atol=1e-15)
     np.testing.assert_allclose(frames.z[6, :, 0], [1.0, 0.0, 0.0], atol=1e-15)
 
 
 def test_the_nj220_at_zero_reaches_the_sum_of_its_lengths() -> None:
     frames = flange_frames(load_robot("nj220"), np.zeros((1, 6)))
-    np.testing.assert_allclose(frames.tip[:, 0], [0.400 + 1.125 + 0.230, 0.0, 0.830 + 1.175 + 0.250], atol=1e-15)
+    np.testing.assert_allclose(
+        frames.tip[:, 0], [0.400 + 1.125 + 0.230, 0.0, 0.830 + 1.175 + 0.250], atol=1e-15
+    )
 
 
 def test_the_irb2400_transmission_is_the_matrix_of_the_thesis() -> None:
     robot = load_robot("irb2400")
-    np.testing.assert_allclose(np.abs(1.0 / np.diag(robot.transmission)), [129.6, 129.99, 129.6, 55.0, 55.2, 44.0], rtol=1e-15)
+    np.testing.assert_allclose(
+        np.abs(1.0 / np.diag(robot.transmission)),
+        [129.6, 129.99, 129.6, 55.0, 55.2, 44.0],
+        rtol=1e-15,
+    )
     one_turn_each = motors_to_joints(robot, np.full(6, 1.0))
-    expected = [-5 / 648, 100 / 12999, -100 / 12999 - 5 / 648, -1 / 55, -1 / 759 - 5 / 276, -62 / 41745 - 5 / 552 - 1 / 44]
+    expected = [
+        -5 / 648,
+        100 / 12999,
+        -100 / 12999 - 5 / 648,
+        -1 / 55,
+        -1 / 759 - 5 / 276,
+        -62 / 41745 - 5 / 552 - 1 / 44,
+    ]
     np.testing.assert_allclose(one_turn_each, expected, rtol=1e-15)
 
 
@@ -127,7 +144,9 @@ def test_the_irb2400_transmission_is_the_matrix_of_the_thesis() -> None:
 def test_motor_and_axis_angles_lead_to_joint_angles_and_back(name: str) -> None:
     robot = load_robot(name)
     q = np.random.default_rng(1).uniform(-3.0, 3.0, (50, 6))
-    np.testing.assert_allclose(motors_to_joints(robot, joints_to_motors(robot, q)), q, atol=1e-14)  # rounding of the inverse
+    np.testing.assert_allclose(
+        motors_to_joints(robot, joints_to_motors(robot, q)), q, atol=1e-14
+    )  # rounding of the inverse
     np.testing.assert_allclose(controller_to_joints(robot, joints_to_axes(robot, q)), q, atol=1e-14)
 
 
@@ -152,7 +171,11 @@ def test_axis_3_is_the_angle_of_the_forearm_against_the_horizontal(name: str) ->
 def test_the_nj220_logged_angles_map_as_the_thesis_prints() -> None:
     logged = np.deg2rad([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
     l1, l2, l3, l4, l5, l6 = logged
-    np.testing.assert_allclose(controller_to_joints(load_robot("nj220"), logged), [-l1, l2, -l3 - l2, -l4, l5, -l6], atol=1e-15)
+    np.testing.assert_allclose(
+        controller_to_joints(load_robot("nj220"), logged),
+        [-l1, l2, -l3 - l2, -l4, l5, -l6],
+        atol=1e-15,
+    )
 
 
 def test_the_nj220_transmission_is_gear_ratios_times_the_map_of_its_axes() -> None:
@@ -162,7 +185,9 @@ def test_the_nj220_transmission_is_gear_ratios_times_the_map_of_its_axes() -> No
 
 
 def test_angles_without_six_columns_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"angles have shape \(3, 5\), expected \(N, 6\) or \(6,\)"):
+    with pytest.raises(
+        ValueError, match=r"angles have shape \(3, 5\), expected \(N, 6\) or \(6,\)"
+    ):
         motors_to_joints(load_robot("irb2400"), np.zeros((3, 5)))
 
 
@@ -170,8 +195,17 @@ def test_the_urdf_of_the_nj220_and_our_dh_rows_are_the_same_machine() -> None:
     rotations, origins = nj220_urdf_frames((0, 0, -1, 0, 0, 0))
     robot = load_robot("nj220")
     ours = flange_frames(robot, np.zeros((1, 6)))
-    np.testing.assert_allclose(origins[7], ours.tip[:, 0], atol=3.1e-4)  # the URDF has 0.105 + 1.0203 m for 1.125 m
-    senses = [-1.0, 1.0, -1.0, -1.0, 1.0, -1.0]  # thesis App. A: sign of each logged angle against the DH angle
+    np.testing.assert_allclose(
+        origins[7], ours.tip[:, 0], atol=3.1e-4
+    )  # the URDF has 0.105 + 1.0203 m for 1.125 m
+    senses = [
+        -1.0,
+        1.0,
+        -1.0,
+        -1.0,
+        1.0,
+        -1.0,
+    ]  # thesis App. A: sign of each logged angle against the DH angle
     for joint, sense in enumerate(senses):
         axis = rotations[joint + 1][:, 2]
         np.testing.assert_allclose(sense * axis, ours.z[joint, :, 0], atol=1e-15)
@@ -187,19 +221,29 @@ def test_the_nj220_mass_properties_are_those_of_the_urdf_seen_from_the_base() ->
         links, rotations[:7], origins[:7], NJ220_URDF_LINKS, strict=True
     ):
         inertia = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
-        assert link.mass == pytest.approx(NJ220_MASS_SCALE * mass, abs=0.0051)  # our file is rounded to 0.01 kg, 0.1 mm,
-        np.testing.assert_allclose(link.com, origin + rotation @ com, atol=5.1e-5)  # and 1e-4 kg m^2
+        assert link.mass == pytest.approx(
+            NJ220_MASS_SCALE * mass, abs=0.0051
+        )  # our file is rounded to 0.01 kg, 0.1 mm,
+        np.testing.assert_allclose(
+            link.com, origin + rotation @ com, atol=5.1e-5
+        )  # and 1e-4 kg m^2
         np.testing.assert_allclose(link.inertia, NJ220_MASS_SCALE * inertia, atol=5.1e-5)
 
 
-@pytest.mark.parametrize(("name", "total", "within"), [("irb2400", 380.0, 0.35), ("nj220", 1220.0, 0.50)])
-def test_the_links_weigh_what_the_machine_weighs_and_lie_near_their_joints(name: str, total: float, within: float) -> None:
+@pytest.mark.parametrize(
+    ("name", "total", "within"), [("irb2400", 380.0, 0.35), ("nj220", 1220.0, 0.50)]
+)
+def test_the_links_weigh_what_the_machine_weighs_and_lie_near_their_joints(
+    name: str, total: float, within: float
+) -> None:
     robot = load_robot(name)
     assert sum(link.mass for link in robot.links) == pytest.approx(total, rel=1e-3)
     origins = flange_frames(robot, np.zeros((1, 6))).origin[:, :, 0]
     for i, link in enumerate(robot.links[1:]):  # link i + 1 reaches from joint origin i to i + 1
         start, span = origins[i], origins[i + 1] - origins[i]
-        along = 0.0 if not span.any() else np.clip((link.com - start) @ span / (span @ span), 0.0, 1.0)
+        along = (
+            0.0 if not span.any() else np.clip((link.com - start) @ span / (span @ span), 0.0, 1.0)
+        )
         assert np.linalg.norm(link.com - start - along * span) < within
 
 
@@ -214,14 +258,32 @@ def test_every_inertia_is_that_of_a_real_body(name: str) -> None:
 
 def test_the_nj220_servo_is_that_of_the_irb2400_scaled_by_gear_stiffness() -> None:
     nj220, irb2400 = load_robot("nj220"), load_robot("irb2400")
-    stiffer = np.array([2.5e6, 3.0e6, 2.4e6, 4.0e5, 3.5e5, 4.0e5]) / [6.0e5, 6.0e5, 4.5e5, 6.0e4, 5.0e4, 3.5e4]
+    stiffer = np.array([2.5e6, 3.0e6, 2.4e6, 4.0e5, 3.5e5, 4.0e5]) / [
+        6.0e5,
+        6.0e5,
+        4.5e5,
+        6.0e4,
+        5.0e4,
+        3.5e4,
+    ]
     for name in ("soft", "stiff"):
-        np.testing.assert_allclose(nj220.servo[name].kp, stiffer * irb2400.servo[name].kp, rtol=1e-4)  # four printed digits
-        np.testing.assert_allclose(nj220.servo[name].kv, stiffer * irb2400.servo[name].kv, rtol=1e-3)
+        np.testing.assert_allclose(
+            nj220.servo[name].kp, stiffer * irb2400.servo[name].kp, rtol=1e-4
+        )  # four printed digits
+        np.testing.assert_allclose(
+            nj220.servo[name].kv, stiffer * irb2400.servo[name].kv, rtol=1e-3
+        )
 
 
 def test_the_armature_is_the_rotor_inertia_seen_through_the_gear() -> None:
-    expected = [21.8, 22.0, 21.8, 0.48, 0.55, 0.19]  # 1.3e-3 kg m^2 times 129.6^2, and so on, to the printed digits
+    expected = [
+        21.8,
+        22.0,
+        21.8,
+        0.48,
+        0.55,
+        0.19,
+    ]  # 1.3e-3 kg m^2 times 129.6^2, and so on, to the printed digits
     np.testing.assert_allclose(load_robot("irb2400").armature, expected, rtol=0.02)
 
 
@@ -235,28 +297,44 @@ def test_the_accuracy_box_lies_within_the_limits_and_above_the_floor(name: str) 
     a, d = robot.a.copy(), robot.d.copy()
     a[5] += plate.length
     d[5] += plate.tool_offset
-    tip = forward(Chain(a, d, robot.alpha, robot.theta, np.zeros(6)), controller_to_joints(robot, axes)).tip
+    tip = forward(
+        Chain(a, d, robot.alpha, robot.theta, np.zeros(6)), controller_to_joints(robot, axes)
+    ).tip
     assert (tip[2] > 0.0).mean() > 0.99
     assert (tip[0] > 0.0).mean() > 0.98
 
 
-@pytest.mark.parametrize(("name", "length"), [("lund_600", 0.6), ("lund_900", 0.9), ("lund_1200", 1.2)])
-def test_a_ball_bar_at_zero_stands_straight_up_with_its_rod_within(name: str, length: float) -> None:
+@pytest.mark.parametrize(
+    ("name", "length"), [("lund_600", 0.6), ("lund_900", 0.9), ("lund_1200", 1.2)]
+)
+def test_a_ball_bar_at_zero_stands_straight_up_with_its_rod_within(
+    name: str, length: float
+) -> None:
     bar = load_ballbar(name)
-    tip = forward(Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5)), np.zeros((1, 5))).tip[:, 0]
+    tip = forward(Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5)), np.zeros((1, 5))).tip[
+        :, 0
+    ]
     np.testing.assert_allclose(tip, [0.0, 0.0, length], atol=1e-15)
     assert bar.length == length
     tube = length - 0.1  # [m] between the fittings
     assert bar.links[2].mass == pytest.approx(0.35 * tube + 2 * 0.10, abs=1e-9)
     across = 0.35 * tube**3 / 12.0 + 2 * 0.10 * (length / 2.0 - 0.05) ** 2
-    np.testing.assert_allclose(np.diag(bar.links[2].inertia)[:2], across, atol=5e-6)  # five printed decimals
+    np.testing.assert_allclose(
+        np.diag(bar.links[2].inertia)[:2], across, atol=5e-6
+    )  # five printed decimals
     np.testing.assert_allclose(bar.links[2].com, [0.0, 0.0, length / 2.0])
 
 
 def test_descriptions_cannot_be_changed_in_place() -> None:
     cell = load_cell("irb2400", "lund_600", "plate_250")
     assert (cell.plate.length, cell.plate.length_sigma, cell.plate.mass) == (0.250, 5e-6, 4.3)
-    for values in (cell.robot.a, cell.robot.links[1].inertia, cell.robot.servo["soft"].kp, cell.ballbar.alpha, cell.plate.body.com):
+    for values in (
+        cell.robot.a,
+        cell.robot.links[1].inertia,
+        cell.robot.servo["soft"].kp,
+        cell.ballbar.alpha,
+        cell.plate.body.com,
+    ):
         assert values.dtype == np.float64
         with pytest.raises(ValueError, match="read-only"):
             values[0] = 1.0
@@ -264,13 +342,16 @@ def test_descriptions_cannot_be_changed_in_place() -> None:
 
 def test_a_description_of_the_wrong_shape_is_refused() -> None:
     bar = load_ballbar("lund_600")
-    with pytest.raises(ValueError, match=r"BallBar.a: expected finite numbers of shape \(5,\), got shape \(6,\)"):
+    with pytest.raises(
+        ValueError, match=r"BallBar.a: expected finite numbers of shape \(5,\), got shape \(6,\)"
+    ):
         BallBar(**{**vars(bar), "a": np.zeros(6)})
 
 
 def test_an_unknown_name_lists_the_shipped_ones_and_the_nearest() -> None:
     with pytest.raises(
-        DescriptionError, match=r"unknown robot 'irb240'. Did you mean irb2400\? Valid names: irb2400, nj220. A file of your"
+        DescriptionError,
+        match=r"unknown robot 'irb240'. Did you mean irb2400\? Valid names: irb2400, nj220. A file of your",
     ):
         load_robot("irb240")
     with pytest.raises(DescriptionError, match=r"unknown ballbar '../ballbars/lund_600'"):
@@ -334,7 +415,12 @@ def test_a_path_is_taken_from_the_folder_of_the_file_that_names_it(tmp_path: Pat
             "accuracy_upper_deg: [200,",
             "accuracy_upper_deg[0] = 200: expected a value above -60 and up to the axis limit 180.",
         ),
-        ("robots/irb2400.yaml", "mass_kg: 192.0", "mass_kg: 0", "links.link1.mass_kg = 0: expected more than 0."),
+        (
+            "robots/irb2400.yaml",
+            "mass_kg: 192.0",
+            "mass_kg: 0",
+            "links.link1.mass_kg = 0: expected more than 0.",
+        ),
         (
             "robots/irb2400.yaml",
             "[9.82, 6.16, 8.30, 0, 0, 0]",
@@ -353,22 +439,45 @@ def test_a_path_is_taken_from_the_folder_of_the_file_that_names_it(tmp_path: Pat
             "axis_speed_max_rad_per_s",
             "unknown key axis_speed_max_rad_per_s. Did you mean axis_speed_max_deg_per_s? Valid keys: accuracy_lower_deg,",
         ),
-        ("ballbars/lund_600.yaml", "d_m: 0.600", "d_m: 0.0", "dh[2].d_m = 0.0: expected the length of the rod, more than 0."),
-        ("ballbars/lund_600.yaml", "bits: 12", "bits: 14", "encoder.bits = 14: expected 13 or less."),
-        ("plates/plate_250.yaml", "length_m: 0.250  #", "length_m: 250  #", "length_m = 250: longer than 5 m. Lengths are metres"),
+        (
+            "ballbars/lund_600.yaml",
+            "d_m: 0.600",
+            "d_m: 0.0",
+            "dh[2].d_m = 0.0: expected the length of the rod, more than 0.",
+        ),
+        (
+            "ballbars/lund_600.yaml",
+            "bits: 12",
+            "bits: 14",
+            "encoder.bits = 14: expected 13 or less.",
+        ),
+        (
+            "plates/plate_250.yaml",
+            "length_m: 0.250  #",
+            "length_m: 250  #",
+            "length_m = 250: longer than 5 m. Lengths are metres",
+        ),
     ],
 )
-def test_a_wrong_number_is_refused_with_its_line_key_and_value(tmp_path: Path, source: str, old: str, new: str, message: str) -> None:
+def test_a_wrong_number_is_refused_with_its_line_key_and_value(
+    tmp_path: Path, source: str, old: str, new: str, message: str
+) -> None:
     text = (SHIPPED / source).read_text(encoding="utf-8")
     path = changed(tmp_path, source, old, new)
     line = text[: text.index(old)].count("\n") + 1
     told = refusal(path).split("\n")
-    place = "mine.yaml:9" if "at least" in message else f"mine.yaml:{line}"  # of the list, not of the row cut out
+    place = (
+        "mine.yaml:9" if "at least" in message else f"mine.yaml:{line}"
+    )  # of the list, not of the row cut out
     assert any(one.startswith(f"{place}: {message}") for one in told), told
 
 
 def test_a_file_of_another_kind_is_recognised_by_its_schema(tmp_path: Path) -> None:
     path = tmp_path / "bar.yaml"
-    path.write_text((SHIPPED / "ballbars/lund_600.yaml").read_text(encoding="utf-8"), encoding="utf-8")
-    with pytest.raises(DescriptionError, match=r"bar\.yaml:3: schema = 'ballbar-bar/1': expected 'ballbar-plate/1'"):
+    path.write_text(
+        (SHIPPED / "ballbars/lund_600.yaml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    with pytest.raises(
+        DescriptionError, match=r"bar\.yaml:3: schema = 'ballbar-bar/1': expected 'ballbar-plate/1'"
+    ):
         load_plate(str(path))

@@ -11,7 +11,16 @@ from scipy.spatial.transform import Rotation
 
 from cell.chain import KINDS, Chain, forward, screw
 from cell.descriptions import Cell, load_cell
-from cell.geometry import NAMES, PARAMETERS, Geometry, bar_frames, mirrored, nominal_geometry, parameter_screw, robot_frames
+from cell.geometry import (
+    NAMES,
+    PARAMETERS,
+    Geometry,
+    bar_frames,
+    mirrored,
+    nominal_geometry,
+    parameter_screw,
+    robot_frames,
+)
 from cell.inverse import UnreachableError, bar_angles, refine, robot_branches
 from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, rotvec_from_matrix
 from sim.plant.effects import PlantEffects
@@ -51,7 +60,9 @@ def test_mujoco_and_dh_agree_to_1e_12_on_60_perturbed_models(robot: str) -> None
 def test_the_irb_2400_stands_up_with_its_flange_where_the_data_sheet_puts_it() -> None:
     robot = load_cell("irb2400", "lund_600", "plate_250").robot
     chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(6))
-    assert forward(chain, np.zeros((1, 6))).tip[:, 0] == pytest.approx([0.940, 0.0, 1.455], abs=1e-12)
+    assert forward(chain, np.zeros((1, 6))).tip[:, 0] == pytest.approx(
+        [0.940, 0.0, 1.455], abs=1e-12
+    )
 
 
 def test_every_parameter_screw_is_the_central_difference_of_the_pose(nominal: Geometry) -> None:
@@ -65,7 +76,9 @@ def test_every_parameter_screw_is_the_central_difference_of_the_pose(nominal: Ge
         behind = frames(geometry.replaced({name: geometry[name] - STEP}), angles)
         turned = np.einsum("ikn,jkn->ijn", ahead.rotation(), behind.rotation())
         numeric = np.concatenate((ahead.tip - behind.tip, rotvec_from_matrix(turned))) / (2 * STEP)
-        assert np.abs(parameter_screw(geometry, robot, bar, parameter) - numeric).max() < TOLERANCE, name
+        assert (
+            np.abs(parameter_screw(geometry, robot, bar, parameter) - numeric).max() < TOLERANCE
+        ), name
 
 
 def test_an_unknown_parameter_kind_is_refused(nominal: Geometry) -> None:
@@ -75,19 +88,29 @@ def test_an_unknown_parameter_kind_is_refused(nominal: Geometry) -> None:
 
 
 @given(st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3), st.floats(1e-9, 3.14159))
-def test_the_rotation_vector_survives_the_way_to_the_matrix_and_back(direction: list[float], angle: float) -> None:
+def test_the_rotation_vector_survives_the_way_to_the_matrix_and_back(
+    direction: list[float], angle: float
+) -> None:
     axis = np.array(direction)
     if np.linalg.norm(axis) < 1e-3:
         return
     rotvec = (angle * axis / np.linalg.norm(axis))[:, None]
-    assert np.abs(rotvec_from_matrix(matrix_from_rotvec(rotvec)) - rotvec).max() < 1e-9 / max(1e-6, np.pi - angle) * 1e-3 + 1e-12
+    assert (
+        np.abs(rotvec_from_matrix(matrix_from_rotvec(rotvec)) - rotvec).max()
+        < 1e-9 / max(1e-6, np.pi - angle) * 1e-3 + 1e-12
+    )
 
 
-def test_turning_a_rotation_on_the_left_changes_its_rotation_vector_by_the_inverse_left_jacobian() -> None:
+def test_turning_a_rotation_on_the_left_changes_its_rotation_vector_by_the_inverse_left_jacobian() -> (
+    None
+):
     rng = np.random.default_rng(3)
     for size in (1e-6, 5e-3, 0.3, 2.5):
         rotvec, turn = rng.normal(0, size, (3, 4)), rng.normal(0, 1, (3, 4))
-        moved = [Rotation.from_rotvec(s * STEP * turn.T) * Rotation.from_rotvec(rotvec.T) for s in (1, -1)]
+        moved = [
+            Rotation.from_rotvec(s * STEP * turn.T) * Rotation.from_rotvec(rotvec.T)
+            for s in (1, -1)
+        ]
         base = Rotation.from_rotvec(rotvec.T).as_rotvec().T
         numeric = (moved[0].as_rotvec() - moved[1].as_rotvec()).T / (2 * STEP)
         assert np.abs(inverse_left_jacobian(base, turn) - numeric).max() < 1e-8
@@ -120,7 +143,9 @@ def test_the_imperfect_robot_is_brought_exactly_to_a_pose(nominal: Geometry) -> 
 
 
 @pytest.mark.parametrize("flipped", [(False, False), (True, False), (False, True), (True, True)])
-def test_ball_bar_angles_hold_the_pose_in_all_four_configurations(nominal: Geometry, flipped: tuple[bool, bool]) -> None:
+def test_ball_bar_angles_hold_the_pose_in_all_four_configurations(
+    nominal: Geometry, flipped: tuple[bool, bool]
+) -> None:
     rng = np.random.default_rng(10)
     b = rng.uniform(0.2, 2.8, (60, 5)) * np.array([-1, 1, 1, -1, 1])
     poses = bar_frames(nominal, b).poses()
@@ -131,19 +156,33 @@ def test_ball_bar_angles_hold_the_pose_in_all_four_configurations(nominal: Geome
 
 
 @pytest.mark.parametrize("joint", [2, 4])
-def test_the_sense_of_b2_and_b4_is_a_gauge_even_of_an_imperfect_ball_bar(nominal: Geometry, joint: int) -> None:
+def test_the_sense_of_b2_and_b4_is_a_gauge_even_of_an_imperfect_ball_bar(
+    nominal: Geometry, joint: int
+) -> None:
     rng = np.random.default_rng(11)
     geometry = perturbed(nominal, rng, 0.02)
     b = rng.uniform(-3, 3, (40, 5))
     other = b * np.where(np.arange(5) == joint - 1, -1.0, 1.0)
-    assert np.abs(bar_frames(mirrored(geometry, joint), other).poses() - bar_frames(geometry, b).poses()).max() < 1e-12
+    assert (
+        np.abs(
+            bar_frames(mirrored(geometry, joint), other).poses() - bar_frames(geometry, b).poses()
+        ).max()
+        < 1e-12
+    )
     with pytest.raises(ValueError, match="only b2 and b4"):
         mirrored(geometry, 3)
 
 
-def test_a_site_that_nearly_coincides_with_its_body_is_not_snapped_onto_it(cell: Cell, nominal: Geometry) -> None:
+def test_a_site_that_nearly_coincides_with_its_body_is_not_snapped_onto_it(
+    cell: Cell, nominal: Geometry
+) -> None:
     """MuJoCo takes a site within 1e-6 of its body for identical: 0.9 urad of silent error (one trial in sixty)."""
     flat = nominal.replaced({"ra6": 5e-7, "rd6": 0.0})
     plant = plant_model(cell, flat, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
     data = mujoco.MjData(plant.model)
-    assert np.abs(mujoco_pose(plant, data, "tool") - robot_frames(flat, np.zeros((1, 6))).poses()[0]).max() < 1e-12
+    assert (
+        np.abs(
+            mujoco_pose(plant, data, "tool") - robot_frames(flat, np.zeros((1, 6))).poses()[0]
+        ).max()
+        < 1e-12
+    )

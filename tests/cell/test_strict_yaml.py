@@ -44,7 +44,9 @@ class Lissajous(Strict):
 
 
 class Run(Strict):
-    path: Annotated[Circle | Lissajous, Field(discriminator="kind")] = Circle(kind="circle", radius_m=1.0)
+    path: Annotated[Circle | Lissajous, Field(discriminator="kind")] = Circle(
+        kind="circle", radius_m=1.0
+    )
     point_m: Annotated[tuple[float, ...], Field(min_length=3, max_length=3)] = (0.0, 0.0, 0.0)
     samples: int = 1
     dwell: bool = False
@@ -77,13 +79,32 @@ class Run(Strict):
         ("!!str 7", "7"),
     ],
 )
-def test_a_scalar_of_the_core_schema_becomes_its_value(tmp_path: Path, text: str, value: object) -> None:
+def test_a_scalar_of_the_core_schema_becomes_its_value(
+    tmp_path: Path, text: str, value: object
+) -> None:
     found = load_yaml(write(tmp_path, f"key: {text}")).data["key"]
     assert found == value
     assert type(found) is type(value)
 
 
-@pytest.mark.parametrize("text", ["no", "on", "yes", "off", "y", "2016-05-30", "1:30", "1_000", "0b11", "1e", "=", "<<", "1.2.3"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "no",
+        "on",
+        "yes",
+        "off",
+        "y",
+        "2016-05-30",
+        "1:30",
+        "1_000",
+        "0b11",
+        "1e",
+        "=",
+        "<<",
+        "1.2.3",
+    ],
+)
 def test_what_only_yaml_1_1_converts_stays_text(tmp_path: Path, text: str) -> None:
     assert load_yaml(write(tmp_path, f"key: {text}")).data["key"] == text
 
@@ -94,10 +115,15 @@ def test_infinity_and_nan_are_read_where_they_are_written_out(tmp_path: Path) ->
     assert math.isnan(nan)
 
 
-def test_every_key_and_item_knows_its_line_and_a_missing_one_that_of_its_parent(tmp_path: Path) -> None:
+def test_every_key_and_item_knows_its_line_and_a_missing_one_that_of_its_parent(
+    tmp_path: Path,
+) -> None:
     document = load_yaml(write(tmp_path, "# robot\na: 1\nb:\n  c:\n    - 5\n    - {d: 6}\n"))
     assert document.data == {"a": 1, "b": {"c": [5, {"d": 6}]}}
-    assert [document.line_of(loc) for loc in ((), ("a",), ("b",), ("b", "c"), ("b", "c", 0), ("b", "c", 1, "d"))] == [2, 2, 3, 4, 5, 6]
+    assert [
+        document.line_of(loc)
+        for loc in ((), ("a",), ("b",), ("b", "c"), ("b", "c", 0), ("b", "c", 1, "d"))
+    ] == [2, 2, 3, 4, 5, 6]
     assert document.line_of(("b", "missing", 3)) == 3
 
 
@@ -110,25 +136,49 @@ def test_every_key_and_item_knows_its_line_and_a_missing_one_that_of_its_parent(
         ("text", "file.yaml:1: the file holds a single value; expected `key: value` lines."),
         ("a: 1\nb: 2\na: 3\n", "file.yaml:3: key a stands here and in line 1. Remove one."),
         ("x:\n  a: 1\n  a: 2\n", "file.yaml:3: key a stands here and in line 2. Remove one."),
-        ("a: &big [1]\nb: *big\n", "file.yaml:1: &big: anchors and aliases are refused; write the value out."),
-        ("a: 1\nb: *big\n", "file.yaml:2: *big: anchors and aliases are refused; write the value out."),
-        ("1: 2", "file.yaml:1: key 1 is not text. Put keys that look like numbers, true or null in quotes."),
-        ("[1, 2]: 3", "file.yaml:1: a key is not text. Put keys that look like numbers, true or null in quotes."),
+        (
+            "a: &big [1]\nb: *big\n",
+            "file.yaml:1: &big: anchors and aliases are refused; write the value out.",
+        ),
+        (
+            "a: 1\nb: *big\n",
+            "file.yaml:2: *big: anchors and aliases are refused; write the value out.",
+        ),
+        (
+            "1: 2",
+            "file.yaml:1: key 1 is not text. Put keys that look like numbers, true or null in quotes.",
+        ),
+        (
+            "[1, 2]: 3",
+            "file.yaml:1: a key is not text. Put keys that look like numbers, true or null in quotes.",
+        ),
         ("a: !!int x", "file.yaml:1: 'x' is no int, as its tag says."),
         ("a: 1e999", "file.yaml:1: number 1e999 is beyond what can be represented."),
-        ("a: 1\n---\nb: 2\n", "file.yaml:2: a second document starts here. Keep one per file: remove the `---` line."),
+        (
+            "a: 1\n---\nb: 2\n",
+            "file.yaml:2: a second document starts here. Keep one per file: remove the `---` line.",
+        ),
         (b"a: 1\nb: \xff\n", "file.yaml:2: byte 0xff is not UTF-8. Save the file as UTF-8."),
-        ("a: 1\nb: \x00\n", "file.yaml:2: character U+0000 is not allowed in YAML. Save the file as plain text."),
+        (
+            "a: 1\nb: \x00\n",
+            "file.yaml:2: character U+0000 is not allowed in YAML. Save the file as plain text.",
+        ),
         ("a: " + 50 * "[" + 50 * "]", "file.yaml:1: nested more than 40 levels deep."),
     ],
 )
-def test_a_doubtful_file_is_refused_with_its_line_and_the_remedy(tmp_path: Path, text: str | bytes, message: str) -> None:
+def test_a_doubtful_file_is_refused_with_its_line_and_the_remedy(
+    tmp_path: Path, text: str | bytes, message: str
+) -> None:
     assert refusal(tmp_path, text) == message
 
 
-@pytest.mark.parametrize("tag", ["!!python/object/apply:os.getcwd", "!!set", "!!timestamp", "!!binary", "!mine"])
+@pytest.mark.parametrize(
+    "tag", ["!!python/object/apply:os.getcwd", "!!set", "!!timestamp", "!!binary", "!mine"]
+)
 def test_a_tag_beyond_the_core_schema_is_refused(tmp_path: Path, tag: str) -> None:
-    assert refusal(tmp_path, f"a: 1\nb: {tag} x\n").startswith(f"file.yaml:2: tag {tag} is refused; only plain text, numbers")
+    assert refusal(tmp_path, f"a: 1\nb: {tag} x\n").startswith(
+        f"file.yaml:2: tag {tag} is refused; only plain text, numbers"
+    )
 
 
 @pytest.mark.parametrize(
@@ -140,7 +190,9 @@ def test_a_tag_beyond_the_core_schema_is_refused(tmp_path: Path, tag: str) -> No
         ("a: 'x\n", "while scanning a quoted scalar"),
     ],
 )
-def test_a_syntax_error_names_its_line_and_the_usual_cause(tmp_path: Path, text: str, hint: str) -> None:
+def test_a_syntax_error_names_its_line_and_the_usual_cause(
+    tmp_path: Path, text: str, hint: str
+) -> None:
     message = refusal(tmp_path, "first: 1\n" + text)
     assert message.startswith(("file.yaml:2: not valid YAML", "file.yaml:3: not valid YAML"))
     assert hint in message
@@ -157,7 +209,9 @@ def test_a_log_given_by_mistake_is_refused_before_it_is_parsed(tmp_path: Path) -
     path = tmp_path / "log.yaml"
     with path.open("wb") as file:
         file.truncate(MAX_BYTES + 1)
-    with pytest.raises(DescriptionError, match=r"larger than 10 MB, so it is no description. Was a log meant"):
+    with pytest.raises(
+        DescriptionError, match=r"larger than 10 MB, so it is no description. Was a log meant"
+    ):
         load_yaml(path)
 
 
@@ -169,7 +223,10 @@ def test_a_log_given_by_mistake_is_refused_before_it_is_parsed(tmp_path: Path) -
         ("dwell: yes", "dwell = 'yes': expected true or false."),
         ("dwell: 1", "dwell = 1: expected true or false."),
         ("cost: lenght", "cost = 'lenght': expected 'ml' or 'length'; the nearest is length."),
-        ("point_m: [1, 2, '0,25']", "point_m[2] = '0,25': expected a number; write the decimal point as 0.25."),
+        (
+            "point_m: [1, 2, '0,25']",
+            "point_m[2] = '0,25': expected a number; write the decimal point as 0.25.",
+        ),
         ("point_m: [1, 2, .inf]", "point_m[2] = inf: expected a finite number."),
         ("point_m: [1, 2]", "point_m: expected at least 3 items, found 2."),
         ("point_m: 5", "point_m = 5: expected a list."),
@@ -182,33 +239,54 @@ def test_a_log_given_by_mistake_is_refused_before_it_is_parsed(tmp_path: Path) -
         ("note: [1]", "note: expected text."),
     ],
 )
-def test_a_wrong_value_is_told_with_key_value_and_expectation(tmp_path: Path, text: str, message: str) -> None:
+def test_a_wrong_value_is_told_with_key_value_and_expectation(
+    tmp_path: Path, text: str, message: str
+) -> None:
     assert refusal(tmp_path, f"# run\n{text}\n", Run) == f"file.yaml:2: {message}"
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("smaples: 3", "unknown key smaples. Did you mean samples? Valid keys: cost, dwell, errors, note, path, point_m, samples, stops."),
-        ("path: {kind: circle, radius_m: 1, radius: 2}", "unknown key path.radius. Did you mean radius_m? Valid keys: kind, radius_m."),
-        ("errors: {x: {kind: circle, radius_m: 1, r: 2}}", "unknown key errors.x.r. Valid keys: kind, radius_m."),
+        (
+            "smaples: 3",
+            "unknown key smaples. Did you mean samples? Valid keys: cost, dwell, errors, note, path, point_m, samples, stops.",
+        ),
+        (
+            "path: {kind: circle, radius_m: 1, radius: 2}",
+            "unknown key path.radius. Did you mean radius_m? Valid keys: kind, radius_m.",
+        ),
+        (
+            "errors: {x: {kind: circle, radius_m: 1, r: 2}}",
+            "unknown key errors.x.r. Valid keys: kind, radius_m.",
+        ),
         (
             "stops: [{kind: lissajous, duration_s: 1, duration: 2}]",
             "unknown key stops[0].duration. Did you mean duration_s? Valid keys: duration_s, kind.",
         ),
     ],
 )
-def test_an_unknown_key_names_the_nearest_and_the_valid_ones(tmp_path: Path, text: str, message: str) -> None:
+def test_an_unknown_key_names_the_nearest_and_the_valid_ones(
+    tmp_path: Path, text: str, message: str
+) -> None:
     assert refusal(tmp_path, f"# run\n{text}\n", Run) == f"file.yaml:2: {message}"
 
 
 def test_all_errors_of_a_file_are_told_at_once_in_the_order_of_their_lines(tmp_path: Path) -> None:
-    message = refusal(tmp_path, "wrong: 1\nsamples: x\npath:\n  kind: circle\n  radius_m: -1\n", Run)
-    assert [line.split(": ")[0] for line in message.split("\n")] == ["file.yaml:1", "file.yaml:2", "file.yaml:5"]
+    message = refusal(
+        tmp_path, "wrong: 1\nsamples: x\npath:\n  kind: circle\n  radius_m: -1\n", Run
+    )
+    assert [line.split(": ")[0] for line in message.split("\n")] == [
+        "file.yaml:1",
+        "file.yaml:2",
+        "file.yaml:5",
+    ]
 
 
 def test_a_good_document_becomes_the_model_with_lists_as_tuples(tmp_path: Path) -> None:
-    document = load_yaml(write(tmp_path, "point_m: [1, 2.5, 1e-3]\npath: {kind: lissajous, duration_s: 120}\n"))
+    document = load_yaml(
+        write(tmp_path, "point_m: [1, 2.5, 1e-3]\npath: {kind: lissajous, duration_s: 120}\n")
+    )
     run = parse_model(document, Run)
     assert run.point_m == (1.0, 2.5, 0.001)
     assert run.path == Lissajous(kind="lissajous", duration_s=120.0)
@@ -225,14 +303,23 @@ def test_a_check_of_the_model_itself_is_told_at_the_key_it_names(tmp_path: Path)
                 raise wrong_key("upper", message=f"expected more than lower, {self.lower:g}")
             return self
 
-    assert refusal(tmp_path, "lower: 2\nupper: 1\n", Limits) == "file.yaml:2: upper = 1: expected more than lower, 2."
+    assert (
+        refusal(tmp_path, "lower: 2\nupper: 1\n", Limits)
+        == "file.yaml:2: upper = 1: expected more than lower, 2."
+    )
 
 
 ROOT = Path(cell.__file__).parent.parent
-SHIPPED = sorted(file for folder in ("cell", "acquisition", "scenarios") for file in (ROOT / folder).rglob("*.yaml"))
+SHIPPED = sorted(
+    file
+    for folder in ("cell", "acquisition", "scenarios")
+    for file in (ROOT / folder).rglob("*.yaml")
+)
 
 
-def test_libyaml_and_pyyaml_read_every_shipped_description_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_libyaml_and_pyyaml_read_every_shipped_description_alike(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     fast = [load_yaml(path) for path in SHIPPED]
     monkeypatch.setattr(strict_yaml.yaml, "__with_libyaml__", False)
     slow = [load_yaml(path) for path in SHIPPED]
@@ -241,7 +328,9 @@ def test_libyaml_and_pyyaml_read_every_shipped_description_alike(monkeypatch: py
 
 
 @pytest.mark.parametrize("text", ["a: [1, b? c]\n", "a: {b: !length}\n", "a:\t1\n", "a: \t- 1\n"])
-def test_what_libyaml_alone_would_take_is_judged_by_pyyaml(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+def test_what_libyaml_alone_would_take_is_judged_by_pyyaml(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
     def outcome() -> object:
         try:
             return load_yaml(write(tmp_path, text)).data

@@ -15,7 +15,9 @@ from ident.corrections import CORRECTIONS
 GEARS = ("joint_compliance", "lost_motion", "gear_ripple")
 
 
-def corrections_of(cell: Cell, names: tuple[str, ...], rng: np.random.Generator) -> dict[str, dict[str, dict[str, object]]]:
+def corrections_of(
+    cell: Cell, names: tuple[str, ...], rng: np.random.Generator
+) -> dict[str, dict[str, dict[str, object]]]:
     """Corrections with coefficients drawn about their priors."""
     out: dict[str, dict[str, dict[str, object]]] = {}
     for name in names:
@@ -47,8 +49,13 @@ def write_calibration_of(
     """A calibration.yaml; `left` stays nominal in it and is marked so."""
     parameters = {}
     for name in NAMES:
-        entry: dict[str, object] = {"nominal": nominal[name], "value": nominal[name] if name in left else identified[name]}
-        parameters[name] = entry | ({"identified": False} if name in left else {"sigma": 2e-6, "identified": True})
+        entry: dict[str, object] = {
+            "nominal": nominal[name],
+            "value": nominal[name] if name in left else identified[name],
+        }
+        parameters[name] = entry | (
+            {"identified": False} if name in left else {"sigma": 2e-6, "identified": True}
+        )
     fit = {
         "status": status, "sentence": "Made for a test.", "warnings": [], "iterations": 4, "samples": 500, "chi2_per_dof": 1.0,
         "autocorrelation": 0.0, "rank": 40, "condition": 100.0, "tcp_sigma_mean_m": 1e-5,

@@ -38,7 +38,9 @@ class Written:
 def angles_deg(rows: int = ROWS, scale: float = 1.0) -> NDArray[np.float64]:
     """(N, 6) [deg] a smooth course at 4 ms; `scale` writes it in another unit."""
     t = 0.004 * np.arange(rows)
-    return scale * np.stack([40.0 * np.sin((1.0 + 0.2 * i) * t + 0.7 * i) + 3.0 * i for i in range(6)], axis=1)
+    return scale * np.stack(
+        [40.0 * np.sin((1.0 + 0.2 * i) * t + 0.7 * i) + 3.0 * i for i in range(6)], axis=1
+    )
 
 
 def counts(rows: int = ROWS) -> NDArray[np.int64]:
@@ -51,18 +53,31 @@ def counts(rows: int = ROWS) -> NDArray[np.int64]:
 # ---- TwinCAT Scope
 
 
-def scope(*, separator: str = "\t", decimal: str = ".", own_times: bool = False, eof: bool = False, rows: int = ROWS) -> Written:
+def scope(
+    *,
+    separator: str = "\t",
+    decimal: str = ".",
+    own_times: bool = False,
+    eof: bool = False,
+    rows: int = ROWS,
+) -> Written:
     """Two counters at 10 ms and a fast channel at 2.5 ms, which goes on for longer."""
     slow, values = 10.0 * np.arange(rows), counts(rows)
     fast = 2.5 * np.arange(rows + 7)
-    blocks = [["time", "b1"], ["time", "b2"], ["time", "fast"]] if own_times else [["time", "b1", "b2"], ["time", "fast"]]
+    blocks = (
+        [["time", "b1"], ["time", "b2"], ["time", "fast"]]
+        if own_times
+        else [["time", "b1", "b2"], ["time", "fast"]]
+    )
     types = {"b1": "UINT32", "b2": "UINT32", "fast": "REAL64"}
     steps = {"b1": "10", "b2": "10", "fast": "2,5" if decimal == "," else "2.5"}
     end = FILETIME + int(10_000 * slow[-1])
     lines = [
         f"Name{separator}bench",
         f"File{separator}bench.csv",
-        separator.join(("Starttime of export", str(FILETIME), "Montag, 2. Mai 2022", "15:56:24.376")),
+        separator.join(
+            ("Starttime of export", str(FILETIME), "Montag, 2. Mai 2022", "15:56:24.376")
+        ),
         separator.join(("Endtime of export", str(end), "Montag, 2. Mai 2022", "15:56:25.375")),
         "",
         "",
@@ -78,7 +93,10 @@ def scope(*, separator: str = "\t", decimal: str = ".", own_times: bool = False,
         "Unit ScaleFactor": dict.fromkeys(types, "1"),
         "Unit Offset": dict.fromkeys(types, "0"),
     }
-    lines += [separator.join(key if name == "time" else of[name] for block in blocks for name in block) for key, of in metadata.items()]
+    lines += [
+        separator.join(key if name == "time" else of[name] for block in blocks for name in block)
+        for key, of in metadata.items()
+    ]
     lines.append("")
     series = {"b1": (slow, values[:, 0]), "b2": (slow, values[:, 1]), "fast": (fast, 0.25 * fast)}
     for row in range(len(fast)):
@@ -93,7 +111,9 @@ def scope(*, separator: str = "\t", decimal: str = ".", own_times: bool = False,
         lines.append("EOF")
     time = (FILETIME - 116_444_736_000_000_000) * 100 + np.rint(slow * 1e6).astype(np.int64)
     columns = {"time": time, "b1": values[:, 0], "b2": values[:, 1]}
-    return Written("twincat-scope", ".csv", ("\n".join(lines) + "\n").encode(), columns, ("b1", "b2"))
+    return Written(
+        "twincat-scope", ".csv", ("\n".join(lines) + "\n").encode(), columns, ("b1", "b2")
+    )
 
 
 # ---- JSON lines
@@ -103,10 +123,21 @@ def json_lines(rows: int = ROWS, scale: float = 1.0) -> Written:
     """Ten axis slots of a Comau, four of them not there."""
     angles, time = angles_deg(rows, scale), EPOCH_NS // 1000 + 4000 * np.arange(rows)
     lines = [
-        json.dumps({**dict(zip(AXES, row, strict=True)), **dict.fromkeys(("J7", "J8", "J9", "J10"), 0.0), "time": int(stamp)})
+        json.dumps(
+            {
+                **dict(zip(AXES, row, strict=True)),
+                **dict.fromkeys(("J7", "J8", "J9", "J10"), 0.0),
+                "time": int(stamp),
+            }
+        )
         for row, stamp in zip(angles.tolist(), time, strict=True)
     ]
-    return Written("comau-json", ".jsonl", ("\n".join(lines) + "\n").encode(), {"time": time, **_named(AXES, angles)})
+    return Written(
+        "comau-json",
+        ".jsonl",
+        ("\n".join(lines) + "\n").encode(),
+        {"time": time, **_named(AXES, angles)},
+    )
 
 
 # ---- EGM
@@ -150,7 +181,12 @@ def egm(rows: int = ROWS, scale: float = 1.0) -> Written:
     """Messages at 4.032 ms."""
     angles, time = angles_deg(rows, scale), EPOCH_NS + 4_032_000 * np.arange(rows)
     messages = [egm_message(7 + i, int(time[i]), row) for i, row in enumerate(angles.tolist())]
-    return Written("abb-egm", ".egm", FILE_START + b"".join(map(frame, messages)), {"time": time, **_named(AXES, angles)})
+    return Written(
+        "abb-egm",
+        ".egm",
+        FILE_START + b"".join(map(frame, messages)),
+        {"time": time, **_named(AXES, angles)},
+    )
 
 
 # ---- ROS 2 bags
@@ -178,7 +214,9 @@ def _joint_states(rows: int, scale: float) -> tuple[list[bytes], Columns]:
     messages = []
     for i, row in enumerate(angles.tolist()):
         order = (np.arange(6) + i) % 6
-        messages.append(joint_state(int(time[i]), tuple(JOINTS[k] for k in order), [row[k] for k in order]))
+        messages.append(
+            joint_state(int(time[i]), tuple(JOINTS[k] for k in order), [row[k] for k in order])
+        )
     return messages, {"stamp": time, **_named(JOINTS, angles)}
 
 
@@ -196,8 +234,12 @@ def db3(folder: Path, rows: int = ROWS, scale: float = 1.0) -> Written:
         "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)"
     )
     connection.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
-    connection.execute("INSERT INTO topics VALUES (1, '/joint_states', 'sensor_msgs/msg/JointState', 'cdr', '')")
-    connection.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)", enumerate(messages))
+    connection.execute(
+        "INSERT INTO topics VALUES (1, '/joint_states', 'sensor_msgs/msg/JointState', 'cdr', '')"
+    )
+    connection.executemany(
+        "INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)", enumerate(messages)
+    )
     connection.commit()
     connection.close()
     return Written("ros-joint-state", ".db3", path.read_bytes(), columns)
@@ -228,7 +270,12 @@ def mpe(rows: int = ROWS, scale: float = 1.0) -> Written:
     header, stamp = b"timestamp,cmdnum,J1,J2,J3,J4,J5,J6", b"2024-05-01T10-20-30"
     head = struct.pack("<ff", 10011, len(stamp)) + stamp + struct.pack("<f", len(header)) + header
     columns = {"timestamp": time.astype(np.float64), **_named(AXES, angles.astype(np.float64))}
-    return Written("abb-mpe", ".bin", head + np.column_stack((time, command, angles)).astype("<f4").tobytes(), columns)
+    return Written(
+        "abb-mpe",
+        ".bin",
+        head + np.column_stack((time, command, angles)).astype("<f4").tobytes(),
+        columns,
+    )
 
 
 def _named(names: tuple[str, ...], values: NDArray[np.float64]) -> Columns:

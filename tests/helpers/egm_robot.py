@@ -16,7 +16,11 @@ _EGM: dict[str, list[tuple[str, int, int | str]]] = {
     "EgmHeader": [("seqno", 1, _UINT32), ("tm", 2, _UINT32), ("mtype", 3, _UINT32)],
     "EgmJoints": [("joints", 1, _REPEATED_DOUBLE)],
     "EgmClock": [("sec", 1, _UINT64), ("usec", 2, _UINT64)],
-    "EgmFeedBack": [("joints", 1, "EgmJoints"), ("externalJoints", 3, "EgmJoints"), ("time", 4, "EgmClock")],
+    "EgmFeedBack": [
+        ("joints", 1, "EgmJoints"),
+        ("externalJoints", 3, "EgmJoints"),
+        ("time", 4, "EgmClock"),
+    ],
     "EgmMotorState": [("state", 1, _UINT32)],
     "EgmRobot": [
         ("header", 1, "EgmHeader"),
@@ -29,11 +33,15 @@ _EGM: dict[str, list[tuple[str, int, int | str]]] = {
 
 
 def _robot_class() -> type[Message]:
-    file = descriptor_pb2.FileDescriptorProto(name="live_egm.proto", package="live_egm", syntax="proto2")
+    file = descriptor_pb2.FileDescriptorProto(
+        name="live_egm.proto", package="live_egm", syntax="proto2"
+    )
     for name, fields in _EGM.items():
         message = file.message_type.add(name=name)
         for field, number, kind in fields:
-            made = message.field.add(name=field, number=number, label=3 if kind == _REPEATED_DOUBLE else 1)
+            made = message.field.add(
+                name=field, number=number, label=3 if kind == _REPEATED_DOUBLE else 1
+            )
             if isinstance(kind, str):
                 made.type, made.type_name = 11, f".live_egm.{kind}"
             else:
@@ -50,7 +58,11 @@ def egm_message(seqno: int, joints_deg: Sequence[float]) -> bytes:
     """EgmRobot number `seqno`, with the fields that the recorder does not read."""
     elapsed_ns = seqno * PERIOD_NS
     clock = {"sec": START_S + elapsed_ns // 10**9, "usec": elapsed_ns % 10**9 // 1000}
-    feedback = {"joints": {"joints": list(joints_deg)}, "externalJoints": {"joints": [0.0] * 6}, "time": clock}
+    feedback = {
+        "joints": {"joints": list(joints_deg)},
+        "externalJoints": {"joints": [0.0] * 6},
+        "time": clock,
+    }
     robot = _ROBOT(
         header={"seqno": seqno, "tm": elapsed_ns // 10**6 % 2**32, "mtype": 2},
         feedBack=feedback,

@@ -56,19 +56,31 @@ class Logs:
         weight = plate.mass * np.einsum("jin,j->ni", rotation, self.cell.robot.gravity)
         force = self.wrench[:, :3] - weight
         moment = self.wrench[:, 3:] - np.cross(plate.body.com, weight) - np.cross(self._tip, force)
-        return np.concatenate([np.einsum("ijn,nj->in", rotation, -part) for part in (force, moment)])
+        return np.concatenate(
+            [np.einsum("ijn,nj->in", rotation, -part) for part in (force, moment)]
+        )
 
     @cached_property
     def on_tool(self) -> Array:
         """(6, N) [N, N m] force and moment about the tip that the ball-bar exerts on the tool, tool frame."""
         rotation = self.bar.rotation()
-        return np.concatenate([np.einsum("jin,jn->in", rotation, -part) for part in (self.on_bar[:3], self.on_bar[3:])])
+        return np.concatenate(
+            [
+                np.einsum("jin,jn->in", rotation, -part)
+                for part in (self.on_bar[:3], self.on_bar[3:])
+            ]
+        )
 
     @cached_property
     def rod_force(self) -> Array:
         """(N,) [N] tension positive: what the tool exerts along the rod, and the weight of what rides on it."""
         riding = sum(link.mass for link in self.cell.ballbar.links[RIDERS])
-        return np.asarray(np.sum((self.on_bar[:3] + riding * self.cell.robot.gravity[:, None]) * self.bar.z[2], axis=0))
+        return np.asarray(
+            np.sum(
+                (self.on_bar[:3] + riding * self.cell.robot.gravity[:, None]) * self.bar.z[2],
+                axis=0,
+            )
+        )
 
     @cached_property
     def tip(self) -> Array:
@@ -98,7 +110,10 @@ class Logs:
         frames = robot_frames(self.geometry, self.joints)
         rotation = frames.rotation()
         flange = frames.tip - np.einsum("ijn,j->in", rotation, self._tip)
-        pull, twist = (np.einsum("ijn,nj->in", rotation, part) for part in (self.wrench[:, :3], self.wrench[:, 3:]))
+        pull, twist = (
+            np.einsum("ijn,nj->in", rotation, part)
+            for part in (self.wrench[:, :3], self.wrench[:, 3:])
+        )
         done = np.stack([_work(frames, i, flange, pull, twist) for i in range(6)])
         for i, (mass, com) in enumerate(_link_centres(self.cell, frames)):
             weight = np.tile(mass * self.cell.robot.gravity[:, None], com.shape[1])
@@ -120,18 +135,28 @@ class Logs:
 def read_logs(folder: Path) -> Logs:
     """The files of a recording with torques and force sensor; its truth is opened for clocks, zeros and kinematic parameters."""
     recording, truth = read_recording(folder), load_truth(truth_path(folder))
-    told, first_rows, robot, bar = recording.description, truth.logs.first_rows, recording.robot_log, recording.ballbar_log
+    told, first_rows, robot, bar = (
+        recording.description,
+        truth.logs.first_rows,
+        recording.robot_log,
+        recording.ballbar_log,
+    )
     assert bar is not None
     assert told.sources.force is not None
     cell = load_cell(told.robot, told.ballbar, told.plate)
-    torque = read_table(folder / told.sources.robot.files[0])[:, 7:] / np.diag(cell.robot.transmission)
+    torque = read_table(folder / told.sources.robot.files[0])[:, 7:] / np.diag(
+        cell.robot.transmission
+    )
     force = read_table(folder / told.sources.force.files[0])
     robot_t = first_rows.robot_s + robot.t
     force_t = first_rows.robot_s + ForceSensor().offset_s + force[:, 0] - force[0, 0]
     t = first_rows.ballbar_s + (1.0 + truth.skew) * bar.t
     inside = (t >= force_t[0]) & (t <= min(robot_t[-1], force_t[-1]))
     b = bar.angles * np.array([truth.senses[f"b{j}"] for j in bar.joints])
-    at_rows = [CubicSpline(*series)(t[inside]) for series in ((robot_t, robot.q), (robot_t, torque), (force_t, force[:, 1:]))]
+    at_rows = [
+        CubicSpline(*series)(t[inside])
+        for series in ((robot_t, robot.q), (robot_t, torque), (force_t, force[:, 1:]))
+    ]
     stiffness = truth.plant.rod_stiffness_N_per_m or np.inf
     return Logs(cell, truth.geometry, stiffness, t[inside], at_rows[0], b[inside], *at_rows[1:])
 
@@ -182,7 +207,9 @@ def there_and_back(t: Array, values: Array, end: float) -> Array:
 def _work(frames: Frames, joint: int, point: Array, force: Array, moment: Array) -> Array:
     """(N,) [N m] work on one joint of a force at `point` and a moment, (3, N) each, for a unit turn."""
     axis = frames.z[joint]
-    return np.asarray(np.sum(cross(axis, point - frames.origin[joint]) * force + axis * moment, axis=0))
+    return np.asarray(
+        np.sum(cross(axis, point - frames.origin[joint]) * force + axis * moment, axis=0)
+    )
 
 
 def _link_centres(cell: Cell, frames: Frames) -> list[tuple[float, Array]]:
@@ -191,5 +218,7 @@ def _link_centres(cell: Cell, frames: Frames) -> list[tuple[float, Array]]:
     out = []
     for i, link in enumerate(cell.robot.links[1:], start=1):
         local = zero.rotation(i)[:, :, 0].T @ (link.com - zero.origin[i, :, 0])
-        out.append((link.mass, frames.origin[i] + np.einsum("ijn,j->in", frames.rotation(i), local)))
+        out.append(
+            (link.mass, frames.origin[i] + np.einsum("ijn,j->in", frames.rotation(i), local))
+        )
     return out

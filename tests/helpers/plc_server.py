@@ -54,11 +54,15 @@ class _Memory(AdvancedHandler):
     def __init__(self, ring: bytearray, header_reads: list[int]) -> None:
         super().__init__()
         self.ring, self.header_reads = ring, header_reads
-        self.add_variable(PLCVariable(SYMBOL, bytes(len(ring)), ADST_VOID, "ST_BallBarRing", GROUP, OFFSET))
+        self.add_variable(
+            PLCVariable(SYMBOL, bytes(len(ring)), ADST_VOID, "ST_BallBarRing", GROUP, OFFSET)
+        )
 
     def get_variable_by_indices(self, index_group: int, index_offset: int) -> PLCVariable:
         if index_offset == OFFSET:
-            self.header_reads.append(int(np.frombuffer(self.ring, dtype=HEADER, count=1)["written"][0]))
+            self.header_reads.append(
+                int(np.frombuffer(self.ring, dtype=HEADER, count=1)["written"][0])
+            )
         found = super().get_variable_by_indices(index_group, OFFSET)
         found.value = memoryview(self.ring)[index_offset - OFFSET :]
         return found
@@ -67,7 +71,14 @@ class _Memory(AdvancedHandler):
 class Plc:
     """Samples at a rate until the block ends; the server can be taken away and brought back."""
 
-    def __init__(self, address: str, rate: float, *, capacity: int = CAPACITY, joints: tuple[int, ...] = JOINTS) -> None:
+    def __init__(
+        self,
+        address: str,
+        rate: float,
+        *,
+        capacity: int = CAPACITY,
+        joints: tuple[int, ...] = JOINTS,
+    ) -> None:
         self.address, self.period_ns, self.capacity = address, round(1e9 / rate), capacity
         self.net_id = f"{address}.1.1"
         self.header_reads: list[int] = []  # `written` whenever a recorder looked at it
@@ -89,13 +100,20 @@ class Plc:
         self._task.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self._stop.set()
         self._task.join()
         self.disconnect()
 
     def connect(self) -> None:
-        self._server = AdsTestServer(_Memory(self._ring, self.header_reads), ip_address=self.address, logging=False)
+        self._server = AdsTestServer(
+            _Memory(self._ring, self.header_reads), ip_address=self.address, logging=False
+        )
         self._server.start()
 
     def disconnect(self) -> None:

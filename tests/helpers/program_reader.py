@@ -38,7 +38,10 @@ def read_rapid(text: str) -> Program:
     count = re.search(r"CONST jointtarget path\{(\d+)\}:=\[", joined)
     assert count
     assert int(count[1]) == len(axes)
-    lists = {key: np.array([float(x) for x in _list(joined, key, len(axes))]) for key in ("seconds", "rest")}
+    lists = {
+        key: np.array([float(x) for x in _list(joined, key, len(axes))])
+        for key in ("seconds", "rest")
+    }
     known = (
         r"MODULE \w+", r"ENDMODULE", r"CONST .*", r"\[\[.*", r"\];", r"PROC \w+\(\)", r"ENDPROC", r"MoveAbsJ .*;", r"Stop;",
         r"WaitTime rest\{\w+\};",         r"SoftAct \d,\d+\\Ramp:=\d+;", r"SoftDeact;", rf"FOR i FROM 2 TO {len(axes)} DO", r"ENDFOR",
@@ -48,7 +51,9 @@ def read_rapid(text: str) -> Program:
         if not any(re.fullmatch(pattern, line) for pattern in known):
             raise ValueError(f"not RAPID as we write it: {line}")
     for move in re.findall(r"MoveAbsJ (.*);", joined):
-        if not re.fullmatch(r"path\{(?:1|i)\}\\NoEOffs,v\d+(?:\\T:=seconds\{i\})?,(?:fine|z\d+),tool0", move):
+        if not re.fullmatch(
+            r"path\{(?:1|i)\}\\NoEOffs,v\d+(?:\\T:=seconds\{i\})?,(?:fine|z\d+),tool0", move
+        ):
             raise ValueError(move)
     softness = {int(a): float(s) for a, s in re.findall(r"SoftAct (\d),(\d+)", joined)}
     return Program(axes, lists["rest"], lists["seconds"], np.zeros(len(axes)), softness, comments)
@@ -72,7 +77,9 @@ def read_pdl2(text: str) -> Program:
             comments.append(line[2:].strip())
             continue
         code = line.split("--")[0].strip()
-        if move := re.fullmatch(rf"(MOVE|MOVEFLY) JOINT TO \{{((?:{NUMBER}, ){{5}}{NUMBER})\}}( ADVANCE)?", code):
+        if move := re.fullmatch(
+            rf"(MOVE|MOVEFLY) JOINT TO \{{((?:{NUMBER}, ){{5}}{NUMBER})\}}( ADVANCE)?", code
+        ):
             assert (move[1] == "MOVEFLY") == bool(move[3])
             axes.append([float(x) for x in move[2].split(", ")])
             rests.append(0.0)
@@ -83,4 +90,6 @@ def read_pdl2(text: str) -> Program:
             override = float(changed[1])
         elif code not in ("BEGIN", "PAUSE"):
             raise ValueError(f"not PDL2 as we write it: {line}")
-    return Program(np.array(axes), np.array(rests), np.zeros(len(axes)), np.array(overrides), {}, comments)
+    return Program(
+        np.array(axes), np.array(rests), np.zeros(len(axes)), np.array(overrides), {}, comments
+    )

@@ -20,7 +20,9 @@ from ident.estimator.closure import (
 from tests.conftest import perturbed
 
 STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10
-TOLERANCE = 2e-8  # the mismatch may be tenths of a radian here, so the third derivatives are of order 10
+TOLERANCE = (
+    2e-8  # the mismatch may be tenths of a radian here, so the third derivatives are of order 10
+)
 
 
 @pytest.fixture(scope="module")
@@ -33,11 +35,15 @@ def loop(nominal: Geometry) -> tuple[Geometry, np.ndarray, np.ndarray]:
     return perturbed(nominal, rng, 0.02), q, b
 
 
-def test_the_mismatch_is_zero_where_both_chains_meet(nominal: Geometry, loop: tuple[Geometry, np.ndarray, np.ndarray]) -> None:
+def test_the_mismatch_is_zero_where_both_chains_meet(
+    nominal: Geometry, loop: tuple[Geometry, np.ndarray, np.ndarray]
+) -> None:
     assert np.abs(close_loop(nominal, *loop[1:]).error).max() < 1e-12
 
 
-def test_parameter_jacobian_is_the_central_difference_of_the_signed_mismatch(loop: tuple[Geometry, np.ndarray, np.ndarray]) -> None:
+def test_parameter_jacobian_is_the_central_difference_of_the_signed_mismatch(
+    loop: tuple[Geometry, np.ndarray, np.ndarray],
+) -> None:
     geometry, q, b = loop
     columns = parameter_jacobian(close_loop(geometry, q, b), PARAMETERS)
     for k, name in enumerate(NAMES):
@@ -46,18 +52,27 @@ def test_parameter_jacobian_is_the_central_difference_of_the_signed_mismatch(loo
         assert np.abs(columns[k] - (ahead - behind) / (2 * STEP)).max() < TOLERANCE, name
 
 
-def test_joint_jacobians_are_central_differences_too(loop: tuple[Geometry, np.ndarray, np.ndarray]) -> None:
+def test_joint_jacobians_are_central_differences_too(
+    loop: tuple[Geometry, np.ndarray, np.ndarray],
+) -> None:
     geometry, q, b = loop
     closure = close_loop(geometry, q, b)
     for j in range(6):
         nudge = STEP * np.eye(6)[j]
-        numeric = (close_loop(geometry, q + nudge, b).error - close_loop(geometry, q - nudge, b).error) / (2 * STEP)
+        numeric = (
+            close_loop(geometry, q + nudge, b).error - close_loop(geometry, q - nudge, b).error
+        ) / (2 * STEP)
         assert np.abs(robot_joint_jacobian(closure)[j] - numeric).max() < TOLERANCE
     for j in range(5):
         nudge = STEP * np.eye(5)[j]
-        numeric = (close_loop(geometry, q, b + nudge).error - close_loop(geometry, q, b - nudge).error) / (2 * STEP)
+        numeric = (
+            close_loop(geometry, q, b + nudge).error - close_loop(geometry, q, b - nudge).error
+        ) / (2 * STEP)
         assert np.abs(bar_joint_jacobian(closure)[j] - numeric).max() < TOLERANCE
-    ahead, behind = (close_loop(geometry.replaced({"bd3": geometry["bd3"] + s * STEP}), q, b).error for s in (1, -1))
+    ahead, behind = (
+        close_loop(geometry.replaced({"bd3": geometry["bd3"] + s * STEP}), q, b).error
+        for s in (1, -1)
+    )
     assert np.abs(rod_jacobian(closure) - (ahead - behind) / (2 * STEP)).max() < TOLERANCE
 
 
@@ -86,11 +101,19 @@ def test_whitening_equals_dense_least_squares_with_the_free_joints_eliminated(
         assert float(white[:, n] @ white[:, n]) == pytest.approx(expected, rel=1e-7)
 
 
-def test_without_encoders_the_one_equation_left_is_the_length_of_the_rod(loop: tuple[Geometry, np.ndarray, np.ndarray]) -> None:
+def test_without_encoders_the_one_equation_left_is_the_length_of_the_rod(
+    loop: tuple[Geometry, np.ndarray, np.ndarray],
+) -> None:
     geometry, q, b = loop
     closure = close_loop(geometry, q, b)
-    weights = whitening(covariance(closure, np.full(6, 1e-5), np.zeros(5), 0.0), bar_joint_jacobian(closure))
-    moved = weights(parameter_jacobian(closure, [PARAMETERS[INDEX[n]] for n in ("btheta1", "btheta3", "btheta5", "bd3")]))
+    weights = whitening(
+        covariance(closure, np.full(6, 1e-5), np.zeros(5), 0.0), bar_joint_jacobian(closure)
+    )
+    moved = weights(
+        parameter_jacobian(
+            closure, [PARAMETERS[INDEX[n]] for n in ("btheta1", "btheta3", "btheta5", "bd3")]
+        )
+    )
     assert np.abs(moved[:3]).max() < 1e-6 * np.abs(moved[3]).min()
 
 
@@ -99,14 +122,27 @@ def test_noise_propagates_to_the_covariance_that_samples_of_the_mismatch_show(
 ) -> None:
     _, q, b = loop
     rng = np.random.default_rng(21)
-    n, joint, encoder, rod = 20000, np.array([1, 2, 3, 4, 5, 6]) * 1e-5, np.array([2, 1, 3, 1, 2]) * 1e-5, 4e-6
+    n, joint, encoder, rod = (
+        20000,
+        np.array([1, 2, 3, 4, 5, 6]) * 1e-5,
+        np.array([2, 1, 3, 1, 2]) * 1e-5,
+        4e-6,
+    )
     many_q, many_b = (np.repeat(x[:1], n, axis=0) for x in (q, b))
-    closure = close_loop(nominal, many_q + rng.normal(0, joint, many_q.shape), many_b + rng.normal(0, encoder, many_b.shape))
-    stretched = closure.error + rod_jacobian(close_loop(nominal, many_q, many_b)) * rng.normal(0, rod, n)
+    closure = close_loop(
+        nominal,
+        many_q + rng.normal(0, joint, many_q.shape),
+        many_b + rng.normal(0, encoder, many_b.shape),
+    )
+    stretched = closure.error + rod_jacobian(close_loop(nominal, many_q, many_b)) * rng.normal(
+        0, rod, n
+    )
     stated = covariance(close_loop(nominal, q[:1], b[:1]), joint, encoder, rod)[:, :, 0]
     seen = stretched @ stretched.T / n
     scale = np.sqrt(np.outer(np.diag(stated), np.diag(stated)))
-    assert np.abs((seen - stated) / scale).max() < 0.05  # 20000 samples: 1 % of sampling noise, five deviations
+    assert (
+        np.abs((seen - stated) / scale).max() < 0.05
+    )  # 20000 samples: 1 % of sampling noise, five deviations
 
 
 @pytest.mark.parametrize("joints", [(), (1, 2), (1, 2, 4, 5), (4, 5)])

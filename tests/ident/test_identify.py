@@ -60,10 +60,14 @@ def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
     ("fitted", "parameters", "tcp_mm"),
     [((), 23, 0.1), ((1, 2), 25, 0.02), ((1, 2, 4, 5), 28, 0.02), ((1, 2, 3, 4, 5), 29, 0.02)],
 )
-def test_any_number_of_encoders_goes_through_the_same_code(tmp_path: Path, fitted: tuple[int, ...], parameters: int, tcp_mm: float) -> None:
+def test_any_number_of_encoders_goes_through_the_same_code(
+    tmp_path: Path, fitted: tuple[int, ...], parameters: int, tcp_mm: float
+) -> None:
     """Errors against the truth after 60 s; without encoders one path on a sphere says little, so its bound is wider."""
     encoders = {"fitted": fitted, "noise_sigma_rad": 1e-5, "senses": "unknown"}
-    recorded = record(tmp_path / "recording", plant={"kind": "kinematic"}, encoders=encoders, seed=5)
+    recorded = record(
+        tmp_path / "recording", plant={"kind": "kinematic"}, encoders=encoders, seed=5
+    )
     result = identified(recorded)
     assert result.parameters.size == parameters
     assert result.verdict.status in ("good", "suspect")
@@ -86,7 +90,13 @@ def test_the_other_robot_and_another_rod_work_too(tmp_path: Path) -> None:
     recorded = record(
         tmp_path / "recording",
         cell={"robot": "nj220", "ballbar": "lund_900", "ballbar_position_m": [1.5, 0.0, 0.7]},
-        path={"kind": "lissajous", "file": str(tmp_path / "path.yaml"), "duration_s": 60.0, "dwell_s": 2.0, "stops": 1},
+        path={
+            "kind": "lissajous",
+            "file": str(tmp_path / "path.yaml"),
+            "duration_s": 60.0,
+            "dwell_s": 2.0,
+            "stops": 1,
+        },
         plant={"kind": "kinematic"},
     )
     comparison = identification_against_truth(identified(recorded), recorded.simulation.truth)
@@ -105,13 +115,19 @@ def test_a_clock_shifted_by_t_is_found_to_be_shifted_by_t(recorded: Recorded) ->
     later = identify(cell, recording.robot_log, cut, samples=600).clock
     assert whole is not None
     assert later is not None
-    assert later.offset - whole.offset == pytest.approx((1.0 + whole.skew) * lost, abs=3e-6)  # noise: 1 us each
+    assert later.offset - whole.offset == pytest.approx(
+        (1.0 + whole.skew) * lost, abs=3e-6
+    )  # noise: 1 us each
 
 
-def test_identification_without_the_truth_file_gives_the_same_bytes(recorded: Recorded, tmp_path: Path) -> None:
+def test_identification_without_the_truth_file_gives_the_same_bytes(
+    recorded: Recorded, tmp_path: Path
+) -> None:
     def calibrate(name: str) -> bytes:
         _, result = identify_folder(recorded.folder, samples=300, progress=quiet)
-        write_calibration(tmp_path / name, result, robot="irb2400", ballbar="lund_600", plate="plate_250")
+        write_calibration(
+            tmp_path / name, result, robot="irb2400", ballbar="lund_600", plate="plate_250"
+        )
         return (tmp_path / name).read_bytes()
 
     with_truth = calibrate("a.yaml")
@@ -144,11 +160,15 @@ def test_the_truth_lies_beside_the_recording_never_inside(recorded: Recorded) ->
 
 
 @pytest.mark.slow
-def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_white(tmp_path: Path) -> None:
+def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_white(
+    tmp_path: Path,
+) -> None:
     """Twelve noise seeds, 29 parameters each: 95 % intervals should hold 95 % +- 3 % (kinematic plant, so no rod strain)."""
     hits = []
     for seed in range(12):
-        recorded = record(tmp_path / str(seed) / "recording", plant={"kind": "kinematic"}, seed=100 + seed)
+        recorded = record(
+            tmp_path / str(seed) / "recording", plant={"kind": "kinematic"}, seed=100 + seed
+        )
         result = identified(recorded, samples=400)
         deviations = identification_against_truth(result, recorded.simulation.truth).deviations
         hits += [abs(d) < 1.96 * result.sigma[name] for name, d in deviations.items()]
@@ -156,26 +176,46 @@ def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_whi
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("robot", "bar", "words"), [("nj220", "lund_600", "off the catalogue"), ("irb2400", "lund_900", "bd3 is -300 mm")])
-def test_a_wrong_robot_or_ball_bar_is_named_and_not_accepted(recorded: Recorded, robot: str, bar: str, words: str) -> None:
+@pytest.mark.parametrize(
+    ("robot", "bar", "words"),
+    [("nj220", "lund_600", "off the catalogue"), ("irb2400", "lund_900", "bd3 is -300 mm")],
+)
+def test_a_wrong_robot_or_ball_bar_is_named_and_not_accepted(
+    recorded: Recorded, robot: str, bar: str, words: str
+) -> None:
     recording = read_recording(recorded.folder)
-    result = identify(load_cell(robot, bar, "plate_250"), recording.robot_log, recording.ballbar_log, samples=200)
+    result = identify(
+        load_cell(robot, bar, "plate_250"), recording.robot_log, recording.ballbar_log, samples=200
+    )
     assert result.verdict.sentence.startswith("Not the declared cell")
     assert words in result.verdict.sentence
     assert not result.verdict.acceptable
 
 
 @pytest.mark.slow
-def test_logs_of_two_different_runs_are_not_matched_in_silence(recorded: Recorded, tmp_path: Path) -> None:
+def test_logs_of_two_different_runs_are_not_matched_in_silence(
+    recorded: Recorded, tmp_path: Path
+) -> None:
     other = record(
         tmp_path / "recording",
         plant={"kind": "kinematic"},
         cell={"robot": "irb2400", "ballbar": "lund_600", "ballbar_position_m": [0.62, 0.05, 0.5]},
-        path={"kind": "lissajous", "file": "paths/irb2400_a.yaml", "duration_s": 45.0, "dwell_s": 2.0, "stops": 0},
+        path={
+            "kind": "lissajous",
+            "file": "paths/irb2400_a.yaml",
+            "duration_s": 45.0,
+            "dwell_s": 2.0,
+            "stops": 0,
+        },
     )
     robot_log = read_recording(recorded.folder).robot_log
     try:
-        result = identify(recorded.simulation.cell, robot_log, read_recording(other.folder).ballbar_log, samples=300)
+        result = identify(
+            recorded.simulation.cell,
+            robot_log,
+            read_recording(other.folder).ballbar_log,
+            samples=300,
+        )
     except StartError:
         return
     assert not result.verdict.acceptable
@@ -191,9 +231,16 @@ def test_a_log_in_which_nothing_moves_is_refused_with_a_reason(recorded: Recorde
 
 
 @pytest.mark.parametrize(
-    ("joints", "words"), [((1,), "no complete gimbal"), ((1, 2, 4), "half a gimbal"), ((1, 2, 3), "needs b1, b2, b4 and b5")]
+    ("joints", "words"),
+    [
+        ((1,), "no complete gimbal"),
+        ((1, 2, 4), "half a gimbal"),
+        ((1, 2, 3), "needs b1, b2, b4 and b5"),
+    ],
 )
-def test_encoder_sets_that_cannot_be_aligned_say_what_is_missing(recorded: Recorded, joints: tuple[int, ...], words: str) -> None:
+def test_encoder_sets_that_cannot_be_aligned_say_what_is_missing(
+    recorded: Recorded, joints: tuple[int, ...], words: str
+) -> None:
     recording = read_recording(recorded.folder)
     log = recording.ballbar_log
     assert log is not None
@@ -208,7 +255,9 @@ def test_a_wrongly_declared_sense_is_found_and_reported(tmp_path: Path) -> None:
     first = text.index("sign: ")
     sign = text[first : text.index("\n", first)]
     flipped = "sign: -1" if sign.endswith(" 1") else "sign: 1"
-    (recorded.folder / "recording.yaml").write_text(text[:first] + flipped + text[first + len(sign) :])
+    (recorded.folder / "recording.yaml").write_text(
+        text[:first] + flipped + text[first + len(sign) :]
+    )
     result = identified(recorded, samples=300)
     assert result.signs == (-1, 1, 1, 1, 1)
     assert any("b1 counts against its declared sense" in w for w in result.verdict.warnings)
@@ -225,10 +274,14 @@ def test_an_alias_in_time_is_called_ambiguous(recorded: Recorded) -> None:
     lap_q, lap_b = np.concatenate((q, q[::-1])), np.concatenate((b, b[::-1]))
     times = np.arange(3 * len(lap_q)) * (period / len(q))
     rng = np.random.default_rng(3)
-    robot = RobotLog(times[::4].copy(), np.tile(lap_q, (3, 1))[::4] + rng.normal(0, 1e-5, (len(times[::4]), 6)))
+    robot = RobotLog(
+        times[::4].copy(), np.tile(lap_q, (3, 1))[::4] + rng.normal(0, 1e-5, (len(times[::4]), 6))
+    )
     keep = slice(len(lap_q) // 2, len(lap_q) // 2 + int(1.4 * len(lap_q)), 10)
     bar = BallBarLog(
-        times[keep] - times[keep][0], np.tile(lap_b, (3, 1))[keep] + rng.normal(0, 1e-5, (len(times[keep]), 5)), (1, 2, 3, 4, 5)
+        times[keep] - times[keep][0],
+        np.tile(lap_b, (3, 1))[keep] + rng.normal(0, 1e-5, (len(times[keep]), 5)),
+        (1, 2, 3, 4, 5),
     )
     result = identify(recorded.simulation.cell, robot, bar, samples=300)
     assert result.verdict.status == "ambiguous"

@@ -14,7 +14,16 @@ from cell.descriptions import load_cell
 from cell.geometry import nominal_geometry
 from ident.corrections import CORRECTIONS
 from ident.estimator.events import find_event
-from ident.estimator.joint_fit import Excess, JointFit, Model, Track, jacobian, make_point, minimise, settle
+from ident.estimator.joint_fit import (
+    Excess,
+    JointFit,
+    Model,
+    Track,
+    jacobian,
+    make_point,
+    minimise,
+    settle,
+)
 from ident.estimator.machine import tension_splines
 from ident.estimator.problem import Clock
 from ident.estimator.uncertainty import block_widening, correlated_groups, uncertainty
@@ -35,14 +44,32 @@ def smooth(t: Array, values: Array) -> SmoothLog:
     spline = make_interp_spline(t, values, k=5)
     nothing = Outliers(np.empty(0), np.empty(0, dtype=np.intp), 0, t.size)
     noise, period = np.full(values.shape[1], 2e-6), float(t[1] - t[0])
-    return SmoothLog(spline, spline.derivative(), float(t[0]), float(t[-1]), noise, period, period, np.empty((0, 2)), t, nothing, ())
+    return SmoothLog(
+        spline,
+        spline.derivative(),
+        float(t[0]),
+        float(t[-1]),
+        noise,
+        period,
+        period,
+        np.empty((0, 2)),
+        t,
+        nothing,
+        (),
+    )
 
 
 @pytest.fixture(scope="module")
 def model() -> tuple[Model, Array, Array]:
     """Sixty seconds of the nominal cell at 200 samples, every correction, two clock steps; x off its prior."""
     path = reference_path(
-        CELL.robot, NOMINAL, load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml"), duration=60.0, dwell=2.0, stops=0, step=0.05
+        CELL.robot,
+        NOMINAL,
+        load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml"),
+        duration=60.0,
+        dwell=2.0,
+        stops=0,
+        step=0.05,
     )
     columns = [j - 1 for j in ENCODERS]
     times = np.linspace(3.0, 57.0, 200)
@@ -67,29 +94,49 @@ def model() -> tuple[Model, Array, Array]:
     return Model(CELL, mass_model(CELL), corrections, layout, (track,)), x, bar
 
 
-def test_every_column_is_the_derivative_of_the_whitened_mismatch(model: tuple[Model, Array, Array]) -> None:
+def test_every_column_is_the_derivative_of_the_whitened_mismatch(
+    model: tuple[Model, Array, Array],
+) -> None:
     """Loads are frozen by design but for their tension, so lengths and angles of the arm may differ by what moves the loads."""
     made, x, bar = model
     point, weights = settle(made, x, 0, bar, EXCESS, None, None)
     (block,) = jacobian(made, x, 0, point, weights)
     layout = made.unknowns
-    assert sorted({*block.index, *range(*layout.own[0].knots.indices(layout.count))}) == list(range(layout.count))
+    assert sorted({*block.index, *range(*layout.own[0].knots.indices(layout.count))}) == list(
+        range(layout.count)
+    )
     full = np.zeros((layout.count, *block.values.shape[1:]))
     full[block.index] = block.values
     full[layout.own[0].knots] = made.tracks[0].knots.toarray()[:, None, :] * block.slope
     for i, name in enumerate(layout.names):
         h = 1e-4 * min(layout.sigma[i], 1e-2)
-        there, back = (weights(make_point(made, x + sign * h * np.eye(x.size)[i], 0, point.bar).closure.error) for sign in (1.0, -1.0))
+        there, back = (
+            weights(make_point(made, x + sign * h * np.eye(x.size)[i], 0, point.bar).closure.error)
+            for sign in (1.0, -1.0)
+        )
         expected = (there - back) / (2.0 * h)
         scale = max(np.abs(expected).max(), 1e-3 / layout.sigma[i])
         assert np.abs(full[i] - expected).max() < 5e-3 * scale, name
 
 
-def test_a_rigid_mechanism_is_found_again_from_values_off_its_prior(model: tuple[Model, Array, Array]) -> None:
+def test_a_rigid_mechanism_is_found_again_from_values_off_its_prior(
+    model: tuple[Model, Array, Array],
+) -> None:
     made, _, bar = model
-    track = replace(made.tracks[0], knots=csr_array((0, 200)), tension=np.zeros(200), clock_steps=())
-    layout, x = unknowns(CELL, NOMINAL, [RecordingShape(ENCODERS, NOMINAL, Clock(0.0, 0.0), 0)], (), measured_force=False, rod_sigma=None)
-    start = x + 0.2 * np.minimum(layout.sigma, 1e-3) * np.random.default_rng(4).standard_normal(x.size)
+    track = replace(
+        made.tracks[0], knots=csr_array((0, 200)), tension=np.zeros(200), clock_steps=()
+    )
+    layout, x = unknowns(
+        CELL,
+        NOMINAL,
+        [RecordingShape(ENCODERS, NOMINAL, Clock(0.0, 0.0), 0)],
+        (),
+        measured_force=False,
+        rod_sigma=None,
+    )
+    start = x + 0.2 * np.minimum(layout.sigma, 1e-3) * np.random.default_rng(4).standard_normal(
+        x.size
+    )
     fit = minimise(Model(CELL, None, (), layout, (track,)), start, [bar], EXCESS)
     assert fit.converged
     assert fit.iterations <= 6
@@ -121,11 +168,17 @@ def test_white_influence_is_not_widened_and_slow_influence_is() -> None:
     rng = np.random.default_rng(0)
     white = rng.standard_normal((40, times.size))
     assert np.median(block_widening(np.eye(40), white, times)) == pytest.approx(1.0, abs=0.1)
-    slow = np.repeat(rng.standard_normal((40, 150)), 10, axis=1)  # alike over 0.8 s: ten samples tell as much as one
-    assert np.median(block_widening(np.eye(40), slow, times)) == pytest.approx(np.sqrt(10.0), rel=0.15)
+    slow = np.repeat(
+        rng.standard_normal((40, 150)), 10, axis=1
+    )  # alike over 0.8 s: ten samples tell as much as one
+    assert np.median(block_widening(np.eye(40), slow, times)) == pytest.approx(
+        np.sqrt(10.0), rel=0.15
+    )
 
 
-def test_covariance_keeps_the_prior_where_the_data_are_silent(model: tuple[Model, Array, Array]) -> None:
+def test_covariance_keeps_the_prior_where_the_data_are_silent(
+    model: tuple[Model, Array, Array],
+) -> None:
     made, x, bar = model
     fit: JointFit = minimise(made, x, [bar], EXCESS)
     trust = uncertainty(fit)

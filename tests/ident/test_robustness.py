@@ -24,7 +24,9 @@ FAULTS: dict[str, dict[str, object]] = {
 
 def calibrated(folder: Path, faults: dict[str, dict[str, object]]) -> tuple[Identification, Truth]:
     """A recording of the full plant, everything on, with these faults."""
-    cell, logs, truth = recorded(faulty(load_scenario(SCENARIOS / "irb2400_full.yaml"), faults), folder)
+    cell, logs, truth = recorded(
+        faulty(load_scenario(SCENARIOS / "irb2400_full.yaml"), faults), folder
+    )
     return identify_together(cell, [logs], model="complete", force="torque")[0], truth
 
 
@@ -33,8 +35,13 @@ def test_gross_faults_are_repaired_reported_and_cost_little(tmp_path: Path) -> N
     clean, truth = calibrated(tmp_path / "clean", {})
     assert clean.events == ()
     dirty, faulty_truth = calibrated(tmp_path / "dirty", FAULTS)
-    before, after = identification_against_truth(clean, truth).tcp.mean, identification_against_truth(dirty, faulty_truth).tcp.mean
-    assert after < 1.3 * before  # one draw; over many the median stays below 1.2 (docs/studies/robustness.csv)
+    before, after = (
+        identification_against_truth(clean, truth).tcp.mean,
+        identification_against_truth(dirty, faulty_truth).tcp.mean,
+    )
+    assert (
+        after < 1.3 * before
+    )  # one draw; over many the median stays below 1.2 (docs/studies/robustness.csv)
     start = faulty_truth.logs.first_rows.ballbar_s
     slip, step = sorted(dirty.events, key=lambda event: event.time)
     assert (slip.kind, slip.joint, abs(slip.periods)) == ("encoder", 2, 2)

@@ -14,8 +14,15 @@ RESET = 9_000_000  # counts, 3.8 rad
 
 
 @pytest.mark.slow
-def test_a_clock_set_back_and_a_counter_reset_leave_the_alignment_within_100_us(tmp_path: Path) -> None:
-    clocks = {"offset_s": 0.137, "skew": 2e-4, "wander": {"rate_rms_ppm": 0.5}, "step": {"at_s": 36.0, "step_s": -0.04}}
+def test_a_clock_set_back_and_a_counter_reset_leave_the_alignment_within_100_us(
+    tmp_path: Path,
+) -> None:
+    clocks = {
+        "offset_s": 0.137,
+        "skew": 2e-4,
+        "wander": {"rate_rms_ppm": 0.5},
+        "step": {"at_s": 36.0, "step_s": -0.04},
+    }
     done = record(tmp_path / "recording", plant={"kind": "kinematic"}, clocks=clocks)
     file = done.folder / "raw/ballbar.csv"
     lines = file.read_bytes().decode().splitlines()
@@ -25,7 +32,10 @@ def test_a_clock_set_back_and_a_counter_reset_leave_the_alignment_within_100_us(
         lines[k] = ";".join(cells)
     file.write_bytes(("\r\n".join(lines) + "\r\n").encode())
     read = read_recording(done.folder)
-    assert [one.kind for one in read.report.findings if "overrun" not in one.kind] == ["counter jumped", "clock set back"]
+    assert [one.kind for one in read.report.findings if "overrun" not in one.kind] == [
+        "counter jumped",
+        "clock set back",
+    ]
     found = identify(done.simulation.cell, read.robot_log, read.ballbar_log, samples=600)
     assert np.abs(clock_error(done.simulation, found)).max() < 100e-6
     (jump,) = [event for event in found.events if event.kind == "encoder"]

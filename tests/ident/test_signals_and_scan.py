@@ -29,7 +29,12 @@ def test_smoothing_recovers_values_speeds_and_the_noise_level() -> None:
     error = log.spline(inner) - motion(inner)
     assert log.noise == pytest.approx([2e-5, 2e-5], rel=0.03)  # 8000 rows: 1 % of sampling noise
     assert error.std(axis=0) == pytest.approx(log.sample_sigma(0.2), rel=0.15)
-    assert np.abs(log.speed(inner)[:, 0] - (0.7 * np.cos(0.7 * inner) + 0.57 * np.cos(1.9 * inner))).max() < 2e-3
+    assert (
+        np.abs(
+            log.speed(inner)[:, 0] - (0.7 * np.cos(0.7 * inner) + 0.57 * np.cos(1.9 * inner))
+        ).max()
+        < 2e-3
+    )
 
 
 def test_smoothing_delays_nothing() -> None:
@@ -46,7 +51,12 @@ def test_a_quick_motion_gets_closer_knots_than_a_slow_one() -> None:
     rng = np.random.default_rng(2)
     quick = np.sin(2 * np.pi * 6.0 * t)[:, None] + rng.normal(0, 1e-5, (t.size, 1))
     assert smooth_log(t, quick, widest_knot_spacing=0.08).knot_spacing < 0.03
-    assert smooth_log(t, motion(t) + rng.normal(0, 1e-5, (t.size, 2)), widest_knot_spacing=0.08).knot_spacing == 0.08
+    assert (
+        smooth_log(
+            t, motion(t) + rng.normal(0, 1e-5, (t.size, 2)), widest_knot_spacing=0.08
+        ).knot_spacing
+        == 0.08
+    )
 
 
 def test_a_log_with_two_of_three_rows_lost_for_seconds_is_smoothed_as_well_as_any() -> None:
@@ -62,10 +72,14 @@ def test_the_arm_accelerates_as_the_path_does_and_not_with_the_ripple_of_the_log
     t = np.arange(0.0, 60.0, 0.004)
     rng = np.random.default_rng(4)
     ripple = 1e-5 * np.sin(2.0 * np.pi * 15.0 * t)  # a resolver's: 0.09 rad/s^2
-    log = smooth_log(t, motion(t) + ripple[:, None] + rng.normal(0, 2e-6, (t.size, 2)), widest_knot_spacing=0.08)
+    log = smooth_log(
+        t, motion(t) + ripple[:, None] + rng.normal(0, 2e-6, (t.size, 2)), widest_knot_spacing=0.08
+    )
     inner = np.linspace(1.0, 59.0, 2000)
     true = -0.49 * np.sin(0.7 * inner) - 1.083 * np.sin(1.9 * inner)
-    assert np.abs(log.spline(inner, 2)[:, 0] - true).max() > 0.05  # what inertia would be multiplied with
+    assert (
+        np.abs(log.spline(inner, 2)[:, 0] - true).max() > 0.05
+    )  # what inertia would be multiplied with
     assert np.abs(log.arm(inner, 2)[:, 0] - true).max() < 2e-3
 
 
@@ -75,7 +89,10 @@ def test_smoothed_noise_is_not_taken_for_a_systematic_residual_however_dense_the
     log = smooth_log(t, motion(t) + rng.normal(0, 1e-5, (t.size, 2)), widest_knot_spacing=0.08)
     for step in (0.2, 0.07, 0.03, 0.01):
         times = np.arange(1.0, 59.0, step)
-        assert abs(autocorrelation((log.spline(times) - motion(times)).T, times, smoothing(log, None))) < 0.15
+        assert (
+            abs(autocorrelation((log.spline(times) - motion(times)).T, times, smoothing(log, None)))
+            < 0.15
+        )
         drift = np.sin(times / 2.0)[None] + 0.3 * rng.normal(0.0, 1.0, (1, times.size))
         assert autocorrelation(drift, times, smoothing(log, None)) > 0.7
 
@@ -84,7 +101,9 @@ def test_samples_avoid_gaps_and_long_standstills() -> None:
     rng = np.random.default_rng(3)
     t = np.arange(0.0, 60.0, 0.01)
     t = t[(t < 30.0) | (t > 31.5)]
-    moving = 15.0 + 15.0 * np.sin(np.pi * (np.clip(t, 20.0, 50.0) - 35.0) / 30.0)  # at rest until 20 s and from 50 s
+    moving = 15.0 + 15.0 * np.sin(
+        np.pi * (np.clip(t, 20.0, 50.0) - 35.0) / 30.0
+    )  # at rest until 20 s and from 50 s
     values = motion(moving) + rng.normal(0, 1e-6, (t.size, 2))
     log = smooth_log(t, values, widest_knot_spacing=0.08)
     times = sample_times(log, log, Clock(0.0, 0.0), 500)
@@ -98,7 +117,11 @@ def test_samples_avoid_gaps_and_long_standstills() -> None:
 def test_the_sphere_is_found_from_points_on_a_patch_of_it() -> None:
     rng = np.random.default_rng(4)
     u = rng.normal(0, 1, (400, 3)) * np.array([1, 1, 0.4]) + np.array([0, 0, 1.5])
-    points = np.array([0.7, -0.2, 0.5]) + 0.602 * u / np.linalg.norm(u, axis=1)[:, None] + rng.normal(0, 1e-3, (400, 3))
+    points = (
+        np.array([0.7, -0.2, 0.5])
+        + 0.602 * u / np.linalg.norm(u, axis=1)[:, None]
+        + rng.normal(0, 1e-3, (400, 3))
+    )
     found = sphere_candidates(points, 0.6)
     assert len(found) == 1
     assert found[0].centre == pytest.approx([0.7, -0.2, 0.5], abs=2e-3)
@@ -118,8 +141,16 @@ def test_a_standing_tool_shows_no_sphere() -> None:
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.integers(-2000, 2000), st.sampled_from([1, -1]), st.floats(-3.1, 3.1), st.floats(-3.1, 3.1), st.booleans())
-def test_lag_sign_and_both_zeros_of_a_pair_come_out_of_one_scan(lag: int, sign: int, zero1: float, zero2: float, truncated: bool) -> None:
+@given(
+    st.integers(-2000, 2000),
+    st.sampled_from([1, -1]),
+    st.floats(-3.1, 3.1),
+    st.floats(-3.1, 3.1),
+    st.booleans(),
+)
+def test_lag_sign_and_both_zeros_of_a_pair_come_out_of_one_scan(
+    lag: int, sign: int, zero1: float, zero2: float, truncated: bool
+) -> None:
     """A gimbal that follows a direction for 100 s, shifted by up to 40 s: everything is read off the two signals."""
     k = np.arange(7000 if truncated else 9000)
     full = np.arange(-3000, 12000) * STEP
@@ -149,6 +180,10 @@ def test_smoothing_delays_neither_log_against_the_other() -> None:
     speed = np.stack([0.65 * np.cos(1.3 * inner), -0.36 * np.sin(0.9 * inner + 0.3)], axis=1)
     for period in (0.004032, 0.010):
         t = np.arange(0.0, 60.0, period)
-        log = smooth_log(t, motion(t) + rng.normal(0.0, 1e-6, (t.size, 2)), widest_knot_spacing=0.08)
+        log = smooth_log(
+            t, motion(t) + rng.normal(0.0, 1e-6, (t.size, 2)), widest_knot_spacing=0.08
+        )
         delay = -((log.spline(inner) - motion(inner)) * speed).sum() / (speed * speed).sum()
-        assert abs(delay) < 2e-7  # [s] noise of 1 urad over 60 s leaves 3e-8; a causal filter of one row would delay by 4e-3
+        assert (
+            abs(delay) < 2e-7
+        )  # [s] noise of 1 urad over 60 s leaves 3e-8; a causal filter of one row would delay by 4e-3

@@ -37,7 +37,14 @@ from planning.request import KeepOut, PlanCell, PlanLimits, PlanRequest, PlanTim
 from planning.sample import figure
 from planning.search import Progress, ranked, search
 from planning.targets import SAG, targets_of
-from planning.verify import Check, checks, plant_errors, run_in_plant, set_without_strain, violations_in
+from planning.verify import (
+    Check,
+    checks,
+    plant_errors,
+    run_in_plant,
+    set_without_strain,
+    violations_in,
+)
 from planning.what_if import answers, question
 from planning.workers import judging_processes
 from sim.errors.static_errors import true_geometry
@@ -72,13 +79,17 @@ def test_a_candidate_has_the_numbers_that_gave_it(seed: int) -> None:
     space = space_of(load_request(SCENARIOS / "plans" / "irb2400.yaml"))
     z = np.random.default_rng(seed).random(space.size)
     again = space.candidate(numbers_of(space, space.candidate(z)))
-    for one, other in zip(path_data(again).values(), path_data(space.candidate(z)).values(), strict=True):
+    for one, other in zip(
+        path_data(again).values(), path_data(space.candidate(z)).values(), strict=True
+    ):
         if not isinstance(one, str):
             assert one == pytest.approx(other, abs=0.011)  # two decimals of a degree
     assert again.position == pytest.approx(space.candidate(z).position, abs=1e-9)
 
 
-def test_the_figure_of_a_search_is_the_tcp_sigma_over_the_grid(judge: Judge, by_hand: Candidate) -> None:
+def test_the_figure_of_a_search_is_the_tcp_sigma_over_the_grid(
+    judge: Judge, by_hand: Candidate
+) -> None:
     course = checked(judge, by_hand).course
     assert course is not None
     found = predict(judge.predictor, course, np.zeros(course.t.size))
@@ -92,14 +103,22 @@ def test_the_figure_of_a_search_is_the_tcp_sigma_over_the_grid(judge: Judge, by_
     assert found.tcp_sigma == pytest.approx(longhand, rel=1e-4)  # an inverse without scaling
 
 
-def test_the_prediction_is_what_identification_states_afterwards(judge: Judge, by_hand: Candidate) -> None:
+def test_the_prediction_is_what_identification_states_afterwards(
+    judge: Judge, by_hand: Candidate
+) -> None:
     with (ROOT / "docs" / "studies" / "everything_on_irb2400_12.csv").open() as file:
-        stated = [float(row["tcp_sigma_mm"]) * 1e-3 for row in csv.DictReader(file) if row["paths"] == "a"]
+        stated = [
+            float(row["tcp_sigma_mm"]) * 1e-3 for row in csv.DictReader(file) if row["paths"] == "a"
+        ]
     course = course_over(judge.cell, by_hand, PlanTiming())[0]
     found = predict(judge.predictor, course, predicted_forces(judge.forces, course).tension[0])
-    both = np.hypot(tcp_rms(judge, found), scale_error(judge.predictor.grid, judge.cell))  # the fit counts the plate's length in (ba5)
+    both = np.hypot(
+        tcp_rms(judge, found), scale_error(judge.predictor.grid, judge.cell)
+    )  # the fit counts the plate's length in (ba5)
     mean_over_rms = found.tcp_sigma.mean() / tcp_rms(judge, found)
-    assert both * mean_over_rms == pytest.approx(np.median(stated), rel=0.1)  # noise levels are estimated there, assumed here
+    assert both * mean_over_rms == pytest.approx(
+        np.median(stated), rel=0.1
+    )  # noise levels are estimated there, assumed here
 
 
 def test_better_sensors_and_more_time_never_predict_less(judge: Judge, by_hand: Candidate) -> None:
@@ -118,7 +137,10 @@ def test_better_sensors_and_more_time_never_predict_less(judge: Judge, by_hand: 
 
 def test_a_path_run_in_half_the_time_is_too_fast(judge: Judge, by_hand: Candidate) -> None:
     limits = PlanLimits(axis_speed_share=0.13)
-    slow, fast = (course_over(judge.cell, by_hand, PlanTiming(duration_s=d, dwell_s=1.0, stops=0))[0] for d in (120.0, 60.0))
+    slow, fast = (
+        course_over(judge.cell, by_hand, PlanTiming(duration_s=d, dwell_s=1.0, stops=0))[0]
+        for d in (120.0, 60.0)
+    )
     assert "axis_speed_share" not in {v.limit for v in violations(judge.cell, limits, slow)}
     worst = {v.limit: v for v in violations(judge.cell, limits, fast)}["axis_speed_share"]
     assert "axis 2 at" in worst.sentence
@@ -138,7 +160,9 @@ def test_a_path_run_in_half_the_time_is_too_fast(judge: Judge, by_hand: Candidat
         ("cable_turns", 0.3),
     ],
 )
-def test_every_limit_of_motion_can_be_violated(judge: Judge, by_hand: Candidate, limit: str, value: float) -> None:
+def test_every_limit_of_motion_can_be_violated(
+    judge: Judge, by_hand: Candidate, limit: str, value: float
+) -> None:
     course = course_over(judge.cell, by_hand, PlanTiming())[0]
     assert limit not in {v.limit for v in violations(judge.cell, PlanLimits(), course)}
     found = {v.limit: v for v in violations(judge.cell, PlanLimits(**{limit: value}), course)}
@@ -151,9 +175,17 @@ def test_a_box_in_the_way_is_named_and_its_distance_is_that_of_the_tool(by_hand:
     highest = course.tip[:, 2].max()
     low, high = (-5.0, -5.0, highest + 1.0), (5.0, 5.0, highest + 2.0)
     free = nearest(clearance(cell, request().cell), course.nominal, course.q, course.b, course.t)
-    above = request().cell.model_copy(update={"keep_out": (KeepOut(name="lamp", lower_m=low, upper_m=high),)})
+    above = request().cell.model_copy(
+        update={"keep_out": (KeepOut(name="lamp", lower_m=low, upper_m=high),)}
+    )
     lower = above.keep_out[0].model_copy(update={"lower_m": (-5.0, -5.0, highest - 0.5)})
-    found = nearest(clearance(cell, above.model_copy(update={"keep_out": (lower,)})), course.nominal, course.q, course.b, course.t)
+    found = nearest(
+        clearance(cell, above.model_copy(update={"keep_out": (lower,)})),
+        course.nominal,
+        course.q,
+        course.b,
+        course.t,
+    )
     assert "box lamp" in found.pair
     assert found.distance < free.distance
 
@@ -163,34 +195,59 @@ def test_capsules_are_as_far_apart_as_two_segments(by_hand: Candidate) -> None:
     cell = load_cell("irb2400", "lund_600", "plate_250")
     of = clearance(cell, request().cell)
     course = course_over(cell, by_hand, PlanTiming())[0]
-    only = replace(of, pairs=tuple(p for p in of.pairs if {of.names[p[0]], of.names[p[1]]} == {"upper arm", "rod"}))
+    only = replace(
+        of,
+        pairs=tuple(
+            p for p in of.pairs if {of.names[p[0]], of.names[p[1]]} == {"upper arm", "rod"}
+        ),
+    )
     found = nearest(only, course.nominal, course.q, course.b, course.t)
     k = int(np.flatnonzero(np.isclose(course.t, found.t))[0])
     from cell.geometry import robot_frames  # noqa: PLC0415  the oracle's own
 
-    robot, bar = robot_frames(course.nominal, course.q[k : k + 1]), bar_frames(course.nominal, course.b[k : k + 1])
+    robot, bar = (
+        robot_frames(course.nominal, course.q[k : k + 1]),
+        bar_frames(course.nominal, course.b[k : k + 1]),
+    )
     share = np.linspace(0.0, 1.0, 801)[:, None]
     ball, tip = bar.origin[0][:, 0], bar.tip[:, 0]
     along = (tip - ball) / np.linalg.norm(tip - ball)
     rod = ball + 0.1 * along + share * (tip - ball - 0.2 * along)
     arm = robot.origin[1][:, 0] + share * (robot.origin[2] - robot.origin[1])[:, 0]
-    apart = np.linalg.norm(rod[:, None] - arm[None], axis=2).min() - of.radii["rod"] - of.radii["upper arm"]
+    apart = (
+        np.linalg.norm(rod[:, None] - arm[None], axis=2).min()
+        - of.radii["rod"]
+        - of.radii["upper arm"]
+    )
     assert found.distance == pytest.approx(apart, abs=1e-3)  # points 1 mm apart
 
 
 def test_a_request_that_cannot_be_met_says_why() -> None:
-    far = request().model_copy(update={"cell": PlanCell(robot="irb2400", ballbar="lund_600", ballbar_position_m=(3.5, 0.0, 0.5))})
-    with pytest.raises(InputError, match=r"no path found: \d+ random paths .* out of reach 100%.*Move the ball-bar"):
+    far = request().model_copy(
+        update={
+            "cell": PlanCell(
+                robot="irb2400", ballbar="lund_600", ballbar_position_m=(3.5, 0.0, 0.5)
+            )
+        }
+    )
+    with pytest.raises(
+        InputError, match=r"no path found: \d+ random paths .* out of reach 100%.*Move the ball-bar"
+    ):
         first_path(judges(far), seconds=1.0)
 
 
 @pytest.mark.slow
 def test_another_rod_is_taken_where_the_first_one_allows_nothing() -> None:
     asked = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    asked = asked.model_copy(update={"cell": asked.cell.model_copy(update={"ballbar_choices": ("lund_900",)})})
+    asked = asked.model_copy(
+        update={"cell": asked.cell.model_copy(update={"ballbar_choices": ("lund_900",)})}
+    )
     both = judges(asked)
     assert [one.cell.ballbar.length for one in both.values()] == [0.6, 0.9]
-    both["lund_600"] = replace(both["lund_600"], limits=both["lund_600"].limits.model_copy(update={"wrist_margin_deg": 89.0}))
+    both["lund_600"] = replace(
+        both["lund_600"],
+        limits=both["lund_600"].limits.model_copy(update={"wrist_margin_deg": 89.0}),
+    )
     start, _ = first_path(both)
     assert start.rod == "lund_900"
     assert not checked(both["lund_900"], space_of(asked).candidate(start.z)).violations
@@ -205,12 +262,26 @@ def test_a_search_may_begin_with_a_path_that_exists(tmp_path: Path) -> None:
     for hint in found:
         begun = path_data(space_of(asked).candidate(hint.z))
         wanted = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
-        there = Lissajous(*(np.array(begun[f"{key}"]) for key in ("centre_deg", "amplitude_deg", "cycles", "phase_deg")))
+        there = Lissajous(
+            *(
+                np.array(begun[f"{key}"])
+                for key in ("centre_deg", "amplitude_deg", "cycles", "phase_deg")
+            )
+        )
         for s in (0.0, 0.1, 0.37):
-            angles = Lissajous(np.radians(there.centre), np.radians(there.amplitude), there.cycles, np.radians(there.phase))
-            assert np.exp(1j * angles.angles(np.array([s]))) == pytest.approx(np.exp(1j * wanted.angles(np.array([s]))), abs=1e-3)
+            angles = Lissajous(
+                np.radians(there.centre),
+                np.radians(there.amplitude),
+                there.cycles,
+                np.radians(there.phase),
+            )
+            assert np.exp(1j * angles.angles(np.array([s]))) == pytest.approx(
+                np.exp(1j * wanted.angles(np.array([s]))), abs=1e-3
+            )
     middle = 0.5 * sum(np.array(corner) for corner in cell.region)
-    planned = hints(asked.model_copy(update={"start_from": ("irb2400_planned.yaml",)}), SCENARIOS / "paths")
+    planned = hints(
+        asked.model_copy(update={"start_from": ("irb2400_planned.yaml",)}), SCENARIOS / "paths"
+    )
     assert space_of(asked).candidate(found[0].z).position == pytest.approx(middle)
     assert space_of(asked).candidate(planned[0].z).position == pytest.approx([0.897, -0.195, 0.486])
     with pytest.raises(DescriptionError, match=r"nowhere\.yaml"):
@@ -218,7 +289,9 @@ def test_a_search_may_begin_with_a_path_that_exists(tmp_path: Path) -> None:
 
 
 def test_cover_of_the_sphere_is_that_of_a_cap() -> None:
-    assert covered(np.array([[0.0], [0.0], [1.0]])) == pytest.approx(0.5 * (1.0 - np.cos(np.radians(10.0))), rel=0.1)  # 2000 points
+    assert covered(np.array([[0.0], [0.0], [1.0]])) == pytest.approx(
+        0.5 * (1.0 - np.cos(np.radians(10.0))), rel=0.1
+    )  # 2000 points
 
 
 @pytest.fixture(scope="module")
@@ -245,9 +318,15 @@ def test_programs_read_back_are_the_path(runnable: tuple[Judge, Candidate]) -> N
         assert "limit line" in program.comments
     moves = read_rapid(rapid("one", robot, targets, []))
     assert moves.softness == dict.fromkeys(range(1, 7), 80.0)
-    assert moves.seconds.sum() + moves.rests.sum() == pytest.approx(timing.duration_s, abs=0.5)  # four digits of each segment
-    rows = [line for line in table("one", robot, targets, []).splitlines() if not line.startswith("#")]
-    assert np.array([[float(x) for x in row.split(",")] for row in rows[1:]])[:, 1:7] == pytest.approx(targets.axes, abs=5e-5)
+    assert moves.seconds.sum() + moves.rests.sum() == pytest.approx(
+        timing.duration_s, abs=0.5
+    )  # four digits of each segment
+    rows = [
+        line for line in table("one", robot, targets, []).splitlines() if not line.startswith("#")
+    ]
+    assert np.array([[float(x) for x in row.split(",")] for row in rows[1:]])[
+        :, 1:7
+    ] == pytest.approx(targets.axes, abs=5e-5)
     at = np.interp(targets.t[5], course.t, joints_to_axes(robot, course.q)[:, 0])
     assert np.radians(targets.axes[5, 0]) == pytest.approx(at, abs=1e-3)
 
@@ -257,12 +336,16 @@ def test_the_expected_force_is_what_mujoco_measures(judge: Judge, by_hand: Candi
     asked, course = judge.request, course_over(judge.cell, by_hand, PlanTiming())[0]
     motion = run_in_plant(judge.cell, asked, by_hand, seed=0)
     errors = plant_errors(table=True)
-    true = set_without_strain(true_geometry(course.nominal, errors, plate_sigma=0.0, seed=0), course.q[:1])
+    true = set_without_strain(
+        true_geometry(course.nominal, errors, plate_sigma=0.0, seed=0), course.q[:1]
+    )
     deviations = np.array([[true.values[i] - course.nominal.values[i]] for i in judge.forces.drawn])
     expected = predicted_forces(replace(judge.forces, errors=deviations), course).tension[0]
     measured = np.interp(course.t, motion.t, motion.rod_force)
     assert np.std(measured) > 25.0
-    assert np.sqrt(np.mean((expected - measured) ** 2)) < 10.0  # N; play and stiction are not in the expectation
+    assert (
+        np.sqrt(np.mean((expected - measured) ** 2)) < 10.0
+    )  # N; play and stiction are not in the expectation
 
 
 @pytest.mark.slow
@@ -294,35 +377,59 @@ def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
             raise KeyboardInterrupt
 
     with judging_processes(asked, 2) as pool:
-        found = search(asked, pool, workers=2, seconds=30.0, evaluations=500, first=[start], hints=[], show=stop_when_better)
+        found = search(
+            asked,
+            pool,
+            workers=2,
+            seconds=30.0,
+            evaluations=500,
+            first=[start],
+            hints=[],
+            show=stop_when_better,
+        )
         best_for_all = ranked(found.leaders, pool)
     assert found.stopped
     assert found.best is not None
     assert found.best.figure < start.figure
     judge = judges(asked)[start.rod]
     assert best_for_all[0].figure <= figure(judge, start.z, robots=DRAWS)
-    assert [one.figure for one in best_for_all] == pytest.approx(sorted(figure(judge, one.z, robots=DRAWS) for one in best_for_all))
+    assert [one.figure for one in best_for_all] == pytest.approx(
+        sorted(figure(judge, one.z, robots=DRAWS) for one in best_for_all)
+    )
     assert seen == sorted(seen, reverse=True)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("violating", [0, 1, 2])
 def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
-    violating: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, runnable: tuple[Judge, Candidate]
+    violating: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    runnable: tuple[Judge, Candidate],
 ) -> None:
     best = assessed(*runnable)
-    moved = Candidate(best.found.candidate.shape, best.found.candidate.position + np.array([1e-3, 0.0, 0.0]))
+    moved = Candidate(
+        best.found.candidate.shape, best.found.candidate.position + np.array([1e-3, 0.0, 0.0])
+    )
     found = [best, replace(best, found=replace(best.found, candidate=moved))]
     monkeypatch.setattr(command, "searched", lambda *_: iter(found))
     monkeypatch.setattr(command, "plan_picture", lambda _: b"")
     monkeypatch.setattr(
-        command, "check_in_plant", lambda plan, _: [Check("force_N", 1.0, 2.0, "N", 7 if plan in found[:violating] else 0, 10)]
+        command,
+        "check_in_plant",
+        lambda plan, _: [
+            Check("force_N", 1.0, 2.0, "N", 7 if plan in found[:violating] else 0, 10)
+        ],
     )
     file, said = SCENARIOS / "plans" / "irb2400.yaml", Console(file=io.StringIO(), width=120)
-    kept = command.plan_path(file, folder=tmp_path, path=None, position=None, seconds=1.0, what_if=(), out=said, err=said)
+    kept = command.plan_path(
+        file, folder=tmp_path, path=None, position=None, seconds=1.0, what_if=(), out=said, err=said
+    )
     assert kept == (violating < 2)
     taken = found[min(violating, 1)].found.candidate
-    assert load_model(tmp_path / "path.yaml", LissajousFile).ballbar_position_m == pytest.approx(taken.position)
+    assert load_model(tmp_path / "path.yaml", LissajousFile).ballbar_position_m == pytest.approx(
+        taken.position
+    )
     assert isinstance(said.file, io.StringIO)
     assert said.file.getvalue().count("the next best path") == min(violating, 1)
 
@@ -331,12 +438,17 @@ def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
 def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Judge, Candidate]) -> None:
     judge, candidate = runnable
     plan = assessed(judge, candidate)
-    asked = [question(text) for text in ("encoder=5e-6,1e-5,1e-4", "plate_length=0.25,0.5", "encoders=1245,124")]
+    asked = [
+        question(text)
+        for text in ("encoder=5e-6,1e-5,1e-4", "plate_length=0.25,0.5", "encoders=1245,124")
+    ]
     found = list(answers(plan, asked))
     tcp = [a.tcp for a in found]
     assert tcp[1] == pytest.approx(plan.found.tcp, rel=1e-9)  # as it is
     assert tcp[0] < tcp[1] < tcp[2]
-    assert found[4].scale == pytest.approx(0.5 * found[3].scale, rel=0.2)  # the longer plate widens the workspace too
+    assert found[4].scale == pytest.approx(
+        0.5 * found[3].scale, rel=0.2
+    )  # the longer plate widens the workspace too
     assert tcp[6] > tcp[5]
 
 
@@ -363,20 +475,37 @@ def test_a_wrong_what_if_is_refused(text: str, words: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_writes_a_scenario_that_can_be_loaded(tmp_path: Path, runnable: tuple[Judge, Candidate]) -> None:
+def test_the_command_writes_a_scenario_that_can_be_loaded(
+    tmp_path: Path, runnable: tuple[Judge, Candidate]
+) -> None:
     from ballbar.scenario import load_scenario  # noqa: PLC0415
 
     out = tmp_path / "plan"
-    result = CliRunner().invoke(app, ["plan", str(SCENARIOS / "plans" / "irb2400.yaml"), "--seconds", "0", "--out", str(out)])
+    result = CliRunner().invoke(
+        app,
+        ["plan", str(SCENARIOS / "plans" / "irb2400.yaml"), "--seconds", "0", "--out", str(out)],
+    )
     assert result.exit_code == 0, result.output
     written = {p.name for p in out.iterdir()}
-    assert written == {"path.yaml", "scenario.yaml", "plan.yaml", "plan.svg", "path.csv", "irb2400.mod", "irb2400.pdl"}
+    assert written == {
+        "path.yaml",
+        "scenario.yaml",
+        "plan.yaml",
+        "plan.svg",
+        "path.csv",
+        "irb2400.mod",
+        "irb2400.pdl",
+    }
     assert load_scenario(out / "scenario.yaml").path.file == "path.yaml"
     assert "predicted TCP sigma" in result.output
     assert "0 of" in result.output
     asked = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    again = command.given_path(asked, out / "path.yaml", None)  # the file says where the ball-bar stands
+    again = command.given_path(
+        asked, out / "path.yaml", None
+    )  # the file says where the ball-bar stands
     assert path_data(again.found.candidate) == load_yaml(out / "path.yaml").data
-    (out / "path.yaml").write_text((out / "path.yaml").read_text().partition("ballbar_position_m")[0])
+    (out / "path.yaml").write_text(
+        (out / "path.yaml").read_text().partition("ballbar_position_m")[0]
+    )
     with pytest.raises(InputError, match="where the ball-bar stands"):
         command.given_path(asked, out / "path.yaml", None)

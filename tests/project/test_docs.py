@@ -35,7 +35,12 @@ def _without_comment(command: str) -> str:
 def commands(page: Path) -> Iterator[str]:
     """Commands of the project on a page: lines of blocks without language or of sh, indented lines, words in backticks."""
     text = page.read_text()
-    lines = [line for language, block in _FENCE.findall(text) if language in ("", "sh") for line in block.replace("\\\n", " ").splitlines()]
+    lines = [
+        line
+        for language, block in _FENCE.findall(text)
+        if language in ("", "sh")
+        for line in block.replace("\\\n", " ").splitlines()
+    ]
     rest = _FENCE.sub("", text)
     lines += [line.strip() for line in rest.splitlines() if line.startswith("    ")]
     lines += [" ".join(words.split()) for words in re.findall(r"`([^`]+)`", rest)]
@@ -51,7 +56,14 @@ def test_the_pages_show_commands_of_every_kind() -> None:
     words = {command.split()[0] for _, command in EVERY}
     assert words == {"ballbar", "make", "python"}
     assert len(EVERY) > 40
-    assert {name for name, _ in EVERY} >= {"README.md", "tutorial.md", "sweeps.md", "use_of_results.md", "recorder.md", "command_line.md"}
+    assert {name for name, _ in EVERY} >= {
+        "README.md",
+        "tutorial.md",
+        "sweeps.md",
+        "use_of_results.md",
+        "recorder.md",
+        "command_line.md",
+    }
 
 
 @pytest.mark.parametrize(("page", "command"), EVERY)
@@ -64,7 +76,9 @@ def test_a_command_on_a_page_exists_with_its_options(page: str, command: str) ->
         name = words[1]
         assert find_spec(name) is not None
         source = "".join(path.read_text() for path in _sources(name))
-        assert all(f'"{word.partition("=")[0]}"' in source for word in words[2:] if word.startswith("--")), command
+        assert all(
+            f'"{word.partition("=")[0]}"' in source for word in words[2:] if word.startswith("--")
+        ), command
     else:
         _parse_ballbar(words)
 
@@ -125,7 +139,9 @@ def test_the_site_asks_nothing_of_other_servers() -> None:
 
 def test_the_scenario_reference_is_that_of_the_schema() -> None:
     text = scenario_reference.reference()
-    assert scenario_reference.PAGE.read_text() == text, "run: python -m generators.scenario_reference"
+    assert scenario_reference.PAGE.read_text() == text, (
+        "run: python -m generators.scenario_reference"
+    )
     for words in (
         "| `duration_s` | number > 0, ≤ 3600 | needed |",
         "### errors.rod_strain",
@@ -165,18 +181,28 @@ def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
             if command.startswith("ballbar ") and not command.startswith("ballbar replay"):
                 words = shlex.split(command)[1:]
                 code, said[command], told = ballbar(monkeypatch, capsys, *words)
-                assert code == (1 if "# exit code 1" in line else 0), f"{command}: {said[command]}{told}"
+                assert code == (1 if "# exit code 1" in line else 0), (
+                    f"{command}: {said[command]}{told}"
+                )
     assert (tmp_path / "runs/irb2400/report.html").is_file()
     assert (tmp_path / "runs/irb2400/run.rrd").is_file()
     assert said["ballbar run my_cell.yaml"].startswith("Good fit")
     assert "met    TCP error, mean" in said["ballbar run my_cell.yaml"]
     assert said["ballbar run my_cell_worse.yaml"].startswith("Misfit")
     assert "missed TCP error, mean" in said["ballbar run my_cell_worse.yaml"]
-    subprocess.run([sys.executable, "plot.py"], check=True, env={"MPLBACKEND": "Agg", "PATH": "", "HOME": str(tmp_path)})
+    subprocess.run(
+        [sys.executable, "plot.py"],
+        check=True,
+        env={"MPLBACKEND": "Agg", "PATH": "", "HOME": str(tmp_path)},
+    )
     assert (tmp_path / "eccentricity.png").read_bytes().startswith(b"\x89PNG")
 
     (tmp_path / "targets.csv").write_text("q1,q2,q3,q4,q5,q6\n0.1,0.1,0.1,0.1,0.5,0.1\n")
-    cheap = {command for _, command in EVERY if re.match(r"ballbar (export|correct|check|compare) .*runs/irb2400", command)}
+    cheap = {
+        command
+        for _, command in EVERY
+        if re.match(r"ballbar (export|correct|check|compare) .*runs/irb2400", command)
+    }
     assert {command.split()[1] for command in cheap} == {"export", "correct", "compare"}
     for command in sorted(cheap):
         code, _, told = ballbar(monkeypatch, capsys, *shlex.split(command)[1:])
@@ -185,16 +211,32 @@ def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
 
 @pytest.mark.slow
 def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    command = [
+        sys.executable,
+        "-m",
+        "mkdocs",
+        "build",
+        "--strict",
+        "--site-dir",
+        str(tmp_path / "site"),
+    ]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    faults = [line for line in done.stderr.splitlines() if "no such anchor" in line or line.startswith("WARNING")]
+    faults = [
+        line
+        for line in done.stderr.splitlines()
+        if "no such anchor" in line or line.startswith("WARNING")
+    ]
     assert not faults
     for page in (tmp_path / "site").glob("*.html"):
         loaded = re.findall(
             r'<(?:script|img|iframe)[^>]* src="([^"]+)"|<link[^>]* rel="(?:stylesheet|icon|preconnect)"[^>]* href="([^"]+)"',
             page.read_text(),
         )
-        assert not [address for pair in loaded for address in pair if address.startswith(("http", "//"))], page.name
-    assert ">errors.rod_backlash<" in (tmp_path / "site/effects.html").read_text(), "Markdown in its table is read"
+        assert not [
+            address for pair in loaded for address in pair if address.startswith(("http", "//"))
+        ], page.name
+    assert ">errors.rod_backlash<" in (tmp_path / "site/effects.html").read_text(), (
+        "Markdown in its table is read"
+    )
     assert 'id="ident.identify.identify"' in (tmp_path / "site/api.html").read_text()

@@ -41,8 +41,16 @@ def section_fields() -> Iterator[tuple[str, FieldInfo]]:
             yield section, outer
 
 
-SWITCHABLE = {key: model for key, info in section_fields() if key.startswith(SECTIONS) and (model := held_model(info.annotation))}
-PARAMETERS = [(key, name, info) for key, model in SWITCHABLE.items() for name, info in model.model_fields.items()]
+SWITCHABLE = {
+    key: model
+    for key, info in section_fields()
+    if key.startswith(SECTIONS) and (model := held_model(info.annotation))
+}
+PARAMETERS = [
+    (key, name, info)
+    for key, model in SWITCHABLE.items()
+    for name, info in model.model_fields.items()
+]
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +60,9 @@ def page() -> str:
 
 def row_of(page: str, key: str) -> str:
     """The text of one row: from its heading to the end of its table row."""
-    rows: list[str] = re.findall(rf"^### {re.escape(key)}\n(.*?)^</tr>", page, flags=re.MULTILINE | re.DOTALL)
+    rows: list[str] = re.findall(
+        rf"^### {re.escape(key)}\n(.*?)^</tr>", page, flags=re.MULTILINE | re.DOTALL
+    )
     assert len(rows) == 1, f"{len(rows)} rows of {key}; run python -m generators.effects_page"
     return rows[0]
 
@@ -79,7 +89,13 @@ def test_the_committed_page_is_what_the_generator_writes(page: str) -> None:
 
 
 def test_the_walk_finds_the_sources_of_every_section() -> None:
-    assert {"errors.joint_compliance", "errors.slipped_periods", "errors.static", "clocks.wander", "logs.torque"} <= set(SWITCHABLE)
+    assert {
+        "errors.joint_compliance",
+        "errors.slipped_periods",
+        "errors.static",
+        "clocks.wander",
+        "logs.torque",
+    } <= set(SWITCHABLE)
     assert len(SWITCHABLE) >= 32  # as many as there are today
 
 
@@ -92,8 +108,12 @@ def test_every_switchable_error_source_has_its_row_and_plot(page: str, key: str)
     assert (SWITCHABLE[key].__doc__ or "?").splitlines()[0] in row
 
 
-@pytest.mark.parametrize(("key", "name", "info"), PARAMETERS, ids=lambda part: part if isinstance(part, str) else "")
-def test_every_parameter_is_printed_with_the_default_and_meaning_of_its_model(page: str, key: str, name: str, info: FieldInfo) -> None:
+@pytest.mark.parametrize(
+    ("key", "name", "info"), PARAMETERS, ids=lambda part: part if isinstance(part, str) else ""
+)
+def test_every_parameter_is_printed_with_the_default_and_meaning_of_its_model(
+    page: str, key: str, name: str, info: FieldInfo
+) -> None:
     row = row_of(page, key)
     shown = printed(row, name)
     if info.is_required():
@@ -119,7 +139,9 @@ def test_every_row_has_a_small_plot_and_every_plot_a_row() -> None:
     for path in plots.values():
         text = path.read_text(encoding="utf-8")
         assert len(text) < 40_000, path.name
-        assert '<svg xmlns:xlink="http://www.w3.org/1999/xlink" width="240pt" height="135pt"' in text  # 320 x 180 px
+        assert (
+            '<svg xmlns:xlink="http://www.w3.org/1999/xlink" width="240pt" height="135pt"' in text
+        )  # 320 x 180 px
         assert "<path" in text
     assert sum(path.stat().st_size for path in PLOTS.iterdir()) < 1_000_000
 
@@ -131,12 +153,22 @@ def test_the_size_of_every_error_source_was_measured() -> None:
 
 
 def test_a_changed_default_changes_what_is_printed() -> None:
-    assert parameter_text("width_m", FieldInfo(default=5e-6, description="Total width.")) == "`width_m: 5.0e-6` m: Total width."
-    assert parameter_text("width_m", FieldInfo(default=2e-6, description="Total width.")) == "`width_m: 2.0e-6` m: Total width."
+    assert (
+        parameter_text("width_m", FieldInfo(default=5e-6, description="Total width."))
+        == "`width_m: 5.0e-6` m: Total width."
+    )
+    assert (
+        parameter_text("width_m", FieldInfo(default=2e-6, description="Total width."))
+        == "`width_m: 2.0e-6` m: Total width."
+    )
     assert parameter_text("at_s", FieldInfo(description="When.")) == "`at_s: required` s: When."
 
 
-@given(st.floats(min_value=1e-12, max_value=1e12) | st.floats(min_value=-1e12, max_value=-1e-12) | st.just(0.0))
+@given(
+    st.floats(min_value=1e-12, max_value=1e12)
+    | st.floats(min_value=-1e12, max_value=-1e-12)
+    | st.just(0.0)
+)
 def test_a_printed_number_reads_back_to_four_digits(value: float) -> None:
     assert float(value_text(value)) == pytest.approx(value, rel=ROUNDING)
     assert "." in value_text(value)

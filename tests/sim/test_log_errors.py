@@ -23,7 +23,15 @@ from acquisition import Recording, read_recording
 from cell.chain import Array
 from cell.descriptions import joints_to_motors, load_cell, motors_to_joints
 from cell.errors import DescriptionError
-from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, bar_frames, nominal_geometry, robot_frames
+from cell.geometry import (
+    INDEX,
+    NAMES,
+    PARAMETERS,
+    Geometry,
+    bar_frames,
+    nominal_geometry,
+    robot_frames,
+)
 from cell.inverse import pose_mismatch
 from cell.logs import segment_starts
 from cell.strict_yaml import load_model
@@ -40,7 +48,10 @@ pytestmark = pytest.mark.slow  # a simulated run for each effect
 PERIOD = 0.004032  # [s] of the robot's rows
 WITHIN = 0.01  # of what was asked for
 CLOCK = {"offset_s": 0.137, "skew": 5e-5}
-OVERRUNS = {**CLOCK, "overrun_probability": 0.05}  # without them every row falls on an even cycle and the toggle stands still
+OVERRUNS = {
+    **CLOCK,
+    "overrun_probability": 0.05,
+}  # without them every row falls on an even cycle and the toggle stands still
 NOISE = {"joint_noise": {"sigma_rad": 1e-5}}
 CELL = load_cell("irb2400", "lund_600", "plate_250")
 NOMINAL = nominal_geometry(CELL, np.array([0.70, 0.0, 0.54]))
@@ -62,13 +73,21 @@ class Run:
     @cached_property
     def bar_table(self) -> dict[str, np.ndarray]:
         """(M,) integers of each column of the ball-bar's files."""
-        header = (self.folder / self.description["sources"]["ballbar"]["files"][0]).read_text().splitlines()[0]
+        header = (
+            (self.folder / self.description["sources"]["ballbar"]["files"][0])
+            .read_text()
+            .splitlines()[0]
+        )
         rows = np.loadtxt(self.lines("ballbar"), delimiter=";", dtype=np.int64)
         return dict(zip(header.split(";"), rows.T, strict=True))
 
     def lines(self, side: str) -> list[str]:
         """The lines of all files of one side, without headers."""
-        return [line for name in self.description["sources"][side]["files"] for line in (self.folder / name).read_text().splitlines()[1:]]
+        return [
+            line
+            for name in self.description["sources"][side]["files"]
+            for line in (self.folder / name).read_text().splitlines()[1:]
+        ]
 
     def robot(self) -> tuple[Array, Array]:
         """(N,) [s] stamps from the first row, (N, 6) [rad] motor angles."""
@@ -84,7 +103,9 @@ class Run:
         """(M,) [rad] unwrapped angle from the first row, in the joint's sense."""
         told = self.description["encoders"][f"b{joint}"]
         step = (np.diff(self.ballbar(f"b{joint}")) + 2**31) % 2**32 - 2**31
-        return np.concatenate(([0.0], np.cumsum(step))) * (told["sign"] * 2.0 * np.pi / (told["lines"] << told["bits"]))
+        return np.concatenate(([0.0], np.cumsum(step))) * (
+            told["sign"] * 2.0 * np.pi / (told["lines"] << told["bits"])
+        )
 
     def bar_time(self) -> Array:
         """(M,) [s] run time of the ball-bar's rows, if its clock did what CLOCK says."""
@@ -98,8 +119,19 @@ class Run:
 
 def simulated(folder: Path, *, duration: float = 30.0, **changes: Any) -> Run:
     """A run of the kinematic plant without any error but those that `changes` switch on."""
-    base: dict[str, Any] = {"errors": {}, "encoders": {}, "clocks": CLOCK, "plant": {"kind": "kinematic"}}
-    path = {"kind": "lissajous", "file": "paths/irb2400_a.yaml", "duration_s": duration, "dwell_s": 2.0, "stops": 0}
+    base: dict[str, Any] = {
+        "errors": {},
+        "encoders": {},
+        "clocks": CLOCK,
+        "plant": {"kind": "kinematic"},
+    }
+    path = {
+        "kind": "lissajous",
+        "file": "paths/irb2400_a.yaml",
+        "duration_s": duration,
+        "dwell_s": 2.0,
+        "stops": 0,
+    }
     done: Recorded = record(folder / "recording", **(base | {"path": path} | changes))
     return Run(done.folder, done.simulation.motion, load_truth(truth_path(done.folder)))
 
@@ -135,7 +167,9 @@ def taken_at(run: Run) -> tuple[np.ndarray, Array]:
 def test_each_harmonic_of_an_encoder_comes_out_of_its_counts(tmp_path: Path) -> None:
     run = simulated(tmp_path, errors={"encoder_eccentricity": {}})
     for joint in (1, 5):  # they turn far enough to tell three harmonics apart
-        assert amplitude(*run.error(joint), (1, 2, 3)) == pytest.approx([6.0e-5, 2.5e-5, 8.0e-6], rel=WITHIN)
+        assert amplitude(*run.error(joint), (1, 2, 3)) == pytest.approx(
+            [6.0e-5, 2.5e-5, 8.0e-6], rel=WITHIN
+        )
 
 
 def test_an_encoder_off_centre_errs_once_a_turn(tmp_path: Path) -> None:
@@ -151,10 +185,15 @@ def test_the_error_within_a_signal_period_has_3600_cycles_a_turn(tmp_path: Path)
 
 
 def test_the_error_within_a_period_follows_the_signal_and_not_the_joint(tmp_path: Path) -> None:
-    run = simulated(tmp_path, errors={"subdivisional_error": {}, "mounting_eccentricity": {"amplitude_rad": 2e-3}})
+    run = simulated(
+        tmp_path,
+        errors={"subdivisional_error": {}, "mounting_eccentricity": {"amplitude_rad": 2e-3}},
+    )
     true, error = run.error(5)
     mounting = run.truth.logs.encoders["b5"].mounting[0].at(true)
-    assert amplitude(true + mounting, error - mounting, (3600,)) == pytest.approx([1.2e-5], rel=WITHIN)
+    assert amplitude(true + mounting, error - mounting, (3600,)) == pytest.approx(
+        [1.2e-5], rel=WITHIN
+    )
     assert amplitude(true, error - mounting, (3600,))[0] < 0.7 * 1.2e-5
 
 
@@ -165,7 +204,9 @@ def test_a_turn_has_as_many_counts_as_lines_and_bits_say(bits: int, tmp_path: Pa
     rounding = []
     for joint in range(1, 6):
         true, error = run.error(joint)
-        moving = np.abs(np.gradient(true)) > 2 * count  # at rest the same rounding comes again and again
+        moving = (
+            np.abs(np.gradient(true)) > 2 * count
+        )  # at rest the same rounding comes again and again
         rounding.append(error[moving] - error[moving].mean())
         assert np.ptp(run.encoder(joint)) == pytest.approx(np.ptp(true), abs=1.01 * count)
     assert np.std(np.concatenate(rounding)) == pytest.approx(count / np.sqrt(12.0), rel=WITHIN)
@@ -178,7 +219,10 @@ def test_white_noise_has_the_asked_size(tmp_path: Path) -> None:
 
 
 def test_low_bits_freeze_at_the_asked_speed_and_one_more_an_octave_above(tmp_path: Path) -> None:
-    free, run = (simulated(tmp_path / n, errors=e) for n, e in (("free", {}), ("frozen", {"frozen_bits": {"onset_factor": 0.5}})))
+    free, run = (
+        simulated(tmp_path / n, errors=e)
+        for n, e in (("free", {}), ("frozen", {"frozen_bits": {"onset_factor": 0.5}}))
+    )
     t = run.bar_time()
     for joint in (1, 5):
         speed = np.abs(run.motion.at(t + 1e-4)[1] - run.motion.at(t - 1e-4)[1])[:, joint - 1] / 2e-4
@@ -203,12 +247,16 @@ def test_a_weak_signal_is_reported_for_its_encoder_in_its_interval_only(tmp_path
     assert np.ptp(t[weak]) == pytest.approx(3.0, rel=WITHIN)
     assert (word[~weak] & ~(1 << 15) == 0).all()
     assert (run.ballbar("s1") & ~(1 << 15) == 0).all()
-    assert (word >> 15 == run.ballbar() // 5_000_000 & 1).all()  # the toggle goes on, cycle by cycle
+    assert (
+        word >> 15 == run.ballbar() // 5_000_000 & 1
+    ).all()  # the toggle goes on, cycle by cycle
     assert set(word[weak] >> 15) == {0, 1}
 
 
 def test_rows_with_a_weak_signal_are_left_out_by_the_reader(tmp_path: Path) -> None:
-    run = simulated(tmp_path, errors={"amplitude_errors": [{"encoder": 2, "start_s": 10.0, "end_s": 13.0}]})
+    run = simulated(
+        tmp_path, errors={"amplitude_errors": [{"encoder": 2, "start_s": 10.0, "end_s": 13.0}]}
+    )
     read = read_recording(run.folder)
     assert {f.kind: f.count for f in read.report.findings}["amplitude error"] == 300
     assert read.ballbar_log is not None
@@ -226,7 +274,9 @@ def test_a_slipped_period_is_a_step_of_2_to_the_bits(tmp_path: Path) -> None:
 
 
 def test_a_coupling_slips_by_the_asked_angle_in_the_sense_of_the_joint(tmp_path: Path) -> None:
-    run = simulated(tmp_path, errors={"coupling_slips": [{"encoder": 4, "at_s": 12.0, "angle_rad": -7e-4}]})
+    run = simulated(
+        tmp_path, errors={"coupling_slips": [{"encoder": 4, "at_s": 12.0, "angle_rad": -7e-4}]}
+    )
     t, error = run.bar_time(), run.error(4)[1]
     assert error[t >= 12.0].mean() - error[t < 12.0].mean() == pytest.approx(-7e-4, rel=WITHIN)
     assert np.abs(np.diff(error)).argmax() == np.searchsorted(t, 12.0) - 1
@@ -246,7 +296,9 @@ def test_the_resolvers_converter_has_65536_steps_a_turn(tmp_path: Path) -> None:
     quantum = 2.0 * np.pi / 65536.0
     steps = run.robot()[1] / quantum
     assert np.abs(steps - np.rint(steps)).max() < 1e-4  # the file has nine decimals
-    assert np.concatenate([e for _, e in motor_errors(run)]).std() == pytest.approx(quantum / np.sqrt(12.0), rel=WITHIN)
+    assert np.concatenate([e for _, e in motor_errors(run)]).std() == pytest.approx(
+        quantum / np.sqrt(12.0), rel=WITHIN
+    )
 
 
 def motor_errors(run: Run) -> Iterator[tuple[Array, Array]]:
@@ -281,10 +333,14 @@ def test_a_wandering_clock_takes_its_rows_where_the_truth_says(tmp_path: Path) -
     assert curve is not None
     rate = np.diff(curve.deviation_s) / np.diff(curve.t_bar_s)
     assert rate.std() == pytest.approx(20e-6, rel=1e-6)
-    assert np.polyfit(curve.t_bar_s, curve.deviation_s, 1) == pytest.approx([0.0, 0.0], abs=1e-15)  # no line in it: that is offset and skew
+    assert np.polyfit(curve.t_bar_s, curve.deviation_s, 1) == pytest.approx(
+        [0.0, 0.0], abs=1e-15
+    )  # no line in it: that is offset and skew
     rows, found = taken_at(run)
     t_bar = run.ballbar()[rows] * 1e-9
-    basis = np.stack([np.interp(t_bar, curve.t_bar_s, curve.deviation_s), np.ones_like(t_bar), t_bar], axis=1)
+    basis = np.stack(
+        [np.interp(t_bar, curve.t_bar_s, curve.deviation_s), np.ones_like(t_bar), t_bar], axis=1
+    )
     (size, constant, slope), *_ = np.linalg.lstsq(basis, found - run.bar_time()[rows], rcond=None)
     assert size == pytest.approx(1.0, rel=WITHIN)
     assert abs(constant) < 1e-6
@@ -292,11 +348,19 @@ def test_a_wandering_clock_takes_its_rows_where_the_truth_says(tmp_path: Path) -
 
 
 def test_a_clock_that_warms_up_runs_off_exponentially(tmp_path: Path) -> None:
-    run = simulated(tmp_path, clocks={**CLOCK, "wander": {"rate_rms_ppm": 0.0, "warm_up_ppm": 50.0, "warm_up_time_s": 12.0}})
+    run = simulated(
+        tmp_path,
+        clocks={
+            **CLOCK,
+            "wander": {"rate_rms_ppm": 0.0, "warm_up_ppm": 50.0, "warm_up_time_s": 12.0},
+        },
+    )
     rows, found = taken_at(run)
     t_bar = run.ballbar()[rows] * 1e-9
     basis = np.stack([-12.0 * np.exp(-t_bar / 12.0), np.ones_like(t_bar), t_bar], axis=1)
-    assert np.linalg.lstsq(basis, found - run.bar_time()[rows], rcond=None)[0][0] == pytest.approx(50e-6, rel=WITHIN)
+    assert np.linalg.lstsq(basis, found - run.bar_time()[rows], rcond=None)[0][0] == pytest.approx(
+        50e-6, rel=WITHIN
+    )
 
 
 @pytest.mark.parametrize("step", [0.128, -0.05])
@@ -304,14 +368,20 @@ def test_a_clock_that_is_set_shifts_its_later_stamps(step: float, tmp_path: Path
     run = simulated(tmp_path, clocks={**CLOCK, "step": {"at_s": 15.0, "step_s": step}})
     rows, found = taken_at(run)
     late = run.bar_time()[rows] - found
-    assert late[found >= 15.001].mean() - late[found < 14.999].mean() == pytest.approx(step * (1 + 5e-5), rel=WITHIN)
+    assert late[found >= 15.001].mean() - late[found < 14.999].mean() == pytest.approx(
+        step * (1 + 5e-5), rel=WITHIN
+    )
     assert np.abs(late[found < 14.999]).max() < 5e-6
     if step < 0.0:
         read = read_recording(run.folder)
         assert "clock set back" in [one.kind for one in read.report.findings]
         assert read.ballbar_log is not None
-        put_together = read.ballbar_log.t - run.ballbar() * 1e-9  # [s] what was added to the stamps behind
-        assert put_together[found_row(read) :] == pytest.approx(-step, abs=0.0051)  # as though no row were late
+        put_together = (
+            read.ballbar_log.t - run.ballbar() * 1e-9
+        )  # [s] what was added to the stamps behind
+        assert put_together[found_row(read) :] == pytest.approx(
+            -step, abs=0.0051
+        )  # as though no row were late
 
 
 def found_row(read: Recording) -> int:
@@ -327,7 +397,9 @@ def test_robot_stamps_in_whole_milliseconds_are_the_nearest(tmp_path: Path) -> N
     assert np.abs(stamps * 1e3 - np.rint(stamps * 1e3)).max() < 1e-3
     late = stamps - PERIOD * np.arange(stamps.size)
     assert np.sqrt(np.mean(late**2)) == pytest.approx(1e-3 / np.sqrt(12.0), rel=WITHIN)
-    assert (np.diff(run.ballbar()) == 10_000_000).all()  # a 5 ms task does not show whole milliseconds
+    assert (
+        np.diff(run.ballbar()) == 10_000_000
+    ).all()  # a 5 ms task does not show whole milliseconds
 
 
 def test_ballbar_stamps_are_rounded_to_their_quantum(tmp_path: Path) -> None:
@@ -369,7 +441,10 @@ def lossy(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 def test_rows_are_dropped_and_duplicated_as_often_as_asked(lossy: Run) -> None:
     robot, bar = lossy.robot()[0] / PERIOD, lossy.ballbar() // 10_000_000
-    for side, place, (dropped, duplicated) in (("robot", np.rint(robot).astype(int), (0.4, 0.45)), ("ballbar", bar, (0.45, 0.4))):
+    for side, place, (dropped, duplicated) in (
+        ("robot", np.rint(robot).astype(int), (0.4, 0.45)),
+        ("ballbar", bar, (0.45, 0.4)),
+    ):
         different = np.unique(place)
         taken = place[-1] + 1
         assert 1.0 - different.size / taken == pytest.approx(dropped, rel=WITHIN)
@@ -391,10 +466,18 @@ def test_the_reader_keeps_the_first_of_two_rows_and_reports_the_gaps(lossy: Run)
     assert {"duplicate stamp", "overrun"} <= {f.kind for f in read.report.findings}
 
 
-def test_a_restarted_logger_leaves_two_files_and_a_gap_while_counters_and_toggle_run_on(tmp_path: Path) -> None:
+def test_a_restarted_logger_leaves_two_files_and_a_gap_while_counters_and_toggle_run_on(
+    tmp_path: Path,
+) -> None:
     run = simulated(tmp_path, clocks={**OVERRUNS, "restart": {"at_s": 14.0, "gap_s": 3.0}})
-    assert run.description["sources"]["ballbar"]["files"] == ["raw/ballbarOld.csv", "raw/ballbar.csv"]
-    headers = {(run.folder / name).read_text().splitlines()[0] for name in run.description["sources"]["ballbar"]["files"]}
+    assert run.description["sources"]["ballbar"]["files"] == [
+        "raw/ballbarOld.csv",
+        "raw/ballbar.csv",
+    ]
+    headers = {
+        (run.folder / name).read_text().splitlines()[0]
+        for name in run.description["sources"]["ballbar"]["files"]
+    }
     assert headers == {"time;b1;b2;b3;b4;b5;s1;s2;s3;s4;s5"}
     t = run.bar_time()
     assert np.diff(t).max() == pytest.approx(3.0, rel=WITHIN)
@@ -421,14 +504,22 @@ STATIC: dict[str, dict[str, Any]] = {
 def drawn(errors: dict[str, Any], seed: int) -> Array:
     """(P,) [m, rad] deviations from nominal."""
     asked = ErrorSettings.model_validate(errors)
-    return true_geometry(NOMINAL, asked, plate_sigma=CELL.plate.length_sigma, seed=seed).values - NOMINAL.values
+    return (
+        true_geometry(NOMINAL, asked, plate_sigma=CELL.plate.length_sigma, seed=seed).values
+        - NOMINAL.values
+    )
 
 
 @pytest.mark.parametrize(
     ("source", "names", "sigma_m", "sigma_rad"),
     [
         ({"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3}}, tuple(THESIS_3_1), 2e-3, 1e-3),
-        ({"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3, "parameters": "all"}}, tuple(n for n in NAMES if n != "ra6"), 2e-3, 1e-3),
+        (
+            {"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3, "parameters": "all"}},
+            tuple(n for n in NAMES if n != "ra6"),
+            2e-3,
+            1e-3,
+        ),
         ({"ballbar_axes": {}}, AXIS_OFFSETS + AXIS_ANGLES, 5e-6, 5e-5),
         ({"base_tilt": {}}, BASE_TILT, 0.0, 1e-3),
         ({"plate_length": {}}, ("ra6",), 5e-6, 0.0),
@@ -438,18 +529,27 @@ def test_a_static_source_deviates_its_own_parameters_by_its_own_size(
     source: dict[str, Any], names: tuple[str, ...], sigma_m: float, sigma_rad: float
 ) -> None:
     seeds = 30_000 // len(names)
-    scale = np.array([sigma_m if p.is_length else sigma_rad for p in PARAMETERS])[[INDEX[n] for n in names]]
+    scale = np.array([sigma_m if p.is_length else sigma_rad for p in PARAMETERS])[
+        [INDEX[n] for n in names]
+    ]
     values = np.stack([drawn(source, seed) for seed in range(seeds)])
     assert {NAMES[i] for i in np.flatnonzero(values.any(axis=0))} == set(names)
     unit = values[:, [INDEX[n] for n in names]] / scale
     length = np.array([PARAMETERS[INDEX[n]].is_length for n in names])
     for kind in (length, ~length):
         assert not kind.any() or unit[:, kind].std() == pytest.approx(1.0, rel=WITHIN)
-    assert np.abs(np.corrcoef(unit.T) - np.eye(len(names))).max() < 6.0 / np.sqrt(seeds) if len(names) > 1 else True
+    assert (
+        np.abs(np.corrcoef(unit.T) - np.eye(len(names))).max() < 6.0 / np.sqrt(seeds)
+        if len(names) > 1
+        else True
+    )
 
 
 def test_all_parameters_include_the_thesis_draws_unchanged() -> None:
-    few, all_ = (drawn({"static": {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": which}}, 7) for which in ("thesis", "all"))
+    few, all_ = (
+        drawn({"static": {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": which}}, 7)
+        for which in ("thesis", "all")
+    )
     assert few[few != 0.0] == pytest.approx(all_[few != 0.0], abs=1e-15)
 
 
@@ -459,15 +559,21 @@ def test_static_sources_add_up() -> None:
 
 
 @pytest.mark.parametrize("source", STATIC)
-def test_logs_close_the_loop_only_with_the_deviations_of_each_static_source(source: str, tmp_path: Path) -> None:
+def test_logs_close_the_loop_only_with_the_deviations_of_each_static_source(
+    source: str, tmp_path: Path
+) -> None:
     run = simulated(tmp_path, errors=STATIC, encoders={"bits": 13})
     without = Geometry(run.truth.geometry.values - drawn({source: STATIC[source]}, 1))
     t, motors = run.robot()
     rows = slice(None, None, 5)
-    q = CubicSpline(run.truth.logs.first_rows.robot_s + t, motors_to_joints(CELL.robot, motors))(run.bar_time()[rows])
+    q = CubicSpline(run.truth.logs.first_rows.robot_s + t, motors_to_joints(CELL.robot, motors))(
+        run.bar_time()[rows]
+    )
     b = np.stack([_angle(run, joint)[rows] for joint in range(1, 6)], axis=1)
     closed, open_ = (_closure(geometry, q, b) for geometry in (run.truth.geometry, without))
-    size = np.sum(open_ * (open_ - closed)) / np.sum((open_ - closed) ** 2)  # of the source, with 1 for what the truth states
+    size = np.sum(open_ * (open_ - closed)) / np.sum(
+        (open_ - closed) ** 2
+    )  # of the source, with 1 for what the truth states
     assert size == pytest.approx(1.0, rel=WITHIN)
     assert np.abs(closed).max() < 2e-6
     assert np.abs(open_).max() > 5e-6
@@ -503,8 +609,17 @@ SENSORS: dict[str, Any] = {
     "slipped_periods": [{"encoder": 3, "at_s": 12.0, "periods": 4}],
     "coupling_slips": [{"encoder": 4, "at_s": 12.0}],
 }
-NAMED = {"amplitude_errors": 2, "slipped_periods": 3, "coupling_slips": 4}  # the encoder that each of them names
-GEOMETRY: dict[str, Any] = {"ballbar_axes": {}, "base_tilt": {}, "plate_length": {}, "static": STATIC["static"]}
+NAMED = {
+    "amplitude_errors": 2,
+    "slipped_periods": 3,
+    "coupling_slips": 4,
+}  # the encoder that each of them names
+GEOMETRY: dict[str, Any] = {
+    "ballbar_axes": {},
+    "base_tilt": {},
+    "plate_length": {},
+    "static": STATIC["static"],
+}
 STAMPS: dict[str, Any] = {
     "wander": {"rate_rms_ppm": 20.0},
     "step": {"at_s": 15.0},
@@ -533,7 +648,9 @@ def raw(run: Run, name: str) -> bytes:
 
 
 @pytest.mark.parametrize("source", SENSORS)
-def test_an_encoder_error_changes_nothing_but_its_own_encoders(source: str, plain: Run, tmp_path: Path) -> None:
+def test_an_encoder_error_changes_nothing_but_its_own_encoders(
+    source: str, plain: Run, tmp_path: Path
+) -> None:
     run = noisy(tmp_path, **{source: SENSORS[source]})
     assert raw(run, "robot.csv") == raw(plain, "robot.csv")
     assert raw(run, "ballbar.csv") != raw(plain, "ballbar.csv")
@@ -550,36 +667,62 @@ def test_an_encoder_error_changes_nothing_but_its_own_encoders(source: str, plai
             continue
         t, true = run.bar_time(), run.error(joint)[0]
         added = run.truth.senses[f"b{joint}"] * (effects.read_angle(true, t) - true)
-        added += run.description["encoders"][f"b{joint}"]["sign"] * effects.periods(t) * 4096 * COUNT
-        assert np.abs(difference - (added - added[0])).max() < (2.01 if source != "frozen_bits" else 64.0) * COUNT
+        added += (
+            run.description["encoders"][f"b{joint}"]["sign"] * effects.periods(t) * 4096 * COUNT
+        )
+        assert (
+            np.abs(difference - (added - added[0])).max()
+            < (2.01 if source != "frozen_bits" else 64.0) * COUNT
+        )
 
 
-def test_resolver_errors_leave_the_noise_of_the_robot_and_the_ballbar_alone(plain: Run, tmp_path: Path) -> None:
+def test_resolver_errors_leave_the_noise_of_the_robot_and_the_ballbar_alone(
+    plain: Run, tmp_path: Path
+) -> None:
     run = noisy(tmp_path, resolver_error={})
     assert raw(run, "ballbar.csv") == raw(plain, "ballbar.csv")
-    (t, motors), (t_plain, motors_plain), effects = run.robot(), plain.robot(), run.truth.logs.resolvers
+    (t, motors), (t_plain, motors_plain), effects = (
+        run.robot(),
+        plain.robot(),
+        run.truth.logs.resolvers,
+    )
     assert (t == t_plain).all()
     assert effects is not None
     for motor, harmonics in enumerate(effects.motors):
-        added = sum(h.amplitude_rad * np.sin(h.order * motors_plain[:, motor] + h.phase_rad) for h in harmonics)
-        assert np.abs(motors[:, motor] - motors_plain[:, motor] - added).max() < 0.51 * effects.quantum_rad
+        added = sum(
+            h.amplitude_rad * np.sin(h.order * motors_plain[:, motor] + h.phase_rad)
+            for h in harmonics
+        )
+        assert (
+            np.abs(motors[:, motor] - motors_plain[:, motor] - added).max()
+            < 0.51 * effects.quantum_rad
+        )
 
 
 @pytest.mark.parametrize("source", GEOMETRY)
-def test_a_static_error_leaves_noise_zeros_and_clocks_alone(source: str, plain: Run, tmp_path: Path) -> None:
+def test_a_static_error_leaves_noise_zeros_and_clocks_alone(
+    source: str, plain: Run, tmp_path: Path
+) -> None:
     run = noisy(tmp_path, **{source: GEOMETRY[source]})
     assert (run.truth.geometry.values != plain.truth.geometry.values).any()
-    assert raw(run, "ballbar.csv") == raw(plain, "ballbar.csv")  # the kinematic plant's ball-bar takes the path's angles
+    assert raw(run, "ballbar.csv") == raw(
+        plain, "ballbar.csv"
+    )  # the kinematic plant's ball-bar takes the path's angles
     (t, motors), (t_plain, motors_plain) = run.robot(), plain.robot()
     assert (t == t_plain).all()
     at = run.truth.logs.first_rows.robot_s + PERIOD * np.arange(t.size)
-    noise, noise_plain = (m - joints_to_motors(CELL.robot, r.motion.at(at)[0]) for m, r in ((motors, run), (motors_plain, plain)))
+    noise, noise_plain = (
+        m - joints_to_motors(CELL.robot, r.motion.at(at)[0])
+        for m, r in ((motors, run), (motors_plain, plain))
+    )
     assert noise == pytest.approx(noise_plain, abs=1.1e-9)  # the file has nine decimals
     assert noise.std() > 1e-4
 
 
 @pytest.mark.parametrize("source", STAMPS)
-def test_an_error_of_one_clock_leaves_the_other_log_and_all_noise_alone(source: str, plain: Run, tmp_path: Path) -> None:
+def test_an_error_of_one_clock_leaves_the_other_log_and_all_noise_alone(
+    source: str, plain: Run, tmp_path: Path
+) -> None:
     run = noisy(tmp_path, "clocks", **{source: STAMPS[source]})
     if source in ("wander", "step"):
         assert raw(run, "robot.csv") == raw(plain, "robot.csv")
@@ -588,7 +731,9 @@ def test_an_error_of_one_clock_leaves_the_other_log_and_all_noise_alone(source: 
         assert not (run.robot()[0] == plain.robot()[0]).all()
     if source == "jitter":
         assert raw(run, "ballbar.csv") == raw(plain, "ballbar.csv")
-    for name in [f"{kind}{joint}" for kind in "bs" for joint in range(1, 6)] if source != "wander" else []:
+    for name in (
+        [f"{kind}{joint}" for kind in "bs" for joint in range(1, 6)] if source != "wander" else []
+    ):
         assert (run.ballbar(name) == plain.ballbar(name)).all()
 
 
@@ -602,11 +747,16 @@ def test_a_wandering_clock_keeps_overruns_and_encoder_noise(plain: Run, tmp_path
         sense = run.truth.senses[f"b{joint}"]
         true = run.motion.at(run.bar_time()[:rows] + moved)[1][:, joint - 1]
         noise = sense * run.encoder(joint)[:rows] - (true - true[0])
-        assert noise == pytest.approx(sense * plain.encoder(joint)[:rows] - (plain.error(joint)[0][:rows] - true[0]), abs=2.01 * COUNT)
+        assert noise == pytest.approx(
+            sense * plain.encoder(joint)[:rows] - (plain.error(joint)[0][:rows] - true[0]),
+            abs=2.01 * COUNT,
+        )
 
 
 @pytest.mark.parametrize("source", ROWS)
-def test_lost_and_repeated_rows_leave_the_other_rows_as_they_were(source: str, plain: Run, tmp_path: Path) -> None:
+def test_lost_and_repeated_rows_leave_the_other_rows_as_they_were(
+    source: str, plain: Run, tmp_path: Path
+) -> None:
     run = noisy(tmp_path, "clocks", **{source: ROWS[source]})
     for side in ("robot", "ballbar"):
         before, after = plain.lines(side), run.lines(side)
@@ -627,24 +777,41 @@ def test_every_stream_of_random_numbers_has_one_user() -> None:
     sources = "".join(file.read_text() for file in Path(sim.__path__[0]).glob("*.py"))
     names = re.findall(r"stream\([\w.]+, f?\"([^\"]+)\"\)", sources)
     assert sorted(names) == sorted(set(names))
-    assert {"clock_wander", "stamp_jitter", "encoder_noise_b{e.joint}", "resolver_error", "ballbar_axes"} <= set(names)
+    assert {
+        "clock_wander",
+        "stamp_jitter",
+        "encoder_noise_b{e.joint}",
+        "resolver_error",
+        "ballbar_axes",
+    } <= set(names)
 
 
 def test_dropping_rows_does_not_change_which_ones_are_doubled(tmp_path: Path) -> None:
     double = noisy(tmp_path / "a", "clocks", duplicated_rows={"robot_probability": 0.2})
-    both = noisy(tmp_path / "b", "clocks", duplicated_rows={"robot_probability": 0.2}, dropped_rows={"robot_probability": 0.2})
+    both = noisy(
+        tmp_path / "b",
+        "clocks",
+        duplicated_rows={"robot_probability": 0.2},
+        dropped_rows={"robot_probability": 0.2},
+    )
     left = set(both.lines("robot"))
     assert both.lines("robot") == [line for line in double.lines("robot") if line in left]
 
 
 SWITCHED_ON_AT_SIZE_ZERO: dict[str, dict[str, Any]] = {
-    "encoder_eccentricity": {"errors": {"encoder_eccentricity": {"amplitude_rad": [0.0, 0.0, 0.0]}}},
+    "encoder_eccentricity": {
+        "errors": {"encoder_eccentricity": {"amplitude_rad": [0.0, 0.0, 0.0]}}
+    },
     "mounting_eccentricity": {"errors": {"mounting_eccentricity": {"amplitude_rad": 0.0}}},
     "subdivisional_error": {"errors": {"subdivisional_error": {"amplitude_rad": 0.0}}},
     "frozen_bits": {"errors": {"frozen_bits": {"onset_factor": 100.0}}},
     "slipped_periods": {"errors": {"slipped_periods": [{"encoder": 1, "at_s": 9.0, "periods": 0}]}},
-    "coupling_slips": {"errors": {"coupling_slips": [{"encoder": 1, "at_s": 9.0, "angle_rad": 0.0}]}},
-    "resolver_error": {"errors": {"resolver_error": {"amplitude_rad": [0.0, 0.0], "quantum_rad": 0.0}}},
+    "coupling_slips": {
+        "errors": {"coupling_slips": [{"encoder": 1, "at_s": 9.0, "angle_rad": 0.0}]}
+    },
+    "resolver_error": {
+        "errors": {"resolver_error": {"amplitude_rad": [0.0, 0.0], "quantum_rad": 0.0}}
+    },
     "outliers": {"errors": {"outliers": {"size_rad": [0.0, 0.0]}}},
     "ballbar_axes": {"errors": {"ballbar_axes": {"sigma_m": 0.0, "sigma_rad": 0.0}}},
     "base_tilt": {"errors": {"base_tilt": {"sigma_rad": 0.0}}},
@@ -653,23 +820,47 @@ SWITCHED_ON_AT_SIZE_ZERO: dict[str, dict[str, Any]] = {
     "step": {"clocks": {"step": {"at_s": 9.0, "step_s": 0.0}}},
     "quantum": {"clocks": {"quantum": {"robot_s": 0.0, "ballbar_s": 0.0}}},
     "jitter": {"clocks": {"jitter": {"sigma_s": 0.0}}},
-    "dropped_rows": {"clocks": {"dropped_rows": {"robot_probability": 0.0, "ballbar_probability": 0.0}}},
-    "duplicated_rows": {"clocks": {"duplicated_rows": {"robot_probability": 0.0, "ballbar_probability": 0.0}}},
+    "dropped_rows": {
+        "clocks": {"dropped_rows": {"robot_probability": 0.0, "ballbar_probability": 0.0}}
+    },
+    "duplicated_rows": {
+        "clocks": {"duplicated_rows": {"robot_probability": 0.0, "ballbar_probability": 0.0}}
+    },
 }
 
 
 @pytest.mark.parametrize("source", SWITCHED_ON_AT_SIZE_ZERO)
-def test_a_source_of_size_zero_is_as_good_as_absent(source: str, plain: Run, tmp_path: Path) -> None:
+def test_a_source_of_size_zero_is_as_good_as_absent(
+    source: str, plain: Run, tmp_path: Path
+) -> None:
     ((section, added),) = SWITCHED_ON_AT_SIZE_ZERO[source].items()
     run = noisy(tmp_path, section, **added)
-    assert {p.name: p.read_bytes() for p in run.folder.rglob("*.*")} == {p.name: p.read_bytes() for p in plain.folder.rglob("*.*")}
+    assert {p.name: p.read_bytes() for p in run.folder.rglob("*.*")} == {
+        p.name: p.read_bytes() for p in plain.folder.rglob("*.*")
+    }
     assert (run.truth.geometry.values == plain.truth.geometry.values).all()
 
 
 def test_everything_at_once_is_in_the_truth_file_and_the_reader_copes(tmp_path: Path) -> None:
-    errors = NOISY["errors"] | SENSORS | {"resolver_error": {}, "ballbar_axes": {}, "base_tilt": {}, "plate_length": {}}
-    clocks = NOISY["clocks"] | {"wander": {}, "step": {"at_s": 20.0, "step_s": 0.2}, "quantum": {}, "jitter": {}, **ROWS}
-    done = record(tmp_path / "recording", plant={"kind": "kinematic"}, errors=errors, encoders=NOISY["encoders"], clocks=clocks)
+    errors = (
+        NOISY["errors"]
+        | SENSORS
+        | {"resolver_error": {}, "ballbar_axes": {}, "base_tilt": {}, "plate_length": {}}
+    )
+    clocks = NOISY["clocks"] | {
+        "wander": {},
+        "step": {"at_s": 20.0, "step_s": 0.2},
+        "quantum": {},
+        "jitter": {},
+        **ROWS,
+    }
+    done = record(
+        tmp_path / "recording",
+        plant={"kind": "kinematic"},
+        errors=errors,
+        encoders=NOISY["encoders"],
+        clocks=clocks,
+    )
     logs = load_truth(truth_path(done.folder)).logs
     assert logs == done.simulation.truth.logs
     assert [h.amplitude_rad for h in logs.encoders["b1"].own] == [6.0e-5, 2.5e-5, 8.0e-6]
@@ -692,21 +883,39 @@ def test_without_errors_the_truth_file_says_when_the_logs_began_and_no_more(plai
     ("changes", "words"),
     [
         (
-            {"encoders": {"fitted": [1, 2, 4, 5]}, "errors": {"slipped_periods": [{"encoder": 3, "at_s": 9.0}]}},
+            {
+                "encoders": {"fitted": [1, 2, 4, 5]},
+                "errors": {"slipped_periods": [{"encoder": 3, "at_s": 9.0}]},
+            },
             r"errors.slipped_periods\[0\].encoder = 3: joint 3 has no encoder; encoders.fitted are: 1, 2, 4, 5",
         ),
         (
-            {"encoders": {"fitted": []}, "errors": {"amplitude_errors": [{"encoder": 1, "start_s": 9.0, "end_s": 10.0}]}},
+            {
+                "encoders": {"fitted": []},
+                "errors": {"amplitude_errors": [{"encoder": 1, "start_s": 9.0, "end_s": 10.0}]},
+            },
             "joint 1 has no encoder; encoders.fitted are: none",
         ),
         (
             {"errors": {"coupling_slips": [{"encoder": 3, "at_s": 59.8}]}},
             r"errors.coupling_slips\[0\].at_s = 59.8: t = 59.8 s is not logged; the logs run from 0.5 to 59.5 s of the path",
         ),
-        ({"errors": {"amplitude_errors": [{"encoder": 3, "start_s": 61.0, "end_s": 62.0}]}}, r"start_s = 61.0: t = 61 s is not logged"),
-        ({"errors": {"amplitude_errors": [{"encoder": 3, "start_s": 9.0, "end_s": 8.0}]}}, "end_s = 8 must be later than start_s = 9"),
-        ({"errors": {"slipped_periods": [{"encoder": 6, "at_s": 9.0}]}}, "encoder = 6: expected 5 or less"),
-        ({"errors": {"encoder_eccentricity": {"amplitude_rad": [1e-5, 1e-5]}}}, "amplitude_rad needs at least 3 items"),
+        (
+            {"errors": {"amplitude_errors": [{"encoder": 3, "start_s": 61.0, "end_s": 62.0}]}},
+            r"start_s = 61.0: t = 61 s is not logged",
+        ),
+        (
+            {"errors": {"amplitude_errors": [{"encoder": 3, "start_s": 9.0, "end_s": 8.0}]}},
+            "end_s = 8 must be later than start_s = 9",
+        ),
+        (
+            {"errors": {"slipped_periods": [{"encoder": 6, "at_s": 9.0}]}},
+            "encoder = 6: expected 5 or less",
+        ),
+        (
+            {"errors": {"encoder_eccentricity": {"amplitude_rad": [1e-5, 1e-5]}}},
+            "amplitude_rad needs at least 3 items",
+        ),
         ({"errors": {"subdivisional_error": {"amplitude_rad": -1e-5}}}, "expected 0 or more"),
         ({"errors": {"frozen_bits": {"onset_factor": 0}}}, "expected more than 0"),
         ({"errors": {"base_tilt": {"sigma_deg": 1.0}}}, "unknown key errors.base_tilt.sigma_deg"),
@@ -716,13 +925,20 @@ def test_without_errors_the_truth_file_says_when_the_logs_began_and_no_more(plai
         ),
         ({"clocks": {"step": {"at_s": 0.2}}}, "clocks.step.at_s = 0.2: t = 0.2 s is not logged"),
         ({"clocks": {"restart": {"at_s": 58.0}}}, "t = 60 s is not logged"),
-        ({"clocks": {"jitter": {"sigma_s": 2e-3}}}, "clocks.jitter.sigma_s = 0.002: expected 0.0005 or less"),
+        (
+            {"clocks": {"jitter": {"sigma_s": 2e-3}}},
+            "clocks.jitter.sigma_s = 0.002: expected 0.0005 or less",
+        ),
         ({"clocks": {"dropped_rows": {"robot_probability": 0.7}}}, "expected less than 0.5"),
     ],
 )
-def test_a_fault_that_cannot_happen_is_refused_in_words(changes: dict[str, Any], words: str, tmp_path: Path) -> None:
+def test_a_fault_that_cannot_happen_is_refused_in_words(
+    changes: dict[str, Any], words: str, tmp_path: Path
+) -> None:
     scenario = tmp_path / "scenario.yaml"
-    scenario.write_text(yaml.safe_dump(settings().model_dump(mode="json", exclude_unset=True) | changes))
+    scenario.write_text(
+        yaml.safe_dump(settings().model_dump(mode="json", exclude_unset=True) | changes)
+    )
     with pytest.raises(DescriptionError, match=words):
         load_model(scenario, SimulationSettings)
 

@@ -15,19 +15,29 @@ from sim.plant.model_files import MODELS, VIEWS, model_xml
 
 
 def words(text: str) -> list[tuple[str, str, list[str]]]:
-    return [(e.tag, key, value.split()) for e in ET.fromstring(text).iter() for key, value in sorted(e.attrib.items())]
+    return [
+        (e.tag, key, value.split())
+        for e in ET.fromstring(text).iter()
+        for key, value in sorted(e.attrib.items())
+    ]
 
 
 @pytest.mark.parametrize("robot", list(VIEWS))
 def test_the_file_is_the_one_that_the_descriptions_give(robot: str) -> None:
     kept, made = words((MODELS / f"{robot}.xml").read_text()), words(model_xml(robot))
-    assert [(tag, key) for tag, key, _ in kept] == [(tag, key) for tag, key, _ in made], "run: python -m sim.plant.model_files"
+    assert [(tag, key) for tag, key, _ in kept] == [(tag, key) for tag, key, _ in made], (
+        "run: python -m sim.plant.model_files"
+    )
     for (tag, key, old), (_, _, new) in zip(kept, made, strict=True):
         try:
-            same = np.allclose(np.array(old, dtype=float), np.array(new, dtype=float), rtol=1e-9, atol=1e-12)
+            same = np.allclose(
+                np.array(old, dtype=float), np.array(new, dtype=float), rtol=1e-9, atol=1e-12
+            )
         except ValueError:
             same = old == new
-        assert same, f"{tag} {key}: file {old}, descriptions {new}; run: python -m sim.plant.model_files"
+        assert same, (
+            f"{tag} {key}: file {old}, descriptions {new}; run: python -m sim.plant.model_files"
+        )
 
 
 @pytest.mark.parametrize("robot", list(VIEWS))

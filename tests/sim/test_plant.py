@@ -20,10 +20,10 @@ from planning.verify import plant_errors, set_without_strain
 from sim.errors.static_errors import true_geometry
 from sim.motion import CLOSURE_STRIDE
 from sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
+from sim.plant import mujoco_plant as plant_module
 from sim.plant.effects import PlantEffects, PlantErrors, plant_effects
 from sim.plant.mjcf import plant_model
 from sim.plant.mujoco_plant import PlantError, check_course, prepare, roll_out, run_plant
-from sim.plant import mujoco_plant as plant_module
 from sim.plant.statics import gravity_torque, rest
 from sim.simulate import load_lissajous, simulate
 from tests.conftest import SCENARIOS, Recorded, perturbed, settings
@@ -41,7 +41,9 @@ def test_the_loop_stays_closed_within_half_a_micrometre_along_the_run(recorded: 
     assert position.max() == recorded.simulation.truth.closure_position
 
 
-def test_rod_forces_of_the_soft_servo_are_of_the_order_measured_in_the_thesis(recorded: Recorded) -> None:
+def test_rod_forces_of_the_soft_servo_are_of_the_order_measured_in_the_thesis(
+    recorded: Recorded,
+) -> None:
     force = recorded.simulation.motion.rod_force
     assert 30.0 < np.abs(force).max() < 200.0  # Fig. 5.7: 100 to 150 N
 
@@ -64,14 +66,25 @@ def test_a_mechanism_whose_rod_hangs_in_its_play_comes_to_rest() -> None:
         [51.43, 32.58, 46.77, 0.42, 102.3],
         [166.1, 356.4, 266.6, 346.6, 215.7],
     )
-    shape = Lissajous(np.radians(centre), np.radians(amplitude), np.array([3.0, 4.0, 1.0, 1.0, 3.0]), np.radians(phase))
+    shape = Lissajous(
+        np.radians(centre),
+        np.radians(amplitude),
+        np.array([3.0, 4.0, 1.0, 1.0, 3.0]),
+        np.radians(phase),
+    )
     path = reference_path(cell.robot, nominal, shape, duration=120.0, dwell=4.0, stops=2, step=0.1)
     for seed in range(4):
         errors = plant_errors(table=seed == 0)
-        true = set_without_strain(true_geometry(nominal, errors, plate_sigma=0.0, seed=seed), path.q[:1])
+        true = set_without_strain(
+            true_geometry(nominal, errors, plate_sigma=0.0, seed=seed), path.q[:1]
+        )
         effects = plant_effects(errors, cell, seed)
-        run = prepare(cell, true, effects, path, servo="soft", timestep=1e-3, gravity_compensation=True)
-        held = rest(cell, true, effects, cell.robot.servo["soft"], run.command[0], path.q[0], path.b[0])
+        run = prepare(
+            cell, true, effects, path, servo="soft", timestep=1e-3, gravity_compensation=True
+        )
+        held = rest(
+            cell, true, effects, cell.robot.servo["soft"], run.command[0], path.q[0], path.b[0]
+        )
         assert held.in_play
         assert abs(held.stretch) < 1.02 * effects.rod_slack
         assert abs(held.rod_force) < 2.0
@@ -83,7 +96,9 @@ def machine(robot: str) -> tuple[Cell, Geometry, Geometry, ReferencePath]:
     cell = load_cell(robot, bar, "plate_250")
     nominal = nominal_geometry(cell, np.array(position))
     shape = load_lissajous(SCENARIOS / "paths" / f"{path}.yaml")
-    reference = reference_path(cell.robot, nominal, shape, duration=120.0, dwell=4.0, stops=2, step=0.01)
+    reference = reference_path(
+        cell.robot, nominal, shape, duration=120.0, dwell=4.0, stops=2, step=0.01
+    )
     return cell, nominal, perturbed(nominal, np.random.default_rng(4)), reference
 
 
@@ -100,7 +115,9 @@ def test_a_held_pose_settles_where_the_statics_oracle_says(robot: str, effect: s
         assert deviation.rod_force < 0.02
 
 
-def test_gravity_torque_is_the_derivative_of_the_potential_energy_in_mujoco(cell: Cell, nominal: Geometry) -> None:
+def test_gravity_torque_is_the_derivative_of_the_potential_energy_in_mujoco(
+    cell: Cell, nominal: Geometry
+) -> None:
     q = np.random.default_rng(6).uniform(-0.7, 0.7, (4, 6))
     plant = plant_model(cell, nominal, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
     data = mujoco.MjData(plant.model)
@@ -118,10 +135,14 @@ def test_the_phase_starts_and_ends_at_rest_and_rests_at_every_stop() -> None:
     assert s[0] == 0.0
     assert s[-1] == pytest.approx(1.0, abs=1e-12)
     assert (speed >= -1e-12).all()
-    assert np.abs(np.diff(speed)).max() < 2e-4  # no step in speed: ramps of 2 s to about 0.01 per second
+    assert (
+        np.abs(np.diff(speed)).max() < 2e-4
+    )  # no step in speed: ramps of 2 s to about 0.01 per second
     for level in (1 / 3, 2 / 3):
         assert np.isclose(s, level, atol=1e-12).sum() >= 395
-    with pytest.raises(InputError, match=r"path\.duration_s = .* are left for each piece .* Take more than"):
+    with pytest.raises(
+        InputError, match=r"path\.duration_s = .* are left for each piece .* Take more than"
+    ):
         phase_over_time(t, duration=20.0, dwell=4.0, stops=2)
 
 
@@ -131,40 +152,62 @@ def test_a_path_out_of_reach_names_the_time(cell: Cell, shape: Lissajous) -> Non
         reference_path(cell.robot, far, shape, duration=60.0, dwell=2.0, stops=1, step=0.01)
 
 
-def test_a_path_beyond_an_axis_range_names_axis_time_and_value(cell: Cell, nominal: Geometry, shape: Lissajous) -> None:
+def test_a_path_beyond_an_axis_range_names_axis_time_and_value(
+    cell: Cell, nominal: Geometry, shape: Lissajous
+) -> None:
     narrow = replace(cell.robot, axis_upper=cell.robot.axis_upper * np.array([0.05, 1, 1, 1, 1, 1]))
-    with pytest.raises(InputError, match=r"axis 1 at t = \d+\.\d\d s: \d+\.\d deg outside -180..9 deg"):
+    with pytest.raises(
+        InputError, match=r"axis 1 at t = \d+\.\d\d s: \d+\.\d deg outside -180..9 deg"
+    ):
         reference_path(narrow, nominal, shape, duration=60.0, dwell=2.0, stops=1, step=0.01)
 
 
-def test_a_path_too_fast_for_an_axis_names_axis_time_and_speed(cell: Cell, nominal: Geometry, shape: Lissajous) -> None:
+def test_a_path_too_fast_for_an_axis_names_axis_time_and_speed(
+    cell: Cell, nominal: Geometry, shape: Lissajous
+) -> None:
     with pytest.raises(InputError, match=r"axis \d at t = \d+\.\d\d s turns at \d+ deg/s, limit"):
         reference_path(cell.robot, nominal, shape, duration=12.0, dwell=1.0, stops=0, step=0.01)
 
 
-def test_a_run_whose_loop_opens_too_far_fails(cell: Cell, nominal: Geometry, shape: Lissajous, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_whose_loop_opens_too_far_fails(
+    cell: Cell, nominal: Geometry, shape: Lissajous, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(plant_module, "CLOSURE_LIMIT", 1e-9)
     path = reference_path(cell.robot, nominal, shape, duration=20.0, dwell=2.0, stops=0, step=0.01)
     with pytest.raises(PlantError, match=r"the loop opens to .* Halve plant\.timestep_s"):
         run_plant(cell, nominal, PlantEffects(), path, servo="soft", timestep=1e-3)
 
 
-def test_a_diverging_simulation_ends_with_its_time_and_no_silent_reset(cell: Cell, nominal: Geometry, shape: Lissajous) -> None:
+def test_a_diverging_simulation_ends_with_its_time_and_no_silent_reset(
+    cell: Cell, nominal: Geometry, shape: Lissajous
+) -> None:
     path = reference_path(cell.robot, nominal, shape, duration=20.0, dwell=2.0, stops=0, step=0.01)
-    prepared = prepare(cell, nominal, PlantEffects(), path, servo="soft", timestep=1e-3, gravity_compensation=True)
+    prepared = prepare(
+        cell, nominal, PlantEffects(), path, servo="soft", timestep=1e-3, gravity_compensation=True
+    )
     prepared.plant.model.dof_damping[:] = -1e5  # feeds energy in
     with pytest.raises(PlantError, match=r"diverged at t = \d+\.\d+ s"):
         roll_out(prepared)
 
 
 @pytest.mark.slow
-def test_stretches_are_told_as_they_come_and_join_to_what_one_call_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stretches_are_told_as_they_come_and_join_to_what_one_call_gives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     cell, nominal, true, _ = machine("irb2400")
     shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
     path = reference_path(cell.robot, nominal, shape, duration=50.0, dwell=2.0, stops=0, step=0.01)
     effects = plant_effects(PlantErrors.model_validate(EFFECTS["everything"]), cell, seed=1)
     told: list[tuple[np.ndarray, ...]] = []
-    motion = run_plant(cell, true, effects, path, servo="soft", timestep=1e-3, watch=lambda _cell, _geometry, *rows: told.append(rows))
+    motion = run_plant(
+        cell,
+        true,
+        effects,
+        path,
+        servo="soft",
+        timestep=1e-3,
+        watch=lambda _cell, _geometry, *rows: told.append(rows),
+    )
     assert len(told) == 25
     for one, following in pairwise(told):
         assert one[0][-1] == following[0][0]
@@ -172,7 +215,9 @@ def test_stretches_are_told_as_they_come_and_join_to_what_one_call_gives(monkeyp
         joined = np.concatenate([told[0][k], *(rows[k][1:] for rows in told[1:])])
         np.testing.assert_allclose(joined, whole, rtol=0.0, atol=1e-9 if k == 0 else 0.0)
     monkeypatch.setattr(plant_module, "_STRETCH", 1e9)
-    np.testing.assert_array_equal(run_plant(cell, true, effects, path, servo="soft", timestep=1e-3).q, motion.q)
+    np.testing.assert_array_equal(
+        run_plant(cell, true, effects, path, servo="soft", timestep=1e-3).q, motion.q
+    )
 
 
 def test_everything_on_keeps_the_loop_closed() -> None:
@@ -193,7 +238,9 @@ def potential(cell: Cell, geometry: Geometry, b: np.ndarray, stretch: float) -> 
     energy = 0.0
     for i, link in enumerate(cell.ballbar.links):
         at_zero = zero.rotation(i)[:, :, 0].T @ (link.com - zero.origin[i, :, 0])
-        turn = np.array([[np.cos(b[i]), -np.sin(b[i]), 0], [np.sin(b[i]), np.cos(b[i]), 0], [0, 0, 1]])
+        turn = np.array(
+            [[np.cos(b[i]), -np.sin(b[i]), 0], [np.sin(b[i]), np.cos(b[i]), 0], [0, 0, 1]]
+        )
         lifted = stretch * frames.z[2, :, 0] if i == 2 else 0.0
         com = frames.origin[i, :, 0] + frames.rotation(i)[:, :, 0] @ turn @ at_zero + lifted
         energy -= link.mass * float(cell.robot.gravity @ com)
@@ -205,24 +252,40 @@ def test_the_force_sensor_shows_what_plate_and_ball_bar_weigh_and_pull() -> None
     cell, nominal, true, _ = machine("irb2400")
     shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
     short = reference_path(cell.robot, nominal, shape, duration=60.0, dwell=4.0, stops=0, step=0.01)
-    motion = run_plant(cell, true, PlantEffects(force_sensor=True), short, servo="soft", timestep=1e-3)
-    b, rod = motion.b[100], motion.rod_force[100]  # a tenth of a second into the rest from which the run starts
+    motion = run_plant(
+        cell, true, PlantEffects(force_sensor=True), short, servo="soft", timestep=1e-3
+    )
+    b, rod = (
+        motion.b[100],
+        motion.rod_force[100],
+    )  # a tenth of a second into the rest from which the run starts
     h = 1e-5  # central differences of an energy of joules: 1e-10 / 2e-5
-    load = np.array([potential(cell, true, b + h * e, 0.0) - potential(cell, true, b - h * e, 0.0) for e in np.eye(5)]) / (2 * h)
+    load = np.array(
+        [
+            potential(cell, true, b + h * e, 0.0) - potential(cell, true, b - h * e, 0.0)
+            for e in np.eye(5)
+        ]
+    ) / (2 * h)
     along = (potential(cell, true, b, h) - potential(cell, true, b, -h)) / (2 * h) + rod
     bar = bar_frames(true, b[None])
     columns = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None]))[:, :, 0]
-    on_tool = np.linalg.solve(columns, -np.append(load, along))  # wrench of the ball-bar on the tool
+    on_tool = np.linalg.solve(
+        columns, -np.append(load, along)
+    )  # wrench of the ball-bar on the tool
     frames = robot_frames(true, motion.q[100:101])
     expected = on_tool[:3] + cell.plate.mass * cell.robot.gravity
     assert motion.wrench is not None
     cos, sin = np.cos(motion.q[100, 5]), np.sin(motion.q[100, 5])
-    flange = frames.rotation(5)[:, :, 0] @ np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])  # the tool's errors lie behind it
+    flange = frames.rotation(5)[:, :, 0] @ np.array(
+        [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]]
+    )  # the tool's errors lie behind it
     assert flange @ motion.wrench[100, :3] == pytest.approx(expected, abs=0.02)
 
 
 @pytest.mark.parametrize(("joint", "name"), [(1, "ball-bar joint b2"), (3, "ball-bar joint b4")])
-def test_a_flip_of_the_ball_bar_is_named_with_joint_and_time(recorded: Recorded, joint: int, name: str) -> None:
+def test_a_flip_of_the_ball_bar_is_named_with_joint_and_time(
+    recorded: Recorded, joint: int, name: str
+) -> None:
     motion = recorded.simulation.motion
     b = motion.b.copy()
     b[30000:, joint] *= -1.0
@@ -231,14 +294,20 @@ def test_a_flip_of_the_ball_bar_is_named_with_joint_and_time(recorded: Recorded,
     check_course(recorded.simulation.cell, motion)
 
 
-def test_a_robot_pushed_beyond_an_axis_range_ends_with_axis_time_and_value(recorded: Recorded) -> None:
+def test_a_robot_pushed_beyond_an_axis_range_ends_with_axis_time_and_value(
+    recorded: Recorded,
+) -> None:
     robot = recorded.simulation.cell.robot
     tight = replace(robot, axis_upper=robot.axis_upper * np.array([1, 0.2, 1, 1, 1, 1]))
-    with pytest.raises(PlantError, match=r"axis 2 at t = \d+\.\d\d s: \d+\.\d deg outside -100\.\.22 deg"):
+    with pytest.raises(
+        PlantError, match=r"axis 2 at t = \d+\.\d\d s: \d+\.\d deg outside -100\.\.22 deg"
+    ):
         check_course(replace(recorded.simulation.cell, robot=tight), recorded.simulation.motion)
 
 
-def test_pull_and_push_strains_the_rod_by_5_6_um_at_150_n_and_shows_the_backlash_asked_for() -> None:
+def test_pull_and_push_strains_the_rod_by_5_6_um_at_150_n_and_shows_the_backlash_asked_for() -> (
+    None
+):
     scenario = load_scenario(SCENARIOS / "irb2400_push_pull.yaml")
     motion = simulate(scenario, relative_to=SCENARIOS).motion
     assert motion.rod_force.max() > 140.0
@@ -259,7 +328,9 @@ def test_closure_counts_a_wrong_angle(recorded: Recorded) -> None:
 
 
 def test_the_true_mechanism_of_a_run_has_the_errors_of_table_3_1(recorded: Recorded) -> None:
-    nominal = nominal_geometry(recorded.simulation.cell, np.array(recorded.settings.cell.ballbar_position_m))
+    nominal = nominal_geometry(
+        recorded.simulation.cell, np.array(recorded.settings.cell.ballbar_position_m)
+    )
     true = recorded.simulation.motion.geometry
     assert (true["ra3"] - nominal["ra3"]) * 1e3 == pytest.approx(-1.52)
     assert (true["oy"] - nominal["oy"]) * 1e3 == pytest.approx(0.80)
@@ -274,11 +345,17 @@ def test_both_robots_hang_together_at_zero(robot: str) -> None:
     plant = plant_model(cell, geometry, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
     assert plant.model.nv == 12
     assert frames.tip[2, 0] > 0.0
-    assert bar_frames(geometry, np.zeros((1, 5))).tip[2, 0] == pytest.approx(0.5 + cell.ballbar.length)
+    assert bar_frames(geometry, np.zeros((1, 5))).tip[2, 0] == pytest.approx(
+        0.5 + cell.ballbar.length
+    )
 
 
-def test_drawn_static_errors_have_the_asked_size_and_leave_the_other_streams_alone(tmp_path_factory: pytest.TempPathFactory) -> None:
-    drawn = settings(plant={"kind": "kinematic"}, errors={"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3}})
+def test_drawn_static_errors_have_the_asked_size_and_leave_the_other_streams_alone(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    drawn = settings(
+        plant={"kind": "kinematic"}, errors={"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3}}
+    )
     table = settings(plant={"kind": "kinematic"})
     one, other = (simulate(s, relative_to=SCENARIOS) for s in (drawn, table))
     assert [e.zero for e in one.encoders] == [e.zero for e in other.encoders]

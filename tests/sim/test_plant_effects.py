@@ -21,13 +21,29 @@ from cell.chain import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.inverse import pose_mismatch
-from sim.logging.load_logs import ForceSensor, LoadLogs, TorqueLog, drawn_loads, motor_torques, sensor_rows
+from sim.logging.load_logs import (
+    ForceSensor,
+    LoadLogs,
+    TorqueLog,
+    drawn_loads,
+    motor_torques,
+    sensor_rows,
+)
 from sim.plant.effects import PlantErrors, plant_effects
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
 from sim.truth import PlantTruth, load_truth
 from tests.conftest import SCENARIOS, record, settings
-from tests.helpers.log_analysis import Logs, fit, harmonics, rate, read_logs, read_table, settled_direction, there_and_back
+from tests.helpers.log_analysis import (
+    Logs,
+    fit,
+    harmonics,
+    rate,
+    read_logs,
+    read_table,
+    settled_direction,
+    there_and_back,
+)
 
 pytestmark = pytest.mark.slow  # a simulated run for each effect
 
@@ -38,18 +54,35 @@ CELLS: dict[str, dict[str, Any]] = {
 }
 PERFECT_LOGS = {
     "torque": {"noise_N_m": 0.0, "wrist_noise_N_m": 0.0, "gain_sigma": 0.0},
-    "force_sensor": {"rate_hz": 100.0, "noise_N": 0.0, "noise_N_m": 0.0, "bias_N": 0.0, "bias_N_m": 0.0, "gain_sigma": 0.0},
+    "force_sensor": {
+        "rate_hz": 100.0,
+        "noise_N": 0.0,
+        "noise_N_m": 0.0,
+        "bias_N": 0.0,
+        "bias_N_m": 0.0,
+        "gain_sigma": 0.0,
+    },
 }
-SAGGING = {"gravity_compensation": False}  # a soft servo that does not carry the arm leans on the rod with up to 170 N
+SAGGING = {
+    "gravity_compensation": False
+}  # a soft servo that does not carry the arm leans on the rod with up to 170 N
 CENTRE = np.array([-23.2, -54.3, 20.8, -129.6, 138.0])  # [deg] scenarios/paths/irb2400_a.yaml
 AMPLITUDE = np.array([75.9, -19.6, 31.0, -18.2, 87.4])  # [deg]
 
 
-def run(folder: Path, *, robot: str = "irb2400", duration: float = 60.0, file: str = "", **changes: Any) -> Logs:
+def run(
+    folder: Path, *, robot: str = "irb2400", duration: float = 60.0, file: str = "", **changes: Any
+) -> Logs:
     """The files of a run without any error but those that `changes` switch on, every log perfect."""
     base: dict[str, Any] = {
         "cell": CELLS[robot],
-        "path": {"kind": "lissajous", "file": file or f"paths/{robot}_a.yaml", "duration_s": duration, "dwell_s": 2.0, "stops": 0},
+        "path": {
+            "kind": "lissajous",
+            "file": file or f"paths/{robot}_a.yaml",
+            "duration_s": duration,
+            "dwell_s": 2.0,
+            "stops": 0,
+        },
         "errors": {},
         "encoders": {"bits": 13},
         "clocks": {"offset_s": 0.137, "skew": 5e-5},
@@ -61,9 +94,15 @@ def run(folder: Path, *, robot: str = "irb2400", duration: float = 60.0, file: s
 def path_there_and_back(folder: Path, cycles: list[int], *, size: float) -> str:
     """A path whose second half is its first in reverse: every angle starts at an extreme."""
     place = folder / "path.yaml"
-    lists = {"centre_deg": CENTRE, "amplitude_deg": (size * AMPLITUDE).round(2), "cycles": np.array(cycles)}
+    lists = {
+        "centre_deg": CENTRE,
+        "amplitude_deg": (size * AMPLITUDE).round(2),
+        "cycles": np.array(cycles),
+    }
     lines = [f"{name}: {values.tolist()}" for name, values in lists.items()]
-    place.write_text("\n".join(["schema: ballbar-path/1", *lines, "phase_deg: [90, -90, 90, 90, -90]"]))
+    place.write_text(
+        "\n".join(["schema: ballbar-path/1", *lines, "phase_deg: [90, -90, 90, 90, -90]"])
+    )
     return str(place)
 
 
@@ -75,10 +114,14 @@ def stated(folder: Path) -> PlantTruth:
 # --- the logs themselves
 
 
-def test_at_rest_the_logged_torques_carry_the_arm_and_what_the_force_sensor_feels(tmp_path: Path) -> None:
+def test_at_rest_the_logged_torques_carry_the_arm_and_what_the_force_sensor_feels(
+    tmp_path: Path,
+) -> None:
     logs = run(tmp_path, plant=SAGGING)
     still = logs.t < 1.5
-    assert np.abs(logs.torque[still] - logs.load[still]).max() < 1e-3  # of 400 N m; the files have 1e-6 N m at the motor
+    assert (
+        np.abs(logs.torque[still] - logs.load[still]).max() < 1e-3
+    )  # of 400 N m; the files have 1e-6 N m at the motor
     assert np.abs(logs.rod_force[still]).min() > 40.0
 
 
@@ -105,7 +148,9 @@ def test_each_gear_yields_to_its_torque_by_the_asked_stiffness(robot: str, tmp_p
     assert_stiffness(logs, 0.8 * logs.cell.robot.gears.stiffness)
 
 
-def test_a_robot_with_a_spread_of_stiffnesses_has_those_that_its_truth_states(tmp_path: Path) -> None:
+def test_a_robot_with_a_spread_of_stiffnesses_has_those_that_its_truth_states(
+    tmp_path: Path,
+) -> None:
     logs = run(tmp_path, plant=SAGGING, errors={"joint_compliance": {"spread": 0.3}})
     drawn = np.array(stated(tmp_path).gear_stiffness_N_m_per_rad)
     assert np.std(drawn / logs.cell.robot.gears.stiffness) > 0.1
@@ -113,27 +158,43 @@ def test_a_robot_with_a_spread_of_stiffnesses_has_those_that_its_truth_states(tm
 
 
 def test_stiffness_and_lost_motion_spread_as_asked_from_robot_to_robot(cell: Cell) -> None:
-    asked = PlantErrors.model_validate({"joint_compliance": {"spread": 0.3}, "lost_motion": {"spread": 0.2}})
-    drawn = [plant_effects(asked, cell, seed) for seed in range(8000)]  # 48 000 logarithms: their sigma is known to 0.3 %
-    stiffness = np.log([e.gear_stiffness / cell.robot.gears.stiffness for e in drawn if e.gear_stiffness is not None])
+    asked = PlantErrors.model_validate(
+        {"joint_compliance": {"spread": 0.3}, "lost_motion": {"spread": 0.2}}
+    )
+    drawn = [
+        plant_effects(asked, cell, seed) for seed in range(8000)
+    ]  # 48 000 logarithms: their sigma is known to 0.3 %
+    stiffness = np.log(
+        [
+            e.gear_stiffness / cell.robot.gears.stiffness
+            for e in drawn
+            if e.gear_stiffness is not None
+        ]
+    )
     width = np.log([2.0 * e.gear_slack / cell.robot.gears.lost_motion for e in drawn])
     assert stiffness.std() == pytest.approx(0.3, rel=WITHIN)
     assert width.std() == pytest.approx(0.2, rel=WITHIN)
     assert abs(np.corrcoef(stiffness.ravel(), width.ravel())[0, 1]) < 0.02
 
 
-def test_a_gear_with_play_jumps_by_the_asked_width_where_its_load_changes_sign(tmp_path: Path) -> None:
+def test_a_gear_with_play_jumps_by_the_asked_width_where_its_load_changes_sign(
+    tmp_path: Path,
+) -> None:
     errors = {"joint_compliance": {"scale": 0.3}, "lost_motion": {"scale": 0.9}}
     logs = run(tmp_path, plant=SAGGING, errors=errors)
     (deflection, speed, rotor), asked = springs(logs), 0.9 * logs.cell.robot.gears.lost_motion
     for i in range(6):  # gears 3 and 5 are never unloaded: their line misses zero by half the width
         through = np.abs(deflection[:, i]) > 0.75 * asked[i]
         e, side = deflection[through, i], np.sign(deflection[through, i])
-        stiffness, preload, *_ = fit([-e, side, -speed[through, i], rotor[through, i]], logs.torque[through, i])
+        stiffness, preload, *_ = fit(
+            [-e, side, -speed[through, i], rotor[through, i]], logs.torque[through, i]
+        )
         assert 2.0 * preload / stiffness == pytest.approx(asked[i], rel=WITHIN), f"gear {i + 1}"
 
 
-def test_a_gear_with_hysteresis_lags_by_the_asked_width_between_loading_and_unloading(tmp_path: Path) -> None:
+def test_a_gear_with_hysteresis_lags_by_the_asked_width_between_loading_and_unloading(
+    tmp_path: Path,
+) -> None:
     errors = {"joint_compliance": {"scale": 0.3}, "lost_motion": {"kind": "hysteresis"}}
     logs = run(tmp_path, plant=SAGGING, errors=errors)
     (deflection, speed, rotor), asked = springs(logs), logs.cell.robot.gears.lost_motion
@@ -141,29 +202,42 @@ def test_a_gear_with_hysteresis_lags_by_the_asked_width_between_loading_and_unlo
         way = settled_direction(deflection[:, i], 1.2 * asked[i])
         on = way != 0.0
         assert min((way > 0.0).mean(), (way < 0.0).mean()) > 0.05
-        stiffness, half, *_ = fit([-deflection[on, i], -way[on], -speed[on, i], rotor[on, i]], logs.torque[on, i])
+        stiffness, half, *_ = fit(
+            [-deflection[on, i], -way[on], -speed[on, i], rotor[on, i]], logs.torque[on, i]
+        )
         assert 2.0 * half / stiffness == pytest.approx(asked[i], rel=WITHIN), f"gear {i + 1}"
 
 
 def assert_ripples(logs: Logs, asked: list[list[tuple[float, float]]], folder: Path) -> None:
     """Amplitude of each (order, amplitude) of each gear as asked, phase as drawn."""
-    drawn = {(r.axis, round(r.cycles_per_turn, 6)): r.phase_rad for r in stated(folder).transmission_error}
+    drawn = {
+        (r.axis, round(r.cycles_per_turn, 6)): r.phase_rad
+        for r in stated(folder).transmission_error
+    }
     for i, gear in enumerate(asked):
         error = logs.gears[:, i] - logs.shown_gears[:, i]
         orders = [order for order, _ in gear]
         if not orders:
             assert np.abs(error).max() < 1e-6
             continue
-        for found, (order, amplitude) in zip(harmonics(logs.gears[:, i], error, orders), gear, strict=True):
+        for found, (order, amplitude) in zip(
+            harmonics(logs.gears[:, i], error, orders), gear, strict=True
+        ):
             place = f"gear {i + 1}, {order:g} cycles a turn"
             assert abs(found) == pytest.approx(amplitude, rel=WITHIN), place
-            assert abs(found - amplitude * np.exp(1j * drawn[i + 1, round(order, 6)])) < WITHIN * amplitude, place
+            assert (
+                abs(found - amplitude * np.exp(1j * drawn[i + 1, round(order, 6)]))
+                < WITHIN * amplitude
+            ), place
 
 
 @pytest.mark.parametrize("robot", list(CELLS))
 def test_each_harmonic_of_the_gears_lies_between_motor_and_pose(robot: str, tmp_path: Path) -> None:
     logs = run(tmp_path, robot=robot, duration=90.0, errors={"transmission_error": {"scale": 2.0}})
-    asked = [[(order, 2.0 * amplitude) for order, amplitude in gear] for gear in logs.cell.robot.gears.harmonics]
+    asked = [
+        [(order, 2.0 * amplitude) for order, amplitude in gear]
+        for gear in logs.cell.robot.gears.harmonics
+    ]
     assert_ripples(logs, asked, tmp_path)
 
 
@@ -178,7 +252,9 @@ def test_a_cusped_ripple_is_the_rectified_sine_with_zero_mean(tmp_path: Path) ->
     error = logs.gears - logs.shown_gears
     for i in range(3):
         found = harmonics(logs.gears[:, i], error[:, i], [40.0, 80.0, 120.0, 160.0])
-        series = [2.0 * 6e-5 / (4 * k * k - 1) for k in range(1, 5)]  # of pi/2 |sin(x/2)| - 1, truncated
+        series = [
+            2.0 * 6e-5 / (4 * k * k - 1) for k in range(1, 5)
+        ]  # of pi/2 |sin(x/2)| - 1, truncated
         assert np.abs(found) == pytest.approx(series, rel=WITHIN)
         x = 40.0 * logs.gears[:, i] + np.angle(found[0]) + 0.5 * np.pi
         wave = 6e-5 * (0.5 * np.pi * np.abs(np.sin(0.5 * x)) - 1.0)
@@ -190,23 +266,49 @@ def test_a_cusped_ripple_is_the_rectified_sine_with_zero_mean(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("side", ["output", "input"])
-def test_an_eccentric_gear_errs_once_a_turn_of_its_output_or_its_motor(side: str, tmp_path: Path) -> None:
-    logs = run(tmp_path, errors={"sinusoidal_gear_error": {"side": side, "amplitude_rad": 9e-5, "axes": [1, 2, 3, 4, 5, 6]}})
-    turns = [129.6, 129.99, 129.6, 55.0, 55.2, 44.0] if side == "input" else [1.0] * 6  # thesis App. A
+def test_an_eccentric_gear_errs_once_a_turn_of_its_output_or_its_motor(
+    side: str, tmp_path: Path
+) -> None:
+    logs = run(
+        tmp_path,
+        errors={
+            "sinusoidal_gear_error": {
+                "side": side,
+                "amplitude_rad": 9e-5,
+                "axes": [1, 2, 3, 4, 5, 6],
+            }
+        },
+    )
+    turns = (
+        [129.6, 129.99, 129.6, 55.0, 55.2, 44.0] if side == "input" else [1.0] * 6
+    )  # thesis App. A
     assert_ripples(logs, [[(turn, 9e-5)] for turn in turns], tmp_path)
 
 
-def test_parallel_rod_and_wrist_carry_the_ripple_of_a_motor_into_the_joints_behind(tmp_path: Path) -> None:
+def test_parallel_rod_and_wrist_carry_the_ripple_of_a_motor_into_the_joints_behind(
+    tmp_path: Path,
+) -> None:
     ripple = {"waveform": "harmonic", "amplitude_rad": 2e-4, "axes": [2, 4]}
     logs = run(tmp_path, errors={"cycloid_ripple": ripple})
     waves = [wave(40.0 * logs.gears[:, motor]) for motor in (1, 3) for wave in (np.sin, np.cos)]
     in_joints = np.array([fit(waves, error) for error in (logs.joints - logs.shown).T])
     phases = {r.axis: r.phase_rad for r in stated(tmp_path).transmission_error}
-    carried = {2: [0.0, 1.0, -1.0, 0.0, 0.0, 0.0], 4: [0.0, 0.0, 0.0, 1.0, 55 / 759, 55 * 62 / 41745]}
-    for k, (motor, shares) in enumerate(carried.items()):  # thesis App. A: rows 2 and 4 of the motor-to-joint matrix
-        found = (in_joints[:, 2 * k] + 1j * in_joints[:, 2 * k + 1]) * np.exp(-1j * phases[motor]) / 2e-4
+    carried = {
+        2: [0.0, 1.0, -1.0, 0.0, 0.0, 0.0],
+        4: [0.0, 0.0, 0.0, 1.0, 55 / 759, 55 * 62 / 41745],
+    }
+    for k, (motor, shares) in enumerate(
+        carried.items()
+    ):  # thesis App. A: rows 2 and 4 of the motor-to-joint matrix
+        found = (
+            (in_joints[:, 2 * k] + 1j * in_joints[:, 2 * k + 1])
+            * np.exp(-1j * phases[motor])
+            / 2e-4
+        )
         for joint, share in enumerate(shares):
-            assert abs(found[joint] - share) < WITHIN * (abs(share) or 1.0), f"motor {motor} in joint {joint + 1}"
+            assert abs(found[joint] - share) < WITHIN * (abs(share) or 1.0), (
+                f"motor {motor} in joint {joint + 1}"
+            )
 
 
 def test_gears_rub_with_the_asked_coulomb_and_viscous_friction(tmp_path: Path) -> None:
@@ -214,31 +316,52 @@ def test_gears_rub_with_the_asked_coulomb_and_viscous_friction(tmp_path: Path) -
     reverse, both look like viscous friction: the load's rate and the accelerations are fitted with it.
     """
     path = path_there_and_back(tmp_path, [5, 2, 3, 3, 4], size=0.94)
-    logs = run(tmp_path, duration=100.0, file=path, plant={"servo": "stiff"}, errors={"gear_friction": {"scale": 1.2}})
+    logs = run(
+        tmp_path,
+        duration=100.0,
+        file=path,
+        plant={"servo": "stiff"},
+        errors={"gear_friction": {"scale": 1.2}},
+    )
     velocity, gears = rate(logs.t, logs.shown_gears), logs.cell.robot.gears
     series = (logs.torque - logs.load, velocity, rate(logs.t, logs.load), rate(logs.t, velocity))
-    friction, speed, load_rate, acceleration = (there_and_back(logs.t, values, 100.0) for values in series)
+    friction, speed, load_rate, acceleration = (
+        there_and_back(logs.t, values, 100.0) for values in series
+    )
     for i in range(6):
         slides = np.abs(speed[:, i]) > 0.2 * np.abs(speed[:, i]).max()
         w = speed[slides, i]
-        coulomb, viscous, latency, *_ = fit([np.sign(w), w, -load_rate[slides, i], *acceleration[slides].T], friction[slides, i])
+        coulomb, viscous, latency, *_ = fit(
+            [np.sign(w), w, -load_rate[slides, i], *acceleration[slides].T], friction[slides, i]
+        )
         assert coulomb == pytest.approx(1.2 * gears.coulomb[i], rel=WITHIN), f"gear {i + 1}"
         assert viscous == pytest.approx(1.2 * gears.viscous[i], rel=WITHIN), f"gear {i + 1}"
-        assert abs(latency) < 1.2e-3  # [s] a step of the plant, whose servo answers the load of the step before
+        assert (
+            abs(latency) < 1.2e-3
+        )  # [s] a step of the plant, whose servo answers the load of the step before
 
 
-def test_slow_gears_rub_more_by_the_asked_break_away_friction_and_stribeck_speed(tmp_path: Path) -> None:
+def test_slow_gears_rub_more_by_the_asked_break_away_friction_and_stribeck_speed(
+    tmp_path: Path,
+) -> None:
     """Axes 1 to 3; the lighter ones behind them stick and slip at such speeds."""
     path = path_there_and_back(tmp_path, [1, 1, 2, 1, 1], size=0.15)
-    logs = run(tmp_path, file=path, plant={"servo": "stiff"}, errors={"gear_friction": {"stribeck": True}})
+    logs = run(
+        tmp_path, file=path, plant={"servo": "stiff"}, errors={"gear_friction": {"stribeck": True}}
+    )
     gears = logs.cell.robot.gears
-    friction, speed = (there_and_back(logs.t, values, 60.0) for values in (logs.torque - logs.load, rate(logs.t, logs.shown_gears)))
+    friction, speed = (
+        there_and_back(logs.t, values, 60.0)
+        for values in (logs.torque - logs.load, rate(logs.t, logs.shown_gears))
+    )
     for i in range(3):
         w = np.abs(speed[:, i])
         slides = (w > 1e-3) & (np.abs(np.gradient(w)) < 1e-4)
         more = np.abs(friction[slides, i]) - gears.coulomb[i] - gears.viscous[i] * w[slides]
         (excess, speed_scale), _ = curve_fit(break_away, w[slides], more, p0=[5.0, 0.01])
-        assert gears.coulomb[i] + excess == pytest.approx(gears.static[i], rel=WITHIN), f"gear {i + 1}"
+        assert gears.coulomb[i] + excess == pytest.approx(gears.static[i], rel=WITHIN), (
+            f"gear {i + 1}"
+        )
         assert abs(speed_scale) == pytest.approx(gears.stribeck[i], rel=WITHIN), f"gear {i + 1}"
 
 
@@ -282,8 +405,15 @@ def test_the_rods_play_lies_between_push_and_pull(width: float | None, tmp_path:
 
 
 @pytest.mark.parametrize(("plate", "stiffness"), [("plate_250", 1.0e7), ("plate_250_thin", 1.67e6)])
-def test_the_plate_bends_under_the_balls_force_by_10_or_60_micrometres_at_100_newtons(plate: str, stiffness: float, tmp_path: Path) -> None:
-    logs = run(tmp_path, cell=CELLS["irb2400"] | {"plate": plate}, plant=SAGGING, errors={"plate_bending": {}})
+def test_the_plate_bends_under_the_balls_force_by_10_or_60_micrometres_at_100_newtons(
+    plate: str, stiffness: float, tmp_path: Path
+) -> None:
+    logs = run(
+        tmp_path,
+        cell=CELLS["irb2400"] | {"plate": plate},
+        plant=SAGGING,
+        errors={"plate_bending": {}},
+    )
     robot, load = logs.shown_robot, logs.on_tool
     bent = np.sum((logs.tip - robot.tip) * robot.z[-1], axis=0)
     tilted = np.sum(pose_mismatch(logs.bar.rotation(), logs.tip, robot)[3:] * robot.y[-1], axis=0)
@@ -300,12 +430,19 @@ def test_the_plate_bends_under_the_balls_force_by_10_or_60_micrometres_at_100_ne
 def test_a_plate_of_asked_stiffness_is_not_that_of_its_file(tmp_path: Path) -> None:
     logs = run(tmp_path, plant=SAGGING, errors={"plate_bending": {"tip_stiffness_N_per_m": 4e6}})
     robot, load = logs.shown_robot, logs.on_tool
-    (across,) = fit([load[2] - 1.5 / 0.250 * load[4]], np.sum((logs.tip - robot.tip) * robot.z[-1], axis=0))
+    (across,) = fit(
+        [load[2] - 1.5 / 0.250 * load[4]], np.sum((logs.tip - robot.tip) * robot.z[-1], axis=0)
+    )
     assert 1.0 / across == pytest.approx(4e6, rel=WITHIN)
 
 
 def test_the_balls_base_gives_way_alike_in_all_directions(tmp_path: Path) -> None:
-    logs = run(tmp_path, duration=120.0, plant=SAGGING, errors={"base_compliance": {"stiffness_N_per_m": 3e7}})
+    logs = run(
+        tmp_path,
+        duration=120.0,
+        plant=SAGGING,
+        errors={"base_compliance": {"stiffness_N_per_m": 3e7}},
+    )
     shift = logs.shown_robot.tip - logs.tip
     weight = sum(link.mass for link in logs.cell.ballbar.links) * logs.cell.robot.gravity
     for axis in range(3):
@@ -317,7 +454,9 @@ def test_the_balls_base_gives_way_alike_in_all_directions(tmp_path: Path) -> Non
 def test_each_joint_of_the_ballbar_rubs_with_the_asked_torque(tmp_path: Path) -> None:
     path = path_there_and_back(tmp_path, [5, 2, 3, 3, 4], size=0.94)
     logs = run(tmp_path, duration=120.0, file=path, errors={"bar_friction": {"torque_N_m": 0.08}})
-    friction, speed = (there_and_back(logs.t, values, 120.0) for values in (logs.bar_load, rate(logs.t, logs.b)))
+    friction, speed = (
+        there_and_back(logs.t, values, 120.0) for values in (logs.bar_load, rate(logs.t, logs.b))
+    )
     for j in range(5):
         slides = np.abs(speed[:, j]) > 0.2 * np.abs(speed[:, j]).max()
         coulomb, _ = fit([np.sign(speed[slides, j]), speed[slides, j]], friction[slides, j])
@@ -338,7 +477,9 @@ def loaded() -> Simulation:
 
 
 def quiet(**changes: Any) -> SimulationSettings:
-    return settings(**({"errors": {}, "clocks": {"offset_s": 0.137, "skew": 5e-5}, "seed": 2} | changes))
+    return settings(
+        **({"errors": {}, "clocks": {"offset_s": 0.137, "skew": 5e-5}, "seed": 2} | changes)
+    )
 
 
 def written(loaded: Simulation, folder: Path, **logs: Any) -> Path:
@@ -360,22 +501,34 @@ def gear_torques(loaded: Simulation, folder: Path, **changes: float) -> Array:
     return motor / np.diag(loaded.cell.robot.transmission)
 
 
-def test_the_force_sensor_has_its_own_rate_and_begins_when_it_was_asked_to(loaded: Simulation, tmp_path: Path) -> None:
+def test_the_force_sensor_has_its_own_rate_and_begins_when_it_was_asked_to(
+    loaded: Simulation, tmp_path: Path
+) -> None:
     log = force_log(loaded, tmp_path, rate_hz=250.0, offset_s=0.3)
     assert np.diff(log[:, 0]) == pytest.approx(1.0 / 250.0, abs=1.1e-6)
     first = float(loaded.times.robot_true[0]) + 0.3
-    assert first + (len(log) - 1) / 250.0 == pytest.approx(loaded.times.robot_true[-1], abs=1.0 / 250.0)
+    assert first + (len(log) - 1) / 250.0 == pytest.approx(
+        loaded.times.robot_true[-1], abs=1.0 / 250.0
+    )
     t, wrench = loaded.motion.t, loaded.motion.wrench
     assert wrench is not None
     true = np.hstack((wrench, rate(t, wrench)))
     at_rows = [np.interp(first + np.arange(len(log)) / 250.0, t, column) for column in true.T]
-    late = [fit([change], read - felt)[0] for read, felt, change in zip(log[:, 1:].T, at_rows[:6], at_rows[6:], strict=True)]
+    late = [
+        fit([change], read - felt)[0]
+        for read, felt, change in zip(log[:, 1:].T, at_rows[:6], at_rows[6:], strict=True)
+    ]
     assert np.abs(late).max() < 1e-5  # [s]; the plant's step is 1e-3
 
 
-def test_noise_of_force_sensor_and_torques_is_white_and_of_the_asked_size(loaded: Simulation, tmp_path: Path) -> None:
+def test_noise_of_force_sensor_and_torques_is_white_and_of_the_asked_size(
+    loaded: Simulation, tmp_path: Path
+) -> None:
     noise = {"noise_N": 1.5, "noise_N_m": 0.12, "rate_hz": 1000.0}
-    added = force_log(loaded, tmp_path / "f", **noise)[:, 1:] - force_log(loaded, tmp_path / "f0", rate_hz=1000.0)[:, 1:]
+    added = (
+        force_log(loaded, tmp_path / "f", **noise)[:, 1:]
+        - force_log(loaded, tmp_path / "f0", rate_hz=1000.0)[:, 1:]
+    )
     assert_white(added[:, :3], 1.5)
     assert_white(added[:, 3:], 0.12)
     exact = gear_torques(loaded, tmp_path / "t0")
@@ -391,7 +544,9 @@ def assert_white(noise: Array, sigma: float) -> None:
     assert np.abs(np.corrcoef(noise.T) - np.eye(3)).max() < 0.03
 
 
-def test_gain_and_bias_are_one_number_a_channel_and_as_large_as_asked(loaded: Simulation, tmp_path: Path) -> None:
+def test_gain_and_bias_are_one_number_a_channel_and_as_large_as_asked(
+    loaded: Simulation, tmp_path: Path
+) -> None:
     felt, torque = force_log(loaded, tmp_path / "f0")[:, 1:], gear_torques(loaded, tmp_path / "t0")
     found = []
     for size in (1.0, 2.0):
@@ -421,14 +576,40 @@ def test_gains_and_biases_of_many_runs_scatter_as_asked(loaded: Simulation) -> N
     """Six channels in 8000 runs: their sigma is known to 0.3 %."""
     two = np.stack([np.zeros(6), np.full(6, 1000.0)])
     step = replace(loaded.motion, t=np.array([0.0, 1.0]), wrench=two, torque=two)
-    sensor = ForceSensor(rate_hz=1.0, noise_N=0.0, noise_N_m=0.0, bias_N=2.0, bias_N_m=0.2, gain_sigma=0.01, offset_s=0.0)
+    sensor = ForceSensor(
+        rate_hz=1.0,
+        noise_N=0.0,
+        noise_N_m=0.0,
+        bias_N=2.0,
+        bias_N_m=0.2,
+        gain_sigma=0.01,
+        offset_s=0.0,
+    )
     torque_log = TorqueLog(noise_N_m=0.0, wrist_noise_N_m=0.0, gain_sigma=0.02)
-    robot, drawn = loaded.cell.robot, [drawn_loads(LoadLogs(torque=torque_log, force_sensor=sensor), seed) for seed in range(8000)]
-    read = np.array([sensor_rows(step, 0.0, 1.0, sensor, each, seed)[1] for seed, each in enumerate(drawn)])
-    shown = np.array([motor_torques(robot, step, step.t, torque_log, each, seed)[1] for seed, each in enumerate(drawn)])
+    robot, drawn = (
+        loaded.cell.robot,
+        [
+            drawn_loads(LoadLogs(torque=torque_log, force_sensor=sensor), seed)
+            for seed in range(8000)
+        ],
+    )
+    read = np.array(
+        [sensor_rows(step, 0.0, 1.0, sensor, each, seed)[1] for seed, each in enumerate(drawn)]
+    )
+    shown = np.array(
+        [
+            motor_torques(robot, step, step.t, torque_log, each, seed)[1]
+            for seed, each in enumerate(drawn)
+        ]
+    )
     gains = (read[:, 1] - read[:, 0]) / 1000.0 - 1.0
     torque_gains = shown / (1000.0 * np.diag(robot.transmission)) - 1.0
-    for drawn, sigma in ((read[:, 0, :3], 2.0), (read[:, 0, 3:], 0.2), (gains, 0.01), (torque_gains, 0.02)):
+    for drawn, sigma in (
+        (read[:, 0, :3], 2.0),
+        (read[:, 0, 3:], 0.2),
+        (gains, 0.01),
+        (torque_gains, 0.02),
+    ):
         assert np.sqrt(np.mean(drawn**2)) == pytest.approx(sigma, rel=WITHIN)
     together = np.hstack((read[:, 0], gains, torque_gains))
     assert np.abs(np.corrcoef(together.T) - np.eye(18)).max() < 0.05
@@ -449,7 +630,10 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "plate_bending": {},
     "base_compliance": {},
 }
-PLAY = {"joint_compliance": {"spread": 0.3}, "lost_motion": {"spread": 0.3}}  # play needs the spring
+PLAY = {
+    "joint_compliance": {"spread": 0.3},
+    "lost_motion": {"spread": 0.3},
+}  # play needs the spring
 LOGS: dict[str, dict[str, Any]] = {"torque": {}, "force_sensor": {}}
 OWN_STREAMS = {
     "joint_compliance": {"joint_compliance"},
@@ -534,10 +718,16 @@ def assert_same(some: Draws, others: Draws, sources: set[int]) -> None:
 def test_a_plant_effect_or_load_log_draws_from_its_own_stream_only(
     source: str, plain: tuple[Draws, Path], everything: Draws, tmp_path: Path
 ) -> None:
-    errors = PLAY if source == "lost_motion" else {source: EFFECTS[source]} if source in EFFECTS else {}
+    errors = (
+        PLAY if source == "lost_motion" else {source: EFFECTS[source]} if source in EFFECTS else {}
+    )
     alone = draws(tmp_path, errors, {source: LOGS[source]} if source in LOGS else {})
     before, after = set(plain[0]), set(alone)
-    own = {zlib.crc32(name.encode()) for effect in (source, *errors) for name in OWN_STREAMS.get(effect, set())}
+    own = {
+        zlib.crc32(name.encode())
+        for effect in (source, *errors)
+        for name in OWN_STREAMS.get(effect, set())
+    }
     assert after - before == own
     assert len(before) > 10
     assert_same(alone, plain[0], before)
@@ -545,11 +735,15 @@ def test_a_plant_effect_or_load_log_draws_from_its_own_stream_only(
 
 
 @pytest.mark.parametrize("log", list(LOGS))
-def test_a_load_log_changes_nothing_in_the_other_files_and_columns(log: str, plain: tuple[Draws, Path], tmp_path: Path) -> None:
+def test_a_load_log_changes_nothing_in_the_other_files_and_columns(
+    log: str, plain: tuple[Draws, Path], tmp_path: Path
+) -> None:
     draws(tmp_path, {}, {log: LOGS[log]})
     raw, raw_plain = tmp_path / "recording" / "raw", plain[1] / "raw"
     assert (raw / "ballbar.csv").read_bytes() == (raw_plain / "ballbar.csv").read_bytes()
-    rows, rows_plain = ((folder / "robot.csv").read_text().splitlines() for folder in (raw, raw_plain))
+    rows, rows_plain = (
+        (folder / "robot.csv").read_text().splitlines() for folder in (raw, raw_plain)
+    )
     assert [",".join(row.split(",")[:7]) for row in rows] == rows_plain
 
 
@@ -557,16 +751,30 @@ def test_a_load_log_changes_nothing_in_the_other_files_and_columns(log: str, pla
 
 
 @pytest.mark.parametrize(
-    "effect", ["joint_compliance", "gear_friction", "rod_strain", "rod_backlash", "bar_friction", "plate_bending", "base_compliance"]
+    "effect",
+    [
+        "joint_compliance",
+        "gear_friction",
+        "rod_strain",
+        "rod_backlash",
+        "bar_friction",
+        "plate_bending",
+        "base_compliance",
+    ],
 )
 def test_the_kinematic_plant_refuses_an_effect_that_needs_forces(effect: str) -> None:
-    with pytest.raises(InputError, match=rf"errors.{effect}: needs forces, and plant.kind = kinematic has none. Use plant.kind = mujoco"):
+    with pytest.raises(
+        InputError,
+        match=rf"errors.{effect}: needs forces, and plant.kind = kinematic has none. Use plant.kind = mujoco",
+    ):
         simulate(settings(plant={"kind": "kinematic"}, errors={effect: {}}), relative_to=SCENARIOS)
 
 
 @pytest.mark.parametrize("log", list(LOGS))
 def test_the_kinematic_plant_refuses_to_log_forces(log: str) -> None:
-    with pytest.raises(InputError, match=rf"logs.{log}: needs forces, and plant.kind = kinematic has none"):
+    with pytest.raises(
+        InputError, match=rf"logs.{log}: needs forces, and plant.kind = kinematic has none"
+    ):
         simulate(settings(plant={"kind": "kinematic"}, logs={log: {}}), relative_to=SCENARIOS)
 
 

@@ -25,7 +25,9 @@ GEOMETRY = (
             {
                 "Table 3.1": KINEMATIC,
                 "drawn": merged(KINEMATIC, error("static", sigma_m=1e-3, sigma_rad=1e-3)),
-                "drawn, all": merged(KINEMATIC, error("static", sigma_m=1e-3, sigma_rad=1e-3, parameters="all")),
+                "drawn, all": merged(
+                    KINEMATIC, error("static", sigma_m=1e-3, sigma_rad=1e-3, parameters="all")
+                ),
             },
             STATIC_OFF,
         ),

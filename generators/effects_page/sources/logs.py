@@ -61,7 +61,13 @@ CLOCKS = (
         "Stamps of both logs.",
         "EGM headers and SYSTEMTIME count whole ms.",
         f"The robot's {PERIOD_MS:.3f} ms period becomes 4, 4, .., 5 ms; the ball-bar's stamps, multiples of {TASK_MS:g} ms, do not change.",
-        rows_plot(signals.robot_row_time, signals.stamp_error(1e3), "robot stamp - true [ms]", {"quantum": {}}, window=(5.0, 6.5)),
+        rows_plot(
+            signals.robot_row_time,
+            signals.stamp_error(1e3),
+            "robot stamp - true [ms]",
+            {"quantum": {}},
+            window=(5.0, 6.5),
+        ),
     ),
     Source(
         "clocks.jitter",
@@ -70,7 +76,12 @@ CLOCKS = (
         "Assumed.",
         "White noise of the stamps: at 50 deg/s 0.2 ms is 175 urad.",
         rows_plot(
-            signals.robot_row_time, signals.stamp_error(1e3), "robot stamp - true [ms]", {"jitter": {}}, window=(5.0, 6.0), marks=True
+            signals.robot_row_time,
+            signals.stamp_error(1e3),
+            "robot stamp - true [ms]",
+            {"jitter": {}},
+            window=(5.0, 6.0),
+            marks=True,
         ),
     ),
 )
@@ -83,7 +94,11 @@ LOGGERS = (
         "None; thesis sec. 4.6 reports overruns, the scenarios assume 0.005.",
         "Intervals of 15 ms among those of 10 ms; the stamps are right. Plotted: 0.005.",
         rows_plot(
-            signals.bar_file_time, signals.bar_file_interval_ms, "ball-bar interval [ms]", {"overrun_probability": 0.005}, marks=True
+            signals.bar_file_time,
+            signals.bar_file_interval_ms,
+            "ball-bar interval [ms]",
+            {"overrun_probability": 0.005},
+            marks=True,
         ),
         what="A line of the ball-bar's log takes one task more.",
     ),
@@ -93,7 +108,13 @@ LOGGERS = (
         "Files of both logs.",
         "Assumed.",
         "Intervals of twice the period.",
-        rows_plot(signals.robot_file_time, signals.robot_file_interval_ms, "robot interval [ms]", {"dropped_rows": {}}, marks=True),
+        rows_plot(
+            signals.robot_file_time,
+            signals.robot_file_interval_ms,
+            "robot interval [ms]",
+            {"dropped_rows": {}},
+            marks=True,
+        ),
     ),
     Source(
         "clocks.duplicated_rows",
@@ -101,7 +122,13 @@ LOGGERS = (
         "Files of both logs.",
         "Assumed.",
         "Intervals of zero, all columns equal.",
-        rows_plot(signals.robot_file_time, signals.robot_file_interval_ms, "robot interval [ms]", {"duplicated_rows": {}}, marks=True),
+        rows_plot(
+            signals.robot_file_time,
+            signals.robot_file_interval_ms,
+            "robot interval [ms]",
+            {"duplicated_rows": {}},
+            marks=True,
+        ),
     ),
     Source(
         "clocks.restart",
@@ -109,7 +136,13 @@ LOGGERS = (
         "Files of the ball-bar's log: two of them.",
         "Assumed.",
         "One long interval between ballbarOld.csv and ballbar.csv.",
-        rows_plot(signals.bar_file_time, signals.bar_file_interval_ms, "ball-bar interval [ms]", {"restart": {"at_s": 20.0}}, marks=True),
+        rows_plot(
+            signals.bar_file_time,
+            signals.bar_file_interval_ms,
+            "ball-bar interval [ms]",
+            {"restart": {"at_s": 20.0}},
+            marks=True,
+        ),
     ),
 )
 

@@ -21,7 +21,9 @@ PAIRS = (
         "Paired samples only: the robot follows the longer or shorter rod. Device logs have rod_backlash and rod_strain (MuJoCo).",
         'No default. Thesis secs. 2.3, 3.5, Fig. 3.5 ("ball-bar backlash"); the order of signs is chosen here.',
         "The rod's length jumps by 2 A where the rod's end turns. Plotted: 10 um.",
-        residual_plot(merged(KINEMATIC, error("rod_deviation", amplitude_m=1e-5)), off=KINEMATIC, um=True),
+        residual_plot(
+            merged(KINEMATIC, error("rod_deviation", amplitude_m=1e-5)), off=KINEMATIC, um=True
+        ),
     ),
     Source(
         "errors.truncation",

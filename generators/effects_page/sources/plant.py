@@ -43,7 +43,9 @@ GEARS = (
             ("torque of axis 2 [N m]", "joint - log, change [urad]"),
             {
                 "dead_band": {"errors": {"joint_compliance": {}, "lost_motion": {}}},
-                "hysteresis": {"errors": {"joint_compliance": {}, "lost_motion": {"kind": "hysteresis"}}},
+                "hysteresis": {
+                    "errors": {"joint_compliance": {}, "lost_motion": {"kind": "hysteresis"}}
+                },
             },
             error("joint_compliance"),
             points=450,
@@ -64,7 +66,10 @@ GEARS = (
             window=(3.0, 9.0),
             points=450,
         ),
-        of_machine=("rad, axis 1; orders are in the file", lambda cell: [a for _, a in cell.robot.gears.harmonics[0]]),
+        of_machine=(
+            "rad, axis 1; orders are in the file",
+            lambda cell: [a for _, a in cell.robot.gears.harmonics[0]],
+        ),
     ),
     Source(
         "errors.cycloid_ripple",
@@ -77,7 +82,10 @@ GEARS = (
             signals.logged_gear_deg(1),
             signals.behind_gear_urad(1),
             ("axis 1 [deg]", "joint - log, change [urad]"),
-            {"cusped": error("cycloid_ripple"), "harmonic": error("cycloid_ripple", waveform="harmonic")},
+            {
+                "cusped": error("cycloid_ripple"),
+                "harmonic": error("cycloid_ripple", waveform="harmonic"),
+            },
             window=(5.0, 8.0),
         ),
     ),
@@ -92,7 +100,10 @@ GEARS = (
             signals.logged_gear_deg(1),
             signals.behind_gear_urad(1),
             ("axis 1 [deg]", "joint - log, change [urad]"),
-            {"output": error("sinusoidal_gear_error"), "input": error("sinusoidal_gear_error", side="input")},
+            {
+                "output": error("sinusoidal_gear_error"),
+                "input": error("sinusoidal_gear_error", side="input"),
+            },
             window=(3.0, 9.0),
         ),
     ),
@@ -154,7 +165,13 @@ BAR = (
         "Plant: spring of the rod's slide.",
         "Ball-bar file: thesis sec. 5.3, 5.5 um at 150 N for rod and joints together; Fig. 5.8.",
         "The rod's length follows its force.",
-        Plot(signals.rod_force, signals.rod_stretch_um, ("rod force [N]", "rod stretch [um]"), {"": error("rod_strain")}, points=450),
+        Plot(
+            signals.rod_force,
+            signals.rod_stretch_um,
+            ("rod force [N]", "rod stretch [um]"),
+            {"": error("rod_strain")},
+            points=450,
+        ),
         of_machine=("N/m", lambda cell: cell.ballbar.axial_stiffness),
     ),
     Source(
@@ -181,7 +198,12 @@ BAR = (
         "Plant: ball-bar hinges.",
         "Ball-bar file, assumed.",
         "Nothing in the residual: steps of some urad where a ball-bar joint reverses, in both logs alike.",
-        Plot(signals.time, signals.robot_angle(1, 1e6), (T, "q1, change [urad]"), {"": error("bar_friction")}),
+        Plot(
+            signals.time,
+            signals.robot_angle(1, 1e6),
+            (T, "q1, change [urad]"),
+            {"": error("bar_friction")},
+        ),
         of_machine=("N m", lambda cell: cell.ballbar.friction_torque),
     ),
     Source(

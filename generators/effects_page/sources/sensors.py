@@ -93,7 +93,9 @@ ENCODERS = (
     Source(
         "errors.frozen_bits",
         f"Low bits keep their last value from the onset up, one more each octave of signal frequency, {SURE_BITS} bits always live. "
-        "Onset by bits: " + ", ".join(f"{bits}: {hz:g} Hz" for bits, hz in FREEZING_ONSET_HZ.items()) + ".",
+        "Onset by bits: "
+        + ", ".join(f"{bits}: {hz:g} Hz" for bits, hz in FREEZING_ONSET_HZ.items())
+        + ".",
         "Ball-bar counter.",
         "EL5021 documentation; +-15 % by the maker.",
         "A count at speed, three at twice the speed; no status says so. Plotted: a fast run of 26 s.",
@@ -119,7 +121,16 @@ ENCODERS = (
             signals.time,
             signals.weak_signal(2),
             (T, "s2, bits 4 and 14"),
-            {"": merged(KINEMATIC, {"errors": {"amplitude_errors": [{"encoder": 2, "start_s": 20.0, "end_s": 25.0}]}})},
+            {
+                "": merged(
+                    KINEMATIC,
+                    {
+                        "errors": {
+                            "amplitude_errors": [{"encoder": 2, "start_s": 20.0, "end_s": 25.0}]
+                        }
+                    },
+                )
+            },
             KINEMATIC,
             points=600,
         ),
@@ -166,7 +177,14 @@ ENCODERS = (
         "Ball-bar encoder.",
         "None. The ball-bar files assume 2 urad for the identifier; scenarios/irb2400.yaml takes 10 urad (thesis sec. 3.5).",
         "White at the log's rate.",
-        sensor_plot(5, {"encoders": {"noise_sigma_rad": 1e-5}}, x="time", window=(10.0, 11.0), points=100, marks=True),
+        sensor_plot(
+            5,
+            {"encoders": {"noise_sigma_rad": 1e-5}},
+            x="time",
+            window=(10.0, 11.0),
+            points=100,
+            marks=True,
+        ),
         what="White noise of the ball-bar angles. Plotted: 1.0e-5.",
     ),
 )

@@ -22,4 +22,6 @@ class Source:
     in_log: str
     plot: Plot
     what: str = ""  # where the settings have no model of its own
-    of_machine: tuple[str, Callable[[Cell], ArrayLike]] | None = None  # unit and sizes of the description files
+    of_machine: tuple[str, Callable[[Cell], ArrayLike]] | None = (
+        None  # unit and sizes of the description files
+    )
