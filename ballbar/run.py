@@ -47,10 +47,13 @@ def simulate_scenario(
     claim_recording(folder)
     progress("simulating the cell")
     files = scenario_file.parent
-    watch = live.moved if live else None
+    on_motion = live.moved if live else None
     try:
         simulation = simulate(
-            scenario, relative_to=files, recorded=recorded_log(scenario.path, files), watch=watch
+            scenario,
+            relative_to=files,
+            recorded=recorded_log(scenario.path, files),
+            on_motion=on_motion,
         )
     except InputError as error:
         raise InputError(f"{scenario_file}: {error}") from None
@@ -134,7 +137,7 @@ def run_scenario(
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress, live=live)
     log = IterationLog(progress, live.iterated if live else None)
     found = identify_recordings(
-        [folder], settings=scenario.identify, progress=log.progress, watch=log.watch
+        [folder], settings=scenario.identify, progress=log.progress, on_iteration=log.on_iteration
     )
     comparison = identification_against_truth(found.identification, simulation.truth)
     limits = limits_of(comparison, found.identification.iterations, scenario.accept)

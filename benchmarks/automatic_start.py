@@ -1,4 +1,4 @@
-"""How often the automatic start finds the solution: random zeros, senses, configuration, position, clock, robot, encoders.
+"""How often the automatic start finds the solution: random zeros, directions, configuration, position, clock, robot, encoders.
 
     python -m benchmarks.automatic_start --draws 200 --out docs/studies/automatic_start.csv
 
@@ -79,7 +79,11 @@ def settings_of(draw: int, rng: np.random.Generator, folder: Path) -> Simulation
                 "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
                 "joint_noise": {"sigma_rad": 1e-5},
             },
-            "encoders": {"fitted": FITTED[draw % 4], "noise_sigma_rad": 1e-5, "senses": "unknown"},
+            "encoders": {
+                "fitted": FITTED[draw % 4],
+                "noise_sigma_rad": 1e-5,
+                "directions": "unknown",
+            },
             "clocks": {
                 "offset_s": float(rng.uniform(-60, 60)),
                 "skew": float(rng.uniform(-2e-4, 2e-4)),

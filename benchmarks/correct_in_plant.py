@@ -24,13 +24,13 @@ from cell.chain import Array, Frames
 from cell.descriptions import Cell, load_cell
 from cell.files import write_whole
 from cell.geometry import Geometry, nominal_geometry, robot_frames
-from cell.inverse import pose_mismatch
+from cell.inverse import pose_error
 from ident.corrections import CORRECTIONS
 from ident.corrections.gear_ripple import harmonic_orders
 from ident.identify import DEFAULT_SAMPLES, identify_together
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.inverse_calibration import TargetError, corrected_targets
-from ident.robot.unloaded_robot import FreeRobot
+from ident.robot.unloaded_robot import UnloadedRobot
 from sim.errors.sensor_effects import ResolverEffects, resolver_effects
 from sim.errors.static_errors import true_geometry
 from sim.plant.effects import PlantEffects, plant_effects
@@ -39,7 +39,7 @@ from sim.settings import SimulationSettings
 
 OUT = Path(__file__).parent.parent / "docs" / "studies" / "correct_in_plant.csv"
 POSES = 200
-GEARS = ("joint_compliance", "lost_motion", "gear_ripple")
+GEARS = ("joint_compliance", "gear_backlash", "gear_ripple")
 COLUMNS = (
     "robot", "seed", "poses", "refused", "before_mean_mm", "before_max_mm", "after_mean_mm", "after_max_mm", "before_mean_mrad",
     "after_mean_mrad", "after_aligned_mean_mm", "known_mean_mm", "known_max_mm", "predicted_before_mean_mm", "readings_miss_urad",
@@ -72,7 +72,7 @@ class PlantRobot:
         return hold_poses(self.cell, self.true, self.effects, targets, resolvers=self.resolvers)
 
 
-def known_robot(plant: PlantRobot) -> FreeRobot:
+def known_robot(plant: PlantRobot) -> UnloadedRobot:
     """What a perfect identification would find: the plant's own numbers as coefficients of the corrections."""
     effects, robot = plant.effects, plant.cell.robot
     assert effects.gear_stiffness is not None
@@ -87,19 +87,19 @@ def known_robot(plant: PlantRobot) -> FreeRobot:
             )
     found = [waves.get((gear, order), 0j) for gear, order, _ in harmonic_orders(plant.cell)]
     ripple = [part for z in found for part in (z.real, z.imag)]
-    values = np.concatenate((1.0 / effects.gear_stiffness, effects.gear_slack, ripple))
-    return FreeRobot(
+    values = np.concatenate((1.0 / effects.gear_stiffness, effects.gear_backlash, ripple))
+    return UnloadedRobot(
         plant.cell, plant.true, tuple(CORRECTIONS[name](plant.cell, ()) for name in GEARS), values
     )
 
 
-def pose_error(wanted: Frames, held: HeldPoses) -> tuple[Array, Array]:
+def pose_distance(wanted: Frames, held: HeldPoses) -> tuple[Array, Array]:
     """(N,) [m] and (N,) [rad] from the wanted to the held pose."""
-    mismatch = pose_mismatch(held.tool[:, :3, :3].transpose(1, 2, 0), held.tool[:, :3, 3].T, wanted)
+    mismatch = pose_error(held.tool[:, :3, :3].transpose(1, 2, 0), held.tool[:, :3, 3].T, wanted)
     return np.linalg.norm(mismatch[:3], axis=0), np.linalg.norm(mismatch[3:], axis=0)
 
 
-def study(plant: PlantRobot, identified: FreeRobot, poses: int) -> dict[str, object]:
+def study(plant: PlantRobot, identified: UnloadedRobot, poses: int) -> dict[str, object]:
     """Figures of one robot: pose errors of held targets, nominal and corrected."""
     q = accuracy_grid(plant.cell.robot)[:poses]
     while True:
@@ -110,10 +110,10 @@ def study(plant: PlantRobot, identified: FreeRobot, poses: int) -> dict[str, obj
             q = np.delete(q, list(error.faults), axis=0)
     wanted = robot_frames(plant.nominal, q)
     before, after = plant.hold(q), plant.hold(corrected.q)
-    known = pose_error(
+    known = pose_distance(
         wanted, plant.hold(corrected_targets(known_robot(plant), plant.nominal, q).q)
     )[0]
-    (p0, a0), (p1, a1) = pose_error(wanted, before), pose_error(wanted, after)
+    (p0, a0), (p1, a1) = pose_distance(wanted, before), pose_distance(wanted, after)
     return {
         "poses": len(q),
         "refused": poses - len(q),
@@ -141,7 +141,9 @@ def robot_row(
     found = identify_together(
         made[0][0], [logs for _, logs, _ in made], model="complete", force="torque", samples=samples
     )[0]
-    return {"robot": robot, "seed": seed} | study(PlantRobot(scenario), found.free_robot(), poses)
+    return {"robot": robot, "seed": seed} | study(
+        PlantRobot(scenario), found.unloaded_robot(), poses
+    )
 
 
 def main() -> None:

@@ -32,7 +32,7 @@ CELLS = {
 EFFECTS: dict[str, dict[str, object]] = {
     "rigid": {},
     "joint_compliance": {"joint_compliance": {}},
-    "lost_motion": {"joint_compliance": {}, "lost_motion": {}},
+    "gear_backlash": {"joint_compliance": {}, "gear_backlash": {}},
     "transmission_error": {"transmission_error": {}},
     "cycloid_ripple": {"cycloid_ripple": {}},
     "sinusoidal_gear_error": {"sinusoidal_gear_error": {"side": "input"}},
@@ -53,7 +53,7 @@ class Deviation:
     link_angle: float  # [rad] largest of the six joints
     end_point: float  # [m]
     rod_force: float  # [N]
-    in_play: bool  # whether a dead band is not taken up: the rest is then not unique
+    in_backlash: bool  # whether a dead band is not taken up: the rest is then not unique
 
 
 def held_against_oracle(
@@ -73,7 +73,7 @@ def held_against_oracle(
     stretch = float(x[plant.rod])
     there = _end(true, q, x[plant.bar], stretch, plate, base)
     force = effects.rod_stiffness * (
-        stretch - np.clip(stretch, -effects.rod_slack, effects.rod_slack)
+        stretch - np.clip(stretch, -effects.rod_backlash, effects.rod_backlash)
     )
     return Deviation(
         link_angle=float(np.abs(q - oracle.q).max()),
@@ -83,7 +83,7 @@ def held_against_oracle(
             )
         ),
         rod_force=abs(float(force) - oracle.rod_force),
-        in_play=oracle.in_play,
+        in_backlash=oracle.in_backlash,
     )
 
 
@@ -128,7 +128,7 @@ def main() -> None:
                 for field in ("link_angle", "end_point", "rod_force")
             ]
             print(
-                f"{robot:8} {name:22} {worst[0] * 1e6:15.3f} {worst[1] * 1e6:13.3f} {worst[2]:12.4f} {sum(p.in_play for p in poses):8d}"
+                f"{robot:8} {name:22} {worst[0] * 1e6:15.3f} {worst[1] * 1e6:13.3f} {worst[2]:12.4f} {sum(p.in_backlash for p in poses):8d}"
             )
 
 

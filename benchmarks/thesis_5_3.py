@@ -119,7 +119,7 @@ def main() -> None:
     page = PAGE.format(
         strain=strain * 1e6,
         backlash=backlash * 1e6,
-        asked=2e6 * pushed.truth.plant.rod_slack_m,
+        asked=2e6 * pushed.truth.plant.rod_backlash_half_width_m,
         low=path.truth.rod_force_min,
         high=path.truth.rod_force_max,
         full_low=full.truth.rod_force_min,

@@ -35,7 +35,7 @@ def robot_row(seed: int, duration: float) -> dict[str, object]:
         identify_together(cell, [logs], model="complete", force="torque")[0] for _, logs, _ in made
     )
     grid = accuracy_grid(cell.robot)
-    apart = position_error(first.free_robot().tool(grid), second.free_robot().tool(grid))
+    apart = position_error(first.unloaded_robot().tool(grid), second.unloaded_robot().tool(grid))
     stated = float(np.sqrt((first.tcp_sigma**2 + second.tcp_sigma**2).mean()))
     rms = float(np.sqrt((apart.error**2).mean()))
     return {

@@ -120,7 +120,7 @@ class Geometry:
 def mirrored(geometry: Geometry, joint: int) -> Geometry:
     """The same mechanism read with encoder b2 or b4 counting the other way: `joint` is 2 or 4.
 
-    The senses of b2 and b4 are one gauge with the configuration of gimbal and cardan: for every reading
+    The directions of b2 and b4 are one gauge with the configuration of gimbal and cardan: for every reading
     `(-e_j, e_others)` of the mirrored geometry gives the pose that `(e_j, e_others)` gave before, exactly, for an imperfect
     ball-bar too (start_recipe, "Signs and configuration").
     """

@@ -125,7 +125,7 @@ def refine(
     target_rotation, target_tip = poses[:, :3, :3].transpose(1, 2, 0), poses[:, :3, 3].T
     for _ in range(iterations):
         frames = forward(chain, q)
-        mismatch = pose_mismatch(target_rotation, target_tip, frames)
+        mismatch = pose_error(target_rotation, target_tip, frames)
         step = np.linalg.solve(joint_screws(frames).transpose(2, 1, 0), mismatch.T[:, :, None])[
             :, :, 0
         ]
@@ -141,7 +141,7 @@ def refine(
     )
 
 
-def pose_mismatch(rotation: Array, tip: Array, frames: Frames) -> NDArray[np.float64]:
+def pose_error(rotation: Array, tip: Array, frames: Frames) -> NDArray[np.float64]:
     """(6, N) signed mismatch: (tip minus that of `frames` [m], rotation vector that turns `frames` onto it [rad])."""
     turned = np.einsum("ikn,jkn->ijn", rotation, frames.rotation())
     return np.concatenate((tip - frames.tip, rotvec_from_matrix(turned)))

@@ -17,8 +17,8 @@ import numpy as np
 
 from cell.geometry import nominal_geometry
 from cell.logs import segment_starts
-from ident.estimator.events import MAX_EVENTS, events_in_logs, find_event, jumps, sized
-from ident.estimator.joint_fit import Excess, JointFit, Model, minimise
+from ident.estimator.events import MAX_EVENTS, find_step_fault, jumps, sized, step_faults_in_logs
+from ident.estimator.joint_fit import ExcessNoise, JointFit, Model, minimise
 from ident.estimator.machine import (
     DEVIATION,
     NEEDS_LOADS,
@@ -39,9 +39,9 @@ from ident.identify import (
     identify,
 )
 from ident.loads.gear_loads import mass_model
-from ident.robot.unloaded_robot import FreeRobot
+from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import smooth_log
-from ident.signals.step_fault import Event
+from ident.signals.step_fault import StepFault
 from ident.verdict import MISFIT
 
 HELD = 1e-6  # of a prior's sigma: below any length or angle that data could tell
@@ -70,26 +70,30 @@ class HeldOut:
 
     name: str
     identified: LoopClosure
-    surprise: float  # residual of the identified machine over what noise and the machine's stated uncertainty explain
+    normalised_innovation: float  # residual of the identified machine over what noise and the machine's stated uncertainty explain
     nominal: LoopClosure  # the catalogue's robot and ball-bar, with the recording's own unknowns fitted to them likewise
     samples: int
     ambiguous: bool  # whether its logs can be aligned in more than one way
-    events: tuple[Event, ...]
+    events: tuple[StepFault, ...]
 
     @property
     def acceptable(self) -> bool:
-        return self.surprise**2 <= MISFIT and not self.ambiguous
+        return self.normalised_innovation**2 <= MISFIT and not self.ambiguous
 
     @property
     def sentence(self) -> str:
         """In words."""
-        nominal, ratio, surprise = (
+        nominal, ratio, normalised_innovation = (
             _two_digits(v)
-            for v in (self.nominal.position_rms * 1e3, self.identified.ratio, self.surprise)
+            for v in (
+                self.nominal.position_rms * 1e3,
+                self.identified.ratio,
+                self.normalised_innovation,
+            )
         )
         told = (
             f"Held out {self.name}: the loop closes to {self.identified.in_words}; nominal robot {nominal} mm. "
-            f"{ratio} times what noise explains, {surprise} with the stated uncertainty"
+            f"{ratio} times what noise explains, {normalised_innovation} with the stated uncertainty"
         )
         if self.ambiguous:
             return (
@@ -133,18 +137,18 @@ def held_out(
     )
     recording = _prepared(alone, logs)
     robot, bare = (
-        machine.free_robot(),
-        FreeRobot(machine.cell, nominal_geometry(machine.cell, np.zeros(3))),
+        machine.unloaded_robot(),
+        UnloadedRobot(machine.cell, nominal_geometry(machine.cell, np.zeros(3))),
     )
     progress(f"closing the loop of {name}")
-    events = events_in_logs(
+    events = step_faults_in_logs(
         recording.robot, recording.bar, recording.joints, recording.signs, recording.clock
     )
     most = (
         len(events) + MAX_EVENTS if machine.model == "complete" else 0
     )  # what a poor model leaves over passes for jumps
     fit = _fit(robot, recording, force, events, machine.excess, progress)
-    while len(events) < most and (event := find_event(fit)) is not None:
+    while len(events) < most and (event := find_step_fault(fit)) is not None:
         events = (*events, event)
         fit = _fit(robot, recording, force, events, machine.excess, progress)
     nominal = _fit(bare, recording, force, events, machine.excess, progress)
@@ -197,11 +201,11 @@ def _prepared(alone: Identification, logs: Logs) -> Prepared:
 
 
 def _fit(
-    robot: FreeRobot,
+    robot: UnloadedRobot,
     recording: Prepared,
     force: ForceSource,
-    events: tuple[Event, ...],
-    excess: Excess,
+    events: tuple[StepFault, ...],
+    excess: ExcessNoise,
     progress: Callable[[str], None],
 ) -> JointFit:
     """The recording's own unknowns fitted to a given robot, ball-bar and coefficients of the corrections."""
@@ -240,7 +244,7 @@ def _fit(
     )
 
 
-def _held(layout: Unknowns, robot: FreeRobot) -> Unknowns:
+def _held(layout: Unknowns, robot: UnloadedRobot) -> Unknowns:
     """The layout with geometry and coefficients where they are."""
     count = _held_count(layout, robot)
     mean, sigma = layout.mean.copy(), layout.sigma.copy()
@@ -251,12 +255,12 @@ def _held(layout: Unknowns, robot: FreeRobot) -> Unknowns:
     return replace(layout, mean=mean, sigma=sigma)
 
 
-def _held_count(layout: Unknowns, robot: FreeRobot) -> int:
+def _held_count(layout: Unknowns, robot: UnloadedRobot) -> int:
     """How many unknowns, the first ones, are the machine's; coefficients stand right behind the geometry."""
     return layout.shared.size + (0 if robot.values is None else robot.values.size)
 
 
-def _expected(fit: JointFit, machine: MachineCovariance, robot: FreeRobot) -> float:
+def _expected(fit: JointFit, machine: MachineCovariance, robot: UnloadedRobot) -> float:
     """trace(C S): chi-square that the machine's uncertainty adds on average."""
     layout = fit.model.unknowns
     held = np.arange(layout.count) < _held_count(layout, robot)

@@ -19,10 +19,10 @@ from cell.descriptions import Cell
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, nominal_geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog, segment_starts
 from ident.corrections import CORRECTIONS
-from ident.estimator.events import as_logged, events_in_logs
+from ident.estimator.events import as_logged, step_faults_in_logs
 from ident.estimator.identifiability import Dependency, Identifiability, candidates, identifiable
-from ident.estimator.iteration import Watch
-from ident.estimator.joint_fit import Excess, JointFit, tension_at
+from ident.estimator.iteration import IterationCallback
+from ident.estimator.joint_fit import ExcessNoise, JointFit, tension_at
 from ident.estimator.machine import ForceSource, Prepared, coefficients_of, fit_machine
 from ident.estimator.noise import noise_from_logs, rod_deviation, row_noise
 from ident.estimator.problem import Clock, Estimate, NoiseModel, Problem
@@ -32,9 +32,9 @@ from ident.estimator.uncertainty import Uncertainty, autocorrelation, block_wide
 from ident.estimator.unknowns import FIXED, PLACE
 from ident.remarks import log_remarks
 from ident.robot.accuracy import accuracy_grid, position_sigma, tcp_sigma
-from ident.robot.unloaded_robot import FreeRobot
+from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import SmoothLog, smooth_log, smoothing
-from ident.signals.step_fault import Event
+from ident.signals.step_fault import StepFault
 from ident.start.automatic import Start, automatic_start, fitted
 from ident.verdict import STRAINED, Evidence, Verdict, judge
 
@@ -75,7 +75,7 @@ class CoefficientValue:
     sigma: float
     prior: float
     prior_sigma: float
-    by_data: float  # 0 to 1: how much of the knowledge is the data's and not the prior's
+    information_gain: float  # 0 to 1: how much of the knowledge is the data's and not the prior's
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Identification:
     signs: tuple[int, ...]  # of each encoder relative to the declared sense
     noise: NoiseModel  # of the samples in the fit
     log_noise: NoiseModel  # of one row of the logs
-    excess: Excess  # beyond what the logs show, found from the residual
+    excess: ExcessNoise  # beyond what the logs show, found from the residual
     autocorrelation: float  # of neighbours in the whitened residual, mean over the equations
     chi2_per_dof: float
     converged: bool
@@ -133,24 +133,24 @@ class Identification:
         default_factory=lambda: np.zeros(0)
     )  # (N,) [N] of the rod at the samples, complete model only
     tension_source: str = ""  # "sensor", "torque" or "none"
-    events: tuple[Event, ...] = ()
+    events: tuple[StepFault, ...] = ()
 
     @property
     def model(self) -> Literal["dh", "complete"]:
         return "complete" if self.corrections else "dh"
 
-    def free_robot(self) -> FreeRobot:
+    def unloaded_robot(self) -> UnloadedRobot:
         """The robot as identified, without ball-bar."""
-        return free_robot(self.cell, self.geometry, self.joints, self.corrections)
+        return unloaded_robot(self.cell, self.geometry, self.joints, self.corrections)
 
 
-def free_robot(
+def unloaded_robot(
     cell: Cell, geometry: Geometry, joints: tuple[int, ...], corrections: Sequence[CorrectionValue]
-) -> FreeRobot:
+) -> UnloadedRobot:
     """A robot with the corrections that were found; joints : encoders of the ball-bar that found them."""
     made = tuple(CORRECTIONS[c.name](cell, joints) for c in corrections)
     values = np.array([c.value for one in corrections for c in one.coefficients])
-    return FreeRobot(cell, geometry, made, values)
+    return UnloadedRobot(cell, geometry, made, values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +198,7 @@ def identify(
     rod_sigma: float | None = None,
     samples: int = DEFAULT_SAMPLES,
     progress: Callable[[str], None] = lambda _: None,
-    watch: Watch | None = None,
+    on_iteration: IterationCallback | None = None,
 ) -> Identification:
     """Identify robot, ball-bar position, encoder zeros and clock from one recording.
 
@@ -207,7 +207,7 @@ def identify(
     corrections : names of ident.corrections; None for those that the data support.
     force : where the rod's force comes from; `auto` takes the best signal that was logged.
     rod_sigma : [m] of a measured rod length (the ball-bar's bd3 is then that length); None for the catalogue's tolerance.
-    progress : called with a short sentence at each stage. watch : called with each iteration of the chosen start and of the fits.
+    progress : called with a short sentence at each stage. on_iteration : called with each iteration of the chosen start and of the fits.
 
     Raises StartError when the logs cannot be brought together; ValueError for an unknown correction.
     """
@@ -221,7 +221,7 @@ def identify(
         rod_sigma=rod_sigma,
         samples=samples,
         progress=progress,
-        watch=watch,
+        on_iteration=on_iteration,
     )[0]
 
 
@@ -235,7 +235,7 @@ def identify_together(
     rod_sigma: float | None = None,
     samples: int = DEFAULT_SAMPLES,
     progress: Callable[[str], None] = lambda _: None,
-    watch: Watch | None = None,
+    on_iteration: IterationCallback | None = None,
 ) -> list[Identification]:
     """One robot from several recordings: an Identification each, with the robot in common.
 
@@ -245,7 +245,7 @@ def identify_together(
         if name not in CORRECTIONS:
             raise ValueError(f"unknown correction {name!r}; there are {', '.join(CORRECTIONS)}")
     alone = [
-        fit_alone(cell, logs, samples, progress, None if k else watch)
+        fit_alone(cell, logs, samples, progress, None if k else on_iteration)
         for k, logs in enumerate(recordings)
     ]
     if len(alone) == 1:
@@ -272,7 +272,7 @@ def identify_together(
         rod_sigma=rod_sigma,
         prune=corrections is None,
         progress=progress,
-        watch=watch,
+        on_iteration=on_iteration,
     )
     trust = uncertainty(fit)
     sources = [one.source(force) for one in prepared]
@@ -292,7 +292,7 @@ def fit_alone(
     logs: Logs,
     samples: int = DEFAULT_SAMPLES,
     progress: Callable[[str], None] = lambda _: None,
-    watch: Watch | None = None,
+    on_iteration: IterationCallback | None = None,
 ) -> Alone:
     """The dh fit of one recording, from its logs. Raises StartError when they cannot be brought together."""
     progress("smoothing both logs")
@@ -303,9 +303,9 @@ def fit_alone(
     progress("aligning the logs and finding the ball-bar")
     start = automatic_start(robot, bar, joints, nominal, noise)
     chosen = start.chosen
-    if watch:
+    if on_iteration:
         fitted(
-            chosen.hypothesis, robot, bar, joints, noise, watch
+            chosen.hypothesis, robot, bar, joints, noise, on_iteration
         )  # once more, to be watched alone among its rivals
     progress("fitting")
     times = sample_times(robot, bar, chosen.fit.estimate.clock, samples)
@@ -321,7 +321,7 @@ def fit_alone(
         problem,
         _on_nominal(problem, here, nominal, subset.parameters),
         subset.parameters,
-        watch=watch,
+        on_iteration=on_iteration,
     )
     problem = replace(
         problem,
@@ -330,7 +330,7 @@ def fit_alone(
             rod=rod_deviation(replace(problem, noise=replace(noise, rod=0.0)), first.estimate),
         ),
     )
-    fit = solve(problem, first.estimate, subset.parameters, watch=watch)
+    fit = solve(problem, first.estimate, subset.parameters, on_iteration=on_iteration)
     return Alone(
         problem,
         nominal,
@@ -382,7 +382,7 @@ def _outcome(cell: Cell, alone: Alone) -> Identification:
     geometry = _wrapped(fit.estimate.geometry)
     clock = fit.estimate.clock if problem.has_clock else None
     identified = tuple(NAMES[i] for i in fit.parameters)
-    found = events_in_logs(
+    found = step_faults_in_logs(
         problem.robot, problem.bar, problem.joints, problem.signs, fit.estimate.clock
     )
     events = tuple(as_logged(event, problem.bar, cell.ballbar.encoder_lines) for event in found)
@@ -411,7 +411,7 @@ def _outcome(cell: Cell, alone: Alone) -> Identification:
         signs=start.chosen.hypothesis.signs,
         noise=problem.noise,
         log_noise=row_noise(problem.robot, problem.bar, problem.joints, rod=problem.noise.rod),
-        excess=Excess(rod=problem.noise.rod),
+        excess=ExcessNoise(rod=problem.noise.rod),
         autocorrelation=evidence.autocorrelation,
         chi2_per_dof=fit.chi2_per_dof,
         converged=fit.converged,
@@ -449,13 +449,15 @@ def _of_machine(
     parameters = np.concatenate(
         (layout.shared, layout.zero_parameters[k], [INDEX[n] for n in PLACE])
     ).astype(np.intp)
-    by_data = trust.told_by_data[unknowns] > MOSTLY_PRIOR
+    information_gain = trust.information_gain[unknowns] > MOSTLY_PRIOR
     told = (
-        unknowns[by_data] if clock is None else np.concatenate((unknowns[by_data], _indices(clock)))
+        unknowns[information_gain]
+        if clock is None
+        else np.concatenate((unknowns[information_gain], _indices(clock)))
     )
     covariance = trust.covariance[np.ix_(told, told)]
     deviations = np.sqrt(np.diag(covariance))
-    parameters = parameters[by_data]
+    parameters = parameters[information_gain]
     point = fit.linear.points[k]
     events = tuple(event for event in fit.events if event.recording == k)
     corrections = _correction_values(fit, trust)
@@ -543,7 +545,7 @@ def _correction_values(fit: JointFit, trust: Uncertainty) -> tuple[CorrectionVal
                 c.unit,
                 *(
                     float(v[i])
-                    for v in (fit.x, deviations, layout.mean, layout.sigma, trust.told_by_data)
+                    for v in (fit.x, deviations, layout.mean, layout.sigma, trust.information_gain)
                 ),
             )
             for c, i in zip(correction.coefficients, where, strict=True)
@@ -573,7 +575,7 @@ def _machine_part(parameters: NDArray[np.intp], covariance: Array) -> MachineCov
 
 def _machine_tcp_sigma(cell: Cell, fit: JointFit, trust: Uncertainty, k: int) -> Array:
     layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
-    robot = FreeRobot(
+    robot = UnloadedRobot(
         cell, layout.geometry(fit.x, k), fit.model.corrections, fit.x[layout.coefficients]
     )
     unknowns = np.concatenate((np.arange(layout.shared.size), _indices(layout.coefficients)))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ident.signals.smooth_log import Outliers, SmoothLog
-from ident.signals.step_fault import Event
+from ident.signals.step_fault import StepFault
 
 
 def log_remarks(
-    robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], events: Sequence[Event]
+    robot: SmoothLog, bar: SmoothLog | None, joints: tuple[int, ...], events: Sequence[StepFault]
 ) -> tuple[str, ...]:
     """A sentence for each event, each further repair, and the outliers of each log; joints : encoders of the ball-bar."""
     remarks = [event.sentence for event in events]

@@ -20,7 +20,7 @@ OUTPUTS = frozenset(
 EVERYTHING_ON: dict[str, object] = {
     "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
     "joint_compliance": {"spread": 0.3},
-    "lost_motion": {"spread": 0.3},
+    "gear_backlash": {"spread": 0.3},
     "joint_noise": {"sigma_rad": 2e-6},
     **{
         name: {}

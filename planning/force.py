@@ -105,7 +105,7 @@ def _friction(cell: Cell, speed: Array) -> Array:
 def load_reversals(forces: Forces, width: Array) -> Array:
     """(DRAWS, 6) how often each gear's load changes sides of its play: passes from beyond +width to beyond -width or back.
 
-    width : (6,) [N m] (ident.corrections.base.play_width).
+    width : (6,) [N m] (ident.corrections.base.backlash_transition).
     """
     load = (
         forces.carried.gear + forces.tension[:, None, :] * forces.carried.gear_per_newton

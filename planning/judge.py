@@ -17,7 +17,7 @@ from cell.errors import InputError
 from cell.geometry import nominal_geometry
 from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import rigid_basis
-from ident.robot.unloaded_robot import FreeRobot
+from ident.robot.unloaded_robot import UnloadedRobot
 from planning.candidate import Candidate
 from planning.clearance import Clearance, clearance, nearest
 from planning.course import Course, course_over
@@ -164,7 +164,7 @@ def _gram(on: Predictor) -> Array:
     """The free robot does not depend on where the ball-bar stands, so neither do these columns."""
     nominal = nominal_geometry(on.cell, np.zeros(3))
     layout, x = planned_unknowns(on, nominal, ())
-    free = FreeRobot(on.cell, nominal, on.corrections, x[layout.coefficients])
+    free = UnloadedRobot(on.cell, nominal, on.corrections, x[layout.coefficients])
     moves = free.jacobian(on.grid, layout.shared)
     columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))
     basis = rigid_basis(free.tool(on.grid))

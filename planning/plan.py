@@ -13,7 +13,7 @@ from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import PARAMETERS, bar_frames, nominal_geometry, robot_frames
 from cell.strict_yaml import load_model
-from ident.corrections.base import play_width
+from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
 from planning.candidate import Candidate, numbers_of, rounded, space_of
 from planning.course import Course
@@ -77,7 +77,9 @@ class Plan:
     def reversals(self) -> Array:
         """(6,) sign changes of each gear's load, median over the robots."""
         assert self.found.forces is not None
-        return np.median(load_reversals(self.found.forces, play_width(self.judge.cell)), axis=0)
+        return np.median(
+            load_reversals(self.found.forces, backlash_transition(self.judge.cell)), axis=0
+        )
 
     @property
     def coverage(self) -> float:

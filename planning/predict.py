@@ -22,7 +22,7 @@ from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
-from ident.estimator.joint_fit import Excess, Model, Point, Track, linearise
+from ident.estimator.joint_fit import ExcessNoise, Model, Point, Track, linearise
 from ident.estimator.machine import FIRST_EXCESS, tension_splines
 from ident.estimator.problem import Clock
 from ident.estimator.sampling import REST_KEPT
@@ -30,7 +30,7 @@ from ident.estimator.unknowns import RecordingShape, Unknowns, unknowns
 from ident.identify import DEFAULT_SAMPLES, WIDEST_KNOT_SPACING
 from ident.loads.gear_loads import MassModel, mass_model
 from ident.robot.accuracy import accuracy_grid, position_sigma
-from ident.robot.unloaded_robot import FreeRobot
+from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import Outliers, SmoothLog
 from planning.course import Course
 from planning.request import PlanSensors, PlanTiming, Workspace
@@ -84,7 +84,7 @@ class Prediction:
     normal: Array  # (P, P)
     points: tuple[Point, ...]
     geometry: Geometry
-    free: FreeRobot
+    free: UnloadedRobot
     grid: Array
 
     @cached_property
@@ -115,7 +115,7 @@ class Prediction:
 
 
 def moving(layout: Unknowns) -> NDArray[np.intp]:
-    """Indices of the unknowns that `FreeRobot.jacobian` has columns for."""
+    """Indices of the unknowns that `UnloadedRobot.jacobian` has columns for."""
     return np.asarray(np.r_[0 : layout.shared.size, layout.coefficients], dtype=np.intp)
 
 
@@ -174,7 +174,7 @@ def predict(
     model = Model(on.cell, on.masses, on.corrections, layout, (track,))
     bar = np.stack([np.interp(t, course.t, angle) for angle in course.b.T], axis=1)
     linear = linearise(model, x, [bar], _excess(on), near=near.points if near else ())
-    free = FreeRobot(on.cell, course.nominal, on.corrections, x[layout.coefficients])
+    free = UnloadedRobot(on.cell, course.nominal, on.corrections, x[layout.coefficients])
     return Prediction(layout, model, linear.normal, linear.points, course.nominal, free, on.grid)
 
 
@@ -186,9 +186,9 @@ def predictions(on: Predictor, course: Course, tensions: Array) -> tuple[Predict
     return tuple(found)
 
 
-def _excess(on: Predictor) -> Excess:
+def _excess(on: Predictor) -> ExcessNoise:
     f, s = on.dilution, on.sensors
-    return Excess(
+    return ExcessNoise(
         f * s.robot_sigma_rad,
         2.0 * f * s.robot_sigma_rad,
         f * s.encoder_sigma_rad,

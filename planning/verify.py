@@ -22,9 +22,9 @@ from sim.motion import Motion
 from sim.path import reference_path
 from sim.plant.effects import (
     BarFriction,
+    GearBacklash,
     GearFriction,
     JointCompliance,
-    LostMotion,
     PlateBending,
     RodBacklash,
     RodStrain,
@@ -59,7 +59,7 @@ def plant_errors(*, table: bool) -> ErrorSettings:
     return ErrorSettings(
         static=static,
         joint_compliance=JointCompliance(),
-        lost_motion=LostMotion(),
+        gear_backlash=GearBacklash(),
         gear_friction=GearFriction(),
         rod_strain=RodStrain(),
         rod_backlash=RodBacklash(),

@@ -16,7 +16,7 @@ from sim.plant.deflection import deflect
 
 # Told of each stretch while it is simulated: cell, true parameters, instants (K,) [s], robot (K, 6) and ball-bar angles (K, 5) [rad].
 # A stretch begins where the one before ended.
-Watch = Callable[[Cell, Geometry, Array, Array, Array], None]
+MotionCallback = Callable[[Cell, Geometry, Array, Array, Array], None]
 
 CLOSURE_STRIDE = 10  # the loop's error changes with the motion, over tenths of seconds; every tenth millisecond shows its maximum
 

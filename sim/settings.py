@@ -201,7 +201,7 @@ class EncoderSettings(Strict):
     noise_sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
         0.0, description="White, before quantisation."
     )
-    senses: Literal["declared", "unknown"] = Field(
+    directions: Literal["declared", "unknown"] = Field(
         "declared",
         description="Senses of rotation are drawn; recording.yaml says which, or says +1 for all.",
     )

@@ -27,7 +27,7 @@ from sim.logging.load_logs import drawn_loads, motor_torques, sensor_rows
 from sim.logging.log_truth import FirstRows, LogTruth
 from sim.logging.loggers import LoggedRows, logged_rows
 from sim.logging.writers import write_abb_motor, write_force_torque, write_twincat_plc
-from sim.motion import Motion, Watch
+from sim.motion import Motion, MotionCallback
 from sim.path import Lissajous, PushPull, ReferencePath, reference_path
 from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.kinematic_plant import refuse_forces, run_kinematic
@@ -65,12 +65,12 @@ def simulate(
     *,
     relative_to: Path,
     recorded: RobotLog | None = None,
-    watch: Watch | None = None,
+    on_motion: MotionCallback | None = None,
 ) -> Simulation:
     """Runs the plant and decides what the loggers will see.
 
     relative_to : folder of the scenario, for files it names. recorded : the robot's log of path.recording, where there is one.
-    watch : told of the motion while it is simulated.
+    on_motion : told of the motion while it is simulated.
     Raises InputError for a scenario that cannot be run.
     """
     refuse_sample_errors(settings.errors)
@@ -82,7 +82,7 @@ def simulate(
     )
     path = planned_path(settings.path, cell, nominal, relative_to=relative_to, recorded=recorded)
     effects = plant_effects(settings.errors, cell, settings.seed)
-    motion = _moved(settings, cell, true, effects, path, watch)
+    motion = _moved(settings, cell, true, effects, path, on_motion)
     encoders, declared = _encoders(settings, cell)
     resolvers = (
         resolver_effects(settings.errors.resolver_error, seed=settings.seed)
@@ -218,14 +218,14 @@ def _moved(
     true: Geometry,
     effects: PlantEffects,
     path: ReferencePath,
-    watch: Watch | None,
+    on_motion: MotionCallback | None,
 ) -> Motion:
     plant = settings.plant
     if plant.kind == "kinematic":
         refuse_forces(settings)
         motion = run_kinematic(cell.robot, true, effects, path)
-        if watch is not None:
-            watch(cell, true, motion.t, motion.q, motion.b)
+        if on_motion is not None:
+            on_motion(cell, true, motion.t, motion.q, motion.b)
         return motion
     if settings.path.kind == "recorded":
         _refuse_moving_start(path)
@@ -235,7 +235,7 @@ def _moved(
         servo=plant.servo,
         timestep=plant.timestep_s,
         gravity_compensation=plant.gravity_compensation,
-        watch=watch,
+        on_motion=on_motion,
     )
 
 
@@ -251,9 +251,9 @@ def _refuse_moving_start(path: ReferencePath) -> None:
 def _encoders(
     settings: SimulationSettings, cell: Cell
 ) -> tuple[tuple[BarEncoder, ...], tuple[int, ...]]:
-    """Encoders as they are, and the senses that recording.yaml declares; a zero and a sense per joint, fitted or not."""
+    """Encoders as they are, and the directions that recording.yaml declares; a zero and a sense per joint, fitted or not."""
     rng = stream(settings.seed, "encoder_mounting")
-    zeros, senses = rng.uniform(-np.pi, np.pi, 5), rng.choice([-1, 1], 5)
+    zeros, directions = rng.uniform(-np.pi, np.pi, 5), rng.choice([-1, 1], 5)
     given, lines = settings.encoders, cell.ballbar.encoder_lines
     effects = {
         j: encoder_effects(settings.errors, j, lines=lines, bits=given.bits, seed=settings.seed)
@@ -264,14 +264,14 @@ def _encoders(
             j,
             lines,
             given.bits,
-            int(senses[j - 1]),
+            int(directions[j - 1]),
             float(zeros[j - 1]),
             given.noise_sigma_rad,
             effects[j],
         )
         for j in given.fitted
     )
-    return encoders, tuple(e.sign if given.senses == "declared" else 1 for e in encoders)
+    return encoders, tuple(e.sign if given.directions == "declared" else 1 for e in encoders)
 
 
 def _truth(
@@ -287,7 +287,9 @@ def _truth(
     position, angle = motion.closure()
     return Truth(
         geometry=true.replaced(zeros),
-        senses={f"b{e.joint}": e.sign * said for e, said in zip(encoders, declared, strict=True)},
+        directions={
+            f"b{e.joint}": e.sign * said for e, said in zip(encoders, declared, strict=True)
+        },
         offset=settings.clocks.offset_s,
         skew=settings.clocks.skew,
         seed=settings.seed,

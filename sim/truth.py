@@ -30,12 +30,12 @@ class PlantTruth(Strict):
     """What gave way, turned unevenly or had play, and by how much; null and 0 where an effect was off."""
 
     gear_stiffness_N_m_per_rad: tuple[float, ...] | None
-    gear_slack_rad: tuple[float, ...]  # half widths
+    gear_backlash_half_width_rad: tuple[float, ...]  # half widths
     gear_hysteresis_rad: tuple[float, ...]  # half widths
     transmission_error: tuple[RippleTruth, ...]
     gear_friction_scale: float
     rod_stiffness_N_per_m: float | None
-    rod_slack_m: float  # half width
+    rod_backlash_half_width_m: float  # half width
     bar_friction_N_m: float
     plate_stiffness_N_per_m: float | None
     base_stiffness_N_per_m: float | None
@@ -46,7 +46,7 @@ def plant_truth(effects: PlantEffects) -> PlantTruth:
     stiffness = effects.gear_stiffness
     return PlantTruth(
         gear_stiffness_N_m_per_rad=None if stiffness is None else tuple(stiffness.tolist()),
-        gear_slack_rad=tuple(effects.gear_slack.tolist()),
+        gear_backlash_half_width_rad=tuple(effects.gear_backlash.tolist()),
         gear_hysteresis_rad=tuple(effects.gear_hysteresis.tolist()),
         transmission_error=tuple(
             RippleTruth(
@@ -59,7 +59,7 @@ def plant_truth(effects: PlantEffects) -> PlantTruth:
         ),
         gear_friction_scale=effects.friction_scale,
         rod_stiffness_N_per_m=None if effects.rod_stiffness == RIGID_ROD else effects.rod_stiffness,
-        rod_slack_m=effects.rod_slack,
+        rod_backlash_half_width_m=effects.rod_backlash,
         bar_friction_N_m=effects.bar_friction,
         plate_stiffness_N_per_m=effects.plate_stiffness,
         base_stiffness_N_per_m=effects.base_stiffness,
@@ -71,11 +71,11 @@ class Truth:
     """True parameters of one recording.
 
     `geometry` holds the encoder zeros in btheta: `b = sense * angle + btheta`, where `angle` is the logged one with the sense
-    that recording.yaml declares, and `senses` says which of those were wrong (-1).
+    that recording.yaml declares, and `directions` says which of those were wrong (-1).
     """
 
     geometry: Geometry
-    senses: dict[str, int]
+    directions: dict[str, int]
     offset: float  # [s]
     skew: float  # [1]
     seed: int
@@ -97,7 +97,7 @@ class Truth:
                     name: float(value)
                     for name, value in zip(NAMES, self.geometry.values, strict=True)
                 },
-                "senses": dict(self.senses),
+                "directions": dict(self.directions),
                 "clock": {"offset_s": self.offset, "skew": self.skew},
                 "closure": {"position_m": self.closure_position, "angle_rad": self.closure_angle},
                 "rod_force": {"min_N": self.rod_force_min, "max_N": self.rod_force_max},
@@ -128,7 +128,7 @@ class TruthFile(Strict):
     schema_: Annotated[Literal["ballbar-truth/1"], Field(alias="schema")]
     seed: int
     parameters: dict[str, float]
-    senses: dict[str, int]
+    directions: dict[str, int]
     clock: _Clock
     closure: _Closure
     rod_force: _Force
@@ -141,7 +141,7 @@ def load_truth(path: Path) -> Truth:
     file = load_model(path, TruthFile)
     return Truth(
         Geometry(np.array([file.parameters[name] for name in NAMES])),
-        file.senses,
+        file.directions,
         file.clock.offset_s,
         file.clock.skew,
         file.seed,

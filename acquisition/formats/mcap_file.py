@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO, cast, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, cast
 
 import lz4.frame
 import zstandard

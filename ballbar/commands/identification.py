@@ -105,7 +105,7 @@ def identify(
             validate or (),
             settings=settings,
             progress=log.progress,
-            watch=log.watch if rerun else None,
+            on_iteration=log.on_iteration if rerun else None,
         )
         data = replace(data, iterations=tuple(log.steps))
         write_outputs(folder, data, command=command_line(), replay=rerun, progress=progress)

@@ -102,14 +102,16 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
         truth = load_truth(reference)
         clock = model.file.clock
         found = (clock.offset_s, clock.skew) if clock else None
-        return compare_with_truth(model.free_robot(cell), model.nominal, truth, identified, found)
+        return compare_with_truth(
+            model.unloaded_robot(cell), model.nominal, truth, identified, found
+        )
     other = load_calibration(reference)
     if other.file.robot != model.file.robot:
         raise InputError(
             f"{reference}: is of robot {other.file.robot}, {calibration} of {model.file.robot}; only the same robot can be compared"
         )
     shared = [name for name in identified if other.file.parameters[name].identified]
-    return compare(model.free_robot(cell), model.nominal, other.free_robot(cell), shared)
+    return compare(model.unloaded_robot(cell), model.nominal, other.unloaded_robot(cell), shared)
 
 
 @commands.command(

@@ -35,7 +35,7 @@ def correct_file(path: Path, result: Result) -> Correction:
     targets = read_targets(path, robot)
     try:
         corrected = corrected_targets(
-            result.calibration.free_robot(result.cell), result.calibration.nominal, targets.q
+            result.calibration.unloaded_robot(result.cell), result.calibration.nominal, targets.q
         )
     except TargetError as error:
         said = [f"{path}:{targets.lines[row]}: {why}" for row, why in sorted(error.faults.items())]

@@ -16,7 +16,7 @@ from cell.geometry import PARAMETERS, Parameter
 
 EFFECTS = {
     "joint_compliance": "elastic gears under the robot's own weight",
-    "lost_motion": "play of the gears",
+    "gear_backlash": "play of the gears",
     "gear_ripple": "transmission error and resolver harmonics",
 }
 ROBOT = tuple(p for p in PARAMETERS if p.side == "robot")

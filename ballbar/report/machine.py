@@ -45,7 +45,7 @@ class CoefficientRow:
     sigma: str
     prior: str
     prior_sigma: str
-    by_data: str
+    information_gain: str
     stiffness: str
     told: bool  # by the data more than by the prior
 
@@ -100,7 +100,7 @@ def coefficients_at_prior(result: Identification) -> list[CoefficientValue]:
         value
         for one in result.corrections
         for value in one.coefficients
-        if value.by_data < MOSTLY_PRIOR
+        if value.information_gain < MOSTLY_PRIOR
     ]
 
 
@@ -168,7 +168,11 @@ def _held_out_rows(one: HeldOut) -> list[tuple[str, str, str]]:
             significant(nominal.ratio, 2),
             significant(identified.ratio, 2),
         ),
-        ("times what noise and stated uncertainty explain", MISSING, significant(one.surprise, 2)),
+        (
+            "times what noise and stated uncertainty explain",
+            MISSING,
+            significant(one.normalised_innovation, 2),
+        ),
         ("samples", "", str(one.samples)),
     ]
 
@@ -214,7 +218,13 @@ def _amplitude(sine: CoefficientValue, cosine: CoefficientValue) -> CoefficientV
         else sine.sigma
     )
     return CoefficientValue(
-        "", sine.unit, size, spread, 0.0, sine.prior_sigma, min(sine.by_data, cosine.by_data)
+        "",
+        sine.unit,
+        size,
+        spread,
+        0.0,
+        sine.prior_sigma,
+        min(sine.information_gain, cosine.information_gain),
     )
 
 
@@ -228,9 +238,9 @@ def _row(name: str, c: CoefficientValue, factor: float, decimals: int) -> Coeffi
         fixed(c.sigma * factor, decimals + 1),
         significant(c.prior * factor),
         significant(c.prior_sigma * factor),
-        f"{100.0 * c.by_data:.0f} %",
+        f"{100.0 * c.information_gain:.0f} %",
         stiffness,
-        c.by_data > MOSTLY_PRIOR,
+        c.information_gain > MOSTLY_PRIOR,
     )
 
 

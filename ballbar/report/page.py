@@ -23,7 +23,7 @@ from cell.chain import Array
 from cell.files import write_whole
 from ident.identify import Identification
 from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.unloaded_robot import FreeRobot
+from ident.robot.unloaded_robot import UnloadedRobot
 
 _TONES = {"good": "Acceptable", "suspect": "Acceptable, with care"}
 
@@ -91,7 +91,7 @@ def render_report(data: RunData, *, command: str, written: datetime) -> str:
         never_asked=tables.never_asked(result),
         clock=_clock_rows(data),
         rivals=_rival_rows(result),
-        senses=_sense_rows(result),
+        directions=_sense_rows(result),
         noise=tables.noise_rows(result, _resolutions(data)),
         scale_ppm=result.cell.plate.length_sigma / result.cell.plate.length * 1e6,
         versions=versions(simulated=data.simulation is not None),
@@ -158,7 +158,7 @@ def tcp_view(data: RunData) -> TcpView:
     result = data.identification
     grid = accuracy_grid(result.cell.robot)
     shift = position_error(
-        FreeRobot(result.cell, result.nominal).tool(grid), result.free_robot().tool(grid)
+        UnloadedRobot(result.cell, result.nominal).tool(grid), result.unloaded_robot().tool(grid)
     )
     if data.comparison:
         before, after = data.comparison.tcp_nominal, data.comparison.tcp

@@ -16,9 +16,9 @@ from cell.geometry import NAMES, Geometry
 from cell.strict_yaml import load_model
 from ident.estimator.unknowns import PLACE
 from ident.held_out import HeldOut, LoopClosure
-from ident.identify import CoefficientValue, CorrectionValue, Identification, free_robot
-from ident.robot.unloaded_robot import FreeRobot
-from ident.signals.step_fault import Event
+from ident.identify import CoefficientValue, CorrectionValue, Identification, unloaded_robot
+from ident.robot.unloaded_robot import UnloadedRobot
+from ident.signals.step_fault import StepFault
 
 CALIBRATION = "calibration.yaml"
 
@@ -60,11 +60,11 @@ class CoefficientEntry(_Strict):
     sigma: float
     prior: float
     prior_sigma: float
-    by_data: float  # 0 to 1: how much of the knowledge is the data's and not the prior's
+    information_gain: float  # 0 to 1: how much of the knowledge is the data's and not the prior's
     unit: str
 
 
-class EventEntry(_Strict):
+class StepFaultEntry(_Strict):
     """A jump of an encoder or a clock that was found and repaired."""
 
     kind: Literal["encoder", "clock"]
@@ -95,7 +95,7 @@ class RecordingEntry(_Strict):
     residuals: int
     chi2: float  # sum of squares of the whitened residuals
     tension_source: str
-    events: tuple[EventEntry, ...]
+    events: tuple[StepFaultEntry, ...]
 
 
 class ClosureEntry(_Strict):
@@ -117,7 +117,7 @@ class HeldOutEntry(_Strict):
     identified: ClosureEntry
     ratio_with_uncertainty: float  # residual over what noise and the stated uncertainty explain
     nominal: ClosureEntry
-    events: tuple[EventEntry, ...]
+    events: tuple[StepFaultEntry, ...]
 
 
 class FitEntry(_Strict):
@@ -153,11 +153,11 @@ class CalibrationFile(_Strict):
     cost: Literal["ml"]
     parameters: dict[str, ParameterEntry]
     dropped: tuple[DroppedEntry, ...] = ()
-    senses: dict[str, Literal[-1, 1]]
+    directions: dict[str, Literal[-1, 1]]
     clock: ClockEntry | None = None
     corrections: dict[str, dict[str, CoefficientEntry]] = {}
     tension_source: str = ""
-    events: tuple[EventEntry, ...] = ()
+    events: tuple[StepFaultEntry, ...] = ()
     noise: NoiseEntry
     fit: FitEntry
     recordings: tuple[
@@ -174,7 +174,7 @@ class Calibration:
     geometry: Geometry
     nominal: Geometry
 
-    def free_robot(self, cell: Cell) -> FreeRobot:
+    def unloaded_robot(self, cell: Cell) -> UnloadedRobot:
         """The identified robot without ball-bar; cell : as the file names it."""
         corrections = tuple(
             CorrectionValue(
@@ -182,15 +182,15 @@ class Calibration:
                 "",
                 tuple(
                     CoefficientValue(
-                        key, c.unit, c.value, c.sigma, c.prior, c.prior_sigma, c.by_data
+                        key, c.unit, c.value, c.sigma, c.prior, c.prior_sigma, c.information_gain
                     )
                     for key, c in entries.items()
                 ),
             )
             for name, entries in self.file.corrections.items()
         )
-        return free_robot(
-            cell, self.geometry, tuple(int(name[1]) for name in self.file.senses), corrections
+        return unloaded_robot(
+            cell, self.geometry, tuple(int(name[1]) for name in self.file.directions), corrections
         )
 
 
@@ -220,7 +220,7 @@ def write_calibration(
             {"name": d.name, "reason": d.reason, "on": list(d.on)}
             for d in result.identifiability.dropped
         ],
-        "senses": {
+        "directions": {
             f"b{joint}": sense for joint, sense in zip(result.joints, result.signs, strict=True)
         },
         "clock": _clock(result),
@@ -266,7 +266,7 @@ def _clock(result: Identification) -> dict[str, object] | None:
     }
 
 
-def _events(events: Sequence[Event]) -> list[dict[str, object]]:
+def _events(events: Sequence[StepFault]) -> list[dict[str, object]]:
     return [
         {"kind": e.kind, "joint": e.joint, "time_s": e.time, "size": e.size, "periods": e.periods}
         for e in events
@@ -294,7 +294,7 @@ def _held_out(one: HeldOut) -> dict[str, object]:
         "acceptable": one.acceptable,
         "samples": one.samples,
         "identified": _closure(one.identified),
-        "ratio_with_uncertainty": one.surprise,
+        "ratio_with_uncertainty": one.normalised_innovation,
         "nominal": _closure(one.nominal),
         "events": _events(one.events),
     }
@@ -322,7 +322,7 @@ def _coefficient(value: CoefficientValue) -> dict[str, object]:
         "sigma": value.sigma,
         "prior": value.prior,
         "prior_sigma": value.prior_sigma,
-        "by_data": value.by_data,
+        "information_gain": value.information_gain,
     }
     return {**stated, "unit": value.unit}
 

@@ -18,7 +18,7 @@ from cell.descriptions import Cell
 from cell.geometry import INDEX, PARAMETERS, Geometry, mirrored
 from ident.identify import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
-from ident.robot.unloaded_robot import FreeRobot
+from ident.robot.unloaded_robot import UnloadedRobot
 from sim.truth import Truth
 
 
@@ -44,7 +44,7 @@ class Comparison:
 
 
 def compare(
-    model: FreeRobot, nominal: Geometry, reference: FreeRobot, names: Sequence[str]
+    model: UnloadedRobot, nominal: Geometry, reference: UnloadedRobot, names: Sequence[str]
 ) -> Comparison:
     """Model and nominal robot against another identified robot; `names` are the parameters compared one by one."""
     return _compared(
@@ -58,7 +58,7 @@ def compare(
 
 
 def compare_with_truth(
-    model: FreeRobot,
+    model: UnloadedRobot,
     nominal: Geometry,
     truth: Truth,
     names: Sequence[str],
@@ -74,7 +74,9 @@ def compare_with_truth(
 def identification_against_truth(result: Identification, truth: Truth) -> Comparison:
     """The result against what the recording was simulated from."""
     clock = (result.clock.offset, result.clock.skew) if result.clock else None
-    return compare_with_truth(result.free_robot(), result.nominal, truth, list(result.sigma), clock)
+    return compare_with_truth(
+        result.unloaded_robot(), result.nominal, truth, list(result.sigma), clock
+    )
 
 
 def compare_kinematics(
@@ -87,12 +89,12 @@ def compare_kinematics(
     clock: tuple[float, float] | None = None,
 ) -> Comparison:
     """Rigid robots against each other; clock : (offset [s], skew) errors, if both sides have a clock."""
-    actual = FreeRobot(cell, reference).tool(accuracy_grid(cell.robot))
-    return _compared(FreeRobot(cell, model), nominal, reference, actual, names, clock)
+    actual = UnloadedRobot(cell, reference).tool(accuracy_grid(cell.robot))
+    return _compared(UnloadedRobot(cell, model), nominal, reference, actual, names, clock)
 
 
 def _compared(
-    model: FreeRobot,
+    model: UnloadedRobot,
     nominal: Geometry,
     reference: Geometry,
     actual: Array,
@@ -102,7 +104,7 @@ def _compared(
     grid = accuracy_grid(model.cell.robot)
     deviations = {name: _difference(name, model.geometry, reference) for name in names}
     offset, skew = clock if clock else (None, None)
-    bare = FreeRobot(model.cell, nominal)
+    bare = UnloadedRobot(model.cell, nominal)
     return Comparison(
         deviations,
         position_error(model.tool(grid), actual),
@@ -113,10 +115,10 @@ def _compared(
 
 
 def reference_of(truth: Truth) -> Geometry:
-    """The true geometry as the declared senses of b2 and b4 describe it (their senses are a gauge)."""
+    """The true geometry as the declared directions of b2 and b4 describe it (their directions are a gauge)."""
     geometry = truth.geometry
     for joint in (2, 4):
-        if truth.senses.get(f"b{joint}") == -1:
+        if truth.directions.get(f"b{joint}") == -1:
             geometry = mirrored(geometry, joint)
     return geometry
 

@@ -17,13 +17,15 @@ class Step:
 
 
 class IterationLog:
-    """Hears the stages (`progress`) and iterations (`watch`) of an identification, and hands them on."""
+    """Hears the stages (`progress`) and iterations (`on_iteration`) of an identification, and hands them on."""
 
     def __init__(
-        self, progress: Callable[[str], None], watch: Callable[[int, Step], None] | None = None
+        self,
+        progress: Callable[[str], None],
+        on_iteration: Callable[[int, Step], None] | None = None,
     ) -> None:
-        """progress : hears every stage too. watch : hears every iteration too, with its number from 1."""
-        self._progress, self._watch = progress, watch
+        """progress : hears every stage too. on_iteration : hears every iteration too, with its number from 1."""
+        self._progress, self._watch = progress, on_iteration
         self._stage = ""
         self.steps: list[Step] = []
 
@@ -32,7 +34,7 @@ class IterationLog:
         self._stage = sentence
         self._progress(sentence)
 
-    def watch(self, iteration: Iteration) -> None:
+    def on_iteration(self, iteration: Iteration) -> None:
         """A solver has made a step."""
         self.steps.append(Step(self._stage, iteration))
         if self._watch:

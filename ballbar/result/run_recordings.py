@@ -16,7 +16,7 @@ from ballbar.scenario import IdentifySettings
 from cell.descriptions import load_cell
 from cell.errors import InputError
 from cell.recording import load_recording_file
-from ident.estimator.iteration import Watch
+from ident.estimator.iteration import IterationCallback
 from ident.held_out import held_out
 from ident.identify import Identification, Logs, identify_together
 from ident.start.automatic import StartError
@@ -33,9 +33,9 @@ def identify_recordings(
     *,
     settings: IdentifySettings,
     progress: Progress,
-    watch: Watch | None = None,
+    on_iteration: IterationCallback | None = None,
 ) -> RunData:
-    """One robot from one or several recordings, tried on the held-out ones; watch : hears the iterations.
+    """One robot from one or several recordings, tried on the held-out ones; on_iteration : hears the iterations.
 
     Raises InputError for bad files, for recordings that do not belong together and for settings that contradict them;
     StartError when the logs of a recording do not fit together.
@@ -59,7 +59,7 @@ def identify_recordings(
         rod_sigma=settings.rod_sigma_m,
         samples=settings.samples,
         progress=progress,
-        watch=watch,
+        on_iteration=on_iteration,
     )
     result = replace(results[0], verdict=_verdict(names, results, settings))
     held = zip(names[len(folders) :], validate, read[len(folders) :], strict=True)

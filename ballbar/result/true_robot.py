@@ -13,12 +13,12 @@ from cell.chain import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
 from ident.loads.gear_loads import mass_model, own_weight
-from ident.robot.unloaded_robot import sides_of_play
+from ident.robot.unloaded_robot import backlash_sides
 from sim.truth import Truth
 
 
 def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
-    """(N, 3) [m] tool positions at logged joint angles q (N, 6) [rad], robot base frame; geometry : as the senses describe it."""
+    """(N, 3) [m] tool positions at logged joint angles q (N, 6) [rad], robot base frame; geometry : as the directions describe it."""
     robot, plant = cell.robot, truth.plant
     motors = q @ np.linalg.inv(robot.transmission)
     read = motors.copy()
@@ -36,10 +36,10 @@ def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
         gears = shown + error
     if plant.gear_stiffness_N_m_per_rad is not None:
         weight = own_weight(mass_model(cell), geometry, q).T
-        side = sides_of_play(weight.T).T
+        side = backlash_sides(weight.T).T
         gears = (
             gears
             - weight / np.array(plant.gear_stiffness_N_m_per_rad)
-            - np.array(plant.gear_slack_rad) * side
+            - np.array(plant.gear_backlash_half_width_rad) * side
         )
     return robot_frames(geometry, gears @ robot.gear_to_joint).tip.T

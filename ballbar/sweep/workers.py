@@ -111,13 +111,13 @@ def _refreshed(look: Callable[[], int]) -> Callable[[], int]:
 def _end_with_driver() -> None:
     """In a worker: leave when the driver is gone (kill -9), or the worker would wait for its next part for ever."""
 
-    def watch() -> None:
+    def on_iteration() -> None:
         driver = multiprocessing.parent_process()
         if driver is not None:
             driver.join()
             os._exit(1)
 
-    threading.Thread(target=watch, daemon=True).start()
+    threading.Thread(target=on_iteration, daemon=True).start()
 
 
 @contextmanager

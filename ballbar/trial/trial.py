@@ -31,7 +31,7 @@ from ballbar.trial.sample_trial import (
 from cell.chain import Array
 from cell.geometry import BAR_ROWS, NAMES
 from ident.identify import Identification
-from ident.robot.unloaded_robot import FreeRobot
+from ident.robot.unloaded_robot import UnloadedRobot
 from ident.thesis.cost_fit import CostFit, fit_cost
 from ident.thesis.costs import cost_named
 from ident.verdict import MISFIT, SUSPECT, WELL_UNDER
@@ -118,7 +118,7 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
     zeros = {name: result.geometry[name] for name in NAMES if name.startswith("btheta")}
     fitted = fit_cost(cost, result.nominal.replaced(zeros), q, b, cost_parameters(scenario, folder))
     names = [NAMES[i] for i in fitted.parameters]
-    robot = FreeRobot(simulation.cell, fitted.geometry)
+    robot = UnloadedRobot(simulation.cell, fitted.geometry)
     return _cost_row(
         fitted, compare_with_truth(robot, result.nominal, simulation.truth, names, None)
     )

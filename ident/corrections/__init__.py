@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from ident.corrections.base import Maker
 from ident.corrections.encoder_harmonics import encoder_harmonics
+from ident.corrections.gear_backlash import gear_backlash
 from ident.corrections.gear_ripple import gear_ripple
 from ident.corrections.joint_compliance import joint_compliance
-from ident.corrections.lost_motion import lost_motion
 from ident.corrections.plate_bending import plate_bending
 from ident.corrections.rod_strain import rod_strain
 
 CORRECTIONS: dict[str, Maker] = {
     "joint_compliance": joint_compliance,
-    "lost_motion": lost_motion,
+    "gear_backlash": gear_backlash,
     "gear_ripple": gear_ripple,
     "encoder_harmonics": encoder_harmonics,
     "rod_strain": rod_strain,

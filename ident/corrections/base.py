@@ -19,7 +19,7 @@ from ident.loads.gear_loads import Loads
 GEAR, BAR, ROD, PLATE = 0, 6, 11, 12  # first carrier of each kind
 CARRIERS = 13
 
-PLAY_SHARE = 24.0  # a gear changes sides of its play over the load that would wind it up by this share of half the play
+BACKLASH_SHARE = 24.0  # a gear changes sides of its play over the load that would wind it up by this share of half the play
 TENSION_WIDTH = 3.0  # [N] likewise for the rod
 
 
@@ -59,13 +59,13 @@ class State:
         return smooth_sign(self.tension, TENSION_WIDTH / self.sharpness)
 
 
-def play_width(cell: Cell) -> Array:
+def backlash_transition(cell: Cell) -> Array:
     """(6,) [N m] load over which play changes sides: 1.5 N m for the main axes of an IRB 2400.
 
     Wider bends the stiffness that is found beside it, narrower slows the fit.
     """
     gears = cell.robot.gears
-    return np.asarray(0.5 * gears.lost_motion * gears.stiffness / PLAY_SHARE)
+    return np.asarray(0.5 * gears.lost_motion * gears.stiffness / BACKLASH_SHARE)
 
 
 def smooth_sign(load: Array, width: Array | float) -> Array:

@@ -22,7 +22,7 @@ def rod_strain(cell: Cell, joints: tuple[int, ...]) -> Correction:
         "strain and play of the rod",
         (
             Coefficient("rod_compliance", "m/N", compliance, SPREAD * compliance, ROD),
-            Coefficient("rod_play", "m", half, half, ROD),
+            Coefficient("rod_backlash", "m", half, half, ROD),
         ),
         lambda state: [state.tension, state.tension_sign()],
         lambda state: [

@@ -20,7 +20,7 @@ from ident.corrections.base import BAR, GEAR, ROD, Coefficient, Correction, Stat
 from ident.estimator.joint_fit import JointFit, Track, jacobian
 from ident.estimator.problem import Clock
 from ident.signals.smooth_log import SmoothLog
-from ident.signals.step_fault import Event
+from ident.signals.step_fault import StepFault
 
 THRESHOLD = 250.0  # decrease of the cost, in units of chi-square per degree of freedom, from which a step is an event
 MARGIN = 15  # samples at either end, where a step is little more than a different start
@@ -40,17 +40,17 @@ AS_LIKELY = 25.0  # gain, in units of chi-square per degree of freedom, by which
 LIKE = 0.3  # of a clock step: so close comes the irregularity of the stamps that it left
 
 
-def events_in_logs(
+def step_faults_in_logs(
     robot: SmoothLog,
     bar: SmoothLog | None,
     joints: tuple[int, ...],
     signs: Array,
     clock: Clock,
     recording: int = 0,
-) -> tuple[Event, ...]:
+) -> tuple[StepFault, ...]:
     """What the logs of one recording showed by themselves and no longer hold, times on the ball-bar's clock without its steps.
 
-    signs : (E,) of the encoders `joints` relative to their declared senses. clock : as far as it is known.
+    signs : (E,) of the encoders `joints` relative to their declared directions. clock : as far as it is known.
     """
     if bar is None:
         return ()
@@ -61,16 +61,16 @@ def events_in_logs(
             (0, 1.0) if one.channel is None else (joints[one.channel], float(signs[one.channel]))
         )
         found.append(
-            Event(recording, kind, joint, one.time, sign * one.size, removed=sign * one.size)
+            StepFault(recording, kind, joint, one.time, sign * one.size, removed=sign * one.size)
         )
     for one in robot.breaks:
         if one.channel is None:
             time = (one.time - clock.offset) / (1.0 + clock.skew)
-            found.append(Event(recording, "clock", 0, time, -one.size, removed=-one.size))
+            found.append(StepFault(recording, "clock", 0, time, -one.size, removed=-one.size))
     return tuple(found)
 
 
-def find_event(fit: JointFit) -> Event | None:
+def find_step_fault(fit: JointFit) -> StepFault | None:
     """The step that would lower the cost most, if any is beyond the threshold."""
     best, found = THRESHOLD * max(1.0, fit.chi2_per_dof), None
     for k, (point, weights, residual) in enumerate(
@@ -108,7 +108,7 @@ def find_event(fit: JointFit) -> Event | None:
                     time = _at_a_stamp(
                         track, layout.clock(fit.x, k), time, (likely[0], likely[-1]), size
                     )
-                found = Event(k, kind, joint, time, size)
+                found = StepFault(k, kind, joint, time, size)
     return found
 
 
@@ -154,7 +154,7 @@ def _from_the_end(values: Array) -> Array:
     return np.asarray(np.cumsum(values[..., ::-1], axis=-1)[..., ::-1])
 
 
-def jumps(events: tuple[Event, ...]) -> Correction | None:
+def jumps(events: tuple[StepFault, ...]) -> Correction | None:
     """The encoder events as a correction: one step each, what the log no longer holds left out."""
     chosen = [e for e in events if e.kind == "encoder"]
     if not chosen:
@@ -178,7 +178,7 @@ def jumps(events: tuple[Event, ...]) -> Correction | None:
     return Correction("encoder_jumps", "encoders that jumped", tuple(coefficients), signals)
 
 
-def sized(fit: JointFit, events: tuple[Event, ...], lines: int) -> tuple[Event, ...]:
+def sized(fit: JointFit, events: tuple[StepFault, ...], lines: int) -> tuple[StepFault, ...]:
     """The events with their sizes as fitted and their times as logged; whole signal periods of an encoder with `lines` recognised.
 
     A jump that the log showed and the fit put back was motion: it is no event.
@@ -190,7 +190,9 @@ def sized(fit: JointFit, events: tuple[Event, ...], lines: int) -> tuple[Event, 
     )
 
 
-def with_exact_periods(fit: JointFit, events: tuple[Event, ...], lines: int) -> tuple[Event, ...]:
+def with_exact_periods(
+    fit: JointFit, events: tuple[StepFault, ...], lines: int
+) -> tuple[StepFault, ...]:
     """The events, those of an encoder that slipped by whole signal periods with that size: nothing is left to be fitted of it."""
     out = []
     for event, size in zip(events, _sizes(fit, events), strict=True):
@@ -203,7 +205,7 @@ def with_exact_periods(fit: JointFit, events: tuple[Event, ...], lines: int) -> 
     return tuple(out)
 
 
-def as_logged(event: Event, bar: SmoothLog | None, lines: int) -> Event:
+def as_logged(event: StepFault, bar: SmoothLog | None, lines: int) -> StepFault:
     """The event with its time as the ball-bar's log has it, the steps of its clock included; whole signal periods recognised."""
     steps = [one for one in bar.breaks if one.channel is None] if bar is not None else []
     time = event.time + sum(one.size for one in steps if one.time < event.time)
@@ -214,7 +216,7 @@ def as_logged(event: Event, bar: SmoothLog | None, lines: int) -> Event:
     return replace(event, time=time, periods=whole)
 
 
-def _sizes(fit: JointFit, events: tuple[Event, ...]) -> list[float]:
+def _sizes(fit: JointFit, events: tuple[StepFault, ...]) -> list[float]:
     """[rad, s] what was taken out of the log and what the fit took out beyond that, together."""
     layout, out = fit.model.unknowns, []
     jump, step = 0, [0] * len(fit.model.tracks)

@@ -13,20 +13,26 @@ from scipy.optimize import minimize
 from cell.chain import Array
 from ident.corrections.base import BAR, ROD
 from ident.estimator.closure import cholesky, solve_lower
-from ident.estimator.joint_fit import Excess, JointFit, Model, covariances, play_uncertainty
+from ident.estimator.joint_fit import (
+    ExcessNoise,
+    JointFit,
+    Model,
+    backlash_uncertainty,
+    covariances,
+)
 
 LOWEST = 1e-8  # [rad, m] below every noise of the logs
 HIGHEST = 3e-3
 FREE = 1.0  # [rad] of a joint without encoder
 
 
-def estimate_excess(fit: JointFit) -> Excess:
+def estimate_excess(fit: JointFit) -> ExcessNoise:
     """The four components of the residuals of a fit."""
     model = fit.model
     data = sum(r.size for r in fit.linear.residuals)
     share = np.sqrt(data / max(1, fit.degrees))
     errors = [p.closure.error * share for p in fit.linear.points]
-    uncertain = [play_uncertainty(model, fit.x, p) for p in fit.linear.points]
+    uncertain = [backlash_uncertainty(model, fit.x, p) for p in fit.linear.points]
 
     def deviance(logs: Array) -> float:
         excess = _excess(logs)
@@ -47,13 +53,13 @@ def estimate_excess(fit: JointFit) -> Excess:
     return _excess(found.x)
 
 
-def _excess(logs: Array) -> Excess:
+def _excess(logs: Array) -> ExcessNoise:
     values = np.exp(np.clip(logs, np.log(LOWEST), np.log(HIGHEST)))
-    return Excess(*(float(v) for v in values))
+    return ExcessNoise(*(float(v) for v in values))
 
 
 def _deviance(
-    model: Model, fit: JointFit, k: int, error: Array, uncertain: Array | float, excess: Excess
+    model: Model, fit: JointFit, k: int, error: Array, uncertain: Array | float, excess: ExcessNoise
 ) -> float:
     """-2 log likelihood of one recording's mismatch."""
     track, columns = model.tracks[k], fit.linear.points[k].columns

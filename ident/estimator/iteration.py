@@ -21,4 +21,4 @@ class Iteration:
     chi2_per_sample: float  # cost for each whitened residual, under the weights of that iteration
 
 
-Watch = Callable[[Iteration], None]
+IterationCallback = Callable[[Iteration], None]

@@ -21,7 +21,16 @@ from scipy.sparse import csr_array
 from cell.chain import Array, cross
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, PARAMETERS, Geometry
-from ident.corrections.base import BAR, CARRIERS, GEAR, PLATE, ROD, Correction, State, play_width
+from ident.corrections.base import (
+    BAR,
+    CARRIERS,
+    GEAR,
+    PLATE,
+    ROD,
+    Correction,
+    State,
+    backlash_transition,
+)
 from ident.estimator.closure import (
     Closure,
     Whitening,
@@ -31,12 +40,12 @@ from ident.estimator.closure import (
     rod_jacobian,
     whitening,
 )
-from ident.estimator.iteration import Iteration, Watch
+from ident.estimator.iteration import Iteration, IterationCallback
 from ident.estimator.problem import Clock
 from ident.estimator.unknowns import Unknowns
 from ident.loads.gear_loads import MassModel, loads, no_loads
 from ident.signals.smooth_log import SmoothLog, smoothing
-from ident.signals.step_fault import Event
+from ident.signals.step_fault import StepFault
 
 FLOOR = 1e-7  # [m, rad]
 MAX_ITERATIONS = 40
@@ -93,7 +102,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Excess:
+class ExcessNoise:
     """Noise beyond what the logs show row by row: standard deviations estimated from the residual."""
 
     gear: float = 0.0  # [rad] of axes 1-3
@@ -195,7 +204,7 @@ def make_point(
             turned,
             carried,
             tension_at(model, x, k),
-            play_width(model.cell),
+            backlash_transition(model.cell),
             model.sharpness,
         )
         known: tuple[tuple[Array, ...], ...] = ((),) * len(model.corrections)
@@ -269,7 +278,9 @@ def _displace(moved: Array, model: Model, x: Array, signals: tuple[tuple[Array, 
             moved[coefficient.carrier] += next(values) * signal
 
 
-def covariances(track: Track, columns: Array, excess: Excess, uncertain: Array | float) -> Array:
+def covariances(
+    track: Track, columns: Array, excess: ExcessNoise, uncertain: Array | float
+) -> Array:
     """(6, 6, N) covariance of the mismatch; uncertain : (6, N) [rad] of the gears where play changes sides."""
     gears = np.sqrt(
         track.gear_noise**2
@@ -291,19 +302,19 @@ def covariances(track: Track, columns: Array, excess: Excess, uncertain: Array |
     return out
 
 
-def weigh(model: Model, point: Point, k: int, excess: Excess, x: Array) -> Whitening:
+def weigh(model: Model, point: Point, k: int, excess: ExcessNoise, x: Array) -> Whitening:
     """Frozen weights of recording k."""
     track = model.tracks[k]
-    spread = covariances(track, point.columns, excess, play_uncertainty(model, x, point))
+    spread = covariances(track, point.columns, excess, backlash_uncertainty(model, x, point))
     return whitening(spread, point.columns[BAR:ROD][track.free])
 
 
-def play_uncertainty(model: Model, x: Array, point: Point) -> Array | float:
+def backlash_uncertainty(model: Model, x: Array, point: Point) -> Array | float:
     """(6, N) [rad] how little is known of where a gear lies in its play: all of it near a reversal of the load."""
     names = [c.name for correction in model.corrections for c in correction.coefficients]
-    if point.state is None or "play1" not in names:
+    if point.state is None or "backlash1" not in names:
         return 0.0
-    first = model.unknowns.coefficients.start + names.index("play1")
+    first = model.unknowns.coefficients.start + names.index("backlash1")
     half = np.abs(x[first : first + 6])[:, None]
     return np.asarray(half * (1.0 - point.state.load_sign() ** 2))
 
@@ -313,7 +324,7 @@ def settle(
     x: Array,
     k: int,
     bar: Array,
-    excess: Excess,
+    excess: ExcessNoise,
     frozen: Whitening | None,
     near: Point | None,
 ) -> tuple[Point, Whitening]:
@@ -426,7 +437,7 @@ def linearise(
     model: Model,
     x: Array,
     bars: Sequence[Array],
-    excess: Excess,
+    excess: ExcessNoise,
     frozen: Sequence[Whitening] = (),
     near: Sequence[Point] = (),
 ) -> Linear:
@@ -508,10 +519,10 @@ class JointFit:
     x: Array  # (P,)
     linear: Linear
     covariance: Array  # (P, P) as if the residual were white
-    excess: Excess
+    excess: ExcessNoise
     iterations: int
     converged: bool
-    events: tuple[Event, ...] = ()
+    events: tuple[StepFault, ...] = ()
 
     @property
     def degrees(self) -> int:
@@ -525,7 +536,7 @@ class JointFit:
         return float(sum((r * r).sum() for r in self.linear.residuals) / self.degrees)
 
 
-def approach(model: Model, x: Array, bars: Sequence[Array], excess: Excess) -> Array:
+def approach(model: Model, x: Array, bars: Sequence[Array], excess: ExcessNoise) -> Array:
     """Unknowns after a fit of a few of very many samples: most of the way for a fraction of the time."""
     step = min(t.times.size for t in model.tracks) // COARSE_SAMPLES
     if step < COARSE_SHARE:
@@ -538,22 +549,22 @@ def minimise(
     model: Model,
     x: Array,
     bars: Sequence[Array],
-    excess: Excess,
+    excess: ExcessNoise,
     *,
     negligible: float = 1e-4,
     max_iterations: int = MAX_ITERATIONS,
-    watch: Watch | None = None,
+    on_iteration: IterationCallback | None = None,
 ) -> JointFit:
     """Gauss-Newton from x with backtracking.
 
     negligible : predicted decrease of the cost for each unknown, in units of the cost per degree of freedom, that ends the
         search; 1e-4 leaves them on average a hundredth of their standard deviations from the minimum.
-    watch : is told of the start and of each iteration.
+    on_iteration : is told of the start and of each iteration.
     """
     now = linearise(model, x, bars, excess)
     iterations, converged = 0, False
-    if watch:
-        watch(_iteration(model, x, now))
+    if on_iteration:
+        on_iteration(_iteration(model, x, now))
     while True:
         step = newton_step(now.normal, now.gradient, model.unknowns.sigma)
         decrease = -float(now.gradient @ step)
@@ -579,8 +590,8 @@ def minimise(
             now.weights if iterations >= FREEZE_AFTER else (),
             points,
         )
-        if watch:
-            watch(_iteration(model, x, now))
+        if on_iteration:
+            on_iteration(_iteration(model, x, now))
         if settled:
             converged = True
             break

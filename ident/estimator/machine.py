@@ -25,15 +25,15 @@ from ident.corrections.base import Correction
 from ident.estimator.closure import complete_bar_angles
 from ident.estimator.events import (
     MAX_EVENTS,
-    events_in_logs,
-    find_event,
+    find_step_fault,
     jumps,
     sized,
+    step_faults_in_logs,
     with_exact_periods,
 )
 from ident.estimator.excess import estimate_excess
-from ident.estimator.iteration import Watch
-from ident.estimator.joint_fit import Excess, JointFit, Model, Track, approach, minimise
+from ident.estimator.iteration import IterationCallback
+from ident.estimator.joint_fit import ExcessNoise, JointFit, Model, Track, approach, minimise
 from ident.estimator.noise import noise_from_logs
 from ident.estimator.problem import Clock
 from ident.estimator.uncertainty import uncertainty
@@ -41,7 +41,7 @@ from ident.estimator.unknowns import TENSION_PRIOR, RecordingShape, unknowns
 from ident.loads.gear_loads import loads, mass_model
 from ident.loads.rod_tension import Tension, from_force_sensor, from_motor_torque
 from ident.signals.smooth_log import SmoothLog
-from ident.signals.step_fault import Event
+from ident.signals.step_fault import StepFault
 
 ForceSource = Literal["auto", "none", "torque", "sensor"]
 KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (identification_facts sec. 4)
@@ -56,11 +56,11 @@ CONTINUATION = (
     2.0,
 )  # noise and width of play, times; without a measured tension (identification_facts sec. 4)
 CONTINUED_ITERATIONS = 8
-FIRST_EXCESS = Excess(5e-6, 1e-5, 1e-5, 1e-6)
+FIRST_EXCESS = ExcessNoise(5e-6, 1e-5, 1e-5, 1e-6)
 NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a jump must bring it down to
 ROWS_AVERAGED = 0.08  # [s] of torque rows behind one value: friction and noise average out, the motion hardly changes
-NEEDS_LOADS = {"joint_compliance", "lost_motion", "rod_strain", "plate_bending"}
+NEEDS_LOADS = {"joint_compliance", "gear_backlash", "rod_strain", "plate_bending"}
 SUPPORT = (
     4.0  # a correction stays whose coefficients are that many deviations from nothing, all together
 )
@@ -117,7 +117,7 @@ def fit_machine(
     rod_sigma: float | None,
     prune: bool = False,
     progress: Callable[[str], None] = lambda _: None,
-    watch: Watch | None = None,
+    on_iteration: IterationCallback | None = None,
 ) -> JointFit:
     """The joint fit of all recordings with the named corrections, jumps of encoders and clocks repaired.
 
@@ -126,20 +126,20 @@ def fit_machine(
     """
     names: list[str] = list(corrections)
 
-    def first_pass(events: tuple[Event, ...]) -> JointFit:
+    def first_pass(events: tuple[StepFault, ...]) -> JointFit:
         return _first_pass(
-            cell, nominal, recordings, names, events, force, rod_sigma, progress, watch
+            cell, nominal, recordings, names, events, force, rod_sigma, progress, on_iteration
         )
 
     events = tuple(
         event
         for k, r in enumerate(recordings)
-        for event in events_in_logs(r.robot, r.bar, r.joints, r.signs, r.clock, k)
+        for event in step_faults_in_logs(r.robot, r.bar, r.joints, r.signs, r.clock, k)
     )
     most = len(events) + MAX_EVENTS
     fit = first_pass(events)
     while (
-        len(events) < most and (event := find_event(fit)) is not None
+        len(events) < most and (event := find_step_fault(fit)) is not None
     ):  # before it can pass for noise
         progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
         trial = first_pass((*events, event))
@@ -148,13 +148,13 @@ def fit_machine(
         events, fit = (*events, event), trial
     begin = _next_pass(fit)
     del fit  # large with many samples
-    fit = noise_passes(begin, progress, watch)
+    fit = noise_passes(begin, progress, on_iteration)
     while (
-        len(events) < most and (event := find_event(fit)) is not None
+        len(events) < most and (event := find_step_fault(fit)) is not None
     ):  # what shows only once the noise is known
         progress(f"a jump at t = {event.time:.1f} s: fitting again with it")
         events = (*events, event)
-        fit = noise_passes(_next_pass(first_pass(events)), progress, watch)
+        fit = noise_passes(_next_pass(first_pass(events)), progress, on_iteration)
     exact = with_exact_periods(fit, events, cell.ballbar.encoder_lines)
     idle = unsupported(fit) if prune else set()
     if idle or exact != events:
@@ -164,7 +164,7 @@ def fit_machine(
             else "fitting again with whole signal periods"
         )
         names, events = [name for name in names if name not in idle], exact
-        fit = noise_passes(_next_pass(first_pass(events)), progress, watch)
+        fit = noise_passes(_next_pass(first_pass(events)), progress, on_iteration)
     return replace(fit, events=sized(fit, events, cell.ballbar.encoder_lines))
 
 
@@ -187,20 +187,22 @@ def _first_pass(
     nominal: Geometry,
     recordings: Sequence[Prepared],
     corrections: Sequence[str],
-    events: tuple[Event, ...],
+    events: tuple[StepFault, ...],
     force: ForceSource,
     rod_sigma: float | None,
     progress: Callable[[str], None],
-    watch: Watch | None,
+    on_iteration: IterationCallback | None,
 ) -> JointFit:
     progress("preparing the complete model")
     model, x, bars = posed(
         cell, nominal, recordings, corrections, force, rod_sigma=rod_sigma, events=events
     )
     if model.masses is not None and "none" in [r.source(force) for r in recordings]:
-        x, bars = continued(model, x, bars, progress, watch)
+        x, bars = continued(model, x, bars, progress, on_iteration)
     progress(f"fitting {model.unknowns.count} unknowns")
-    return minimise(model, approach(model, x, bars, FIRST_EXCESS), bars, FIRST_EXCESS, watch=watch)
+    return minimise(
+        model, approach(model, x, bars, FIRST_EXCESS), bars, FIRST_EXCESS, on_iteration=on_iteration
+    )
 
 
 def posed(
@@ -211,7 +213,7 @@ def posed(
     force: ForceSource,
     *,
     rod_sigma: float | None = None,
-    events: tuple[Event, ...] = (),
+    events: tuple[StepFault, ...] = (),
 ) -> tuple[Model, Array, list[Array]]:
     """What is to be fitted, and where the fit starts: the model, the unknowns, the ball-bar angles (N, 5) [rad] of each recording."""
     chosen = tuple(CORRECTIONS[name](cell, recordings[0].joints) for name in corrections)
@@ -250,20 +252,20 @@ def continued(
     x: Array,
     bars: list[Array],
     progress: Callable[[str], None],
-    watch: Watch | None = None,
+    on_iteration: IterationCallback | None = None,
 ) -> tuple[Array, list[Array]]:
     """From nominal to where plain steps converge: much noise and wide play first, then less."""
     for times in CONTINUATION:
         progress(f"finding the force in the rod from geometry ({times:g} times the noise)")
         e = FIRST_EXCESS
-        blurred = Excess(e.gear * times, e.wrist * times, e.bar * times, e.rod * times)
+        blurred = ExcessNoise(e.gear * times, e.wrist * times, e.bar * times, e.rod * times)
         fit = minimise(
             replace(model, sharpness=1.0 / times),
             x,
             bars,
             blurred,
             max_iterations=CONTINUED_ITERATIONS,
-            watch=watch,
+            on_iteration=on_iteration,
         )
         x, bars = fit.x, [p.bar for p in fit.linear.points]
     return x, bars
@@ -276,7 +278,7 @@ class Pass:
     model: Model
     x: Array  # (P,)
     bars: list[Array]  # (N, 5) [rad] of each recording
-    excess: Excess
+    excess: ExcessNoise
     iterations: int  # so far
 
 
@@ -292,14 +294,14 @@ def _next_pass(fit: JointFit) -> Pass:
 
 
 def noise_passes(
-    begin: Pass, progress: Callable[[str], None], watch: Watch | None = None
+    begin: Pass, progress: Callable[[str], None], on_iteration: IterationCallback | None = None
 ) -> JointFit:
     """Further fits, each with the noise found by the one before."""
     for k in range(1, NOISE_PASSES + 1):
         progress(
             f"fitting {begin.model.unknowns.count} unknowns with estimated noise, {k} of {NOISE_PASSES}"
         )
-        fit = minimise(begin.model, begin.x, begin.bars, begin.excess, watch=watch)
+        fit = minimise(begin.model, begin.x, begin.bars, begin.excess, on_iteration=on_iteration)
         fit = replace(fit, iterations=begin.iterations + fit.iterations)
         if k < NOISE_PASSES:
             begin = _next_pass(fit)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from cell.chain import Array
-from ident.estimator.iteration import Iteration, Watch
+from ident.estimator.iteration import Iteration, IterationCallback
 from ident.estimator.problem import Estimate, Linearisation, Problem, linearise, moved, stepped
 
 DAMPING_START = 1e-12
@@ -74,13 +74,13 @@ def solve(
     prior: Prior | None = None,
     negligible: float = 1e-4,
     max_iterations: int = MAX_ITERATIONS,
-    watch: Watch | None = None,
+    on_iteration: IterationCallback | None = None,
 ) -> Fit:
     """Minimise the whitened loop closure over geometry parameters and clock.
 
     negligible : predicted decrease of the cost, in units of the cost per degree of freedom, that ends the search;
         1e-4 leaves the estimate a hundredth of its standard deviation from the minimum.
-    watch : is told of the start and of each iteration.
+    on_iteration : is told of the start and of each iteration.
     """
     belief = prior or Prior(start.geometry.values[parameters], np.full(parameters.size, np.inf))
     coarse = 0
@@ -93,14 +93,16 @@ def solve(
             1.0,
             max_iterations,
             np.inf,
-            watch,
+            on_iteration,
         )
         if near.converged:
             start, coarse = (
                 problem.start(near.estimate.geometry, near.estimate.clock),
                 near.iterations,
             )
-    fit = _minimise(problem, start, parameters, belief, negligible, max_iterations, NEAR, watch)
+    fit = _minimise(
+        problem, start, parameters, belief, negligible, max_iterations, NEAR, on_iteration
+    )
     return replace(fit, iterations=fit.iterations + coarse)
 
 
@@ -112,7 +114,7 @@ def _minimise(
     negligible: float,
     max_iterations: int,
     near: float,
-    watch: Watch | None,
+    on_iteration: IterationCallback | None,
 ) -> Fit:
     """As `solve`; near : predicted decrease for each unknown below which a Jacobian holds as far as its step goes."""
     damping, iterations = DAMPING_START, 0
@@ -120,8 +122,8 @@ def _minimise(
     normal = _normal(now, belief)
     first = ahead = _predicted_decrease(now, normal, belief, parameters)
     while True:
-        if watch:
-            watch(_iteration(problem, now))
+        if on_iteration:
+            on_iteration(_iteration(problem, now))
         unit = max(1.0, now.cost / max(1, now.residual.size - len(normal)))
         converged = ahead < negligible * unit
         if converged or iterations == max_iterations:

@@ -28,7 +28,7 @@ class Uncertainty:
 
     covariance: Array  # (P, P)
     widening: Array  # (P,) factor on each standard deviation over that of white residuals
-    told_by_data: (
+    information_gain: (
         Array  # (P,) share of the knowledge that is the data's, 0 to 1; the rest is the prior's
     )
     autocorrelation: float  # of neighbours in the whitened residual

@@ -18,8 +18,8 @@ import numpy as np
 from cell.chain import Array, Chain, Frames, joint_screws
 from cell.descriptions import Robot, joints_to_axes
 from cell.geometry import Geometry, robot_frames
-from cell.inverse import UnreachableError, pose_mismatch, refine
-from ident.robot.unloaded_robot import FreeRobot
+from cell.inverse import UnreachableError, pose_error, refine
+from ident.robot.unloaded_robot import UnloadedRobot
 
 LARGEST_CORRECTION = (
     0.1  # [rad] thirty times what geometry asks for away from singularities; more is a sign of one
@@ -48,7 +48,7 @@ class CorrectedTargets:
     angle_after: Array  # (N,) [rad]
 
 
-def corrected_targets(robot: FreeRobot, nominal: Geometry, q: Array) -> CorrectedTargets:
+def corrected_targets(robot: UnloadedRobot, nominal: Geometry, q: Array) -> CorrectedTargets:
     """Targets that reach the nominal poses.
 
     robot : as identified. nominal : the geometry that the targets q (N, 6) [rad, DH joint angles] were planned with.
@@ -87,11 +87,11 @@ def _joints_at(chain: Chain, q: Array, poses: Array) -> Array:
         raise TargetError(faults) from None
 
 
-def _singular(robot: FreeRobot, nominal: Geometry, q: Array) -> dict[int, str]:
+def _singular(robot: UnloadedRobot, nominal: Geometry, q: Array) -> dict[int, str]:
     """Rows whose first Newton step is out of proportion."""
     faults = {}
     wanted, there = robot_frames(nominal, q), robot_frames(robot.geometry, q)
-    mismatch = pose_mismatch(wanted.rotation(), wanted.tip, there)
+    mismatch = pose_error(wanted.rotation(), wanted.tip, there)
     u, s, vt = np.linalg.svd(joint_screws(there).transpose(2, 1, 0))
     along = np.einsum("nji,jn->ni", u, mismatch)
     step = np.einsum("nij,ni->nj", vt, along / np.maximum(s, 1e-12))
@@ -120,5 +120,5 @@ def _out_of_range(robot: Robot, q: Array, which: str) -> dict[int, str]:
 
 
 def _distance(wanted: Frames, there: Frames) -> tuple[Array, Array]:
-    mismatch = pose_mismatch(wanted.rotation(), wanted.tip, there)
+    mismatch = pose_error(wanted.rotation(), wanted.tip, there)
     return np.linalg.norm(mismatch[:3], axis=0), np.linalg.norm(mismatch[3:], axis=0)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cell.chain import Array, joint_screws, screw
 from cell.descriptions import Cell
 from cell.geometry import PARAMETERS, Geometry, robot_frames
-from ident.corrections.base import BAR, CARRIERS, GEAR, Correction, State, play_width
+from ident.corrections.base import BAR, CARRIERS, GEAR, Correction, State, backlash_transition
 from ident.loads.gear_loads import Loads, mass_model, own_weight
 
 UNDECIDED = np.array(
@@ -22,13 +22,13 @@ UNDECIDED = np.array(
 )  # [N m] load under which play counts in the middle (identification_facts sec. 1)
 
 
-def sides_of_play(load: Array) -> Array:
+def backlash_sides(load: Array) -> Array:
     """(6, N) side, -1, 0 or 1, on which gears at rest lie under a load (6, N) [N m]; 0 where the load hardly decides."""
     return np.where(np.abs(load) < UNDECIDED[:, None], 0.0, np.sign(load))
 
 
 @dataclass(frozen=True, eq=False)
-class FreeRobot:
+class UnloadedRobot:
     """A robot without ball-bar."""
 
     cell: Cell
@@ -79,8 +79,8 @@ class FreeRobot:
             np.zeros((5, n)),
             Loads(weight, none, none[0], none[0]),
             none[0],
-            play_width(self.cell),
-            sides=sides_of_play(weight),
+            backlash_transition(self.cell),
+            sides=backlash_sides(weight),
         )
         return [
             (c.carrier, s)

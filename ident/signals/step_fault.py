@@ -7,7 +7,7 @@ from typing import Literal
 
 
 @dataclass(frozen=True)
-class Event:
+class StepFault:
     """One jump."""
 
     recording: int  # from 0

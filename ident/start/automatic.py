@@ -1,12 +1,12 @@
 """Automatic start: from two logs to starting values, without a guess.
 
-Unknown are the encoder zeros (over the full turn), the senses of rotation, the configuration of the ball-bar, its position
+Unknown are the encoder zeros (over the full turn), the directions of rotation, the configuration of the ball-bar, its position
 and the clock offset, whatever its size. The nominal robot gives the sphere on which the tool moves (ident.start.sphere); two
 encoders of a gimbal against the rod direction give offset, sign and zeros in one scan of all lags (ident.start.lag_scan). Several
 lags and branches are kept as hypotheses to the end, each is fitted, and what the fits explain decides: a first peak, or a
 first small residual, can be an alias of the motion. Algorithm and traps: start_recipe (measured on 500 draws).
 
-The senses of b2 and b4 cannot be seen (they are one gauge with the configuration) and stay as declared; those of b1, b3 and
+The directions of b2 and b4 cannot be seen (they are one gauge with the configuration) and stay as declared; those of b1, b3 and
 b5 can, and a disagreement with the declared ones is reported.
 """
 
@@ -23,7 +23,7 @@ from cell.chain import Array
 from cell.errors import FailureError
 from cell.geometry import INDEX, Geometry, robot_frames
 from cell.inverse import bar_roll
-from ident.estimator.iteration import Watch
+from ident.estimator.iteration import IterationCallback
 from ident.estimator.problem import Clock, NoiseModel, Problem
 from ident.estimator.sampling import overlap, sample_times
 from ident.estimator.solver import Fit, Prior, solve
@@ -227,7 +227,7 @@ def fitted(
     bar: SmoothLog | None,
     joints: tuple[int, ...],
     noise: NoiseModel,
-    watch: Watch | None = None,
+    on_iteration: IterationCallback | None = None,
 ) -> Candidate | None:
     """A hypothesis after a fit of a few samples; None where it leads nowhere."""
     try:
@@ -246,7 +246,7 @@ def fitted(
             prior=prior,
             negligible=1e-2,
             max_iterations=ITERATIONS,
-            watch=watch,
+            on_iteration=on_iteration,
         )
     except np.linalg.LinAlgError:  # a wrong hypothesis may run into a pose where nothing can be solved; it is then no candidate
         return None

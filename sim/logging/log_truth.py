@@ -1,4 +1,4 @@
-"""What the log errors of a simulated recording really were: the part of the truth beyond geometry, senses, offset and skew."""
+"""What the log errors of a simulated recording really were: the part of the truth beyond geometry, directions, offset and skew."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ class JointCompliance(Strict):
     )
 
 
-class LostMotion(Strict):
+class GearBacklash(Strict):
     """Play of the gears: a dead band on the load, or a friction element that leaves a hysteresis of the same width."""
 
     kind: Literal["dead_band", "hysteresis"] = Field(
@@ -136,7 +136,7 @@ class PlantErrors(Strict):
     """Error sources that act in the plant; each absent unless named."""
 
     joint_compliance: JointCompliance | None = None
-    lost_motion: LostMotion | None = Field(None, description="Needs joint_compliance.")
+    gear_backlash: GearBacklash | None = Field(None, description="Needs joint_compliance.")
     transmission_error: TransmissionError | None = None
     cycloid_ripple: CycloidRipple | None = None
     sinusoidal_gear_error: SinusoidalGearError | None = None
@@ -163,7 +163,7 @@ class PlantEffects:
     """What is wrong with one machine."""
 
     gear_stiffness: Array | None = None  # (6,) [N m/rad]; None: rigid gears
-    gear_slack: Array = field(
+    gear_backlash: Array = field(
         default_factory=lambda: np.zeros(6)
     )  # (6,) [rad] half width of the dead band
     gear_hysteresis: Array = field(
@@ -173,7 +173,7 @@ class PlantEffects:
     friction_scale: float = 0.0  # of the robot file's gear friction
     stribeck: bool = False  # whether break-away friction is above Coulomb friction
     rod_stiffness: float = RIGID_ROD  # [N/m] rod and ball-bar joints in series
-    rod_slack: float = 0.0  # [m] half width
+    rod_backlash: float = 0.0  # [m] half width
     bar_friction: float = 0.0  # [N m]
     plate_stiffness: float | None = None  # [N/m] at the tip; None: rigid
     base_stiffness: float | None = None  # [N/m]; None: rigid
@@ -194,12 +194,12 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
 
     Raises InputError for play in rigid gears.
     """
-    if errors.lost_motion is not None and errors.joint_compliance is None:
+    if errors.gear_backlash is not None and errors.joint_compliance is None:
         raise InputError(
-            "errors.lost_motion: needs joint_compliance beside it; play without a spring has no place to rest."
+            "errors.gear_backlash: needs joint_compliance beside it; play without a spring has no place to rest."
         )
     gears, bar = cell.robot.gears, cell.ballbar
-    compliance, lost = errors.joint_compliance, errors.lost_motion
+    compliance, lost = errors.joint_compliance, errors.gear_backlash
     stiffness = width = None
     if compliance is not None:
         stiffness = _spread(
@@ -214,7 +214,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
     backlash, friction, plate = errors.rod_backlash, errors.bar_friction, errors.plate_bending
     return PlantEffects(
         gear_stiffness=stiffness,
-        gear_slack=none if dead_band is None else dead_band,
+        gear_backlash=none if dead_band is None else dead_band,
         gear_hysteresis=none if width is None or dead_band is not None else width,
         ripples=_ripples(errors, cell, seed),
         friction_scale=errors.gear_friction.scale if errors.gear_friction else 0.0,
@@ -222,7 +222,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
         rod_stiffness=bar.axial_stiffness * errors.rod_strain.scale
         if errors.rod_strain
         else RIGID_ROD,
-        rod_slack=0.5 * _default(backlash.width_m, bar.backlash) if backlash else 0.0,
+        rod_backlash=0.5 * _default(backlash.width_m, bar.backlash) if backlash else 0.0,
         bar_friction=_default(friction.torque_N_m, bar.friction_torque) if friction else 0.0,
         plate_stiffness=_default(plate.tip_stiffness_N_per_m, cell.plate.tip_stiffness)
         if plate

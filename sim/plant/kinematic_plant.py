@@ -19,7 +19,7 @@ from sim.settings import SimulationSettings
 
 WITH_FORCES = (
     "joint_compliance",
-    "lost_motion",
+    "gear_backlash",
     "gear_friction",
     "rod_strain",
     "rod_backlash",

@@ -239,7 +239,8 @@ def _elastic_gear(
     body.mass, body.inertia, body.explicitinertial = ROTOR_MASS, [ROTOR_INERTIA] * 3, True
     rotor = body.add_joint(name=ROTORS[i], type=_HINGE, axis=[0, 0, 1])
     stiffness, slack, hysteresis = (
-        float(v[i]) for v in (effects.gear_stiffness, effects.gear_slack, effects.gear_hysteresis)
+        float(v[i])
+        for v in (effects.gear_stiffness, effects.gear_backlash, effects.gear_hysteresis)
     )
     spring = _tendon(spec, f"gear{i + 1}", coefficients, rotor=ROTORS[i])
     spring.springlength = [-slack, slack]
@@ -312,7 +313,7 @@ def _add_bar(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Plant
             slide = body.add_joint(
                 name=ROD_JOINT, type=_SLIDE, axis=[0, 0, 1], damping=bar.axial_damping
             )
-            if effects.rod_slack == 0.0:
+            if effects.rod_backlash == 0.0:
                 slide.stiffness[0] = effects.rod_stiffness
         if effects.bar_friction > 0.0:
             _friction(
@@ -324,11 +325,11 @@ def _add_bar(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Plant
                 RING_INERTIA,
             )
         parent, pose = body, placements[i]
-    if effects.rod_slack > 0.0:
+    if effects.rod_backlash > 0.0:
         rod = spec.add_tendon(name="rod_spring")
         rod.wrap_joint(ROD_JOINT, 1.0)
         rod.stiffness[0] = effects.rod_stiffness
-        rod.springlength = [-effects.rod_slack, effects.rod_slack]
+        rod.springlength = [-effects.rod_backlash, effects.rod_backlash]
     parent.add_site(name="bar_end", pos=pose[1], quat=_quat_wxyz(pose[0]))
 
 

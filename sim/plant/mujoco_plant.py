@@ -19,7 +19,7 @@ from cell.chain import Array
 from cell.descriptions import Cell, Robot, ServoGains
 from cell.errors import FailureError, InputError
 from cell.geometry import Geometry
-from sim.motion import CLOSURE_STRIDE, Motion, Watch
+from sim.motion import CLOSURE_STRIDE, Motion, MotionCallback
 from sim.path import ReferencePath, axis_range_fault
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import PlantModel, plant_model
@@ -54,11 +54,11 @@ def run_plant(
     servo: str,
     timestep: float,
     gravity_compensation: bool = True,
-    watch: Watch | None = None,
+    on_motion: MotionCallback | None = None,
 ) -> Motion:
     """Motion of the true mechanism along a path.
 
-    geometry : true kinematic parameters. servo : a gain set of the robot's description. watch : told of the motion as it comes.
+    geometry : true kinematic parameters. servo : a gain set of the robot's description. on_motion : told of the motion as it comes.
 
     Raises InputError for an unknown gain set; PlantError on divergence, when the loop opens by more than CLOSURE_LIMIT, when
     an axis leaves its range, or when robot or ball-bar flips into another configuration.
@@ -75,8 +75,8 @@ def run_plant(
 
     def told(states: Array) -> None:
         plant = prepared.plant
-        if watch is not None:
-            watch(
+        if on_motion is not None:
+            on_motion(
                 cell, geometry, states[:, 0], states[:, 1 + plant.joints], states[:, 1 + plant.bar]
             )
 
@@ -223,7 +223,7 @@ def as_motion(
     )
     shown = outputs - effects.transmission_error(outputs)
     stretch = positions[:, plant.rod]
-    strain = stretch - np.clip(stretch, -effects.rod_slack, effects.rod_slack)
+    strain = stretch - np.clip(stretch, -effects.rod_backlash, effects.rod_backlash)
     return Motion(
         t=np.arange(len(states), dtype=np.float64) * run.timestep,
         q=q,

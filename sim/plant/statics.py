@@ -25,7 +25,7 @@ from sim.plant.effects import PlantEffects
 MOTOR, GEAR, BAR = slice(0, 6), slice(6, 12), slice(12, 17)
 ROD, PLATE, BASE = 17, 18, slice(19, 22)
 COORDINATES = 22
-INSIDE_PLAY = 1e-4  # stiffness inside a dead band, of that outside
+INSIDE_BACKLASH = 1e-4  # stiffness inside a dead band, of that outside
 _MAX_STEPS = 400
 _PATIENCE = 12  # full Newton steps; without play ten suffice
 _BEYOND = 1e-3  # of half a play, by which a step ends behind the end of one
@@ -48,7 +48,7 @@ class Rest:
     plate: float  # [rad] bending
     base: Array  # (3,) [m] shift
     rod_force: float  # [N] tension positive
-    in_play: bool  # whether a gear or the rod hangs inside its dead band
+    in_backlash: bool  # whether a gear or the rod hangs inside its dead band
 
     @property
     def q(self) -> Array:
@@ -102,7 +102,7 @@ def rest(
         solution = np.linalg.solve(system, -np.concatenate((force[active], closed)))
         step = np.zeros(COORDINATES)
         step[active] = np.clip(solution[: active.size], -0.1, 0.1)
-        share = 1.0 if k < _PATIENCE else _to_end_of_play(machine, x, step)
+        share = 1.0 if k < _PATIENCE else _to_end_of_backlash(machine, x, step)
         x += share * step
         multipliers += share * (solution[active.size :] - multipliers)
     raise NoEquilibriumError(
@@ -200,7 +200,9 @@ def _forces(machine: _Machine, ends: Deflected, x: Array) -> tuple[Array, Array]
     servo = gains.kp * (motor - effects.transmission_error(motor[None])[0] - machine.command)
     force[MOTOR], stiffness[MOTOR, MOTOR] = to_gear @ servo, to_gear @ np.diag(gains.kp) @ to_gear.T
     if effects.gear_stiffness is not None:
-        torque, slope = _with_play(x[GEAR] @ to_gear, effects.gear_stiffness, effects.gear_slack)
+        torque, slope = _with_backlash(
+            x[GEAR] @ to_gear, effects.gear_stiffness, effects.gear_backlash
+        )
         force[GEAR], stiffness[GEAR, GEAR] = to_gear @ torque, to_gear @ np.diag(slope) @ to_gear.T
     if effects.plate_stiffness is not None:
         # cantilever under a tip load F: deflection F / k, tilt 3 F / (2 k L); the load's lever about the hinge is 2 L / 3
@@ -215,19 +217,19 @@ def _forces(machine: _Machine, ends: Deflected, x: Array) -> tuple[Array, Array]
             effects.base_stiffness * x[BASE],
             effects.base_stiffness * np.eye(3),
         )
-    rod, slope = _with_play(
-        x[ROD : ROD + 1], np.array([effects.rod_stiffness]), np.array([effects.rod_slack])
+    rod, slope = _with_backlash(
+        x[ROD : ROD + 1], np.array([effects.rod_stiffness]), np.array([effects.rod_backlash])
     )
     force[ROD], stiffness[ROD, ROD] = rod[0], slope[0]
     return force + _weights(machine, ends, x), stiffness
 
 
-def _with_play(deflection: Array, stiffness: Array, slack: Array) -> tuple[Array, Array]:
+def _with_backlash(deflection: Array, stiffness: Array, slack: Array) -> tuple[Array, Array]:
     """Force and slope of springs with a dead band of half width `slack`."""
     inside = np.clip(deflection, -slack, slack)
-    share = np.where((np.abs(deflection) < slack), INSIDE_PLAY, 1.0)
+    share = np.where((np.abs(deflection) < slack), INSIDE_BACKLASH, 1.0)
     return stiffness * (
-        deflection - inside + INSIDE_PLAY * inside * (slack > 0.0)
+        deflection - inside + INSIDE_BACKLASH * inside * (slack > 0.0)
     ), stiffness * share
 
 
@@ -272,13 +274,13 @@ def _weight(
     return gradient
 
 
-def _to_end_of_play(machine: _Machine, x: Array, step: Array) -> float:
+def _to_end_of_backlash(machine: _Machine, x: Array, step: Array) -> float:
     """Share of a step up to just behind the first end of a play on its way.
 
     Full steps may hop between the ends of a play for ever. Energy falls along each step and its slope changes only there, so
     stopping there always comes to rest.
     """
-    slack = np.append(machine.effects.gear_slack, machine.effects.rod_slack)
+    slack = np.append(machine.effects.gear_backlash, machine.effects.rod_backlash)
     at, moved = (np.append(v[GEAR] @ machine.joint_to_gear, v[ROD]) for v in (x, step))
     behind = np.sign(moved) * _BEYOND * slack
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -289,8 +291,8 @@ def _to_end_of_play(machine: _Machine, x: Array, step: Array) -> float:
 
 def _as_rest(machine: _Machine, x: Array, rod_force: float) -> Rest:
     effects = machine.effects
-    play = np.abs(x[GEAR] @ machine.joint_to_gear) < effects.gear_slack
-    in_play = bool(play.any() or abs(x[ROD]) < effects.rod_slack)
+    play = np.abs(x[GEAR] @ machine.joint_to_gear) < effects.gear_backlash
+    in_backlash = bool(play.any() or abs(x[ROD]) < effects.rod_backlash)
     return Rest(
-        x[MOTOR], x[GEAR], x[BAR], float(x[ROD]), float(x[PLATE]), x[BASE], rod_force, in_play
+        x[MOTOR], x[GEAR], x[BAR], float(x[ROD]), float(x[PLATE]), x[BASE], rod_force, in_backlash
     )

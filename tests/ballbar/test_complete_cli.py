@@ -27,7 +27,7 @@ from cell.errors import DescriptionError, InputError
 from ident.held_out import HeldOut, LoopClosure, held_out
 from ident.identify import Identification, Logs
 from ident.robot.accuracy import accuracy_grid
-from ident.signals.step_fault import Event
+from ident.signals.step_fault import StepFault
 from sim.simulate import simulate, write_recording
 from tests.conftest import SCENARIOS, Recorded
 from tests.helpers.page_cells import Cells
@@ -126,17 +126,17 @@ def test_two_recordings_give_one_robot_and_the_held_out_line_comes_first(
         lines[0],
     )
     assert found, lines[0]
-    rms, largest, angle, nominal, times, surprise = map(float, found.groups())
+    rms, largest, angle, nominal, times, normalised_innovation = map(float, found.groups())
     assert (
         rms < 0.03 < nominal
     )  # noise of 8 urad encoders and sub-divisional error on 0.6 m alone: 0.015
     assert rms < largest < 0.2
     assert angle < 0.1
     assert 0.7 < times < 1.4
-    assert surprise <= times
+    assert normalised_innovation <= times
     assert lines[1].startswith(("Good fit", "Usable, with care"))
     assert (
-        "6 corrections (joint_compliance, lost_motion, gear_ripple, encoder_harmonics, rod_strain, plate_bending)"
+        "6 corrections (joint_compliance, gear_backlash, gear_ripple, encoder_harmonics, rod_strain, plate_bending)"
         in together.said
     )
     assert re.search(
@@ -166,12 +166,13 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
     assert held.sentence == together.said.splitlines()[0]
     cell = load_cell("irb2400", "lund_600", "plate_250")
     grid = accuracy_grid(cell.robot)
-    predicted = read.free_robot(cell).tool(grid)
+    predicted = read.unloaded_robot(cell).tool(grid)
     assert (
-        np.abs(predicted - machine.identification.free_robot().tool(grid)).max() < 1e-12
+        np.abs(predicted - machine.identification.unloaded_robot().tool(grid)).max() < 1e-12
     )  # YAML holds every digit
     assert (
-        np.abs(predicted - machine.joined[1].identification.free_robot().tool(grid)).max() < 1e-12
+        np.abs(predicted - machine.joined[1].identification.unloaded_robot().tool(grid)).max()
+        < 1e-12
     ), "one robot"
 
 
@@ -195,12 +196,12 @@ def test_the_report_shows_the_numbers_of_the_complete_model(together: Together) 
     cells = Cells(page)
     for name in ("compliance2", "compliance5"):
         one = file.corrections["joint_compliance"][name]
-        _, value, sigma, prior, prior_sigma, by_data, stiffness = cells.row(name)
+        _, value, sigma, prior, prior_sigma, information_gain, stiffness = cells.row(name)
         assert number(value) == pytest.approx(one.value * 1e6, rel=0.01)
         assert number(sigma) == pytest.approx(one.sigma * 1e6, rel=0.05)
         assert number(prior) == pytest.approx(one.prior * 1e6, rel=0.01)
         assert number(prior_sigma) == pytest.approx(one.prior_sigma * 1e6, rel=0.01)
-        assert by_data == f"{100 * one.by_data:.0f} %"
+        assert information_gain == f"{100 * one.information_gain:.0f} %"
         assert number(stiffness) == pytest.approx(1.0 / one.value, rel=0.01)
     ripple = file.corrections["gear_ripple"]
     amplitude = np.hypot(ripple["ripple1_40_sin"].value, ripple["ripple1_40_cos"].value)
@@ -258,7 +259,7 @@ def test_what_one_path_leaves_open_is_expected_on_another_and_no_misfit(together
     outcome = tried_on(alone.identification, together.b)
     assert outcome.identified.ratio > 1.5
     assert outcome.acceptable
-    assert outcome.surprise < 1.2
+    assert outcome.normalised_innovation < 1.2
 
 
 @pytest.mark.slow
@@ -398,8 +399,8 @@ def test_recordings_of_another_cell_are_refused(
     ("options", "words"),
     [
         (
-            ["--corrections", "lost_motion,backlash"],
-            ["corrections[1] = 'backlash'", "joint_compliance, lost_motion, gear_ripple"],
+            ["--corrections", "gear_backlash,backlash"],
+            ["corrections[1] = 'backlash'", "joint_compliance, gear_backlash, gear_ripple"],
         ),
         (["--corrections", ""], ["corrections[0] = ''", "joint_compliance"]),
         (["--rod-sigma", "5.0"], ["rod_sigma_m = 5.0", "0.01 or less"]),
@@ -538,7 +539,7 @@ def test_the_held_out_sentence_says_millimetres_first_and_a_misfit_in_words() ->
         "1.1 times what noise explains, 1.0 with the stated uncertainty."
     )
     assert good.acceptable
-    poor = replace(good, surprise=1.5)
+    poor = replace(good, normalised_innovation=1.5)
     assert not poor.acceptable
     assert "1.5 with the stated uncertainty: a misfit" in poor.sentence
     unclear = replace(good, ambiguous=True)
@@ -551,9 +552,10 @@ def with_validation(data: RunData, outcome: HeldOut) -> RunData:
 
 
 def test_a_held_out_misfit_makes_the_page_and_the_run_not_acceptable(light: RunData) -> None:
-    event = Event(0, "clock", 0, 12.5, 0.02)
+    event = StepFault(0, "clock", 0, 12.5, 0.02)
     good, poor = (
-        HeldOut("C", CLOSES, surprise, NOMINAL, 500, False, (event,)) for surprise in (1.0, 3.0)
+        HeldOut("C", CLOSES, normalised_innovation, NOMINAL, 500, False, (event,))
+        for normalised_innovation in (1.0, 3.0)
     )
     assert with_validation(light, good).acceptable == light.identification.verdict.acceptable
     data = with_validation(light, poor)

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from ballbar.result.calibration import load_calibration
-from benchmarks.correct_in_plant import PlantRobot, known_robot, pose_error, robot_row
+from benchmarks.correct_in_plant import PlantRobot, known_robot, pose_distance, robot_row
 from benchmarks.everything_on import scenario_of
 from cell.chain import Array, joint_screws
 from cell.descriptions import Cell, controller_to_joints, joints_to_axes
 from cell.geometry import Geometry, nominal_geometry, robot_frames
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.inverse_calibration import TargetError, corrected_targets
-from ident.robot.unloaded_robot import FreeRobot
+from ident.robot.unloaded_robot import UnloadedRobot
 from sim.plant.effects import PlantEffects
 from sim.plant.held_poses import hold_poses
 from tests.ballbar.test_complete_cli import ballbar
@@ -55,7 +55,7 @@ def test_the_identified_robot_takes_the_nominal_pose_at_the_corrected_target(
     result: Path, cell: Cell
 ) -> None:
     calibration = load_calibration(result / "calibration.yaml")
-    robot, q = calibration.free_robot(cell), easy_targets(cell, 200)
+    robot, q = calibration.unloaded_robot(cell), easy_targets(cell, 200)
     done = corrected_targets(robot, calibration.nominal, q)
     wanted = robot_frames(calibration.nominal, q)
     settled = done.position_after < 1e-9
@@ -73,11 +73,11 @@ def test_a_robot_that_is_nominal_is_told_what_it_was_told_before(
     cell: Cell, nominal: Geometry
 ) -> None:
     q = easy_targets(cell, 50)
-    assert np.abs(corrected_targets(FreeRobot(cell, nominal), nominal, q).q - q).max() < 1e-12
+    assert np.abs(corrected_targets(UnloadedRobot(cell, nominal), nominal, q).q - q).max() < 1e-12
 
 
 def without_play(plant: PlantRobot) -> PlantRobot:
-    plant.effects = replace(plant.effects, gear_slack=np.zeros(6))
+    plant.effects = replace(plant.effects, gear_backlash=np.zeros(6))
     return plant
 
 
@@ -89,12 +89,12 @@ def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None
     wanted = robot_frames(plant.nominal, q)
     before, after = plant.hold(q), plant.hold(done.q)
     assert np.abs(after.miss).max() < 5e-6, "the controller brought the readings to the targets"
-    assert pose_error(wanted, before)[0].mean() > 1e-3
+    assert pose_distance(wanted, before)[0].mean() > 1e-3
     assert (
-        pose_error(wanted, after)[0].max() < 5e-6
+        pose_distance(wanted, after)[0].max() < 5e-6
     )  # [m] a step is 2.2 urad at the wrist, 0.7 at the main axes
-    geometry_only = corrected_targets(FreeRobot(cell, plant.true), plant.nominal, q)
-    sagging = pose_error(wanted, plant.hold(geometry_only.q))[0]
+    geometry_only = corrected_targets(UnloadedRobot(cell, plant.true), plant.nominal, q)
+    sagging = pose_distance(wanted, plant.hold(geometry_only.q))[0]
     assert sagging.mean() > 2e-4, (
         "compliance is worth more than the tolerance: geometry alone does not do"
     )
@@ -103,7 +103,7 @@ def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None
 def test_a_held_pose_without_any_error_is_the_nominal_pose(cell: Cell, nominal: Geometry) -> None:
     q = easy_targets(cell, 5)
     held = hold_poses(cell, nominal, PlantEffects(), q)
-    position, angle = pose_error(robot_frames(nominal, q), held)
+    position, angle = pose_distance(robot_frames(nominal, q), held)
     assert position.max() < 1e-7
     assert angle.max() < 1e-7
 
@@ -170,7 +170,7 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(
     )
     assert np.abs(by_degrees - by_radians).max() < 1e-12
     calibration = load_calibration(result / "calibration.yaml")
-    expected = corrected_targets(calibration.free_robot(cell), calibration.nominal, q).q
+    expected = corrected_targets(calibration.unloaded_robot(cell), calibration.nominal, q).q
     assert np.abs(by_radians - expected).max() < 1e-12
 
 
@@ -230,7 +230,7 @@ def test_a_doubtful_fit_and_what_it_did_not_identify_are_said(
 
 
 def test_every_target_at_fault_is_named(cell: Cell, nominal: Geometry) -> None:
-    robot = FreeRobot(cell, perturbed(nominal, np.random.default_rng(1)))
+    robot = UnloadedRobot(cell, perturbed(nominal, np.random.default_rng(1)))
     q = easy_targets(cell, 4)
     q[1, 4] = 0.0
     q[3, 0] = 4.0

@@ -237,7 +237,7 @@ def test_every_format_says_what_it_leaves_out_and_what_stayed_nominal(
     text = exported(result, to)
     if to == "json":
         data = json.loads(text)
-        assert any("lost_motion" in line for line in data["not_in_rows"])
+        assert any("gear_backlash" in line for line in data["not_in_rows"])
         assert data["parameters"]["rd1"]["identified"] is False
         assert data["parameters"]["rd1"]["reason"] == "gauge -- held"
         assert data["parameters"]["ra2"]["sigma"] == 2e-6

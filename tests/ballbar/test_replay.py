@@ -96,7 +96,7 @@ def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
         recording.ballbar_log,
         samples=300,
         progress=log.progress,
-        watch=log.watch,
+        on_iteration=log.on_iteration,
     )
     comparison = identification_against_truth(found, simulation.truth)
     limits = (

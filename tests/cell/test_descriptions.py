@@ -198,7 +198,7 @@ def test_the_urdf_of_the_nj220_and_our_dh_rows_are_the_same_machine() -> None:
     np.testing.assert_allclose(
         origins[7], ours.tip[:, 0], atol=3.1e-4
     )  # the URDF has 0.105 + 1.0203 m for 1.125 m
-    senses = [
+    directions = [
         -1.0,
         1.0,
         -1.0,
@@ -206,12 +206,12 @@ def test_the_urdf_of_the_nj220_and_our_dh_rows_are_the_same_machine() -> None:
         1.0,
         -1.0,
     ]  # thesis App. A: sign of each logged angle against the DH angle
-    for joint, sense in enumerate(senses):
+    for joint, sense in enumerate(directions):
         axis = rotations[joint + 1][:, 2]
         np.testing.assert_allclose(sense * axis, ours.z[joint, :, 0], atol=1e-15)
         apart = np.cross(origins[joint + 1] - ours.origin[joint, :, 0], axis)
         assert np.linalg.norm(apart) < 3.1e-4  # the two axes are one line
-    np.testing.assert_allclose(np.diag(robot.controller_to_joint), senses)
+    np.testing.assert_allclose(np.diag(robot.controller_to_joint), directions)
 
 
 def test_the_nj220_mass_properties_are_those_of_the_urdf_seen_from_the_base() -> None:

@@ -12,7 +12,7 @@ from cell.files import write_yaml
 from cell.geometry import NAMES, Geometry
 from ident.corrections import CORRECTIONS
 
-GEARS = ("joint_compliance", "lost_motion", "gear_ripple")
+GEARS = ("joint_compliance", "gear_backlash", "gear_ripple")
 
 
 def corrections_of(
@@ -28,7 +28,7 @@ def corrections_of(
                 "sigma": 0.1 * c.sigma,
                 "prior": c.mean,
                 "prior_sigma": c.sigma,
-                "by_data": 0.9,
+                "information_gain": 0.9,
                 "unit": c.unit,
             }
             for c in made
@@ -70,7 +70,7 @@ def write_calibration_of(
             "cost": "ml",
             "parameters": parameters,
             "dropped": [{"name": name, "reason": "gauge -- held"} for name in left],
-            "senses": {f"b{j}": 1 for j in (1, 2, 4, 5)},
+            "directions": {f"b{j}": 1 for j in (1, 2, 4, 5)},
             "corrections": dict(corrections or {}),
             "noise": {"joint_rad": [1e-5] * 6, "encoder_rad": {"b1": 1e-5}, "rod_m": 1e-6},
             "fit": fit,

@@ -64,7 +64,7 @@ def test_any_number_of_encoders_goes_through_the_same_code(
     tmp_path: Path, fitted: tuple[int, ...], parameters: int, tcp_mm: float
 ) -> None:
     """Errors against the truth after 60 s; without encoders one path on a sphere says little, so its bound is wider."""
-    encoders = {"fitted": fitted, "noise_sigma_rad": 1e-5, "senses": "unknown"}
+    encoders = {"fitted": fitted, "noise_sigma_rad": 1e-5, "directions": "unknown"}
     recorded = record(
         tmp_path / "recording", plant={"kind": "kinematic"}, encoders=encoders, seed=5
     )

@@ -13,9 +13,9 @@ from cell.chain import Array
 from cell.descriptions import load_cell
 from cell.geometry import nominal_geometry
 from ident.corrections import CORRECTIONS
-from ident.estimator.events import find_event
+from ident.estimator.events import find_step_fault
 from ident.estimator.joint_fit import (
-    Excess,
+    ExcessNoise,
     JointFit,
     Model,
     Track,
@@ -37,7 +37,7 @@ from tests.ident.test_identify import SCENARIOS
 ENCODERS = (1, 2, 4, 5)
 CELL = load_cell("irb2400", "lund_600", "plate_250")
 NOMINAL = nominal_geometry(CELL, np.array([0.70, 0.0, 0.54]))
-EXCESS = Excess(3e-6, 3e-6, 5e-6, 1e-6)
+EXCESS = ExcessNoise(3e-6, 3e-6, 5e-6, 1e-6)
 
 
 def smooth(t: Array, values: Array) -> SmoothLog:
@@ -151,7 +151,7 @@ def test_a_jump_of_an_encoder_is_found_where_it_is(model: tuple[Model, Array, Ar
     period = 2.0 * np.pi / 3600
     jumped = bar.copy()
     jumped[made.tracks[0].times >= 40.0, 3] += period
-    event = find_event(minimise(made, x, [jumped], EXCESS))
+    event = find_step_fault(minimise(made, x, [jumped], EXCESS))
     assert event is not None
     assert (event.kind, event.joint) == ("encoder", 4)
     assert event.time == pytest.approx(40.0, abs=0.3)
@@ -160,7 +160,7 @@ def test_a_jump_of_an_encoder_is_found_where_it_is(model: tuple[Model, Array, Ar
 
 def test_a_fit_without_a_jump_has_no_event(model: tuple[Model, Array, Array]) -> None:
     made, x, bar = model
-    assert find_event(minimise(made, x, [bar], EXCESS)) is None
+    assert find_step_fault(minimise(made, x, [bar], EXCESS)) is None
 
 
 def test_white_influence_is_not_widened_and_slow_influence_is() -> None:
@@ -183,8 +183,8 @@ def test_covariance_keeps_the_prior_where_the_data_are_silent(
     fit: JointFit = minimise(made, x, [bar], EXCESS)
     trust = uncertainty(fit)
     sigma = np.sqrt(np.diag(trust.covariance))
-    i = made.unknowns.names.index("play3")  # the forearm's load never reverses on this path
-    assert trust.told_by_data[i] < 0.5
+    i = made.unknowns.names.index("backlash3")  # the forearm's load never reverses on this path
+    assert trust.information_gain[i] < 0.5
     assert sigma[i] == pytest.approx(made.unknowns.sigma[i], rel=0.35)
     assert (np.linalg.eigvalsh(trust.covariance / np.outer(sigma, sigma)) > -1e-9).all()
 

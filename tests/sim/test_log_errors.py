@@ -32,7 +32,7 @@ from cell.geometry import (
     nominal_geometry,
     robot_frames,
 )
-from cell.inverse import pose_mismatch
+from cell.inverse import pose_error
 from cell.logs import segment_starts
 from cell.strict_yaml import load_model
 from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BASE_TILT, THESIS_3_1, true_geometry
@@ -582,7 +582,7 @@ def test_logs_close_the_loop_only_with_the_deviations_of_each_static_source(
 def _closure(geometry: Geometry, q: Array, b: Array) -> Array:
     """(6, K) [m, rad] mismatch of both sides at joint angles (K, 6) and encoder angles (K, 5) [rad]."""
     bar = bar_frames(geometry, b)
-    return pose_mismatch(bar.rotation(), bar.tip, robot_frames(geometry, q))
+    return pose_error(bar.rotation(), bar.tip, robot_frames(geometry, q))
 
 
 def _angle(run: Run, joint: int) -> Array:
@@ -597,7 +597,7 @@ def _angle(run: Run, joint: int) -> Array:
 
 NOISY: dict[str, dict[str, Any]] = {
     "errors": {"static": {"sigma_m": 1e-3, "sigma_rad": 1e-3}, **NOISE},
-    "encoders": {"noise_sigma_rad": 1e-5, "senses": "unknown"},
+    "encoders": {"noise_sigma_rad": 1e-5, "directions": "unknown"},
     "clocks": OVERRUNS,
 }
 SENSORS: dict[str, Any] = {
@@ -666,7 +666,7 @@ def test_an_encoder_error_changes_nothing_but_its_own_encoders(
             assert (difference == 0.0).all()
             continue
         t, true = run.bar_time(), run.error(joint)[0]
-        added = run.truth.senses[f"b{joint}"] * (effects.read_angle(true, t) - true)
+        added = run.truth.directions[f"b{joint}"] * (effects.read_angle(true, t) - true)
         added += (
             run.description["encoders"][f"b{joint}"]["sign"] * effects.periods(t) * 4096 * COUNT
         )
@@ -744,7 +744,7 @@ def test_a_wandering_clock_keeps_overruns_and_encoder_noise(plain: Run, tmp_path
     assert run.truth.logs.clock_wander is not None
     moved = run.truth.logs.clock_wander.at(run.ballbar()[:rows] * 1e-9)
     for joint in range(1, 6):
-        sense = run.truth.senses[f"b{joint}"]
+        sense = run.truth.directions[f"b{joint}"]
         true = run.motion.at(run.bar_time()[:rows] + moved)[1][:, joint - 1]
         noise = sense * run.encoder(joint)[:rows] - (true - true[0])
         assert noise == pytest.approx(

@@ -20,7 +20,7 @@ from scipy.optimize import curve_fit
 from cell.chain import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
-from cell.inverse import pose_mismatch
+from cell.inverse import pose_error
 from sim.logging.load_logs import (
     ForceSensor,
     LoadLogs,
@@ -159,7 +159,7 @@ def test_a_robot_with_a_spread_of_stiffnesses_has_those_that_its_truth_states(
 
 def test_stiffness_and_lost_motion_spread_as_asked_from_robot_to_robot(cell: Cell) -> None:
     asked = PlantErrors.model_validate(
-        {"joint_compliance": {"spread": 0.3}, "lost_motion": {"spread": 0.2}}
+        {"joint_compliance": {"spread": 0.3}, "gear_backlash": {"spread": 0.2}}
     )
     drawn = [
         plant_effects(asked, cell, seed) for seed in range(8000)
@@ -171,7 +171,7 @@ def test_stiffness_and_lost_motion_spread_as_asked_from_robot_to_robot(cell: Cel
             if e.gear_stiffness is not None
         ]
     )
-    width = np.log([2.0 * e.gear_slack / cell.robot.gears.lost_motion for e in drawn])
+    width = np.log([2.0 * e.gear_backlash / cell.robot.gears.lost_motion for e in drawn])
     assert stiffness.std() == pytest.approx(0.3, rel=WITHIN)
     assert width.std() == pytest.approx(0.2, rel=WITHIN)
     assert abs(np.corrcoef(stiffness.ravel(), width.ravel())[0, 1]) < 0.02
@@ -180,7 +180,7 @@ def test_stiffness_and_lost_motion_spread_as_asked_from_robot_to_robot(cell: Cel
 def test_a_gear_with_play_jumps_by_the_asked_width_where_its_load_changes_sign(
     tmp_path: Path,
 ) -> None:
-    errors = {"joint_compliance": {"scale": 0.3}, "lost_motion": {"scale": 0.9}}
+    errors = {"joint_compliance": {"scale": 0.3}, "gear_backlash": {"scale": 0.9}}
     logs = run(tmp_path, plant=SAGGING, errors=errors)
     (deflection, speed, rotor), asked = springs(logs), 0.9 * logs.cell.robot.gears.lost_motion
     for i in range(6):  # gears 3 and 5 are never unloaded: their line misses zero by half the width
@@ -195,7 +195,7 @@ def test_a_gear_with_play_jumps_by_the_asked_width_where_its_load_changes_sign(
 def test_a_gear_with_hysteresis_lags_by_the_asked_width_between_loading_and_unloading(
     tmp_path: Path,
 ) -> None:
-    errors = {"joint_compliance": {"scale": 0.3}, "lost_motion": {"kind": "hysteresis"}}
+    errors = {"joint_compliance": {"scale": 0.3}, "gear_backlash": {"kind": "hysteresis"}}
     logs = run(tmp_path, plant=SAGGING, errors=errors)
     (deflection, speed, rotor), asked = springs(logs), logs.cell.robot.gears.lost_motion
     for i in range(6):
@@ -416,7 +416,7 @@ def test_the_plate_bends_under_the_balls_force_by_10_or_60_micrometres_at_100_ne
     )
     robot, load = logs.shown_robot, logs.on_tool
     bent = np.sum((logs.tip - robot.tip) * robot.z[-1], axis=0)
-    tilted = np.sum(pose_mismatch(logs.bar.rotation(), logs.tip, robot)[3:] * robot.y[-1], axis=0)
+    tilted = np.sum(pose_error(logs.bar.rotation(), logs.tip, robot)[3:] * robot.y[-1], axis=0)
     assert np.ptp(load[2]) > 80.0
     # A cantilever of length L under a force F and a moment M at its tip gives way by F / k + 3 M / (2 k L) and tilts by 3 F / (2 k L),
     # and so does the plant's hinge; the tilt of M alone is the hinge's, 9 M / (4 k L^2), of a moment below 0.3 N m.
@@ -632,12 +632,12 @@ EFFECTS: dict[str, dict[str, Any]] = {
 }
 PLAY = {
     "joint_compliance": {"spread": 0.3},
-    "lost_motion": {"spread": 0.3},
+    "gear_backlash": {"spread": 0.3},
 }  # play needs the spring
 LOGS: dict[str, dict[str, Any]] = {"torque": {}, "force_sensor": {}}
 OWN_STREAMS = {
     "joint_compliance": {"joint_compliance"},
-    "lost_motion": {"lost_motion"},
+    "gear_backlash": {"lost_motion"},
     "transmission_error": {"transmission_error"},
     "cycloid_ripple": {"cycloid_ripple"},
     "sinusoidal_gear_error": {"sinusoidal_gear_error"},
@@ -714,12 +714,16 @@ def assert_same(some: Draws, others: Draws, sources: set[int]) -> None:
             assert one.tobytes() == other.tobytes()
 
 
-@pytest.mark.parametrize("source", [*EFFECTS, "lost_motion", *LOGS])
+@pytest.mark.parametrize("source", [*EFFECTS, "gear_backlash", *LOGS])
 def test_a_plant_effect_or_load_log_draws_from_its_own_stream_only(
     source: str, plain: tuple[Draws, Path], everything: Draws, tmp_path: Path
 ) -> None:
     errors = (
-        PLAY if source == "lost_motion" else {source: EFFECTS[source]} if source in EFFECTS else {}
+        PLAY
+        if source == "gear_backlash"
+        else {source: EFFECTS[source]}
+        if source in EFFECTS
+        else {}
     )
     alone = draws(tmp_path, errors, {source: LOGS[source]} if source in LOGS else {})
     before, after = set(plain[0]), set(alone)
@@ -780,15 +784,17 @@ def test_the_kinematic_plant_refuses_to_log_forces(log: str) -> None:
 
 @pytest.mark.parametrize("kind", ["kinematic", "mujoco"])
 def test_play_in_rigid_gears_is_refused(kind: str) -> None:
-    with pytest.raises(InputError, match=r"errors.lost_motion: needs joint_compliance beside it"):
-        simulate(settings(plant={"kind": kind}, errors={"lost_motion": {}}), relative_to=SCENARIOS)
+    with pytest.raises(InputError, match=r"errors.gear_backlash: needs joint_compliance beside it"):
+        simulate(
+            settings(plant={"kind": kind}, errors={"gear_backlash": {}}), relative_to=SCENARIOS
+        )
 
 
 @pytest.mark.parametrize(
     ("errors", "words"),
     [
         ({"joint_compliance": {"scale": 0.0}}, "errors.joint_compliance.scale"),
-        ({"lost_motion": {"kind": "backlash"}}, "errors.lost_motion.kind"),
+        ({"gear_backlash": {"kind": "backlash"}}, "errors.gear_backlash.kind"),
         ({"cycloid_ripple": {"axes": [0]}}, "errors.cycloid_ripple.axes"),
         ({"plate_bending": {"stiffness": 1e7}}, "errors.plate_bending.stiffness"),
     ],

@@ -30,7 +30,7 @@ GEARS = (
         of_machine=("N m/rad", lambda cell: cell.robot.gears.stiffness),
     ),
     Source(
-        "errors.lost_motion",
+        "errors.gear_backlash",
         "Total width w. Dead band: `L = K (e - clip(e, -w/2, w/2))`. Hysteresis: beside `K e` a friction element, "
         f"{HYSTERESIS_STIFFNESS:g} times as stiff, that slips at `K w/2`.",
         "Plant: spring of the gear. Not without `joint_compliance`.",
@@ -42,9 +42,9 @@ GEARS = (
             signals.behind_gear_urad(2),
             ("torque of axis 2 [N m]", "joint - log, change [urad]"),
             {
-                "dead_band": {"errors": {"joint_compliance": {}, "lost_motion": {}}},
+                "dead_band": {"errors": {"joint_compliance": {}, "gear_backlash": {}}},
                 "hysteresis": {
-                    "errors": {"joint_compliance": {}, "lost_motion": {"kind": "hysteresis"}}
+                    "errors": {"joint_compliance": {}, "gear_backlash": {"kind": "hysteresis"}}
                 },
             },
             error("joint_compliance"),

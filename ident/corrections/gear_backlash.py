@@ -8,14 +8,14 @@ from ident.corrections.base import GEAR, Coefficient, Correction, sign_slope
 SPREAD = 1.0  # of the catalogue width
 
 
-def lost_motion(cell: Cell, joints: tuple[int, ...]) -> Correction:
+def gear_backlash(cell: Cell, joints: tuple[int, ...]) -> Correction:
     """Half the width of each gear's dead band [rad]."""
     half = 0.5 * cell.robot.gears.lost_motion
     return Correction(
-        "lost_motion",
+        "gear_backlash",
         "play of the gears",
         tuple(
-            Coefficient(f"play{i + 1}", "rad", float(h), SPREAD * float(h), GEAR + i)
+            Coefficient(f"backlash{i + 1}", "rad", float(h), SPREAD * float(h), GEAR + i)
             for i, h in enumerate(half)
         ),
         lambda state: list(-state.load_sign()),
