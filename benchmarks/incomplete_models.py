@@ -2,7 +2,7 @@
 
     python -m benchmarks.incomplete_models          # one IRB 2400, everything on, two paths, torque; three minutes
 
-Each correction left out in turn, wrong gear harmonics (identification_facts sec. 6), a thin plate, jittering stamps, and what no
+Each correction left out in turn, wrong gear harmonics (notes/identification sec. 6), a thin plate, jittering stamps, and what no
 data can show. Writes docs/studies/incomplete_models.csv.
 """
 

@@ -122,7 +122,7 @@ def mirrored(geometry: Geometry, joint: int) -> Geometry:
 
     The directions of b2 and b4 are one gauge with the configuration of gimbal and cardan: for every reading
     `(-e_j, e_others)` of the mirrored geometry gives the pose that `(e_j, e_others)` gave before, exactly, for an imperfect
-    ball-bar too (start_recipe, "Signs and configuration").
+    ball-bar too (notes/start, "Signs and configuration").
     """
     if joint not in (2, 4):
         raise ValueError(f"joint {joint}: only b2 and b4 have a sense that cannot be seen")

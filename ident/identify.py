@@ -41,7 +41,7 @@ from ident.verdict import STRAINED, Evidence, Verdict, judge
 WIDEST_KNOT_SPACING = 0.08  # [s] a robot's motion below 3 Hz; finer where the residual asks for it (ident.signals.smooth_log)
 ROD_SIGMA_START = 2e-6  # [m] 55 N on 2.7e7 N/m, until the residuals say better
 DEFAULT_SAMPLES = 1500  # thesis sec. 3.5
-COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (identification_facts sec. 2)
+COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 MOSTLY_PRIOR = 0.5  # share of an unknown's knowledge below which it is said to stand at its prior
 
 ModelName = Literal["auto", "dh", "complete"]

@@ -26,7 +26,7 @@ from sim.errors.static_errors import THESIS_3_1
 
 CREEP = 1e-3  # [rad/s] speed at which friction has most of its size
 DRAWS = 8  # robots whose force is predicted
-ERROR = 1e-3  # [m, rad] standard deviation of each parameter (physical_parameters.yaml, geometric_error_prior)
+ERROR = 1e-3  # [m, rad] standard deviation of each parameter (notes/parameters, geometric_error_prior)
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ from sim.simulate import lissajous
 
 COVERED_WITHIN = np.radians(
     10.0
-)  # of the path, by which a point of the sphere counts as covered (mujoco_facts sec. 10)
+)  # of the path, by which a point of the sphere counts as covered (notes/mujoco sec. 10)
 SPHERE_POINTS = 2000
 
 

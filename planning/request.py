@@ -99,7 +99,7 @@ class PlanSensors(Strict):
     )
     encoder_sigma_rad: Positive = Field(
         1.0e-5,
-        description="Of a sample: sub-divisional error, noise (physical_parameters.yaml, 12 urad).",
+        description="Of a sample: sub-divisional error, noise (notes/parameters, 12 urad).",
     )
     encoder_noise_sigma_rad: Positive = Field(2.0e-6, description="White, of a row.")
     ballbar_rate_hz: Positive = Field(100.0, description="Thesis sec. 4.6.")
@@ -139,7 +139,7 @@ class PlanLimits(Strict):
     )
     force_N: Positive = Field(
         200.0,
-        description="In the rod under soft servo, for robots of 1 mm, 1 mrad (physical_parameters.yaml: peaks of 226 N in the thesis).",
+        description="In the rod under soft servo, for robots of 1 mm, 1 mrad (notes/parameters: peaks of 226 N in the thesis).",
     )
     clearance_m: Positive = Field(
         0.03, description="Between capsules of robot, plate, rod and everything else."

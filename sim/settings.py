@@ -146,7 +146,7 @@ class StaticErrors(Strict):
 
 
 class BallbarAxes(Strict):
-    """Axes of gimbal and cardan that pass each other and are not square: drawn (physical_parameters.yaml, joints_mechanical)."""
+    """Axes of gimbal and cardan that pass each other and are not square: drawn (notes/parameters, joints_mechanical)."""
 
     sigma_m: Annotated[float, Field(ge=0.0)] = Field(
         5.0e-6, description="Standard deviation of the intersection offsets."
@@ -157,7 +157,7 @@ class BallbarAxes(Strict):
 
 
 class BaseTilt(Strict):
-    """The ball-bar's base does not stand parallel to the robot's: two drawn angles (physical_parameters.yaml, base)."""
+    """The ball-bar's base does not stand parallel to the robot's: two drawn angles (notes/parameters, base)."""
 
     sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
         1.0e-3, description="Standard deviation about x and about y."

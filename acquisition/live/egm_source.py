@@ -19,7 +19,7 @@ from cell.recording import SourceName
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 6510  # ABB's for UdpUc devices
-SILENCE = 2.0  # [s] without a message: the EGM session has ended; gaps of a running one reach 25 ms (log_formats sec. D)
+SILENCE = 2.0  # [s] without a message: the EGM session has ended; gaps of a running one reach 25 ms (notes/log_formats sec. D)
 _BUFFER = 1 << 22  # bytes for the kernel to hold: several seconds of messages
 _REORDERED = (
     10  # messages; a network may swap neighbours, a session that starts anew goes back further

@@ -12,7 +12,7 @@ AMPLITUDES = (
     6.0e-5,
     2.5e-5,
     8.0e-6,
-)  # [rad] expected, of 1, 2 and 3 cycles a turn (physical_parameters.yaml, encoder)
+)  # [rad] expected, of 1, 2 and 3 cycles a turn (notes/parameters, encoder)
 
 
 def encoder_harmonics(cell: Cell, joints: tuple[int, ...]) -> Correction:

@@ -1,7 +1,7 @@
 """Harmonic errors between motor log and gear output: transmission error by orders of the output, resolver by motor turns.
 
 The orders are those of the robot's file and the first two of each motor's turn; a wrong order is no use
-(identification_facts sec. 6: 40 taken as 41 leaves half of the error). Sine and cosine of each, phase unknown.
+(notes/identification sec. 6: 40 taken as 41 leaves half of the error). Sine and cosine of each, phase unknown.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from cell.chain import Array
 from cell.descriptions import Cell
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 
-RESOLVER = 1.5e-3  # [rad] at the motor, first and second harmonic of a turn (physical_parameters.yaml, resolver)
+RESOLVER = 1.5e-3  # [rad] at the motor, first and second harmonic of a turn (notes/parameters, resolver)
 
 
 def harmonic_orders(cell: Cell) -> list[tuple[int, float, float]]:

@@ -3,7 +3,7 @@
 Signed, whitened loop closure (ident.estimator.closure) of every recording, normal equations added up, priors of physical size,
 Gauss-Newton with backtracking on the posterior. Corrections displace gears, ball-bar joints, rod and plate; each
 coefficient's column is its carrier's own column times the signal it multiplies. Loads are frozen within an iteration but for
-their dependence on the tension of the rod, without which the steps oscillate (identification_facts sec. 6, trap 8).
+their dependence on the tension of the rod, without which the steps oscillate (notes/identification sec. 6, trap 8).
 """
 
 from __future__ import annotations

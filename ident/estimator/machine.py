@@ -2,7 +2,7 @@
 
 start and dh fit of each recording (ident.identify) -> tension of the rod from what was logged, or from geometry alone ->
 joint fit, noise levels, joint fit -> events -> corrections that the data do not support dropped -> honest covariance.
-Structure and measured guidance: identification_facts.
+Structure and measured guidance: notes/identification.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from ident.signals.smooth_log import SmoothLog
 from ident.signals.step_fault import StepFault
 
 ForceSource = Literal["auto", "none", "torque", "sensor"]
-KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (identification_facts sec. 4)
+KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (notes/identification sec. 4)
 DEVIATION = {
     "none": TENSION_PRIOR,
     "torque": 12.0,
@@ -54,7 +54,7 @@ CONTINUATION = (
     20.0,
     6.0,
     2.0,
-)  # noise and width of play, times; without a measured tension (identification_facts sec. 4)
+)  # noise and width of play, times; without a measured tension (notes/identification sec. 4)
 CONTINUED_ITERATIONS = 8
 FIRST_EXCESS = ExcessNoise(5e-6, 1e-5, 1e-5, 1e-6)
 NOISE_PASSES = 2  # fits with the noise levels of the one before

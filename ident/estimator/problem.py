@@ -186,4 +186,4 @@ def stepped(
 
 
 MAX_OFFSET_STEP = 3.0  # [s] a longer step leaves the region where the splines say anything
-MAX_SKEW = 2e-3  # [1] twenty times the worst free-running clock of log_formats
+MAX_SKEW = 2e-3  # [1] twenty times the worst free-running clock of notes/log_formats

@@ -20,19 +20,19 @@ from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry
 from ident.corrections.base import Correction
 from ident.estimator.problem import Clock
 
-LENGTH_PRIOR = 5e-3  # [m] deviation of a robot's length from its catalogue; the data say far more (identification_facts sec. 6)
+LENGTH_PRIOR = 5e-3  # [m] deviation of a robot's length from its catalogue; the data say far more (notes/identification sec. 6)
 ANGLE_PRIOR = 5e-3  # [rad] likewise
 PLACE_PRIOR = (
     1.0  # [m] where the ball-bar stands: the start has found it; this only keeps the steps finite
 )
-TILT_PRIOR = 3e-3  # [rad] of the ball-bar's base (physical_parameters.yaml, base: 1 mrad)
-AXIS_OFFSET_PRIOR = 5e-6  # [m] of gimbal and cardan (physical_parameters.yaml, joints_mechanical)
+TILT_PRIOR = 3e-3  # [rad] of the ball-bar's base (notes/parameters, base: 1 mrad)
+AXIS_OFFSET_PRIOR = 5e-6  # [m] of gimbal and cardan (notes/parameters, joints_mechanical)
 AXIS_ANGLE_PRIOR = 5e-5  # [rad] squareness, likewise
 ZERO_PRIOR = 1.0  # [rad]
 OFFSET_PRIOR, SKEW_PRIOR = 1.0, 1e-3  # [s], [1] around what the start has found
 STEP_PRIOR = 1.0  # [s] of a clock step
-GAIN_PRIOR = 0.03  # of a measured rod force: two gains of 2 % (identification_facts sec. 1)
-TENSION_PRIOR = 60.0  # [N] a knot of an unmeasured rod force (identification_facts sec. 4)
+GAIN_PRIOR = 0.03  # of a measured rod force: two gains of 2 % (notes/identification sec. 1)
+TENSION_PRIOR = 60.0  # [N] a knot of an unmeasured rod force (notes/identification sec. 4)
 FIXED = ("rd1", "rtheta1", "rd3", "ra6")
 PLACE = ("ox", "oy", "oz", "otx", "oty")
 

@@ -5,7 +5,7 @@
 `known` are the loads of the mass model without tension, `w` those per newton of it, `A` what the signal adds of its own:
 friction and gains of motor torques, biases and gains of a force sensor. F is eliminated sample by sample, theta follows by
 least squares with priors, F by weighted least squares. Motor torque near a reversal of its joint tells nothing: friction
-jumps there (identification_facts sec. 5).
+jumps there (notes/identification sec. 5).
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, robot_frames
 from ident.loads.gear_loads import Loads, mass_model, on_ballbar
 
-TORQUE_NOISE = np.array([2.0, 2.0, 2.0, 0.3, 0.3, 0.3])  # [N m] a row (identification_facts sec. 1)
+TORQUE_NOISE = np.array([2.0, 2.0, 2.0, 0.3, 0.3, 0.3])  # [N m] a row (notes/identification sec. 1)
 TORQUE_GAIN = 0.02  # likewise
 REVERSAL_SPEED = (
-    0.012  # [rad/s] below it friction may have either sign (identification_facts sec. 5)
+    0.012  # [rad/s] below it friction may have either sign (notes/identification sec. 5)
 )
 FRICTION_WIDTH = 2e-3  # [rad/s] over which the sign of a speed changes
 SENSOR_GAIN = 0.01

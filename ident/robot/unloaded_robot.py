@@ -19,7 +19,7 @@ from ident.loads.gear_loads import Loads, mass_model, own_weight
 
 UNDECIDED = np.array(
     [3.0, 3.0, 3.0, 0.15, 0.15, 0.15]
-)  # [N m] load under which play counts in the middle (identification_facts sec. 1)
+)  # [N m] load under which play counts in the middle (notes/identification sec. 1)
 
 
 def backlash_sides(load: Array) -> Array:

@@ -4,7 +4,7 @@ Unknown are the encoder zeros (over the full turn), the directions of rotation, 
 and the clock offset, whatever its size. The nominal robot gives the sphere on which the tool moves (ident.start.sphere); two
 encoders of a gimbal against the rod direction give offset, sign and zeros in one scan of all lags (ident.start.lag_scan). Several
 lags and branches are kept as hypotheses to the end, each is fitted, and what the fits explain decides: a first peak, or a
-first small residual, can be an alias of the motion. Algorithm and traps: start_recipe (measured on 500 draws).
+first small residual, can be an alias of the motion. Algorithm and traps: notes/start (measured on 500 draws).
 
 The directions of b2 and b4 cannot be seen (they are one gauge with the configuration) and stay as declared; those of b1, b3 and
 b5 can, and a disagreement with the declared ones is reported.

@@ -1,6 +1,6 @@
 """Error sources of clocks and loggers: what a scenario may ask for. What it does to the rows: sim.errors.wander, sim.logging.clocks, sim.logging.loggers.
 
-Sizes: log_formats sec. G; physical_parameters.yaml, logging. Times of events count from the start of the path.
+Sizes: notes/log_formats sec. G; notes/parameters, logging. Times of events count from the start of the path.
 """
 
 from __future__ import annotations

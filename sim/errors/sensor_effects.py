@@ -26,7 +26,7 @@ from sim.errors.sensor_errors import (
 )
 from sim.streams import stream
 
-# Signal frequency from which an EL5021 freezes low bits, by interpolation bits; +-15 % (log_formats A.3).
+# Signal frequency from which an EL5021 freezes low bits, by interpolation bits; +-15 % (notes/notes/log_formats sec. A.3).
 FREEZING_ONSET_HZ = {8: 9000.0, 9: 4500.0, 10: 2500.0, 11: 1500.0, 12: 750.0, 13: 650.0}
 
 

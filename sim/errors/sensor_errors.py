@@ -1,6 +1,6 @@
 """Error sources of encoders and resolvers: what a scenario may ask for. What it means for one sensor: sim.errors.sensor_effects.
 
-Sizes: physical_parameters.yaml, encoder_error_model and motor_position_sensor; shapes: Renishaw, The accuracy of rotary encoders.
+Sizes: notes/parameters, encoder_error_model and motor_position_sensor; shapes: Renishaw, The accuracy of rotary encoders.
 """
 
 from __future__ import annotations

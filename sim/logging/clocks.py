@@ -23,7 +23,7 @@ from sim.errors.wander import WanderCurve, wander_curve
 from sim.settings import ClockSettings
 from sim.streams import stream
 
-ROBOT_PERIOD = 0.004032  # [s] Lund ExtCtrl interface (log_formats sec. D)
+ROBOT_PERIOD = 0.004032  # [s] Lund ExtCtrl interface (notes/log_formats sec. D)
 TASK_NS = 5_000_000  # [ns] PLC task
 SAMPLE_TASKS = 2  # a line is written in one cycle and waited for in the next
 BAR_EPOCH_NS = 830_000_000_000_000_000  # [ns] a day in April 2026 in time since 2000

@@ -26,7 +26,7 @@ class TorqueLog(Strict):
     """Motor torques in the robot log, columns tau1..tau6."""
 
     noise_N_m: NotNegative = Field(
-        2.0, description="White, at the gear's output of axes 1-3 (identification_facts sec. 1)."
+        2.0, description="White, at the gear's output of axes 1-3 (notes/identification sec. 1)."
     )
     wrist_noise_N_m: NotNegative = Field(
         0.3, description="White, at the gear's output of axes 4-6."
@@ -43,7 +43,7 @@ class ForceSensor(Strict):
         500.0, description="Rows a second."
     )
     noise_N: NotNegative = Field(
-        1.0, description="White, each force (identification_facts sec. 1)."
+        1.0, description="White, each force (notes/identification sec. 1)."
     )
     noise_N_m: NotNegative = Field(0.1, description="White, each torque; assumed.")
     bias_N: NotNegative = Field(

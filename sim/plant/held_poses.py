@@ -61,7 +61,7 @@ def hold_poses(
     gains = cell.robot.servo[servo]
     model = free_robot_spec(cell, geometry, effects, gains, timestep=TIMESTEP).compile()
     model.site_sameframe[:] = (
-        0  # MuJoCo takes a site within 1e-6 of its body frame for identical (mujoco_facts sec. 7.1)
+        0  # MuJoCo takes a site within 1e-6 of its body frame for identical (notes/mujoco sec. 7.1)
     )
     parts = [
         _held(model, cell, geometry, effects, targets[k : k + BATCH], resolvers, gains.kp)

@@ -6,7 +6,7 @@ about its own z, so all parameters of all rows, errors included, enter as double
 Gear i turns a combination of joints (parallel rod, wrist couplings). Elastic gears: the rotor of motor i is a body of its own
 that turns by the gear's output angle (hinge `g`, the rotor's inertia seen at the output); servo, friction and ripple act on
 it, and a fixed tendon over the joints and the rotor is the gear's spring, damper and play. Rigid gears: no rotors; what a
-motor does acts on a fixed tendon over the joints. Recipes and their measurements: mujoco_facts secs. 1, 2, 4, 8, 11.
+motor does acts on a fixed tendon over the joints. Recipes and their measurements: notes/mujoco secs. 1, 2, 4, 8, 11.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from cell.descriptions import Cell, Link, ServoGains
 from cell.geometry import BAR_ROWS, ROBOT_ROWS, Geometry
 from sim.plant.effects import PlantEffects
 
-WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (mujoco_facts sec. 2)
+WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (notes/mujoco sec. 2)
 WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 SOLVER_TOLERANCE = 1e-4  # of the implicit solve; from 1e-3 down to 1e-14 no coordinate of 60 s moves by more than 1e-13
-PASSIVE = 16  # dcmotor without a control input: mjtCtrlSpec "none" (mujoco_facts sec. 4)
+PASSIVE = 16  # dcmotor without a control input: mjtCtrlSpec "none" (notes/mujoco sec. 4)
 BRISTLE_TRAVEL = (
     2e-5  # [rad] shortest pre-sliding of the friction model: below the gears' lost motion
 )
@@ -85,7 +85,7 @@ def plant_model(
     """The compiled model of a cell with the given true geometry. Raises ValueError when MuJoCo refuses it."""
     model = plant_spec(cell, geometry, effects, gains, timestep=timestep).compile()
     model.site_sameframe[:] = (
-        0  # MuJoCo takes a site within 1e-6 of its body frame for identical (mujoco_facts sec. 7.1)
+        0  # MuJoCo takes a site within 1e-6 of its body frame for identical (notes/mujoco sec. 7.1)
     )
     names = {model.joint(i).name: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
 
@@ -181,7 +181,7 @@ def plate_hinge_stiffness(length: float, tip_stiffness: float) -> float:
 def _add_bending_plate(
     flange: mujoco.MjsBody, tool: tuple[Array, Array], length: float, tip_stiffness: float
 ) -> None:
-    """The tool on a hinge about the plate's y, two thirds of its length before the tool (mujoco_facts sec. 1)."""
+    """The tool on a hinge about the plate's y, two thirds of its length before the tool (notes/mujoco sec. 1)."""
     arm = np.array([2.0 * length / 3.0, 0.0, 0.0])
     tip = flange.add_body(name="plate_tip", pos=tool[1] - tool[0] @ arm, quat=_quat_wxyz(tool[0]))
     tip.mass, tip.inertia, tip.explicitinertial = 1e-9, [1e-9, 1e-9, 1e-9], True

@@ -185,7 +185,7 @@ def test_a_joint_calibration_comes_near_the_truth(together: Together) -> None:
     mean = re.search(r"TCP error over the workspace: mean ([\d.]+) mm", said)
     assert mean
     assert float(mean[1]) < 0.03, (
-        "the goal for two paths (identification_facts sec. 0); nominal: 2.7"
+        "the goal for two paths (notes/identification sec. 0); nominal: 2.7"
     )
 
 
@@ -252,7 +252,7 @@ def test_a_tenth_of_a_millimetre_or_milliradian_is_too_much_for_a_held_out_recor
 
 @pytest.mark.slow
 def test_what_one_path_leaves_open_is_expected_on_another_and_no_misfit(together: Together) -> None:
-    """Play whose load never reversed (identification_facts sec. 6, trap 4): far above noise, but stated."""
+    """Play whose load never reversed (notes/identification sec. 6, trap 4): far above noise, but stated."""
     (alone,) = identify_recordings(
         [together.a], settings=IdentifySettings(samples=500), progress=quiet
     ).fitted
