@@ -18,13 +18,13 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
 from cell.chain import Array
+from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
 from ident.estimator.joint_fit import ExcessNoise, Model, Point, Track, linearise
 from ident.estimator.machine import FIRST_EXCESS, tension_splines
-from ident.estimator.problem import Clock
 from ident.estimator.sampling import REST_KEPT
 from ident.estimator.unknowns import RecordingShape, Unknowns, unknowns
 from ident.identify import DEFAULT_SAMPLES, WIDEST_KNOT_SPACING

@@ -123,7 +123,7 @@ def _bar_angles(result: Identification, log: BallBarLog | None, t: Array, q: Arr
     follows = complete_bar_angles(result.geometry, q, np.zeros((t.size, 0)), ())
     if log is None or result.clock is None:
         return follows
-    t_bar = (t - result.clock.offset) / (1.0 + result.clock.skew)
+    t_bar = result.clock.ballbar_time(t)
     angles = log.angles * np.array(result.signs)
     measured = np.stack([np.interp(t_bar, log.t, column) for column in angles.T], axis=1)
     completed = complete_bar_angles(result.geometry, q, measured, log.joints)

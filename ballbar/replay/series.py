@@ -131,7 +131,7 @@ def _clock_series(data: RunData, t: Array) -> dict[str, Series]:
     clock = data.identification.clock
     if clock is None:
         return {}
-    found = t - (t - clock.offset) / (1.0 + clock.skew)
+    found = t - clock.ballbar_time(t)
     series = {CLOCK_FOUND: Series(t, found[:, None] * 1e3, ["identified"], [GREEN])}
     if data.simulation is None:
         return series

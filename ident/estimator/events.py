@@ -65,7 +65,7 @@ def step_faults_in_logs(
         )
     for one in robot.breaks:
         if one.channel is None:
-            time = (one.time - clock.offset) / (1.0 + clock.skew)
+            time = clock.ballbar_time(one.time)
             found.append(StepFault(recording, "clock", 0, time, -one.size, removed=-one.size))
     return tuple(found)
 
@@ -137,7 +137,7 @@ def _at_a_stamp(
         late = np.diff(log.stamps) - log.row_period
         middle = 0.5 * (log.stamps[1:] + log.stamps[:-1])
         if log is track.robot:
-            middle = (middle - clock.offset) / (1.0 + clock.skew)
+            middle = clock.ballbar_time(middle)
         margin = log.row_period + float(np.median(np.diff(track.times)))
         off = np.where(
             (middle > within[0] - margin) & (middle < within[1] + margin),

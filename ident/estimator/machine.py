@@ -363,8 +363,7 @@ def _torque_tension(cell: Cell, recording: Prepared) -> Array:
     blocks = log.t.size // rows
     middle = recording.robot.stamps[: blocks * rows].reshape(blocks, rows).mean(axis=1)
     torque = log.torque[: blocks * rows].reshape(blocks, rows, 6).mean(axis=1)
-    clock = recording.clock
-    t = (middle - clock.offset) / (1.0 + clock.skew)
+    t = recording.clock.ballbar_time(middle)
     inside = (t > recording.times[0] - 1.0) & (t < recording.times[-1] + 1.0)
     if recording.bar is not None:
         inside &= (t > recording.bar.start) & (t < recording.bar.end)

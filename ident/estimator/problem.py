@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.chain import Array, joint_screws
+from cell.clock import Clock as Clock
 from cell.geometry import BAR_ROWS, PARAMETERS, Geometry
 from ident.estimator.closure import (
     Closure,
@@ -24,26 +25,7 @@ from ident.estimator.closure import (
 )
 from ident.signals.smooth_log import SmoothLog
 
-ALIKE_OFFSET, ALIKE_SKEW = 2e-5, 1e-7  # [s], [1]
 FREE_JOINT_STEPS = 2  # Gauss-Newton steps for the joints without encoder at each linearisation; they converge quadratically
-
-
-@dataclass(frozen=True)
-class Clock:
-    """`t_robot = offset + (1 + skew) * t_bar`, both counted from the first row of their own log."""
-
-    offset: float  # [s]
-    skew: float  # [1]
-
-    def robot_time(self, t_bar: Array) -> Array:
-        return self.offset + (1.0 + self.skew) * t_bar
-
-    def alike(self, other: Clock) -> bool:
-        """Whether both show the same within what a ripple of the gears could notice."""
-        return (
-            abs(self.offset - other.offset) < ALIKE_OFFSET
-            and abs(self.skew - other.skew) < ALIKE_SKEW
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cell.chain import Array
-from ident.estimator.problem import Clock
+from cell.clock import Clock
 from ident.signals.smooth_log import SmoothLog
 
 MARGIN = 0.3  # [s] inside both logs, so that the clock may still move during the fit
@@ -17,8 +17,7 @@ def overlap(robot: SmoothLog, bar: SmoothLog | None, clock: Clock) -> tuple[floa
     """Start and end [s], on the ball-bar clock, of the stretch that both logs cover (empty: end before start)."""
     if bar is None:
         return robot.start, robot.end
-    first = (robot.start - clock.offset) / (1.0 + clock.skew)
-    last = (robot.end - clock.offset) / (1.0 + clock.skew)
+    first, last = clock.ballbar_time(robot.start), clock.ballbar_time(robot.end)
     return max(bar.start, first), min(bar.end, last)
 
 
