@@ -12,7 +12,9 @@ from cell.chain import Array
 from cell.descriptions import Cell
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 
-RESOLVER = 1.5e-3  # [rad] at the motor, first and second harmonic of a turn (notes/parameters, resolver)
+RESOLVER = (
+    1.5e-3  # [rad] at the motor, first and second harmonic of a turn (notes/parameters, resolver)
+)
 
 
 def harmonic_orders(cell: Cell) -> list[tuple[int, float, float]]:
