@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from cell.chain import Array
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
+from cell.load import load_cell
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import ReferencePath, reference_path
 from sim.plant.deflection import deflect

@@ -19,8 +19,9 @@ import numpy as np
 from mujoco import rollout
 
 from ballbar.scenario import load_scenario
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
+from cell.load import load_cell
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import ReferencePath, reference_path
 from sim.plant.effects import PlantEffects, PlantErrors, plant_effects

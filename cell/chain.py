@@ -15,9 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cell.arrays import Array as Array  # noqa: PLC0414  ident and ballbar import it from here
+from cell.arrays import read_only
+
 KINDS = ("a", "d", "alpha", "theta", "beta")
 
 
@@ -33,12 +34,11 @@ class Chain:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            values = np.array(getattr(self, field.name), dtype=np.float64)
+            values = read_only(getattr(self, field.name))
             if values.shape != np.shape(self.a) or values.ndim != 1:
                 raise ValueError(
                     f"chain: {field.name} has shape {values.shape}, a has {np.shape(self.a)}"
                 )
-            values.flags.writeable = False
             object.__setattr__(self, field.name, values)
 
     @property

@@ -6,10 +6,9 @@ Source: Murray, Li & Sastry 1994, sec. 2.2 (exponential, logarithm); Barfoot 201
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from cell.arrays import Array
 
 _SMALL = 1e-4  # [rad] below it the series is exact to rounding: next term is phi^4/360 ~ 3e-19
 _NEAR_HALF_TURN = 3.0  # [rad] beyond it the skew part loses the axis

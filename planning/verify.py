@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
-from cell.descriptions import Cell, joints_to_axes
+from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from cell.robot_angles import joints_to_axes
 from planning.candidate import Candidate
 from planning.clearance import Clearance, distances_along
 from planning.limits import arm_margins, from_singular

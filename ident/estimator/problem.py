@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.chain import Array, joint_screws
-from cell.clock import Clock as Clock
+from cell.clock import Clock as Clock  # noqa: PLC0414  the estimator imports it from here
 from cell.geometry import BAR_ROWS, PARAMETERS, Geometry
 from ident.estimator.closure import (
     Closure,

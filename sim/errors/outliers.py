@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.schema import Strict
 from sim.streams import stream
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.schema import Strict
 from sim.errors.sensor_errors import (
     AmplitudeError,

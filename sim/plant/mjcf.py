@@ -17,8 +17,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.arrays import Array
 from cell.bodies import bar_bodies, flange_on_link6, robot_bodies
-from cell.chain import Array, Chain, forward
+from cell.chain import Chain, forward
 from cell.descriptions import Cell, Link, ServoGains
 from cell.geometry import BAR_ROWS, ROBOT_ROWS, Geometry
 from sim.plant.effects import PlantEffects

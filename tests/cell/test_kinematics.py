@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cell.chain import KINDS, Chain, forward, screw
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import (
     NAMES,
     PARAMETERS,
@@ -22,6 +22,7 @@ from cell.geometry import (
     robot_frames,
 )
 from cell.inverse import UnreachableError, bar_angles, refine, robot_branches
+from cell.load import load_cell
 from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, rotvec_from_matrix
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import PlantModel, plant_model

@@ -13,9 +13,10 @@ from ballbar.scenario import load_scenario
 from benchmarks.plant_oracle import CELLS, EFFECTS, held_against_oracle
 from benchmarks.thesis_5_3 import pull_push
 from cell.chain import joint_screws, screw
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from cell.load import load_cell
 from planning.verify import plant_errors, set_without_strain
 from sim.errors.static_errors import true_geometry
 from sim.motion import CLOSURE_STRIDE
