@@ -162,3 +162,16 @@ def joint_screws(frames: Frames) -> Array:
     for i in range(rows):
         _write_screw(out[i], frames.z[i], frames.tip - frames.origin[i])
     return out
+
+
+def row_placements(chain: Chain) -> list[tuple[Array, Array]]:
+    """Pose of each row's frame at joint angle zero, in the frame that turns with its joint.
+
+    Returns J pairs of a rotation matrix (3, 3) and a translation (3,) [m].
+    """
+    out = []
+    for i in range(chain.rows):
+        row = Chain(*(getattr(chain, field.name)[i : i + 1] for field in fields(chain)))
+        frames = forward(row, np.zeros((1, 1)))
+        out.append((frames.rotation()[:, :, 0], frames.tip[:, 0]))
+    return out
