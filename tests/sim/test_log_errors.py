@@ -775,8 +775,8 @@ def test_lost_and_repeated_rows_leave_the_other_rows_as_they_were(
 
 
 def test_every_stream_of_random_numbers_has_one_user() -> None:
-    sources = "".join(file.read_text() for file in Path(sim.__path__[0]).glob("*.py"))
-    names = re.findall(r"stream\([\w.]+, f?\"([^\"]+)\"\)", sources)
+    sources = "".join(file.read_text() for file in Path(sim.__path__[0]).rglob("*.py"))
+    names = re.findall(r"stream\(\s*[\w.]+,\s*f?\"([^\"]+)\"\s*\)", sources)
     assert sorted(names) == sorted(set(names))
     assert {
         "clock_wander",
