@@ -18,10 +18,7 @@ from planning.candidate import Candidate
 from planning.clearance import Clearance, distances_along
 from planning.limits import arm_margins, from_singular
 from planning.request import PlanLimits, PlanRequest
-from sim.errors.static_errors import true_geometry
-from sim.motion import Motion
-from sim.path import reference_path
-from sim.plant.effects import (
+from sim.errors.plant_errors import (
     BarFriction,
     GearBacklash,
     GearFriction,
@@ -29,8 +26,11 @@ from sim.plant.effects import (
     PlateBending,
     RodBacklash,
     RodStrain,
-    plant_effects,
 )
+from sim.errors.static_errors import true_geometry
+from sim.motion import Motion
+from sim.path import reference_path
+from sim.plant.effects import plant_effects
 from sim.plant.mujoco_plant import run_plant
 from sim.settings import ErrorSettings, StaticErrors
 from sim.simulate import PATH_STEP
