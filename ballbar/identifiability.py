@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from acquisition import read_recording
 from ballbar.scenario import Scenario
-from cell.descriptions import load_cell
 from cell.errors import InputError
 from cell.geometry import (
     BAR_ROWS,
@@ -29,6 +28,7 @@ from cell.geometry import (
     nominal_geometry,
 )
 from cell.inverse import refine
+from cell.load import load_cell
 from ident.estimator.closure import (
     bar_joint_jacobian,
     close_loop,

@@ -21,10 +21,11 @@ import numpy as np
 
 from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
 from cell.chain import Array, Frames
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.files import write_whole
 from cell.geometry import Geometry, nominal_geometry, robot_frames
 from cell.inverse import pose_error
+from cell.load import load_cell
 from ident.corrections import CORRECTIONS
 from ident.corrections.gear_ripple import harmonic_orders
 from ident.identify import DEFAULT_SAMPLES, identify_together

@@ -26,8 +26,9 @@ from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
 from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
 from cell.chain import Array
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import Geometry
+from cell.load import load_cell
 from cell.threads import one_thread_each
 from ident.corrections import CORRECTIONS
 from ident.estimator.identifiability import candidates, identifiable

@@ -13,12 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from cell.chain import Array
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
+from cell.load import load_cell
+from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import ReferencePath, reference_path
 from sim.plant.deflection import deflect
-from sim.plant.effects import PlantEffects, PlantErrors, plant_effects
+from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.mjcf import plant_model
 from sim.plant.mujoco_plant import PlantRun, roll_out, state_at_rest
 from sim.plant.statics import rest

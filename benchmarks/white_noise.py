@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
 from cell.chain import Array
-from cell.descriptions import load_robot
 from cell.geometry import NAMES
+from cell.load import load_robot
 from ident.estimator.problem import Clock, NoiseModel, Problem
 from ident.estimator.sampling import MARGIN
 from ident.estimator.solver import solve

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeVar
 
-from cell.chain import Array
+from cell.arrays import Array
 
 Time = TypeVar("Time", float, Array)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import PARAMETERS, bar_frames, nominal_geometry, robot_frames

@@ -17,7 +17,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry

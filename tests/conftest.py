@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
+from cell.load import load_cell
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate, write_recording
 

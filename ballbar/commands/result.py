@@ -91,7 +91,7 @@ def compare_files(
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
     from ballbar.result.calibration import load_calibration
     from ballbar.result.compare import compare, compare_with_truth
-    from cell.descriptions import load_cell
+    from cell.load import load_cell
     from sim.truth import load_truth
 
     cell = load_cell(

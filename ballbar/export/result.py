@@ -10,9 +10,10 @@ from pathlib import Path
 
 from ballbar.result.calibration import Calibration, calibration_file, load_calibration
 from cell.chain import Chain
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import PARAMETERS, Parameter
+from cell.load import load_cell
 
 EFFECTS = {
     "joint_compliance": "elastic gears under the robot's own weight",

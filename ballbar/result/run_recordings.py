@@ -13,8 +13,8 @@ from pathlib import Path
 from acquisition import Recording, read_recording
 from ballbar.result.run_data import Joined, RunData, Validation
 from ballbar.scenario import IdentifySettings
-from cell.descriptions import load_cell
 from cell.errors import InputError
+from cell.load import load_cell
 from cell.recording import load_recording_file
 from ident.estimator.iteration import IterationCallback
 from ident.held_out import held_out

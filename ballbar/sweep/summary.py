@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from ballbar.sweep.file import LABEL, Changes
 from ballbar.sweep.part import FAILED
 from ballbar.sweep.plan import Plan, point_of
-from cell.descriptions import Array
+from cell.arrays import Array
 
 FIGURES = ("distance_mm_mrad", "tcp_mean_mm")  # those of a run that are summed up
 MAX_POINTS = 40  # of the grid; more would hide the rest

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from ballbar.run import recorded_log
 from ballbar.scenario import Scenario
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
+from cell.load import load_cell
 from ident.thesis.cost_fit import CostFit, fit_cost, identifiable_by
 from ident.thesis.cost_shift import fit_cost_with_shift
 from ident.thesis.costs import ENCODERS_NEEDED, CostName, cost_named

@@ -12,8 +12,9 @@ import yaml
 from acquisition import Recording, read_recording, report_lines
 from acquisition.flags import RowFlag
 from acquisition.formats.dialect import dialect_names, load_dialect
-from cell.descriptions import joints_to_axes, joints_to_motors, load_robot
 from cell.errors import DescriptionError, InputError, LogError
+from cell.load import load_robot
+from cell.robot_angles import joints_to_axes, joints_to_motors
 
 ROBOT = load_robot("irb2400")
 EPOCH = 1_100_000_000_000_000_003  # [ns]

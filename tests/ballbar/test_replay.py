@@ -30,9 +30,9 @@ from ballbar.result.iterations import IterationLog
 from ballbar.result.run_data import RunData
 from ballbar.scenario import load_scenario
 from cell.chain import Array, Frames
-from cell.descriptions import load_cell
 from cell.errors import InputError
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
+from cell.load import load_cell
 from ident.identify import identify
 from ident.robot.accuracy import accuracy_grid
 from sim.simulate import simulate, write_recording

@@ -16,9 +16,10 @@ from scipy.interpolate import CubicSpline
 
 from acquisition import read_recording
 from cell.chain import Array, Frames, cross, joint_screws
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine
+from cell.load import load_cell
 from sim.logging.load_logs import ForceSensor
 from sim.simulate import truth_path
 from sim.truth import load_truth

@@ -12,8 +12,8 @@ from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.compare import identification_against_truth
 from ballbar.run import identify_folder, run_scenario
 from ballbar.scenario import load_scenario
-from cell.descriptions import load_cell
 from cell.geometry import NAMES
+from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
 from ident import Identification, identify
 from ident.estimator.problem import Clock

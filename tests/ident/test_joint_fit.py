@@ -10,8 +10,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.sparse import csr_array
 
 from cell.chain import Array
-from cell.descriptions import load_cell
 from cell.geometry import nominal_geometry
+from cell.load import load_cell
 from ident.corrections import CORRECTIONS
 from ident.estimator.events import find_step_fault
 from ident.estimator.joint_fit import (

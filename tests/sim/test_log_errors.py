@@ -21,7 +21,6 @@ from scipy.interpolate import CubicSpline
 import sim
 from acquisition import Recording, read_recording
 from cell.chain import Array
-from cell.descriptions import joints_to_motors, load_cell, motors_to_joints
 from cell.errors import DescriptionError
 from cell.geometry import (
     INDEX,
@@ -33,7 +32,9 @@ from cell.geometry import (
     robot_frames,
 )
 from cell.inverse import pose_error
+from cell.load import load_cell
 from cell.logs import segment_starts
+from cell.robot_angles import joints_to_motors, motors_to_joints
 from cell.strict_yaml import load_model
 from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BASE_TILT, THESIS_3_1, true_geometry
 from sim.logging.loggers import chosen
@@ -774,8 +775,8 @@ def test_lost_and_repeated_rows_leave_the_other_rows_as_they_were(
 
 
 def test_every_stream_of_random_numbers_has_one_user() -> None:
-    sources = "".join(file.read_text() for file in Path(sim.__path__[0]).glob("*.py"))
-    names = re.findall(r"stream\([\w.]+, f?\"([^\"]+)\"\)", sources)
+    sources = "".join(file.read_text() for file in Path(sim.__path__[0]).rglob("*.py"))
+    names = re.findall(r"stream\(\s*[\w.]+,\s*f?\"([^\"]+)\"\s*\)", sources)
     assert sorted(names) == sorted(set(names))
     assert {
         "clock_wander",
