@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ballbar.run import recorded_log
 from ballbar.scenario import Scenario
+from ballbar.trial.recorded_path import recorded_log
 from cell.descriptions import Cell, load_cell
 from cell.geometry import Geometry, nominal_geometry
 from ident.thesis.cost_fit import CostFit, fit_cost, identifiable_by

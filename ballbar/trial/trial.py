@@ -19,9 +19,10 @@ from ballbar.result.compare import (
     compare_with_truth,
     identification_against_truth,
 )
+from ballbar.result.names import RECORDING
 from ballbar.result.run_recordings import identify_recordings
-from ballbar.run import RECORDING, recorded_log
 from ballbar.scenario import Scenario
+from ballbar.trial.recorded_path import recorded_log
 from ballbar.trial.sample_trial import (
     cost_parameters,
     fit_cost_to_samples,
