@@ -18,7 +18,7 @@ from ballbar.result.names import IMPORT_REPORT, RECORDING, REPORT
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import Progress, identify_recordings
 from ballbar.scenario import IdentifySettings, Scenario
-from ballbar.trial.recorded_path import recorded_log
+from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from cell.recording import load_recording_file
