@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from acquisition import Recording, read_recording
+from acquisition import Recording
 from ballbar.recordings.check import import_reports
 from ballbar.replay.live import LiveRun
 from ballbar.replay.show import REPLAY
@@ -14,20 +14,16 @@ from ballbar.report.page import write_report
 from ballbar.result.calibration import CALIBRATION, write_calibration
 from ballbar.result.compare import identification_against_truth, limits_of
 from ballbar.result.iterations import IterationLog
+from ballbar.result.names import IMPORT_REPORT, RECORDING, REPORT
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import Progress, identify_recordings
 from ballbar.scenario import IdentifySettings, Scenario
+from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
-from cell.logs import RobotLog
 from cell.recording import load_recording_file
 from ident.identify import DEFAULT_SAMPLES, Identification
-from sim.settings import PathSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
-
-RECORDING = "recording"
-REPORT = "report.html"
-IMPORT_REPORT = "import_report.json"
 
 OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY}
 
@@ -60,14 +56,6 @@ def simulate_scenario(
     progress("writing the device logs")
     write_recording(simulation, scenario, folder)
     return simulation
-
-
-def recorded_log(path: PathSettings, folder: Path) -> RobotLog | None:
-    """The robot's log of the recording that a scenario's path follows, if it follows one.
-
-    folder : of the scenario. Raises InputError for a recording that cannot be read.
-    """
-    return read_recording(folder / path.recording).robot_log if path.kind == "recorded" else None
 
 
 def claim_recording(folder: Path) -> None:

@@ -11,8 +11,9 @@ import yaml
 from pydantic import ValidationError
 
 from acquisition import read_recording
-from ballbar.run import recorded_log, run_scenario, simulate_scenario
+from ballbar.run import run_scenario, simulate_scenario
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.trial.nominal_path import recorded_log
 from ballbar.trial.sample_trial import trial_samples
 from ballbar.trial.trial import run_trial
 from cell.errors import InputError
