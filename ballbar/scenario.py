@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
+from ident.estimator.machine import ForceSource
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
 from ident.corrections import CORRECTIONS
-from ident.estimator.machine import ForceSource
 from ident.identify import ModelName
 from ident.thesis.costs import ENCODERS_NEEDED
 from sim.settings import SimulationSettings

@@ -20,7 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
-from cell.chain import Array, Frames
+from cell.arrays import Array
+from cell.chain import Frames
 from cell.descriptions import Cell
 from cell.files import write_whole
 from cell.geometry import Geometry, nominal_geometry, robot_frames

@@ -18,13 +18,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from ident.estimator.machine import ForceSource
 
 from acquisition import read_recording
 from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import Scenario, load_scenario
 from cell.descriptions import Cell
 from cell.files import write_whole
-from ident.estimator.machine import ForceSource
 from ident.identify import Identification, Logs, identify_together
 from sim.simulate import simulate, write_recording
 from sim.truth import Truth

@@ -19,23 +19,23 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from ident.estimator.joint_fit import JointFit, approach, minimise
+from ident.estimator.machine import FIRST_EXCESS, posed
+from ident.estimator.problem import Clock, Estimate, NoiseModel, Problem
+from ident.estimator.solver import Fit, solve
 from scipy.optimize import least_squares
 
 from acquisition import read_recording
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
 from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.load import load_cell
 from cell.threads import one_thread_each
 from ident.corrections import CORRECTIONS
 from ident.estimator.identifiability import candidates, identifiable
-from ident.estimator.joint_fit import JointFit, approach, minimise
-from ident.estimator.machine import FIRST_EXCESS, posed
-from ident.estimator.problem import Clock, Estimate, NoiseModel, Problem
-from ident.estimator.solver import Fit, solve
 from ident.identify import Logs, fit_alone
 from ident.thesis.paired_samples import through_samples
 
@@ -151,7 +151,7 @@ def corrected(folder: Path, count: int) -> tuple[float, int]:
 IDENTIFY = """
 import resource, sys
 from acquisition import read_recording
-from cell.descriptions import load_cell
+from cell.load import load_cell
 from ident.identify import identify
 read = read_recording(__import__("pathlib").Path(sys.argv[1]))
 cell = load_cell(read.description.robot, read.description.ballbar, read.description.plate)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
 from cell.load import load_cell

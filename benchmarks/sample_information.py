@@ -13,14 +13,14 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from ident.estimator.problem import Problem
+from ident.estimator.sampling import sample_times
+from ident.estimator.solver import Fit, solve
 
 from acquisition import read_recording
 from benchmarks.alignment_after_fit import SCENARIOS, settings
 from ident.estimator.identifiability import candidates
 from ident.estimator.noise import noise_from_logs
-from ident.estimator.problem import Problem
-from ident.estimator.sampling import sample_times
-from ident.estimator.solver import Fit, solve
 from ident.identify import ROD_SIGMA_START, WIDEST_KNOT_SPACING, Identification, identify
 from ident.robot.accuracy import accuracy_grid, tcp_sigma
 from ident.signals.smooth_log import smooth_log

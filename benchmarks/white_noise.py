@@ -14,16 +14,16 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from ident.estimator.problem import Clock, NoiseModel, Problem
+from ident.estimator.sampling import MARGIN
+from ident.estimator.solver import solve
 from numpy.typing import NDArray
 
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import NAMES
 from cell.load import load_robot
-from ident.estimator.problem import Clock, NoiseModel, Problem
-from ident.estimator.sampling import MARGIN
-from ident.estimator.solver import solve
 from ident.robot.accuracy import accuracy_grid, tcp_error, tcp_sigma
 from ident.thesis.paired_samples import fit_samples, through_samples
 from sim.kinematic_samples import KinematicSamples

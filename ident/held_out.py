@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from ident.complete_fit import (
     NEEDS_LOADS,
     Pose,

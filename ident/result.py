@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry

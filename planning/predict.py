@@ -12,6 +12,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from ident.estimator.joint_fit import ExcessNoise, Model, Point, Track, linearise
+from ident.estimator.machine import FIRST_EXCESS, tension_splines
+from ident.estimator.sampling import REST_KEPT
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.linalg import cho_factor, cho_solve
@@ -23,9 +26,6 @@ from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
-from ident.estimator.joint_fit import ExcessNoise, Model, Point, Track, linearise
-from ident.estimator.machine import FIRST_EXCESS, tension_splines
-from ident.estimator.sampling import REST_KEPT
 from ident.estimator.unknowns import RecordingShape, Unknowns, unknowns
 from ident.identify import DEFAULT_SAMPLES, WIDEST_KNOT_SPACING
 from ident.loads.gear_loads import MassModel, mass_model

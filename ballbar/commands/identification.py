@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from ident.estimator.machine import ForceSource
 from pydantic import ValidationError
 from rich.markup import escape
 
@@ -16,7 +17,6 @@ from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import claim_folder
 from ident.corrections import CORRECTIONS
-from ident.estimator.machine import ForceSource
 from ident.identify import DEFAULT_SAMPLES, ModelName
 
 commands = typer.Typer()

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.robot_angles import controller_to_joints, joints_to_axes

@@ -14,8 +14,9 @@ import numpy as np
 
 from ballbar.export.result import Result, notes
 from ballbar.export.tables import number
+from cell.arrays import Array
 from cell.bodies import carried_bodies
-from cell.chain import Array, Chain, row_placements
+from cell.chain import Chain, row_placements
 from cell.descriptions import Link, Robot
 from cell.rotation import quat_wxyz
 

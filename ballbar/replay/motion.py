@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ballbar.result.run_data import RunData
-from cell.chain import Array, Frames
+from cell.arrays import Array
+from cell.chain import Frames
 from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.logs import BallBarLog
 from ident.estimator.closure import complete_bar_angles

@@ -31,7 +31,7 @@ from ballbar.replay.entities import (
 )
 from ballbar.replay.motion import CellMotion, TrueTool, mechanism_angles, on_robot_clock, thinning
 from ballbar.result.run_data import RunData
-from cell.chain import Array
+from cell.arrays import Array
 from ident.identify import Identification, Residuals
 
 _REDS = [RED, (242, 142, 43), (214, 120, 160)]

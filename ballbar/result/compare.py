@@ -13,7 +13,7 @@ import numpy as np
 
 from ballbar.result.true_robot import true_tool
 from ballbar.scenario import AcceptSettings
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import INDEX, PARAMETERS, Geometry, mirrored
 from ident.identify import Identification

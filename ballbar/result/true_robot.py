@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
 from ident.loads.gear_loads import mass_model, own_weight

@@ -30,7 +30,7 @@ from ballbar.trial.sample_trial import (
     sampled_cell,
 )
 from ballbar.units import MM, MRAD, PPM, UM, US
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import BAR_ROWS, NAMES
 from cell.statistics import rms
 from ident.identify import Identification

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 

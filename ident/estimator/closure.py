@@ -15,7 +15,8 @@ from itertools import groupby
 
 import numpy as np
 
-from cell.chain import Array, Frames, cross, joint_screws, screw
+from cell.arrays import Array
+from cell.chain import Frames, cross, joint_screws, screw
 from cell.geometry import BAR_ROWS, Geometry, Parameter, bar_frames, parameter_screw, robot_frames
 from cell.inverse import bar_angles, bar_roll
 from cell.rotation import inverse_left_jacobian, rotvec_from_matrix

@@ -21,7 +21,7 @@ from itertools import groupby
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import BAR_ROWS, HAYATI_ROWS, INDEX, PARAMETERS, ROBOT_ROWS, Geometry
 
 STRUCTURAL = 1e-6  # relative; thesis sec. 3.2. Structural zeros leave 1e-15, the weakest real direction 3e-4 (docs/identifiability.md)

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import Geometry
 from ident.estimator.gauss_newton import Stop, inverse, minimise

@@ -18,7 +18,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import FailureError
 
 # Added to the diagonal of the normal matrix, scaled to one: keeps a direction that nothing determines

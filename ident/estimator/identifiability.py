@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array, Chain
+from cell.arrays import Array
+from cell.chain import Chain
 from cell.geometry import BAR_ROWS, INDEX, NAMES, PARAMETERS, ROBOT_ROWS, Geometry, bar_frames
 from cell.inverse import UnreachableError, refine
 from ident.estimator.closure import close_loop, parameter_jacobian

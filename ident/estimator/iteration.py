@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import Geometry
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import BAR_ROWS
 from ident.signals.smooth_log import SmoothLog
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dsyrk
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import PARAMETERS
 from ident.estimator.model import Evaluation, Model
 from ident.estimator.noise import ExcessNoise

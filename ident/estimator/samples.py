@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import BAR_ROWS, Geometry
 from ident.estimator.closure import complete_bar_angles

@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.clock import Clock
 from ident.corrections.base import BAR, ROD, Coefficient, Correction, State
 from ident.estimator.fit import Fit

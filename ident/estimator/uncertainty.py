@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import jacobian
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
-from cell.chain import Array
+from cell.arrays import Array
 from ident.estimator.closure import rod_jacobian
 from ident.estimator.fit import Fit
 from ident.estimator.model import Evaluation, noise_columns

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import Parameter, parameter_screw
 from cell.rotation import inverse_left_jacobian
 from ident.estimator.closure import Closure, runs_of_one_side

@@ -11,7 +11,7 @@ from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
 from scipy.sparse import csr_array
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.errors import InputError

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array, screw
+from cell.arrays import Array
+from cell.chain import screw
 from cell.descriptions import Robot
 from cell.geometry import PARAMETERS, Geometry, robot_frames
 from cell.robot_angles import controller_to_joints

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array, Chain, Frames, joint_screws
+from cell.arrays import Array
+from cell.chain import Chain, Frames, joint_screws
 from cell.descriptions import Robot
 from cell.geometry import Geometry, robot_frames
 from cell.inverse import UnreachableError, pose_error, refine

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array, joint_screws, screw
+from cell.arrays import Array
+from cell.chain import joint_screws, screw
 from cell.descriptions import Cell
 from cell.geometry import PARAMETERS, Geometry, robot_frames
 from ident.corrections.base import BAR, CARRIERS, GEAR, Correction, State, backlash_transition

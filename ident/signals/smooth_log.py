@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.splines import DEGREE, smoothing_spline
 from ident.signals.outliers import FAR_OUT, SIDE_ROWS, SMALLEST, outliers, robust_sigma
 from ident.signals.steps import Break, find_breaks, without_breaks

@@ -21,7 +21,7 @@ from itertools import islice, product
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.errors import FailureError
 from cell.geometry import INDEX, Geometry, robot_frames

@@ -14,7 +14,7 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import Geometry
 from ident.estimator.fit import Fit, fit_kinematics

@@ -14,7 +14,8 @@ import pytest
 from ballbar.result.calibration import load_calibration
 from benchmarks.correct_in_plant import PlantRobot, known_robot, pose_distance, robot_row
 from benchmarks.everything_on import scenario_of
-from cell.chain import Array, joint_screws
+from cell.arrays import Array
+from cell.chain import joint_screws
 from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, robot_frames
 from cell.robot_angles import controller_to_joints, joints_to_axes

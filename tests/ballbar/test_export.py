@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from ballbar.export.formats import FORMATS, Format, exported
 from ballbar.export.result import Result, load_result
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry, robot_frames

@@ -29,7 +29,8 @@ from ballbar.result.compare import Limit, identification_against_truth
 from ballbar.result.iterations import IterationLog
 from ballbar.result.run_data import RunData
 from ballbar.scenario import load_scenario
-from cell.chain import Array, Frames
+from cell.arrays import Array
+from cell.chain import Frames
 from cell.errors import InputError
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.load import load_cell

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from acquisition import read_recording
-from cell.chain import Array, Frames, cross, joint_screws
+from cell.arrays import Array
+from cell.chain import Frames, cross, joint_screws
 from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine

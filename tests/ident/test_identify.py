@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ident.estimator.problem import Clock
 
 from acquisition import read_recording
 from ballbar.result.calibration import load_calibration, write_calibration
@@ -16,7 +17,6 @@ from cell.geometry import NAMES
 from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
 from ident import Identification, identify
-from ident.estimator.problem import Clock
 from ident.start.automatic import StartError
 from sim.simulate import truth_path
 from tests.conftest import SCENARIOS, Recorded, record

@@ -20,7 +20,7 @@ from scipy.interpolate import CubicSpline
 
 import sim
 from acquisition import Recording, read_recording
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import DescriptionError
 from cell.geometry import (
     INDEX,

@@ -17,7 +17,7 @@ import pytest
 from pydantic import ValidationError
 from scipy.optimize import curve_fit
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.inverse import pose_error
