@@ -67,7 +67,7 @@ def load_result(path: Path) -> Result:
         )
     calibration = load_calibration(file)
     named = calibration.file
-    cell = load_cell(named.robot, named.ballbar, named.plate, relative_to=file.parent)
+    cell = load_cell(named.robot, named.instrument, named.plate, relative_to=file.parent)
     return Result(file, hashlib.sha256(file.read_bytes()).hexdigest(), calibration, cell)
 
 

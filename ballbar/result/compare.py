@@ -7,7 +7,7 @@ TCP error over the accuracy grid, meaningful always.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ballbar.scenario import AcceptSettings
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import INDEX, PARAMETERS, Geometry, mirrored
-from ident.identify import Identification
+from ident.result import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.unloaded_robot import UnloadedRobot
 from sim.truth import Truth
@@ -72,11 +72,11 @@ def compare_with_truth(
 
 
 def identification_against_truth(result: Identification, truth: Truth) -> Comparison:
-    """The result against what the recording was simulated from."""
-    clock = (result.clock.offset, result.clock.skew) if result.clock else None
-    return compare_with_truth(
-        result.unloaded_robot(), result.nominal, truth, list(result.sigma), clock
-    )
+    """The result of one recording against what it was simulated from."""
+    (recording,) = result.recordings
+    clock = (recording.clock.offset, recording.clock.skew) if recording.clock else None
+    model = replace(result.robot.unloaded(), geometry=recording.geometry)
+    return compare_with_truth(model, recording.nominal, truth, list(result.sigma), clock)
 
 
 def compare_kinematics(
