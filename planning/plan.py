@@ -90,7 +90,8 @@ class Plan:
         """Observability indices O1 to O5 of the robot's parameters."""
         typical = self.typical
         robot = [k for k, i in enumerate(typical.layout.shared) if PARAMETERS[i].side == "robot"]
-        return observability(typical.model, typical.normal, np.array(robot))
+        sigma, count = typical.layout.sigma, typical.model.recordings[0].times.size
+        return observability(typical.normal, sigma, np.array(robot), count)
 
 
 def scale_error(grid: Array, cell: Cell) -> float:

@@ -164,7 +164,7 @@ class CalibrationFile(Strict):
     model: Literal["dh", "complete"]
     parameters: dict[str, ParameterEntry]  # of robot and instrument
     dropped: tuple[DroppedEntry, ...] = ()
-    corrections: dict[str, dict[str, CoefficientEntry]] = {}
+    corrections: dict[str, dict[str, CoefficientEntry]] = Field(default_factory=dict)
     recordings: Annotated[tuple[RecordingEntry, ...], Field(min_length=1)]
     fit: FitEntry
     held_out: tuple[HeldOutEntry, ...] = ()
