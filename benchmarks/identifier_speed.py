@@ -24,7 +24,6 @@ from scipy.optimize import least_squares
 from acquisition import read_recording
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
-from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
 from cell.chain import Array
 from cell.descriptions import Cell, load_cell
 from cell.geometry import Geometry
@@ -37,6 +36,7 @@ from ident.estimator.problem import Clock, Estimate, NoiseModel, Problem
 from ident.estimator.solver import Fit, solve
 from ident.identify import Logs, fit_alone
 from ident.thesis.paired_samples import through_samples
+from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
 T = TypeVar("T")
 SAMPLES, MANY = 1500, 15_000

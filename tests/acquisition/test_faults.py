@@ -17,7 +17,7 @@ from acquisition.flags import RowFlag
 from cell.descriptions import joints_to_axes, joints_to_motors
 from cell.errors import DescriptionError, LogError
 from cell.logs import segment_starts
-from tests.acquisition.test_recording import (
+from tests.helpers.device_logs import (
     BAR_T,
     EPOCH,
     PER_RAD,

@@ -13,22 +13,24 @@ from cell.errors import DescriptionError, InputError, LogError
 from cell.logs import ForceLog, RobotLog
 from sim.logging.load_logs import drawn_loads, sensor_rows
 from sim.simulate import write_recording
-from tests.acquisition.test_recording import (
+from tests.helpers.device_logs import (
+    FORCE_T,
     ROBOT,
     ROBOT_T,
+    WRENCH_HEADER,
     change_line,
+    force_lines,
     found,
     joint_course,
     put,
     robot_lines,
     stamped,
+    wrench_course,
     write,
 )
-from tests.conftest import Recorded, record, settings
+from tests.helpers.simulated_recordings import Recorded, record, settings
 
 TAU = ["tau1", "tau2", "tau3", "tau4", "tau5", "tau6"]
-FORCE_T = 0.002 * np.arange(400)
-WRENCH_HEADER = "time,fx,fy,fz,tx,ty,tz"
 PERFECT = {
     "torque": {"noise_N_m": 0.0, "wrist_noise_N_m": 0.0, "gain_sigma": 0.0},
     "force_sensor": {
@@ -53,21 +55,6 @@ def torque_lines(names: list[str] = TAU) -> list[str]:
     return [
         ",".join((lines[0], *names)),
         *(f"{line},{added}" for line, added in zip(lines[1:], cells, strict=True)),
-    ]
-
-
-def wrench_course() -> np.ndarray:
-    """(N, 6) [N, N m] of the sensor, another one for each channel."""
-    return np.random.default_rng(4).normal(0.0, 20.0, (FORCE_T.size, 6)) + 10.0 * np.arange(6)
-
-
-def force_lines(t: np.ndarray = FORCE_T) -> list[str]:
-    return [
-        WRENCH_HEADER,
-        *(
-            ",".join(map(repr, row))
-            for row in np.column_stack((17.0 + t, wrench_course())).tolist()
-        ),
     ]
 
 

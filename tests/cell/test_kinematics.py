@@ -25,7 +25,7 @@ from cell.inverse import UnreachableError, bar_angles, refine, robot_branches
 from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, rotvec_from_matrix
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import PlantModel, plant_model
-from tests.conftest import perturbed
+from tests.helpers.simulated_recordings import perturbed
 
 STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10
 TOLERANCE = 2e-9

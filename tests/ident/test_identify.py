@@ -19,7 +19,7 @@ from ident import Identification, identify
 from ident.estimator.problem import Clock
 from ident.start.automatic import StartError
 from sim.simulate import truth_path
-from tests.conftest import SCENARIOS, Recorded, record
+from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 
 
 def quiet(_: str) -> None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import ast
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-OURS = {"cell", "sim", "acquisition", "ident", "planning", "ballbar"}
+from tests.helpers.source_imports import OURS, ROOT, imported
+
 ALLOWED = {
     "cell": {"cell"},
     "sim": {"cell", "sim"},
@@ -26,17 +25,6 @@ FORBIDDEN = {
     "planning": {"rerun", "matplotlib", "typer", "rich", "pandas"},
     "ballbar": {"mujoco"},
 }
-
-
-def imported(file: Path) -> set[str]:
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(file.read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{file}: relative import"
-            names.add((node.module or "").split(".")[0])
-    return names
 
 
 @pytest.mark.parametrize("package", sorted(OURS))
