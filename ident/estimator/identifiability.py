@@ -136,7 +136,7 @@ def _closed_on(robot: Chain, q: Array, poses: Array) -> tuple[Array, NDArray[np.
             try:
                 closed.append(refine(robot, q[k : k + 1], poses[k : k + 1])[0])
                 found[k] = True
-            except (UnreachableError, np.linalg.LinAlgError):
+            except UnreachableError:
                 continue
         return np.array(closed).reshape(-1, 6), found
 
