@@ -499,13 +499,19 @@ def test_what_a_check_names_wrongly_is_told_with_file_and_line(tmp_path: Path) -
         )
 
 
-@pytest.mark.parametrize("file", sorted(CLAIMS.glob("*.yaml")), ids=lambda file: file.stem)
-def test_a_shipped_file_names_a_sweep_whose_points_are_right(file: Path) -> None:
-    claims, _ = load_claims(file)
-    if claims.sweep is not None:
-        check_points(load_sweep(CLAIMS / claims.sweep))
-    if claims.identifiability is not None:
-        load_scenario(CLAIMS / claims.identifiability)
+SOURCES = [load_claims(file)[0] for file in sorted(CLAIMS.glob("*.yaml"))]
+
+
+@pytest.mark.parametrize("name", sorted({c.sweep for c in SOURCES if c.sweep}))
+def test_every_point_of_a_shipped_sweep_is_a_valid_scenario(name: str) -> None:
+    sweep = load_sweep(CLAIMS / name)
+    assert sweep.plan.points > 1
+    check_points(sweep)  # raises DescriptionError naming every point that is wrong
+
+
+@pytest.mark.parametrize("name", sorted({c.identifiability for c in SOURCES if c.identifiability}))
+def test_the_scenario_of_a_shipped_identifiability_claim_loads(name: str) -> None:
+    assert load_scenario(CLAIMS / name).cell.robot == "irb2400"
 
 
 def test_every_shipped_sweep_has_its_claims() -> None:

@@ -234,6 +234,8 @@ def test_every_target_at_fault_is_named(cell: Cell, nominal: Geometry) -> None:
     q = easy_targets(cell, 4)
     q[1, 4] = 0.0
     q[3, 0] = 4.0
-    with pytest.raises(TargetError) as caught:
+    with pytest.raises(
+        TargetError, match=r"^target 1: the robot stands at a singularity"
+    ) as caught:
         corrected_targets(robot, nominal, q)
     assert set(caught.value.faults) == {1, 3}

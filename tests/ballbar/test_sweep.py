@@ -6,6 +6,7 @@ import csv
 import itertools
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -156,12 +157,9 @@ def plan_of(folder: Path, text: str) -> Plan:
 def test_a_wrong_sweep_is_refused_with_file_line_and_words(
     text: str, line: int | None, words: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(InputError) as refused:
+    place = "" if line is None else f"{tmp_path / 'sweep.yaml'}:{line}: "
+    with pytest.raises(InputError, match=f"^{re.escape(place)}.*{re.escape(words)}"):
         plan_of(tmp_path, text)
-    told = str(refused.value)
-    assert words in told
-    if line is not None:
-        assert told.startswith(f"{tmp_path / 'sweep.yaml'}:{line}: ")
 
 
 def test_a_scenario_that_is_not_there_is_refused(tmp_path: Path) -> None:
@@ -188,7 +186,7 @@ def test_values_that_are_wrong_only_together_are_named_together(tmp_path: Path) 
 
 
 def test_every_wrong_value_of_a_grid_is_told_at_once(tmp_path: Path) -> None:
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=r"sweep\.yaml:5: ") as refused:
         plan_of(
             tmp_path,
             "vary:\n  clocks.skew: [0.0, 1.0]\n  identify.samples: [3, 100]\nseeds: {count: 1}\n",

@@ -193,6 +193,6 @@ def test_completion_knows_the_commands(
         ("COMP_CWORD", "1"),
     ):
         monkeypatch.setenv(key, value)
-    with pytest.raises(SystemExit):
+    with pytest.raises(SystemExit, match=r"^0$"):
         cli.app(args=[], prog_name="ballbar")
     assert capsys.readouterr().out.split() == ["identify", "identifiability"]
