@@ -58,7 +58,9 @@ def third_party() -> dict[str, set[str]]:
 
 def test_the_packages_are_the_folders_of_the_wheel() -> None:
     setuptools = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
-    assert setuptools["packages"]["find"]["include"] == [f"{name}*" for name in PACKAGES]
+    assert setuptools["packages"]["find"]["include"] == [
+        f"{name}*" for name in (*PACKAGES, "scenarios")
+    ]
     assert all((ROOT / name / "__init__.py").is_file() for name in PACKAGES)
 
 
