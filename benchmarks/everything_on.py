@@ -20,40 +20,20 @@ from pathlib import Path
 import numpy as np
 from ident.estimator.machine import ForceSource
 
-from acquisition import read_recording
 from ballbar.result.compare import identification_against_truth
-from ballbar.scenario import Scenario, load_scenario
 from cell.descriptions import Cell
 from cell.files import write_whole
-from ident.identify import Identification, Logs, identify_together
-from sim.simulate import simulate, write_recording
+from ident.estimator.machine import ForceSource
+from ident.identify import Identification, identify_together
 from sim.truth import Truth
+from tests.helpers.drawn_robots import ROOT, recorded, scenario_of
 
-ROOT = Path(__file__).parent.parent
-SCENARIOS = ROOT / "scenarios"
 FORCES: dict[str, ForceSource] = {"none": "none", "torque": "torque", "sensor": "sensor"}
 ROD_SIGMA = 5e-6  # [m] of a measured rod
 COLUMNS = (
     "robot", "seed", "paths", "signal", "status", "tcp_mean_mm", "tcp_max_mm", "tcp_sigma_mm", "chi2", "autocorrelation",
     "stiffness_median_percent", "stiffness_worst_percent", "clock_us", "skew_ppm", "covered",
 )  # fmt: skip
-
-
-def scenario_of(robot: str, path: str, seed: int, duration: float) -> Scenario:
-    """A drawn robot with everything on along one of its paths."""
-    base = load_scenario(SCENARIOS / f"{robot}_full.yaml")
-    asked = base.model_dump(mode="json", by_alias=True, exclude_none=True)
-    asked["errors"]["static"] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "thesis"}
-    asked["path"] |= {"file": f"paths/{robot}_{path}.yaml", "duration_s": duration}
-    return Scenario.model_validate(asked | {"seed": seed}, strict=False)
-
-
-def recorded(scenario: Scenario, folder: Path) -> tuple[Cell, Logs, Truth]:
-    """Logs of one run, through its files."""
-    simulation = simulate(scenario, relative_to=SCENARIOS)
-    write_recording(simulation, scenario, folder)
-    read = read_recording(folder)
-    return simulation.cell, Logs(read.robot_log, read.ballbar_log, read.force_log), simulation.truth
 
 
 def robot_rows(
@@ -118,16 +98,6 @@ def row(
             strict=True,
         )
     )  # fmt: skip
-
-
-def asked_robots(words: str | None) -> argparse.Namespace:
-    """Options of a study of drawn robots: how many, and how long each recording is."""
-    parser = argparse.ArgumentParser(
-        description=words, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--robots", type=int, default=8)
-    parser.add_argument("--duration", type=float, default=120.0, help="[s]")
-    return parser.parse_args()
 
 
 def main() -> None:

@@ -28,9 +28,8 @@ from scipy.optimize import least_squares
 from acquisition import read_recording
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
-from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
-from cell.arrays import Array
-from cell.descriptions import Cell
+from cell.chain import Array
+from cell.descriptions import Cell, load_cell
 from cell.geometry import Geometry
 from cell.load import load_cell
 from cell.threads import one_thread_each
@@ -38,6 +37,7 @@ from ident.corrections import CORRECTIONS
 from ident.estimator.identifiability import candidates, identifiable
 from ident.identify import Logs, fit_alone
 from ident.thesis.paired_samples import through_samples
+from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
 T = TypeVar("T")
 SAMPLES, MANY = 1500, 15_000

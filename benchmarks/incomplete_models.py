@@ -18,12 +18,11 @@ import numpy as np
 import pandas as pd
 
 from ballbar.result.compare import identification_against_truth
-from benchmarks.everything_on import ROOT, recorded, scenario_of
-from benchmarks.robustness import faulty
 from cell.descriptions import Cell
 from cell.files import write_whole
 from ident.corrections import CORRECTIONS
 from ident.identify import identify_together
+from tests.helpers.drawn_robots import ROOT, faulty, recorded, scenario_of
 
 SEED, DURATION = 1, 120.0
 Harmonics = tuple[tuple[float, float], ...]

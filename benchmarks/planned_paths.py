@@ -22,7 +22,6 @@ import numpy as np
 
 from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import Scenario, load_scenario
-from benchmarks.everything_on import ROOT, SCENARIOS, recorded
 from cell.files import write_whole, write_yaml
 from cell.geometry import BAR_ROWS
 from ident.identify import identify_together
@@ -36,6 +35,7 @@ from planning.predict import predict
 from planning.request import load_request
 from planning.sample import sampled
 from sim.simulate import load_lissajous
+from tests.helpers.drawn_robots import ROOT, SCENARIOS, recorded
 
 ROBOTS = ("irb2400", "nj220")
 PATHS = ("planned", "a", "random")

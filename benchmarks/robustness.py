@@ -16,14 +16,20 @@ import numpy as np
 import pandas as pd
 
 from ballbar.result.compare import identification_against_truth
-from ballbar.scenario import Scenario
-from benchmarks.everything_on import ROOT, asked_robots, recorded, scenario_of
 from cell.descriptions import Cell
 from cell.files import write_whole
 from ident.identify import Identification, Logs, identify_together
 from sim.truth import Truth
+from tests.helpers.drawn_robots import (
+    ROOT,
+    SLIP_S,
+    STEP_S,
+    faulty,
+    recorded,
+    scenario_of,
+    study_options,
+)
 
-SLIP_S, STEP_S = 37.3, 71.9  # [s] after the start of the path
 FAULTS: dict[str, dict[str, object]] = {
     "none": {},
     "outliers": {"errors": {"outliers": {}}},
@@ -34,14 +40,6 @@ FAULTS: dict[str, dict[str, object]] = {
         "clocks": {"step": {"at_s": STEP_S, "step_s": 0.05}},
     },
 }
-
-
-def faulty(scenario: Scenario, changes: dict[str, object]) -> Scenario:
-    """The scenario with one fault more."""
-    asked = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
-    for section, more in changes.items():
-        asked[section] = {**asked.get(section, {}), **more}  # type: ignore[dict-item]
-    return Scenario.model_validate(asked, strict=False)
 
 
 def robot_rows(seed: int, duration: float) -> list[dict[str, object]]:
@@ -89,7 +87,7 @@ def events_of(found: list[Identification], truth: Truth) -> dict[str, object]:
 
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
-    asked = asked_robots(__doc__)
+    asked = study_options(__doc__)
     with ProcessPoolExecutor(2) as pool:
         jobs = [
             pool.submit(robot_rows, seed, asked.duration) for seed in range(1, asked.robots + 1)

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.everything_on import ROOT, asked_robots, recorded, scenario_of
 from cell.files import write_whole
 from ident.identify import identify_together
 from ident.robot.accuracy import accuracy_grid, position_error
+from tests.helpers.drawn_robots import ROOT, recorded, scenario_of, study_options
 
 SLOWER = 1.5
 
@@ -46,7 +46,7 @@ def robot_row(seed: int, duration: float) -> dict[str, object]:
 
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
-    asked = asked_robots(__doc__)
+    asked = study_options(__doc__)
     with ProcessPoolExecutor(2) as pool:
         table = pd.DataFrame(
             list(pool.map(robot_row, range(1, asked.robots + 1), [asked.duration] * asked.robots))

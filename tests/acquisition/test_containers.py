@@ -26,7 +26,7 @@ from acquisition.report import Finding
 from acquisition.sources import Ledger
 from acquisition.table.header import Layout
 from acquisition.table.table import Table
-from benchmarks.mutated_containers import campaign, families
+from cell.descriptions import joints_to_axes, load_robot
 from cell.errors import DescriptionError, InputError, LogError
 from cell.load import load_robot
 from cell.logs import RobotLog
@@ -50,6 +50,7 @@ from tests.helpers.container_files import (
     mpe,
     scope,
 )
+from tests.helpers.damaged_files import campaign, families
 
 ROBOT = load_robot("irb2400")
 SAMPLES = Path(__file__).parents[1] / "data/twincat_scope"
