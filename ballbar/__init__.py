@@ -40,14 +40,14 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from ballbar.scenario import scenario_file as scenario_file
     from cell.descriptions import Cell as Cell
     from cell.descriptions import Robot as Robot
-    from cell.descriptions import load_cell as load_cell
-    from cell.descriptions import load_robot as load_robot
     from cell.errors import FailureError as FailureError
     from cell.errors import InputError as InputError
     from cell.geometry import Geometry as Geometry
     from cell.geometry import bar_frames as bar_frames
     from cell.geometry import nominal_geometry as nominal_geometry
     from cell.geometry import robot_frames as robot_frames
+    from cell.load import load_cell as load_cell
+    from cell.load import load_robot as load_robot
     from cell.logs import BallBarLog as BallBarLog
     from cell.logs import ForceLog as ForceLog
     from cell.logs import RobotLog as RobotLog

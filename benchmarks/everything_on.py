@@ -23,7 +23,6 @@ from ident.estimator.machine import ForceSource
 from ballbar.result.compare import identification_against_truth
 from cell.descriptions import Cell
 from cell.files import write_whole
-from ident.estimator.machine import ForceSource
 from ident.identify import Identification, identify_together
 from sim.truth import Truth
 from tests.helpers.drawn_robots import ROOT, recorded, scenario_of

@@ -28,8 +28,8 @@ from scipy.optimize import least_squares
 from acquisition import read_recording
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
-from cell.chain import Array
-from cell.descriptions import Cell, load_cell
+from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.load import load_cell
 from cell.threads import one_thread_each

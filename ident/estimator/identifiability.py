@@ -132,8 +132,8 @@ def _closed_on(robot: Chain, q: Array, poses: Array) -> tuple[Array, NDArray[np.
         angles = []
         for k in range(len(q)):
             try:
-                closed.append(refine(robot, q[k : k + 1], poses[k : k + 1])[0])
-                found[k] = True
+                angles.append(refine(robot, q[k : k + 1], poses[k : k + 1])[0])
+                reached[k] = True
             except UnreachableError:
                 continue
         return np.array(angles).reshape(-1, robot.rows), reached

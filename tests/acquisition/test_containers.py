@@ -26,7 +26,6 @@ from acquisition.report import Finding
 from acquisition.sources import Ledger
 from acquisition.table.header import Layout
 from acquisition.table.table import Table
-from cell.descriptions import joints_to_axes, load_robot
 from cell.errors import DescriptionError, InputError, LogError
 from cell.load import load_robot
 from cell.logs import RobotLog

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.chain import Array, Frames
-from cell.descriptions import Cell, load_cell
+from cell.arrays import Array
+from cell.chain import Frames
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, robot_frames
 from cell.inverse import pose_error
+from cell.load import load_cell
 from ident.corrections import CORRECTIONS
 from ident.corrections.gear_ripple import harmonic_orders
 from ident.identify import DEFAULT_SAMPLES, identify_together
