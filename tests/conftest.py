@@ -7,6 +7,7 @@ import pytest
 
 from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
+from cell.load import load_cell
 from tests.helpers.simulated_recordings import Recorded, record
 
 

@@ -41,6 +41,7 @@ from ballbar.replay import viewer as replay_viewer
 from cell.errors import InputError
 from cell.load import load_robot
 from cell.recording import load_recording_file
+from cell.robot_angles import controller_to_joints
 from tests.helpers.command_line import ballbar
 from tests.helpers.egm_robot import egm_message, frames_of
 from tests.helpers.plc_server import START, Plc, plc_samples, text_of

@@ -23,14 +23,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
-from ballbar.sweep.chunk import run_chunk, run_chunk_remotely
 from ballbar.sweep.file import Seeds
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
-from ballbar.sweep.plan import Plan, point_of, run_of, with_changes
+from ballbar.sweep.plan import Plan, PlanData, point_of, run_of, with_changes
 from ballbar.sweep.run import Outcome, SweepError
 from ballbar.sweep.summary import failures_of, grid_points
-from ballbar.sweep.table import write_table
+from ballbar.sweep.table import chunk_bytes, run_chunk, run_chunk_remotely, write_table
 from ballbar.sweep.workers import processes
 from ballbar.trial.trial import run_trial
 from cell.errors import InputError
