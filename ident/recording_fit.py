@@ -138,14 +138,24 @@ def nominal_robot_fit(recording: RecordingFit) -> Fit:
 
 
 def identifiable_parameters(
-    samples: Samples, geometry: Geometry, clock: Clock, excess: ExcessNoise, nominal: Geometry
+    samples: Samples,
+    geometry: Geometry,
+    clock: Clock,
+    excess: ExcessNoise,
+    nominal: Geometry,
+    requested: NDArray[np.intp] | None = None,
 ) -> Identifiability:
-    """The parameters that a recording determines, at an estimate."""
+    """The parameters that a recording determines, at an estimate of geometry and clock.
+
+    nominal : catalogue geometry. requested : indices into PARAMETERS; by default those of the
+    thesis (ident.estimator.identifiability.candidates).
+    """
     seen = clock if samples.has_clock else None
     layout, x = kinematic_unknowns(geometry, seen, np.zeros(0, dtype=np.intp))
     model = Model(JOINTS_AS_LOGGED, None, (), layout, (samples,))
     point = model.evaluate(x, 0, samples.ballbar_angles(geometry, clock))
-    return identifiable(point, excess, nominal, candidates(samples.encoders))
+    requested = candidates(samples.encoders) if requested is None else requested
+    return identifiable(point, excess, nominal, requested)
 
 
 def _on_nominal(geometry: Geometry, nominal: Geometry, parameters: NDArray[np.intp]) -> Geometry:
