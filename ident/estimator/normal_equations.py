@@ -169,8 +169,7 @@ def jacobian(
     parts += [part for part in (own.clock, own.steps) if part is not None]
     index = np.concatenate([np.arange(part.start, part.stop) for part in parts])
     channels = [c.carrier for correction in model.corrections for c in correction.coefficients]
-    used = sorted(set(channels))
-    columns = dict(zip(used, weights(point.columns[used]), strict=True))
+    columns = weights(point.columns) if channels else ()
     regressors = [signal for signals in point.regressors for signal in signals]
     shift = weights(point.time_column) if own.clock is not None else None
     slope = None
