@@ -19,7 +19,7 @@ from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry
 from ident.corrections.base import (
     BAR,
-    CARRIERS,
+    CHANNELS,
     GEAR,
     PLATE,
     ROD,
@@ -90,8 +90,8 @@ class Evaluation:
 
     @cached_property
     def columns(self) -> Array:
-        """(CARRIERS, 6, N) change of the loop-closure error for a unit of each error channel."""
-        columns = np.empty((CARRIERS, *self.closure.error.shape))
+        """(CHANNELS, 6, N) change of the loop-closure error for a unit of each error channel."""
+        columns = np.empty((CHANNELS, *self.closure.error.shape))
         joints = robot_joint_jacobian(self.closure)
         np.einsum("gj,jcn->gcn", self.gearing.to_joint, joints, out=columns[GEAR:BAR])
         columns[BAR:ROD] = bar_joint_jacobian(self.closure)
@@ -244,14 +244,14 @@ class Model:
         out = np.zeros(evaluation.closure.error.shape)
         if evaluation.state is None:
             return out
-        moved = np.zeros((CARRIERS, evaluation.ballbar.shape[0]))
+        moved = np.zeros((CHANNELS, evaluation.ballbar.shape[0]))
         values = iter(x[self.unknowns.coefficients])
         for correction in self.corrections:
             slopes = correction.slopes(evaluation.state) if correction.slopes else None
             for j, coefficient in enumerate(correction.coefficients):
                 value = next(values)
                 if slopes is not None:
-                    moved[coefficient.carrier] += value * slopes[j]
+                    moved[coefficient.channel] += value * slopes[j]
         used = np.flatnonzero(np.abs(moved).max(axis=1) > 0.0)
         return np.asarray(np.einsum("ckn,cn->kn", evaluation.columns[used], moved[used]))
 
@@ -287,17 +287,17 @@ class Model:
         """Regressors of every correction; those without loads are taken from `previous`, if any."""
         known = previous.regressors if previous else ((),) * len(self.corrections)
         return tuple(
-            old if old and c.slopes is None else tuple(c.signals(state))
+            old if old and c.slopes is None else tuple(c.regressors(state))
             for c, old in zip(self.corrections, known, strict=True)
         )
 
     def _displacements(self, x: Array, regressors: tuple[tuple[Array, ...], ...]) -> Array:
-        """(CARRIERS, N) displacement of each error channel: coefficients times regressors."""
-        moved = np.zeros((CARRIERS, regressors[0][0].size))
+        """(CHANNELS, N) displacement of each error channel: coefficients times regressors."""
+        moved = np.zeros((CHANNELS, regressors[0][0].size))
         values = iter(x[self.unknowns.coefficients])
         for correction, signals in zip(self.corrections, regressors, strict=True):
             for coefficient, signal in zip(correction.coefficients, signals, strict=True):
-                moved[coefficient.carrier] += next(values) * signal
+                moved[coefficient.channel] += next(values) * signal
         return moved
 
     def backlash_uncertainty(self, x: Array, evaluation: Evaluation) -> Array | float:

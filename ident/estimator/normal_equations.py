@@ -168,7 +168,7 @@ def jacobian(
         parts.append(slice(layout.gain, layout.gain + 1))
     parts += [part for part in (own.clock, own.steps) if part is not None]
     index = np.concatenate([np.arange(part.start, part.stop) for part in parts])
-    channels = [c.carrier for correction in model.corrections for c in correction.coefficients]
+    channels = [c.channel for correction in model.corrections for c in correction.coefficients]
     columns = weights(point.columns) if channels else ()
     regressors = [signal for signals in point.regressors for signal in signals]
     shift = weights(point.time_column) if own.clock is not None else None

@@ -170,7 +170,7 @@ def encoder_slips(faults: Sequence[StepFault]) -> Correction | None:
     if not slips:
         return None
 
-    def signals(state: State) -> list[Array]:
+    def regressors(state: State) -> list[Array]:
         chosen: list[NDArray[np.bool_]] = [
             (state.t >= fault.time) & (state.recording == fault.recording) for fault in slips
         ]
@@ -182,11 +182,11 @@ def encoder_slips(faults: Sequence[StepFault]) -> Correction | None:
             unit="rad",
             mean=fault.removed - fault.size if fault.periods else 0.0,
             sigma=EXACT if fault.periods else SLIP_PRIOR,
-            carrier=BAR + fault.joint - 1,
+            channel=BAR + fault.joint - 1,
         )
         for i, fault in enumerate(slips, start=1)
     ]
-    return Correction("encoder_jumps", "encoders that slipped", tuple(coefficients), signals)
+    return Correction("encoder_jumps", "encoders that slipped", tuple(coefficients), regressors)
 
 
 def sized(fit: Fit, faults: Sequence[StepFault], lines: int) -> tuple[StepFault, ...]:
