@@ -4,8 +4,8 @@ Fitted is only what belongs to that recording itself: encoder offsets, base pose
 clock, tension of the rod, step faults. Robot, ball-bar and corrections keep their values: priors so
 narrow that no data could move them. The noise is that of the identification and not of this
 recording, so a ratio above 1 is what the machine leaves unexplained. Some of that is expected: with
-C the stated covariance of the machine and S the information that this recording holds on it, its own
-unknowns fitted, chi-square is larger by trace(C S) on average. What exceeds that is a misfit.
+C the stated covariance of the machine and S the information that this recording holds on it, its
+own unknowns fitted, chi-square is larger by trace(C S) on average. What exceeds that is a misfit.
 """
 
 from __future__ import annotations

@@ -32,7 +32,8 @@ from ident.estimator.unknowns import kinematic_unknowns
 from ident.signals.step_fault import StepFault
 
 FREEZE_AFTER = 6  # iterations with new weights; loads near a reversal could change them for ever
-# Predicted decrease, in units of the cost per degree of freedom, that ends the search: it leaves the
+# Predicted decrease, in units of the cost per degree of freedom, that ends the search: it leaves
+# the
 # estimate a hundredth of its standard deviation from the minimum.
 NEGLIGIBLE = 1e-4
 # Predicted decrease for each unknown below which a Jacobian is reused: within five standard

@@ -21,7 +21,8 @@ from scipy.linalg import cho_factor, cho_solve
 from cell.arrays import Array
 from cell.errors import FailureError
 
-# Added to the diagonal of the normal matrix, scaled to one: keeps a direction that nothing determines
+# Added to the diagonal of the normal matrix, scaled to one: keeps a direction that nothing
+# determines
 # at rounding level instead of failing.
 ROUNDING = 1e-12
 LEAST_SHARE = 1e-4  # of the Gauss-Newton step: a shorter one is rounding, or a wall

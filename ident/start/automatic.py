@@ -80,7 +80,7 @@ class Candidate:
 
     @property
     def cost(self) -> float:
-        """Cost per residual, prior included, so that no weight can lower it by leaving the prior."""
+        """Cost per residual, prior included, so that leaving the prior cannot lower it."""
         equations = self.fit.linear
         return equations.cost / max(1, equations.equations - len(equations.x))
 

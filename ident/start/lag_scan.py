@@ -1,13 +1,15 @@
 """All clock offsets at once: encoder pairs against directions that the robot's pose gives.
 
-Two encoders of a gimbal hold one direction, free of branches: with `theta = s e + z` (sign s, reading e, zero z)
+Two encoders of a gimbal hold one direction, free of branches: with `theta = s e + z` (sign s,
+reading e, zero z)
 
     u_x + i u_y = -sin(e2 + z2) exp(i (s1 e1 + z1)),      u_z = cos(e2 + z2)
 
-for the rod direction u in the base (b1, b2), and the same form for (-v_x, v_y, v_z) with v the rod direction in the tool
-frame (b5, b4). For a fixed z2 the best z1 is the argument of a correlation, and the correlations of all lags come out of
-a few FFTs. So sign, both zeros and the offset are found in one search, without inverse kinematics, unwrapping or a guess.
-The signs of b2 and b4 are not observable (they change with the configuration) and stay as declared.
+for the rod direction u in the base (b1, b2), and the same form for (-v_x, v_y, v_z) with v the rod
+direction in the tool frame (b5, b4). For a fixed z2 the best z1 is the argument of a correlation,
+and the correlations of all lags come out of a few FFTs. So sign, both zeros and the offset are
+found in one search, without inverse kinematics, unwrapping or a guess. The signs of b2 and b4 are
+not observable (they change with the configuration) and stay as declared.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ WITHIN = 9.0  # local maxima whose variance is within this factor of the best ar
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Readings of one gimbal and the direction it should hold, each on the uniform step of its own clock."""
+    """Readings of one gimbal and the direction it should hold, on even steps of their clocks."""
 
     turning: Array  # (Nb,) [rad] readings of b1 (or b5)
     tilting: Array  # (Nb,) [rad] readings of b2 (or b4)
@@ -121,7 +123,7 @@ class PairScan:
 
 
 def scan_lags(pairs: list[PairScan]) -> LagScan:
-    """Score of every lag over all pairs: overlap times the log of signal over residual variance, summed over the pairs."""
+    """Score of every lag: overlap times log(signal / residual variance), summed over the pairs."""
     first = pairs[0]
     score = np.zeros(first.lags.size)
     floor = DIRECTION_SIGMA**2
@@ -133,7 +135,7 @@ def scan_lags(pairs: list[PairScan]) -> LagScan:
 
 
 def best_lags(scan: LagScan, *, count: int, separation: int) -> list[int]:
-    """Indices of the best local maxima of the score, at least `separation` lags apart, best first."""
+    """Indices of the best maxima of the score, at least `separation` lags apart, best first."""
     padded = np.concatenate(([-np.inf], scan.score, [-np.inf]))
     peaks = np.flatnonzero(
         (scan.score >= padded[:-2]) & (scan.score > padded[2:]) & np.isfinite(scan.score)
