@@ -53,7 +53,7 @@ class State:
     flanks: Array | None = None  # (6, N) of the backlash, where they are known otherwise
 
     def load_sign(self) -> Array:
-        """(6, N) flank of the backlash on which each gear lies, -1 to 1: smooth sign of its load."""
+        """(6, N) flank of the backlash on which each gear lies, -1 to 1: smooth sign of load."""
         if self.flanks is not None:
             return self.flanks
         return smooth_sign(self.loads.gears(self.tension), self.width[:, None] / self.sharpness)

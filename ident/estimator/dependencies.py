@@ -247,7 +247,7 @@ def influence(
     *,
     threshold: float = SIGNIFICANT,
 ) -> dict[str, dict[str, float]]:
-    """Influence of an error in a parameter left out on those kept (thesis Table 3.4), to first order.
+    """Influence of an error in a parameter left out on those kept, to first order (Table 3.4).
 
     columns : (P, M), one row for each of `names`. The kept ones are fitted by least squares.
 

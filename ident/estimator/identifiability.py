@@ -98,15 +98,15 @@ def _columns_on_nominal(
     taken = ("ox", "oy", "oz", *(f"btheta{j}" for j in range(1, 6)))
     geometry = nominal.replaced({name: believed[name] for name in taken})
     total = samples.times.size
-    some = np.unique(np.linspace(0, total - 1, min(SAMPLES, total)).round().astype(int))
-    ballbar, at = point.ballbar[some], point.robot_time[some]
+    chosen = np.unique(np.linspace(0, total - 1, min(SAMPLES, total)).round().astype(int))
+    ballbar, at = point.ballbar[chosen], point.robot_time[chosen]
     logged = np.asarray(samples.robot.spline(at))
     poses = bar_frames(geometry, ballbar).poses()
     q, closes = refine_reachable(geometry.robot, logged, poses)
-    some, ballbar, at = some[closes], ballbar[closes], at[closes]
+    chosen, ballbar, at = chosen[closes], ballbar[closes], at[closes]
     nominally = replace(
         point,
-        samples=replace(samples, times=samples.times[some]),
+        samples=replace(samples, times=samples.times[chosen]),
         closure=close_loop(geometry, q, ballbar),
         ballbar=ballbar,
         robot_time=at,
@@ -117,7 +117,7 @@ def _columns_on_nominal(
         offset = nominally.time_column
         skew = offset * nominally.samples.times
         columns = np.concatenate((columns, offset[None], skew[None]))
-    share = np.sqrt(total / some.size)  # as if all samples had been looked at
+    share = np.sqrt(total / chosen.size)  # as if all samples had been looked at
     return np.asarray(share * weights(columns).reshape(len(columns), -1))
 
 

@@ -228,16 +228,16 @@ class Model:
         """
         samples = self.recordings[k]
         point = self.evaluate(x, k, ballbar, previous)
-        now = weights or self.weights(x, point, excess)
+        used = weights or self.weights(x, point, excess)
         for _ in range(UNMEASURED_STEPS if samples.unmeasured else 0):
-            step = now.unmeasured_step(point.closure.error)
+            step = used.unmeasured_step(point.closure.error)
             step = np.clip(step, -MAX_UNMEASURED_STEP, MAX_UNMEASURED_STEP)
             stepped = point.with_ballbar_step(step)
             if np.abs(step).max() < LINEAR_STEP:
-                return stepped, now
+                return stepped, used
             point = self.evaluate(x, k, stepped.ballbar, point, hold_loads=True)
-            now = weights or self.weights(x, point, excess)
-        return point, now
+            used = weights or self.weights(x, point, excess)
+        return point, used
 
     def tension_column(self, x: Array, evaluation: Evaluation) -> Array:
         """(6, N) change of the loop-closure error per newton of rod tension."""

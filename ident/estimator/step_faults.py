@@ -221,8 +221,8 @@ def as_logged(fault: StepFault, ballbar: SmoothLog | None, lines: int) -> StepFa
         return replace(fault, time=time)
     periods = fault.size * lines / (2.0 * np.pi)
     whole = round(periods)
-    near = abs(periods) > 0.5 and abs(periods - whole) < WHOLE
-    return replace(fault, time=time, periods=whole if near else 0)
+    whole_enough = abs(periods) > 0.5 and abs(periods - whole) < WHOLE
+    return replace(fault, time=time, periods=whole if whole_enough else 0)
 
 
 def _sizes(fit: Fit, faults: Sequence[StepFault]) -> list[float]:

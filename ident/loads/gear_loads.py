@@ -90,8 +90,8 @@ def loads(
 
 def no_loads(samples: int) -> Loads:
     """Where no correction asks for any."""
-    gears, one = np.zeros((6, samples)), np.zeros(samples)
-    return Loads(gears, gears, one, one)
+    gears, none = np.zeros((6, samples)), np.zeros(samples)
+    return Loads(gears, gears, none, none)
 
 
 def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Array:

@@ -83,11 +83,11 @@ def from_force_sensor(
         columns[k, k], columns[6 + k, k] = 1.0, wrench[k]
     prior = np.concatenate((SENSOR_BIAS, np.full(6, SENSOR_GAIN)))
     sigma = np.repeat(SENSOR_NOISE[:, None], q.shape[0], axis=1)
-    found = _eliminated(wrench - known, sigma, columns, direction, np.zeros(12), prior)
+    tension = _eliminated(wrench - known, sigma, columns, direction, np.zeros(12), prior)
     left = (
-        wrench - known - np.einsum("j,jkn->kn", found.theta, columns) - direction * found.force
+        wrench - known - np.einsum("j,jkn->kn", tension.theta, columns) - direction * tension.force
     ) / sigma
-    return found, float(np.sqrt((left * left).mean()))
+    return tension, float(np.sqrt((left * left).mean()))
 
 
 def _on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> tuple[Array, Array]:

@@ -194,7 +194,7 @@ def _aligned(
 
 def _readings(turning: int, tilting: int, branch: Branch) -> dict[int, tuple[int, float]]:
     """Direction and offset [rad] of the two encoders of a gimbal."""
-    return {turning: (branch.sign, branch.turning_zero), tilting: (1, branch.tilting_zero)}
+    return {turning: (branch.sign, branch.turning_offset), tilting: (1, branch.tilting_offset)}
 
 
 def _with_roll(

@@ -31,7 +31,7 @@ class Sphere:
 
 
 def sphere_candidates(points: Array, radius: float) -> list[Sphere]:
-    """Centres from which points (N, 3) [m] are about `radius` [m] away, best first: one, seldom two.
+    """Centres from which points (N, 3) [m] are about `radius` [m] away, best first: at most two.
 
     Raises ValueError when the points hardly move: nothing can be learnt from them.
     """

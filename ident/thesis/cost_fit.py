@@ -150,14 +150,14 @@ def fit_cost(
     if not np.isfinite(problem.start().cost):
         raise ValueError("the cost of the start is not finite: an angle of the samples is missing")
     stop = VECTOR_STOP if cost.form == "vector" else PRINTED_STOP
-    found = minimise(problem, stop, max_iterations=max_iterations)
-    end = found.equations
+    minimum = minimise(problem, stop, max_iterations=max_iterations)
+    end = minimum.equations
     return CostFit(
         geometry=end.closure.geometry,
         parameters=problem.parameters,
-        iterations=found.iterations,
-        converged=found.converged
-        or found.stuck,  # stuck: no step lowers the cost any more, rounding
+        iterations=minimum.iterations,
+        converged=minimum.converged
+        or minimum.stuck,  # stuck: no step lowers the cost any more, rounding
         cost=end.cost,
         rms=float(np.sqrt(end.cost / end.equations)),
         rod_deviation=0.0 if rod_sign is None else float(end.x[-1]),

@@ -52,7 +52,7 @@ ROD = "bd3"
 
 @dataclass(frozen=True)
 class Cost:
-    """One cost function in one form, with E equations a sample: EQUATIONS as vector, 1 as printed."""
+    """One cost function in one form, with E equations a sample: EQUATIONS, or 1 as printed."""
 
     name: CostName
     form: Form
