@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from generators.effects_page.plots import KINEMATIC, error, residual_plot, sensor_plot
-from generators.effects_page.runs import merged
-from generators.effects_page.sources.source import Source
+from generators.scenario_reference.plots import KINEMATIC, error, residual_plot, sensor_plot
+from generators.scenario_reference.runs import merged
+from generators.scenario_reference.sources.source import Source
 
 PAIRS = (
     Source(

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from generators.effects_page import signals
-from generators.effects_page.runs import Changes, merged
-from generators.effects_page.signals import Signal
+from generators.scenario_reference import signals
+from generators.scenario_reference.runs import Changes, merged
+from generators.scenario_reference.signals import Signal
 
 POINTS = 300  # of a line; a plot is 250 px wide inside
 

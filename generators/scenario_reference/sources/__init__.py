@@ -1,11 +1,11 @@
 """Every error source of a scenario, in the order of the page."""
 
-from generators.effects_page.sources.geometry import GEOMETRY
-from generators.effects_page.sources.logs import CLOCKS, LOADS, LOGGERS
-from generators.effects_page.sources.pairs import PAIRS
-from generators.effects_page.sources.plant import BAR, GEARS
-from generators.effects_page.sources.sensors import ENCODERS, OUTLIERS, ROBOT_SENSORS
-from generators.effects_page.sources.source import Source as Source
+from generators.scenario_reference.sources.geometry import GEOMETRY
+from generators.scenario_reference.sources.logs import CLOCKS, LOADS, LOGGERS
+from generators.scenario_reference.sources.pairs import PAIRS
+from generators.scenario_reference.sources.plant import BAR, GEARS
+from generators.scenario_reference.sources.sensors import ENCODERS, OUTLIERS, ROBOT_SENSORS
+from generators.scenario_reference.sources.source import Source as Source
 
 GROUPS: dict[str, tuple[Source, ...]] = {
     "Plant: gears and servo": GEARS,

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from ballbar.figure_style import FRAME, svg_text, to_hundredths
 from cell.chain import Array
-from generators.effects_page.plots import POINTS, Plot
-from generators.effects_page.runs import ROOT, View, run
-from generators.effects_page.sources import Source
+from generators.scenario_reference.plots import POINTS, Plot
+from generators.scenario_reference.runs import ROOT, View, run
+from generators.scenario_reference.sources import Source
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
@@ -91,8 +91,8 @@ def _thinned(x: Array, y: Array, plot: Plot) -> tuple[Array, Array]:
     x, y = x[inside], y[inside]
     if x.size <= POINTS:
         return x, y
-    kept: set[int] = set()
+    extremes: set[int] = set()
     for part in np.array_split(np.arange(x.size), POINTS // 2):
-        kept |= {int(part[y[part].argmin()]), int(part[y[part].argmax()])}
-    order = sorted(kept)
+        extremes |= {int(part[y[part].argmin()]), int(part[y[part].argmax()])}
+    order = sorted(extremes)
     return x[order], y[order]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cell.chain import Array
-from generators.effects_page.runs import View
+from generators.scenario_reference.runs import View
 from sim.logging.load_logs import motor_torques, sensor_rows
 
 Signal = Callable[[View], Array]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from generators.effects_page import signals
-from generators.effects_page.plots import KINEMATIC, Plot, T, clock_plot, rows_plot
-from generators.effects_page.runs import merged
-from generators.effects_page.sources.source import Source
+from generators.scenario_reference import signals
+from generators.scenario_reference.plots import KINEMATIC, Plot, T, clock_plot, rows_plot
+from generators.scenario_reference.runs import merged
+from generators.scenario_reference.sources.source import Source
 from sim.logging.clocks import ROBOT_PERIOD, SAMPLE_TASKS, TASK_NS
 
 PERIOD_MS, TASK_MS = 1e3 * ROBOT_PERIOD, 1e-6 * TASK_NS

@@ -39,7 +39,7 @@ BASE: Changes = {
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A simulated run and what it was asked for. Errors of paired samples are not in the simulation (View.samples)."""
+    """A simulated run and its settings. Errors of paired samples are not in the simulation (View.samples)."""
 
     settings: SimulationSettings
     simulation: Simulation
@@ -58,8 +58,8 @@ def run(changes: Changes) -> Run:
 
 
 @cache
-def _run(asked: str) -> Run:
-    settings = SimulationSettings.model_validate_json(asked)
+def _run(changed: str) -> Run:
+    settings = SimulationSettings.model_validate_json(changed)
     logged = settings.errors.model_copy(update=dict.fromkeys(SampleErrors.model_fields))
     return Run(
         settings,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from generators.effects_page import signals
-from generators.effects_page.plots import KINEMATIC, Plot, T, error, sensor_plot
-from generators.effects_page.runs import Changes, merged
-from generators.effects_page.sources.source import Source
+from generators.scenario_reference import signals
+from generators.scenario_reference.plots import KINEMATIC, Plot, T, error, sensor_plot
+from generators.scenario_reference.runs import Changes, merged
+from generators.scenario_reference.sources.source import Source
 from sim.errors.sensor_effects import FREEZING_ONSET_HZ
 from sim.logging.encoders import SURE_BITS
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cell.descriptions import Cell
-from generators.effects_page import signals
-from generators.effects_page.plots import Plot, T, error, residual_plot
-from generators.effects_page.sources.source import Source
+from generators.scenario_reference import signals
+from generators.scenario_reference.plots import Plot, T, error, residual_plot
+from generators.scenario_reference.sources.source import Source
 from sim.plant.effects import CUSP_TERMS
 from sim.plant.mjcf import BRISTLE_TRAVEL, HYSTERESIS_STIFFNESS
 
@@ -130,7 +130,7 @@ GEARS = (
         "`tau = kp (u - shown) - kv m'`, no integral action; `u = g + kv/kp g'` of the reference (+ weight / kp).",
         "Plant: actuators on the motor hinges.",
         "Robot file, assumed: the soft one holds the rod near the 100-150 N of thesis Fig. 5.7 (SoftServo 80 %).",
-        "With a wrong geometry the stiff servo presses some twenty times as hard on the ball-bar; what gives way shows in the residual.",
+        "With a wrong geometry the stiff servo presses some twenty times as hard on the ball-bar; the compliance shows in the residual.",
         Plot(
             signals.time,
             signals.rod_force,
@@ -161,14 +161,14 @@ GEARS = (
 BAR = (
     Source(
         "errors.rod_strain",
-        "`F = k s`, s the rod's stretch; without it a rod of 1e10 N/m, 0.01 um at 100 N.",
+        "`F = k s`, s the rod's elongation; without it a rod of 1e10 N/m, 0.01 um at 100 N.",
         "Plant: spring of the rod's slide.",
         "Ball-bar file: thesis sec. 5.3, 5.5 um at 150 N for rod and joints together; Fig. 5.8.",
         "The rod's length follows its force.",
         Plot(
             signals.rod_force,
             signals.rod_stretch_um,
-            ("rod force [N]", "rod stretch [um]"),
+            ("rod force [N]", "rod elongation [um]"),
             {"": error("rod_strain")},
             points=450,
         ),
@@ -176,15 +176,15 @@ BAR = (
     ),
     Source(
         "errors.rod_backlash",
-        "`F = k (s - clip(s, -w/2, w/2))`, s the rod's stretch, k its stiffness.",
+        "`F = k (s - clip(s, -w/2, w/2))`, s the rod's elongation, k its stiffness.",
         "Plant: spring of the rod's slide.",
         "Ball-bar file: thesis sec. 5.3, below 5 um a joint; Fig. 5.9.",
         "The rod's length jumps by w where its force changes sign.",
         Plot(
             signals.rod_force,
             signals.rod_stretch_um,
-            ("rod force [N]", "rod stretch [um]"),
-            {"with play": {"errors": {"rod_strain": {}, "rod_backlash": {}}}},
+            ("rod force [N]", "rod elongation [um]"),
+            {"with backlash": {"errors": {"rod_strain": {}, "rod_backlash": {}}}},
             {"errors": {"rod_strain": {}}},
             minus_off=False,
             show_off="without",

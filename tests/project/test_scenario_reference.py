@@ -1,4 +1,4 @@
-"""docs/effects.md names every error source that a scenario can switch on, with the defaults that the settings really have."""
+"""docs/scenario_reference.md names every key of a scenario as the settings have it, and shows every error source."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from generators.effects_page.figures import PLOTS
-from generators.effects_page.page import PAGE, page_text
-from generators.effects_page.parameters import parameter_text, unit_of, value_text
-from generators.effects_page.sizes import read_sizes
-from generators.effects_page.sources import SOURCES
-from sim.settings import SimulationSettings
+from ballbar.scenario import Scenario
+from generators.scenario_reference.figures import PLOTS
+from generators.scenario_reference.keys import list_item, unit_of, value_text
+from generators.scenario_reference.page import PAGE, page_text
+from generators.scenario_reference.sizes import read_sizes
+from generators.scenario_reference.sources import SOURCES
 
 SECTIONS = ("plant", "errors", "encoders", "clocks", "logs")
 ROUNDING = 5e-4  # defaults are printed to four digits
@@ -28,13 +28,13 @@ def held_model(annotation: Any) -> type[BaseModel] | None:
     """The settings model that a field holds, alone, as an option or in a tuple."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    found = [model for part in get_args(annotation) if (model := held_model(part))]
-    return found[0] if found else None
+    models = [model for part in get_args(annotation) if (model := held_model(part))]
+    return models[0] if models else None
 
 
 def section_fields() -> Iterator[tuple[str, FieldInfo]]:
     """Dotted key and field of everything inside the sections of a scenario."""
-    for section, outer in SimulationSettings.model_fields.items():
+    for section, outer in Scenario.model_fields.items():
         if model := held_model(outer.annotation):
             yield from ((f"{section}.{name}", info) for name, info in model.model_fields.items())
         else:
@@ -63,15 +63,15 @@ def row_of(page: str, key: str) -> str:
     rows: list[str] = re.findall(
         rf"^### {re.escape(key)}\n(.*?)^</tr>", page, flags=re.MULTILINE | re.DOTALL
     )
-    assert len(rows) == 1, f"{len(rows)} rows of {key}; run python -m generators.effects_page"
+    assert len(rows) == 1, f"{len(rows)} rows of {key}; run python -m generators.scenario_reference"
     return rows[0]
 
 
 def printed(row: str, name: str) -> str:
     """What stands after the colon of a parameter."""
-    found: list[str] = re.findall(rf"^- `{re.escape(name)}: ([^`]*)`", row, flags=re.MULTILINE)
-    assert len(found) == 1, f"{len(found)} times {name}"
-    return found[0]
+    values: list[str] = re.findall(rf"^- `{re.escape(name)}: ([^`]*)`", row, flags=re.MULTILINE)
+    assert len(values) == 1, f"{len(values)} times {name}"
+    return values[0]
 
 
 def as_default(text: str) -> Any:
@@ -85,7 +85,8 @@ def as_default(text: str) -> Any:
 
 
 def test_the_committed_page_is_what_the_generator_writes(page: str) -> None:
-    assert page == page_text(read_sizes()), "run python -m generators.effects_page"
+    assert page == page_text(read_sizes()), "run python -m generators.scenario_reference --text"
+    assert not re.search(r"Annotated|NoneType|typing\.|<class", page)
 
 
 def test_the_walk_finds_the_sources_of_every_section() -> None:
@@ -125,12 +126,22 @@ def test_every_parameter_is_printed_with_the_default_and_meaning_of_its_model(
     assert (info.description or "") in row
 
 
-def test_every_setting_of_a_scenario_stands_on_the_page(page: str) -> None:
-    table = page.split("## Settings that are no error source")[1]
+def test_every_key_of_a_scenario_stands_on_the_page(page: str) -> None:
     for key, info in section_fields():
-        assert f"\n### {key}\n" in page or f"| `{key}` |" in table, key
+        assert f"\n### {key}\n" in page or f"| `{key}` |" in page, key
         if f"\n### {key}\n" in page and key not in SWITCHABLE:
             assert as_default(printed(row_of(page, key), key)) == info.default
+
+
+def test_limits_and_choices_are_those_of_the_schema(page: str) -> None:
+    for words in (
+        "| `path.duration_s` | number > 0, ≤ 3600 | `required` |",
+        "| `identify.cost` | `ml`, `length`,",
+        "| `encoders.fitted` | list of (whole number ≥ 1, ≤ 5) |",
+        "- `scale: 1.0` (number > 0): Stiffness",
+        "- `delay_s: required` s (number ≥ -1, ≤ 1): ",
+    ):
+        assert words in page, words
 
 
 def test_every_row_has_a_small_plot_and_every_plot_a_row() -> None:
@@ -153,15 +164,14 @@ def test_the_size_of_every_error_source_was_measured() -> None:
 
 
 def test_a_changed_default_changes_what_is_printed() -> None:
-    assert (
-        parameter_text("width_m", FieldInfo(default=5e-6, description="Total width."))
-        == "`width_m: 5.0e-6` m: Total width."
-    )
-    assert (
-        parameter_text("width_m", FieldInfo(default=2e-6, description="Total width."))
-        == "`width_m: 2.0e-6` m: Total width."
-    )
-    assert parameter_text("at_s", FieldInfo(description="When.")) == "`at_s: required` s: When."
+    def item(default: float) -> str:
+        field = FieldInfo(annotation=float, default=default, description="Total width.")
+        return list_item("width_m", field)
+
+    assert item(5e-6) == "- `width_m: 5.0e-6` m (number): Total width."
+    assert item(2e-6) == "- `width_m: 2.0e-6` m (number): Total width."
+    needed = FieldInfo(annotation=float, description="When.")
+    assert list_item("at_s", needed) == "- `at_s: required` s (number): When."
 
 
 @given(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from cell.descriptions import Cell
-from generators.effects_page.plots import Plot
+from generators.scenario_reference.plots import Plot
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ import csv
 import numpy as np
 
 from cell.chain import Array
-from generators.effects_page.figures import PLOTS
-from generators.effects_page.plots import Plot
-from generators.effects_page.runs import Changes, View, run
-from generators.effects_page.sources import SOURCES
+from generators.scenario_reference.figures import PLOTS
+from generators.scenario_reference.plots import Plot
+from generators.scenario_reference.runs import Changes, View, run
+from generators.scenario_reference.sources import SOURCES
 
 SIZES = PLOTS / "sizes.csv"
 
