@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import types
 from collections.abc import Iterator
 from typing import Any, Literal, Union, get_args, get_origin
@@ -46,6 +47,11 @@ def field_at(key: str) -> FieldInfo:
     for parent in parents:
         (model,) = models_in(model.model_fields[parent].annotation)
     return model.model_fields[last]
+
+
+def first_paragraph(model: type[BaseModel]) -> str:
+    """First paragraph of a model's docstring, on one line."""
+    return " ".join((inspect.getdoc(model) or "").split("\n\n")[0].split())
 
 
 def value_text(value: object) -> str:
@@ -113,7 +119,7 @@ def _kind(annotation: Any) -> str:
         item = _kind(parts[0])
         return f"list of ({item})" if " " in item else f"list of {item}s"
     if origin is dict:
-        return f"map to {_kind(parts[1])}"
+        return f"map of names to {_kind(parts[1])}"
     if parts:  # Annotated
         return _kind(parts[0]) + _bounds(parts[1:])
     return str(getattr(annotation, "__name__", annotation))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterator
 
 import numpy as np
@@ -14,6 +13,7 @@ from ballbar.scenario import Scenario
 from cell.descriptions import load_cell
 from generators.scenario_reference.keys import (
     field_at,
+    first_paragraph,
     list_item,
     models_in,
     table,
@@ -114,7 +114,7 @@ def _sections() -> Iterator[str]:
     yield from table("", Scenario)
     for section, info in Scenario.model_fields.items():
         for model in models_in(info.annotation):
-            yield f"\n## {section}\n\n{_first_paragraph(model)}\n"
+            yield f"\n## {section}\n\n{first_paragraph(model)}\n"
             yield from table(section, model)
             yield from _pictures(section)
 
@@ -134,7 +134,7 @@ def _anchor(key: str) -> str:
 def _row(source: Source) -> str:
     info = field_at(source.key)
     models = models_in(info.annotation)
-    what = source.what or (_first_paragraph(models[0]) if models else info.description) or ""
+    what = source.what or (first_paragraph(models[0]) if models else info.description) or ""
     return ROW.format(
         key=source.key,
         what=what,
@@ -176,8 +176,3 @@ def _numbers(values: ArrayLike) -> str:
         value_text(float(f"{value:.3g}")).removesuffix(".0")
         for value in np.atleast_1d(np.asarray(values, dtype=float))
     )
-
-
-def _first_paragraph(model: type[BaseModel]) -> str:
-    """First paragraph of a model's docstring, on one line."""
-    return " ".join((inspect.getdoc(model) or "").split("\n\n")[0].split())
