@@ -20,7 +20,7 @@ _SECTION = r"(?:[A-Z](?:\.\d+)?|\d+(?:\.\d+)?)(?!\w)"
 _WORD = r"[a-z]\w*(?: \d+)?"
 _KEY = rf'"[^"\n]+"|{_WORD}(?:\s+and\s+{_WORD})?'
 NOTE = re.compile(
-    r"notes/(?P<name>\w+(?:/\w+)?)\b(?!\.md#)(?:\.md)?"
+    r"notes/(?P<name>[a-z]\w*(?:/\w+)?)\b(?!\.md#)(?:\.md)?"
     rf"(?:,?\s+secs?\.\s+(?P<sections>{_SECTION}(?:(?:,|\s+and)\s+{_SECTION})*))?"
     rf"(?:,\s+(?P<keys>{_KEY})(?=\s*[.:;)\n]|$))?"
 )
