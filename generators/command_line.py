@@ -1,4 +1,4 @@
-"""docs/command_line.md: every command with its arguments and options, from what `--help` is made of.
+"""docs/command_line.md: every command with arguments and options, from the texts of `--help`.
 
 python -m generators.command_line
 """
@@ -36,9 +36,9 @@ code is the same.
 ballbar compare runs/irb2400/calibration.yaml runs/irb2400/recording.truth.yaml --json
 ```
 
-**`--quiet`, `-q`** leaves nothing but errors, and the JSON if `--json` is given. **`--verbose`, `-v`**
-prints each stage with the second at which it began, also in a pipe. Both may stand before or behind
-the name of the command.
+**`--quiet`, `-q`** leaves nothing but errors, and the JSON if `--json` is given. **`--verbose`,
+`-v`** prints each stage with the second at which it began, also in a pipe. Both may stand before or
+behind the name of the command.
 
 **Colours** are for a terminal: in a pipe or a file there are none. `FORCE_COLOR=1` keeps them (for
 `less -R`, or logs of continuous integration), `NO_COLOR=1` switches them off. Progress bars are
@@ -102,7 +102,7 @@ def _paragraphs(function: Callable[..., Any]) -> list[str]:
 
 
 def _parameters(function: Callable[..., Any]) -> Iterator[tuple[str, type, str]]:
-    """Of each parameter its name as typed, whether it is an argument or an option, and its row of the table."""
+    """Name as typed, kind (argument or option) and row of the table of each parameter."""
     hints = get_type_hints(function, include_extras=True)
     for parameter in inspect.signature(function).parameters.values():
         hint, info = _described(hints[parameter.name])

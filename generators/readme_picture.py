@@ -1,6 +1,6 @@
 """The pictures of the front page and the tutorial, from runs made for them.
 
-python -m generators.readme_picture          # docs/images/readme.png and tutorial.png, half a minute
+python -m generators.readme_picture      # docs/images/readme.png, tutorial.png: half a minute
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ INSTANT = 0.3  # of the run, at which the mechanism is drawn
 
 
 def picture(data: RunData) -> bytes:
-    """PNG: the identified mechanism on its sphere with the path so far, and the tool's error before and after."""
+    """PNG: the identified mechanism on its sphere, and the TCP error before and after."""
     tcp = tcp_view(data)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 4.4))

@@ -1,4 +1,4 @@
-"""Reference pages of files whose keys a schema holds: docs/calibration_file.md, docs/plan_request.md.
+"""Reference pages from schemas: docs/calibration_file.md and docs/plan_request.md.
 
 python -m generators.schema_pages
 """
@@ -30,20 +30,20 @@ number is refused.
 REQUEST = """# Plan request
 
 The file of `ballbar plan REQUEST`; `scenarios/plans/irb2400.yaml` is a short one. Only `name` and
-`cell` are needed. Written by `python -m generators.schema_pages` from the schema; do not edit. Steps:
-[Plan a path](how_to/plan_a_path.md). Method: [Planning](planning.md).
+`cell` are needed. Written by `python -m generators.schema_pages` from the schema; do not edit.
+Steps: [Plan a path](how_to/plan_a_path.md). Method: [Planning](planning.md).
 
 A plan keeps a reserve inside the limits (1 deg, 10 mm, a tenth of rates, a fifth of the force), so
-that the run on soft servo keeps the limits themselves. A request that allows nothing is refused with
-the limit that excludes most and the nearest miss. Clearance is that of MuJoCo's `mj_geomDistance`
-between capsules of robot and rod, the box of the plate, floor, pedestal and the boxes of `keep_out`;
-radii are assumed shares of the length of the upper arm.
+that the run on soft servo keeps the limits themselves. A request that allows nothing is refused
+with the limit that excludes most and the nearest miss. Clearance is that of MuJoCo's
+`mj_geomDistance` between capsules of robot and rod, the box of the plate, floor, pedestal and the
+boxes of `keep_out`; radii are assumed shares of the length of the upper arm.
 """
 
 
 @dataclass(frozen=True)
 class SchemaPage:
-    """One page: file name, text at its head, schema, and whether the file is written by a person."""
+    """One page: file name, text at its head, schema, and whether people write the file."""
 
     name: str
     head: str

@@ -84,7 +84,7 @@ def _lines(plot: Plot) -> Iterator[tuple[str, Array, Array]]:
 
 
 def _thinned(x: Array, y: Array, plot: Plot) -> tuple[Array, Array]:
-    """The window of a log's rows, and of each of POINTS / 2 stretches only its smallest and largest value."""
+    """Rows of a log inside the window; of each of POINTS / 2 stretches the two extreme values."""
     if not plot.rows:
         return x, y
     inside = (x >= plot.window[0]) & (x <= plot.window[1])

@@ -94,7 +94,7 @@ def list_item(name: str, field: FieldInfo) -> str:
 
 
 def table(section: str, model: type[BaseModel]) -> Iterator[str]:
-    """Rows of a table of the keys of a model that hold no model of their own; none without such keys."""
+    """Table of the keys of a model that hold no model of their own; empty without such keys."""
     plain = {
         name: field for name, field in model.model_fields.items() if not models_in(field.annotation)
     }

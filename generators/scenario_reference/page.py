@@ -1,4 +1,4 @@
-"""The page: every section of a scenario as a table of its keys, every error source with its picture."""
+"""The page: each section of a scenario as a table of keys, each error source with its picture."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ description files in `cell/`; do not edit.
 
 A key carries its unit in its name (`_m`, `_rad`, `_s`, `_N`, `_hz`). A key that is not given takes
 its default. An error source is absent unless a scenario names it:
-`errors: {{joint_compliance: {{}}}}` switches one on at its default size. An unknown key, a value out
-of range or a wrong kind is refused with the file's line.
+`errors: {{joint_compliance: {{}}}}` switches one on at its default size. An unknown key, a value
+out of range or a wrong kind is refused with the file's line.
 
 What differs from unit to unit (phases, spread, deviations) is drawn from the scenario's seed. Each
 source draws from a stream of its own, so switching one on leaves all others bit-identical. z is a
 standard normal draw, phi a drawn phase.
 
 **Letters.** `m` motor hinge, `e` elastic deflection, `q = m + e` joint; `g` output of a gear,
-`joints = gears @ gear_to_joint` ([conventions](conventions.md)); `L` load on a gear and `tau` torque
-of its servo, both at its output, at rest `tau = -L`; `b` ball-bar angle; `s` elongation of the rod,
-or angle of an encoder's shaft; `F` force.
+`joints = gears @ gear_to_joint` ([conventions](conventions.md)); `L` load on a gear and `tau`
+torque of its servo, both at its output, at rest `tau = -L`; `b` ball-bar angle; `s` elongation of
+the rod, or angle of an encoder's shaft; `F` force.
 
 **Plots.** IRB 2400 with the errors of thesis Table 3.1 on the 600 mm ball-bar, soft servo, 60 s, no
 noise. A curve is the run with the source minus the same run without it, unless the axes say

@@ -39,7 +39,7 @@ BASE: Changes = {
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A simulated run and its settings. Errors of paired samples are not in the simulation (View.samples)."""
+    """A simulated run and its settings; errors of paired samples are those of `View.samples`."""
 
     settings: SimulationSettings
     simulation: Simulation
@@ -74,12 +74,12 @@ def merged(base: Changes, changes: Changes) -> Changes:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What stands in the logs of one run at times t (N,) [s], as if both devices took their rows at the same instants."""
+    """Content of the logs of one run at times t (N,) [s], the same for both devices."""
 
     run: Run
     t: Array
     known: Geometry  # what an identifier would know: the geometry of the run without the source
-    counted: bool  # whether the ball-bar angles go through the counters, whose steps would roughen a plot of micrometres
+    counted: bool  # whether ball-bar angles go through the counters, whose steps roughen a plot
 
     @property
     def simulation(self) -> Simulation:
@@ -87,7 +87,7 @@ class View:
 
     @cached_property
     def true_angles(self) -> tuple[Array, Array]:
-        """(N, 6), (N, 5) [rad] what the motors show and how the ball-bar stands, before any sensor."""
+        """(N, 6), (N, 5) [rad] motor angles at the joints, ball-bar angles; before any sensor."""
         return self.simulation.motion.at(self.t)
 
     @cached_property
@@ -131,7 +131,7 @@ class View:
 
     @property
     def residual(self) -> Array:
-        """(N, 3) [m] tool by the ball-bar's log minus tool by the robot's log, with rigid kinematics."""
+        """(N, 3) [m] tool by the ball-bar's log minus tool by the robot's log, rigid kinematics."""
         return np.asarray(
             (bar_frames(self.known, self.b).tip - robot_frames(self.known, self.q).tip).T
         )

@@ -1,4 +1,4 @@
-"""Signals: what a plot shows of a view, (N,) or (N, K), in display units. Gears, joints and encoders count from 1."""
+"""Signals that a plot shows of a view, (N,) or (N, K), in display units; joints count from 1."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def robot_row_time(view: View) -> Array:
 
 
 def clock_difference(scale: float) -> Signal:
-    """t_robot - t_bar of the rows of the ball-bar's log, each counted from the first row of its log."""
+    """t_robot - t_bar of the rows of the ball-bar's log, each from the first row of its log."""
 
     def difference(view: View) -> Array:
         times = view.simulation.times

@@ -16,7 +16,7 @@ SIZES = PLOTS / "sizes.csv"
 
 
 def measured_sizes() -> list[dict[str, str]]:
-    """Largest changes of the logs, of every source that changes angles; the largest residual first."""
+    """Largest changes of the logs by every source that changes angles, largest residual first."""
     rows = [
         {"source": source.key, "variant": label, **_sizes(changes, source.plot)}
         for source in SOURCES

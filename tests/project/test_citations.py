@@ -1,4 +1,4 @@
-"""Every citation leads somewhere: notes and pages to what stands in docs/, literature to docs/references.md."""
+"""Every citation leads somewhere: notes and pages to docs/, literature to docs/references.md."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ def citing_files() -> list[Path]:
 
 
 def on_one_line(text: str) -> str:
-    """The text with ends of lines, and the comment signs behind them, as blanks of the same length."""
+    """The text with ends of lines and the comment signs behind them as blanks, length unchanged."""
     return re.sub(r"\n[ \t]*#?", lambda end: " " * len(end[0]), text)
 
 
 def sections_of(text: str) -> dict[str, str]:
-    """Text of each section of a page, by its number or letter and by its title; with what lies below it."""
+    """Text of each section, by its number or letter and by its title; with what lies below it."""
     headings = list(re.finditer(r"^(#+) (.+)$", text, re.MULTILINE))
     sections = {}
     for k, heading in enumerate(headings):
@@ -95,7 +95,7 @@ def note_faults(text: str) -> Iterator[tuple[int, str]]:
 
 
 def literature_faults(text: str, references: str) -> Iterator[tuple[int, str]]:
-    """Place in the text and fault of every author and year, standard or identifier that is not in the references."""
+    """Place and fault of every author and year, standard or identifier without a reference."""
     entries = re.findall(r"^- \*\*(.+?)\.?\*\*", references, re.MULTILINE)
     for cited in AUTHORS.finditer(on_one_line(text)):
         names = [n for n in re.findall(_NAME, cited["names"]) if n not in NO_AUTHORS]

@@ -1,4 +1,4 @@
-"""The documentation does what it says: its commands parse or run, its links lead somewhere, its generated pages are fresh."""
+"""The documentation is true: commands parse or run, links lead somewhere, generated pages are fresh."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ def _without_comment(command: str) -> str:
 
 
 def commands(page: Path) -> Iterator[str]:
-    """Commands of the project on a page: lines of blocks without language or of sh, indented lines, words in backticks."""
+    """Commands of the project on a page.
+
+    They stand in blocks without language or of sh, in indented lines and in backticks.
+    """
     text = page.read_text()
     lines = [
         line
@@ -89,7 +92,7 @@ def _sources(module: str) -> list[Path]:
 
 
 def _parse_ballbar(words: list[str]) -> None:
-    """Fails for a command or an option that there is not; what the arguments name need not be there."""
+    """Fails for a command or an option that does not exist; files need not be there."""
     group = typer.main.get_command(cli.app)
     if not words:
         return
@@ -197,7 +200,7 @@ def test_everything_on_the_api_page_is_there_and_has_a_docstring() -> None:
 def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In a folder with nothing but the scenarios; left out is what opens a viewer, and of other pages what takes minutes."""
+    """In a folder with nothing but the scenarios; without the viewer and what takes minutes."""
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
     monkeypatch.chdir(tmp_path)
     said: dict[str, str] = {}
@@ -262,7 +265,8 @@ def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_pa
     assert not faults
     for page in (tmp_path / "site").glob("*.html"):
         loaded = re.findall(
-            r'<(?:script|img|iframe)[^>]* src="([^"]+)"|<link[^>]* rel="(?:stylesheet|icon|preconnect)"[^>]* href="([^"]+)"',
+            r'<(?:script|img|iframe)[^>]* src="([^"]+)"|'
+            r'<link[^>]* rel="(?:stylesheet|icon|preconnect)"[^>]* href="([^"]+)"',
             page.read_text(),
         )
         assert not [

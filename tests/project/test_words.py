@@ -1,4 +1,4 @@
-"""One word for each thing: words that docs/glossary.md replaces stay out of code, scenarios and pages."""
+"""One word for each thing: what docs/glossary.md replaces stays out of code, scenarios and pages."""
 
 from __future__ import annotations
 

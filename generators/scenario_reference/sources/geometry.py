@@ -14,7 +14,8 @@ STATIC_OFF: Changes = {"errors": {"static": None}, "plant": {"kind": "kinematic"
 GEOMETRY = (
     Source(
         "errors.static",
-        "`true = nominal + deviation`; of the table, or `sigma z` with z normal, one draw a parameter.",
+        "`true = nominal + deviation`; of the table, or `sigma z` with z normal, one draw a "
+        "parameter.",
         "Geometry: DH rows of robot and ball-bar, base position; encoder zeros are drawn anyhow.",
         "Table: thesis Table 3.1. Drawn: no default; thesis sec. 3.1 draws 1 mm and 1 mrad.",
         "What calibration is for: millimetres that follow the pose. Drawn: 1 mm, 1 mrad.",
@@ -53,7 +54,8 @@ GEOMETRY = (
         "`ra6 = nominal + sigma_m z`, one draw.",
         "Geometry: the one known length.",
         "Plate file, assumed: what a coordinate measuring machine gives.",
-        "Its own size in the residual; a fit takes it for scale and gets all lengths wrong by the same share.",
+        "Its own size in the residual; a fit takes it for scale and gets all lengths wrong by the "
+        "same share.",
         residual_plot(merged(KINEMATIC, error("plate_length")), off=KINEMATIC, um=True),
         of_machine=("m, standard deviation", lambda cell: cell.plate.length_sigma),
     ),

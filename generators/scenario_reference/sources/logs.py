@@ -30,7 +30,8 @@ CLOCKS = (
     ),
     Source(
         "clocks.wander",
-        "`rate = r w(t) + c exp(-t / T)`, w a random walk of unit RMS; its integral less the best straight line is added to t_robot.",
+        "`rate = r w(t) + c exp(-t / T)`, w a random walk of unit RMS; its integral less the best "
+        "straight line is added to t_robot.",
         "Instants of the rows.",
         "Usual for quartz oscillators without an oven.",
         "Microseconds that no straight line takes out.",
@@ -60,7 +61,8 @@ CLOCKS = (
         "`rint(stamp / quantum) quantum`, from the first row.",
         "Stamps of both logs.",
         "EGM headers and SYSTEMTIME count whole ms.",
-        f"The robot's {PERIOD_MS:.3f} ms period becomes 4, 4, .., 5 ms; the ball-bar's stamps, multiples of {TASK_MS:g} ms, do not change.",
+        f"The robot's {PERIOD_MS:.3f} ms period becomes 4, 4, .., 5 ms; the ball-bar's stamps, "
+        f"multiples of {TASK_MS:g} ms, do not change.",
         rows_plot(
             signals.robot_row_time,
             signals.stamp_error(1e3),
@@ -165,7 +167,8 @@ LOADS = (
     ),
     Source(
         "logs.force_sensor",
-        "`load (1 + gain z_c) + bias z_c + noise z`: force and torque of plate and ball-bar on the flange, in its frame, about its origin.",
+        "`load (1 + gain z_c) + bias z_c + noise z`: force and torque of plate and ball-bar on the "
+        "flange, in its frame, about its origin.",
         "A third log, with its own rate, and a clock that begins offset_s after the robot's.",
         "Assumed, for a sensor like the JR3 of thesis sec. 5.3.",
         "The plate's weight turns with the wrist; the rod's force comes on top.",

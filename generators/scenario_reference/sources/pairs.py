@@ -1,4 +1,4 @@
-"""Sources that act on paired samples instead of device logs (`identify: {data: samples}`, kinematic plant)."""
+"""Sources that act on paired samples (`identify: {data: samples}`, kinematic plant)."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ PAIRS = (
     ),
     Source(
         "errors.rod_deviation",
-        "`bd3 + A (s - mean(s))`, s = +1 while the rod's end rises, -1 while it sinks, kept where it stands still.",
-        "Paired samples only: the robot follows the longer or shorter rod. Device logs have rod_backlash and rod_strain (MuJoCo).",
-        'No default. Thesis secs. 2.3, 3.5, Fig. 3.5 ("ball-bar backlash"); the order of signs is chosen here.',
+        "`bd3 + A (s - mean(s))`, s = +1 while the rod's end rises, -1 while it sinks, kept where "
+        "it stands still.",
+        "Paired samples only: the robot follows the longer or shorter rod. Device logs have "
+        "rod_backlash and rod_strain (MuJoCo).",
+        'No default. Thesis secs. 2.3, 3.5, Fig. 3.5 ("ball-bar backlash"); '
+        "the order of signs is chosen here.",
         "The rod's length jumps by 2 A where the rod's end turns. Plotted: 10 um.",
         residual_plot(
             merged(KINEMATIC, error("rod_deviation", amplitude_m=1e-5)), off=KINEMATIC, um=True

@@ -31,10 +31,12 @@ ROBOT_SENSORS = (
     ),
     Source(
         "errors.resolver_error",
-        "`m + sum A_k sin(k m + phi_k)`, k = 1, 2, m the motor's angle; then rounded to the quantum.",
+        "`m + sum A_k sin(k m + phi_k)`, k = 1, 2, m the motor's angle; then rounded to the "
+        "quantum.",
         "Robot's log. The servo is not misled.",
         "Resolvers of the +-10 arcmin class and converters of 16 bits (recalled).",
-        "One and two cycles a motor turn, divided by the gear ratio; looks like gear error of the input side.",
+        "One and two cycles a motor turn, divided by the gear ratio; looks like gear error of the "
+        "input side.",
         Plot(
             signals.robot_angle(1, 180.0 / np.pi),
             signals.robot_angle(1, 1e6),
@@ -49,8 +51,10 @@ ROBOT_SENSORS = (
 OUTLIERS = Source(
     "errors.outliers",
     "`angle + s`, s of log-uniform size and drawn sign, on one angle of a row.",
-    "Both logs: joint angles before the motor angles are formed, ball-bar angles before they are counted.",
-    "Assumed: bits flipped, frames torn, encoders disturbed. A share of 5 % is far more than any healthy device has.",
+    "Both logs: joint angles before the motor angles are formed, ball-bar angles before they are "
+    "counted.",
+    "Assumed: bits flipped, frames torn, encoders disturbed. A share of 5 % is far more than any "
+    "healthy device has.",
     "Single values off the motion; they do not repeat.",
     Plot(
         signals.time,
@@ -78,7 +82,8 @@ ENCODERS = (
         "errors.encoder_eccentricity",
         "`s + sum A_k sin(k s + phi_k)`, k = 1..3, s the shaft's angle; phases drawn.",
         "Ball-bar encoder, after mounting and coupling.",
-        "Sized to stay near the ERN 1080's 18 arcsec; shape: Renishaw, The accuracy of rotary encoders.",
+        "Sized to stay near the ERN 1080's 18 arcsec; shape: Renishaw, The accuracy of rotary "
+        "encoders.",
         "Slow wave over the joint's angle, the same in both directions.",
         sensor_plot(5, error("encoder_eccentricity")),
     ),
@@ -87,18 +92,21 @@ ENCODERS = (
         "`s + A sin(lines s + phi)`, after eccentricity.",
         "Ball-bar encoder, last before noise and rounding.",
         "Assumed: 0.7 % of a signal period.",
-        "Cycles of 0.1 deg. Plotted in rows of 10 ms as a motion begins: from 5 deg/s on they alias it into noise of the same size.",
+        "Cycles of 0.1 deg. Plotted in rows of 10 ms as a motion begins: from 5 deg/s on they "
+        "alias it into noise of the same size.",
         sensor_plot(5, error("subdivisional_error"), x="time", window=(2.0, 3.0), points=101),
     ),
     Source(
         "errors.frozen_bits",
-        f"Low bits keep their last value from the onset up, one more each octave of signal frequency, {SURE_BITS} bits always live. "
+        "Low bits keep their last value from the onset up, one more each octave of signal "
+        f"frequency, {SURE_BITS} bits always live. "
         "Onset by bits: "
         + ", ".join(f"{bits}: {hz:g} Hz" for bits, hz in FREEZING_ONSET_HZ.items())
         + ".",
         "Ball-bar counter.",
         "EL5021 documentation; +-15 % by the maker.",
-        "A count at speed, three at twice the speed; no status says so. Plotted: a fast run of 26 s.",
+        "A count at speed, three at twice the speed; no status says so. Plotted: a fast run of 26 "
+        "s.",
         Plot(
             signals.signal_frequency(5),
             signals.counts(5),
@@ -156,7 +164,8 @@ ENCODERS = (
         "`rint(angle lines 2^bits / 2 pi)`.",
         "Ball-bar counter.",
         "Thesis sec. 4.6.",
-        "Steps of 6.8 urad at 8 bits, 0.4 urad at 12, 0.2 urad at 13; in motion they look like noise.",
+        "Steps of 6.8 urad at 8 bits, 0.4 urad at 12, 0.2 urad at 13; in motion they look like "
+        "noise.",
         Plot(
             signals.time,
             signals.bar_error_urad(5),
@@ -175,7 +184,8 @@ ENCODERS = (
         "encoders.noise_sigma_rad",
         "`scale + sigma z` at each row, before rounding.",
         "Ball-bar encoder.",
-        "None. The ball-bar files assume 2 urad for the identifier; scenarios/irb2400.yaml takes 10 urad (thesis sec. 3.5).",
+        "None. The ball-bar files assume 2 urad for the identifier; scenarios/irb2400.yaml takes "
+        "10 urad (thesis sec. 3.5).",
         "White at the log's rate.",
         sensor_plot(
             5,
