@@ -1,4 +1,4 @@
-"""docs/scenario_reference.md has every key of a scenario as in the settings, and every error source."""
+"""docs/scenario_reference.md has every key of a scenario, and every error source."""
 
 from __future__ import annotations
 
