@@ -86,7 +86,7 @@ def sphere_deviation(motion: Motion) -> Array:
 
 
 def pull_push(motion: Motion) -> tuple[float, float]:
-    """Elongation of the rod at 150 N beyond its backlash, and width of the backlash [m]."""
+    """Stretch at 150 N beyond the slack, and the slack's width [m], from force and stretch."""
     force, stretch = motion.rod_force, motion.rod_stretch
     slopes, zeros = [], []
     for side in (force > 20.0, force < -20.0):

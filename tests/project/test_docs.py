@@ -15,6 +15,7 @@ import pytest
 import typer
 import yaml
 
+import ballbar as ballbar_package
 from ballbar.commands import cli
 from generators import command_line, schema_pages
 from tests.ballbar.test_cli import ballbar
@@ -192,6 +193,8 @@ def test_everything_on_the_api_page_is_there_and_has_a_docstring() -> None:
     for name in names:
         module, _, attribute = name.rpartition(".")
         assert getattr(import_module(module), attribute).__doc__, name
+    shown = {name.rpartition(".")[2] for name in names}
+    assert set(getattr(ballbar_package, "__all__", ())) <= shown
     (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "api.md").read_text(), re.DOTALL)
     exec(compile(code, "api.md", "exec"), {})
 
