@@ -266,7 +266,7 @@ def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_pa
         if "no such anchor" in line or line.startswith("WARNING")
     ]
     assert not faults
-    for page in (tmp_path / "site").glob("*.html"):
+    for page in (tmp_path / "site").rglob("*.html"):
         loaded = re.findall(
             r'<(?:script|img|iframe)[^>]* src="([^"]+)"|'
             r'<link[^>]* rel="(?:stylesheet|icon|preconnect)"[^>]* href="([^"]+)"',
