@@ -176,6 +176,7 @@ def _prepared(alone: Identification, logs: Logs) -> Prepared:
         logs.robot.q,
         widest_knot_spacing=WIDEST_KNOT_SPACING,
         starts=segment_starts(logs.robot.segment),
+        checked=logs.robot.flags is not None,
     )
     bar = None
     if logs.ballbar is not None:
@@ -185,6 +186,7 @@ def _prepared(alone: Identification, logs: Logs) -> Prepared:
             logs.ballbar.angles,
             widest_knot_spacing=WIDEST_KNOT_SPACING,
             starts=starts,
+            checked=logs.ballbar.flags is not None,
         )
     signs, clock = np.array(alone.signs, dtype=float), alone.clock or Clock(0.0, 0.0)
     return Prepared(

@@ -350,12 +350,17 @@ def _smoothed(
         robot_log.q,
         widest_knot_spacing=WIDEST_KNOT_SPACING,
         starts=segment_starts(robot_log.segment),
+        checked=robot_log.flags is not None,
     )
     if ballbar_log is None:
         return robot, None, ()
     starts = segment_starts(ballbar_log.segment)
     bar = smooth_log(
-        ballbar_log.t, ballbar_log.angles, widest_knot_spacing=WIDEST_KNOT_SPACING, starts=starts
+        ballbar_log.t,
+        ballbar_log.angles,
+        widest_knot_spacing=WIDEST_KNOT_SPACING,
+        starts=starts,
+        checked=ballbar_log.flags is not None,
     )
     return robot, bar, ballbar_log.joints
 
