@@ -11,12 +11,16 @@ from typing import TYPE_CHECKING
 PACKAGES = ("cell", "sim", "acquisition", "ident", "planning", "ballbar")  # of this project
 
 _PUBLIC = {
-    "cell.descriptions": "Cell Robot load_cell load_robot",
+    "cell.descriptions": "Cell Robot",
+    "cell.load": "load_cell load_robot",
     "cell.errors": "InputError FailureError",
     "cell.geometry": "Geometry nominal_geometry robot_frames bar_frames",
     "cell.logs": "RobotLog BallBarLog ForceLog",
     "acquisition.recording": "Recording read_recording",
-    "ident.identify": "Identification Logs identify identify_together",
+    "ident.identify": "identify identify_together",
+    "ident.options": "FitOptions Listener",
+    "ident.recording_fit": "Logs",
+    "ident.result": "Identification",
     "ident.held_out": "HeldOut held_out",
     "ident.robot.accuracy": "TcpError accuracy_grid position_error tcp_error",
     "ident.robot.inverse_calibration": "CorrectedTargets corrected_targets",
@@ -40,23 +44,25 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from ballbar.scenario import scenario_file as scenario_file
     from cell.descriptions import Cell as Cell
     from cell.descriptions import Robot as Robot
-    from cell.descriptions import load_cell as load_cell
-    from cell.descriptions import load_robot as load_robot
     from cell.errors import FailureError as FailureError
     from cell.errors import InputError as InputError
     from cell.geometry import Geometry as Geometry
     from cell.geometry import bar_frames as bar_frames
     from cell.geometry import nominal_geometry as nominal_geometry
     from cell.geometry import robot_frames as robot_frames
+    from cell.load import load_cell as load_cell
+    from cell.load import load_robot as load_robot
     from cell.logs import BallBarLog as BallBarLog
     from cell.logs import ForceLog as ForceLog
     from cell.logs import RobotLog as RobotLog
     from ident.held_out import HeldOut as HeldOut
     from ident.held_out import held_out as held_out
-    from ident.identify import Identification as Identification
-    from ident.identify import Logs as Logs
     from ident.identify import identify as identify
     from ident.identify import identify_together as identify_together
+    from ident.options import FitOptions as FitOptions
+    from ident.options import Listener as Listener
+    from ident.recording_fit import Logs as Logs
+    from ident.result import Identification as Identification
     from ident.robot.accuracy import TcpError as TcpError
     from ident.robot.accuracy import accuracy_grid as accuracy_grid
     from ident.robot.accuracy import position_error as position_error

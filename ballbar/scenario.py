@@ -12,8 +12,7 @@ from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_model
 from ident.corrections import CORRECTIONS
-from ident.estimator.machine import ForceSource
-from ident.identify import ModelName
+from ident.options import FitOptions, ForceSource, ModelName
 from ident.thesis.costs import ENCODERS_NEEDED
 from sim.settings import SimulationSettings
 
@@ -77,6 +76,17 @@ class IdentifySettings(Strict):
         None,
         description="Of a measured rod: bd3 of the ball-bar's file is that length. Without it, the catalogue's tolerance.",
     )
+
+    @property
+    def options(self) -> FitOptions:
+        """The options of the identification itself."""
+        return FitOptions(
+            model=self.model,
+            corrections=self.corrections,
+            force=self.force,
+            rod_sigma=self.rod_sigma_m,
+            samples=self.samples,
+        )
 
 
 class AcceptSettings(Strict):

@@ -22,8 +22,9 @@ import numpy as np
 from ballbar.result.compare import identification_against_truth
 from cell.descriptions import Cell
 from cell.files import write_whole
-from ident.estimator.machine import ForceSource
-from ident.identify import Identification, identify_together
+from ident.identify import identify_together
+from ident.options import FitOptions, ForceSource
+from ident.result import Identification
 from sim.truth import Truth
 from tests.helpers.drawn_robots import ROOT, recorded, scenario_of
 
@@ -47,11 +48,12 @@ def robot_rows(
         force, _, rod = signal.partition("+")
         logs = [m[1] for m in made]
         stands, rod_sigma = (measured_rod(cell, truth, seed), ROD_SIGMA) if rod else (cell, None)
-        found = identify_together(
-            stands, logs, model="complete", force=FORCES[force], rod_sigma=rod_sigma
-        )
+        options = FitOptions(model="complete", force=FORCES[force], rod_sigma=rod_sigma)
+        found = identify_together(stands, logs, options=options)
         rows.append(row(robot, seed, "a+b", signal, found, [m[2] for m in made]))
-    alone = identify_together(cell, [made[0][1]], model="complete", force="none")
+    alone = identify_together(
+        cell, [made[0][1]], options=FitOptions(model="complete", force="none")
+    )
     rows.append(row(robot, seed, "a", "none", alone, [truth]))
     return rows
 
@@ -64,15 +66,15 @@ def measured_rod(cell: Cell, truth: Truth, seed: int) -> Cell:
 
 
 def row(
-    robot: str, seed: int, paths: str, signal: str, found: list[Identification], truths: list[Truth]
+    robot: str, seed: int, paths: str, signal: str, found: Identification, truths: list[Truth]
 ) -> dict[str, object]:
     """Figures of one fit against the truth."""
-    first, truth = found[0], truths[0]
-    compared = identification_against_truth(first, truth)
+    truth = truths[0]
+    compared = identification_against_truth(found, truth)
     stiffness = np.array(truth.plant.gear_stiffness_N_m_per_rad)
     elastic = {
         v.name: v.value
-        for c in first.corrections
+        for c in found.robot.corrections
         if c.name == "joint_compliance"
         for v in c.coefficients
     }
@@ -81,17 +83,17 @@ def row(
     )
     clocks = [
         (abs(f.clock.offset - t.offset), abs(f.clock.skew - t.skew))
-        for f, t in zip(found, truths, strict=True)
+        for f, t in zip(found.recordings, truths, strict=True)
         if f.clock
     ]
-    sigma = np.array([first.sigma[name] for name in compared.deviations])
+    sigma = np.array([found.sigma[name] for name in compared.deviations])
     inside = np.abs(np.array(list(compared.deviations.values()))) < 1.96 * sigma
     return dict(
         zip(
             COLUMNS,
             (
-                robot, seed, paths, signal, first.verdict.status, compared.tcp.mean * 1e3, compared.tcp.maximum * 1e3,
-                float(first.tcp_sigma.mean()) * 1e3, first.chi2_per_dof, first.autocorrelation, float(np.median(wrong)) * 100,
+                robot, seed, paths, signal, found.verdict.status, compared.tcp.mean * 1e3, compared.tcp.maximum * 1e3,
+                float(found.robot.tcp_sigma.mean()) * 1e3, found.fit.chi2_per_dof, found.fit.autocorrelation, float(np.median(wrong)) * 100,
                 float(wrong.max()) * 100, max(c[0] for c in clocks) * 1e6, max(c[1] for c in clocks) * 1e6, float(inside.mean()),
             ),
             strict=True,

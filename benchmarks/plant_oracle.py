@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.descriptions import load_cell
 from cell.geometry import nominal_geometry
+from cell.load import load_cell
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import reference_path
 from sim.plant.effects import PlantErrors, plant_effects

@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array, Chain, Frames, forward, joint_screws
+from cell.arrays import Array
+from cell.chain import Chain, Frames, forward, joint_screws
 from cell.errors import FailureError
 from cell.rotation import rotvec_from_matrix
 

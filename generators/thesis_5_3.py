@@ -17,7 +17,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from ballbar.scenario import load_scenario
-from cell.chain import Array
+from cell.arrays import Array
 from cell.files import write_whole
 from sim.motion import Motion
 from sim.plant.deflection import deflect

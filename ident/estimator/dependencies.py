@@ -15,16 +15,14 @@ The same x are the influence of Table 3.4: an error of 1 mm|mrad in a parameter 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cell.arrays import Array
 from cell.geometry import BAR_ROWS, HAYATI_ROWS, INDEX, PARAMETERS, ROBOT_ROWS, Geometry
-
-Array = NDArray[np.float64]
 
 STRUCTURAL = 1e-6  # relative; thesis sec. 3.2. Structural zeros leave 1e-15, the weakest real direction 3e-4 (docs/identifiability.md)
 PLATE = "ra6"  # the offset plate is the known length (thesis secs. 3.3, 4.3)
@@ -152,31 +150,55 @@ def select(
     order = sorted(range(len(names)), key=lambda k: (names[k] in known, _priority(names[k])))
     none = set(zero_jacobian(columns, names))
     lengths = _lengths_of(columns, names)
-    basis = np.zeros((0, columns.shape[1]))
-    kept: list[int] = []
+    moving = [k for k in order if names[k] not in none]
+    walk = orthogonalised(columns, moving, lambda _, remainder: remainder >= STRUCTURAL)
     dependent: list[Dependency] = []
-    for k in (k for k in order if names[k] not in none):
-        rest = remainder_of(columns[k] / lengths[k], basis)
-        remainder = float(np.linalg.norm(rest))
-        if remainder < STRUCTURAL:
-            partners = _combination(columns, lengths, names, kept, k, basis)
-            scale = _scale_without(names[k], [names[i] for i in kept], dependent, nominal)
-            dependent.append(Dependency(names[k], partners, _in_proportion(partners, scale)))
-        else:
-            basis = np.vstack((basis, rest / remainder))
-            kept.append(k)
+    for k in (k for k in moving if k not in walk.selected):
+        before = walk.before(k)
+        partners = _combination(columns, lengths, names, before, k, walk.basis[: len(before)])
+        scale = _scale_without(names[k], [names[i] for i in before], dependent, nominal)
+        dependent.append(Dependency(names[k], partners, _in_proportion(partners, scale)))
     return Selection(
-        tuple(names[k] for k in kept),
+        tuple(names[k] for k in walk.selected),
         tuple(names[k] for k in order if names[k] in none),
         tuple(dependent),
     )
 
 
-def remainder_of(column: Array, basis: Array) -> Array:
-    """(M,) what is left of a column (M,) when its combination of the orthonormal rows (K, M) is taken away."""
-    for _ in range(2):  # twice is enough (Kahan, in Parlett 1980, sec. 6.9)
-        column = column - basis.T @ (basis @ column)
-    return column
+@dataclass(frozen=True, eq=False)
+class Orthogonalised:
+    """Columns taken in one order, each selected unless it depends on those selected before."""
+
+    order: list[int]
+    selected: list[int]  # in that order
+    remainders: dict[int, float]  # relative length of each column beyond those selected before it
+    basis: Array  # (S, M) orthonormal rows of the selected columns
+
+    def before(self, k: int) -> list[int]:
+        """The columns selected before column k."""
+        passed = set(self.order[: self.order.index(k)])
+        return [i for i in self.selected if i in passed]
+
+
+def orthogonalised(
+    columns: Array, order: Sequence[int], keep: Callable[[int, float], bool]
+) -> Orthogonalised:
+    """Gram-Schmidt over columns (P, M) in the given order (thesis sec. 3.3).
+
+    keep : whether a column is selected, from its index and the relative length of its remainder.
+    """
+    selected: list[int] = []
+    remainders: dict[int, float] = {}
+    basis = np.zeros((0, columns.shape[1]))
+    for k in order:
+        rest = columns[k] / np.linalg.norm(columns[k])
+        for _ in range(2):  # twice is enough (Kahan, in Parlett 1980, sec. 6.9)
+            rest = rest - basis.T @ (basis @ rest)
+        remainders[k] = float(np.linalg.norm(rest))
+        if keep(k, remainders[k]):
+            basis = np.vstack((basis, rest / remainders[k]))
+            selected.append(k)
+    return Orthogonalised(list(order), selected, remainders, basis)
 
 
 def groups(columns: Array, names: Sequence[str], nominal: Geometry) -> tuple[Group, ...]:

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cell.arrays import Array
 from cell.bodies import bar_bodies, carried_bodies
-from cell.chain import Array, Frames, cross, joint_screws, screw
+from cell.chain import Frames, cross, joint_screws, screw
 from cell.descriptions import Cell, Link
 from cell.dynamics import joint_torques
 from cell.geometry import Geometry, bar_frames, robot_frames

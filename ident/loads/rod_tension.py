@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array, cross
+from cell.arrays import Array
+from cell.chain import cross
 from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, robot_frames
 from ident.loads.gear_loads import Loads, mass_model, on_ballbar

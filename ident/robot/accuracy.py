@@ -11,9 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array, screw
-from cell.descriptions import Robot, controller_to_joints
+from cell.arrays import Array
+from cell.chain import screw
+from cell.descriptions import Robot
 from cell.geometry import PARAMETERS, Geometry, robot_frames
+from cell.robot_angles import controller_to_joints
 
 GRID_POSES = 800
 _GRID_SEED = 2400  # the grid is part of the metric: the same poses for everyone

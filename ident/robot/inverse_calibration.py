@@ -15,10 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array, Chain, Frames, joint_screws
-from cell.descriptions import Robot, joints_to_axes
+from cell.arrays import Array
+from cell.chain import Chain, Frames, joint_screws
+from cell.descriptions import Robot
 from cell.geometry import Geometry, robot_frames
 from cell.inverse import UnreachableError, pose_error, refine
+from cell.robot_angles import joints_to_axes
 from ident.robot.unloaded_robot import UnloadedRobot
 
 LARGEST_CORRECTION = (

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from cell.chain import Array
+from cell.arrays import Array
 
 DIRECTION_SIGMA = (
     3e-3  # [rad] what an uncalibrated robot leaves of a direction; floor of all variances here

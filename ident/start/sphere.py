@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 
 RADIUS_SIGMA = (
     0.010  # [m] the rod against its catalogue length; centres of candidates only, refined later

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames, robot_frames
 from ident.estimator.closure import Closure
 from ident.signals.smooth_log import SmoothLog

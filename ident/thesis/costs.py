@@ -21,7 +21,8 @@ from typing import Literal
 
 import numpy as np
 
-from cell.chain import Array, cross, screw
+from cell.arrays import Array
+from cell.chain import cross, screw
 from cell.geometry import Parameter, parameter_screw
 from ident.estimator.closure import Closure
 from ident.thesis.universal_joint import cardan_angles, cardan_columns

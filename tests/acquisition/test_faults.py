@@ -15,9 +15,9 @@ import pytest
 
 from acquisition import Recording, read_recording
 from acquisition.flags import RowFlag
-from cell.descriptions import joints_to_axes, joints_to_motors
 from cell.errors import DescriptionError, LogError
 from cell.logs import segment_starts
+from cell.robot_angles import joints_to_axes, joints_to_motors
 from tests.helpers.device_logs import (
     BAR_T,
     EPOCH,

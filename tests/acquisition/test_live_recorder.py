@@ -38,9 +38,10 @@ from ballbar.record.show import RING
 from ballbar.record.terminal import say_recording, status_table, status_words
 from ballbar.record.view import APPLICATION, TIMELINE, LiveView, layout
 from ballbar.replay import viewer as replay_viewer
-from cell.descriptions import controller_to_joints, load_robot
 from cell.errors import InputError
+from cell.load import load_robot
 from cell.recording import load_recording_file
+from cell.robot_angles import controller_to_joints
 from tests.helpers.command_line import ballbar
 from tests.helpers.egm_robot import egm_message, frames_of
 from tests.helpers.plc_server import START, Plc, plc_samples, text_of

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from acquisition import Recording, read_recording, report_lines
-from cell.descriptions import load_robot
 from cell.errors import DescriptionError, InputError, LogError
+from cell.load import load_robot
 from cell.logs import ForceLog, RobotLog
 from sim.logging.load_logs import drawn_loads, sensor_rows
 from sim.simulate import write_recording

@@ -12,8 +12,8 @@ import pytest
 from acquisition import read_recording, report_lines
 from acquisition.flags import RowFlag
 from acquisition.formats.dialect import dialect_names, load_dialect
-from cell.descriptions import joints_to_axes, joints_to_motors
 from cell.errors import DescriptionError, InputError, LogError
+from cell.robot_angles import joints_to_axes, joints_to_motors
 from tests.helpers.device_logs import (
     BAR_T,
     PER_RAD,

@@ -20,8 +20,7 @@ from ballbar.claims.run import FOLDER, Topic, judge_all, topics
 from ballbar.claims.table import Evidence, identifiability_evidence, runs_evidence
 from ballbar.plan import beam
 from ballbar.scenario import Scenario, load_scenario
-from ballbar.sweep.check import check_points
-from ballbar.sweep.check import load as load_sweep
+from ballbar.sweep.check import check_points, load_sweep
 from ballbar.sweep.plan import Plan
 from ballbar.sweep.run import Progress
 from ballbar.trial.sample_trial import cost_parameters, trial_samples

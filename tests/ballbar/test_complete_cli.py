@@ -19,8 +19,8 @@ from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.run_data import RunData, Validation
 from ballbar.result.run_recordings import distinct_names, identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
-from cell.descriptions import load_cell
 from cell.errors import DescriptionError, InputError
+from cell.load import load_cell
 from ident.held_out import HeldOut, LoopClosure, held_out
 from ident.identify import Identification, Logs
 from ident.robot.accuracy import accuracy_grid

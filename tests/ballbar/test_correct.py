@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 
 from ballbar.result.calibration import load_calibration
-from cell.chain import Array, joint_screws
-from cell.descriptions import Cell, controller_to_joints, joints_to_axes
+from cell.arrays import Array
+from cell.chain import joint_screws
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, robot_frames
+from cell.robot_angles import controller_to_joints, joints_to_axes
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot

@@ -25,10 +25,11 @@ from ballbar.replay.shapes import STEEL, Mesh, arm, ball, bar_shapes, block, cyl
 from ballbar.replay.viewer import ViewerError, web_server
 from ballbar.replay.write import open_viewer, recording_id, serve_web, write_replay
 from ballbar.result.run_data import RunData
-from cell.chain import Array, Frames
-from cell.descriptions import load_cell
+from cell.arrays import Array
+from cell.chain import Frames
 from cell.errors import InputError
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
+from cell.load import load_cell
 from ident.robot.accuracy import accuracy_grid
 from tests.helpers.identified_run import simulated_run
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import itertools
-import json
 import os
 import re
 import shutil
@@ -23,14 +22,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ballbar.sweep.check import LoadedSweep, check_points, load
+from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
+from ballbar.sweep.file import Seeds
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
-from ballbar.sweep.part import run_part, run_part_elsewhere
-from ballbar.sweep.plan import Plan, point_of, run_of, with_changes
+from ballbar.sweep.plan import Plan, PlanData, point_of, run_of, with_changes
 from ballbar.sweep.run import Outcome, SweepError
 from ballbar.sweep.summary import failures_of, grid_points
-from ballbar.sweep.table import part_bytes, write_table
+from ballbar.sweep.table import chunk_bytes, run_chunk, run_chunk_remotely, write_table
 from ballbar.sweep.workers import processes
 from ballbar.trial.trial import run_trial
 from cell.errors import InputError
@@ -93,7 +92,7 @@ def plan_of(folder: Path, text: str) -> Plan:
         (
             "vary: {cell.ballbar_position_m.3: [0.1]}\nseeds: {count: 1}\n",
             4,
-            "the list has no item 3; it has 3, from 0",
+            "the list has no item 3; its 3 items count from 0",
         ),
         (
             "draw:\n  errors.joint_noise.sigma_rad: {normal: [0, 1]}\ndraws: 9\nseeds: {count: 1}\n",
@@ -118,7 +117,7 @@ def plan_of(folder: Path, text: str) -> Plan:
         (
             "draw: {clocks.skew: {uniform: [0, 1e-4]}}\nseeds: {count: 1}\n",
             4,
-            "say how often to draw: add `draws: N`",
+            "the number of draws is missing: add `draws: N`",
         ),
         ("draws: 3\nseeds: {count: 1}\n", 4, "nothing is drawn"),
         (
@@ -198,7 +197,7 @@ def test_every_wrong_value_of_a_grid_is_told_at_once(tmp_path: Path) -> None:
     "file", sorted((SCENARIOS / "sweeps").glob("*.yaml")), ids=lambda file: file.stem
 )
 def test_every_shipped_sweep_is_accepted(file: Path) -> None:
-    sweep = load(file)
+    sweep = load_sweep(file)
     check_points(sweep)
     assert sweep.plan.runs > 1
 
@@ -210,7 +209,7 @@ def test_the_sweep_of_the_documentation_is_accepted(tmp_path: Path) -> None:
     (tmp_path / "sweeps" / "noise.yaml").write_text(example)
     (tmp_path / "irb2400.yaml").write_text((SCENARIOS / "irb2400.yaml").read_text())
     shutil.copytree(SCENARIOS / "paths", tmp_path / "paths")
-    sweep = load(tmp_path / "sweeps" / "noise.yaml")
+    sweep = load_sweep(tmp_path / "sweeps" / "noise.yaml")
     check_points(sweep)
     assert sweep.plan.runs == 2 * 3 * 50 * 20
 
@@ -295,16 +294,20 @@ def _inverse_erf(x: float) -> float:
 
 
 @given(points=st.integers(1, 60), seeds=st.integers(1, 500))
-def test_every_run_is_in_exactly_one_part(points: int, seeds: int) -> None:
-    data = {
-        "name": "a",
-        "together": [],
-        "vary": {"clocks.skew": [0.0] * points},
-        "draw": {},
-        "draws": None,
-    }
-    plan = Plan(json.dumps(data | {"seed": 0, "seeds": {"first": 0, "count": seeds}}))
-    assert [run for part in range(plan.parts) for run in plan.part(part)] == list(
+def test_every_run_is_in_exactly_one_chunk(points: int, seeds: int) -> None:
+    data = PlanData(
+        name="a",
+        version="1",
+        scenario={},
+        together=[],
+        vary={"clocks.skew": [0.0] * points},
+        draw={},
+        seed=0,
+        seeds=Seeds(first=0, count=seeds),
+        files={},
+    )
+    plan = Plan.of(data)
+    assert [run for chunk in range(plan.chunks) for run in plan.chunk(chunk)] == list(
         range(points * seeds)
     )
 
@@ -335,13 +338,13 @@ def test_files_of_the_scenario_travel_with_the_plan(
     for name in ONE_THREAD:
         monkeypatch.setenv(name, "1")
     assert (
-        run_part_elsewhere(sweep.plan.text, 0, sweep_work.path_text, sweep.files)[0]["text"]
+        run_chunk_remotely(sweep.plan.text, 0, sweep_work.path_text, sweep.files)[0]["text"]
         == "one"
     )
     assert plan_of(tmp_path, text).digest != sweep.plan.digest
     for elsewhere in ("here", "there"):
         unpack(sweep.files, tmp_path / elsewhere)
-        row = run_part(sweep.plan.text, 0, sweep_work.no_such_file, tmp_path / elsewhere)[0]
+        row = run_chunk(sweep.plan.text, 0, sweep_work.no_such_file, tmp_path / elsewhere)[0]
         assert row["reason"] == "../../paths/a.yaml and paths/a.yaml: no such file.", (
             "the folder of the worker is not in it"
         )
@@ -397,17 +400,17 @@ def test_a_failed_run_is_a_row_with_its_reason(tmp_path: Path) -> None:
     ), "whatever the numbers in it"
 
 
-def test_a_column_has_one_type_whatever_its_parts_hold(tmp_path: Path) -> None:
-    """A part of failed runs knows no figures, one of round numbers only whole ones; the table holds all of them exactly."""
-    parts = [
+def test_a_column_has_one_type_whatever_its_chunks_hold(tmp_path: Path) -> None:
+    """A chunk of failed runs knows no results, one of round numbers only whole ones; the table holds all of them exactly."""
+    chunks = [
         [{"run": 0, "status": "failed", "reason": "x"}],
         [{"run": 1, "status": "done", "a": 1, "b": 2, "c": True, "d": "t"}],
         [{"run": 2, "status": "done", "a": 0.5, "b": 2**60, "c": None, "d": "u,\n\"'", "e": None}],
     ]
     files = []
-    for i, rows in enumerate(parts):
+    for i, rows in enumerate(chunks):
         files.append(tmp_path / f"{i}.parquet")
-        files[-1].write_bytes(part_bytes(rows, {"vary": [1, 0.5], "mixed": ["auto", 1, {"a": 1}]}))
+        files[-1].write_bytes(chunk_bytes(rows, {"vary": [1, 0.5], "mixed": ["auto", 1, {"a": 1}]}))
     write_table(files, {"parquet": tmp_path / "t.parquet", "csv": tmp_path / "t.csv"})
     rows = pd.read_parquet(tmp_path / "t.parquet", dtype_backend="pyarrow")
     assert [str(rows[name].dtype) for name in ("vary", "mixed", "a", "b", "c", "d", "e")] == [
@@ -428,8 +431,8 @@ def test_a_column_has_one_type_whatever_its_parts_hold(tmp_path: Path) -> None:
 
 def test_a_figure_cannot_take_the_place_of_another_column(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, GRID)
-    with pytest.raises(ValueError, match="run 0: figures have the names of other columns: seed"):
-        run_part(plan.text, 0, lambda *_: {"seed": 1}, tmp_path)
+    with pytest.raises(ValueError, match="run 0: results have the names of other columns: seed"):
+        run_chunk(plan.text, 0, lambda *_: {"seed": 1}, tmp_path)
 
 
 def test_the_summary_takes_draws_and_seeds_of_a_grid_point_together(tmp_path: Path) -> None:
@@ -447,7 +450,7 @@ def test_the_summary_takes_draws_and_seeds_of_a_grid_point_together(tmp_path: Pa
         strict=True,
     ):
         assert list(point.values) == ["errors.joint_noise.sigma_rad", "cell.ballbar_position_m.0"]
-        assert list(point.figures["distance_mm_mrad"]) == list(rows["distance_mm_mrad"].dropna())
+        assert list(point.results["distance_mm_mrad"]) == list(rows["distance_mm_mrad"].dropna())
 
 
 # -- the same bytes, whoever computes them and however often they stop
@@ -478,13 +481,13 @@ def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(
     stopped = swept(sweep, tmp_path / "out", partial(processes, count=2), progress=interrupt)
     assert not stopped.finished
     assert 0 < stopped.done < sweep.plan.runs
-    assert any(stage.startswith("stopping when the runs under way are done") for stage in heard)
-    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "parts").iterdir()}
+    assert any(stage.startswith("stopping when the runs in progress are done") for stage in heard)
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "chunks").iterdir()}
     assert sum(len(pd.read_parquet(path)) for path in kept) == stopped.done
     again = swept(sweep, tmp_path / "out", partial(processes, count=1))
     assert again.finished
-    assert again.kept == stopped.done
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept, "no part was computed twice"
+    assert again.resumed == stopped.done
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept, "no chunk was computed twice"
     assert table_bytes(again) == table_bytes(whole)
 
 
@@ -507,17 +510,17 @@ def test_a_finished_sweep_is_not_run_again(reference: tuple[LoadedSweep, Outcome
     written = whole.folder.table.stat().st_mtime_ns
     again = swept(sweep, whole.folder.path, inline, sweep_work.path_text)
     assert whole.folder.table.stat().st_mtime_ns == written
-    assert again.kept == sweep.plan.runs
+    assert again.resumed == sweep.plan.runs
 
 
-def test_a_torn_part_is_named_and_only_its_runs_are_repeated(
+def test_a_torn_chunk_is_named_and_only_its_runs_are_repeated(
     reference: tuple[LoadedSweep, Outcome], tmp_path: Path
 ) -> None:
     sweep, whole = reference
     plan = sweep.plan
     first = swept(sweep, tmp_path / "out", inline)
     first.folder.csv.unlink()
-    torn = first.folder.part(3)
+    torn = first.folder.chunk(3)
     torn.write_bytes(torn.read_bytes()[:100])
     with pytest.raises(
         InputError,
@@ -526,7 +529,7 @@ def test_a_torn_part_is_named_and_only_its_runs_are_repeated(
         swept(sweep, tmp_path / "out", inline)
     torn.unlink()
     again = swept(sweep, tmp_path / "out", inline)
-    assert again.kept == plan.runs - plan.part_runs
+    assert again.resumed == plan.runs - plan.chunk_runs
     assert table_bytes(again) == table_bytes(whole)
 
 
@@ -535,7 +538,7 @@ def test_a_worker_that_dies_ends_the_sweep_in_words(tmp_path: Path) -> None:
     sweep = loaded(tmp_path, GRID)
     with pytest.raises(
         SweepError,
-        match=r"a worker process died, runs \d+ to \d+ were under way\. Is there enough memory\?",
+        match=r"a worker process died while it computed runs \d+ to \d+\. Is there enough memory\?",
     ):
         swept(sweep, tmp_path / "out", partial(processes, count=2), sweep_work.figures_or_death)
 
@@ -568,12 +571,12 @@ def test_the_version_changes_with_a_byte_of_our_code(tmp_path: Path) -> None:
 
 def test_a_worker_of_another_version_is_refused(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, GRID)
-    other = plan.text.replace(plan.data["version"], "0.0.9+00000000")
+    other = plan.text.replace(plan.data.version, "0.0.9+00000000")
     with pytest.raises(
         InputError,
         match=r"a worker has version \S+, the sweep 0\.0\.9\+00000000\. Install the same version",
     ):
-        run_part(other, 0, sweep_work.figures, tmp_path)
+        run_chunk(other, 0, sweep_work.figures, tmp_path)
 
 
 def test_a_worker_of_a_cluster_with_several_threads_is_refused(
@@ -587,10 +590,10 @@ def test_a_worker_of_a_cluster_with_several_threads_is_refused(
         InputError,
         match="with a nanny, Dask's default, or with OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1",
     ):
-        run_part_elsewhere(sweep.plan.text, 0, sweep_work.figures, sweep.files)
+        run_chunk_remotely(sweep.plan.text, 0, sweep_work.figures, sweep.files)
 
 
-def test_parts_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) -> None:
+def test_chunks_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) -> None:
     def started(plan: Plan) -> SweepFolder:
         with open_folder(tmp_path / "out", plan) as folder:
             folder.start(())
@@ -600,13 +603,13 @@ def test_parts_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) ->
     started(plan)
     with pytest.raises(
         InputError,
-        match=r"plan\.yaml: its parts are of another sweep \(other: vary\); nothing was run",
+        match=r"plan\.yaml: its chunks are of another sweep \(changed: vary\); nothing was run",
     ):
         started(plan_of(tmp_path, GRID.replace("0.72", "0.73")))
     with pytest.raises(
-        InputError, match=r"plan\.yaml: its parts were computed by version \S+, this is 0\.0\.9"
+        InputError, match=r"plan\.yaml: its chunks were computed by version \S+, this is 0\.0\.9"
     ):
-        started(Plan(plan.text.replace(plan.data["version"], "0.0.9")))
+        started(Plan(plan.text.replace(plan.data.version, "0.0.9")))
     started(plan)
 
 
@@ -669,7 +672,7 @@ def test_bad_input_exits_with_2_and_writes_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
-    """The command as a user runs it: killed with its parts half done, stopped by Ctrl-C, then left alone."""
+    """The command as a user runs it: killed with its chunks half done, stopped by Ctrl-C, then left alone."""
     file = tmp_path / "real.yaml"
     file.write_text(REAL)
     command = [
@@ -684,13 +687,13 @@ def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) ->
         str(tmp_path / "broken"),
     ]
 
-    def killed(number: signal.Signals, parts: int) -> tuple[int, str, list[psutil.Process]]:
+    def killed(number: signal.Signals, chunks: int) -> tuple[int, str, list[psutil.Process]]:
         with subprocess.Popen(
             command, stdout=subprocess.PIPE, text=True, start_new_session=True
         ) as sweep:
             until = time.monotonic() + 30.0
             while (
-                len(list((tmp_path / "broken" / "parts").glob("*.parquet"))) < parts
+                len(list((tmp_path / "broken" / "chunks").glob("*.parquet"))) < chunks
                 and time.monotonic() < until
             ):
                 time.sleep(0.02)
@@ -717,7 +720,7 @@ def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) ->
     whole = swept(
         loaded(tmp_path, REAL), tmp_path / "whole", partial(processes, count=2), run_trial
     )
-    assert whole.kept == 0
+    assert whole.resumed == 0
     for file in (whole.folder.table, whole.folder.csv, whole.folder.path / "plan.yaml"):
         assert (tmp_path / "broken" / file.name).read_bytes() == file.read_bytes()
     assert not list((tmp_path / "broken").rglob("*.part"))

@@ -157,7 +157,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing_half_written(
         said, told = running.communicate(timeout=60.0)
     assert running.returncode == 130
     assert said == ""
-    assert "interrupted; nothing half-written was left" in told
+    assert "interrupted; no incomplete file was left behind" in told
     assert not list(tmp_path.rglob("*.part"))
     assert not {"calibration.yaml", "report.html", "run.rrd"} & {
         path.name for path in tmp_path.rglob("*")

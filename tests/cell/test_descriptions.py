@@ -10,22 +10,23 @@ import pytest
 from numpy.typing import NDArray
 
 from cell.chain import Chain, Frames, forward
-from cell.descriptions import (
-    BallBar,
-    Robot,
+from cell.descriptions import BallBar, Robot
+from cell.errors import DescriptionError
+from cell.load import (
     ballbar_names,
-    controller_to_joints,
-    joints_to_axes,
-    joints_to_motors,
     load_ballbar,
     load_cell,
     load_plate,
     load_robot,
-    motors_to_joints,
     plate_names,
     robot_names,
 )
-from cell.errors import DescriptionError
+from cell.robot_angles import (
+    controller_to_joints,
+    joints_to_axes,
+    joints_to_motors,
+    motors_to_joints,
+)
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cell.chain import KINDS, Chain, forward, screw
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import (
     NAMES,
     PARAMETERS,
@@ -22,7 +22,8 @@ from cell.geometry import (
     robot_frames,
 )
 from cell.inverse import UnreachableError, bar_angles, refine, robot_branches
-from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, rotvec_from_matrix
+from cell.load import load_cell
+from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, quat_wxyz, rotvec_from_matrix
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import PlantModel, plant_model
 from tests.helpers.simulated_recordings import perturbed
@@ -116,6 +117,14 @@ def test_turning_a_rotation_on_the_left_changes_its_rotation_vector_by_the_inver
         base = Rotation.from_rotvec(rotvec.T).as_rotvec().T
         numeric = (moved[0].as_rotvec() - moved[1].as_rotvec()).T / (2 * STEP)
         assert np.abs(inverse_left_jacobian(base, turn) - numeric).max() < 1e-8
+
+
+def test_a_quaternion_is_that_of_mujoco_to_the_last_digit() -> None:
+    cube = np.round(Rotation.create_group("O").as_matrix())  # ties between components
+    for rotation in (*Rotation.random(500, random_state=4).as_matrix(), *cube):
+        expected = np.zeros(4)
+        mujoco.mju_mat2Quat(expected, rotation.ravel())
+        np.testing.assert_array_equal(quat_wxyz(rotation), expected)
 
 
 @pytest.mark.parametrize("robot", ["irb2400", "nj220"])

@@ -17,8 +17,8 @@ from acquisition.faults.damaged_values import SMALLEST
 from acquisition.recording import read_ballbar, read_robot
 from acquisition.report import Finding
 from acquisition.sources import Ledger
-from cell.descriptions import load_robot
 from cell.errors import InputError
+from cell.load import load_robot
 from cell.recording import EncoderFitting, EncoderName, SourceFile
 from tests.helpers.container_files import Written, db3, egm, json_lines, mcap, mpe, scope
 

@@ -8,7 +8,8 @@ import yaml
 
 from acquisition import Recording
 from acquisition.flags import RowFlag
-from cell.descriptions import joints_to_motors, load_robot
+from cell.load import load_robot
+from cell.robot_angles import joints_to_motors
 
 ROBOT = load_robot("irb2400")
 EPOCH = 1_100_000_000_000_000_003  # [ns]

@@ -8,7 +8,7 @@ from pathlib import Path
 from acquisition import read_recording
 from ballbar.scenario import Scenario, load_scenario
 from cell.descriptions import Cell
-from ident.identify import Logs
+from ident.recording_fit import Logs
 from sim.simulate import simulate, write_recording
 from sim.truth import Truth
 

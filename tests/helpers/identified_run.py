@@ -8,9 +8,10 @@ from pathlib import Path
 from acquisition.recording import read_recording
 from ballbar.result.compare import Limit, identification_against_truth
 from ballbar.result.iterations import IterationLog
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.scenario import load_scenario
 from ident.identify import identify
+from ident.options import FitOptions
 from sim.simulate import simulate, write_recording
 from tests.helpers.simulated_recordings import SCENARIOS
 
@@ -36,14 +37,16 @@ def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
         simulation.cell,
         recording.robot_log,
         recording.ballbar_log,
-        samples=300,
-        progress=log.progress,
-        on_iteration=log.on_iteration,
+        options=FitOptions(samples=300),
+        listener=log.listener,
     )
     comparison = identification_against_truth(found, simulation.truth)
     limits = (
         Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm"),
         Limit("iterations", 11.0, 10.0, ""),
     )
-    data = RunData("minute", folder / "recording", recording, found, simulation, comparison, limits)
+    fitted_recording = FittedRecording(
+        "minute", folder / "recording", recording, found.recordings[0]
+    )
+    data = RunData("minute", (fitted_recording,), found, simulation, comparison, limits)
     return replace(data, scenario=scenario, iterations=tuple(log.steps))

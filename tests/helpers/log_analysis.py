@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from acquisition import read_recording
-from cell.chain import Array, Frames, cross, joint_screws
-from cell.descriptions import Cell, load_cell
+from cell.arrays import Array
+from cell.chain import Frames, cross, joint_screws
+from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine
+from cell.load import load_cell
 from sim.logging.load_logs import ForceSensor
 from sim.motion import Motion
 from sim.simulate import truth_path

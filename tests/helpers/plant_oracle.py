@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from sim.path import ReferencePath

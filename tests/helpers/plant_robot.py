@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.chain import Array, Frames
-from cell.descriptions import Cell, load_cell
+from cell.arrays import Array
+from cell.chain import Frames
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, robot_frames
 from cell.inverse import pose_error
+from cell.load import load_cell
 from ident.corrections import CORRECTIONS
 from ident.corrections.gear_ripple import harmonic_orders
-from ident.identify import DEFAULT_SAMPLES, identify_together
+from ident.identify import identify_together
+from ident.options import DEFAULT_SAMPLES, FitOptions
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
@@ -120,9 +123,8 @@ def robot_row(
     scenario = scenario_of(robot, "a", seed, duration)
     with tempfile.TemporaryDirectory() as folder:
         made = [recorded(scenario_of(robot, p, seed, duration), Path(folder) / p) for p in "ab"]
-    found = identify_together(
-        made[0][0], [logs for _, logs, _ in made], model="complete", force="torque", samples=samples
-    )[0]
+    options = FitOptions(model="complete", force="torque", samples=samples)
+    found = identify_together(made[0][0], [logs for _, logs, _ in made], options=options)
     return {"robot": robot, "seed": seed} | study(
-        PlantRobot(scenario), found.unloaded_robot(), poses
+        PlantRobot(scenario), found.robot.unloaded(), poses
     )

@@ -7,8 +7,9 @@ from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
-from ballbar.sweep.check import LoadedSweep, check_points, load
 from ballbar.sweep.part import Job, Row, Work, run_part
+
+from ballbar.sweep.check import LoadedSweep, check_points, load
 from ballbar.sweep.run import Outcome, run_sweep
 from ballbar.sweep.workers import Workers
 from tests.helpers import sweep_work

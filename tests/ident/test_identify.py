@@ -6,17 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ident.estimator.problem import Clock
 
 from acquisition import read_recording
 from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.compare import identification_against_truth
 from ballbar.run import identify_folder, run_scenario
 from ballbar.scenario import load_scenario
-from cell.descriptions import load_cell
 from cell.geometry import NAMES
+from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
 from ident import Identification, identify
-from ident.estimator.problem import Clock
 from ident.start.automatic import StartError
 from sim.simulate import truth_path
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record

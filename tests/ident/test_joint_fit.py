@@ -6,13 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import make_interp_spline
-from scipy.sparse import csr_array
-
-from cell.chain import Array
-from cell.descriptions import load_cell
-from cell.geometry import nominal_geometry
-from ident.corrections import CORRECTIONS
 from ident.estimator.events import find_step_fault
 from ident.estimator.joint_fit import (
     ExcessNoise,
@@ -26,6 +19,13 @@ from ident.estimator.joint_fit import (
 )
 from ident.estimator.machine import tension_splines
 from ident.estimator.problem import Clock
+from scipy.interpolate import make_interp_spline
+from scipy.sparse import csr_array
+
+from cell.arrays import Array
+from cell.geometry import nominal_geometry
+from cell.load import load_cell
+from ident.corrections import CORRECTIONS
 from ident.estimator.uncertainty import block_widening, correlated_groups, uncertainty
 from ident.estimator.unknowns import RecordingShape, unknowns
 from ident.loads.gear_loads import mass_model

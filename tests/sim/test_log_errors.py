@@ -20,8 +20,7 @@ from scipy.interpolate import CubicSpline
 
 import sim
 from acquisition import Recording, read_recording
-from cell.chain import Array
-from cell.descriptions import joints_to_motors, load_cell, motors_to_joints
+from cell.arrays import Array
 from cell.errors import DescriptionError
 from cell.geometry import (
     INDEX,
@@ -33,7 +32,9 @@ from cell.geometry import (
     robot_frames,
 )
 from cell.inverse import pose_error
+from cell.load import load_cell
 from cell.logs import segment_starts
+from cell.robot_angles import joints_to_motors, motors_to_joints
 from cell.strict_yaml import load_model
 from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BASE_TILT, THESIS_3_1, true_geometry
 from sim.logging.loggers import chosen

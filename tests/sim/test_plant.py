@@ -11,15 +11,17 @@ import pytest
 
 from ballbar.scenario import load_scenario
 from cell.chain import joint_screws, screw
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from cell.load import load_cell
 from planning.verify import plant_errors, set_without_strain
+from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import true_geometry
 from sim.motion import CLOSURE_STRIDE
 from sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
 from sim.plant import mujoco_plant as plant_module
-from sim.plant.effects import PlantEffects, PlantErrors, plant_effects
+from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.mjcf import plant_model
 from sim.plant.mujoco_plant import PlantError, check_course, prepare, roll_out, run_plant
 from sim.plant.statics import gravity_torque, rest

@@ -17,10 +17,11 @@ import pytest
 from pydantic import ValidationError
 from scipy.optimize import curve_fit
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.inverse import pose_error
+from sim.errors.plant_errors import PlantErrors
 from sim.logging.load_logs import (
     ForceSensor,
     LoadLogs,
@@ -29,7 +30,7 @@ from sim.logging.load_logs import (
     motor_torques,
     sensor_rows,
 )
-from sim.plant.effects import PlantErrors, plant_effects
+from sim.plant.effects import plant_effects
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
 from sim.truth import PlantTruth, load_truth
