@@ -1,4 +1,4 @@
-"""Small device files of every container, written from their documented forms, with the columns that a reader must find in them."""
+"""Small device files of every container, with the columns that a reader must find in them."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def dbl(number: int, value: float) -> bytes:
 
 
 def egm_message(seqno: int, time_ns: int, joints: list[float]) -> bytes:
-    """An EgmRobot message with header, feedback, a pose that nobody reads, and the state of the motors."""
+    """An EgmRobot message: header, feedback, a pose that nobody reads, state of the motors."""
     angles = b"".join(dbl(1, angle) for angle in joints)
     pose = sub(1, dbl(1, 900.0) + dbl(2, 1.5) + dbl(3, 1200.0))
     clock = num(1, time_ns // 10**9) + num(2, time_ns % 10**9 // 1000)
@@ -179,17 +179,19 @@ def _joint_states(rows: int, scale: float) -> tuple[list[bytes], Columns]:
 
 
 def db3(folder: Path, rows: int = ROWS, scale: float = 1.0) -> Written:
-    """A bag in SQLite, as rosbag2 of ROS 2 Humble writes it; `folder` holds it while it is being made."""
+    """A bag in SQLite as rosbag2 of ROS 2 Humble writes it; folder : for the file meanwhile."""
     messages, columns = _joint_states(rows, scale)
     path = folder / "making.db3"
     path.unlink(missing_ok=True)
     connection = sqlite3.connect(path)
     connection.execute(
-        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL, "
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
+        "serialization_format TEXT NOT NULL, "
         "offered_qos_profiles TEXT NOT NULL)"
     )
     connection.execute(
-        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)"
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, "
+        "timestamp INTEGER NOT NULL, data BLOB NOT NULL)"
     )
     connection.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
     connection.execute(

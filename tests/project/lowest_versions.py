@@ -1,4 +1,4 @@
-"""Constraints for pip: the lowest version of every requirement of the product that pyproject allows.
+"""Constraints for pip: the lowest version that pyproject allows of each requirement of the product.
 
     python -m tests.project.lowest_versions > lowest.txt
 
