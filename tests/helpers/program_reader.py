@@ -44,8 +44,9 @@ def read_rapid(text: str) -> Program:
     }
     known = (
         r"MODULE \w+", r"ENDMODULE", r"PROC \w+\(\)", r"ENDPROC", r"CONST .*", r"\[\[.*", r"\];",
-        r"MoveAbsJ .*;", r"Stop;", r"WaitTime rest\{\w+\};", r"SoftAct \d,\d+\\Ramp:=\d+;", r"SoftDeact;",
-        rf"FOR i FROM 2 TO {len(axes)} DO", r"ENDFOR", r"IF rest\{i\}>0 THEN", r"ELSE", r"ENDIF",
+        r"MoveAbsJ .*;", r"Stop;", r"WaitTime rest\{\w+\};", r"SoftAct \d,\d+\\Ramp:=\d+;",
+        r"SoftDeact;", rf"FOR i FROM 2 TO {len(axes)} DO", r"ENDFOR", r"IF rest\{i\}>0 THEN",
+        r"ELSE", r"ENDIF",
     )  # fmt: skip
     for line in code:
         if not any(re.fullmatch(pattern, line) for pattern in known):
