@@ -64,7 +64,8 @@ def main() -> None:
     print(
         "difference of the predictions, mean over the grid: "
         f"median {table.mean_mm.median():.4f} mm, worst {table.mean_mm.max():.4f} mm; "
-        f"rms over what both state: median {table.in_sigmas.median():.2f}, worst {table.in_sigmas.max():.2f}"
+        f"rms over what both state: median {table.in_sigmas.median():.2f}, "
+        f"worst {table.in_sigmas.max():.2f}"
     )
 
 
