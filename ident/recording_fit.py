@@ -131,10 +131,10 @@ def nominal_robot_fit(recording: RecordingFit) -> Fit:
 
     What a user without calibration would see.
     """
-    samples, found = recording.samples, recording.fit
+    samples, fit = recording.samples, recording.fit
     own = candidates(samples.encoders)[: len(samples.encoders) + 3]
     begin = _on_nominal(recording.geometry, recording.nominal, own)
-    return fit_kinematics(samples, begin, recording.clock, own, found.excess, negligible=1e-2)
+    return fit_kinematics(samples, begin, recording.clock, own, fit.excess, negligible=1e-2)
 
 
 def identifiable_parameters(

@@ -26,7 +26,7 @@ from ident.signals.outliers import FAR_OUT, SIDE_ROWS, SMALLEST, outliers, robus
 from ident.signals.steps import Break, find_breaks, without_breaks
 
 _WHITE = 0.1  # lag-one autocorrelation of the residual above which motion is left in it (smoothing alone makes it negative)
-GAP_PERIODS = 3.0  # a longer stretch without rows is not interpolated (notes/notes/log_formats sec. H.5: missing samples)
+GAP_PERIODS = 3.0  # a longer stretch without rows is not interpolated (notes/log_formats sec. H.5: missing samples)
 ARM_KNOT_SPACING = 0.25  # [s] keeps motion below 2 Hz
 _GRID = 10  # instants a knot of the arm's motion
 _ROWS_PER_KNOT = 3  # least-squares needs more rows than coefficients
