@@ -20,7 +20,7 @@ from ballbar.claims.kinds import (
     TableName,
 )
 from ballbar.claims.table import Evidence, numbers, places, selected, unit_of
-from ballbar.plan.beam import FIGURES
+from ballbar.plan.beam import CALCULATIONS
 from cell.errors import InputError
 from ident.thesis.tables import REMOVED, TABLE_3_2, TABLE_3_3, TABLE_3_4, TABLE_3_5_IDENTIFIED
 
@@ -149,7 +149,7 @@ def _among_largest(check: AmongLargest, evidence: Evidence) -> Outcome:
 
 
 def _formula(check: Formula) -> Outcome:
-    found = FIGURES[check.figure]() * _PER_SI[check.unit]
+    found = CALCULATIONS[check.figure]() * _PER_SI[check.unit]
     met = abs(found - check.value) <= check.tolerance * abs(check.value)
     return Outcome(
         met,

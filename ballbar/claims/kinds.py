@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ballbar.plan.beam import FIGURES
+from ballbar.plan.beam import CALCULATIONS
 from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
 
@@ -128,10 +128,10 @@ class Formula(Strict):
 
     @model_validator(mode="after")
     def _known(self) -> Formula:
-        if self.figure not in FIGURES:
+        if self.figure not in CALCULATIONS:
             raise wrong_key(
                 "figure",
-                message=f"there is no such figure.{nearest(self.figure, FIGURES, noun='figure')}",
+                message=f"there is no such figure.{nearest(self.figure, CALCULATIONS, noun='figure')}",
             )
         return self
 

@@ -116,9 +116,9 @@ def influences(loop: KinematicLoop, result: Study) -> Influences:
 
     Returns the changes above 0.05 mm|mrad, in mm|mrad.
     """
-    kept = result.selection.kept
+    identified = result.selection.kept
     return {
-        d.name: significant(reidentified(loop, result.cost, result.encoders, kept, d.name))
+        d.name: significant(reidentified(loop, result.cost, result.encoders, identified, d.name))
         for d in result.selection.dependent
     }
 
@@ -131,28 +131,28 @@ def cost_columns(
 
 
 def reidentified(
-    loop: KinematicLoop, cost: str, encoders: tuple[int, ...], kept: Sequence[str], name: str
+    loop: KinematicLoop, cost: str, encoders: tuple[int, ...], identified: Sequence[str], name: str
 ) -> dict[str, float]:
-    """Change of each kept parameter when `name` is off by 1 mm|mrad but held at its nominal value.
+    """Change of each identified parameter when `name` is off by 1 mm|mrad but held at its nominal value.
 
     The mechanism with that error takes the same ball-bar angles; from its exact robot angles the
-    kept parameters are identified by Gauss-Newton, starting at nominal (thesis Table 3.4).
+    other parameters are identified by Gauss-Newton, starting at nominal (thesis Table 3.4).
 
     Returns changes in mm|mrad. Raises InputError where the iteration does not converge.
     """
     true = loop.geometry.replaced({name: loop.geometry[name] + INTRODUCED})
     q = refine(true.robot, loop.q, bar_frames(true, loop.b).poses())
-    model, rows = replace(loop, q=q), [INDEX[k] for k in kept]
+    model, rows = replace(loop, q=q), [INDEX[name] for name in identified]
     values = loop.geometry.values.copy()
     for _ in range(ITERATIONS):
         model = replace(model, geometry=Geometry(values))
-        residual, columns, b = _linearised(model, cost, encoders, kept)
-        orthonormal, triangle = np.linalg.qr(columns.T)  # `kept` leaves no dependent columns
+        residual, columns, b = _linearised(model, cost, encoders, identified)
+        orthonormal, triangle = np.linalg.qr(columns.T)  # a selection leaves no dependent columns
         step = np.linalg.solve(triangle, -(orthonormal.T @ residual))
         values[rows] += step
         if np.abs(step).max() < CONVERGED:
             changes = (values - loop.geometry.values)[rows] / INTRODUCED
-            return dict(zip(kept, changes.tolist(), strict=True))
+            return dict(zip(identified, changes.tolist(), strict=True))
         model = replace(model, b=b)
     raise InputError(
         f"{cost}: with {name} off by 1 mm|mrad the other parameters do not converge; the path "
