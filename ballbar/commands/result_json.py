@@ -117,8 +117,8 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
     """JSON of `claims`: every claim with its checks."""
     return [
         {
-            "file": str(one.topic.path),
-            "title": one.topic.file.title,
+            "file": str(result.topic.path),
+            "title": result.topic.file.title,
             "claims": [
                 {
                     "name": verdict.claim.name,
@@ -127,15 +127,15 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
                     "verdict": verdict.word,
                     "passed": verdict.passed,
                     "checks": [
-                        {"met": check.met, "found": check.found, "asked": check.asked}
+                        {"met": check.met, "result": check.result, "limits": check.limits}
                         for check in verdict.outcomes
                     ],
                     "ml": list(verdict.ml),
                 }
-                for verdict in one.verdicts
+                for verdict in result.verdicts
             ],
         }
-        for one in judged
+        for result in judged
     ]
 
 

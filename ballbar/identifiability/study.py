@@ -133,7 +133,7 @@ def cost_columns(
 def reidentified(
     loop: KinematicLoop, cost: str, encoders: tuple[int, ...], identified: Sequence[str], name: str
 ) -> dict[str, float]:
-    """Change of each identified parameter when `name` is off by 1 mm|mrad but held at its nominal value.
+    """Change of each identified parameter when `name` is off by 1 mm|mrad and held at nominal.
 
     The mechanism with that error takes the same ball-bar angles; from its exact robot angles the
     other parameters are identified by Gauss-Newton, starting at nominal (thesis Table 3.4).
@@ -142,7 +142,7 @@ def reidentified(
     """
     true = loop.geometry.replaced({name: loop.geometry[name] + INTRODUCED})
     q = refine(true.robot, loop.q, bar_frames(true, loop.b).poses())
-    model, rows = replace(loop, q=q), [INDEX[name] for name in identified]
+    model, rows = replace(loop, q=q), [INDEX[parameter] for parameter in identified]
     values = loop.geometry.values.copy()
     for _ in range(ITERATIONS):
         model = replace(model, geometry=Geometry(values))
