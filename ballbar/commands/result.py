@@ -15,7 +15,7 @@ from ballbar.result.calibration import Calibration
 from ballbar.result.compare import Comparison
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
-from cell.files import write_whole
+from cell.files import write_new, write_whole
 
 commands = typer.Typer()
 
@@ -150,13 +150,13 @@ def export(
     Comments in each format state what it leaves out (gear compliance, backlash, ripple), the
     standard deviation of every parameter, and which parameters are nominal.
     """
-    from ballbar.export.formats import export_summary, exported, write_export
+    from ballbar.export.formats import export_summary, exported
     from ballbar.export.result import load_result
 
     robot = load_result(result)
     text = exported(robot, to)
     if file is not None:
-        write_export(file, text)
+        write_new(file, text.encode())
     if as_json:
         say_json(export_summary(robot, to, text, file))
     elif file is None:
