@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition import CoarseAlignment, Recording, coarse_alignment, report_lines, stillness
+from acquisition import CoarseAlignment, Recording, coarse_alignment, find_dwells, report_lines
 from acquisition.report import Finding
 from cell.chain import Array
 from cell.logs import segment_starts
@@ -80,7 +80,7 @@ def _logs(read: Recording) -> list[tuple[str, Array, tuple[int, ...], list[tuple
 
 
 def _rests(t: Array, angles: Array) -> list[tuple[int, int]]:
-    return [(int(a), int(b)) for a, b in stillness(t, angles).intervals]
+    return [(int(a), int(b)) for a, b in find_dwells(t, angles).intervals]
 
 
 def _log_lines(read: Recording) -> list[str]:

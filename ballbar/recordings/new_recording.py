@@ -22,7 +22,8 @@ from acquisition.formats.dialect import (
 )
 from acquisition.formats.registry import container_of
 from acquisition.sources import MINIMUM_ROWS, force_layout, robot_layout
-from acquisition.table.header import read_header, split_fields
+from acquisition.table.fields import split_fields
+from acquisition.table.header import read_header
 from acquisition.table.text import LogText, read_filled, text_of
 from acquisition.times import TIME_FORMS, recognised, words
 from cell.descriptions import ballbar_names, load_ballbar, robot_names
@@ -129,9 +130,9 @@ def _description(robot_log: Path, ballbar_log: Path, told: Told, ask: Ask) -> di
 
 def _shown(log: Path) -> _Shown:
     """A log as far as it shows what it is. Raises LogError if it cannot be opened."""
-    raw = read_filled(log, log.name, [])
-    container = container_of(raw)
-    text = text_of(raw, log.name, []) if container in ("text", "twincat-scope") else None
+    content = read_filled(log, log.name)
+    container = container_of(content.raw)
+    text = text_of(content, log.name) if container in ("text", "twincat-scope") else None
     return _Shown(log.name, container, text)
 
 
@@ -159,9 +160,9 @@ def _fits(dialect: Dialect, shown: _Shown) -> bool:
     source = SourceFile(files=(text.file,), dialect="")
     try:
         if dialect.source == "robot":
-            read_header(text, robot_layout(source, dialect), [])
+            read_header(text, robot_layout(source, dialect))
         elif dialect.source == "force":
-            read_header(text, force_layout(source, dialect), [])
+            read_header(text, force_layout(source, dialect))
         else:
             names = shown.names
             return dialect.time.column in names or bool(
@@ -175,7 +176,7 @@ def _fits(dialect: Dialect, shown: _Shown) -> bool:
 def _meaning(dialect: Dialect) -> str:
     forms = " or ".join(words(form) for form in dialect.time.possible)
     if dialect.source == "robot":
-        return f"{_SIDES[dialect.side]} in {dialect.angle_unit}, time in {forms}"
+        return f"{_SIDES[dialect.angle_kind]} in {dialect.angle_unit}, time in {forms}"
     return f"raw counters, time in {forms}"
 
 
