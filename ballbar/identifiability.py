@@ -50,7 +50,7 @@ from ident.estimator.dependencies import (
     spectrum,
 )
 from ident.thesis.costs import COSTS, ENCODERS_NEEDED, ML, cost_named
-from sim.simulate import planned_path
+from sim.path_files import scenario_path
 
 Array = NDArray[np.float64]
 Influences = dict[str, dict[str, float]]  # left out: kept ones that it moves
@@ -102,7 +102,7 @@ def nominal_loop(scenario: Scenario, *, relative_to: Path, samples: int = SAMPLE
     recorded = (
         read_recording(relative_to / timing.recording).robot_log if timing.recording else None
     )
-    path = planned_path(timing, cell, nominal, relative_to=relative_to, recorded=recorded)
+    path = scenario_path(timing, cell, nominal, relative_to=relative_to, recorded=recorded)
     some = np.linspace(0, path.t.size - 1, min(samples, path.t.size)).round().astype(int)
     return NominalLoop(nominal, path.q[some], path.b[some])
 

@@ -22,8 +22,9 @@ from cell.files import claim_folder, write_whole
 from cell.logs import RobotLog
 from cell.recording import load_recording_file
 from ident.identify import DEFAULT_SAMPLES, Identification
+from sim.recording_files import truth_path, write_recording
 from sim.settings import PathSettings
-from sim.simulate import Simulation, simulate, truth_path, write_recording
+from sim.simulate import Simulation, simulate
 
 RECORDING = "recording"
 REPORT = "report.html"

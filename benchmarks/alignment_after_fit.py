@@ -16,8 +16,9 @@ import numpy as np
 
 from acquisition import read_recording
 from ident.identify import Identification, identify
+from sim.recording_files import write_recording
 from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate, write_recording
+from sim.simulate import Simulation, simulate
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 ALLOWED = 100e-6  # [s]

@@ -26,7 +26,8 @@ from cell.descriptions import Cell
 from cell.files import write_whole
 from ident.estimator.machine import ForceSource
 from ident.identify import Identification, Logs, identify_together
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 from sim.truth import Truth
 
 ROOT = Path(__file__).parent.parent

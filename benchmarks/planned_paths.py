@@ -35,7 +35,7 @@ from planning.limits import violations
 from planning.predict import predict
 from planning.request import load_request
 from planning.sample import sampled
-from sim.simulate import load_lissajous
+from sim.path_files import load_lissajous
 
 ROBOTS = ("irb2400", "nj220")
 PATHS = ("planned", "a", "random")

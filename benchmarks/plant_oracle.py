@@ -2,7 +2,7 @@
 
     python -m benchmarks.plant_oracle
 
-Each pose starts at the oracle's rest and is held for four seconds; what it drifts away by then is the disagreement.
+Each pose starts at the oracle's equilibrium and is held for four seconds; what it drifts away by then is the disagreement.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from pathlib import Path
 import numpy as np
 
 from cell.chain import Array
-from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
 from cell.load import load_cell
 from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import ReferencePath, reference_path
+from sim.path_files import load_lissajous
 from sim.plant.deflection import deflect
-from sim.plant.effects import PlantEffects, plant_effects
+from sim.plant.description import Plant
+from sim.plant.effects import plant_effects
 from sim.plant.mjcf import plant_model
-from sim.plant.mujoco_plant import PlantRun, roll_out, state_at_rest
-from sim.plant.statics import rest
-from sim.simulate import load_lissajous
+from sim.plant.mujoco_plant import PlantRun, equilibrium_state, roll_out
+from sim.plant.statics import equilibrium
 
 HOLD, TIMESTEP = 4.0, 1e-3  # [s]
 CELLS = {
@@ -55,25 +55,23 @@ class Deviation:
     link_angle: float  # [rad] largest of the six joints
     end_point: float  # [m]
     rod_force: float  # [N]
-    in_backlash: bool  # whether a dead band is not taken up: the rest is then not unique
+    in_backlash: bool  # whether a dead band is not taken up: the equilibrium is then not unique
 
 
-def held_against_oracle(
-    cell: Cell, true: Geometry, effects: PlantEffects, path: ReferencePath, k: int
-) -> Deviation:
+def held_against_oracle(plant: Plant, path: ReferencePath, k: int) -> Deviation:
     """Sample k of the path, held."""
-    gains = cell.robot.servo["soft"]
-    command = path.q[k] @ cell.robot.joint_to_gear
-    oracle = rest(cell, true, effects, gains, command, path.q[k], path.b[k])
-    plant = plant_model(cell, true, effects, gains, timestep=TIMESTEP)
+    true, effects = plant.geometry, plant.effects
+    command = path.q[k] @ plant.cell.robot.joint_to_gear
+    oracle = equilibrium(plant, command, path.q[k], path.b[k])
+    compiled = plant_model(plant, timestep=TIMESTEP)
+    start = equilibrium_state(plant, compiled, oracle)
     commands = np.repeat(command[None], round(HOLD / TIMESTEP), axis=0)
-    x = roll_out(PlantRun(plant, state_at_rest(cell.robot, plant, oracle), commands, TIMESTEP))[0][
-        -1, 1:
-    ]
-    q = x[plant.joints]
-    plate, base = float(x[plant.plate].sum()), x[plant.base] if plant.base.size else np.zeros(3)
-    stretch = float(x[plant.rod])
-    there = _end(true, q, x[plant.bar], stretch, plate, base)
+    x = roll_out(PlantRun(plant, compiled, start, commands, TIMESTEP))[0][-1, 1:]
+    q = x[compiled.joints]
+    plate = float(x[compiled.plate].sum())
+    base = x[compiled.base] if compiled.base.size else np.zeros(3)
+    stretch = float(x[compiled.rod])
+    there = _end(true, q, x[compiled.bar], stretch, plate, base)
     force = effects.rod_stiffness * (
         stretch - np.clip(stretch, -effects.rod_backlash, effects.rod_backlash)
     )
@@ -121,9 +119,9 @@ def main() -> None:
         )
         for name, asked in EFFECTS.items():
             effects = plant_effects(PlantErrors.model_validate(asked), cell, seed=1)
+            plant = Plant(cell, true, effects, cell.robot.servo["soft"])
             poses = [
-                held_against_oracle(cell, true, effects, path, k)
-                for k in np.linspace(300, 11700, 20).astype(int)
+                held_against_oracle(plant, path, k) for k in np.linspace(300, 11700, 20).astype(int)
             ]
             worst = [
                 max(getattr(p, field) for p in poses)

@@ -24,7 +24,8 @@ from ident.estimator.solver import Fit, solve
 from ident.identify import ROD_SIGMA_START, WIDEST_KNOT_SPACING, Identification, identify
 from ident.robot.accuracy import accuracy_grid, tcp_sigma
 from ident.signals.smooth_log import smooth_log
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 
 COUNTS = (75, 150, 300)
 DURATION = 60.0  # [s]

@@ -26,8 +26,7 @@ from planning.sample import VIOLATES
 from planning.search import Progress, Start, ranked, search
 from planning.workers import judging_processes
 from sim.path import Lissajous
-from sim.settings import LissajousFile
-from sim.simulate import lissajous
+from sim.path_files import LissajousFile, lissajous
 
 COVERED_WITHIN = np.radians(
     10.0

@@ -30,10 +30,11 @@ from sim.errors.plant_errors import (
 from sim.errors.static_errors import true_geometry
 from sim.motion import Motion
 from sim.path import reference_path
+from sim.path_files import PATH_STEP
+from sim.plant.description import Plant, servo_gains
 from sim.plant.effects import plant_effects
 from sim.plant.mujoco_plant import run_plant
 from sim.settings import ErrorSettings, StaticErrors
-from sim.simulate import PATH_STEP
 
 TIMESTEP = 1e-3  # [s]
 RATE_STEP = 0.05  # [s] over which speeds and accelerations are taken: a gear that falls through its play is no motion of the arm
@@ -85,9 +86,9 @@ def run_in_plant(cell: Cell, request: PlanRequest, candidate: Candidate, *, seed
     true = set_without_strain(
         true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed), path.q[:1]
     )
-    return run_plant(
-        cell, true, plant_effects(errors, cell, seed), path, servo=request.servo, timestep=TIMESTEP
-    )
+    gains = servo_gains(cell.robot, request.servo, key="servo")
+    plant = Plant(cell, true, plant_effects(errors, cell, seed), gains)
+    return run_plant(plant, path, timestep=TIMESTEP)
 
 
 def set_without_strain(true: Geometry, q: Array) -> Geometry:

@@ -1,1 +1,1 @@
-"""Makes recordings: plant, error sources, encoders, clocks, device files; and the truth beside them."""
+"""Simulated recordings of a cell. Knows the truth; identification and acquisition do not import it."""

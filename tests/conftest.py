@@ -11,8 +11,9 @@ import pytest
 from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
 from cell.load import load_cell
+from sim.recording_files import write_recording
 from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate, write_recording
+from sim.simulate import Simulation, simulate
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 

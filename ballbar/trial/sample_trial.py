@@ -32,8 +32,8 @@ from sim.kinematic_samples import (
     without_mean,
 )
 from sim.path import ReferencePath
+from sim.path_files import scenario_path
 from sim.settings import CellSettings, PathSettings
-from sim.simulate import planned_path
 
 KEPT = 4  # scenarios: a sweep goes through its points one by one, and 100 000 samples take 40 MB
 SELECTION_SAMPLES = 300  # instants that tell what is identifiable (ident.estimator.identifiability)
@@ -109,7 +109,7 @@ def _planned(
     return (
         stands,
         nominal,
-        planned_path(
+        scenario_path(
             path, stands, nominal, relative_to=folder, recorded=recorded_log(path, folder)
         ),
     )

@@ -35,7 +35,8 @@ from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.load import load_cell
 from ident.identify import identify
 from ident.robot.accuracy import accuracy_grid
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "irb2400.yaml"
 NS = 1e9

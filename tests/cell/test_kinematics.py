@@ -24,6 +24,7 @@ from cell.geometry import (
 from cell.inverse import UnreachableError, bar_angles, refine, robot_branches
 from cell.load import load_cell
 from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, quat_wxyz, rotvec_from_matrix
+from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import PlantModel, plant_model
 from tests.conftest import perturbed
@@ -47,7 +48,8 @@ def test_mujoco_and_dh_agree_to_1e_12_on_60_perturbed_models(robot: str) -> None
     worst = 0.0
     for _ in range(60):
         geometry = perturbed(nominal_geometry(cell, rng.uniform(-1, 1, 3)), rng)
-        plant = plant_model(cell, geometry, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
+        perfect = Plant(cell, geometry, PlantEffects(), cell.robot.servo["soft"])
+        plant = plant_model(perfect, timestep=1e-3)
         data = mujoco.MjData(plant.model)
         q, b = rng.uniform(-np.pi, np.pi, (3, 6)), rng.uniform(-np.pi, np.pi, (3, 5))
         robot_poses, bar_poses = robot_frames(geometry, q).poses(), bar_frames(geometry, b).poses()
@@ -187,7 +189,8 @@ def test_a_site_that_nearly_coincides_with_its_body_is_not_snapped_onto_it(
 ) -> None:
     """MuJoCo takes a site within 1e-6 of its body for identical: 0.9 urad of silent error (one trial in sixty)."""
     flat = nominal.replaced({"ra6": 5e-7, "rd6": 0.0})
-    plant = plant_model(cell, flat, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
+    perfect = Plant(cell, flat, PlantEffects(), cell.robot.servo["soft"])
+    plant = plant_model(perfect, timestep=1e-3)
     data = mujoco.MjData(plant.model)
     assert (
         np.abs(

@@ -18,7 +18,7 @@ from cell.logs import BallBarLog, RobotLog
 from ident import Identification, identify
 from ident.estimator.problem import Clock
 from ident.start.automatic import StartError
-from sim.simulate import truth_path
+from sim.recording_files import truth_path
 from tests.conftest import SCENARIOS, Recorded, record
 
 

@@ -50,8 +50,7 @@ from planning.what_if import answers, question
 from planning.workers import judging_processes
 from sim.errors.static_errors import true_geometry
 from sim.path import Lissajous
-from sim.settings import LissajousFile
-from sim.simulate import load_lissajous
+from sim.path_files import LissajousFile, load_lissajous
 from tests.helpers.program_reader import read_pdl2, read_rapid
 
 ROOT = Path(__file__).parents[2]

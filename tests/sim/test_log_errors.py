@@ -39,8 +39,8 @@ from cell.strict_yaml import load_model
 from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BASE_TILT, THESIS_3_1, true_geometry
 from sim.logging.loggers import chosen
 from sim.motion import Motion
+from sim.recording_files import truth_path
 from sim.settings import ErrorSettings, SimulationSettings
-from sim.simulate import truth_path
 from sim.truth import Truth, load_truth
 from tests.conftest import Recorded, record, settings
 

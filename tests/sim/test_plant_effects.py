@@ -31,8 +31,9 @@ from sim.logging.load_logs import (
     sensor_rows,
 )
 from sim.plant.effects import plant_effects
+from sim.recording_files import truth_path, write_recording
 from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate, truth_path, write_recording
+from sim.simulate import Simulation, simulate
 from sim.truth import PlantTruth, load_truth
 from tests.conftest import SCENARIOS, record, settings
 from tests.helpers.log_analysis import (
@@ -595,11 +596,14 @@ def test_gains_and_biases_of_many_runs_scatter_as_asked(loaded: Simulation) -> N
         ],
     )
     read = np.array(
-        [sensor_rows(step, 0.0, 1.0, sensor, each, seed)[1] for seed, each in enumerate(drawn)]
+        [
+            sensor_rows(step, 0.0, 1.0, sensor=sensor, drawn=each, seed=seed)[1]
+            for seed, each in enumerate(drawn)
+        ]
     )
     shown = np.array(
         [
-            motor_torques(robot, step, step.t, torque_log, each, seed)[1]
+            motor_torques(robot, step, step.t, log=torque_log, drawn=each, seed=seed)[1]
             for seed, each in enumerate(drawn)
         ]
     )
