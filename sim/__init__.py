@@ -1,1 +1,1 @@
-"""Simulated recordings of a cell. Knows the truth; identification and acquisition do not import it."""
+"""Simulated recordings of a cell. Acquisition and identification do not import this package."""

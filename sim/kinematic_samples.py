@@ -43,7 +43,7 @@ STAMPED = ("wander", "step", "quantum", "jitter", "dropped_rows", "duplicated_ro
 
 @dataclass(frozen=True, eq=False)
 class SampledPath:
-    """A reference path at N times, and the nominal robot that follows it; nothing of it is drawn."""
+    """A reference path at N times, and the nominal robot that follows it; nothing is drawn."""
 
     cell: Cell
     nominal: Geometry
@@ -112,7 +112,7 @@ def sample_path_at(
 
 
 def _held_sign(speed: Array) -> Array:
-    """(K,) sign of a speed (K,) [m/s]; up to STICKING the last sign holds, at the start the first."""
+    """(K,) sign of a speed (K,) [m/s]; below STICKING the last holds, at the start the first."""
     slides = np.abs(speed) > STICKING
     if not slides.any():
         return np.ones_like(speed)

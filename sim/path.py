@@ -85,8 +85,8 @@ def phase_over_time(t: Array, *, duration: float, dwell: float, stops: int) -> A
     if moving <= 2.0 * RAMP:
         raise InputError(
             f"path.duration_s = {duration}: with {stops + 2} dwells of {dwell} s {moving:.1f} s "
-            f"are left for each piece of the path, and {2 * RAMP} s go into its ramps. Take more than "
-            f"{(stops + 2) * dwell + pieces * 2.0 * RAMP:g} s, or a shorter path.dwell_s."
+            f"are left for each piece of the path, and {2 * RAMP} s go into its ramps. Take more "
+            f"than {(stops + 2) * dwell + pieces * 2.0 * RAMP:g} s, or a shorter path.dwell_s."
         )
     phase = np.zeros_like(t)
     for k in range(pieces):

@@ -181,7 +181,7 @@ class ErrorSettings(PlantErrors, SensorErrors, SampleErrors):
 
 
 class EncoderSettings(Strict):
-    """Encoders of the ball-bar. Their offsets depend on the pose at power-up and are always drawn."""
+    """Encoders of the ball-bar. Their offsets depend on the pose at power-up and are drawn."""
 
     fitted: tuple[EncoderNumber, ...] = Field(
         (1, 2, 3, 4, 5), description="Joints with an encoder; [] for a ball-bar without encoders."

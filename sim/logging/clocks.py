@@ -73,14 +73,14 @@ def log_times(duration: float, clocks: ClockSettings, *, seed: int) -> LogTimes:
 def task_cycles(
     length: float, overrun_probability: float, rng: np.random.Generator
 ) -> NDArray[np.int64]:
-    """(M,) PLC task cycles of the rows of `length` seconds, from 0: every second one, or a third."""
+    """(M,) PLC task cycles of the rows of `length` seconds: 2 apart, or 3 after an overrun."""
     rows = int(length * 1e9 / (SAMPLE_TASKS * TASK_NS)) + 1
     tasks = SAMPLE_TASKS + (rng.random(rows) < overrun_probability)
     return np.asarray(np.cumsum(tasks) - tasks[0])
 
 
 def robot_stamps(clock: Array, clocks: ClockSettings, rng: np.random.Generator) -> Array:
-    """(N,) [s] stamps of rows taken when the robot's clock shows `clock` (N,) [s] from the first."""
+    """(N,) [s] stamps of the robot's rows; clock : (N,) [s] the robot's time from the first row."""
     stamps = clock
     if clocks.jitter:
         jitter = clocks.jitter.sigma_s * rng.standard_normal(clock.size)

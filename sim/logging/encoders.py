@@ -70,7 +70,7 @@ def frozen_bits(frequency: Array, onset: float, bits: int) -> NDArray[np.int64]:
 
 
 def with_frozen_bits(counts: NDArray[np.int64], frozen: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) counts whose lowest `frozen` (N,) bits are those of the last row at which they changed."""
+    """(N,) counts whose lowest `frozen` (N,) bits keep the values that they last had unfrozen."""
     held, rows = counts.copy(), np.arange(counts.size)
     for bit in range(int(frozen.max(initial=0))):
         last = np.maximum.accumulate(np.where(frozen <= bit, rows, 0))

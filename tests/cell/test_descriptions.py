@@ -465,12 +465,10 @@ def test_a_wrong_number_is_refused_with_its_line_key_and_value(
 ) -> None:
     text = (SHIPPED / source).read_text(encoding="utf-8")
     path = changed(tmp_path, source, old, new)
-    line = text[: text.index(old)].count("\n") + 1
-    told = refusal(path).split("\n")
-    place = (
-        "mine.yaml:9" if "at least" in message else f"mine.yaml:{line}"
-    )  # of the list, not of the row cut out
-    assert any(one.startswith(f"{place}: {message}") for one in told), told
+    wrong = "\ndh:" if "at least" in message else old  # the list, not the row cut out
+    line = text[: text.index(wrong) + wrong.startswith("\n")].count("\n") + 1
+    sentences = refusal(path).split("\n")
+    assert any(s.startswith(f"mine.yaml:{line}: {message}") for s in sentences), sentences
 
 
 def test_a_file_of_another_kind_is_recognised_by_its_schema(tmp_path: Path) -> None:
