@@ -2,7 +2,7 @@
 
 Robot: both machines have an offset shoulder, a parallel upper arm and a spherical wrist, `alpha =
 (-pi/2, 0, -pi/2, s*pi/2, -s*pi/2, 0)` with s = +1 (IRB 2400) or -1 (NJ 220). The wrist is decoupled
-(Pieper 1968) and solved as ZYZ angles.
+(Pieper's method) and solved as ZYZ angles.
 Ball-bar: the rod's direction u in the base and v in the tool frame are `u_x + i u_y = -sin(b2)
 exp(i b1)`, `u_z = cos(b2)` and `-v_x + i v_y = -sin(b4) exp(i b5)`, `v_z = cos(b4)`.
 """

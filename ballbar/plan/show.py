@@ -23,9 +23,9 @@ from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from planning.candidate import Candidate
 from planning.clearance import clearance
+from planning.evaluation import evaluators
 from planning.files import OUTPUTS, write_plan
-from planning.judge import judges
-from planning.plan import Plan, assessed, known_path, plans
+from planning.plan import Plan, assess, known_path, plans
 from planning.request import PlanRequest, load_request
 from planning.search import Progress
 from planning.verify import Check, checks, run_in_plant, violations_in
@@ -133,7 +133,7 @@ def say_answers(out: Console, plan: Plan, given: Sequence[Answer]) -> None:
         "",
     ):
         shown.add_column(escape(heading), justify="left" if heading in ("what if", "") else "right")
-    here = plan.found.tcp
+    here = plan.evaluation.tcp
     shown.add_row(
         "as planned",
         "",
@@ -172,7 +172,7 @@ def answers_csv(given: Sequence[Answer]) -> bytes:
 def given_path(
     request: PlanRequest, path: Path, position: tuple[float, float, float] | None
 ) -> Plan:
-    """A path file, judged as a plan. Raises InputError where it cannot be run or no position is known."""
+    """A path file, evaluated as a plan. Raises InputError where it cannot be run or no position is known."""
     shape, planned_for = known_path(path)
     place = position or request.cell.ballbar_position_m or planned_for
     if place is None:
@@ -180,14 +180,14 @@ def given_path(
             "--path needs to know where the ball-bar stands: give --position X,Y,Z, or ballbar_position_m in the path file or in the "
             "request's cell"
         )
-    judge = judges(request)[request.cell.ballbar]
-    return assessed(judge, Candidate(shape, np.array(place)))
+    evaluator = evaluators(request)[request.cell.ballbar]
+    return assess(evaluator, Candidate(shape, np.array(place)))
 
 
 def check_in_plant(plan: Plan, seed: int) -> list[Check]:
     """All limits over one robot's run."""
-    cell, request = plan.judge.cell, plan.request
-    motion = run_in_plant(cell, request, plan.found.candidate, seed=seed)
+    cell, request = plan.evaluator.cell, plan.request
+    motion = run_in_plant(cell, request, plan.evaluation.candidate, seed=seed)
     return checks(cell, request.limits, clearance(cell, request.cell), motion)
 
 
@@ -214,9 +214,8 @@ def showing(err: Console) -> Iterator[Callable[[Progress], None]]:
 
 def say_plan(out: Console, plan: Plan) -> None:
     """Numbers at a glance."""
-    typical, forces = plan.typical, plan.found.forces
-    assert forces is not None
-    position = ", ".join(f"{v:.3f}" for v in plan.found.candidate.position)
+    typical, forces = plan.typical, plan.forces
+    position = ", ".join(f"{v:.3f}" for v in plan.evaluation.candidate.position)
     if plan.stopped:
         out.print("[yellow]stopped[/] before its time; this is the best so far")
     found = (

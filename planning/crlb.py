@@ -1,8 +1,9 @@
-"""What a course will tell: standard deviations of all parameters and of the tool, before anyone goes to the cell.
+"""Cramer-Rao prediction of a trajectory: standard deviations of all parameters and of the tool.
 
-The Cramer-Rao bound of the complete model that `ballbar identify` fits (ident.estimator.joint_fit: geometry, clock, corrections with their
-priors, the rod's tension as a spline), at samples of the course as a noise-free run would give them. The information of a sample
-does not depend on how many are computed, so some hundreds stand for the 1500 that are fitted.
+The bound is that of the complete model that `ballbar identify` fits (ident.estimator.joint_fit:
+geometry, clock, corrections with their priors, the rod's tension as a spline), at samples of a
+noise-free run. The information of a sample does not depend on how many are computed, so some
+hundreds represent the 1500 that are fitted.
 """
 
 from __future__ import annotations
@@ -32,18 +33,17 @@ from ident.loads.gear_loads import MassModel, mass_model
 from ident.robot.accuracy import accuracy_grid, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import Outliers, SmoothLog
-from planning.course import Course
 from planning.request import PlanSensors, PlanTiming, Workspace
+from planning.trajectory import Trajectory
 
-EXACT = 1e-9  # [m]
-SAMPLES = (
-    240  # computed, of DEFAULT_SAMPLES fitted; sigma comes out a few percent above that of all
-)
+EXACT = 1e-9  # [m] prior of a length taken as exact
+# Computed, of DEFAULT_SAMPLES fitted; sigma is then a few percent above that of all.
+SAMPLES = 240
 
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """What does not depend on the course."""
+    """What does not depend on the trajectory."""
 
     cell: Cell
     masses: MassModel
@@ -55,48 +55,48 @@ class Predictor:
 
     @property
     def instants(self) -> Array:
-        """(N,) [s] of the samples: from just before the robot moves to just after."""
+        """(N,) [s] times of the samples, from just before the robot moves to just after."""
         margin = self.timing.dwell_s - REST_KEPT
         return np.linspace(margin, self.timing.duration_s - margin, self.samples)
 
     @cached_property
     def knots(self) -> csr_array:
-        """(K, N) splines of the tension at the samples."""
+        """(K, N) values of the tension's splines at the samples."""
         return tension_splines(self.instants)
 
     @cached_property
     def to_knots(self) -> Array:
-        """(K, N) least-squares spline of a tension at the samples."""
+        """(K, N) map of a tension at the samples to its least-squares spline."""
         return np.asarray(np.linalg.pinv(self.knots.toarray().T))
 
     @property
     def dilution(self) -> float:
-        """Factor on every deviation of noise, so that the samples computed say what those fitted do."""
+        """Factor on noise that gives the computed samples the information of the fitted ones."""
         return float(np.sqrt(self.samples / DEFAULT_SAMPLES))
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What one course tells of one robot."""
+    """Predicted information of one trajectory about one robot."""
 
     layout: Unknowns
     model: Model
-    normal: Array  # (P, P)
+    normal: Array  # (P, P) information matrix
     points: tuple[Point, ...]
     geometry: Geometry
-    free: UnloadedRobot
+    unloaded: UnloadedRobot
     grid: Array
 
     @cached_property
     def covariance(self) -> Array:
-        """(P, P)"""
+        """(P, P) Cramer-Rao bound of the covariance."""
         s = self.layout.sigma
         scaled = self.normal * np.outer(s, s)
         return np.asarray(cho_solve(cho_factor(scaled), np.eye(s.size)) * np.outer(s, s))
 
     @property
     def sigma(self) -> dict[str, float]:
-        """[SI] of every unknown but the tension's knots."""
+        """[SI] standard deviation of every unknown but the tension's knots."""
         spread = np.sqrt(np.diag(self.covariance))
         return {
             n: float(v)
@@ -106,12 +106,11 @@ class Prediction:
 
     @cached_property
     def tcp_sigma(self) -> Array:
-        """(G,) [m] of the free robot's tool under its own weight, base aligned."""
+        """(G,) [m] of the unloaded robot's tool over the grid, base aligned."""
         moved = moving(self.layout)
-        moves = self.free.jacobian(self.grid, self.layout.shared)
-        return position_sigma(
-            self.free.tool(self.grid), moves, self.covariance[np.ix_(moved, moved)]
-        )
+        moves = self.unloaded.jacobian(self.grid, self.layout.shared)
+        covariance = self.covariance[np.ix_(moved, moved)]
+        return position_sigma(self.unloaded.tool(self.grid), moves, covariance)
 
 
 def moving(layout: Unknowns) -> NDArray[np.intp]:
@@ -127,7 +126,7 @@ def predictor(
     *,
     samples: int = SAMPLES,
 ) -> Predictor:
-    """For a cell, its sensors, and the workspace that counts."""
+    """The predictor of a cell with its sensors over a workspace."""
     grid = accuracy_grid(cell.robot)
     if workspace is not None:
         box = replace(
@@ -143,9 +142,10 @@ def predictor(
 def planned_unknowns(
     on: Predictor, nominal: Geometry, recordings: Sequence[RecordingShape]
 ) -> tuple[Unknowns, Array]:
-    """Those of the complete model, the plate's length taken as exact.
+    """Unknowns of the complete model with the plate's length taken as exact, and their start.
 
-    `ba5` is that length in other words (ra6 against it): 5 um are 20 ppm of scale whatever the path, stated apart (planning.plan).
+    `ba5` is equivalent to that length (ra6 against it): 5 um are 20 ppm of scale on any path, which
+    a plan states apart (planning.plan).
     """
     layout, x = unknowns(
         on.cell,
@@ -161,29 +161,41 @@ def planned_unknowns(
 
 
 def predict(
-    on: Predictor, course: Course, tension: Array, near: Prediction | None = None
+    on: Predictor, trajectory: Trajectory, tension: Array, previous: Prediction | None = None
 ) -> Prediction:
-    """Of a course with a rod tension (N_course,) [N]. near : of the same course with another tension, whose loads per newton are taken."""
+    """The prediction of a trajectory.
+
+    tension : (N,) [N] of the rod at the trajectory's times. previous : prediction of the same
+        trajectory with another tension, whose loads per newton are reused.
+    """
     t = on.instants
-    track = _track(on, course, t)
-    shape = RecordingShape(track.joints, course.nominal, Clock(0.0, 0.0), track.knots.shape[0])
-    layout, x = planned_unknowns(on, course.nominal, [shape])
+    track = _track(on, trajectory, t)
+    shape = RecordingShape(track.joints, trajectory.nominal, Clock(0.0, 0.0), track.knots.shape[0])
+    layout, x = planned_unknowns(on, trajectory.nominal, [shape])
     knots = layout.own[0].knots
     if knots is not None:
-        x[knots] = on.to_knots @ np.interp(t, course.t, tension)
+        x[knots] = on.to_knots @ np.interp(t, trajectory.t, tension)
     model = Model(on.cell, on.masses, on.corrections, layout, (track,))
-    bar = np.stack([np.interp(t, course.t, angle) for angle in course.b.T], axis=1)
-    linear = linearise(model, x, [bar], _excess(on), near=near.points if near else ())
-    free = UnloadedRobot(on.cell, course.nominal, on.corrections, x[layout.coefficients])
-    return Prediction(layout, model, linear.normal, linear.points, course.nominal, free, on.grid)
+    bar = np.stack([np.interp(t, trajectory.t, angle) for angle in trajectory.b.T], axis=1)
+    points = previous.points if previous else ()
+    linear = linearise(model, x, [bar], _excess(on), near=points)
+    return Prediction(
+        layout=layout,
+        model=model,
+        normal=linear.normal,
+        points=linear.points,
+        geometry=trajectory.nominal,
+        unloaded=UnloadedRobot(on.cell, trajectory.nominal, on.corrections, x[layout.coefficients]),
+        grid=on.grid,
+    )
 
 
-def predictions(on: Predictor, course: Course, tensions: Array) -> tuple[Prediction, ...]:
-    """Of a course with each of the rod tensions (R, N_course) [N]."""
-    found: list[Prediction] = []
+def predictions(on: Predictor, trajectory: Trajectory, tensions: Array) -> tuple[Prediction, ...]:
+    """Predictions of a trajectory with each of R rod tensions (R, N) [N]."""
+    out: list[Prediction] = []
     for tension in tensions:
-        found.append(predict(on, course, tension, found[0] if found else None))
-    return tuple(found)
+        out.append(predict(on, trajectory, tension, out[0] if out else None))
+    return tuple(out)
 
 
 def _excess(on: Predictor) -> ExcessNoise:
@@ -196,10 +208,11 @@ def _excess(on: Predictor) -> ExcessNoise:
     )
 
 
-def _track(on: Predictor, course: Course, t: Array) -> Track:
+def _track(on: Predictor, trajectory: Trajectory, t: Array) -> Track:
     s, f = on.sensors, on.dilution
     fitted = [j - 1 for j in s.encoders]
-    robot, bar = _as_log(course.t, course.q), _as_log(course.t, course.b[:, fitted])
+    robot = _as_log(trajectory.t, trajectory.q)
+    bar = _as_log(trajectory.t, trajectory.b[:, fitted])
     spacing = min(
         (on.timing.duration_s - 2.0 * on.timing.dwell_s) / DEFAULT_SAMPLES, WIDEST_KNOT_SPACING
     )
@@ -226,7 +239,7 @@ def _track(on: Predictor, course: Course, t: Array) -> Track:
 
 
 def _as_log(t: Array, values: Array) -> SmoothLog:
-    """A noise-free log."""
+    """A noise-free log of values (N, C) at times t (N,) [s]."""
     spline = make_interp_spline(t, values, k=3)
     none = Outliers(np.zeros(0), np.zeros(0, dtype=np.intp), 0, t.size)
     period = float(t[1] - t[0])
