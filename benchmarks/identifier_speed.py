@@ -151,7 +151,7 @@ def corrected(folder: Path, count: int) -> tuple[float, int]:
 IDENTIFY = """
 import resource, sys
 from acquisition import read_recording
-from cell.descriptions import load_cell
+from cell.load import load_cell
 from ident.identify import identify
 read = read_recording(__import__("pathlib").Path(sys.argv[1]))
 cell = load_cell(read.description.robot, read.description.ballbar, read.description.plate)

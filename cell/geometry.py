@@ -19,8 +19,7 @@ from cell.chain import Chain, Frames, forward, screw
 if TYPE_CHECKING:
     from cell.descriptions import Cell
 
-ROBOT_ROWS = 6
-BAR_ROWS = 5
+ROBOT_ROWS, BAR_ROWS = 6, 5  # one per joint
 # Rows whose axis is nearly parallel to the next one: joint 2 to joint 3, and joint 6 to b5 across
 # the plate.
 HAYATI_ROWS = (1, 5)
@@ -183,7 +182,7 @@ def parameter_screw(
 ) -> Array:
     """(6, N) motion of the tool frame of robot or ball-bar for a unit change of one parameter.
 
-    Components and units are those of cell.chain.screw. out : (6, N) array to write to.
+    Components [m, rad per unit] are those of cell.chain.screw. out : (6, N) array to write to.
     """
     if parameter.side != "base":
         frames = robot if parameter.side == "robot" else bar

@@ -69,8 +69,8 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
 def quat_wxyz(rotation: Array) -> Array:
     """(4,) unit quaternion of a rotation matrix (3, 3), scalar part first as MuJoCo wants it.
 
-    Its largest component is computed first (Shepperd's method); the result is to the last digit that of
-    MuJoCo's `mju_mat2Quat`.
+    Its largest component is computed first (Shepperd's method); the result is to the last digit
+    that of MuJoCo's `mju_mat2Quat`.
     """
     x, y, z = np.diag(rotation)
     product = rotation + rotation.T  # becomes 4 q q' of q = x y z, then of w x y z

@@ -89,7 +89,7 @@ class Prediction:
 
     @cached_property
     def covariance(self) -> Array:
-        """(P, P) Cramer-Rao bound of the covariance."""
+        """(P, P) [SI] Cramer-Rao bound of the covariance."""
         s = self.layout.sigma
         scaled = self.normal * np.outer(s, s)
         return np.asarray(cho_solve(cho_factor(scaled), np.eye(s.size)) * np.outer(s, s))
@@ -114,7 +114,7 @@ class Prediction:
 
 
 def moving(layout: Unknowns) -> NDArray[np.intp]:
-    """Indices of the unknowns that `UnloadedRobot.jacobian` has columns for."""
+    """(K,) indices of the unknowns that `UnloadedRobot.jacobian` has columns for."""
     return np.asarray(np.r_[0 : layout.shared.size, layout.coefficients], dtype=np.intp)
 
 
@@ -135,14 +135,21 @@ def predictor(
             accuracy_upper=np.radians(workspace.upper_deg),
         )
         grid = accuracy_grid(box)
-    made = tuple(make(cell, sensors.encoders) for make in CORRECTIONS.values())
-    return Predictor(cell, mass_model(cell), sensors, timing, made, grid, samples)
+    return Predictor(
+        cell=cell,
+        masses=mass_model(cell),
+        sensors=sensors,
+        timing=timing,
+        corrections=tuple(make(cell, sensors.encoders) for make in CORRECTIONS.values()),
+        grid=grid,
+        samples=samples,
+    )
 
 
 def planned_unknowns(
     on: Predictor, nominal: Geometry, recordings: Sequence[RecordingShape]
 ) -> tuple[Unknowns, Array]:
-    """Unknowns of the complete model with the plate's length taken as exact, and their start.
+    """Unknowns of the complete model with the plate's length taken as exact, and start (P,) [SI].
 
     `ba5` is equivalent to that length (ra6 against it): 5 um are 20 ppm of scale on any path, which
     a plan states apart (planning.plan).

@@ -101,7 +101,7 @@ def _singularities(limits: PlanLimits, trajectory: Trajectory) -> list[Violation
 
 
 def from_singular(angle: Array) -> Array:
-    """[rad] distance of angles [rad] of any shape from the nearest multiple of half a turn."""
+    """(N,) [rad] distance of angles (N,) [rad] from the nearest multiple of half a turn."""
     return np.asarray(np.arcsin(np.abs(np.sin(angle))))
 
 

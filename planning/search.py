@@ -243,6 +243,6 @@ class Island:
 
 
 def free_numbers(space: Space) -> NDArray[np.intp]:
-    """Indices that an island varies: all but the cycles, and the position where it is free."""
+    """(K,) indices that an island varies: all but the cycles and a fixed position."""
     position = 4 * BAR_ROWS + np.flatnonzero(space.upper > space.lower)
     return np.concatenate((np.arange(3 * BAR_ROWS), position)).astype(np.intp)
