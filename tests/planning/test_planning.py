@@ -1,4 +1,4 @@
-"""Planning: what a path may do, how well it would calibrate, and that a program says what was planned."""
+"""Planning: limits of a path, its predicted uncertainty, and programs that match the plan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plant: starts at equilibrium where statics says, closes the loop, and says so when it does not."""
+"""The plant: it starts in equilibrium, keeps the loop closed, and reports when it does not."""
 
 from __future__ import annotations
 
@@ -58,8 +58,10 @@ def test_the_run_starts_at_rest(recorded: Recorded) -> None:
     assert abs(motion.rod_force[500] - motion.rod_force[0]) < 1e-2
 
 
-def test_a_mechanism_whose_rod_hangs_in_its_play_comes_to_rest() -> None:
-    """Regression: full Newton steps hop between the ends of the play, and steps halved now and then froze on the way.
+def test_a_mechanism_whose_rod_is_within_its_backlash_has_an_equilibrium() -> None:
+    """Regression: full Newton steps alternate between the ends of a dead band.
+
+    Steps that were halved now and then stopped on the way.
 
     The first target of a path of the NJ 220, where the rod without strain carries next to nothing.
     """
@@ -106,7 +108,10 @@ def machine(robot: str) -> tuple[Cell, Geometry, Geometry, ReferencePath]:
 @pytest.mark.parametrize("robot", list(CELLS))
 @pytest.mark.parametrize("effect", list(EFFECTS))
 def test_a_held_pose_settles_where_the_statics_oracle_says(robot: str, effect: str) -> None:
-    """Four poses here, twenty by benchmarks/plant_oracle.py; 0.1 urad, 0.1 um, 0.02 N. The oracle shares no code with MuJoCo."""
+    """Four poses, 0.1 urad, 0.1 um, 0.02 N; benchmarks/plant_oracle.py compares twenty.
+
+    The oracle shares no code with MuJoCo.
+    """
     cell, _, true, path = machine(robot)
     effects = plant_effects(PlantErrors.model_validate(EFFECTS[effect]), cell, seed=1)
     for k in (1000, 4000, 7000, 10500):
@@ -195,23 +200,23 @@ def test_a_diverging_simulation_ends_with_its_time_and_no_silent_reset(
 
 
 @pytest.mark.slow
-def test_stretches_are_told_as_they_come_and_join_to_what_one_call_gives(
+def test_stretches_are_reported_as_they_come_and_join_to_the_motion_of_one_call(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     cell, nominal, true, _ = machine("irb2400")
     shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
     path = reference_path(cell.robot, nominal, shape, duration=50.0, dwell=2.0, stops=0, step=0.01)
     effects = plant_effects(PlantErrors.model_validate(EFFECTS["everything"]), cell, seed=1)
-    told: list[tuple[np.ndarray, ...]] = []
+    stretches: list[tuple[np.ndarray, ...]] = []
     plant = Plant(cell, true, effects, cell.robot.servo["soft"])
     motion = run_plant(
-        plant, path, timestep=1e-3, on_motion=lambda _cell, _geometry, *rows: told.append(rows)
+        plant, path, timestep=1e-3, on_motion=lambda _cell, _geometry, *rows: stretches.append(rows)
     )
-    assert len(told) == 25
-    for one, following in pairwise(told):
-        assert one[0][-1] == following[0][0]
+    assert len(stretches) == 25
+    for stretch, following in pairwise(stretches):
+        assert stretch[0][-1] == following[0][0]
     for k, whole in enumerate((motion.t, motion.q, motion.b)):
-        joined = np.concatenate([told[0][k], *(rows[k][1:] for rows in told[1:])])
+        joined = np.concatenate([stretches[0][k], *(rows[k][1:] for rows in stretches[1:])])
         np.testing.assert_allclose(joined, whole, rtol=0.0, atol=1e-9 if k == 0 else 0.0)
     monkeypatch.setattr(plant_module, "_STRETCH", 1e9)
     np.testing.assert_array_equal(run_plant(plant, path, timestep=1e-3).q, motion.q)
@@ -230,7 +235,7 @@ def test_everything_on_keeps_the_loop_closed() -> None:
 
 
 def potential(cell: Cell, geometry: Geometry, b: np.ndarray, stretch: float) -> float:
-    """Energy of the ball-bar's masses [J], from centres of mass that ride on the frames before each joint's DH row."""
+    """Energy of the ball-bar's masses [J], with centres of mass in the frames before each row."""
     zero = bar_frames(nominal_geometry(cell, np.zeros(3)), np.zeros((1, 5)))
     frames = bar_frames(geometry.replaced({"bd3": geometry["bd3"] + stretch}), b[None])
     energy = 0.0
@@ -246,7 +251,7 @@ def potential(cell: Cell, geometry: Geometry, b: np.ndarray, stretch: float) -> 
 
 
 def test_the_force_sensor_shows_what_plate_and_ball_bar_weigh_and_pull() -> None:
-    """At equilibrium the ball-bar's pull on the tool follows from virtual work: rod force, and the weight of its own links."""
+    """Virtual work gives the ball-bar's pull on the tool: rod force and weight of its links."""
     cell, nominal, true, _ = machine("irb2400")
     shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
     short = reference_path(cell.robot, nominal, shape, duration=60.0, dwell=4.0, stops=0, step=0.01)
@@ -345,14 +350,14 @@ def test_both_robots_hang_together_at_zero(robot: str) -> None:
     )
 
 
-def test_drawn_static_errors_have_the_asked_size_and_leave_the_other_streams_alone(
+def test_drawn_static_errors_have_the_stated_size_and_leave_the_other_streams_alone(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     drawn = settings(
         plant={"kind": "kinematic"}, errors={"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3}}
     )
     table = settings(plant={"kind": "kinematic"})
-    one, other = (simulate(s, relative_to=SCENARIOS) for s in (drawn, table))
-    assert [e.offset for e in one.encoders] == [e.offset for e in other.encoders]
-    assert np.array_equal(one.times.bar_stamp, other.times.bar_stamp)
-    assert one.motion.geometry["ra2"] != other.motion.geometry["ra2"]
+    first, other = (simulate(s, relative_to=SCENARIOS) for s in (drawn, table))
+    assert [e.offset for e in first.encoders] == [e.offset for e in other.encoders]
+    assert np.array_equal(first.times.bar_stamp, other.times.bar_stamp)
+    assert first.motion.geometry["ra2"] != other.motion.geometry["ra2"]
