@@ -17,7 +17,8 @@ from ballbar.run import OUTPUTS
 from ballbar.sweep.run import Outcome
 from ballbar.sweep.summary import failures_of, grid_points
 from ident.robot.accuracy import TcpError
-from sim.simulate import Simulation, truth_path
+from sim.recording_files import truth_path
+from sim.simulate import Simulation
 
 
 def run_data(data: RunData, folder: Path) -> dict[str, object]:

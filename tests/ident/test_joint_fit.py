@@ -31,7 +31,7 @@ from ident.estimator.unknowns import RecordingShape, unknowns
 from ident.loads.gear_loads import mass_model
 from ident.signals.smooth_log import Outliers, SmoothLog
 from sim.path import reference_path
-from sim.simulate import load_lissajous
+from sim.path_files import load_lissajous
 from tests.helpers.simulated_recordings import SCENARIOS
 
 ENCODERS = (1, 2, 4, 5)
