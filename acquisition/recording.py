@@ -54,8 +54,9 @@ from acquisition.sources import (
 from acquisition.stamps.order import STAMP, report_periods, seconds_from
 from acquisition.table.selectors import require
 from acquisition.table.table import Table
-from cell.descriptions import Robot, joints_to_axes, load_robot
+from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
+from cell.load import load_robot
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.recording import (
     EncoderFitting,
@@ -65,6 +66,7 @@ from cell.recording import (
     SourceName,
     load_recording_file,
 )
+from cell.robot_angles import joints_to_axes
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from acquisition import Recording
 from ballbar.recordings.check import import_reports
 from ballbar.replay.live import LiveRun
-from ballbar.replay.show import REPLAY
 from ballbar.replay.write import write_replay
 from ballbar.report.page import write_report
-from ballbar.result.calibration import CALIBRATION, write_calibration
+from ballbar.result.calibration import write_calibration
 from ballbar.result.compare import identification_against_truth, limits_of
 from ballbar.result.iterations import IterationLog
-from ballbar.result.names import IMPORT_REPORT, RECORDING, REPORT
+from ballbar.result.names import CALIBRATION, IMPORT_REPORT, OUTPUTS, RECORDING, REPLAY, REPORT
 from ballbar.result.run_data import RunData
-from ballbar.result.run_recordings import Progress, identify_recordings
-from ballbar.scenario import IdentifySettings, Scenario
+from ballbar.result.run_recordings import identify_recordings
+from ballbar.scenario import Scenario
 from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from cell.recording import load_recording_file
-from ident.identify import DEFAULT_SAMPLES, Identification
 from sim.simulate import Simulation, simulate, truth_path, write_recording
 
-OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY}
+Progress = Callable[[str], None]
 
 
 def simulate_scenario(
@@ -74,37 +72,13 @@ def claim_recording(folder: Path) -> None:
         )
 
 
-def identify_folder(
-    folder: Path, *, samples: int = DEFAULT_SAMPLES, progress: Progress
-) -> tuple[Recording, Identification]:
-    """Reads and identifies a recording.
-
-    Raises InputError for bad files, StartError when the logs do not belong together.
-    """
-    data = identify_recordings(
-        [folder], settings=IdentifySettings(samples=samples), progress=progress
-    )
-    return data.recording, data.identification
-
-
 def write_outputs(
     out: Path, data: RunData, *, command: str, replay: bool, progress: Progress
 ) -> None:
     """Writes calibration.yaml, import_report.json, report.html and, with `replay`, run.rrd."""
-    file = data.recording.description
-    read = {one.name: one.recording for one in data.fitted} | {
-        one.outcome.name: one.recording for one in data.validations
-    }
-    write_whole(out / IMPORT_REPORT, import_reports(read).encode())
-    write_calibration(
-        out / CALIBRATION,
-        data.identification,
-        robot=file.robot,
-        ballbar=file.ballbar,
-        plate=file.plate,
-        recordings=[(one.name, one.identification) for one in data.joined],
-        held_out=[one.outcome for one in data.validations],
-    )
+    reports = {name: recording for name, _, recording in data.read}
+    write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
+    write_calibration(out / CALIBRATION, data)
     progress("writing the report")
     write_report(out / REPORT, data, command=command)
     if replay:
@@ -138,11 +112,9 @@ def run_scenario(
     folder = out / RECORDING
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress, live=live)
     log = IterationLog(progress, live.iterated if live else None)
-    data = identify_recordings(
-        [folder], settings=scenario.identify, progress=log.progress, on_iteration=log.on_iteration
-    )
+    data = identify_recordings([folder], settings=scenario.identify, listener=log.listener)
     comparison = identification_against_truth(data.identification, simulation.truth)
-    limits = limits_of(comparison, data.identification.iterations, scenario.accept)
+    limits = limits_of(comparison, data.identification.fit.iterations, scenario.accept)
     data = replace(
         data,
         name=scenario.name,

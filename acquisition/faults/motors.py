@@ -22,8 +22,9 @@ from acquisition.flags import RowFlag
 from acquisition.formats.dialect import Side
 from acquisition.report import Finding, finding
 from acquisition.table.table import Table
-from cell.descriptions import Robot, controller_to_joints, joints_to_axes, motors_to_joints
+from cell.descriptions import Robot
 from cell.errors import LogError
+from cell.robot_angles import controller_to_joints, joints_to_axes, motors_to_joints
 
 Array = NDArray[np.float64]
 Unit = Literal["rad", "deg"]

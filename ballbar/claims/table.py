@@ -16,7 +16,7 @@ from ballbar.identifiability.study import Influences, Study, influences, nominal
 from ballbar.scenario import load_scenario
 from ballbar.sweep.chunk import DONE
 from ballbar.sweep.summary import failures_of
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import InputError
 from cell.schema_errors import nearest
 from cell.statistics import rms

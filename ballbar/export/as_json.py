@@ -25,7 +25,7 @@ def export_data(result: Result) -> dict[str, object]:
         } | reasons.get(parameter.name, {})
     rows = {name: getattr(chain, name).tolist() for name in ("a", "d", "alpha", "theta", "beta")}
     screws, home = product_of_exponentials(chain)
-    fit = {key: getattr(file.fit, key) for key in ("status", "sentence")}
+    fit = {key: getattr(file.fit, key) for key in ("status", "verdict")}
     return {
         "schema": "ballbar-export/1",
         "robot": result.name,
@@ -44,7 +44,7 @@ def export_data(result: Result) -> dict[str, object]:
             "ballbar": version("ballbar-bench"),
             "source": result.file.name,
             "sha256": result.sha256,
-            "recordings": [entry.recording for entry in file.recordings],
+            "recordings": [recording.name for recording in file.recordings],
             "fit": fit | {"warnings": list(file.fit.warnings)},
         },
     }

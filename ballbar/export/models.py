@@ -12,13 +12,14 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ballbar.export.result import Result, notes
 from ballbar.export.tables import number
+from cell.arrays import Array
 from cell.bodies import carried_bodies
-from cell.chain import Array, Chain, forward
+from cell.chain import Chain, row_placements
 from cell.descriptions import Link, Robot
+from cell.rotation import quat_wxyz
 
 _LIMITS = (
     "Joint limits: the range of each DH joint over the box of axis limits; effort 0: the cell "
@@ -67,7 +68,11 @@ def mjcf(result: Result) -> str:
     for i, body in enumerate(_bodies(result)):
         rotation, place = poses[i]
         parent = ET.SubElement(
-            parent, "body", name=f"link_{i + 1}", pos=_numbers(place), quat=_quat_wxyz(rotation)
+            parent,
+            "body",
+            name=f"link_{i + 1}",
+            pos=_numbers(place),
+            quat=_numbers(quat_wxyz(rotation)),
         )
         tensor = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].round(_INERTIA_DIGITS)
         ET.SubElement(
@@ -85,7 +90,9 @@ def mjcf(result: Result) -> str:
             range=_numbers([lower[i], upper[i]]),
         )
     rotation, place = poses[6]
-    ET.SubElement(parent, "site", name="tool", pos=_numbers(place), quat=_quat_wxyz(rotation))
+    ET.SubElement(
+        parent, "site", name="tool", pos=_numbers(place), quat=_numbers(quat_wxyz(rotation))
+    )
     return _text(root)
 
 
@@ -94,17 +101,7 @@ def _placements(chain: Chain) -> list[tuple[Array, Array]]:
 
     Returns seven of (rotation (3, 3), translation (3,) [m]).
     """
-    out = [(np.eye(3), np.zeros(3))]
-    for i in range(chain.rows):
-        row = Chain(
-            *(
-                values[i : i + 1]
-                for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta)
-            )
-        )
-        frames = forward(row, np.zeros((1, 1)))
-        out.append((frames.rotation()[:, :, 0], frames.tip[:, 0]))
-    return out
+    return [(np.eye(3), np.zeros(3)), *row_placements(chain)]
 
 
 def _bodies(result: Result) -> list[Link]:
@@ -145,10 +142,6 @@ def _roll_pitch_yaw(rotation: Array) -> Array:
     roll = np.arctan2(rotation[2, 1], rotation[2, 2])
     pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
     return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
-
-
-def _quat_wxyz(rotation: Array) -> str:
-    return _numbers(Rotation.from_matrix(rotation).as_quat(scalar_first=True))
 
 
 def _numbers(values: Iterable[float]) -> str:

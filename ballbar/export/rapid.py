@@ -14,8 +14,8 @@ from ballbar.export.result import Result, notes
 from ballbar.export.rows import standard_rows
 from ballbar.export.tables import number
 from ballbar.units import MM
-from cell.chain import Array
-from cell.descriptions import joints_to_motors
+from cell.arrays import Array
+from cell.robot_angles import joints_to_motors
 
 _HOW = (
     "HOW TO USE",

@@ -12,7 +12,7 @@ import numpy as np
 
 from ballbar.export.result import Result, notes
 from ballbar.export.rows import Rows, hayati_rows, product_of_exponentials, standard_rows
-from cell.chain import Array
+from cell.arrays import Array
 
 _TOOL = "Row `tool` has no joint: after row 6 the tool turns about its y by beta."
 _HEADER = "joint,a_m,d_m,alpha_rad,theta_rad,beta_rad"

@@ -16,16 +16,15 @@ import numpy as np
 
 from ballbar.scenario import Scenario
 from ballbar.trial.nominal_path import nominal_path, spread_rows
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import InputError
-from cell.geometry import BAR_ROWS, INDEX, PARAMETERS, ROBOT_ROWS, Geometry, bar_frames
+from cell.geometry import BAR_ROWS, INDEX, PARAMETERS, Geometry, bar_frames
 from cell.inverse import refine
 from ident.estimator.closure import (
     bar_joint_jacobian,
     close_loop,
-    covariance,
     parameter_jacobian,
-    whitening,
+    robot_joint_jacobian,
 )
 from ident.estimator.dependencies import (
     EXTRA_PARAMETERS,
@@ -38,6 +37,7 @@ from ident.estimator.dependencies import (
     significant,
     spectrum,
 )
+from ident.estimator.whitening import covariance, whitening
 from ident.thesis.costs import ENCODERS_NEEDED, cost_named
 
 Influences = dict[str, dict[str, float]]  # parameter left out: {kept parameter: its change}
@@ -174,13 +174,10 @@ def _linearised(
         residual = signed.residual(closure).reshape(-1)
         return residual, signed.jacobian(closure, parameters).reshape(len(names), -1), loop.b
     unmeasured = [j for j in range(BAR_ROWS) if j + 1 not in encoders]
-    sigma = np.full(BAR_ROWS, NOISE)
-    sigma[unmeasured] = 0.0
-    weights = whitening(
-        covariance(closure, np.full(ROBOT_ROWS, NOISE), sigma, 0.0),
-        bar_joint_jacobian(closure)[unmeasured],
-    )
+    bar_columns, measured = bar_joint_jacobian(closure), [j - 1 for j in encoders]
+    noise = (NOISE * robot_joint_jacobian(closure), NOISE * bar_columns[measured])
+    weights = whitening(covariance(np.concatenate(noise)), bar_columns[unmeasured])
     b = loop.b.copy()
-    b[:, unmeasured] += weights.free_step(closure.error).T
+    b[:, unmeasured] += weights.unmeasured_step(closure.error).T
     columns = weights(parameter_jacobian(closure, parameters)).reshape(len(names), -1)
     return weights(closure.error).reshape(-1), columns, b

@@ -11,7 +11,7 @@ import numpy as np
 from acquisition import CoarseAlignment, Recording, coarse_alignment, report_lines, stillness
 from acquisition.report import Finding
 from ballbar.units import MS
-from cell.chain import Array
+from cell.arrays import Array
 from cell.logs import segment_starts
 
 SEGMENTS_SHOWN = 8  # first segments of a log that are listed

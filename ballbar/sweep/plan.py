@@ -17,7 +17,7 @@ from typing import Any
 
 from ballbar.scenario import Scenario
 from ballbar.sweep.file import LABEL, SEED, Changes, Draw, Seeds, Value
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import InputError
 from cell.schema import Strict
 from sim.streams import stream

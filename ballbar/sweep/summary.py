@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 from ballbar.sweep.chunk import FAILED
 from ballbar.sweep.file import LABEL, Changes
 from ballbar.sweep.plan import Plan, point_of
-from cell.chain import Array
+from cell.arrays import Array
 
 MAIN_RESULTS = ("distance_mm_mrad", "tcp_mean_mm")  # the results of a run that are summarised
 MAX_POINTS = 40  # points of the grid that are shown: a terminal's height

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition import read_recording
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
+from cell.load import load_cell
 from cell.logs import RobotLog
 from sim.path import ReferencePath
 from sim.settings import CellSettings, PathSettings

@@ -12,7 +12,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from acquisition import Recording
 from ballbar.result.compare import (
     Comparison,
     compare_kinematics,
@@ -20,6 +19,7 @@ from ballbar.result.compare import (
     identification_against_truth,
 )
 from ballbar.result.names import RECORDING
+from ballbar.result.run_data import FittedRecording
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario
 from ballbar.trial.nominal_path import recorded_log
@@ -30,14 +30,13 @@ from ballbar.trial.sample_trial import (
     sampled_cell,
 )
 from ballbar.units import MM, MRAD, PPM, UM, US
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import BAR_ROWS, NAMES
 from cell.statistics import rms
-from ident.identify import Identification
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.thesis.cost_fit import CostFit, fit_cost
 from ident.thesis.costs import cost_named
-from ident.verdict import MISFIT, SUSPECT, WELL_UNDER
+from ident.verdict import Status, noise_status
 from sim.errors.sample_errors import delay_of
 from sim.simulate import simulate, write_recording
 
@@ -78,21 +77,20 @@ def _cost_samples_row(scenario: Scenario, folder: Path) -> Row:
 def _ml_samples_row(scenario: Scenario, folder: Path) -> Row:
     samples, result = fit_ml_to_samples(scenario, folder)
     fit = result.fit
-    true_offset = -delay_of(
-        scenario.errors
-    )  # the motion at t is in the robot's sample at t - delay
-    clock_error = (result.clock.offset - true_offset, result.clock.skew)
+    # the motion at t is in the robot's sample at t - delay
+    clock, true_offset = fit.clock(), -delay_of(scenario.errors)
     comparison = compare_kinematics(
         sampled_cell(scenario, folder),
-        result.geometry,
+        fit.geometry(),
         samples.nominal,
         samples.true,
-        [NAMES[i] for i in fit.parameters],
-        clock=clock_error if scenario.encoders.fitted else None,
+        [NAMES[i] for i in result.parameters],
+        clock=(clock.offset - true_offset, clock.skew) if scenario.encoders.fitted else None,
     )
-    quality = _quality(result.iterations, fit.converged, rms(fit.final.residual))
-    status = _status(fit.chi2_per_dof) if fit.converged else "not converged"
-    return _row(comparison, quality | {"chi2_per_dof": fit.chi2_per_dof, "verdict": status})
+    quality = _quality(result.iterations, fit.converged, rms(fit.linear.residuals[0]))
+    status = noise_status(fit.chi2_per_dof) if fit.converged else Status.NOT_CONVERGED
+    verdict: Row = {"chi2_per_dof": fit.chi2_per_dof, "verdict": str(status)}
+    return _row(comparison, quality | verdict)
 
 
 def _files_row(scenario: Scenario, folder: Path) -> Row:
@@ -102,21 +100,23 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
     with TemporaryDirectory(prefix="ballbar-trial-") as top:
         logs = Path(top) / RECORDING
         write_recording(simulation, scenario, logs)
-        data = identify_recordings([logs], settings=scenario.identify, progress=lambda _: None)
-    recording, result = data.recording, data.identification
+        data = identify_recordings([logs], settings=scenario.identify)
+    (recording,), result = data.recordings, data.identification
+    estimate = recording.estimate
     if scenario.identify.cost == "ml":
         comparison = identification_against_truth(result, simulation.truth)
-        quality = _quality(result.iterations, result.converged, rms(result.whitened))
-        status = result.verdict.status
-        return _row(comparison, quality | {"chi2_per_dof": result.chi2_per_dof, "verdict": status})
+        fitted = result.fit
+        quality = _quality(fitted.iterations, fitted.converged, rms(estimate.whitened))
+        verdict: Row = {"chi2_per_dof": fitted.chi2_per_dof, "verdict": str(result.verdict.status)}
+        return _row(comparison, quality | verdict)
     cost = cost_named(scenario.identify.cost, scenario.identify.form)
-    q, b = _paired_angles(recording, result)
-    offsets = {name: result.geometry[name] for name in NAMES if name.startswith("btheta")}
-    start, parameters = result.nominal.replaced(offsets), cost_parameters(scenario, folder)
+    q, b = _paired_angles(recording)
+    offsets = {name: estimate.geometry[name] for name in NAMES if name.startswith("btheta")}
+    start, parameters = estimate.nominal.replaced(offsets), cost_parameters(scenario, folder)
     fit = fit_cost(cost, start, q, b, parameters)
-    robot = UnloadedRobot(simulation.cell, fit.geometry)
+    robot, truth = UnloadedRobot(simulation.cell, fit.geometry), simulation.truth
     names = [NAMES[i] for i in fit.parameters]
-    return _cost_row(fit, compare_with_truth(robot, result.nominal, simulation.truth, names, None))
+    return _cost_row(fit, compare_with_truth(robot, estimate.nominal, truth, names, None))
 
 
 def _with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:
@@ -130,18 +130,19 @@ def _with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:
     return scenario.model_copy(update={"cell": scenario.cell.model_copy(update=absolute)})
 
 
-def _paired_angles(recording: Recording, result: Identification) -> tuple[Array, Array]:
+def _paired_angles(recording: FittedRecording) -> tuple[Array, Array]:
     """Robot and ball-bar angles at the instants of the fit, by cubic splines through their logs.
 
     Returns q (N, 6) and b (N, 5) [rad]; b is 0 for joints without encoder.
     """
-    t, log = result.after.t, recording.ballbar_log
+    logs, estimate = recording.recording, recording.estimate
+    t, log = estimate.after.t, logs.ballbar_log
     b = np.zeros((t.size, BAR_ROWS))
     if log is not None:
         columns = [j - 1 for j in log.joints]
-        b[:, columns] = CubicSpline(log.t, log.angles)(t) * np.array(result.signs)
-    robot_time = result.clock.robot_time(t) if result.clock else t
-    return np.asarray(CubicSpline(recording.robot_log.t, recording.robot_log.q)(robot_time)), b
+        b[:, columns] = CubicSpline(log.t, log.angles)(t) * np.array(estimate.directions)
+    robot_time = estimate.clock.robot_time(t) if estimate.clock else t
+    return np.asarray(CubicSpline(logs.robot_log.t, logs.robot_log.q)(robot_time)), b
 
 
 def _cost_row(fit: CostFit, comparison: Comparison) -> Row:
@@ -168,10 +169,3 @@ def _row(comparison: Comparison, quality: Row) -> Row:
         row["clock_offset_error_us"] = comparison.offset * US
         row["clock_skew_error_ppm"] = comparison.skew * PPM
     return row | {f"error.{name}": error * MRAD for name, error in comparison.deviations.items()}
-
-
-def _status(chi2_per_dof: float) -> str:
-    """First word of the verdict, from what the noise alone explains (ident.verdict)."""
-    if chi2_per_dof > MISFIT:
-        return "misfit"
-    return "suspect" if chi2_per_dof > SUSPECT or chi2_per_dof < WELL_UNDER else "good"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 
 SMALLEST = 5e-5  # [rad] what deviates by less may stay: it is within a few times the noise of every sensor of the cell
 FAR_OUT = 5.0  # standard deviations: of a million values of white noise 0.6 are further out

@@ -18,17 +18,15 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, make_interp_spline
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.splines import DEGREE, smoothing_spline
 from ident.signals.outliers import FAR_OUT, SIDE_ROWS, SMALLEST, outliers, robust_sigma
 from ident.signals.steps import Break, find_breaks, without_breaks
 
 _WHITE = 0.1  # lag-one autocorrelation of the residual above which motion is left in it (smoothing alone makes it negative)
-GAP_PERIODS = (
-    3.0  # a longer stretch without rows is not interpolated (notes/notes/log_formats sec. H.5: missing samples)
-)
+GAP_PERIODS = 3.0  # a longer stretch without rows is not interpolated (notes/notes/log_formats sec. H.5: missing samples)
 ARM_KNOT_SPACING = 0.25  # [s] keeps motion below 2 Hz
 _GRID = 10  # instants a knot of the arm's motion
 _ROWS_PER_KNOT = 3  # least-squares needs more rows than coefficients
@@ -96,6 +94,28 @@ class SmoothLog:
 def smoothing(robot: SmoothLog, bar: SmoothLog | None) -> float:
     """[s] over which both logs are smoothed: instants closer than that share noise."""
     return max(robot.knot_spacing, bar.knot_spacing if bar else 0.0)
+
+
+def interpolating_log(t: Array, angles: Array, noise: Array) -> SmoothLog:
+    """A log whose spline passes through angles (N, C) [rad] at even times t (N,) [s].
+
+    noise : (C,) [rad] standard deviation of one row; zeros for exact angles.
+    """
+    spline = make_interp_spline(t, angles, k=DEGREE)
+    period, none = float(t[1] - t[0]), Outliers(np.empty(0), np.empty(0, dtype=np.intp), 0, t.size)
+    return SmoothLog(
+        spline=spline,
+        speed=spline.derivative(),
+        start=float(t[0]),
+        end=float(t[-1]),
+        noise=noise,
+        row_period=period,
+        knot_spacing=period,
+        gaps=np.empty((0, 2)),
+        stamps=t,
+        outliers=none,
+        breaks=(),
+    )
 
 
 def smooth_log(
