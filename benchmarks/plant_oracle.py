@@ -14,10 +14,10 @@ import numpy as np
 
 from cell.geometry import nominal_geometry
 from cell.load import load_cell
+from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import reference_path
 from sim.path_files import load_lissajous
-from sim.errors.plant_errors import PlantErrors
 from sim.plant.description import Plant
 from sim.plant.effects import plant_effects
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
