@@ -157,6 +157,23 @@ def _singular(jacobian: Array, q: Array) -> str:
     )
 
 
+def refine_reachable(
+    chain: Chain, q: Array, poses: Array, *, tolerance: float = 1e-13
+) -> tuple[Array, NDArray[np.bool_]]:
+    """As `refine`, for the poses that the chain can take: angles (K, 6) [rad], and which (N,)."""
+    try:
+        return refine(chain, q, poses, tolerance=tolerance), np.ones(len(q), dtype=bool)
+    except UnreachableError:
+        reached, angles = np.zeros(len(q), dtype=bool), np.empty((0, chain.rows))
+        for k in range(len(q)):
+            try:
+                found = refine(chain, q[k : k + 1], poses[k : k + 1], tolerance=tolerance)
+            except UnreachableError:
+                continue
+            reached[k], angles = True, np.concatenate((angles, found))
+        return angles, reached
+
+
 def pose_error(rotation: Array, tip: Array, frames: Frames) -> NDArray[np.float64]:
     """(6, N) signed mismatch: (tip minus that of `frames` [m], rotation vector that turns `frames` onto it [rad])."""
     turned = np.einsum("ikn,jkn->ijn", rotation, frames.rotation())

@@ -114,6 +114,7 @@ def smoothed(logs: Logs) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
         logs.robot.q,
         widest_knot_spacing=WIDEST_KNOT_SPACING,
         starts=segment_starts(logs.robot.segment),
+        checked=logs.robot.flags is not None,
     )
     if logs.ballbar is None:
         return robot, None, ()
@@ -122,6 +123,7 @@ def smoothed(logs: Logs) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
         logs.ballbar.angles,
         widest_knot_spacing=WIDEST_KNOT_SPACING,
         starts=segment_starts(logs.ballbar.segment),
+        checked=logs.ballbar.flags is not None,
     )
     return robot, ballbar, logs.ballbar.joints
 
@@ -131,10 +133,10 @@ def nominal_robot_fit(recording: RecordingFit) -> Fit:
 
     What a user without calibration would see.
     """
-    samples, found = recording.samples, recording.fit
+    samples, fit = recording.samples, recording.fit
     own = candidates(samples.encoders)[: len(samples.encoders) + 3]
     begin = _on_nominal(recording.geometry, recording.nominal, own)
-    return fit_kinematics(samples, begin, recording.clock, own, found.excess, negligible=1e-2)
+    return fit_kinematics(samples, begin, recording.clock, own, fit.excess, negligible=1e-2)
 
 
 def identifiable_parameters(

@@ -20,8 +20,8 @@ from ident.loads.gear_loads import Loads
 GEAR, BAR, ROD, PLATE = 0, 6, 11, 12  # first channel of each kind
 CHANNELS = 13
 
-# Half the backlash over the elastic deflection that the transition load causes: 1.5 N m for the main
-# axes of an IRB 2400. A wider transition biases the stiffness that is identified beside it, a
+# Half the backlash over the elastic deflection that the transition load causes: 1.5 N m for the
+# main axes of an IRB 2400. A wider transition biases the stiffness that is identified beside it, a
 # narrower one slows the fit (notes/identification sec. 4).
 BACKLASH_SHARE = 24.0
 TENSION_WIDTH = 3.0  # [N] of rod tension over which the rod changes the flank of its backlash
@@ -53,7 +53,7 @@ class State:
     flanks: Array | None = None  # (6, N) of the backlash, where they are known otherwise
 
     def load_sign(self) -> Array:
-        """(6, N) flank of its backlash on which each gear lies, -1 to 1: a smooth sign of its load."""
+        """(6, N) flank of the backlash on which each gear lies, -1 to 1: smooth sign of load."""
         if self.flanks is not None:
             return self.flanks
         return smooth_sign(self.loads.gears(self.tension), self.width[:, None] / self.sharpness)

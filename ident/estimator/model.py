@@ -138,7 +138,7 @@ class Model:
         return np.clip(t, samples.robot.start, samples.robot.end)
 
     def tension(self, x: Array, k: int) -> Array:
-        """(N,) [N] of the rod at the samples of recording k: measured, times its gain, plus spline."""
+        """(N,) [N] of the rod at the samples of recording k: measured times gain, plus spline."""
         samples, knots, gain = self.recordings[k], self.unknowns.own[k].knots, self.unknowns.gain
         out = (1.0 + (0.0 if gain is None else x[gain])) * samples.tension
         return np.asarray(out if knots is None else out + samples.splines.T @ x[knots])
@@ -222,22 +222,22 @@ class Model:
         weights: Whitening | None = None,
         previous: Evaluation | None = None,
     ) -> tuple[Evaluation, Whitening]:
-        """Recording k with its unmeasured joints where they absorb most of the error, and its weights.
+        """Recording k with its unmeasured joints solved for, and its weights.
 
         weights : those to be kept, if any.
         """
         samples = self.recordings[k]
         point = self.evaluate(x, k, ballbar, previous)
-        now = weights or self.weights(x, point, excess)
+        used = weights or self.weights(x, point, excess)
         for _ in range(UNMEASURED_STEPS if samples.unmeasured else 0):
-            step = now.unmeasured_step(point.closure.error)
+            step = used.unmeasured_step(point.closure.error)
             step = np.clip(step, -MAX_UNMEASURED_STEP, MAX_UNMEASURED_STEP)
             stepped = point.with_ballbar_step(step)
             if np.abs(step).max() < LINEAR_STEP:
-                return stepped, now
+                return stepped, used
             point = self.evaluate(x, k, stepped.ballbar, point, hold_loads=True)
-            now = weights or self.weights(x, point, excess)
-        return point, now
+            used = weights or self.weights(x, point, excess)
+        return point, used
 
     def tension_column(self, x: Array, evaluation: Evaluation) -> Array:
         """(6, N) change of the loop-closure error per newton of rod tension."""
@@ -301,7 +301,7 @@ class Model:
         return moved
 
     def backlash_uncertainty(self, x: Array, evaluation: Evaluation) -> Array | float:
-        """(6, N) [rad] how uncertain the flank of each gear is: the half width near a load reversal."""
+        """(6, N) [rad] uncertainty of each gear's flank: the half width near a load reversal."""
         names = [c.name for correction in self.corrections for c in correction.coefficients]
         if evaluation.state is None or "backlash1" not in names:
             return 0.0
