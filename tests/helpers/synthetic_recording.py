@@ -63,22 +63,29 @@ def recording(
     encoders: tuple[int, ...] = UNIVERSAL_AND_GIMBAL,
     true: Geometry = NOMINAL,
     clock: Clock = NO_CLOCK_ERROR,
-    noise: float = 0.0,
+    noise: float | Array = 0.0,
     encoder_noise: float | None = None,
     stretch: float = 0.0,
+    alike: int = 1,
     stated: float = 1e-5,
     seed: int = 0,
 ) -> Samples:
     """Samples of the minute: mechanism `true`, the ball-bar's log on a clock of its own.
 
-    noise, encoder_noise : [rad] white, of robot angles and of encoder readings (the same where it
-    is not given). stretch : [m] white, of the rod. stated : [rad] the noise that both logs claim.
+    noise : [rad] of the robot's angles, of each joint where it is (6,). encoder_noise : [rad] of
+    the encoders' readings; the same where it is not given. stretch : [m] of the rod. All are
+    white, or the same over `alike` samples. stated : [rad] the noise that both logs claim.
     """
     rng, path = np.random.default_rng(seed), minute()
+    rows = 1 if alike == 1 else alike * ROWS_PER_SAMPLE
+
+    def random(columns: int) -> Array:
+        drawn = rng.standard_normal((-(-path.t.size // rows), columns))
+        return np.repeat(drawn, rows, axis=0)[: path.t.size]
+
     encoder_noise = noise if encoder_noise is None else encoder_noise
-    q = closed(true, path.b, path.q, stretch * rng.standard_normal(path.t.size))
-    q += noise * rng.standard_normal(q.shape)
-    b = path.b + encoder_noise * rng.standard_normal(path.b.shape)
+    q = closed(true, path.b, path.q, stretch * random(1)[:, 0]) + noise * random(6)
+    b = path.b + encoder_noise * random(5)
     t_bar = clock.ballbar_time(path.t)
     columns = [joint - 1 for joint in encoders]
     ballbar = exact_log(t_bar, b[:, columns], stated) if encoders else None
