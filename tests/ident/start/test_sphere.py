@@ -40,9 +40,9 @@ def test_a_rod_shorter_than_the_catalogues_is_found_against_its_prior() -> None:
     u = np.abs(rng.normal(0, 1, (400, 3)))
     points = np.array([0.1, 0.2, 0.3]) + 0.590 * u / np.linalg.norm(u, axis=1)[:, None]
     best = sphere_candidates(points, 0.6)[0]
-    # 400 points of 2 mm in an octant: half a millimetre of the radius, a 400th of the prior's pull
-    assert best.radius == pytest.approx(0.590, abs=5e-5)
-    assert best.centre == pytest.approx([0.1, 0.2, 0.3], abs=5e-5)
+    # 400 points of 2 mm in an octant: a millimetre of the radius, a hundredth of the prior
+    assert best.radius == pytest.approx(0.590, abs=2e-4)
+    assert best.centre == pytest.approx([0.1, 0.2, 0.3], abs=2e-4)
     # exact points: the cost is that of the radius, one standard deviation from its prior
     assert best.cost == pytest.approx(1.0, abs=0.02)
 
