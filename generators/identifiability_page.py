@@ -14,21 +14,19 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.identifiability import (
-    ML,
+from ballbar.identifiability.study import (
     NOISE,
     SAMPLES,
     Influences,
-    NominalLoop,
+    KinematicLoop,
     Study,
     cost_columns,
     influences,
     nominal_loop,
     reidentified,
     study,
-    unit_of,
-    vector_text,
 )
+from ballbar.identifiability.tables import unit_of, vector_text
 from ballbar.scenario import load_scenario
 from cell.files import write_whole
 from cell.geometry import INDEX, PARAMETERS, bar_frames
@@ -42,7 +40,7 @@ from ident.estimator.dependencies import (
     groups,
     shortened,
 )
-from ident.thesis.costs import ENCODERS_NEEDED, CostName, cost_named
+from ident.thesis.costs import ENCODERS_NEEDED, ML, CostName, cost_named
 from ident.thesis.tables import (
     MOST,
     REMOVED,
@@ -157,7 +155,7 @@ def page_text() -> str:
     return "\n".join(lines) + "\n"
 
 
-def turned(loop: NominalLoop, angle: float) -> NominalLoop:
+def turned(loop: KinematicLoop, angle: float) -> KinematicLoop:
     """The same motion with the ball-bar carried about the robot's first axis by an angle [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     x, y = loop.geometry["ox"], loop.geometry["oy"]
@@ -191,17 +189,17 @@ def _names(text: str) -> set[str]:
     }
 
 
-def _loop(name: str, samples: int = SAMPLES) -> NominalLoop:
+def _loop(name: str, samples: int = SAMPLES) -> KinematicLoop:
     return nominal_loop(
         load_scenario(SCENARIOS / f"{name}.yaml"), relative_to=SCENARIOS, samples=samples
     )
 
 
-def _ml(loop: NominalLoop, joints: tuple[int, ...]) -> tuple[Study, Study]:
+def _ml(loop: KinematicLoop, joints: tuple[int, ...]) -> tuple[Study, Study]:
     return study(loop, ML, joints, complete=False), study(loop, ML, joints, complete=True)
 
 
-def _reasons(loop: NominalLoop, studies: Mapping[str, Study]) -> dict[str, str]:
+def _reasons(loop: KinematicLoop, studies: Mapping[str, Study]) -> dict[str, str]:
     carried = turned(loop, np.radians(TURN_DEG))
     columns = cost_columns(carried, "transform", ALL_ENCODERS, THESIS_PARAMETERS)
     about_axis_1 = next(
@@ -235,7 +233,7 @@ def _reasons(loop: NominalLoop, studies: Mapping[str, Study]) -> dict[str, str]:
 
 
 def by_thesis_recipe(
-    loop: NominalLoop, cost: CostName, *, errors: Mapping[str, float]
+    loop: KinematicLoop, cost: CostName, *, errors: Mapping[str, float]
 ) -> dict[str, float]:
     """Diagonal of R for each parameter, last in priority last, by the thesis's recipe (sec. 3.2).
 
@@ -263,7 +261,7 @@ def by_thesis_recipe(
     return dict(zip(order, diagonal.tolist(), strict=True))
 
 
-def _recipe(loop: NominalLoop, studies: Mapping[str, Study]) -> Iterator[str]:
+def _recipe(loop: KinematicLoop, studies: Mapping[str, Study]) -> Iterator[str]:
     yield from ("## The thesis's recipe", "")
     yield (
         "Printed scalar, nominal parameters, 10 urad of noise on the angles; what has less than "

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.neighbours import SMALLEST, damaged_bursts, robust_sigma
 from cell.splines import DEGREE, smoothing_spline
 from ident.signals.steps import Break, find_breaks, without_breaks
