@@ -210,13 +210,7 @@ def test_stretches_are_reported_as_they_come_and_join_to_the_motion_of_one_call(
     stretches: list[tuple[np.ndarray, ...]] = []
     plant = Plant(cell, true, effects, cell.robot.servo["soft"])
     motion = run_plant(
-        cell,
-        true,
-        effects,
-        path,
-        servo="soft",
-        timestep=1e-3,
-        on_motion=lambda _cell, _geometry, *rows: told.append(rows),
+        plant, path, timestep=1e-3, on_motion=lambda _cell, _geometry, *rows: stretches.append(rows)
     )
     assert len(stretches) == 25
     for stretch, following in pairwise(stretches):
