@@ -86,10 +86,40 @@ def line_of_arctan(begin: float) -> Residuals:
 # Misra1a of the NIST Statistical Reference Datasets: data and certified values (least squares of
 # b1 (1 - exp(-b2 x)), both starting points of the page, certified sum of squares).
 MISRA_X = np.array(
-    [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0]
+    [
+        77.6,
+        114.9,
+        141.1,
+        190.8,
+        239.9,
+        289.0,
+        332.8,
+        378.4,
+        434.8,
+        477.3,
+        536.8,
+        593.1,
+        689.1,
+        760.0,
+    ]
 )
 MISRA_Y = np.array(
-    [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78]
+    [
+        10.07,
+        14.73,
+        17.94,
+        23.93,
+        29.61,
+        35.18,
+        40.02,
+        44.82,
+        50.76,
+        55.05,
+        61.01,
+        66.40,
+        75.47,
+        81.78,
+    ]
 )
 MISRA_FAR, MISRA_NEAR = (500.0, 1e-4), (250.0, 5e-4)
 CERTIFIED, CERTIFIED_COST = np.array([2.3894212918e02, 5.5015643181e-04]), 1.2455138894e-01
