@@ -9,13 +9,14 @@ import rerun as rr
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from ballbar.replay.entities import COVERAGE_SHARE, COVERED, Branch, Colour, at
+from ballbar import figure_style
+from ballbar.replay.entities import COVERAGE_SHARE, COVERED, Branch, at, on_dark
 from ballbar.replay.motion import CellMotion
 from cell.arrays import Array
 from cell.geometry import Geometry
 
 PATCHES = 800  # over the whole sphere: 0.08 of the radius across
-_COVERED: Colour = (90, 150, 235)
+_COVERED = on_dark(figure_style.TEAL)
 _SIZE = 0.85  # of a patch's own radius: neighbours stay apart
 _THICKNESS = 0.002  # [m]
 _INSIDE = 0.985  # of the radius: the path stays in sight

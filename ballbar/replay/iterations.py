@@ -92,7 +92,8 @@ def log_iterations(stream: Branch, data: RunData) -> None:
     _log_arrows(stream, fitted, states)
     begin = "the nominal robot, the ball-bar placed and the clock set as well as possible"
     stages, last = [begin, *(step.stage for step in steps)], len(steps)
-    pages = [_page(i, last, stages[i], states[i]) for i in range(len(states))]
+    name = f" of {fitted.name}" if data.several else ""
+    pages = [_page(i, stages[i], states[i], last=last, name=name) for i in range(len(states))]
     stream.log(STAGE, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
     columns = rr.TextDocument.columns(text=pages)
     stream.send_columns(STAGE, indexes=_at(np.arange(len(states))), columns=columns)
@@ -102,7 +103,7 @@ def log_step(stream: rr.RecordingStream, number: int, step: Step) -> None:
     """One iteration while it is made, when neither result nor the best magnification is known."""
     state = _state(step)
     stream.set_time(ITERATION, sequence=number)
-    page = rr.TextDocument(_page(number, None, step.stage, state), media_type=rr.MediaType.MARKDOWN)
+    page = rr.TextDocument(_page(number, step.stage, state), media_type=rr.MediaType.MARKDOWN)
     stream.log(STAGE, page)
     position, angle = state.rms
     values = (position, angle, step.iteration.chi2_per_sample)
@@ -158,11 +159,14 @@ def _log_arrows(stream: Branch, fitted: FittedRecording, states: Sequence[_State
     stream.log(f"{CLOSURE_ERROR}/legend", label(position, text, BEFORE_COLOUR), static=True)
 
 
-def _page(number: int, last: int | None, stage: str, state: _State) -> str:
+def _page(
+    number: int, stage: str, state: _State, *, last: int | None = None, name: str = ""
+) -> str:
+    """The text of an iteration; name : ` of NAME`, where recordings have to be told apart."""
     position, angle = state.rms
     return (
         f"## Iteration {number}{f' of {last}' if last else ''}\n\n{stage}\n\n"
-        f"Loop-closure error, rms: **{position:.3g} um**, **{angle:.3g} urad**.\n\n"
+        f"Loop-closure error{name}, rms: **{position:.3g} um**, **{angle:.3g} urad**.\n\n"
         "Each solver that is started begins with its starting point; where fewer samples or a "
         "larger noise are taken, cost and error may rise from one stage to the next."
     )
