@@ -1,9 +1,10 @@
-"""How well the two clocks are known after the fit: skew to 200 ppm, slow wander of 0.5 ppm, and a clock that is set once.
+"""Error of the two clocks after the fit: rate to 200 ppm, wander of 0.5 ppm, one step of a clock.
 
     python -m benchmarks.alignment_after_fit [SECONDS] [SEEDS]
 
-Kinematic plant with static errors and noise; the recording is read and identified like any other. The robot's time that the
-fit gives each ball-bar row is compared with the true one, over the whole run. Allowed: 100 us.
+Kinematic plant with static errors and noise; the recording is read and identified like any other.
+The robot's time that the fit gives each ball-bar row is compared with the true one, over the whole
+run. Allowed: 100 us.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from acquisition import read_recording
-from ident.identify import Identification, identify
+from ident.identify import identify
 from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate, write_recording
+from sim.simulate import simulate, write_recording
+from tests.helpers.clock_truth import clock_error
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 ALLOWED = 100e-6  # [s]
@@ -67,23 +69,6 @@ def settings(duration: float, clocks: dict[str, object], seed: int) -> Simulatio
     )
 
 
-def clock_error(simulation: Simulation, found: Identification) -> np.ndarray:
-    """(M,) [s] robot time that the fit gives each ball-bar row, less the true one."""
-    times, rows = simulation.times, simulation.rows.ballbar
-    row = np.concatenate(rows)
-    stamps = (times.bar_stamp[row] - times.bar_stamp[row[0]]) * 1e-9
-    true = times.bar_true[row] - times.robot_true[0]
-    assert found.clock is not None
-    back = np.flatnonzero(np.diff(stamps) < 0)
-    for k in back:  # as the reader joins the two segments
-        stamps[k + 1 :] += stamps[k] - stamps[k + 1] + np.median(np.diff(stamps))
-    told = stamps.copy()
-    for event in found.events:
-        if event.kind == "clock":
-            told[stamps > event.time] -= event.size
-    return np.asarray(found.clock.robot_time(told) - true)
-
-
 def main() -> None:
     """One line a case."""
     duration = float(sys.argv[1]) if len(sys.argv) > 1 else 120.0
@@ -104,7 +89,8 @@ def main() -> None:
         most, spread = max(worst) * 1e6, max(rms) * 1e6
         met = "met" if max(worst) < ALLOWED else "missed"
         print(
-            f"{name:26} {seeds} runs of {duration:.0f} s: rms {spread:.1f} us, largest {most:.1f} us ({met})",
+            f"{name:26} {seeds} runs of {duration:.0f} s: "
+            f"rms {spread:.1f} us, largest {most:.1f} us ({met})",
             flush=True,
         )
 

@@ -85,26 +85,26 @@ def fit_complete(
         for fault in step_faults_in_logs(r.samples, r.clock, k)
     )
     most = len(faults) + MAX_FOUND
-    found = run.first(names, faults)
-    while len(faults) < most and (fault := find_step_fault(found)) is not None:
+    result = run.first(names, faults)
+    while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         tried = run.first(names, (*faults, fault))  # before it can pass for noise
-        if tried.chi2_per_dof > HELPS * found.chi2_per_dof:  # whatever is wrong, it is no step
+        if tried.chi2_per_dof > HELPS * result.chi2_per_dof:  # whatever is wrong, it is no step
             break
-        faults, found = (*faults, fault), tried
-    found = run.with_noise(found)
-    while len(faults) < most and (fault := find_step_fault(found)) is not None:
+        faults, result = (*faults, fault), tried
+    result = run.with_noise(result)
+    while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         faults = (*faults, fault)  # it shows only once the noise is known
-        found = run.with_noise(run.first(names, faults))
-    exact = with_exact_periods(found, faults, lines)
-    idle = unsupported(found) if options.corrections is None else set()
+        result = run.with_noise(run.first(names, faults))
+    exact = with_exact_periods(result, faults, lines)
+    idle = unsupported(result) if options.corrections is None else set()
     if idle or exact != faults:
         without = f"without {', '.join(sorted(idle))}" if idle else "with whole signal periods"
         listener.progress(f"fitting again {without}")
         names, faults = [name for name in names if name not in idle], exact
-        found = run.with_noise(run.first(names, faults))
-    return replace(found, step_faults=sized(found, faults, lines))
+        result = run.with_noise(run.first(names, faults))
+    return replace(result, step_faults=sized(result, faults, lines))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,18 +126,18 @@ class _Run:
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS, self.listener)
 
-    def with_noise(self, found: Fit) -> Fit:
+    def with_noise(self, result: Fit) -> Fit:
         """Further fits, each with the noise that the one before left unexplained."""
         for k in range(1, NOISE_PASSES + 1):
-            begin = Pose(with_likely_tension(found), found.x, found.ballbars)
-            excess, iterations = excess_noise(found), found.iterations
-            del found  # large with many samples
+            begin = Pose(with_likely_tension(result), result.x, result.ballbars)
+            excess, iterations = excess_noise(result), result.iterations
+            del result  # large with many samples
             self.listener.progress(
                 f"fitting {begin.x.size} unknowns with estimated noise, {k} of {NOISE_PASSES}"
             )
-            found = fit_pose(begin, excess, self.listener)
-            found = replace(found, iterations=iterations + found.iterations)
-        return found
+            result = fit_pose(begin, excess, self.listener)
+            result = replace(result, iterations=iterations + result.iterations)
+        return result
 
 
 def fit_pose(
@@ -254,28 +254,28 @@ def continued(pose: Pose, listener: Listener = SILENT) -> Pose:
         listener.progress(f"finding the force in the rod from geometry ({times:g} times the noise)")
         blurred = ExcessNoise(e.gear * times, e.wrist * times, e.bar * times, e.rod * times)
         softened = replace(pose, model=replace(model, sharpness=1.0 / times))
-        found = fit_pose(softened, blurred, listener, max_iterations=CONTINUED_ITERATIONS)
-        pose = Pose(model, found.x, found.ballbars)
+        result = fit_pose(softened, blurred, listener, max_iterations=CONTINUED_ITERATIONS)
+        pose = Pose(model, result.x, result.ballbars)
     return pose
 
 
-def with_likely_tension(found: Fit) -> Model:
+def with_likely_tension(result: Fit) -> Model:
     """The model with priors of the tension's knots as wide as they turned out (one EM step)."""
-    layout: Unknowns = found.model.unknowns
+    layout: Unknowns = result.model.unknowns
     sigma = layout.sigma.copy()
     for own in layout.own:
         if own.knots is not None:
-            variance = np.diag(found.covariance)[own.knots]
-            sigma[own.knots] = np.sqrt(np.mean(found.x[own.knots] ** 2 + variance))
-    return replace(found.model, unknowns=replace(layout, sigma=sigma))
+            variance = np.diag(result.covariance)[own.knots]
+            sigma[own.knots] = np.sqrt(np.mean(result.x[own.knots] ** 2 + variance))
+    return replace(result.model, unknowns=replace(layout, sigma=sigma))
 
 
-def unsupported(found: Fit) -> set[str]:
+def unsupported(result: Fit) -> set[str]:
     """Names of corrections whose coefficients are all zero as far as the data can tell."""
-    stated, out = uncertainty(found), set()
-    for correction in lasting(found):
-        position = coefficients_of(found, correction)
-        values = found.x[position]
+    stated, out = uncertainty(result), set()
+    for correction in lasting(result):
+        position = coefficients_of(result, correction)
+        values = result.x[position]
         spread = stated.covariance[position, position]
         surprise = float(values @ np.linalg.solve(spread, values))
         if surprise < values.size + SUPPORT * np.sqrt(2.0 * values.size):
@@ -283,15 +283,15 @@ def unsupported(found: Fit) -> set[str]:
     return out
 
 
-def lasting(found: Fit) -> list[Correction]:
+def lasting(result: Fit) -> list[Correction]:
     """The corrections that belong to the machine: encoder slips belong to a recording."""
-    return [c for c in found.model.corrections if c.name in CORRECTIONS]
+    return [c for c in result.model.corrections if c.name in CORRECTIONS]
 
 
-def coefficients_of(found: Fit, correction: Correction) -> slice:
+def coefficients_of(result: Fit, correction: Correction) -> slice:
     """Where a correction's coefficients stand in x. Raises KeyError if the fit has no such one."""
-    first = found.model.unknowns.coefficients.start
-    for other in found.model.corrections:
+    first = result.model.unknowns.coefficients.start
+    for other in result.model.corrections:
         count = len(other.coefficients)
         if other.name == correction.name:
             return slice(first, first + count)

@@ -4,8 +4,8 @@ Fitted is only what belongs to that recording itself: encoder offsets, base pose
 clock, tension of the rod, step faults. Robot, ball-bar and corrections keep their values: priors so
 narrow that no data could move them. The noise is that of the identification and not of this
 recording, so a ratio above 1 is what the machine leaves unexplained. Some of that is expected: with
-C the stated covariance of the machine and S the information that this recording holds on it, its own
-unknowns fitted, chi-square is larger by trace(C S) on average. What exceeds that is a misfit.
+C the stated covariance of the machine and S the information that this recording holds on it, its
+own unknowns fitted, chi-square is larger by trace(C S) on average. What exceeds that is a misfit.
 """
 
 from __future__ import annotations
@@ -128,21 +128,21 @@ def held_out(
     # what a poor model leaves over passes for steps, so only the complete one looks for more
     most = len(faults) + MAX_FOUND if machine.model == "complete" else 0
     excess = machine.fit.excess
-    found = _fit(robot, recording, options, faults, excess, listener)
-    while len(faults) < most and (fault := find_step_fault(found)) is not None:
+    result = _fit(robot, recording, options, faults, excess, listener)
+    while len(faults) < most and (fault := find_step_fault(result)) is not None:
         faults = (*faults, fault)
-        found = _fit(robot, recording, options, faults, excess, listener)
+        result = _fit(robot, recording, options, faults, excess, listener)
     nominal = _fit(bare, recording, options, faults, excess, listener)
-    added = _expected(found, machine.robot.covariance, robot)
-    innovation = found.chi2_per_dof * found.degrees / (found.degrees + added)
+    added = _expected(result, machine.robot.covariance, robot)
+    innovation = result.chi2_per_dof * result.degrees / (result.degrees + added)
     return HeldOut(
         name=logs.name,
-        identified=_closure(found),
+        identified=_closure(result),
         normalised_innovation=float(np.sqrt(innovation)),
         nominal=_closure(nominal),
         samples=recording.samples.times.size,
         ambiguous=recording.start.ambiguous,
-        step_faults=sized(found, faults, cell.ballbar.encoder_lines),
+        step_faults=sized(result, faults, cell.ballbar.encoder_lines),
     )
 
 
@@ -176,10 +176,10 @@ def _fit(
     pose = Pose(model, layout.mean.copy(), [ballbar])
     if loaded and source == "none":
         pose = continued(pose, Listener(listener.progress))
-    found = fit_pose(pose, excess)
+    result = fit_pose(pose, excess)
     if not loaded:
-        return found
-    return fit_pose(Pose(with_likely_tension(found), found.x, found.ballbars), excess)
+        return result
+    return fit_pose(Pose(with_likely_tension(result), result.x, result.ballbars), excess)
 
 
 def _held(layout: Unknowns, robot: UnloadedRobot) -> Unknowns:

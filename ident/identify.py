@@ -1,8 +1,8 @@
 """From logs to the robot's parameters, with their uncertainty and a verdict in words.
 
 Each recording: smooth -> automatic start -> identifiable subset -> whitened fit of the `dh` model
-with the clock as parameter (ident.recording_fit). Where that leaves something systematic, or several
-recordings are given: the complete model of all recordings together (ident.complete_fit).
+with the clock as parameter (ident.recording_fit). Where that leaves something systematic, or
+several recordings are given: the complete model of all recordings together (ident.complete_fit).
 """
 
 from __future__ import annotations

@@ -114,6 +114,7 @@ def smoothed(logs: Logs) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
         logs.robot.q,
         widest_knot_spacing=WIDEST_KNOT_SPACING,
         starts=segment_starts(logs.robot.segment),
+        checked=logs.robot.flags is not None,
     )
     if logs.ballbar is None:
         return robot, None, ()
@@ -122,6 +123,7 @@ def smoothed(logs: Logs) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
         logs.ballbar.angles,
         widest_knot_spacing=WIDEST_KNOT_SPACING,
         starts=segment_starts(logs.ballbar.segment),
+        checked=logs.ballbar.flags is not None,
     )
     return robot, ballbar, logs.ballbar.joints
 
@@ -131,21 +133,31 @@ def nominal_robot_fit(recording: RecordingFit) -> Fit:
 
     What a user without calibration would see.
     """
-    samples, found = recording.samples, recording.fit
+    samples, fit = recording.samples, recording.fit
     own = candidates(samples.encoders)[: len(samples.encoders) + 3]
     begin = _on_nominal(recording.geometry, recording.nominal, own)
-    return fit_kinematics(samples, begin, recording.clock, own, found.excess, negligible=1e-2)
+    return fit_kinematics(samples, begin, recording.clock, own, fit.excess, negligible=1e-2)
 
 
 def identifiable_parameters(
-    samples: Samples, geometry: Geometry, clock: Clock, excess: ExcessNoise, nominal: Geometry
+    samples: Samples,
+    geometry: Geometry,
+    clock: Clock,
+    excess: ExcessNoise,
+    nominal: Geometry,
+    requested: NDArray[np.intp] | None = None,
 ) -> Identifiability:
-    """The parameters that a recording determines, at an estimate."""
+    """The parameters that a recording determines, at an estimate of geometry and clock.
+
+    nominal : catalogue geometry. requested : indices into PARAMETERS; by default those of the
+    thesis (ident.estimator.identifiability.candidates).
+    """
     seen = clock if samples.has_clock else None
     layout, x = kinematic_unknowns(geometry, seen, np.zeros(0, dtype=np.intp))
     model = Model(JOINTS_AS_LOGGED, None, (), layout, (samples,))
     point = model.evaluate(x, 0, samples.ballbar_angles(geometry, clock))
-    return identifiable(point, excess, nominal, candidates(samples.encoders))
+    requested = candidates(samples.encoders) if requested is None else requested
+    return identifiable(point, excess, nominal, requested)
 
 
 def _on_nominal(geometry: Geometry, nominal: Geometry, parameters: NDArray[np.intp]) -> Geometry:

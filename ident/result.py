@@ -1,7 +1,7 @@
 """What an identification found: the machine, each recording's own part, the fit, and a verdict.
 
-An identification always holds a tuple of recordings, also when there is one. What they share, robot,
-ball-bar and corrections, stands once; encoder offsets, base pose and clock stand with each.
+An identification always holds a tuple of recordings, also when there is one. What they share,
+robot, ball-bar and corrections, stands once; encoder offsets, base pose and clock stand with each.
 """
 
 from __future__ import annotations

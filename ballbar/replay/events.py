@@ -22,8 +22,8 @@ from ballbar.result.run_data import FittedRecording
 from ballbar.units import MS
 from cell.arrays import Array
 from cell.logs import BallBarLog, RobotLog, segment_starts
+from cell.neighbours import damaged_bursts
 from ident.result import RecordingEstimate
-from ident.signals.outliers import outliers
 
 DWELL_SPEED = np.radians(0.05)  # [rad/s] of the fastest joint: shown as a dwell below it
 JOIN = 0.5  # [s] outliers closer than that are one event
@@ -126,7 +126,7 @@ def _log_spans(name: str, log: RobotLog | BallBarLog, angles: Array, t_robot: Ar
         _Span(t_robot[i], t_robot[i + 1], "gap", f"{name}: no rows for {steps[i] * MS:.0f} ms")
         for i in np.flatnonzero(steps > GAP_PERIODS * np.median(steps))
     ]
-    excluded = outliers(log.t, angles).any(axis=1)
+    excluded = damaged_bursts(log.t, angles).any(axis=1)
     if log.flags is not None:
         excluded |= (log.flags & np.uint32(EXCLUDED)) != 0
     for group in _groups(t_robot[excluded]):

@@ -71,12 +71,15 @@ def compare_with_truth(
     return _compared(model, nominal, reference, actual, names, errors)
 
 
-def identification_against_truth(result: Identification, truth: Truth) -> Comparison:
-    """The result of one recording against what it was simulated from."""
-    (recording,) = result.recordings
-    clock = (recording.clock.offset, recording.clock.skew) if recording.clock else None
-    model = replace(result.robot.unloaded(), geometry=recording.geometry)
-    return compare_with_truth(model, recording.nominal, truth, list(result.sigma), clock)
+def identification_against_truth(
+    result: Identification, truth: Truth, recording: int = 0
+) -> Comparison:
+    """The result against the truth that one of its recordings was simulated from."""
+    own = result.recordings[recording]
+    clock = (own.clock.offset, own.clock.skew) if own.clock else None
+    model = replace(result.robot.unloaded(), geometry=own.geometry)
+    names = [*result.robot.sigma, *own.sigma]
+    return compare_with_truth(model, own.nominal, truth, names, clock)
 
 
 def compare_kinematics(

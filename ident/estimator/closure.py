@@ -60,7 +60,7 @@ def parameter_jacobian(closure: Closure, parameters: Sequence[Parameter]) -> Arr
 
 
 def runs_of_one_side(parameters: Sequence[Parameter]) -> Iterator[tuple[int, int, bool]]:
-    """Runs of neighbouring parameters of one side: first, one past last, whether it is the robot's."""
+    """Runs of parameters of one side: first, one past last, whether it is the robot's."""
     first = 0
     for is_robot, members in groupby(parameters, key=lambda p: p.side == "robot"):
         last = first + sum(1 for _ in members)

@@ -32,7 +32,8 @@ from ident.estimator.unknowns import kinematic_unknowns
 from ident.signals.step_fault import StepFault
 
 FREEZE_AFTER = 6  # iterations with new weights; loads near a reversal could change them for ever
-# Predicted decrease, in units of the cost per degree of freedom, that ends the search: it leaves the
+# Predicted decrease, in units of the cost per degree of freedom, that ends the search: it leaves
+# the
 # estimate a hundredth of its standard deviation from the minimum.
 NEGLIGIBLE = 1e-4
 # Predicted decrease for each unknown below which a Jacobian is reused: within five standard
@@ -144,16 +145,16 @@ def fit(
         if on_iteration:
             on_iteration(_iteration(model, equations))
 
-    found = minimise(
+    minimum = minimise(
         _WhitenedLoopClosure(model, x, ballbars, excess, keep_blocks=reuse_below > 0.0),
         Stop(decrease=negligible),
         max_iterations=max_iterations,
         reuse_below=reuse_below,
         on_iteration=report,
     )
-    linear = replace(found.equations, blocks=())
+    linear = replace(minimum.equations, blocks=())
     covariance = inverse(linear.normal)
-    return Fit(model, linear, covariance, excess, found.iterations, found.converged)
+    return Fit(model, linear, covariance, excess, minimum.iterations, minimum.converged)
 
 
 def fit_kinematics(
@@ -185,8 +186,8 @@ def fit_kinematics(
         if coarse.converged:
             x, iterations = coarse.x, coarse.iterations
             ballbars = [samples.ballbar_angles(coarse.geometry(), coarse.clock())]
-    found = step(model, x, ballbars, excess, negligible=negligible, reuse_below=REUSE_BELOW)
-    return replace(found, iterations=iterations + found.iterations)
+    minimum = step(model, x, ballbars, excess, negligible=negligible, reuse_below=REUSE_BELOW)
+    return replace(minimum, iterations=iterations + minimum.iterations)
 
 
 def thinned(

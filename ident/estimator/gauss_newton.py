@@ -21,7 +21,8 @@ from scipy.linalg import cho_factor, cho_solve
 from cell.arrays import Array
 from cell.errors import FailureError
 
-# Added to the diagonal of the normal matrix, scaled to one: keeps a direction that nothing determines
+# Added to the diagonal of the normal matrix, scaled to one: keeps a direction that nothing
+# determines
 # at rounding level instead of failing.
 ROUNDING = 1e-12
 LEAST_SHARE = 1e-4  # of the Gauss-Newton step: a shorter one is rounding, or a wall
@@ -122,42 +123,42 @@ def minimise(
     Raises SingularError where the normal equations have no finite solution.
     """
     iterations = 0
-    now = problem.start()
-    step, predicted = gauss_newton_step(now)
+    current = problem.start()
+    step, predicted = gauss_newton_step(current)
     first = predicted  # of the present Jacobian
     settled = stuck = False
     while True:
         if on_iteration:
-            on_iteration(now)
-        enough = stop.enough(now)
+            on_iteration(current)
+        enough = stop.enough(current)
         converged = settled or predicted < enough or bool(np.abs(step).max() < stop.step)
         if converged or iterations == max_iterations:
             break
         share = 1.0
-        accepted = problem.trial(now, step)
-        while accepted.cost >= now.cost and share > LEAST_SHARE:
+        accepted = problem.trial(current, step)
+        while accepted.cost >= current.cost and share > LEAST_SHARE:
             share *= 0.5
-            accepted = problem.trial(now, share * step)
-        if accepted.cost >= now.cost:
+            accepted = problem.trial(current, share * step)
+        if accepted.cost >= current.cost:
             stuck = True
             break
         iterations += 1
-        gained = now.cost - accepted.cost
+        gained = current.cost - accepted.cost
         settled = gained < enough or (
-            gained <= stop.relative * now.cost
+            gained <= stop.relative * current.cost
             or bool(share * np.linalg.norm(step) <= stop.relative * np.linalg.norm(accepted.x))
         )
         before = predicted
-        if first <= reuse_below * len(now.gradient) * _unit(now):
-            reused = problem.reuse(now, accepted)
+        if first <= reuse_below * len(current.gradient) * _unit(current):
+            reused = problem.reuse(current, accepted)
             step, predicted = gauss_newton_step(reused)
             if predicted <= max(stop.enough(reused), QUICK * before):
-                now = reused
+                current = reused
                 continue
-        now = problem.accept(now, accepted, iterations)
-        step, predicted = gauss_newton_step(now)
+        current = problem.accept(current, accepted, iterations)
+        step, predicted = gauss_newton_step(current)
         first = predicted
-    return Minimum(now, iterations, converged, stuck)
+    return Minimum(current, iterations, converged, stuck)
 
 
 def _unit(equations: Equations) -> float:

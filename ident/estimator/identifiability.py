@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.chain import Chain
 from cell.geometry import BAR_ROWS, INDEX, NAMES, PARAMETERS, ROBOT_ROWS, Geometry, bar_frames
-from cell.inverse import UnreachableError, refine
+from cell.inverse import refine_reachable
 from ident.estimator.closure import close_loop, parameter_jacobian
 from ident.estimator.dependencies import STRUCTURAL, orthogonalised
 from ident.estimator.model import Evaluation, noise_columns
@@ -75,7 +74,8 @@ def identifiable(
     """The subset of the `requested` parameters (R,) that a recording determines.
 
     point : the recording at an estimate of where the mechanism was. nominal : catalogue geometry;
-    encoder offsets and base position are taken from `point`. excess : noise beyond that of the logs.
+    encoder offsets and base position are taken from `point`. excess : noise beyond that of the
+    logs.
     """
     columns = _columns_on_nominal(point, excess, nominal, requested)
     clock = ["offset", "skew"] if point.samples.has_clock else []
@@ -98,14 +98,15 @@ def _columns_on_nominal(
     taken = ("ox", "oy", "oz", *(f"btheta{j}" for j in range(1, 6)))
     geometry = nominal.replaced({name: believed[name] for name in taken})
     total = samples.times.size
-    some = np.unique(np.linspace(0, total - 1, min(SAMPLES, total)).round().astype(int))
-    ballbar, at = point.ballbar[some], point.robot_time[some]
+    chosen = np.unique(np.linspace(0, total - 1, min(SAMPLES, total)).round().astype(int))
+    ballbar, at = point.ballbar[chosen], point.robot_time[chosen]
     logged = np.asarray(samples.robot.spline(at))
-    q, closes = _closed_on(geometry.robot, logged, bar_frames(geometry, ballbar).poses())
-    some, ballbar, at = some[closes], ballbar[closes], at[closes]
+    poses = bar_frames(geometry, ballbar).poses()
+    q, closes = refine_reachable(geometry.robot, logged, poses)
+    chosen, ballbar, at = chosen[closes], ballbar[closes], at[closes]
     nominally = replace(
         point,
-        samples=replace(samples, times=samples.times[some]),
+        samples=replace(samples, times=samples.times[chosen]),
         closure=close_loop(geometry, q, ballbar),
         ballbar=ballbar,
         robot_time=at,
@@ -116,27 +117,8 @@ def _columns_on_nominal(
         offset = nominally.time_column
         skew = offset * nominally.samples.times
         columns = np.concatenate((columns, offset[None], skew[None]))
-    share = np.sqrt(total / some.size)  # as if all samples had been looked at
+    share = np.sqrt(total / chosen.size)  # as if all samples had been looked at
     return np.asarray(share * weights(columns).reshape(len(columns), -1))
-
-
-def _closed_on(robot: Chain, q: Array, poses: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Joint angles (K, 6) [rad] near q (N, 6) at which the robot takes poses (N, 4, 4).
-
-    And (N,) which of the poses it can take.
-    """
-    try:
-        return refine(robot, q, poses), np.ones(len(q), dtype=bool)
-    except UnreachableError:
-        reached = np.zeros(len(q), dtype=bool)
-        angles = []
-        for k in range(len(q)):
-            try:
-                angles.append(refine(robot, q[k : k + 1], poses[k : k + 1])[0])
-                reached[k] = True
-            except UnreachableError:
-                continue
-        return np.array(angles).reshape(-1, robot.rows), reached
 
 
 def _selected(columns: Array, names: list[str]) -> tuple[list[int], list[DroppedParameter]]:

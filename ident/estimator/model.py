@@ -19,7 +19,7 @@ from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry
 from ident.corrections.base import (
     BAR,
-    CARRIERS,
+    CHANNELS,
     GEAR,
     PLATE,
     ROD,
@@ -90,8 +90,8 @@ class Evaluation:
 
     @cached_property
     def columns(self) -> Array:
-        """(CARRIERS, 6, N) change of the loop-closure error for a unit of each error channel."""
-        columns = np.empty((CARRIERS, *self.closure.error.shape))
+        """(CHANNELS, 6, N) change of the loop-closure error for a unit of each error channel."""
+        columns = np.empty((CHANNELS, *self.closure.error.shape))
         joints = robot_joint_jacobian(self.closure)
         np.einsum("gj,jcn->gcn", self.gearing.to_joint, joints, out=columns[GEAR:BAR])
         columns[BAR:ROD] = bar_joint_jacobian(self.closure)
@@ -138,7 +138,7 @@ class Model:
         return np.clip(t, samples.robot.start, samples.robot.end)
 
     def tension(self, x: Array, k: int) -> Array:
-        """(N,) [N] of the rod at the samples of recording k: measured, times its gain, plus spline."""
+        """(N,) [N] of the rod at the samples of recording k: measured times gain, plus spline."""
         samples, knots, gain = self.recordings[k], self.unknowns.own[k].knots, self.unknowns.gain
         out = (1.0 + (0.0 if gain is None else x[gain])) * samples.tension
         return np.asarray(out if knots is None else out + samples.splines.T @ x[knots])
@@ -222,36 +222,36 @@ class Model:
         weights: Whitening | None = None,
         previous: Evaluation | None = None,
     ) -> tuple[Evaluation, Whitening]:
-        """Recording k with its unmeasured joints where they absorb most of the error, and its weights.
+        """Recording k with its unmeasured joints solved for, and its weights.
 
         weights : those to be kept, if any.
         """
         samples = self.recordings[k]
         point = self.evaluate(x, k, ballbar, previous)
-        now = weights or self.weights(x, point, excess)
+        used = weights or self.weights(x, point, excess)
         for _ in range(UNMEASURED_STEPS if samples.unmeasured else 0):
-            step = now.unmeasured_step(point.closure.error)
+            step = used.unmeasured_step(point.closure.error)
             step = np.clip(step, -MAX_UNMEASURED_STEP, MAX_UNMEASURED_STEP)
             stepped = point.with_ballbar_step(step)
             if np.abs(step).max() < LINEAR_STEP:
-                return stepped, now
+                return stepped, used
             point = self.evaluate(x, k, stepped.ballbar, point, hold_loads=True)
-            now = weights or self.weights(x, point, excess)
-        return point, now
+            used = weights or self.weights(x, point, excess)
+        return point, used
 
     def tension_column(self, x: Array, evaluation: Evaluation) -> Array:
         """(6, N) change of the loop-closure error per newton of rod tension."""
         out = np.zeros(evaluation.closure.error.shape)
         if evaluation.state is None:
             return out
-        moved = np.zeros((CARRIERS, evaluation.ballbar.shape[0]))
+        moved = np.zeros((CHANNELS, evaluation.ballbar.shape[0]))
         values = iter(x[self.unknowns.coefficients])
         for correction in self.corrections:
             slopes = correction.slopes(evaluation.state) if correction.slopes else None
             for j, coefficient in enumerate(correction.coefficients):
                 value = next(values)
                 if slopes is not None:
-                    moved[coefficient.carrier] += value * slopes[j]
+                    moved[coefficient.channel] += value * slopes[j]
         used = np.flatnonzero(np.abs(moved).max(axis=1) > 0.0)
         return np.asarray(np.einsum("ckn,cn->kn", evaluation.columns[used], moved[used]))
 
@@ -287,21 +287,21 @@ class Model:
         """Regressors of every correction; those without loads are taken from `previous`, if any."""
         known = previous.regressors if previous else ((),) * len(self.corrections)
         return tuple(
-            old if old and c.slopes is None else tuple(c.signals(state))
+            old if old and c.slopes is None else tuple(c.regressors(state))
             for c, old in zip(self.corrections, known, strict=True)
         )
 
     def _displacements(self, x: Array, regressors: tuple[tuple[Array, ...], ...]) -> Array:
-        """(CARRIERS, N) displacement of each error channel: coefficients times regressors."""
-        moved = np.zeros((CARRIERS, regressors[0][0].size))
+        """(CHANNELS, N) displacement of each error channel: coefficients times regressors."""
+        moved = np.zeros((CHANNELS, regressors[0][0].size))
         values = iter(x[self.unknowns.coefficients])
         for correction, signals in zip(self.corrections, regressors, strict=True):
             for coefficient, signal in zip(correction.coefficients, signals, strict=True):
-                moved[coefficient.carrier] += next(values) * signal
+                moved[coefficient.channel] += next(values) * signal
         return moved
 
     def backlash_uncertainty(self, x: Array, evaluation: Evaluation) -> Array | float:
-        """(6, N) [rad] how uncertain the flank of each gear is: the half width near a load reversal."""
+        """(6, N) [rad] uncertainty of each gear's flank: the half width near a load reversal."""
         names = [c.name for correction in self.corrections for c in correction.coefficients]
         if evaluation.state is None or "backlash1" not in names:
             return 0.0

@@ -2,8 +2,8 @@
 
 Encoder and robot noise come from the residual of each log's spline (ident.signals). What the logs
 do not show row by row is estimated from the loop-closure error as variance components, by maximum
-likelihood: sub-divisional error, which repeats ten times a degree and passes for encoder noise; what
-the model of the gears leaves over; the deviation of the rod from a constant length.
+likelihood: sub-divisional error, which repeats ten times a degree and passes for encoder noise;
+what the model of the gears leaves over; the deviation of the rod from a constant length.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ident.signals.smooth_log import SmoothLog
 
 @dataclass(frozen=True)
 class ExcessNoise:
-    """Noise beyond what the logs show row by row: standard deviations of the variance components."""
+    """Standard deviations of the variance components: noise beyond what the logs show."""
 
     gear: float = 0.0  # [rad] of axes 1 to 3
     wrist: float = 0.0  # [rad] of axes 4 to 6

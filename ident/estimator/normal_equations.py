@@ -168,9 +168,8 @@ def jacobian(
         parts.append(slice(layout.gain, layout.gain + 1))
     parts += [part for part in (own.clock, own.steps) if part is not None]
     index = np.concatenate([np.arange(part.start, part.stop) for part in parts])
-    channels = [c.carrier for correction in model.corrections for c in correction.coefficients]
-    used = sorted(set(channels))
-    columns = dict(zip(used, weights(point.columns[used]), strict=True))
+    channels = [c.channel for correction in model.corrections for c in correction.coefficients]
+    columns = weights(point.columns) if channels else ()
     regressors = [signal for signals in point.regressors for signal in signals]
     shift = weights(point.time_column) if own.clock is not None else None
     slope = None
@@ -179,20 +178,20 @@ def jacobian(
     steps = samples.after_clock_steps() if own.steps is not None else ()
     firsts = range(0, samples.times.size, BLOCK_SAMPLES)
     for first in reversed(firsts) if from_the_end else firsts:
-        some = slice(first, min(first + BLOCK_SAMPLES, samples.times.size))
-        values = np.empty((index.size, weights.matrix.shape[0], some.stop - first))
-        weights.part(some).jacobian(point.closure.part(some), geometric, values[: len(geometric)])
+        block = slice(first, min(first + BLOCK_SAMPLES, samples.times.size))
+        values = np.empty((index.size, weights.matrix.shape[0], block.stop - first))
+        weights.part(block).jacobian(point.closure.part(block), geometric, values[: len(geometric)])
         rows = iter(values[len(geometric) :])
         for channel, regressor in zip(channels, regressors, strict=True):
-            np.multiply(columns[channel][:, some], regressor[some], out=next(rows))
+            np.multiply(columns[channel][:, block], regressor[block], out=next(rows))
         if layout.gain is not None and slope is not None:
-            np.multiply(slope[:, some], samples.tension[some], out=next(rows))
+            np.multiply(slope[:, block], samples.tension[block], out=next(rows))
         if shift is not None:
-            next(rows)[:] = shift[:, some]
-            np.multiply(shift[:, some], samples.times[some], out=next(rows))
+            next(rows)[:] = shift[:, block]
+            np.multiply(shift[:, block], samples.times[block], out=next(rows))
             for after in steps:
-                np.multiply(shift[:, some], after[some], out=next(rows))
-        yield JacobianBlock(some, index, values, None if slope is None else slope[:, some])
+                np.multiply(shift[:, block], after[block], out=next(rows))
+        yield JacobianBlock(block, index, values, None if slope is None else slope[:, block])
 
 
 def _prior_cost(model: Model, x: Array) -> float:

@@ -66,7 +66,7 @@ class Samples:
         return np.clip(clock.robot_time(t), self.robot.start, self.robot.end)
 
     def ballbar_angles(self, geometry: Geometry, clock: Clock, t: Array | None = None) -> Array:
-        """(N, 5) [rad] as measured at instants t (N,) [s], the unmeasured ones from the robot's pose.
+        """(N, 5) [rad] at instants t (N,) [s]: measured, or from the robot's pose where unmeasured.
 
         t : the instants of the samples where it is not given.
         """

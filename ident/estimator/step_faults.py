@@ -124,7 +124,7 @@ def _channels(fit: Fit, k: int) -> list[_Channel]:
 
 
 def _explained(fit: Fit, k: int, columns: Array) -> Array:
-    """(C, N) energy of each column (C, E, N) of recording k from each sample on that a refit absorbs."""
+    """(C, N) energy that a refit absorbs of each column (C, E, N) from each sample on."""
     out, beyond = np.empty(columns[:, 0].shape), np.zeros((len(columns), fit.model.unknowns.count))
     for block in jacobian(fit.model, fit.linear, k, from_the_end=True):
         for c, column in enumerate(columns[..., block.samples]):
@@ -137,7 +137,7 @@ def _explained(fit: Fit, k: int, columns: Array) -> Array:
 def _time_at_a_stamp(
     samples: Samples, clock: Clock, time: float, likely: Array, size: float
 ) -> float:
-    """[s] of a clock step of `size` [s], from the irregular stamp that it left in either log, if any.
+    """[s] instant of a clock step of `size` [s], from an irregular stamp of either log, if any.
 
     While everything stands still all instants `likely` (L,) [s] are equally likely, and only the
     stamps tell.
@@ -170,7 +170,7 @@ def encoder_slips(faults: Sequence[StepFault]) -> Correction | None:
     if not slips:
         return None
 
-    def signals(state: State) -> list[Array]:
+    def regressors(state: State) -> list[Array]:
         chosen: list[NDArray[np.bool_]] = [
             (state.t >= fault.time) & (state.recording == fault.recording) for fault in slips
         ]
@@ -182,11 +182,11 @@ def encoder_slips(faults: Sequence[StepFault]) -> Correction | None:
             unit="rad",
             mean=fault.removed - fault.size if fault.periods else 0.0,
             sigma=EXACT if fault.periods else SLIP_PRIOR,
-            carrier=BAR + fault.joint - 1,
+            channel=BAR + fault.joint - 1,
         )
         for i, fault in enumerate(slips, start=1)
     ]
-    return Correction("encoder_jumps", "encoders that slipped", tuple(coefficients), signals)
+    return Correction("encoder_jumps", "encoders that slipped", tuple(coefficients), regressors)
 
 
 def sized(fit: Fit, faults: Sequence[StepFault], lines: int) -> tuple[StepFault, ...]:
@@ -221,8 +221,8 @@ def as_logged(fault: StepFault, ballbar: SmoothLog | None, lines: int) -> StepFa
         return replace(fault, time=time)
     periods = fault.size * lines / (2.0 * np.pi)
     whole = round(periods)
-    near = abs(periods) > 0.5 and abs(periods - whole) < WHOLE
-    return replace(fault, time=time, periods=whole if near else 0)
+    whole_enough = abs(periods) > 0.5 and abs(periods - whole) < WHOLE
+    return replace(fault, time=time, periods=whole if whole_enough else 0)
 
 
 def _sizes(fit: Fit, faults: Sequence[StepFault]) -> list[float]:

@@ -35,14 +35,14 @@ def rod_deviation(fit: Fit) -> float:
     weights = fit.model.weights(fit.x, point, replace(fit.excess, rod=0.0))
     residual, rod = weights(point.closure.error), weights(rod_jacobian(point.closure))
     projection, weight = (rod * residual).sum(axis=0), (rod * rod).sum(axis=0)
-    found = minimize_scalar(
+    optimum = minimize_scalar(
         _rod_deviance,
         bounds=(2.0 * float(np.log(ROD_SIGMA_RANGE[0])), 2.0 * float(np.log(ROD_SIGMA_RANGE[1]))),
         args=(projection, weight),
         method="bounded",
         options={"xatol": 1e-3},
     )
-    return float(np.exp(0.5 * found.x))
+    return float(np.exp(0.5 * optimum.x))
 
 
 def _rod_deviance(log_variance: float, projection: Array, weight: Array) -> float:
@@ -67,13 +67,13 @@ def excess_noise(fit: Fit) -> ExcessNoise:
     e = fit.excess
     start = np.log(np.clip([e.gear, e.wrist, e.bar, e.rod], 1e-6, HIGHEST))
     simplex = np.vstack((start, start + 1.5 * np.eye(4)))
-    found = minimize(
+    optimum = minimize(
         deviance,
         start,
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.5, "maxfev": _EVALUATIONS},
     )
-    return _components(found.x)
+    return _components(optimum.x)
 
 
 def _components(logs: Array) -> ExcessNoise:

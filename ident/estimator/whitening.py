@@ -23,7 +23,8 @@ from cell.geometry import Parameter, parameter_screw
 from cell.rotation import inverse_left_jacobian
 from ident.estimator.closure import Closure, runs_of_one_side
 
-# [m, rad] rounding of counts and times; keeps C positive definite where noise leaves a direction free
+# [m, rad] rounding of counts and times; keeps C positive definite where noise leaves a direction
+# free
 FLOOR_SIGMA = 1e-7
 SINGULAR = 1e-9  # of the median: a joint whose column is shorter turns nothing at this pose
 
@@ -67,7 +68,7 @@ class Whitening:
     def jacobian(
         self, closure: Closure, parameters: Sequence[Parameter], out: Array | None = None
     ) -> Array:
-        """(P, E, N): whitened `parameter_jacobian`, without forming that. out : (P, E, N) to fill."""
+        """(P, E, N) whitened `parameter_jacobian`, without forming that; out : to fill."""
         out = np.empty((len(parameters), *self.matrix.shape[::2])) if out is None else out
         of_robot, of_bar = self._of_robot_motion(closure), self._of_bar_motion(closure)
         for first, last, is_robot in runs_of_one_side(parameters):

@@ -70,7 +70,7 @@ def torque_tension(
 def sensor_tension(
     cell: Cell, samples: Samples, geometry: Geometry, clock: Clock, log: ForceLog | None
 ) -> Array:
-    """(N,) [N] at the samples, from a force sensor whose clock is aligned by what it should measure.
+    """(N,) [N] at the samples, from a force sensor, its clock aligned by its expected signal.
 
     Raises InputError when there is no such log.
     """

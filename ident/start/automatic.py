@@ -80,7 +80,7 @@ class Candidate:
 
     @property
     def cost(self) -> float:
-        """Cost per residual, prior included, so that no weight can lower it by leaving the prior."""
+        """Cost per residual, prior included, so that leaving the prior cannot lower it."""
         equations = self.fit.linear
         return equations.cost / max(1, equations.equations - len(equations.x))
 
@@ -194,7 +194,7 @@ def _aligned(
 
 def _readings(turning: int, tilting: int, branch: Branch) -> dict[int, tuple[int, float]]:
     """Direction and offset [rad] of the two encoders of a gimbal."""
-    return {turning: (branch.sign, branch.turning_zero), tilting: (1, branch.tilting_zero)}
+    return {turning: (branch.sign, branch.turning_offset), tilting: (1, branch.tilting_offset)}
 
 
 def _with_roll(

@@ -27,7 +27,8 @@ from ident.estimator.gauss_newton import Stop, minimise
 from ident.estimator.identifiability import candidates
 from ident.thesis.costs import ENCODERS_NEEDED, ROD, Cost, CostName
 
-# The vector forms end a hundredth of a standard deviation from the minimum (ident.estimator.fit), or
+# The vector forms end a hundredth of a standard deviation from the minimum (ident.estimator.fit),
+# or
 # with a step of a thousandth of a nanometre.
 VECTOR_STOP = Stop(decrease=1e-4, whitened=False, step=1e-12)
 # The printed scalars end by relative decrease of cost and step, the usual defaults of a library.
@@ -134,10 +135,10 @@ def fit_cost(
     """Minimise one cost over some parameters.
 
     q : (N, 6) [rad] logged robot angles. b : (N, 5) [rad] ball-bar angles as the encoders read. At
-    joints that the cost does not need (ident.thesis.costs.ENCODERS_NEEDED) any value serves, as long
-    as the rows behind them have no lengths. parameters : (P,) indices into PARAMETERS; the others
-    stay as in `start`. rod_sign : (N,) sign of the rod's force, +1 pulled; its deviation from bd3 is
-    then an unknown too. Of vector forms only.
+    joints that the cost does not need (ident.thesis.costs.ENCODERS_NEEDED) any value serves, as
+    long as the rows behind them have no lengths. parameters : (P,) indices into PARAMETERS; the
+    others stay as in `start`. rod_sign : (N,) sign of the rod's force, +1 pulled; its deviation
+    from bd3 is then an unknown too. Of vector forms only.
 
     Raises ValueError when an angle is not finite, and for the sign of a printed scalar.
     """
@@ -149,14 +150,14 @@ def fit_cost(
     if not np.isfinite(problem.start().cost):
         raise ValueError("the cost of the start is not finite: an angle of the samples is missing")
     stop = VECTOR_STOP if cost.form == "vector" else PRINTED_STOP
-    found = minimise(problem, stop, max_iterations=max_iterations)
-    end = found.equations
+    minimum = minimise(problem, stop, max_iterations=max_iterations)
+    end = minimum.equations
     return CostFit(
         geometry=end.closure.geometry,
         parameters=problem.parameters,
-        iterations=found.iterations,
-        converged=found.converged
-        or found.stuck,  # stuck: no step lowers the cost any more, rounding
+        iterations=minimum.iterations,
+        converged=minimum.converged
+        or minimum.stuck,  # stuck: no step lowers the cost any more, rounding
         cost=end.cost,
         rms=float(np.sqrt(end.cost / end.equations)),
         rod_deviation=0.0 if rod_sign is None else float(end.x[-1]),
@@ -175,8 +176,8 @@ def identifiable_by(cost: CostName, nominal: Geometry, q: Array, b: Array) -> ND
     """Indices into PARAMETERS of what a cost determines, in order of priority (thesis sec. 3.3).
 
     Requested are the offsets of the encoders that the cost needs, base position, robot and rod,
-    never the plate; of these it selects what does not depend on those before. q : (N, 6), b : (N, 5)
-    [rad] angles at which the nominal loop closes.
+    never the plate; of these it selects what does not depend on those before. q : (N, 6), b : (N,
+    5) [rad] angles at which the nominal loop closes.
     """
     requested = candidates(ENCODERS_NEEDED[cost])
     parameters = [PARAMETERS[i] for i in requested]

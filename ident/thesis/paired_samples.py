@@ -83,6 +83,6 @@ def through_samples(t: Array, angles: Array) -> SmoothLog:
 
 
 def noise_of(angles: Array) -> Array:
-    """(K,) [rad] sigma of white noise on smooth angles (N, K): median of their sixth differences."""
+    """(K,) [rad] sigma of white noise on smooth angles (N, K) [rad], from sixth differences."""
     spread = np.median(np.abs(np.diff(angles, DIFFERENCES, axis=0)), axis=0) / _NORMAL_QUARTILE
     return np.asarray(np.maximum(spread / np.sqrt(comb(2 * DIFFERENCES, DIFFERENCES)), NOISE_FLOOR))

@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 
 from ballbar.result.calibration import load_calibration
-from benchmarks.correct_in_plant import PlantRobot, known_robot, pose_distance, robot_row
-from benchmarks.everything_on import scenario_of
 from cell.arrays import Array
 from cell.chain import joint_screws
 from cell.descriptions import Cell
@@ -24,9 +22,11 @@ from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
 from sim.plant.effects import PlantEffects
 from sim.plant.held_poses import hold_poses
-from tests.ballbar.test_complete_cli import ballbar
-from tests.conftest import perturbed
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
+from tests.helpers.command_line import ballbar
+from tests.helpers.drawn_robots import scenario_of
+from tests.helpers.plant_robot import PlantRobot, known_robot, pose_distance, robot_row
+from tests.helpers.simulated_recordings import perturbed
 
 AXES = ",".join(f"axis{i + 1}_deg" for i in range(6))
 
@@ -146,7 +146,7 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(
     code, said, _ = ballbar("correct", given, "--with", result)
     assert code == 0
     assert (
-        "5 targets corrected for geometry, elastic gears under the robot's own weight, play of the gears"
+        "5 targets corrected for geometry, compliance of the gears under the robot's own weight, backlash of the gears"
         in said
     )
     rows = list(csv.DictReader((tmp_path / "deg-corrected.csv").read_text().splitlines()))
@@ -180,13 +180,13 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(
     ("header", "row", "said"),
     [
         ("x,y", "1,2", r":1: no angles in the header; expected q1, q2"),
-        ("q1;q2;q3;q4;q5;q6", "0;0;0;0;1;0", r":1: no angles in the header.*separated by commas"),
+        ("q1;q2;q3;q4;q5;q6", "0;0;0;0;1;0", r":1: no angles in the header.*by commas"),
         ("q1,q2,q3,q4,q5", "0,0,0,0,1", r":1: column q6 stands 0 times"),
         ("q1,q2,q3,q4,q5,q6,q1", "0,0,0,0,1,0,0", r":1: column q1 stands 2 times"),
         ("q1,q2,q3,q4,q5,q6," + AXES, "0" + ",0" * 11, r":1: both kinds of angles"),
         ("q1,q2,q3,q4,q5,q6", "0,0,nan,0,1,0", r":2: q3 = 'nan' is not a finite number"),
         ("q1,q2,q3,q4,q5,q6", "0,0,zero,0,1,0", r":2: q3 = 'zero' is not a finite number"),
-        ("q1,q2,q3,q4,q5,q6", "0,0,0,0,1", r":2: 5 cells, the header has 6"),
+        ("q1,q2,q3,q4,q5,q6", "0,0,0,0,1", r":2: 5 fields, the header has 6"),
         ("q1,q2,q3,q4,q5,q6", "", r"has a header and no target"),
         (
             AXES,
@@ -228,7 +228,7 @@ def test_a_doubtful_fit_and_what_it_did_not_identify_are_said(
     code, said, _ = ballbar("correct", given, "--with", tmp_path)
     assert code == 0
     assert "care: the fit is called 'suspect'" in said
-    assert "care: not identified, so not corrected: elastic gears" in said
+    assert "care: not identified, so not corrected: compliance of the gears" in said
 
 
 def test_every_target_at_fault_is_named(cell: Cell, nominal: Geometry) -> None:
@@ -236,6 +236,8 @@ def test_every_target_at_fault_is_named(cell: Cell, nominal: Geometry) -> None:
     q = easy_targets(cell, 4)
     q[1, 4] = 0.0
     q[3, 0] = 4.0
-    with pytest.raises(TargetError) as caught:
+    with pytest.raises(
+        TargetError, match=r"^target 1: the robot stands at a singularity"
+    ) as caught:
         corrected_targets(robot, nominal, q)
     assert set(caught.value.faults) == {1, 3}

@@ -25,9 +25,9 @@ from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry, robot_frames
 from cell.robot_angles import controller_to_joints, joints_to_axes
 from cell.rotation import rotvec_from_matrix
-from tests.ballbar.test_complete_cli import ballbar
-from tests.conftest import perturbed
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
+from tests.helpers.command_line import ballbar
+from tests.helpers.simulated_recordings import perturbed
 
 POSES = 1000
 TOLERANCE = 1e-9
@@ -246,8 +246,8 @@ def test_every_format_says_what_it_leaves_out_and_what_stayed_nominal(
         return
     for said in (
         "NOT in this file",
-        "elastic gears under the robot's own weight",
-        "play of the gears",
+        "compliance of the gears under the robot's own weight",
+        "backlash of the gears",
         "transmission error",
     ):
         assert said in text

@@ -5,14 +5,13 @@ from __future__ import annotations
 import csv
 import itertools
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
-from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 
@@ -24,31 +23,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
-from ballbar.sweep.chunk import Row, Task, Trial, run_chunk, run_chunk_remotely
 from ballbar.sweep.file import Seeds
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
 from ballbar.sweep.plan import Plan, PlanData, point_of, run_of, with_changes
-from ballbar.sweep.run import Outcome, SweepError, run_sweep
+from ballbar.sweep.run import Outcome, SweepError
 from ballbar.sweep.summary import failures_of, grid_points
-from ballbar.sweep.table import chunk_bytes, write_table
-from ballbar.sweep.workers import Workers, processes
+from ballbar.sweep.table import chunk_bytes, run_chunk, run_chunk_remotely, write_table
+from ballbar.sweep.workers import processes
 from ballbar.trial.trial import run_trial
 from cell.errors import InputError
 from cell.threads import ONE_THREAD
-from tests.ballbar.test_cli import ballbar
-from tests.conftest import SCENARIOS
 from tests.helpers import sweep_work
-
-HEAD = f"""schema: ballbar-sweep/1
-name: tried
-scenario: {SCENARIOS / "irb2400.yaml"}
-"""
-GRID = """vary:
-  errors.joint_noise.sigma_rad: [1.0e-6, 1.0e-5]
-  cell.ballbar_position_m.0: [0.70, 0.72]
-seeds: {first: 2, count: 5}
-"""
+from tests.helpers.command_line import ballbar
+from tests.helpers.simulated_recordings import SCENARIOS
+from tests.helpers.sweeps import GRID, HEAD, inline, loaded, swept, table_bytes
 
 # A sweep of real runs that lasts long enough to be killed, and not longer.
 REAL = f"""schema: ballbar-sweep/1
@@ -60,42 +49,8 @@ seeds: {{count: 30}}
 """
 
 
-def loaded(folder: Path, text: str) -> LoadedSweep:
-    """A sweep file with this text after the head, its points checked."""
-    file = folder / "sweep.yaml"
-    file.write_text(text if text.startswith("schema") else HEAD + text)
-    sweep = load_sweep(file)
-    check_points(sweep)
-    return sweep
-
-
 def plan_of(folder: Path, text: str) -> Plan:
     return loaded(folder, text).plan
-
-
-def inline(task: Task) -> AbstractContextManager[Workers]:
-    """One worker: this process."""
-
-    def submit(chunk: int) -> Future[list[Row]]:
-        future: Future[list[Row]] = Future()
-        future.set_result(run_chunk(task.text, chunk, task.trial, task.top))
-        return future
-
-    return nullcontext(Workers(submit, lambda: 1))
-
-
-def swept(
-    sweep: LoadedSweep,
-    folder: Path,
-    workers: Callable[[Task], AbstractContextManager[Workers]],
-    trial: Trial = sweep_work.figures,
-    progress: Callable[[int, str], None] = lambda *_: None,
-) -> Outcome:
-    return run_sweep(sweep, folder, trial, workers, progress=progress)
-
-
-def table_bytes(outcome: Outcome) -> tuple[bytes, bytes]:
-    return outcome.folder.table.read_bytes(), outcome.folder.csv.read_bytes()
 
 
 # -- what a file may say
@@ -201,12 +156,9 @@ def table_bytes(outcome: Outcome) -> tuple[bytes, bytes]:
 def test_a_wrong_sweep_is_refused_with_file_line_and_words(
     text: str, line: int | None, words: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(InputError) as refused:
+    place = "" if line is None else f"{tmp_path / 'sweep.yaml'}:{line}: "
+    with pytest.raises(InputError, match=f"^{re.escape(place)}.*{re.escape(words)}"):
         plan_of(tmp_path, text)
-    told = str(refused.value)
-    assert words in told
-    if line is not None:
-        assert told.startswith(f"{tmp_path / 'sweep.yaml'}:{line}: ")
 
 
 def test_a_scenario_that_is_not_there_is_refused(tmp_path: Path) -> None:
@@ -233,7 +185,7 @@ def test_values_that_are_wrong_only_together_are_named_together(tmp_path: Path) 
 
 
 def test_every_wrong_value_of_a_grid_is_told_at_once(tmp_path: Path) -> None:
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=r"sweep\.yaml:5: ") as refused:
         plan_of(
             tmp_path,
             "vary:\n  clocks.skew: [0.0, 1.0]\n  identify.samples: [3, 100]\nseeds: {count: 1}\n",
@@ -678,19 +630,12 @@ def test_two_processes_never_work_in_one_folder(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_command_says_where_the_table_is_and_what_failed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("ballbar.trial.trial.run_trial", sweep_work.figures_with_failures)
     loaded(tmp_path, GRID)
     code, out, err = ballbar(
-        monkeypatch,
-        capsys,
-        "sweep",
-        tmp_path / "sweep.yaml",
-        "--out",
-        tmp_path / "out",
-        "--workers",
-        2,
+        "sweep", tmp_path / "sweep.yaml", "--out", tmp_path / "out", "--workers", 2
     )
     assert code == 0
     assert f"Table {tmp_path / 'out' / 'tried.parquet'} and tried.csv: 20 runs" in out
@@ -702,36 +647,25 @@ def test_the_command_says_where_the_table_is_and_what_failed(
 
 
 def test_a_sweep_whose_every_run_fails_exits_with_1(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("ballbar.trial.trial.run_trial", sweep_work.no_such_file)
     loaded(tmp_path, "seeds: {count: 3}\n")
     code, out, _ = ballbar(
-        monkeypatch,
-        capsys,
-        "sweep",
-        tmp_path / "sweep.yaml",
-        "--out",
-        tmp_path / "out",
-        "--workers",
-        1,
+        "sweep", tmp_path / "sweep.yaml", "--out", tmp_path / "out", "--workers", 1
     )
     assert code == 1
     assert "3 of 3 runs failed" in out
 
 
-def test_bad_input_exits_with_2_and_writes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_exits_with_2_and_writes_nothing(tmp_path: Path) -> None:
     file = tmp_path / "sweep.yaml"
     file.write_text(HEAD + GRID.replace("1.0e-6", "-1.0e-6"))
-    code, _, err = ballbar(monkeypatch, capsys, "sweep", file, "--out", tmp_path / "out")
+    code, _, err = ballbar("sweep", file, "--out", tmp_path / "out")
     assert code == 2
     assert "sweep.yaml:5: errors.joint_noise.sigma_rad = -1e-06: expected 0 or more." in err
     assert not (tmp_path / "out").exists()
-    code, _, err = ballbar(
-        monkeypatch, capsys, "sweep", file, "--workers", 2, "--scheduler", "tcp://10.0.0.5:8786"
-    )
+    code, _, err = ballbar("sweep", file, "--workers", 2, "--scheduler", "tcp://10.0.0.5:8786")
     assert code == 2
     assert "--workers counts processes on this machine" in err
 

@@ -12,8 +12,8 @@ from ballbar.sweep import workers as sweep_workers
 from ballbar.sweep.chunk import Task
 from ballbar.sweep.workers import dask_cluster
 from cell.errors import InputError
-from tests.ballbar.test_sweep import GRID, inline, loaded, swept, table_bytes
 from tests.helpers import sweep_work
+from tests.helpers.sweeps import GRID, inline, loaded, swept, table_bytes
 
 NOTHING = Task("", sweep_work.figures, (), Path())
 

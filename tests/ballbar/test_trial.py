@@ -24,7 +24,7 @@ from ident.thesis.paired_samples import fit_samples, noise_of
 from sim.kinematic_samples import KinematicSamples, SampledPath, kinematic_samples, sample_path
 from sim.simulate import planned_path, simulate
 from sim.streams import stream
-from tests.conftest import SCENARIOS, Recorded, record
+from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 
 STATIC = {"static": {"table": "thesis_3_1"}}
 NOISE = {"joint_noise": {"sigma_rad": 1e-5}}

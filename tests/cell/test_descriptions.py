@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +92,7 @@ def changed(folder: Path, source: str, old: str, new: str) -> Path:
 def refusal(path: Path) -> str:
     load = {"robot": load_robot, "bar": load_ballbar, "plate": load_plate}
     kind = path.read_text(encoding="utf-8").split("schema: ballbar-")[1].split("/")[0]
-    with pytest.raises(DescriptionError) as caught:
+    with pytest.raises(DescriptionError, match=re.escape(str(path))) as caught:
         load[kind](str(path))
     return str(caught.value).replace(str(path), "mine.yaml")
 

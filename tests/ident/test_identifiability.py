@@ -13,7 +13,7 @@ from ident.estimator.identifiability import Identifiability, candidates, identif
 from ident.estimator.noise import noise_from_logs
 from ident.identify import WIDEST_KNOT_SPACING
 from ident.signals.smooth_log import smooth_log
-from tests.conftest import Recorded, record
+from tests.helpers.simulated_recordings import Recorded, record
 
 
 @pytest.fixture(scope="module")

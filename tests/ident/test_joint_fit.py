@@ -32,7 +32,7 @@ from ident.loads.gear_loads import mass_model
 from ident.signals.smooth_log import Outliers, SmoothLog
 from sim.path import reference_path
 from sim.simulate import load_lissajous
-from tests.ident.test_identify import SCENARIOS
+from tests.helpers.simulated_recordings import SCENARIOS
 
 ENCODERS = (1, 2, 4, 5)
 CELL = load_cell("irb2400", "lund_600", "plate_250")

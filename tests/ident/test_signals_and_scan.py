@@ -11,6 +11,7 @@ from ident.estimator.sampling import sample_times
 
 from ident.estimator.uncertainty import autocorrelation
 from ident.signals.smooth_log import smooth_log, smoothing
+from ident.signals.steps import find_breaks
 from ident.start.lag_scan import Pair, PairScan, best_lags, scan_lags, subsample
 from ident.start.sphere import sphere_candidates
 
@@ -167,8 +168,8 @@ def test_lag_sign_and_both_zeros_of_a_pair_come_out_of_one_scan(
     assert abs(subsample(lags, best) - lag) < 1.0
     branch = scan.branches(int(np.flatnonzero(lags.lags == lag)[0]))[0]
     assert branch.sign == sign
-    assert abs(np.angle(np.exp(1j * (branch.turning_zero - zero1)))) < 1e-3
-    assert abs(np.angle(np.exp(1j * (branch.tilting_zero - zero2)))) < 1e-3
+    assert abs(np.angle(np.exp(1j * (branch.turning_offset - zero1)))) < 1e-3
+    assert abs(np.angle(np.exp(1j * (branch.tilting_offset - zero2)))) < 1e-3
     assert branch.variance < 1e-5
 
 
@@ -187,3 +188,20 @@ def test_smoothing_delays_neither_log_against_the_other() -> None:
         assert (
             abs(delay) < 2e-7
         )  # [s] noise of 1 urad over 60 s leaves 3e-8; a causal filter of one row would delay by 4e-3
+
+
+@pytest.mark.parametrize("missing", [0, 1, 2, 5])
+def test_a_clock_step_beside_rows_that_were_left_out_is_measured(missing: int) -> None:
+    """Regression: the reader had left out two damaged rows behind a clock step of 50 ms.
+
+    The gap was 20 ms wider than the step, and it passed for three steps of encoders.
+    """
+    t = np.arange(0.0, 20.0, 0.01)
+    rng = np.random.default_rng(2)
+    values = motion(t) + rng.normal(0, 1e-6, (t.size, 2))
+    stamps = t + 0.05 * (t >= 10.0)
+    rows = (t < 10.0) | (t >= 10.0 + 0.01 * missing - 1e-9)
+    breaks = find_breaks(stamps[rows], values[rows], checked=True)
+    assert [step.channel for step in breaks] == [None]
+    # [s] the motion is no cubic over 25 rows: with five missing it leaves 0.3 ms.
+    assert breaks[0].size == pytest.approx(0.05, abs=5e-4)

@@ -42,7 +42,7 @@ from sim.motion import Motion
 from sim.settings import ErrorSettings, SimulationSettings
 from sim.simulate import truth_path
 from sim.truth import Truth, load_truth
-from tests.conftest import Recorded, record, settings
+from tests.helpers.simulated_recordings import Recorded, record, settings
 
 pytestmark = pytest.mark.slow  # a simulated run for each effect
 
@@ -776,7 +776,7 @@ def test_lost_and_repeated_rows_leave_the_other_rows_as_they_were(
 
 def test_every_stream_of_random_numbers_has_one_user() -> None:
     sources = "".join(file.read_text() for file in Path(sim.__path__[0]).rglob("*.py"))
-    names = re.findall(r"stream\(\s*[\w.]+,\s*f?\"([^\"]+)\"\s*\)", sources)
+    names = re.findall(r"stream\([\w.]+, f?\"([^\"]+)\"\)", sources)
     assert sorted(names) == sorted(set(names))
     assert {
         "clock_wander",

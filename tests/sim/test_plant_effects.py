@@ -34,7 +34,6 @@ from sim.plant.effects import plant_effects
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
 from sim.truth import PlantTruth, load_truth
-from tests.conftest import SCENARIOS, record, settings
 from tests.helpers.log_analysis import (
     Logs,
     fit,
@@ -45,6 +44,7 @@ from tests.helpers.log_analysis import (
     settled_direction,
     there_and_back,
 )
+from tests.helpers.simulated_recordings import SCENARIOS, record, settings
 
 pytestmark = pytest.mark.slow  # a simulated run for each effect
 

@@ -1,0 +1,162 @@
+"""The experiments of thesis sec. 5.3 in the simulated cell: docs/experiments.md with its figures.
+
+    python -m generators.thesis_5_3
+
+The thesis looked at base, joints and rod with an optical system (90 um) and a force sensor; here the plant's own coordinates
+stand for the optical system.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+from ballbar.scenario import load_scenario
+from cell.arrays import Array
+from cell.files import write_whole
+from sim.motion import Motion
+from sim.plant.deflection import deflect
+from sim.simulate import Simulation, simulate
+from tests.helpers.log_analysis import pull_push
+
+ROOT = Path(__file__).parent.parent
+SCENARIOS, DOCS = ROOT / "scenarios", ROOT / "docs"
+mpl.rcParams |= {
+    "svg.hashsalt": "thesis_5_3",
+    "font.size": 8,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.axisbelow": True,
+}
+_FEW = slice(None, None, 60)  # of a millisecond grid: what a curve needs
+
+PAGE = """# Experiments of thesis sec. 5.3, in the simulated cell
+
+Written by `python -m generators.thesis_5_3` from `scenarios/irb2400_push_pull.yaml`, `scenarios/irb2400.yaml` and
+`scenarios/irb2400_full.yaml`.
+
+| what | thesis | here |
+|---|---|---|
+| rod and joints at 150 N (Fig. 5.8) | 2.7 + 2.8 um | {strain:.2f} um |
+| backlash at force reversal (Fig. 5.9) | below 5 um a joint | {backlash:.2f} um, as the scenario sets it ({asked:.1f} um) |
+| force along a path, soft servo, Table 3.1 errors (Fig. 5.7) | about 100 to 150 N | {low:.0f} to {high:.0f} N |
+| the same, everything on | - | {full_low:.0f} to {full_high:.0f} N |
+| deviation from a sphere along the path, everything on | 8.3 um computed, 25 um measured | {sphere_low:.1f} to {sphere_high:.1f} um |
+
+![Elongation of the rod and base movement against force](images/pull_push.svg)
+
+Pull and push at one pose (Figs. 5.8, 5.9): the soft servo is commanded to move 12 mm to and fro along the rod. Inside the
+backlash there is no force; outside it the slope is the 2.7e7 N/m of rod and joints in series. The base has a stiffness
+of 5e7 N/m.
+
+![Rod force over time](images/path_force.svg)
+
+Force in the rod along the path of the main scenario (Fig. 5.7).
+
+![Deviation from the sphere over time](images/sphere_deviation.svg)
+
+Distance of the universal joint from the seat of the ball-bar, minus the rod's length: strain, backlash and base movement
+together.
+"""
+
+
+def simulated(name: str) -> Simulation:
+    """One of the shipped scenarios."""
+    return simulate(load_scenario(SCENARIOS / f"{name}.yaml"), relative_to=SCENARIOS)
+
+
+def sphere_deviation(motion: Motion) -> Array:
+    """(K,) [m] how much further the ball-bar's end is from its nominal seat than the rod is long."""
+    n = motion.t.size
+    base, plate = np.broadcast_to(motion.base, (n, 3)), np.zeros(n)
+    bar = deflect(
+        motion.geometry, motion.q, motion.b, stretch=motion.rod_stretch, plate=plate, base=base
+    ).bar
+    rigid = deflect(
+        motion.geometry, motion.q, motion.b, stretch=np.zeros(n), plate=plate, base=np.zeros((n, 3))
+    ).bar
+    seat = motion.geometry.origin[:, None]
+    return np.asarray(
+        np.linalg.norm(bar.tip - seat, axis=0) - np.linalg.norm(rigid.tip - seat, axis=0)
+    )
+
+
+def main() -> None:
+    """Runs the three scenarios, draws the figures and writes the page."""
+    pushed, path, full = (
+        simulated("irb2400_push_pull"),
+        simulated("irb2400"),
+        simulated("irb2400_full"),
+    )
+    strain, backlash = pull_push(pushed.motion)
+    deviation = sphere_deviation(full.motion)
+    _pull_push_figure(pushed.motion)
+    _over_time(
+        "path_force",
+        {"main scenario": path.motion.rod_force, "everything on": full.motion.rod_force},
+        path.motion.t,
+        "rod force [N]",
+    )
+    _over_time(
+        "sphere_deviation",
+        {"everything on": deviation * 1e6},
+        full.motion.t,
+        "deviation from the sphere [um]",
+    )
+    page = PAGE.format(
+        strain=strain * 1e6,
+        backlash=backlash * 1e6,
+        asked=2e6 * pushed.truth.plant.rod_backlash_half_width_m,
+        low=path.truth.rod_force_min,
+        high=path.truth.rod_force_max,
+        full_low=full.truth.rod_force_min,
+        full_high=full.truth.rod_force_max,
+        sphere_low=deviation.min() * 1e6,
+        sphere_high=deviation.max() * 1e6,
+    )
+    write_whole(DOCS / "experiments.md", page.encode())
+    print(page)
+
+
+def _pull_push_figure(motion: Motion) -> None:
+    figure, axes = plt.subplots(figsize=(5.2, 3.0))
+    along = np.linalg.norm(motion.base, axis=1) * np.sign(motion.rod_force)
+    axes.plot(
+        motion.rod_force[_FEW],
+        motion.rod_stretch[_FEW] * 1e6,
+        "-",
+        lw=1.2,
+        color="#1f5fa8",
+        label="rod and joints",
+    )
+    axes.plot(motion.rod_force[_FEW], along[_FEW] * 1e6, "-", lw=1.2, color="#d9822b", label="base")
+    axes.set_xlabel("force along the rod, tension positive [N]")
+    axes.set_ylabel("movement [um]")
+    axes.legend(frameon=False)
+    _save(figure, "pull_push")
+
+
+def _over_time(name: str, curves: dict[str, Array], t: Array, label: str) -> None:
+    figure, axes = plt.subplots(figsize=(6.4, 2.4))
+    for (title, values), colour in zip(curves.items(), ("#1f5fa8", "#d9822b"), strict=False):
+        axes.plot(t[::100], values[::100], lw=0.9, color=colour, label=title)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(label)
+    axes.legend(frameon=False, loc="lower right")
+    _save(figure, name)
+
+
+def _save(figure: plt.Figure, name: str) -> None:
+    path = DOCS / "images" / f"{name}.svg"
+    figure.tight_layout()
+    figure.savefig(path, metadata={"Date": None})
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    main()
