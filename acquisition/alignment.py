@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.dwells import find_dwells, speeds
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import LogError
 from cell.logs import BallBarLog, RobotLog
 

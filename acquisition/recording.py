@@ -58,9 +58,10 @@ from acquisition.sources import (
 from acquisition.stamps.order import STAMP, seconds_from, with_periods_checked
 from acquisition.table.selectors import require
 from acquisition.table.table import Table
-from cell.chain import Array
-from cell.descriptions import Robot, load_robot
+from cell.arrays import Array
+from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
+from cell.load import load_robot
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.neighbours import Rows
 from cell.recording import (

@@ -19,7 +19,7 @@ from acquisition.stamps.quantised import spread
 from acquisition.table.header import Kind, Layout
 from acquisition.table.table import Table
 from acquisition.times import TIME_FORMS, TimeCells, TimeForm, recognised, stamps_ns, words
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import DescriptionError, LogError
 from cell.neighbours import Mask
 from cell.recording import EncoderFitting, EncoderName, SourceFile, SourceName

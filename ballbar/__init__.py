@@ -1,1 +1,90 @@
-"""The application: command line, scenarios, comparison, report and replay."""
+"""Robot calibration with a sensed double ball-bar: what a user of Python needs, under one name.
+
+    from ballbar import BallBarLog, RobotLog, identify, load_cell
+
+Each name is imported from its module when it is first used, so `import ballbar` takes milliseconds.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+PACKAGES = ("cell", "sim", "acquisition", "ident", "planning", "ballbar")  # of this project
+
+_PUBLIC = {
+    "cell.descriptions": "Cell Robot",
+    "cell.load": "load_cell load_robot",
+    "cell.errors": "InputError FailureError",
+    "cell.geometry": "Geometry nominal_geometry robot_frames bar_frames",
+    "cell.logs": "RobotLog BallBarLog ForceLog",
+    "acquisition.recording": "Recording read_recording",
+    "ident.identify": "identify identify_together",
+    "ident.options": "FitOptions Listener",
+    "ident.recording_fit": "Logs",
+    "ident.result": "Identification",
+    "ident.held_out": "HeldOut held_out",
+    "ident.robot.accuracy": "TcpError accuracy_grid position_error tcp_error",
+    "ident.robot.inverse_calibration": "CorrectedTargets corrected_targets",
+    "ident.robot.unloaded_robot": "UnloadedRobot",
+    "sim.simulate": "Simulation simulate write_recording",
+    "sim.truth": "Truth load_truth",
+    "ballbar.scenario": "Scenario load_scenario scenario_file",
+    "ballbar.result.calibration": "Calibration load_calibration write_calibration",
+}
+_HOME = {name: module for module, names in _PUBLIC.items() for name in names.split()}
+__all__ = sorted(_HOME)  # noqa: PLE0605  the table is the list
+
+if TYPE_CHECKING:  # the same names, for type checkers and editors
+    from acquisition.recording import Recording as Recording
+    from acquisition.recording import read_recording as read_recording
+    from ballbar.result.calibration import Calibration as Calibration
+    from ballbar.result.calibration import load_calibration as load_calibration
+    from ballbar.result.calibration import write_calibration as write_calibration
+    from ballbar.scenario import Scenario as Scenario
+    from ballbar.scenario import load_scenario as load_scenario
+    from ballbar.scenario import scenario_file as scenario_file
+    from cell.descriptions import Cell as Cell
+    from cell.descriptions import Robot as Robot
+    from cell.errors import FailureError as FailureError
+    from cell.errors import InputError as InputError
+    from cell.geometry import Geometry as Geometry
+    from cell.geometry import bar_frames as bar_frames
+    from cell.geometry import nominal_geometry as nominal_geometry
+    from cell.geometry import robot_frames as robot_frames
+    from cell.load import load_cell as load_cell
+    from cell.load import load_robot as load_robot
+    from cell.logs import BallBarLog as BallBarLog
+    from cell.logs import ForceLog as ForceLog
+    from cell.logs import RobotLog as RobotLog
+    from ident.held_out import HeldOut as HeldOut
+    from ident.held_out import held_out as held_out
+    from ident.identify import identify as identify
+    from ident.identify import identify_together as identify_together
+    from ident.options import FitOptions as FitOptions
+    from ident.options import Listener as Listener
+    from ident.recording_fit import Logs as Logs
+    from ident.result import Identification as Identification
+    from ident.robot.accuracy import TcpError as TcpError
+    from ident.robot.accuracy import accuracy_grid as accuracy_grid
+    from ident.robot.accuracy import position_error as position_error
+    from ident.robot.accuracy import tcp_error as tcp_error
+    from ident.robot.inverse_calibration import CorrectedTargets as CorrectedTargets
+    from ident.robot.inverse_calibration import corrected_targets as corrected_targets
+    from ident.robot.unloaded_robot import UnloadedRobot as UnloadedRobot
+    from sim.simulate import Simulation as Simulation
+    from sim.simulate import simulate as simulate
+    from sim.simulate import write_recording as write_recording
+    from sim.truth import Truth as Truth
+    from sim.truth import load_truth as load_truth
+else:
+
+    def __getattr__(name: str) -> object:
+        """The public object of this name, imported now and kept (PEP 562)."""
+        if name not in _HOME:
+            raise AttributeError(f"module 'ballbar' has no {name!r}; public: {', '.join(__all__)}")
+        value = globals()[name] = getattr(import_module(_HOME[name]), name)
+        return value
+
+
+def __dir__() -> list[str]:
+    """All names, those not imported yet included."""
+    return sorted({*globals(), *__all__})

@@ -17,24 +17,15 @@ from numpy.typing import NDArray
 
 from acquisition import read_recording
 from ballbar.scenario import Scenario
-from cell.descriptions import load_cell
 from cell.errors import InputError
-from cell.geometry import (
-    BAR_ROWS,
-    INDEX,
-    PARAMETERS,
-    ROBOT_ROWS,
-    Geometry,
-    bar_frames,
-    nominal_geometry,
-)
+from cell.geometry import BAR_ROWS, INDEX, PARAMETERS, Geometry, bar_frames, nominal_geometry
 from cell.inverse import refine
+from cell.load import load_cell
 from ident.estimator.closure import (
     bar_joint_jacobian,
     close_loop,
-    covariance,
     parameter_jacobian,
-    whitening,
+    robot_joint_jacobian,
 )
 from ident.estimator.dependencies import (
     EXTRA_PARAMETERS,
@@ -49,6 +40,7 @@ from ident.estimator.dependencies import (
     significant,
     spectrum,
 )
+from ident.estimator.whitening import covariance, whitening
 from ident.thesis.costs import COSTS, ENCODERS_NEEDED, ML, cost_named
 from sim.simulate import planned_path
 
@@ -224,12 +216,11 @@ def _linearised(
         )
     free = [j for j in range(BAR_ROWS) if j + 1 not in encoders]
     sigma = np.where(np.isin(np.arange(BAR_ROWS), free), 0.0, NOISE)
-    weights = whitening(
-        covariance(closure, np.full(ROBOT_ROWS, NOISE), sigma, 0.0),
-        bar_joint_jacobian(closure)[free],
-    )
+    ballbar = bar_joint_jacobian(closure)
+    noise = np.concatenate((NOISE * robot_joint_jacobian(closure), sigma[:, None, None] * ballbar))
+    weights = whitening(covariance(noise), ballbar[free])
     settled = b.copy()
-    settled[:, free] += weights.free_step(closure.error).T
+    settled[:, free] += weights.unmeasured_step(closure.error).T
     return (
         weights(closure.error).reshape(-1),
         weights(parameter_jacobian(closure, parameters)).reshape(len(names), -1),

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from acquisition import Recording, read_recording
 from ballbar.recordings.check import import_reports
 from ballbar.replay.live import LiveRun
 from ballbar.replay.show import REPLAY
@@ -14,21 +14,17 @@ from ballbar.report.page import write_report
 from ballbar.result.calibration import CALIBRATION, write_calibration
 from ballbar.result.compare import identification_against_truth, limits_of
 from ballbar.result.iterations import IterationLog
+from ballbar.result.names import IMPORT_REPORT, RECORDING, REPORT
 from ballbar.result.run_data import RunData
-from ballbar.result.run_recordings import Progress, identify_recordings
-from ballbar.scenario import IdentifySettings, Scenario
+from ballbar.result.run_recordings import identify_recordings
+from ballbar.scenario import Scenario
+from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
-from cell.logs import RobotLog
 from cell.recording import load_recording_file
-from ident.identify import DEFAULT_SAMPLES, Identification
-from sim.settings import PathSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
 
-RECORDING = "recording"
-REPORT = "report.html"
-IMPORT_REPORT = "import_report.json"
-
+Progress = Callable[[str], None]
 OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY}
 
 
@@ -62,14 +58,6 @@ def simulate_scenario(
     return simulation
 
 
-def recorded_log(path: PathSettings, folder: Path) -> RobotLog | None:
-    """The robot's log of the recording that a scenario's path follows, if it follows one.
-
-    folder : of the scenario. Raises InputError for a recording that cannot be read.
-    """
-    return read_recording(folder / path.recording).robot_log if path.kind == "recorded" else None
-
-
 def claim_recording(folder: Path) -> None:
     """Makes sure that a simulated recording may go to `folder`. Raises InputError; a real recording is never overwritten."""
     claim_folder(folder, {"recording.yaml", "raw"}, "a recording")
@@ -79,34 +67,13 @@ def claim_recording(folder: Path) -> None:
         )
 
 
-def identify_folder(
-    folder: Path, *, samples: int = DEFAULT_SAMPLES, progress: Progress
-) -> tuple[Recording, Identification]:
-    """Reads and identifies a recording. Raises InputError for bad files, StartError when the logs do not fit together."""
-    data = identify_recordings(
-        [folder], settings=IdentifySettings(samples=samples), progress=progress
-    )
-    return data.recording, data.identification
-
-
 def write_outputs(
     out: Path, data: RunData, *, command: str, replay: bool, progress: Progress
 ) -> None:
     """Writes calibration.yaml, import_report.json, report.html and, if asked for, run.rrd."""
-    file = data.recording.description
-    read = {one.name: one.recording for one in data.fitted} | {
-        one.outcome.name: one.recording for one in data.validations
-    }
-    write_whole(out / IMPORT_REPORT, import_reports(read).encode())
-    write_calibration(
-        out / CALIBRATION,
-        data.identification,
-        robot=file.robot,
-        ballbar=file.ballbar,
-        plate=file.plate,
-        recordings=[(one.name, one.identification) for one in data.joined],
-        held_out=[one.outcome for one in data.validations],
-    )
+    reports = {name: recording for name, _, recording in data.read}
+    write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
+    write_calibration(out / CALIBRATION, data)
     progress("writing the report")
     write_report(out / REPORT, data, command=command)
     if replay:
@@ -136,13 +103,11 @@ def run_scenario(
     folder = out / RECORDING
     simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress, live=live)
     log = IterationLog(progress, live.iterated if live else None)
-    found = identify_recordings(
-        [folder], settings=scenario.identify, progress=log.progress, on_iteration=log.on_iteration
-    )
-    comparison = identification_against_truth(found.identification, simulation.truth)
-    limits = limits_of(comparison, found.identification.iterations, scenario.accept)
+    data = identify_recordings([folder], settings=scenario.identify, listener=log.listener)
+    comparison = identification_against_truth(data.identification, simulation.truth)
+    limits = limits_of(comparison, data.identification.fit.iterations, scenario.accept)
     data = replace(
-        found,
+        data,
         name=scenario.name,
         simulation=simulation,
         comparison=comparison,

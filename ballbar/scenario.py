@@ -7,14 +7,16 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from cell.errors import DescriptionError
 from cell.schema import Strict
-from cell.schema_errors import wrong_key
+from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_model
 from ident.corrections import CORRECTIONS
-from ident.estimator.machine import ForceSource
-from ident.identify import ModelName
+from ident.options import FitOptions, ForceSource, ModelName
 from ident.thesis.costs import ENCODERS_NEEDED
 from sim.settings import SimulationSettings
+
+SHIPPED = Path(__file__).parents[1] / "scenarios"  # beside the packages, in the tree and installed
 
 
 def _known_correction(name: str) -> str:
@@ -74,6 +76,17 @@ class IdentifySettings(Strict):
         None,
         description="Of a measured rod: bd3 of the ball-bar's file is that length. Without it, the catalogue's tolerance.",
     )
+
+    @property
+    def options(self) -> FitOptions:
+        """The options of the identification itself."""
+        return FitOptions(
+            model=self.model,
+            corrections=self.corrections,
+            force=self.force,
+            rod_sigma=self.rod_sigma_m,
+            samples=self.samples,
+        )
 
 
 class AcceptSettings(Strict):
@@ -144,6 +157,27 @@ class Scenario(SimulationSettings):
         return self
 
 
-def load_scenario(path: Path) -> Scenario:
-    """The checked scenario. Raises DescriptionError naming file, line and key."""
-    return load_model(path, Scenario)
+def scenario_file(name: str | Path) -> Path:
+    """The file of a scenario: the path itself, or the shipped scenario of that name.
+
+    name : a path, or a bare name such as `irb2400`. Raises DescriptionError when a bare name is
+    neither a file here nor a shipped scenario.
+    """
+    path = Path(name)
+    if path.is_file() or path.suffix or path.name != str(path):
+        return path
+    names = sorted(file.stem for file in SHIPPED.glob("*.yaml"))
+    if path.name in names:
+        return SHIPPED / f"{path.name}.yaml"
+    hint = nearest(path.name, names, noun="name")
+    raise DescriptionError(
+        f"unknown scenario {path.name!r}.{hint} A file of your own ends in .yaml."
+    )
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """The checked scenario of a file, or the shipped one of a bare name.
+
+    Raises DescriptionError naming file, line and key.
+    """
+    return load_model(scenario_file(path), Scenario)

@@ -1,7 +1,8 @@
-"""What every command shares with the terminal: two consoles, --quiet and --verbose, the stage that is under way.
+"""Terminal of all commands: two consoles, the options --quiet and --verbose, a bar of progress.
 
-Results go to standard output, everything else to standard error. Colours are for a terminal; in a pipe there are none unless
-FORCE_COLOR is set, and NO_COLOR switches them off (both as rich reads them). What moves is for a terminal alone.
+Results go to standard output, everything else to standard error. Colours are for a terminal; in a
+pipe there are none unless FORCE_COLOR is set, and NO_COLOR switches them off (both as rich reads
+them). Bars and changing tables are for a terminal alone.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ err = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 @dataclass
 class _Detail:
-    """How much the running command tells."""
+    """How much the running command prints."""
 
     quiet: bool = False
     verbose: bool = False
@@ -35,41 +36,51 @@ _detail = _Detail()
 
 
 class CommandGroup(TyperGroup):
-    """Commands that all take --quiet and --verbose, as the group does: before the command's name or behind it."""
+    """Commands that take --quiet and --verbose before the command's name or after it."""
 
-    def __init__(self, *given: Any, **options: Any) -> None:
-        super().__init__(*given, **options)
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
         shared = [option for option in self.params if option.name in ("quiet", "verbose")]
         for command in self.commands.values():
             command.params += shared
 
     def invoke(self, ctx: Any) -> Any:
-        """Runs a command; after Ctrl-C says that files are whole, and exits with INTERRUPTED."""
+        """Runs a command; exits with INTERRUPTED after Ctrl-C."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            err.print("interrupted; nothing half-written was left")
+            err.print("interrupted; no incomplete file was left behind")
             raise typer.Exit(INTERRUPTED) from None
 
 
-def fresh_terminal() -> None:
-    """Neither quiet nor verbose, as every command begins."""
+def reset_terminal() -> None:
+    """Resets --quiet and --verbose, before a command runs."""
     _detail.quiet = _detail.verbose = out.quiet = False
 
 
 def silence() -> None:
-    """No words on standard output from here on: what follows there is JSON."""
+    """Stops all text on standard output, for a command that prints JSON there."""
     out.quiet = True
 
 
-def moves(console: Console) -> bool:
-    """Whether something that moves may be drawn: on a real terminal, not asked to be quiet or to tell every stage."""
+def animated(console: Console) -> bool:
+    """Whether a bar may be drawn: on a real terminal, with neither --quiet nor --verbose."""
     return console.file.isatty() and not _detail.quiet and not _detail.verbose
+
+
+def wide_console(console: Console, width: int) -> Console:
+    """The console itself on a terminal; for a pipe or file one of `width` characters."""
+    if console.is_terminal:
+        return console
+    return Console(file=console.file, width=width, quiet=console.quiet)
 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str], None]]:
-    """A bar with the stage and the seconds so far, on a terminal; with --verbose a line each stage; else nothing."""
+    """Shows the stage of a command that the callback is given, and the seconds so far.
+
+    On a terminal as a bar; with --verbose as a line for each stage; otherwise not at all.
+    """
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -77,7 +88,7 @@ def progress_bar() -> Iterator[Callable[[str], None]]:
         console=err,
         transient=True,
     )
-    task = bar.add_task("starting", total=None)  # how long a stage takes is not known before
+    task = bar.add_task("starting", total=None)  # the time of a stage is not known before
     since = time.monotonic()
 
     def show(stage: str) -> None:
@@ -85,7 +96,7 @@ def progress_bar() -> Iterator[Callable[[str], None]]:
             err.print(f"{time.monotonic() - since:7.1f} s  {stage}")
         bar.update(task, description=stage)
 
-    with bar if moves(err) else nullcontext():
+    with bar if animated(err) else nullcontext():
         yield show
 
 
@@ -103,7 +114,7 @@ Quiet = Annotated[
     typer.Option(
         "--quiet",
         "-q",
-        help="Print nothing but errors, and what --json asks for.",
+        help="Print only errors, and the output of --json.",
         callback=_take_quiet,
         expose_value=False,
     ),
@@ -113,7 +124,7 @@ Verbose = Annotated[
     typer.Option(
         "--verbose",
         "-v",
-        help="Tell each stage with the seconds it began at, also in a pipe.",
+        help="Print each stage with the seconds since the start, also in a pipe.",
         callback=_take_verbose,
         expose_value=False,
     ),

@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from acquisition import read_recording
-from ident.identify import Identification, identify
+from ident.identify import identify
 from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate, write_recording
+from sim.simulate import simulate, write_recording
+from tests.helpers.clock_truth import clock_error
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 ALLOWED = 100e-6  # [s]
@@ -65,23 +66,6 @@ def settings(duration: float, clocks: dict[str, object], seed: int) -> Simulatio
             "seed": seed,
         }
     )
-
-
-def clock_error(simulation: Simulation, found: Identification) -> np.ndarray:
-    """(M,) [s] robot time that the fit gives each ball-bar row, less the true one."""
-    times, rows = simulation.times, simulation.rows.ballbar
-    row = np.concatenate(rows)
-    stamps = (times.bar_stamp[row] - times.bar_stamp[row[0]]) * 1e-9
-    true = times.bar_true[row] - times.robot_true[0]
-    assert found.clock is not None
-    back = np.flatnonzero(np.diff(stamps) < 0)
-    for k in back:  # as the reader joins the two segments
-        stamps[k + 1 :] += stamps[k] - stamps[k + 1] + np.median(np.diff(stamps))
-    told = stamps.copy()
-    for event in found.events:
-        if event.kind == "clock":
-            told[stamps > event.time] -= event.size
-    return np.asarray(found.clock.robot_time(told) - true)
 
 
 def main() -> None:

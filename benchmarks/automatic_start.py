@@ -139,13 +139,14 @@ def one(draw: int) -> dict[str, object]:
     except StartError as error:
         return row | {"solved": False, "status": f"failed: {error}"}
     comparison = identification_against_truth(result, simulation.truth)
-    late = abs(result.clock.offset - offset) if result.clock else 0.0
+    (found,) = result.recordings
+    late = abs(found.clock.offset - offset) if found.clock else 0.0
     limit = 1e-4 if log is not None else 1.5e-3
     return row | {
         "solved": bool(late < 1e-3 and comparison.tcp.mean < limit),
         "status": result.verdict.status,
-        "iterations": result.iterations,
-        "tried": result.start.tried,
+        "iterations": result.fit.iterations,
+        "tried": found.start.tried,
         "offset_error_us": late * 1e6,
         "tcp_mean_mm": comparison.tcp.mean * 1e3,
         "tcp_before_mm": comparison.tcp_nominal.mean * 1e3,

@@ -17,7 +17,8 @@ import numpy as np
 import yaml
 
 from acquisition import coarse_alignment, read_recording
-from cell.descriptions import joints_to_motors, load_robot
+from cell.load import load_robot
+from cell.robot_angles import joints_to_motors
 from sim.motion import Motion
 from sim.settings import SimulationSettings
 from sim.simulate import simulate

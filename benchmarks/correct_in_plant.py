@@ -14,136 +14,18 @@ from __future__ import annotations
 import argparse
 import csv
 import io
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
-from cell.chain import Array, Frames
-from cell.descriptions import Cell, load_cell
 from cell.files import write_whole
-from cell.geometry import Geometry, nominal_geometry, robot_frames
-from cell.inverse import pose_error
-from ident.corrections import CORRECTIONS
-from ident.corrections.gear_ripple import harmonic_orders
-from ident.identify import DEFAULT_SAMPLES, identify_together
-from ident.robot.accuracy import accuracy_grid, position_error
-from ident.robot.inverse_calibration import TargetError, corrected_targets
-from ident.robot.unloaded_robot import UnloadedRobot
-from sim.errors.sensor_effects import ResolverEffects, resolver_effects
-from sim.errors.static_errors import true_geometry
-from sim.plant.effects import PlantEffects, plant_effects
-from sim.plant.held_poses import HeldPoses, hold_poses
-from sim.settings import SimulationSettings
+from tests.helpers.plant_robot import robot_row
 
 OUT = Path(__file__).parent.parent / "docs" / "studies" / "correct_in_plant.csv"
-POSES = 200
-GEARS = ("joint_compliance", "gear_backlash", "gear_ripple")
 COLUMNS = (
     "robot", "seed", "poses", "refused", "before_mean_mm", "before_max_mm", "after_mean_mm", "after_max_mm", "before_mean_mrad",
     "after_mean_mrad", "after_aligned_mean_mm", "known_mean_mm", "known_max_mm", "predicted_before_mean_mm", "readings_miss_urad",
 )  # fmt: skip
-
-
-class PlantRobot:
-    """The true robot of a scenario, free."""
-
-    def __init__(self, scenario: SimulationSettings) -> None:
-        chosen = scenario.cell
-        self.cell: Cell = load_cell(
-            chosen.robot, chosen.ballbar, chosen.plate, relative_to=SCENARIOS
-        )
-        self.nominal: Geometry = nominal_geometry(self.cell, np.array(chosen.ballbar_position_m))
-        self.true: Geometry = true_geometry(
-            self.nominal,
-            scenario.errors,
-            plate_sigma=self.cell.plate.length_sigma,
-            seed=scenario.seed,
-        )
-        self.effects: PlantEffects = plant_effects(scenario.errors, self.cell, scenario.seed)
-        asked = scenario.errors.resolver_error
-        self.resolvers: ResolverEffects | None = (
-            resolver_effects(asked, seed=scenario.seed) if asked else None
-        )
-
-    def hold(self, targets: Array) -> HeldPoses:
-        """Targets (N, 6) [rad] held."""
-        return hold_poses(self.cell, self.true, self.effects, targets, resolvers=self.resolvers)
-
-
-def known_robot(plant: PlantRobot) -> UnloadedRobot:
-    """What a perfect identification would find: the plant's own numbers as coefficients of the corrections."""
-    effects, robot = plant.effects, plant.cell.robot
-    assert effects.gear_stiffness is not None
-    waves = {(r.gear, r.order): r.amplitude * np.exp(1j * r.phase) for r in effects.ripples}
-    for i, harmonics in enumerate(plant.resolvers.motors if plant.resolvers else ()):
-        share = float(robot.transmission[i, i])
-        for h in harmonics:  # the controller reads too much by it, so the gear stands that much behind, in gear angles
-            order = h.order / abs(share)
-            phase = h.phase_rad if share > 0.0 else np.pi - h.phase_rad
-            waves[i, order] = waves.get((i, order), 0j) - share * h.amplitude_rad * np.exp(
-                1j * phase
-            )
-    found = [waves.get((gear, order), 0j) for gear, order, _ in harmonic_orders(plant.cell)]
-    ripple = [part for z in found for part in (z.real, z.imag)]
-    values = np.concatenate((1.0 / effects.gear_stiffness, effects.gear_backlash, ripple))
-    return UnloadedRobot(
-        plant.cell, plant.true, tuple(CORRECTIONS[name](plant.cell, ()) for name in GEARS), values
-    )
-
-
-def pose_distance(wanted: Frames, held: HeldPoses) -> tuple[Array, Array]:
-    """(N,) [m] and (N,) [rad] from the wanted to the held pose."""
-    mismatch = pose_error(held.tool[:, :3, :3].transpose(1, 2, 0), held.tool[:, :3, 3].T, wanted)
-    return np.linalg.norm(mismatch[:3], axis=0), np.linalg.norm(mismatch[3:], axis=0)
-
-
-def study(plant: PlantRobot, identified: UnloadedRobot, poses: int) -> dict[str, object]:
-    """Figures of one robot: pose errors of held targets, nominal and corrected."""
-    q = accuracy_grid(plant.cell.robot)[:poses]
-    while True:
-        try:
-            corrected = corrected_targets(identified, plant.nominal, q)
-            break
-        except TargetError as error:  # at a singularity; counted
-            q = np.delete(q, list(error.faults), axis=0)
-    wanted = robot_frames(plant.nominal, q)
-    before, after = plant.hold(q), plant.hold(corrected.q)
-    known = pose_distance(
-        wanted, plant.hold(corrected_targets(known_robot(plant), plant.nominal, q).q)
-    )[0]
-    (p0, a0), (p1, a1) = pose_distance(wanted, before), pose_distance(wanted, after)
-    return {
-        "poses": len(q),
-        "refused": poses - len(q),
-        "before_mean_mm": p0.mean() * 1e3,
-        "before_max_mm": p0.max() * 1e3,
-        "after_mean_mm": p1.mean() * 1e3,
-        "after_max_mm": p1.max() * 1e3,
-        "before_mean_mrad": a0.mean() * 1e3,
-        "after_mean_mrad": a1.mean() * 1e3,
-        "after_aligned_mean_mm": position_error(wanted.tip.T, after.tool[:, :3, 3]).mean * 1e3,
-        "known_mean_mm": known.mean() * 1e3,
-        "known_max_mm": known.max() * 1e3,
-        "predicted_before_mean_mm": corrected.position_before.mean() * 1e3,
-        "readings_miss_urad": np.abs(after.miss).max() * 1e6,
-    }
-
-
-def robot_row(
-    robot: str, seed: int, duration: float, *, poses: int = POSES, samples: int = DEFAULT_SAMPLES
-) -> dict[str, object]:
-    """One drawn robot: recorded, identified, corrected, held."""
-    scenario = scenario_of(robot, "a", seed, duration)
-    with tempfile.TemporaryDirectory() as folder:
-        made = [recorded(scenario_of(robot, p, seed, duration), Path(folder) / p) for p in "ab"]
-    found = identify_together(
-        made[0][0], [logs for _, logs, _ in made], model="complete", force="torque", samples=samples
-    )[0]
-    return {"robot": robot, "seed": seed} | study(
-        PlantRobot(scenario), found.unloaded_robot(), poses
-    )
 
 
 def main() -> None:

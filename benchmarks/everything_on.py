@@ -19,41 +19,21 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import read_recording
 from ballbar.result.compare import identification_against_truth
-from ballbar.scenario import Scenario, load_scenario
 from cell.descriptions import Cell
 from cell.files import write_whole
-from ident.estimator.machine import ForceSource
-from ident.identify import Identification, Logs, identify_together
-from sim.simulate import simulate, write_recording
+from ident.identify import identify_together
+from ident.options import FitOptions, ForceSource
+from ident.result import Identification
 from sim.truth import Truth
+from tests.helpers.drawn_robots import ROOT, recorded, scenario_of
 
-ROOT = Path(__file__).parent.parent
-SCENARIOS = ROOT / "scenarios"
 FORCES: dict[str, ForceSource] = {"none": "none", "torque": "torque", "sensor": "sensor"}
 ROD_SIGMA = 5e-6  # [m] of a measured rod
 COLUMNS = (
     "robot", "seed", "paths", "signal", "status", "tcp_mean_mm", "tcp_max_mm", "tcp_sigma_mm", "chi2", "autocorrelation",
     "stiffness_median_percent", "stiffness_worst_percent", "clock_us", "skew_ppm", "covered",
 )  # fmt: skip
-
-
-def scenario_of(robot: str, path: str, seed: int, duration: float) -> Scenario:
-    """A drawn robot with everything on along one of its paths."""
-    base = load_scenario(SCENARIOS / f"{robot}_full.yaml")
-    asked = base.model_dump(mode="json", by_alias=True, exclude_none=True)
-    asked["errors"]["static"] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "thesis"}
-    asked["path"] |= {"file": f"paths/{robot}_{path}.yaml", "duration_s": duration}
-    return Scenario.model_validate(asked | {"seed": seed}, strict=False)
-
-
-def recorded(scenario: Scenario, folder: Path) -> tuple[Cell, Logs, Truth]:
-    """Logs of one run, through its files."""
-    simulation = simulate(scenario, relative_to=SCENARIOS)
-    write_recording(simulation, scenario, folder)
-    read = read_recording(folder)
-    return simulation.cell, Logs(read.robot_log, read.ballbar_log, read.force_log), simulation.truth
 
 
 def robot_rows(
@@ -68,11 +48,12 @@ def robot_rows(
         force, _, rod = signal.partition("+")
         logs = [m[1] for m in made]
         stands, rod_sigma = (measured_rod(cell, truth, seed), ROD_SIGMA) if rod else (cell, None)
-        found = identify_together(
-            stands, logs, model="complete", force=FORCES[force], rod_sigma=rod_sigma
-        )
+        options = FitOptions(model="complete", force=FORCES[force], rod_sigma=rod_sigma)
+        found = identify_together(stands, logs, options=options)
         rows.append(row(robot, seed, "a+b", signal, found, [m[2] for m in made]))
-    alone = identify_together(cell, [made[0][1]], model="complete", force="none")
+    alone = identify_together(
+        cell, [made[0][1]], options=FitOptions(model="complete", force="none")
+    )
     rows.append(row(robot, seed, "a", "none", alone, [truth]))
     return rows
 
@@ -85,15 +66,15 @@ def measured_rod(cell: Cell, truth: Truth, seed: int) -> Cell:
 
 
 def row(
-    robot: str, seed: int, paths: str, signal: str, found: list[Identification], truths: list[Truth]
+    robot: str, seed: int, paths: str, signal: str, found: Identification, truths: list[Truth]
 ) -> dict[str, object]:
     """Figures of one fit against the truth."""
-    first, truth = found[0], truths[0]
-    compared = identification_against_truth(first, truth)
+    truth = truths[0]
+    compared = identification_against_truth(found, truth)
     stiffness = np.array(truth.plant.gear_stiffness_N_m_per_rad)
     elastic = {
         v.name: v.value
-        for c in first.corrections
+        for c in found.robot.corrections
         if c.name == "joint_compliance"
         for v in c.coefficients
     }
@@ -102,32 +83,22 @@ def row(
     )
     clocks = [
         (abs(f.clock.offset - t.offset), abs(f.clock.skew - t.skew))
-        for f, t in zip(found, truths, strict=True)
+        for f, t in zip(found.recordings, truths, strict=True)
         if f.clock
     ]
-    sigma = np.array([first.sigma[name] for name in compared.deviations])
+    sigma = np.array([found.sigma[name] for name in compared.deviations])
     inside = np.abs(np.array(list(compared.deviations.values()))) < 1.96 * sigma
     return dict(
         zip(
             COLUMNS,
             (
-                robot, seed, paths, signal, first.verdict.status, compared.tcp.mean * 1e3, compared.tcp.maximum * 1e3,
-                float(first.tcp_sigma.mean()) * 1e3, first.chi2_per_dof, first.autocorrelation, float(np.median(wrong)) * 100,
+                robot, seed, paths, signal, found.verdict.status, compared.tcp.mean * 1e3, compared.tcp.maximum * 1e3,
+                float(found.robot.tcp_sigma.mean()) * 1e3, found.fit.chi2_per_dof, found.fit.autocorrelation, float(np.median(wrong)) * 100,
                 float(wrong.max()) * 100, max(c[0] for c in clocks) * 1e6, max(c[1] for c in clocks) * 1e6, float(inside.mean()),
             ),
             strict=True,
         )
     )  # fmt: skip
-
-
-def asked_robots(words: str | None) -> argparse.Namespace:
-    """Options of a study of drawn robots: how many, and how long each recording is."""
-    parser = argparse.ArgumentParser(
-        description=words, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--robots", type=int, default=8)
-    parser.add_argument("--duration", type=float, default=120.0, help="[s]")
-    return parser.parse_args()
 
 
 def main() -> None:

@@ -24,19 +24,23 @@ from scipy.optimize import least_squares
 from acquisition import read_recording
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
-from benchmarks.everything_on import SCENARIOS, recorded, scenario_of
-from cell.chain import Array
-from cell.descriptions import Cell, load_cell
-from cell.geometry import Geometry
+from cell.arrays import Array
+from cell.clock import Clock
+from cell.descriptions import Cell
+from cell.load import load_cell
 from cell.threads import one_thread_each
+from ident.complete_fit import FIRST_EXCESS, approached, fit_pose, posed
 from ident.corrections import CORRECTIONS
-from ident.estimator.identifiability import candidates, identifiable
-from ident.estimator.joint_fit import JointFit, approach, minimise
-from ident.estimator.machine import FIRST_EXCESS, posed
-from ident.estimator.problem import Clock, Estimate, NoiseModel, Problem
-from ident.estimator.solver import Fit, solve
-from ident.identify import Logs, fit_alone
+from ident.estimator.fit import Fit, fit_kinematics
+from ident.estimator.identifiability import candidates
+from ident.estimator.model import JOINTS_AS_LOGGED, Model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.samples import Samples, samples_of
+from ident.estimator.unknowns import kinematic_unknowns
+from ident.options import FitOptions
+from ident.recording_fit import Logs, fit_recording, identifiable_parameters
 from ident.thesis.paired_samples import through_samples
+from tests.helpers.drawn_robots import SCENARIOS, recorded, scenario_of
 
 T = TypeVar("T")
 SAMPLES, MANY = 1500, 15_000
@@ -75,42 +79,37 @@ def kinematic() -> None:
     samples = trial_samples(white_scenario(), SCENARIOS)
     inside = samples.t[20:-20]
 
-    def problem() -> Problem:
-        robot, bar = through_samples(samples.t, samples.q), through_samples(samples.t, samples.b)
-        return Problem(
-            robot, bar, JOINTS, np.ones(5), inside, NoiseModel(robot.noise, bar.noise, ROD)
-        )
+    clock, excess = Clock(0.0, 0.0), ExcessNoise(rod=ROD)
 
-    ready = problem()
-    start = ready.start(samples.nominal, Clock(0.0, 0.0))
-    chosen = identifiable(
-        ready, start, samples.nominal, candidates(JOINTS, complete=True)
+    def ready() -> Samples:
+        robot, bar = through_samples(samples.t, samples.q), through_samples(samples.t, samples.b)
+        return samples_of(robot, bar, JOINTS, np.ones(5), inside, spacing=robot.row_period)
+
+    every = candidates(JOINTS, complete=True)
+    chosen = identifiable_parameters(
+        ready(), samples.nominal, clock, excess, samples.nominal, every
     ).parameters
 
     def ours() -> Fit:
-        made = problem()
-        return solve(made, made.start(samples.nominal, Clock(0.0, 0.0)), chosen)
+        return fit_kinematics(ready(), samples.nominal, clock, chosen, excess)
 
     def rival() -> Array:
-        made = problem()
-        here = made.start(samples.nominal, Clock(0.0, 0.0))
-        weights = made.whitening(made.closure(here))
+        layout, start = kinematic_unknowns(samples.nominal, clock, chosen)
+        here = ready()
+        model = Model(JOINTS_AS_LOGGED, None, (), layout, (here,))
+        ballbar = here.ballbar_angles(samples.nominal, clock)
+        weights = model.weights(start, model.evaluate(start, 0, ballbar), excess)
 
         def residual(x: Array) -> Array:
-            values = here.geometry.values.copy()
-            values[chosen] = x[:-2]
-            at = Estimate(Geometry(values), Clock(x[-2], x[-1]), here.bar)
-            return weights(made.closure(at).error).reshape(-1)
+            return weights(model.evaluate(x, 0, ballbar).closure.error).reshape(-1)
 
-        found = least_squares(
-            residual, np.concatenate((here.geometry.values[chosen], [0.0, 0.0])), method="lm"
-        )
+        found = least_squares(residual, start, method="lm")
         np.linalg.inv(found.jac.T @ found.jac)
         return np.asarray(found.x)
 
     fit = ours()
     sigma = np.sqrt(np.diag(fit.covariance))[:-2]
-    apart = np.abs(rival()[:-2] - fit.estimate.geometry.values[chosen]) / sigma
+    apart = np.abs(rival() - fit.x)[:-2] / sigma
     mine, theirs = spent(ours, 15), spent(rival, 3)
     print(
         f"complete kinematic model and clock, {len(fit.covariance)} parameters, {SAMPLES} samples: {mine:.1f} ms (required 15)"
@@ -138,23 +137,23 @@ def read(folder: Path) -> tuple[Cell, Logs]:
 def corrected(folder: Path, count: int) -> tuple[float, int]:
     """[ms] of a fit with all corrections, from what one recording's dh fit leaves to the covariance; and the number of unknowns."""
     cell, logs = read(folder)
-    alone = fit_alone(cell, logs, count)
-    model, x, bars = posed(cell, alone.nominal, [alone.prepared()], list(CORRECTIONS), "torque")
+    options = FitOptions(force="torque", samples=count)
+    pose = posed(cell, [fit_recording(cell, logs, options)], list(CORRECTIONS), options)
 
-    def fit() -> JointFit:
-        return minimise(model, approach(model, x, bars, FIRST_EXCESS), bars, FIRST_EXCESS)
+    def fit() -> Fit:
+        return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS)
 
-    return spent(fit, 5), model.unknowns.count
+    return spent(fit, 5), pose.x.size
 
 
 IDENTIFY = """
 import resource, sys
 from acquisition import read_recording
-from cell.descriptions import load_cell
-from ident.identify import identify
+from cell.load import load_cell
+from ident import FitOptions, identify
 read = read_recording(__import__("pathlib").Path(sys.argv[1]))
 cell = load_cell(read.description.robot, read.description.ballbar, read.description.plate)
-identify(cell, read.robot_log, read.ballbar_log, model="complete", samples=int(sys.argv[2]))
+identify(cell, read.robot_log, read.ballbar_log, options=FitOptions(model="complete", samples=int(sys.argv[2])))
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
 

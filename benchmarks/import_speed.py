@@ -25,8 +25,9 @@ from acquisition import read_recording
 from acquisition.formats.dialect import load_dialect
 from acquisition.formats.registry import read_file
 from acquisition.sources import ballbar_layout, robot_layout
-from cell.descriptions import joints_to_motors, load_robot
+from cell.load import load_robot
 from cell.recording import SourceFile, load_recording_file
+from cell.robot_angles import joints_to_motors
 
 ROUNDS = 15
 ROBOT_ROWS, BAR_ROWS = 150_000, 60_000

@@ -9,7 +9,7 @@ data can show. Writes docs/studies/incomplete_models.csv.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,12 +18,12 @@ import numpy as np
 import pandas as pd
 
 from ballbar.result.compare import identification_against_truth
-from benchmarks.everything_on import ROOT, recorded, scenario_of
-from benchmarks.robustness import faulty
 from cell.descriptions import Cell
 from cell.files import write_whole
 from ident.corrections import CORRECTIONS
 from ident.identify import identify_together
+from ident.options import FitOptions
+from tests.helpers.drawn_robots import ROOT, faulty, recorded, scenario_of
 
 SEED, DURATION = 1, 120.0
 Harmonics = tuple[tuple[float, float], ...]
@@ -97,19 +97,15 @@ def row(number: int) -> dict[str, object]:
             for p in "ab"
         ]
     cell, truth = made[0][0], made[0][2]
-    corrections: Sequence[str] = [name for name in CORRECTIONS if name not in case.without]
-    found = identify_together(
-        case.believed(cell),
-        [logs for _, logs, _ in made],
-        model="complete",
-        corrections=corrections,
-        force="torque",
-    )[0]
+    corrections = tuple(name for name in CORRECTIONS if name not in case.without)
+    options = FitOptions(model="complete", corrections=corrections, force="torque")
+    every = [logs for _, logs, _ in made]
+    found = identify_together(case.believed(cell), every, options=options)
     compared = identification_against_truth(found, truth)
     return {
-        "case": case.name, "visible": case.visible, "status": found.verdict.status, "autocorrelation": found.autocorrelation,
-        "chi2": found.chi2_per_dof, "tcp_mean_mm": compared.tcp.mean * 1e3, "tcp_max_mm": compared.tcp.maximum * 1e3,
-        "stated_sigma_mm": float(np.sqrt((found.tcp_sigma**2).mean())) * 1e3, "says": found.verdict.sentence,
+        "case": case.name, "visible": case.visible, "status": found.verdict.status, "autocorrelation": found.fit.autocorrelation,
+        "chi2": found.fit.chi2_per_dof, "tcp_mean_mm": compared.tcp.mean * 1e3, "tcp_max_mm": compared.tcp.maximum * 1e3,
+        "stated_sigma_mm": float(np.sqrt((found.robot.tcp_sigma**2).mean())) * 1e3, "says": found.verdict.sentence,
     }  # fmt: skip
 
 

@@ -20,7 +20,8 @@ from scipy.optimize import least_squares
 
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import cost_parameters, trial_samples
-from cell.chain import Array, Chain
+from cell.arrays import Array
+from cell.chain import Chain
 from cell.geometry import Geometry
 from ident.thesis.cost_fit import fit_cost
 from ident.thesis.costs import cost_named

@@ -22,10 +22,10 @@ import numpy as np
 
 from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import Scenario, load_scenario
-from benchmarks.everything_on import ROOT, SCENARIOS, recorded
 from cell.files import write_whole, write_yaml
 from cell.geometry import BAR_ROWS
 from ident.identify import identify_together
+from ident.options import FitOptions
 from planning.candidate import Candidate, rounded, space_of
 from planning.course import course_over
 from planning.files import path_data
@@ -36,6 +36,7 @@ from planning.predict import predict
 from planning.request import load_request
 from planning.sample import sampled
 from sim.simulate import load_lissajous
+from tests.helpers.drawn_robots import ROOT, SCENARIOS, recorded
 
 ROBOTS = ("irb2400", "nj220")
 PATHS = ("planned", "a", "random")
@@ -108,12 +109,13 @@ def identified(robot: str, path: str, seed: int) -> dict[str, object]:
             write_yaml(Path(folder) / "path.yaml", data)
         scenario = Scenario.model_validate(asked | {"seed": seed}, strict=False)
         cell, logs, truth = recorded(scenario, Path(folder) / "recording")
-    found = identify_together(cell, [logs], model="complete", force="none")[0]
+    options = FitOptions(model="complete", force="none")
+    found = identify_together(cell, [logs], options=options)
     tcp = identification_against_truth(found, truth).tcp
     return {
         "robot": robot, "path": path, "seed": seed, "status": found.verdict.status, "tcp_mean_mm": tcp.mean * 1e3,
         "tcp_max_mm": tcp.maximum * 1e3, "tcp_mean_without_scale_mm": float(tcp.error_without_scale.mean()) * 1e3,
-        "tcp_sigma_mm": float(found.tcp_sigma.mean()) * 1e3, "chi2": found.chi2_per_dof, "autocorrelation": found.autocorrelation,
+        "tcp_sigma_mm": float(found.robot.tcp_sigma.mean()) * 1e3, "chi2": found.fit.chi2_per_dof, "autocorrelation": found.fit.autocorrelation,
     }  # fmt: skip
 
 

@@ -19,11 +19,13 @@ import numpy as np
 from mujoco import rollout
 
 from ballbar.scenario import load_scenario
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
+from cell.load import load_cell
+from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import ReferencePath, reference_path
-from sim.plant.effects import PlantEffects, PlantErrors, plant_effects
+from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.mujoco_plant import prepare, run_plant
 from sim.simulate import load_lissajous
 

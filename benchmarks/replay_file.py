@@ -40,7 +40,7 @@ def main(scenarios: list[str]) -> bool:
                 write_replay(path, data)
                 spent.append(time.process_time() - begun)
             size = path.stat().st_size / 1e6
-        length, seconds = data.recording.robot_log.t[-1], sorted(spent)[REPEATS // 2]
+        length, seconds = data.recordings[0].recording.robot_log.t[-1], sorted(spent)[REPEATS // 2]
         within &= seconds <= LIMIT_S and size <= LIMIT_MB
         print(
             f"{settings.name:14} {length:4.0f} s: {seconds:.2f} s processor time (limit {LIMIT_S:g}), {size:.1f} MB (limit {LIMIT_MB:g})"

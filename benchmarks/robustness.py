@@ -16,14 +16,23 @@ import numpy as np
 import pandas as pd
 
 from ballbar.result.compare import identification_against_truth
-from ballbar.scenario import Scenario
-from benchmarks.everything_on import ROOT, asked_robots, recorded, scenario_of
 from cell.descriptions import Cell
 from cell.files import write_whole
-from ident.identify import Identification, Logs, identify_together
+from ident.identify import identify_together
+from ident.options import FitOptions
+from ident.recording_fit import Logs
+from ident.result import Identification
 from sim.truth import Truth
+from tests.helpers.drawn_robots import (
+    ROOT,
+    SLIP_S,
+    STEP_S,
+    faulty,
+    recorded,
+    scenario_of,
+    study_options,
+)
 
-SLIP_S, STEP_S = 37.3, 71.9  # [s] after the start of the path
 FAULTS: dict[str, dict[str, object]] = {
     "none": {},
     "outliers": {"errors": {"outliers": {}}},
@@ -34,14 +43,6 @@ FAULTS: dict[str, dict[str, object]] = {
         "clocks": {"step": {"at_s": STEP_S, "step_s": 0.05}},
     },
 }
-
-
-def faulty(scenario: Scenario, changes: dict[str, object]) -> Scenario:
-    """The scenario with one fault more."""
-    asked = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
-    for section, more in changes.items():
-        asked[section] = {**asked.get(section, {}), **more}  # type: ignore[dict-item]
-    return Scenario.model_validate(asked, strict=False)
 
 
 def robot_rows(seed: int, duration: float) -> list[dict[str, object]]:
@@ -62,20 +63,21 @@ def robot_rows(seed: int, duration: float) -> list[dict[str, object]]:
 
 def row(seed: int, fault: str, cell: Cell, logs: list[Logs], truth: Truth) -> dict[str, object]:
     """Figures of one identification."""
-    found = identify_together(cell, logs, model="complete", force="torque")
-    compared = identification_against_truth(found[0], truth)
+    options = FitOptions(model="complete", force="torque")
+    found = identify_together(cell, logs, options=options)
+    compared = identification_against_truth(found, truth)
     return {
-        "seed": seed, "fault": fault, "status": found[0].verdict.status,
+        "seed": seed, "fault": fault, "status": found.verdict.status,
         "tcp_mean_mm": compared.tcp.mean * 1e3, "tcp_max_mm": compared.tcp.maximum * 1e3,
         "clock_us": np.nan if compared.offset is None else compared.offset * 1e6, **events_of(found, truth),
-        "remarks": "; ".join(found[0].verdict.warnings),
+        "remarks": "; ".join(found.verdict.warnings),
     }  # fmt: skip
 
 
-def events_of(found: list[Identification], truth: Truth) -> dict[str, object]:
+def events_of(found: Identification, truth: Truth) -> dict[str, object]:
     """What was reported, with how far its time is from the truth [s]."""
     start = truth.logs.first_rows.ballbar_s
-    told = [event for one in found for event in one.events]
+    told = [fault for recording in found.recordings for fault in recording.step_faults]
     slips = [event for event in told if event.kind == "encoder"]
     steps = [event for event in told if event.kind == "clock"]
     return {
@@ -89,7 +91,7 @@ def events_of(found: list[Identification], truth: Truth) -> dict[str, object]:
 
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
-    asked = asked_robots(__doc__)
+    asked = study_options(__doc__)
     with ProcessPoolExecutor(2) as pool:
         jobs = [
             pool.submit(robot_rows, seed, asked.duration) for seed in range(1, asked.robots + 1)

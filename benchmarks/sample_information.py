@@ -16,14 +16,16 @@ import numpy as np
 
 from acquisition import read_recording
 from benchmarks.alignment_after_fit import SCENARIOS, settings
-from ident.estimator.identifiability import candidates
-from ident.estimator.noise import noise_from_logs
-from ident.estimator.problem import Problem
-from ident.estimator.sampling import sample_times
-from ident.estimator.solver import Fit, solve
-from ident.identify import ROD_SIGMA_START, WIDEST_KNOT_SPACING, Identification, identify
+from cell.descriptions import Cell
+from cell.geometry import Geometry
+from ident.estimator.fit import Fit, fit_kinematics
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.normal_equations import jacobian
+from ident.estimator.samples import sample_times, samples_of
+from ident.options import FitOptions
+from ident.recording_fit import ROD_SIGMA_START, WIDEST_KNOT_SPACING, Logs, fit_recording
 from ident.robot.accuracy import accuracy_grid, tcp_sigma
-from ident.signals.smooth_log import smooth_log
+from ident.thesis.paired_samples import SampleFit
 from sim.simulate import simulate, write_recording
 
 COUNTS = (75, 150, 300)
@@ -32,39 +34,33 @@ DURATION = 60.0  # [s]
 Array = np.ndarray
 
 
-def fitted() -> tuple[Identification, Fit, int]:
-    """The identification of one run, a fit at all candidates, and their number."""
+def fitted() -> tuple[Cell, Fit]:
+    """The cell of one run, and a fit at all candidate samples."""
     chosen = settings(DURATION, {"skew": 5e-5}, 1)
     simulation = simulate(chosen, relative_to=SCENARIOS)
     with tempfile.TemporaryDirectory() as work:
         write_recording(simulation, chosen, Path(work) / "recording")
         read = read_recording(Path(work) / "recording")
     assert read.ballbar_log is not None
-    found = identify(simulation.cell, read.robot_log, read.ballbar_log, model="dh")
-    assert found.clock is not None
-    robot = smooth_log(read.robot_log.t, read.robot_log.q, widest_knot_spacing=WIDEST_KNOT_SPACING)
-    bar = smooth_log(
-        read.ballbar_log.t, read.ballbar_log.angles, widest_knot_spacing=WIDEST_KNOT_SPACING
+    logs = Logs(read.robot_log, read.ballbar_log)
+    found = fit_recording(simulation.cell, logs, FitOptions(model="dh"))
+    old = found.samples
+    times = sample_times(old.robot, old.ballbar, found.clock, int(DURATION / WIDEST_KNOT_SPACING))
+    samples = samples_of(
+        old.robot, old.ballbar, old.encoders, old.directions, times, spacing=WIDEST_KNOT_SPACING
     )
-    times = sample_times(robot, bar, found.clock, int(DURATION / WIDEST_KNOT_SPACING))
-    noise = noise_from_logs(
-        robot, bar, found.joints, spacing=WIDEST_KNOT_SPACING, rod=ROD_SIGMA_START
-    )
-    problem = Problem(robot, bar, found.joints, np.array(found.signs, dtype=float), times, noise)
-    kept = np.array([i for i in candidates(found.joints) if i in set(found.parameters.tolist())])
-    fit = solve(problem, problem.start(found.geometry, found.clock), kept)
-    return found, fit, times.size
+    excess = ExcessNoise(rod=ROD_SIGMA_START)
+    fit = fit_kinematics(samples, found.geometry, found.clock, found.subset.parameters, excess)
+    return simulation.cell, fit
 
 
-def target(found: Identification, parameters: Array, size: int) -> tuple[Array, Array]:
+def target(cell: Cell, geometry: Geometry, parameters: Array, size: int) -> tuple[Array, Array]:
     """(P, P) matrix A with mean TCP variance trace(A C), from the variance that each pair of unknowns brings; and the grid."""
-    grid, out = accuracy_grid(found.cell.robot), np.zeros((size, size))
+    grid, out = accuracy_grid(cell.robot), np.zeros((size, size))
 
     def variance(direction: Array) -> float:
         return float(
-            (
-                tcp_sigma(found.geometry, grid, parameters, np.outer(direction, direction)) ** 2
-            ).mean()
+            (tcp_sigma(geometry, grid, parameters, np.outer(direction, direction)) ** 2).mean()
         )
 
     unit = np.eye(size)
@@ -103,17 +99,20 @@ def greedy(columns: Array, start: Array, count: int, aim: Array | None) -> Array
 
 def main() -> None:
     """One line for each count."""
-    found, fit, samples = fitted()
-    columns = fit.final.jacobian.reshape(fit.final.jacobian.shape[0], -1, samples)
+    cell, fit = fitted()
+    (block,) = jacobian(fit.model, fit.linear, 0)
+    columns, geometry = block.values[np.argsort(block.index)], fit.geometry()
+    samples = columns.shape[2]
+    parameters = SampleFit(fit, 0).parameters
     every = np.einsum("pen,qen->pq", columns, columns)
     prior = np.linalg.inv(fit.covariance) - every
-    aim, grid = target(found, fit.parameters, len(columns))
+    aim, grid = target(cell, geometry, parameters, len(columns))
 
     def predicted(rows: Array) -> float:
         covariance = np.linalg.inv(
             prior + np.einsum("pen,qen->pq", columns[:, :, rows], columns[:, :, rows])
         )
-        return float(tcp_sigma(found.geometry, grid, fit.parameters, covariance).mean() * 1e6)
+        return float(tcp_sigma(geometry, grid, parameters, covariance).mean() * 1e6)
 
     print(f"all {samples} candidates: mean TCP sigma {predicted(np.arange(samples)):.2f} um")
     start = np.linalg.inv(prior + 1e-3 * every)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ballbar.run import identify_folder
+from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, load_scenario
 from ident import Identification
 from sim.simulate import simulate, write_recording
@@ -27,7 +27,7 @@ def identified(scenario: Scenario, timestep: float) -> tuple[Identification, flo
     simulation = simulate(settings, relative_to=SCENARIOS)
     with tempfile.TemporaryDirectory() as folder:
         write_recording(simulation, settings, Path(folder) / "recording")
-        _, result = identify_folder(Path(folder) / "recording", progress=lambda _: None)
+        result = identify_recordings([Path(folder) / "recording"]).identification
     return result, simulation.truth.closure_position
 
 
@@ -38,12 +38,16 @@ def main() -> None:
         results = [identified(scenario, step) for step in STEPS]
         for step, (coarse, _), (fine, _) in zip(STEPS, results, results[1:], strict=False):
             change: dict[str, float] = {
-                key: abs(fine.geometry[key] - coarse.geometry[key]) / coarse.sigma[key]
+                key: abs(fine.recordings[0].geometry[key] - coarse.recordings[0].geometry[key])
+                / coarse.sigma[key]
                 for key in coarse.sigma
             }
             worst = max(change, key=lambda key: change[key])
             rms = float(np.sqrt(np.mean(np.square(list(change.values())))))
-            moved = max(abs(fine.geometry[key] - coarse.geometry[key]) for key in change)
+            moved = max(
+                abs(fine.recordings[0].geometry[key] - coarse.recordings[0].geometry[key])
+                for key in change
+            )
             print(
                 f"{name}, from {step * 1e3:g} ms to half of it: change of identified parameters in sigma: largest {change[worst]:.3f} "
                 f"({worst}), rms {rms:.3f}; largest change of one parameter {moved * 1e6:.2f} um or urad"

@@ -26,8 +26,8 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from ballbar.scenario import Scenario
-from ballbar.sweep.check import LoadedSweep, load
-from ballbar.sweep.part import Job, Work
+from ballbar.sweep.check import LoadedSweep, load_sweep
+from ballbar.sweep.chunk import Task, Trial
 from ballbar.sweep.plan import run_of
 from ballbar.sweep.run import run_sweep
 from ballbar.sweep.workers import Workers, dask_cluster, processes
@@ -57,10 +57,10 @@ class Spent:
 
     runs: int
     wall: float  # [s]
-    steady: float  # [runs/s] from the first part that came back to the last
+    steady: float  # [runs/s] from the first chunk that came back to the last
     driver: float  # [s] of processor time
     workers: float  # [s] of processor time
-    bytes_per_run: dict[str, float]  # of the table and of the parts
+    bytes_per_run: dict[str, float]  # of the table and of the chunks
 
 
 def nothing(_scenario: Scenario, _folder: Path) -> dict[str, float]:
@@ -76,7 +76,7 @@ def busy(scenario: Scenario, folder: Path) -> dict[str, float]:
     return nothing(scenario, folder)
 
 
-def trial(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
+def real(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
     """A real run."""
     from ballbar.trial.trial import run_trial  # noqa: PLC0415  the driver needs none of it
 
@@ -84,7 +84,7 @@ def trial(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
 
 
 def swept(
-    work: Work, runs: int, workers: Callable[[Job], AbstractContextManager[Workers]]
+    trial: Trial, runs: int, workers: Callable[[Task], AbstractContextManager[Workers]]
 ) -> Spent:
     """A sweep of `runs` runs in a folder of its own."""
     with TemporaryDirectory() as top:
@@ -94,7 +94,7 @@ def swept(
         outcome = run_sweep(
             sweep,
             Path(top) / "out",
-            work,
+            trial,
             workers,
             progress=lambda done, _: came.append((time.perf_counter(), done)) if done else None,
         )
@@ -105,8 +105,8 @@ def swept(
             kind: path.stat().st_size / runs
             for kind, path in (("Parquet", outcome.folder.table), ("CSV", outcome.folder.csv))
         }
-        sizes["parts"] = (
-            sum(path.stat().st_size for path in (outcome.folder.path / "parts").iterdir()) / runs
+        sizes["chunks"] = (
+            sum(path.stat().st_size for path in (outcome.folder.path / "chunks").iterdir()) / runs
         )
         assert pq.read_metadata(outcome.folder.table).num_rows == runs
         return Spent(
@@ -123,27 +123,27 @@ def sweep_of(folder: Path, runs: int) -> LoadedSweep:
     """A sweep over four noise levels."""
     file = folder / "speed.yaml"
     file.write_text(SWEEP.format(scenario=SCENARIOS / "irb2400.yaml", seeds=runs // 4))
-    return load(file)
+    return load_sweep(file)
 
 
-def here(count: int = CORES) -> Callable[[Job], AbstractContextManager[Workers]]:
+def here(count: int = CORES) -> Callable[[Task], AbstractContextManager[Workers]]:
     """Worker processes."""
     return partial(processes, count=count)
 
 
-def bare(work: Work, runs: int) -> tuple[float, float]:
+def bare(trial: Trial, runs: int) -> tuple[float, float]:
     """(wall, processor) seconds of plain processes that share the runs and keep nothing: what no sweep can save."""
     begin, children = time.perf_counter(), _children()
     with ProcessPoolExecutor(CORES, mp_context=multiprocessing.get_context("spawn")) as pool:
-        list(pool.map(_share, [work] * CORES, [runs // CORES] * CORES))
+        list(pool.map(_share, [trial] * CORES, [runs // CORES] * CORES))
     return time.perf_counter() - begin, _children() - children
 
 
-def _share(work: Work, runs: int) -> None:
+def _share(trial: Trial, runs: int) -> None:
     with TemporaryDirectory() as top:
         scenario = run_of(sweep_of(Path(top), 4).plan, 0).scenario
     for _ in range(runs):
-        work(scenario, SCENARIOS)
+        trial(scenario, SCENARIOS)
 
 
 def _children() -> float:
@@ -178,7 +178,7 @@ def speed() -> None:
 @cache
 def real_sweep() -> Spent:
     """Real runs, on all cores."""
-    return swept(trial, 400, here())
+    return swept(real, 400, here())
 
 
 def against_plain_user() -> tuple[float, float, float]:
@@ -202,7 +202,7 @@ def against_plain_user() -> tuple[float, float, float]:
         )
         making = _spent(partial(trial_samples, scenario, SCENARIOS))
         fit = _spent(partial(fit_cost_to_samples, scenario, SCENARIOS)) - making
-        spent.append((plain, fit, _spent(partial(trial, scenario, SCENARIOS))))
+        spent.append((plain, fit, _spent(partial(real, scenario, SCENARIOS))))
     medians = np.nanmedian(spent, axis=0)
     return float(medians[0]), float(medians[1]), float(medians[2])
 
@@ -267,8 +267,8 @@ def dask_rate(workers: int) -> float:
         n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
         there = partial(dask_cluster, address=cluster.scheduler_address)
-        swept(trial, 40, there)  # workers import and plan their path
-        return swept(trial, 160 * workers, there).steady
+        swept(real, 40, there)  # workers import and plan their path
+        return swept(real, 160 * workers, there).steady
 
 
 def plain_rate(count: int) -> float:
@@ -280,10 +280,10 @@ def plain_rate(count: int) -> float:
 def _rate(runs: int) -> float:
     with TemporaryDirectory() as top:
         plan = sweep_of(Path(top), runs).plan
-    trial(run_of(plan, 0).scenario, SCENARIOS)
+    real(run_of(plan, 0).scenario, SCENARIOS)
     begin = time.perf_counter()
     for number in range(runs):
-        trial(run_of(plan, number).scenario, SCENARIOS)
+        real(run_of(plan, number).scenario, SCENARIOS)
     return runs / (time.perf_counter() - begin)
 
 

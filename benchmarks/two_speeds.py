@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.everything_on import ROOT, asked_robots, recorded, scenario_of
 from cell.files import write_whole
 from ident.identify import identify_together
+from ident.options import FitOptions
 from ident.robot.accuracy import accuracy_grid, position_error
+from tests.helpers.drawn_robots import ROOT, recorded, scenario_of, study_options
 
 SLOWER = 1.5
 
@@ -30,13 +31,11 @@ def robot_row(seed: int, duration: float) -> dict[str, object]:
             recorded(scenario_of("irb2400", p, seed, s * duration), Path(folder) / p)
             for p, s in (("a", 1.0), ("b", SLOWER))
         ]
-    cell = made[0][0]
-    first, second = (
-        identify_together(cell, [logs], model="complete", force="torque")[0] for _, logs, _ in made
-    )
+    cell, options = made[0][0], FitOptions(model="complete", force="torque")
+    first, second = (identify_together(cell, [logs], options=options) for _, logs, _ in made)
     grid = accuracy_grid(cell.robot)
-    apart = position_error(first.unloaded_robot().tool(grid), second.unloaded_robot().tool(grid))
-    stated = float(np.sqrt((first.tcp_sigma**2 + second.tcp_sigma**2).mean()))
+    apart = position_error(first.robot.unloaded().tool(grid), second.robot.unloaded().tool(grid))
+    stated = float(np.sqrt((first.robot.tcp_sigma**2 + second.robot.tcp_sigma**2).mean()))
     rms = float(np.sqrt((apart.error**2).mean()))
     return {
         "seed": seed, "status_a": first.verdict.status, "status_b": second.verdict.status, "mean_mm": apart.mean * 1e3,
@@ -46,7 +45,7 @@ def robot_row(seed: int, duration: float) -> dict[str, object]:
 
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
-    asked = asked_robots(__doc__)
+    asked = study_options(__doc__)
     with ProcessPoolExecutor(2) as pool:
         table = pd.DataFrame(
             list(pool.map(robot_row, range(1, asked.robots + 1), [asked.duration] * asked.robots))

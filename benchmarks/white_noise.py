@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +19,15 @@ from numpy.typing import NDArray
 
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
-from cell.chain import Array
-from cell.descriptions import load_robot
+from cell.arrays import Array
+from cell.clock import Clock
 from cell.geometry import NAMES
-from ident.estimator.problem import Clock, NoiseModel, Problem
-from ident.estimator.sampling import MARGIN
-from ident.estimator.solver import solve
+from cell.load import load_robot
+from ident.estimator.fit import fit_kinematics
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.samples import MARGIN, samples_of
 from ident.robot.accuracy import accuracy_grid, tcp_error, tcp_sigma
-from ident.thesis.paired_samples import fit_samples, through_samples
+from ident.thesis.paired_samples import SampleFit, fit_samples, through_samples
 from sim.kinematic_samples import KinematicSamples
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
@@ -52,18 +54,18 @@ def one(fitted: tuple[int, ...], seed: int) -> tuple[float, float, float]:
     q, b = (angles + NOISE * rng.standard_normal(angles.shape) for angles in (samples.q, samples.b))
     found = fit_samples(samples.t, q, b, fitted, samples.nominal)
     grid = accuracy_grid(load_robot(scenario.cell.robot))
-    error = tcp_error(found.geometry, samples.true, grid).error
-    bound = _bound(samples, fitted, found.fit.parameters, grid)
+    error = tcp_error(found.fit.geometry(), samples.true, grid).error
+    bound = _bound(samples, fitted, found.parameters, grid)
     deviation = np.sqrt(np.diag(found.fit.covariance) * max(1.0, found.fit.chi2_per_dof))[
-        : found.fit.parameters.size
+        : found.parameters.size
     ]
-    difference = found.geometry.values - samples.true.values
+    difference = found.fit.geometry().values - samples.true.values
     wrapped = np.where(
         [n.startswith("btheta") for n in NAMES],
         np.arctan2(np.sin(difference), np.cos(difference)),
         difference,
     )
-    inside = np.abs(wrapped[found.fit.parameters]) < 1.96 * deviation
+    inside = np.abs(wrapped[found.parameters]) < 1.96 * deviation
     return float((error**2).mean()), bound, float(inside.mean())
 
 
@@ -77,18 +79,16 @@ def _bound(
     encoder = np.zeros(5)
     encoder[[j - 1 for j in fitted]] = NOISE
     inside = t[(t >= t[0] + MARGIN) & (t <= t[-1] - MARGIN)]
-    problem = Problem(
-        robot,
-        bar,
-        fitted,
-        np.ones(len(fitted)),
-        inside,
-        NoiseModel(np.full(6, NOISE), encoder, 0.0),
+    samples_at = replace(
+        samples_of(robot, bar, fitted, np.ones(len(fitted)), inside),
+        joint_noise=np.full(6, NOISE),
+        encoder_noise=encoder,
     )
-    at_truth = solve(
-        problem, problem.start(samples.true, Clock(0.0, 0.0)), parameters, max_iterations=0
+    at_truth = fit_kinematics(
+        samples_at, samples.true, Clock(0.0, 0.0), parameters, ExcessNoise(), max_iterations=0
     )
-    return float((tcp_sigma(samples.true, grid, parameters, at_truth.covariance) ** 2).mean())
+    indices = SampleFit(at_truth, 0).parameters
+    return float((tcp_sigma(samples.true, grid, indices, at_truth.covariance) ** 2).mean())
 
 
 def main() -> None:

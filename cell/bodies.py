@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.chain import Array, Chain, forward
+from cell.arrays import Array
+from cell.chain import Chain, forward
 from cell.descriptions import Cell, Link
 
 

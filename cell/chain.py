@@ -15,9 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cell.arrays import Array as Array  # noqa: PLC0414  ident and ballbar import it from here
+from cell.arrays import read_only
+
 KINDS = ("a", "d", "alpha", "theta", "beta")
 
 
@@ -33,12 +34,11 @@ class Chain:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            values = np.array(getattr(self, field.name), dtype=np.float64)
+            values = read_only(getattr(self, field.name))
             if values.shape != np.shape(self.a) or values.ndim != 1:
                 raise ValueError(
                     f"chain: {field.name} has shape {values.shape}, a has {np.shape(self.a)}"
                 )
-            values.flags.writeable = False
             object.__setattr__(self, field.name, values)
 
     @property
@@ -161,4 +161,17 @@ def joint_screws(frames: Frames) -> Array:
     out = np.empty((rows, 6, frames.tip.shape[1]))
     for i in range(rows):
         _write_screw(out[i], frames.z[i], frames.tip - frames.origin[i])
+    return out
+
+
+def row_placements(chain: Chain) -> list[tuple[Array, Array]]:
+    """Pose of each row's frame at joint angle zero, in the frame that turns with its joint.
+
+    Returns J pairs of a rotation matrix (3, 3) and a translation (3,) [m].
+    """
+    out = []
+    for i in range(chain.rows):
+        row = Chain(*(getattr(chain, field.name)[i : i + 1] for field in fields(chain)))
+        frames = forward(row, np.zeros((1, 1)))
+        out.append((frames.rotation()[:, :, 0], frames.tip[:, 0]))
     return out

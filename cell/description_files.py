@@ -11,8 +11,9 @@ from fractions import Fraction
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from cell.schema import Strict
 from cell.schema_errors import wrong_key
 
 MAX_DH_LENGTH_M = 5.0  # [m] no link of an industrial robot is longer: a larger number is in mm
@@ -58,11 +59,7 @@ Row6 = Annotated[tuple[Ratio, ...], Field(min_length=6, max_length=6)]
 Matrix6 = Annotated[tuple[Row6, ...], Field(min_length=6, max_length=6)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class DHRowFile(_Strict):
+class DHRowFile(Strict):
     """One row of standard DH: `Rz(theta) Tz(d) Tx(a) Rx(alpha)`."""
 
     a_m: Length
@@ -71,7 +68,7 @@ class DHRowFile(_Strict):
     theta_deg: NominalAngle
 
 
-class LinkFile(_Strict):
+class LinkFile(Strict):
     """Mass properties of one body."""
 
     mass_kg: Positive
@@ -97,7 +94,7 @@ class LinkFile(_Strict):
         return self
 
 
-class RobotLinksFile(_Strict):
+class RobotLinksFile(Strict):
     """Bodies of the robot; com in the robot base frame and axes parallel to it, all DH joint angles zero."""
 
     base: LinkFile
@@ -109,14 +106,14 @@ class RobotLinksFile(_Strict):
     link6: LinkFile
 
 
-class ServoFile(_Strict):
+class ServoFile(Strict):
     """Gains of the proportional joint servos, at the joints."""
 
     kp_N_m_per_rad: Positive6
     kv_N_m_s_per_rad: NotNegative6
 
 
-class FrictionFile(_Strict):
+class FrictionFile(Strict):
     """Coulomb, static (Stribeck) and viscous friction of the gears."""
 
     static_N_m: NotNegative6
@@ -125,7 +122,7 @@ class FrictionFile(_Strict):
     stribeck_rad_per_s: Positive6
 
 
-class TransmissionErrorFile(_Strict):
+class TransmissionErrorFile(Strict):
     """Harmonics of the gears of some axes, over the turn of their output and of their motor."""
 
     axes: tuple[Annotated[int, Field(ge=1, le=6)], ...]
@@ -143,7 +140,7 @@ class TransmissionErrorFile(_Strict):
         return self
 
 
-class GearsFile(_Strict):
+class GearsFile(Strict):
     """What the gears do beyond turning, at their output."""
 
     stiffness_N_m_per_rad: Positive6
@@ -153,7 +150,7 @@ class GearsFile(_Strict):
     transmission_error: tuple[TransmissionErrorFile, ...]
 
 
-class RobotFile(_Strict):
+class RobotFile(Strict):
     """cell/robots/*.yaml"""
 
     schema_: Annotated[Literal["ballbar-robot/1"], Field(alias="schema")]
@@ -211,7 +208,7 @@ class RobotFile(_Strict):
         return self
 
 
-class BallBarLinksFile(_Strict):
+class BallBarLinksFile(Strict):
     """Bodies of the ball-bar; com in its base frame and axes parallel to it, all angles zero (rod straight up)."""
 
     link1: LinkFile
@@ -221,7 +218,7 @@ class BallBarLinksFile(_Strict):
     link5: LinkFile
 
 
-class EncoderFile(_Strict):
+class EncoderFile(Strict):
     """What the ball-bar's encoders are."""
 
     lines: Annotated[int, Field(gt=0)]
@@ -229,7 +226,7 @@ class EncoderFile(_Strict):
     noise_sigma_rad: NotNegative
 
 
-class BallBarFile(_Strict):
+class BallBarFile(Strict):
     """cell/ballbars/*.yaml"""
 
     schema_: Annotated[Literal["ballbar-bar/1"], Field(alias="schema")]
@@ -251,7 +248,7 @@ class BallBarFile(_Strict):
         return self
 
 
-class PlateFile(_Strict):
+class PlateFile(Strict):
     """cell/plates/*.yaml"""
 
     schema_: Annotated[Literal["ballbar-plate/1"], Field(alias="schema")]

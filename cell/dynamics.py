@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array, Frames, cross
+from cell.arrays import Array
+from cell.chain import Frames, cross
 from cell.descriptions import Link
 
 

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cell.arrays import Array, read_only
 from cell.chain import Chain, Frames, forward, screw
 
 if TYPE_CHECKING:
     from cell.descriptions import Cell
-
-Array = NDArray[np.float64]
 
 ROBOT_ROWS = 6
 BAR_ROWS = 5
@@ -75,10 +73,9 @@ class Geometry:
     values: Array  # (P,) [m, rad]
 
     def __post_init__(self) -> None:
-        values = np.array(self.values, dtype=np.float64)
+        values = read_only(self.values)
         if values.shape != (len(NAMES),):
             raise ValueError(f"geometry: {values.shape} values, expected ({len(NAMES)},)")
-        values.flags.writeable = False
         object.__setattr__(self, "values", values)
 
     def __getitem__(self, name: str) -> float:

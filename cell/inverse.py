@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array, Chain, Frames, forward, joint_screws
+from cell.arrays import Array
+from cell.chain import Chain, Frames, forward, joint_screws
 from cell.errors import FailureError
 from cell.rotation import rotvec_from_matrix
 
@@ -119,26 +120,58 @@ def refine(
 ) -> Array:
     """Joint angles that bring a six-joint chain exactly to each pose, by Newton steps from a start close by.
 
-    q : (N, 6) [rad] start; poses : (N, 4, 4). Raises UnreachableError when a sample does not converge.
+    q : (N, 6) [rad] start; poses : (N, 4, 4) tool frames in the base frame.
+
+    Returns (N, 6) [rad]. Raises UnreachableError when a pose is not reached, or when a joint
+    Jacobian on the way is singular.
     """
     q = q.copy()
     target_rotation, target_tip = poses[:, :3, :3].transpose(1, 2, 0), poses[:, :3, 3].T
     for _ in range(iterations):
         frames = forward(chain, q)
-        mismatch = pose_error(target_rotation, target_tip, frames)
-        step = np.linalg.solve(joint_screws(frames).transpose(2, 1, 0), mismatch.T[:, :, None])[
-            :, :, 0
-        ]
-        size = np.abs(step).max()
-        q += np.clip(
-            step, -0.3, 0.3
-        )  # a step of more than 0.3 rad is a sign of a singularity, not of progress
-        if size < tolerance:
+        error = pose_error(target_rotation, target_tip, frames)
+        jacobian = joint_screws(frames).transpose(2, 1, 0)
+        try:
+            step = np.linalg.solve(jacobian, error.T[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError:
+            raise UnreachableError(_singular(jacobian, q)) from None
+        # a step of more than 0.3 rad is a sign of a singularity, not of progress
+        q += np.clip(step, -0.3, 0.3)
+        if np.abs(step).max() < tolerance:
             return q
     bad = int(np.abs(step).max(axis=1).argmax())
     raise UnreachableError(
-        f"inverse kinematics: sample {bad} of {len(q)} did not converge in {iterations} steps"
+        f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) is not reached in {iterations} "
+        f"steps; {np.linalg.norm(error[:3, bad]) * 1e3:.3g} mm are left. Move it into the reach of "
+        "the arm, or start closer to it."
     )
+
+
+def _singular(jacobian: Array, q: Array) -> str:
+    """Says which sample cannot be solved for; jacobian : (N, 6, 6), one of them singular."""
+    bad = int(np.abs(np.linalg.det(jacobian)).argmin())
+    angles = " ".join(f"{angle:.1f}" for angle in np.degrees(q[bad]))
+    return (
+        f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) leads to a singular posture of "
+        f"the robot, joints at {angles} deg. Move the start or the pose away from it."
+    )
+
+
+def refine_reachable(
+    chain: Chain, q: Array, poses: Array, *, tolerance: float = 1e-13
+) -> tuple[Array, NDArray[np.bool_]]:
+    """As `refine`, for the poses that the chain can take: angles (K, 6) [rad], and which (N,)."""
+    try:
+        return refine(chain, q, poses, tolerance=tolerance), np.ones(len(q), dtype=bool)
+    except UnreachableError:
+        reached, angles = np.zeros(len(q), dtype=bool), np.empty((0, chain.rows))
+        for k in range(len(q)):
+            try:
+                found = refine(chain, q[k : k + 1], poses[k : k + 1], tolerance=tolerance)
+            except UnreachableError:
+                continue
+            reached[k], angles = True, np.concatenate((angles, found))
+        return angles, reached
 
 
 def pose_error(rotation: Array, tip: Array, frames: Frames) -> NDArray[np.float64]:

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 
 Rows = NDArray[np.intp]
 Mask = NDArray[np.bool_]

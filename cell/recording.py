@@ -8,20 +8,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from cell.errors import DescriptionError
+from cell.schema import Strict
 from cell.strict_yaml import load_model
 
 EncoderName = Literal["b1", "b2", "b3", "b4", "b5"]
 SourceName = Literal["robot", "ballbar", "force"]  # the sources of a recording
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class SourceFile(_Strict):
+class SourceFile(Strict):
     """The device files of one side, and the dialect they are written in."""
 
     files: Annotated[
@@ -35,7 +32,7 @@ class SourceFile(_Strict):
     quantised: bool = False  # the rows were taken evenly, but the clock of the stamps steps by more than can be neglected
 
 
-class Sources(_Strict):
+class Sources(Strict):
     """Both sides of a recording."""
 
     robot: SourceFile
@@ -43,7 +40,7 @@ class Sources(_Strict):
     force: SourceFile | None = None  # six-axis sensor at the flange, on a clock of its own
 
 
-class EncoderFitting(_Strict):
+class EncoderFitting(Strict):
     """One ball-bar encoder: counter column, resolution and declared sense of rotation."""
 
     column: str
@@ -52,7 +49,7 @@ class EncoderFitting(_Strict):
     sign: Literal[-1, 1] = 1
 
 
-class RecordingFile(_Strict):
+class RecordingFile(Strict):
     """recording.yaml"""
 
     schema_: Annotated[Literal["ballbar-recording/1"], Field(alias="schema")]
@@ -61,7 +58,7 @@ class RecordingFile(_Strict):
     ballbar: str  # a file of cell/ballbars, or a path
     plate: str = "plate_250"  # a file of cell/plates, or a path
     sources: Sources
-    encoders: dict[EncoderName, EncoderFitting] = {}
+    encoders: dict[EncoderName, EncoderFitting] = Field(default_factory=dict)
     notes: str = ""
 
 

@@ -6,10 +6,9 @@ Source: Murray, Li & Sastry 1994, sec. 2.2 (exponential, logarithm); Barfoot 201
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from cell.arrays import Array
 
 _SMALL = 1e-4  # [rad] below it the series is exact to rounding: next term is phi^4/360 ~ 3e-19
 _NEAR_HALF_TURN = 3.0  # [rad] beyond it the skew part loses the axis
@@ -66,3 +65,21 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
         ((one + xx, xy + c, xz - b), (xy - c, one + yy, yz + a), (xz + b, yz - a, one + zz))
     )
     return np.asarray(np.einsum("ijn,...jn->...in", matrix, vectors))
+
+
+def quat_wxyz(rotation: Array) -> Array:
+    """(4,) unit quaternion of a rotation matrix (3, 3), scalar part first as MuJoCo wants it.
+
+    Its largest component comes first (Shepperd 1978); the result is to the last digit that of
+    MuJoCo's `mju_mat2Quat`.
+    """
+    x, y, z = np.diag(rotation)
+    product = rotation + rotation.T  # becomes 4 q q' of q = x y z, then of w x y z
+    product[[0, 1, 2], [0, 1, 2]] = 1.0 + x - y - z, 1.0 - x + y - z, 1.0 - x - y + z
+    axial = rotation[[2, 0, 1], [1, 2, 0]] - rotation[[1, 2, 0], [2, 0, 1]]
+    product = np.block([[np.array(1.0 + x + y + z), axial], [axial[:, None], product]])
+    k = 0 if x + y + z > 0.0 else 3 - int(np.argmax((z, y, x)))
+    largest = 0.5 * np.sqrt(product[k, k])
+    quat = 0.25 * product[k] / largest
+    quat[k] = largest
+    return np.asarray(quat)

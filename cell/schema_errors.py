@@ -18,6 +18,11 @@ Loc = tuple[str | int, ...]  # keys and list indices from the top of a file
 
 MAX_LISTED = 30  # valid keys; more would hide the message
 
+RENAMED = {  # keys of files that earlier releases wrote or read, and their names today
+    "errors.lost_motion": "errors.gear_backlash",
+    "encoders.senses": "encoders.directions",
+}
+
 _EXPECTED = {
     "float_type": "expected a number",
     "int_type": "expected a whole number",
@@ -73,10 +78,10 @@ def _explain_one(error: ErrorDetails, model: type[BaseModel], data: Any) -> tupl
     if kind in ("missing", "union_tag_not_found"):
         return loc, f"{key} is missing. {_add_it(loc)}"
     if kind == "extra_forbidden":
-        return (
-            loc,
-            f"unknown key {key}.{nearest(str(loc[-1]), _valid_keys(model, raw[:-1]), noun='key')}",
-        )
+        if key in RENAMED:
+            return loc, f"unknown key {key}: it is now {RENAMED[key]}."
+        hint = nearest(str(loc[-1]), _valid_keys(model, raw[:-1]), noun="key")
+        return loc, f"unknown key {key}.{hint}"
     value = _value_at(data, loc)
     return loc, f"{key}{_shown(value)}: {_expectation(error, context, value)}."
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_lsq_spline
 
-from cell.chain import Array
+from cell.arrays import Array
 
 DEGREE = 5
 

@@ -188,6 +188,23 @@ def parse_model(document: YamlDocument, model: type[M]) -> M:
         ) from None
 
 
+def check_schema(document: YamlDocument, schema: str, remedy: str) -> None:
+    """Refuse a file of another version of its schema, before its keys are looked at.
+
+    schema : the version that is read, such as `ballbar-truth/2`. remedy : how to get such a file.
+
+    Raises DescriptionError if the file states another version of the same schema.
+    """
+    stated = document.data.get("schema")
+    kind = schema.partition("/")[0] + "/"
+    if isinstance(stated, str) and stated.startswith(kind) and stated != schema:
+        _refuse(
+            document.path,
+            document.line_of(("schema",)),
+            f"schema = {stated!r}: this release reads {schema}. {remedy}",
+        )
+
+
 def _read_text(path: Path) -> str:
     if path.is_dir():
         raise DescriptionError(f"{path}: this is a directory; name the YAML file within it.")

@@ -90,14 +90,13 @@ def tutorial_picture() -> bytes:
 
 
 def _draw_cell(axes: Axes3D, data: RunData) -> None:
-    result, log = data.identification, data.recording.robot_log
+    (recording,) = data.recordings
+    geometry, log = recording.estimate.geometry, recording.recording.robot_log
     rows = np.linspace(0, log.t.size * INSTANT, 400).astype(int)
     q = log.q[rows]
-    robot = robot_frames(result.geometry, q)
-    bar = bar_frames(
-        result.geometry, complete_bar_angles(result.geometry, q, np.zeros((q.shape[0], 0)), ())
-    )
-    centre, radius = result.geometry.origin, result.geometry["bd3"]
+    robot = robot_frames(geometry, q)
+    bar = bar_frames(geometry, complete_bar_angles(geometry, q, np.zeros((q.shape[0], 0)), ()))
+    centre, radius = geometry.origin, geometry["bd3"]
     turn, height = np.meshgrid(np.linspace(0, 2 * np.pi, 37), np.linspace(0, np.pi, 19))
     sphere = [np.sin(height) * np.cos(turn), np.sin(height) * np.sin(turn), np.cos(height)]
     axes.plot_wireframe(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -12,34 +14,61 @@ from ident.start.automatic import Start
 
 MISFIT = 2.0  # chi-square per degree of freedom above which the model does not explain the data
 SUSPECT = 1.3  # above it something small is left in the residual
-PLAUSIBLE = 0.020  # [m, rad] ten times the largest error expected of a robot (thesis sec. 5.4: 2 mm or mrad)
+PLAUSIBLE = 0.020  # [m, rad] ten times the largest error expected (thesis sec. 5.4: 2 mm or mrad)
 WELL_UNDER = 0.5  # below it the noise was overestimated
-FEW_SAMPLES = 200
-# autocorrelation of the complete model's residual: 0.2 to 0.5 where nothing is missing (friction), 0.5 to 0.6 without a good
-# plate's bending, 0.7 to 0.9 without ripple, encoder harmonics, play or compliance (docs/identification.md)
-ALIKE, ALIKE_MISFIT = 0.6, 0.7
-STRAINED = (
-    3.5  # prior deviations from which an unknown stands for something else that is not in the model
-)
+FEW_SAMPLES = 200  # thesis sec. 3.5 wants 750
+# Autocorrelation of the complete model's residual (docs/validation, incomplete models): 0.2 to 0.5
+# where nothing is missing (friction), 0.5 to 0.6 without a good plate's bending, 0.7 to 0.9 without
+# ripple, encoder harmonics, backlash or compliance.
+AUTOCORRELATED, AUTOCORRELATED_MISFIT = 0.6, 0.7
+PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
 CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
+
+
+class Status(StrEnum):
+    """The verdict's first word, from worst to best."""
+
+    IMPLAUSIBLE = "implausible"
+    NOT_CONVERGED = "not converged"
+    AMBIGUOUS = "ambiguous"
+    MISFIT = "misfit"
+    SUSPECT = "suspect"
+    GOOD = "good"
+
+    @property
+    def severity(self) -> int:
+        """0 for the best status, larger for worse ones."""
+        return len(Status) - 1 - list(Status).index(self)
+
+    @property
+    def acceptable(self) -> bool:
+        return self in (Status.GOOD, Status.SUSPECT)
+
+
+def noise_status(chi2_per_dof: float) -> Status:
+    """The status by what the noise in the logs explains alone."""
+    if chi2_per_dof > MISFIT:
+        return Status.MISFIT
+    suspect = chi2_per_dof > SUSPECT or chi2_per_dof < WELL_UNDER
+    return Status.SUSPECT if suspect else Status.GOOD
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A status and its sentence, remarks after it."""
+    """A status, one sentence, and remarks."""
 
-    status: str  # "good", "suspect", "misfit", "ambiguous", "implausible", "not converged"
+    status: Status
     sentence: str
     warnings: tuple[str, ...]
 
     @property
     def acceptable(self) -> bool:
-        return self.status in ("good", "suspect")
+        return self.status.acceptable
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What a verdict is made of."""
+    """What a verdict is made of, of the fit as a whole."""
 
     converged: bool
     iterations: int
@@ -47,112 +76,128 @@ class Evidence:
     autocorrelation: float  # of neighbours in the whitened residual
     geometry: Geometry
     identified: tuple[str, ...]
+    complete: bool  # whether the complete model was fitted
+    pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingEvidence:
+    """Likewise of one recording."""
+
+    name: str
+    start: Start
+    encoders: tuple[int, ...]
     samples: int
-    complete: bool  # whether every known correction was asked for
     remarks: tuple[str, ...] = ()
-    strained: tuple[
-        str, ...
-    ] = ()  # unknowns of the complete model further from their priors than chance explains
 
 
 def judge(
-    evidence: Evidence, start: Start, cell: Cell, nominal: Geometry, joints: tuple[int, ...]
+    evidence: Evidence, recordings: Sequence[RecordingEvidence], cell: Cell, nominal: Geometry
 ) -> Verdict:
-    """The first line of every output, and the remarks that follow it. joints : encoders fitted."""
+    """The worst verdict over all recordings, and the remarks of each.
+
+    nominal : catalogue geometry of the cell.
+    """
+    judged = [_judged(evidence, recording, cell, nominal) for recording in recordings]
+    worst = max(range(len(judged)), key=lambda k: (judged[k][0].severity, -k))
+    status, sentence = judged[worst]
+    if worst > 0:
+        sentence = f"{recordings[worst].name}: {sentence}"
+    warnings = []
+    for recording in recordings:
+        prefix = f"{recording.name}: " if len(recordings) > 1 else ""
+        remarks = (*_direction_warnings(recording), *_data_warnings(evidence, recording))
+        warnings += [prefix + remark for remark in (*remarks, *recording.remarks)]
+    return Verdict(status, sentence, tuple(warnings))
+
+
+def _judged(
+    evidence: Evidence, recording: RecordingEvidence, cell: Cell, nominal: Geometry
+) -> tuple[Status, str]:
+    """The first rule that applies."""
     ratio = float(np.sqrt(evidence.chi2_per_dof))
-    warnings = (*_sign_warnings(start, joints), *_data_warnings(evidence), *evidence.remarks)
+    noise, start = noise_status(evidence.chi2_per_dof), recording.start
+    neighbours = f"autocorrelation {evidence.autocorrelation:.2f}"
     if not evidence.converged:
-        return Verdict(
-            "not converged",
-            f"Not converged after {evidence.iterations} iterations: do not use these parameters.",
-            warnings,
+        return Status.NOT_CONVERGED, (
+            f"Not converged after {evidence.iterations} iterations: do not use these parameters."
         )
     if strange := _implausible(evidence, nominal):
-        sentence = (
-            f"Not the declared cell: {strange}. The logs fit a mechanism, but not {cell.robot.title} on {cell.ballbar.title}; "
-            "check `robot`, `ballbar` and `plate` in recording.yaml and the units of the logs."
+        return Status.IMPLAUSIBLE, (
+            f"Not the declared cell: {strange}. The logs fit a mechanism, but not "
+            f"{cell.robot.title} on {cell.ballbar.title}; check `robot`, `ballbar` and `plate` in "
+            "recording.yaml and the units of the logs."
         )
-        return Verdict("implausible", sentence, warnings)
     if start.ambiguous:
-        offsets = ", ".join(
-            f"{c.fit.estimate.clock.offset:.3f} s" for c in (start.chosen, *start.rivals)
+        answers = (start.chosen, *start.rivals)
+        offsets = ", ".join(f"{c.fit.clock().offset:.3f} s" for c in answers)
+        return Status.AMBIGUOUS, (
+            f"Ambiguous: {len(answers)} ways to align the logs explain them equally well (clock "
+            f"offsets {offsets}). Repeat the run so that it starts and ends at rest inside both "
+            "logs."
         )
-        sentence = (
-            f"Ambiguous: {1 + len(start.rivals)} ways to align the logs explain them alike (clock offsets {offsets}). "
-            "Repeat the run so that it starts and ends at rest inside both logs."
+    if evidence.complete and evidence.autocorrelation > AUTOCORRELATED_MISFIT:
+        return Status.MISFIT, (
+            f"Misfit: neighbouring residuals are correlated ({neighbours}): something systematic "
+            "is in the data that is not in the model; the stated intervals are too narrow."
         )
-        return Verdict("ambiguous", sentence, warnings)
-    if evidence.complete and evidence.autocorrelation > ALIKE_MISFIT:
-        sentence = (
-            f"Misfit: neighbouring residuals are alike (autocorrelation {evidence.autocorrelation:.2f}): something systematic is in the "
-            "data that is not in the model; the stated intervals are too narrow."
-        )
-        return Verdict("misfit", sentence, warnings)
-    if evidence.chi2_per_dof > MISFIT:
-        sentence = (
+    if noise is Status.MISFIT:
+        return Status.MISFIT, (
             f"Misfit: the residual is {ratio:.1f} times what the noise in the logs explains. "
-            "Something is in the data that is not in the model; the stated intervals are widened by that factor "
-            "but may still be too narrow."
+            "Something is in the data that is not in the model; the stated intervals are widened "
+            "by that factor but may still be too narrow."
         )
-        return Verdict("misfit", sentence, warnings)
-    if evidence.strained:
-        sentence = (
-            f"Usable, with care: {', '.join(evidence.strained)} stand more than {STRAINED:g} standard deviations from what the cell files "
-            "expect; either the files are wrong or something else is not in the model."
+    if evidence.pulled:
+        return Status.SUSPECT, (
+            f"Usable, with care: {', '.join(evidence.pulled)} stand more than {PULL:g} standard "
+            "deviations from what the cell files expect; either the files are wrong or something "
+            "else is not in the model."
         )
-        return Verdict("suspect", sentence, warnings)
-    if evidence.complete and evidence.autocorrelation > ALIKE:
-        sentence = (
-            f"Usable, with care: neighbouring residuals are alike (autocorrelation {evidence.autocorrelation:.2f}), so something "
-            "systematic is not in the model; the stated intervals may be too narrow."
+    if evidence.complete and evidence.autocorrelation > AUTOCORRELATED:
+        return Status.SUSPECT, (
+            f"Usable, with care: neighbouring residuals are correlated ({neighbours}), so "
+            "something systematic is not in the model; the stated intervals may be too narrow."
         )
-        return Verdict("suspect", sentence, warnings)
-    if evidence.chi2_per_dof > SUSPECT or evidence.chi2_per_dof < WELL_UNDER:
-        return Verdict(
-            "suspect",
-            f"Usable, with care: the residual is {ratio:.2f} times what the noise in the logs explains.",
-            warnings,
-        )
-    return Verdict(
-        "good",
-        f"Good fit: the residual is {ratio:.2f} times what the noise in the logs explains.",
-        warnings,
-    )
+    explained = f"the residual is {ratio:.2f} times what the noise in the logs explains."
+    opening = "Good fit" if noise is Status.GOOD else "Usable, with care"
+    return noise, f"{opening}: {explained}"
 
 
 def _implausible(evidence: Evidence, nominal: Geometry) -> str:
-    """The parameters that are further from the catalogue than any built robot, in words; empty if none is."""
-    identified = evidence.geometry.values - nominal.values
-    dh = [
-        INDEX[n] for n in evidence.identified if PARAMETERS[INDEX[n]].side == "robot" or n == "bd3"
-    ]
-    worst = sorted(
-        (i for i in dh if abs(identified[i]) > PLAUSIBLE), key=lambda i: -abs(identified[i])
-    )
+    """The parameters further from the catalogue than any built robot's, in words; or nothing."""
+    off = evidence.geometry.values - nominal.values
+    indices = [INDEX[name] for name in evidence.identified]
+    machine = [i for i in indices if PARAMETERS[i].side == "robot" or NAMES[i] == "bd3"]
+    worst = sorted((i for i in machine if abs(off[i]) > PLAUSIBLE), key=lambda i: -abs(off[i]))
     units = {"m": "mm", "rad": "mrad"}
     return ", ".join(
-        f"{NAMES[i]} is {identified[i] * 1e3:+.0f} {units[PARAMETERS[i].unit]} off the catalogue"
+        f"{NAMES[i]} is {off[i] * 1e3:+.0f} {units[PARAMETERS[i].unit]} off the catalogue"
         for i in worst[:3]
     )
 
 
-def _sign_warnings(start: Start, joints: tuple[int, ...]) -> list[str]:
+def _direction_warnings(recording: RecordingEvidence) -> list[str]:
+    directions = recording.start.chosen.hypothesis.directions
     return [
-        f"encoder b{joint} counts against its declared sense; the found one is used (check `sign` in recording.yaml)"
-        for joint, sign in zip(joints, start.chosen.hypothesis.signs, strict=True)
-        if sign < 0
+        f"encoder b{joint} counts against its declared direction; the identified one is used "
+        "(check `sign` in recording.yaml)"
+        for joint, direction in zip(recording.encoders, directions, strict=True)
+        if direction < 0
     ]
 
 
-def _data_warnings(evidence: Evidence) -> list[str]:
+def _data_warnings(evidence: Evidence, recording: RecordingEvidence) -> list[str]:
     warnings = []
-    if evidence.samples < FEW_SAMPLES:
+    if recording.samples < FEW_SAMPLES:
         warnings.append(
-            f"only {evidence.samples} samples in the fit; intervals are optimistic (thesis sec. 3.5 wants 750)"
+            f"only {recording.samples} samples in the fit; intervals are optimistic (thesis sec. "
+            "3.5 wants 750)"
         )
     if evidence.autocorrelation > CORRELATED and not evidence.complete:
         warnings.append(
-            f"neighbouring residuals are alike (autocorrelation {evidence.autocorrelation:.2f}): something is not in this model, which is "
-            "of kinematics alone (elastic gears, play, ripple, rod strain, eccentric encoders; --model complete asks for them)"
+            f"neighbouring residuals are correlated (autocorrelation "
+            f"{evidence.autocorrelation:.2f}): something is not in this model, which is of "
+            "kinematics alone (elastic gears, backlash, ripple, rod strain, eccentric encoders; "
+            "--model complete fits them)"
         )
     return warnings

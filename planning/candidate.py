@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import BAR_ROWS
 from planning.request import PlanRequest, tightened
 from sim.path import Lissajous

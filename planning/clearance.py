@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from cell.chain import Array, Frames
+from cell.arrays import Array
+from cell.chain import Frames
 from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, robot_frames
 from planning.request import PlanCell

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cell.chain import Array
-from cell.descriptions import Cell, joints_to_axes
+from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_geometry
 from cell.inverse import robot_branches
+from cell.robot_angles import joints_to_axes
 from planning.candidate import Candidate
 from planning.request import PlanTiming
 from sim.path import phase_over_time

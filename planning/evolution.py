@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-from cell.chain import Array
+from cell.arrays import Array
 
 SPREAD = 0.08  # first step, of each number's range
 

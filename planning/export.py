@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Robot
 from planning.targets import Targets
 

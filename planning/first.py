@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import InputError
 from planning.candidate import Space, folded, space_of
 from planning.evolution import evolution

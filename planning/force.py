@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cell.arrays import Array
 from cell.bodies import carried_bodies
-from cell.chain import Array
 from cell.descriptions import Cell, ServoGains
 from cell.dynamics import joint_torques
 from cell.geometry import INDEX, PARAMETERS, bar_frames, parameter_screw, robot_frames
@@ -26,7 +26,9 @@ from sim.errors.static_errors import THESIS_3_1
 
 CREEP = 1e-3  # [rad/s] speed at which friction has most of its size
 DRAWS = 8  # robots whose force is predicted
-ERROR = 1e-3  # [m, rad] standard deviation of each parameter (notes/parameters, geometric_error_prior)
+ERROR = (
+    1e-3  # [m, rad] standard deviation of each parameter (notes/parameters, geometric_error_prior)
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from cell.chain import Array
-from cell.descriptions import Cell, load_cell
+from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import nominal_geometry
+from cell.load import load_cell
 from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import rigid_basis
 from ident.robot.unloaded_robot import UnloadedRobot

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
-from cell.descriptions import Cell, joints_to_axes
+from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry, robot_frames
+from cell.robot_angles import joints_to_axes
 from planning.course import Course
 from planning.request import PlanLimits
 

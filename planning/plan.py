@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import PARAMETERS, bar_frames, nominal_geometry, robot_frames
@@ -90,7 +90,8 @@ class Plan:
         """Observability indices O1 to O5 of the robot's parameters."""
         typical = self.typical
         robot = [k for k, i in enumerate(typical.layout.shared) if PARAMETERS[i].side == "robot"]
-        return observability(typical.model, typical.normal, np.array(robot))
+        sigma, count = typical.layout.sigma, typical.model.recordings[0].times.size
+        return observability(typical.normal, sigma, np.array(robot), count)
 
 
 def scale_error(grid: Array, cell: Cell) -> float:

@@ -13,25 +13,28 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
-from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array
 
-from cell.chain import Array
+from cell.arrays import Array
+from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry
+from ident.complete_fit import FIRST_EXCESS
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import Correction
-from ident.estimator.joint_fit import ExcessNoise, Model, Point, Track, linearise
-from ident.estimator.machine import FIRST_EXCESS, tension_splines
-from ident.estimator.problem import Clock
-from ident.estimator.sampling import REST_KEPT
-from ident.estimator.unknowns import RecordingShape, Unknowns, unknowns
-from ident.identify import DEFAULT_SAMPLES, WIDEST_KNOT_SPACING
+from ident.estimator.gauss_newton import inverse
+from ident.estimator.model import Evaluation, Model, gearing
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.normal_equations import normal_equations
+from ident.estimator.samples import DWELL_KEPT, Samples
+from ident.estimator.unknowns import RecordingStart, Unknowns, complete_unknowns
 from ident.loads.gear_loads import MassModel, mass_model
+from ident.loads.logged_tension import tension_splines
+from ident.options import DEFAULT_SAMPLES
+from ident.recording_fit import WIDEST_KNOT_SPACING
 from ident.robot.accuracy import accuracy_grid, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
-from ident.signals.smooth_log import Outliers, SmoothLog
+from ident.signals.smooth_log import interpolating_log
 from planning.course import Course
 from planning.request import PlanSensors, PlanTiming, Workspace
 
@@ -56,7 +59,7 @@ class Predictor:
     @property
     def instants(self) -> Array:
         """(N,) [s] of the samples: from just before the robot moves to just after."""
-        margin = self.timing.dwell_s - REST_KEPT
+        margin = self.timing.dwell_s - DWELL_KEPT
         return np.linspace(margin, self.timing.duration_s - margin, self.samples)
 
     @cached_property
@@ -82,7 +85,7 @@ class Prediction:
     layout: Unknowns
     model: Model
     normal: Array  # (P, P)
-    points: tuple[Point, ...]
+    points: tuple[Evaluation, ...]
     geometry: Geometry
     free: UnloadedRobot
     grid: Array
@@ -90,9 +93,7 @@ class Prediction:
     @cached_property
     def covariance(self) -> Array:
         """(P, P)"""
-        s = self.layout.sigma
-        scaled = self.normal * np.outer(s, s)
-        return np.asarray(cho_solve(cho_factor(scaled), np.eye(s.size)) * np.outer(s, s))
+        return inverse(self.normal)
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -141,13 +142,13 @@ def predictor(
 
 
 def planned_unknowns(
-    on: Predictor, nominal: Geometry, recordings: Sequence[RecordingShape]
+    on: Predictor, nominal: Geometry, recordings: Sequence[RecordingStart]
 ) -> tuple[Unknowns, Array]:
     """Those of the complete model, the plate's length taken as exact.
 
     `ba5` is that length in other words (ra6 against it): 5 um are 20 ppm of scale whatever the path, stated apart (planning.plan).
     """
-    layout, x = unknowns(
+    layout, x = complete_unknowns(
         on.cell,
         nominal,
         recordings,
@@ -164,18 +165,22 @@ def predict(
     on: Predictor, course: Course, tension: Array, near: Prediction | None = None
 ) -> Prediction:
     """Of a course with a rod tension (N_course,) [N]. near : of the same course with another tension, whose loads per newton are taken."""
-    t = on.instants
-    track = _track(on, course, t)
-    shape = RecordingShape(track.joints, course.nominal, Clock(0.0, 0.0), track.knots.shape[0])
-    layout, x = planned_unknowns(on, course.nominal, [shape])
-    knots = layout.own[0].knots
+    samples = _samples(on, course)
+    begin = RecordingStart(
+        samples.encoders, course.nominal, Clock(0.0, 0.0), samples.splines.shape[0]
+    )
+    layout, x = planned_unknowns(on, course.nominal, [begin])
+    knots, t = layout.own[0].knots, samples.times
     if knots is not None:
         x[knots] = on.to_knots @ np.interp(t, course.t, tension)
-    model = Model(on.cell, on.masses, on.corrections, layout, (track,))
+    model = Model(gearing(on.cell), on.masses, on.corrections, layout, (samples,))
     bar = np.stack([np.interp(t, course.t, angle) for angle in course.b.T], axis=1)
-    linear = linearise(model, x, [bar], _excess(on), near=near.points if near else ())
+    previous = near.points if near else ()
+    linear = normal_equations(model, x, [bar], _excess(on), previous=previous)
     free = UnloadedRobot(on.cell, course.nominal, on.corrections, x[layout.coefficients])
-    return Prediction(layout, model, linear.normal, linear.points, course.nominal, free, on.grid)
+    return Prediction(
+        layout, model, linear.normal, linear.evaluations, course.nominal, free, on.grid
+    )
 
 
 def predictions(on: Predictor, course: Course, tensions: Array) -> tuple[Prediction, ...]:
@@ -196,13 +201,12 @@ def _excess(on: Predictor) -> ExcessNoise:
     )
 
 
-def _track(on: Predictor, course: Course, t: Array) -> Track:
+def _samples(on: Predictor, course: Course) -> Samples:
+    """The samples of a noise-free run along a course, with the noise of the sensors."""
     s, f = on.sensors, on.dilution
     fitted = [j - 1 for j in s.encoders]
-    robot, bar = _as_log(course.t, course.q), _as_log(course.t, course.b[:, fitted])
-    spacing = min(
-        (on.timing.duration_s - 2.0 * on.timing.dwell_s) / DEFAULT_SAMPLES, WIDEST_KNOT_SPACING
-    )
+    moving = on.timing.duration_s - 2.0 * on.timing.dwell_s
+    spacing = min(moving / DEFAULT_SAMPLES, WIDEST_KNOT_SPACING)
     robot_noise, bar_noise = (
         f * sigma * np.sqrt(min(1.0, 1.0 / (rate * spacing)))
         for sigma, rate in (
@@ -212,34 +216,15 @@ def _track(on: Predictor, course: Course, t: Array) -> Track:
     )
     noise = np.zeros(BAR_ROWS)
     noise[fitted] = bar_noise
-    return Track(
-        robot,
-        bar,
-        s.encoders,
-        np.ones(len(fitted)),
-        t,
-        on.knots,
-        np.zeros(t.size),
-        np.full((6, 1), robot_noise),
-        noise,
-    )
-
-
-def _as_log(t: Array, values: Array) -> SmoothLog:
-    """A noise-free log."""
-    spline = make_interp_spline(t, values, k=3)
-    none = Outliers(np.zeros(0), np.zeros(0, dtype=np.intp), 0, t.size)
-    period = float(t[1] - t[0])
-    return SmoothLog(
-        spline,
-        spline.derivative(),
-        float(t[0]),
-        float(t[-1]),
-        np.zeros(values.shape[1]),
-        period,
-        period,
-        np.zeros((0, 2)),
-        t,
-        none,
-        (),
+    robot = interpolating_log(course.t, course.q, np.zeros(course.q.shape[1]))
+    return Samples(
+        robot=robot,
+        ballbar=interpolating_log(course.t, course.b[:, fitted], np.zeros(len(fitted))),
+        encoders=s.encoders,
+        directions=np.ones(len(fitted)),
+        times=on.instants,
+        joint_noise=np.full(6, robot_noise),
+        encoder_noise=noise,
+        tension=np.zeros(on.instants.size),
+        splines=on.knots,
     )

@@ -98,8 +98,7 @@ class PlanSensors(Strict):
         (1, 2, 4, 5), min_length=2, description="Ball-bar joints with an encoder."
     )
     encoder_sigma_rad: Positive = Field(
-        1.0e-5,
-        description="Of a sample: sub-divisional error, noise (notes/parameters, 12 urad).",
+        1.0e-5, description="Of a sample: sub-divisional error, noise (notes/parameters, 12 urad)."
     )
     encoder_noise_sigma_rad: Positive = Field(2.0e-6, description="White, of a row.")
     ballbar_rate_hz: Positive = Field(100.0, description="Thesis sec. 4.6.")

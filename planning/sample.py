@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from planning.candidate import space_of
 from planning.judge import Judge, Judgement, judged
 from planning.screen import screen

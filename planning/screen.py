@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
-from cell.descriptions import Cell, joints_to_axes
+from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, bar_frames, nominal_geometry
 from cell.inverse import robot_branches
+from cell.robot_angles import joints_to_axes
 from planning.candidate import Space
 from planning.limits import from_singular
 from planning.request import PlanLimits

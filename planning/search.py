@@ -17,7 +17,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import BAR_ROWS
 from planning.candidate import Space, folded, space_of
 from planning.evolution import evolution

@@ -10,17 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
-from cell.descriptions import Cell, joints_to_axes
+from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from cell.robot_angles import joints_to_axes
 from planning.candidate import Candidate
 from planning.clearance import Clearance, distances_along
 from planning.limits import arm_margins, from_singular
 from planning.request import PlanLimits, PlanRequest
-from sim.errors.static_errors import true_geometry
-from sim.motion import Motion
-from sim.path import reference_path
-from sim.plant.effects import (
+from sim.errors.plant_errors import (
     BarFriction,
     GearBacklash,
     GearFriction,
@@ -28,8 +26,11 @@ from sim.plant.effects import (
     PlateBending,
     RodBacklash,
     RodStrain,
-    plant_effects,
 )
+from sim.errors.static_errors import true_geometry
+from sim.motion import Motion
+from sim.path import reference_path
+from sim.plant.effects import plant_effects
 from sim.plant.mujoco_plant import run_plant
 from sim.settings import ErrorSettings, StaticErrors
 from sim.simulate import PATH_STEP

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import BallBar, Cell, Link, Plate
 from cell.errors import InputError
 from cell.schema_errors import nearest

@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.threads import one_thread_each
 from planning.judge import Judge, judges
 from planning.request import PlanRequest

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cell.chain import Array, Chain, Frames, cross, forward, joint_screws
+from cell.arrays import Array
+from cell.chain import Chain, Frames, cross, forward, joint_screws
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import BAR_ROWS, Geometry, bar_frames

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.rotation import rotvec_from_matrix

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cell.chain import Array
-from cell.descriptions import Robot, joints_to_axes
+from cell.arrays import Array
+from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames
 from cell.inverse import robot_branches
+from cell.robot_angles import joints_to_axes
 
 RAMP = 2.0  # [s] from rest to the phase's cruising speed and back
 

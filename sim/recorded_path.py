@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames, robot_frames

@@ -23,10 +23,10 @@ from sim.errors.clock_errors import (
     StampQuantum,
 )
 from sim.errors.outliers import Outliers
+from sim.errors.plant_errors import PlantErrors
 from sim.errors.sample_errors import SampleErrors
 from sim.errors.sensor_errors import EncoderNumber, SensorErrors
 from sim.logging.load_logs import LoadLogs
-from sim.plant.effects import PlantErrors
 
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Place = Annotated[

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.files import write_yaml
 from cell.geometry import Geometry, nominal_geometry
+from cell.load import load_cell
 from cell.logs import RobotLog
 from cell.strict_yaml import load_model
 from sim.errors.sample_errors import refuse_sample_errors

@@ -12,9 +12,11 @@ from pydantic import Field
 from cell.files import write_yaml
 from cell.geometry import NAMES, Geometry
 from cell.schema import Strict
-from cell.strict_yaml import load_model
+from cell.strict_yaml import check_schema, load_yaml, parse_model
 from sim.logging.log_truth import LogTruth
 from sim.plant.effects import RIGID_ROD, PlantEffects
+
+SCHEMA = "ballbar-truth/2"
 
 
 class RippleTruth(Strict):
@@ -30,12 +32,12 @@ class PlantTruth(Strict):
     """What gave way, turned unevenly or had play, and by how much; null and 0 where an effect was off."""
 
     gear_stiffness_N_m_per_rad: tuple[float, ...] | None
-    gear_backlash_half_width_rad: tuple[float, ...]  # half widths
-    gear_hysteresis_rad: tuple[float, ...]  # half widths
+    gear_backlash_half_width_rad: tuple[float, ...]
+    gear_hysteresis_half_width_rad: tuple[float, ...]
     transmission_error: tuple[RippleTruth, ...]
     gear_friction_scale: float
     rod_stiffness_N_per_m: float | None
-    rod_backlash_half_width_m: float  # half width
+    rod_backlash_half_width_m: float
     bar_friction_N_m: float
     plate_stiffness_N_per_m: float | None
     base_stiffness_N_per_m: float | None
@@ -47,7 +49,7 @@ def plant_truth(effects: PlantEffects) -> PlantTruth:
     return PlantTruth(
         gear_stiffness_N_m_per_rad=None if stiffness is None else tuple(stiffness.tolist()),
         gear_backlash_half_width_rad=tuple(effects.gear_backlash.tolist()),
-        gear_hysteresis_rad=tuple(effects.gear_hysteresis.tolist()),
+        gear_hysteresis_half_width_rad=tuple(effects.gear_hysteresis.tolist()),
         transmission_error=tuple(
             RippleTruth(
                 axis=r.gear + 1,
@@ -91,7 +93,7 @@ class Truth:
         write_yaml(
             path,
             {
-                "schema": "ballbar-truth/1",
+                "schema": SCHEMA,
                 "seed": self.seed,
                 "parameters": {
                     name: float(value)
@@ -125,7 +127,7 @@ class _Force(Strict):
 class TruthFile(Strict):
     """Schema of the truth file."""
 
-    schema_: Annotated[Literal["ballbar-truth/1"], Field(alias="schema")]
+    schema_: Annotated[Literal["ballbar-truth/2"], Field(alias="schema")]
     seed: int
     parameters: dict[str, float]
     directions: dict[str, int]
@@ -137,18 +139,23 @@ class TruthFile(Strict):
 
 
 def load_truth(path: Path) -> Truth:
-    """Reads a truth file. Raises DescriptionError."""
-    file = load_model(path, TruthFile)
+    """The truth of a simulated recording.
+
+    Raises DescriptionError if the file cannot be read, is wrong, or has another schema.
+    """
+    document = load_yaml(path)
+    check_schema(document, SCHEMA, "Simulate the recording again.")
+    file = parse_model(document, TruthFile)
     return Truth(
-        Geometry(np.array([file.parameters[name] for name in NAMES])),
-        file.directions,
-        file.clock.offset_s,
-        file.clock.skew,
-        file.seed,
-        file.closure.position_m,
-        file.closure.angle_rad,
-        file.rod_force.min_N,
-        file.rod_force.max_N,
-        file.plant,
-        file.logs,
+        geometry=Geometry(np.array([file.parameters[name] for name in NAMES])),
+        directions=file.directions,
+        offset=file.clock.offset_s,
+        skew=file.clock.skew,
+        seed=file.seed,
+        closure_position=file.closure.position_m,
+        closure_angle=file.closure.angle_rad,
+        rod_force_min=file.rod_force.min_N,
+        rod_force_max=file.rod_force.max_N,
+        plant=file.plant,
+        logs=file.logs,
     )

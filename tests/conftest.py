@@ -2,58 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
-from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate, write_recording
-
-SCENARIOS = Path(__file__).parents[1] / "scenarios"
-
-
-def settings(**changes: object) -> SimulationSettings:
-    """The main scenario in 60 s, with top-level sections replaced."""
-    base: dict[str, object] = {
-        "cell": {
-            "robot": "irb2400",
-            "ballbar": "lund_600",
-            "ballbar_position_m": [0.70, 0.0, 0.54],
-        },
-        "path": {
-            "kind": "lissajous",
-            "file": "paths/irb2400_a.yaml",
-            "duration_s": 60.0,
-            "dwell_s": 2.0,
-            "stops": 1,
-        },
-        "errors": {"static": {"table": "thesis_3_1"}, "joint_noise": {"sigma_rad": 1e-5}},
-        "encoders": {"fitted": [1, 2, 3, 4, 5], "noise_sigma_rad": 1e-5},
-        "clocks": {"offset_s": 0.137, "skew": 5e-5, "overrun_probability": 0.005},
-        "seed": 1,
-    }
-    return SimulationSettings.model_validate(base | changes)
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """A simulation and the folder of its recording."""
-
-    settings: SimulationSettings
-    simulation: Simulation
-    folder: Path
-
-
-def record(folder: Path, **changes: object) -> Recorded:
-    """Simulates and writes a recording."""
-    chosen = settings(**changes)
-    simulation = simulate(chosen, relative_to=SCENARIOS)
-    write_recording(simulation, chosen, folder)
-    return Recorded(chosen, simulation, folder)
+from cell.load import load_cell
+from tests.helpers.simulated_recordings import Recorded, record
 
 
 @pytest.fixture(scope="session")
@@ -69,8 +24,3 @@ def cell() -> Cell:
 @pytest.fixture(scope="session")
 def nominal(cell: Cell) -> Geometry:
     return nominal_geometry(cell, np.array([0.70, 0.0, 0.54]))
-
-
-def perturbed(geometry: Geometry, rng: np.random.Generator, sigma: float = 1e-3) -> Geometry:
-    """Every parameter of robot, ball-bar and base off by a random amount [m, rad]."""
-    return Geometry(geometry.values + rng.normal(0.0, sigma, geometry.values.shape))

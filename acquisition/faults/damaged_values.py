@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.neighbours import (
     CLEAR,
     CUBIC,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from acquisition.faults.jumps import Jumps, find_jumps
 from acquisition.flags import RowFlag, usable
 from acquisition.table.table import Table
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import LogError
 from cell.neighbours import Mask, Rows
 from cell.recording import EncoderFitting, EncoderName

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.neighbours import Mask, Rows
 
 # (later, earlier) values of the same number of rows -> [rad] their differences

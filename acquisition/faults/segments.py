@@ -31,7 +31,7 @@ from acquisition.report import Severity
 from acquisition.stamps.order import GAP, STAMP, amount
 from acquisition.table.table import Table
 from acquisition.times import Stamps
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import LogError
 from cell.neighbours import Mask, Rows
 

@@ -21,7 +21,7 @@ from acquisition.formats.columns import one_file, stored_bytes, wanted_columns
 from acquisition.report import finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import LogError
 
 VERSIONS = range(10_000, 11_000)  # 10011 in 2024; the head has not changed since 10007

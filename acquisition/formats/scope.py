@@ -27,7 +27,7 @@ from acquisition.formats.scope_export import (
 from acquisition.report import Finding, finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import LogError
 
 _UNIX = 116_444_736_000_000_000  # [100 ns] FILETIME of 1970

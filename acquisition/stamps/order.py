@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from acquisition.flags import RowFlag
 from acquisition.table.table import Table
 from acquisition.times import Stamps
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import LogError
 
 # Column that holds the stamps, whatever the file calls them; its blank keeps it apart from all

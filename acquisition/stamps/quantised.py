@@ -24,7 +24,7 @@ from scipy.spatial import ConvexHull
 
 from acquisition.stamps.order import STAMP, amount
 from acquisition.table.table import Table
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import LogError
 
 ROOM = 1.1  # steps: what a line may leave, a tenth for the jitter of the rows themselves

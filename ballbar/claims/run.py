@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
@@ -11,10 +10,9 @@ from pathlib import Path
 from ballbar.claims.checks import Outcome, judge, measured
 from ballbar.claims.file import Claim, ClaimFile, Quick, load_claims
 from ballbar.claims.table import Evidence, identifiability_evidence, runs_evidence
-from ballbar.sweep.check import LoadedSweep
-from ballbar.sweep.check import load as load_sweep
+from ballbar.sweep.check import LoadedSweep, load_sweep
+from ballbar.sweep.chunk import Task
 from ballbar.sweep.file import flattened
-from ballbar.sweep.part import Job
 from ballbar.sweep.plan import Plan, with_changes
 from ballbar.sweep.run import Progress, run_sweep
 from ballbar.sweep.workers import Workers
@@ -26,7 +24,7 @@ from cell.strict_yaml import YamlDocument
 FOLDER = Path("scenarios/claims")  # of the shipped claims, from the project's folder
 FAILS = "fails its check"
 
-Computing = Callable[[Job], AbstractContextManager[Workers]]
+Computing = Callable[[Task], AbstractContextManager[Workers]]
 Showing = Callable[[Plan], AbstractContextManager[Progress]]  # of the runs of one sweep
 
 
@@ -141,12 +139,15 @@ def _sweep_of(topic: Topic, *, quick: bool) -> LoadedSweep:
 
 def _thinned(plan: Plan, quick: Quick) -> Plan:
     """A sweep with fewer points and seeds."""
-    data = dict(plan.data)
-    data["scenario"] = with_changes(data["scenario"], flattened(quick.change))
+    changes: dict[str, object] = {
+        "scenario": with_changes(plan.data.scenario, flattened(quick.change))
+    }
     if quick.together is not None:
-        data["together"] = [flattened(row) for row in quick.together]
-    data |= quick.model_dump(include={"vary", "draws", "seeds"}, exclude_none=True)
-    return Plan(json.dumps(data))
+        changes["together"] = [flattened(row) for row in quick.together]
+    for key in ("vary", "draws", "seeds"):
+        if (value := getattr(quick, key)) is not None:
+            changes[key] = value
+    return Plan.of(plan.data.model_copy(update=changes))
 
 
 def _read(path: Path) -> Topic:

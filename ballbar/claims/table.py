@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from ballbar.claims.kinds import Measure, Rows, Scalar, Statistic
 from ballbar.identifiability import Influences, Study, influences, nominal_loop, study
 from ballbar.scenario import load_scenario
-from ballbar.sweep.part import DONE
+from ballbar.sweep.chunk import DONE
 from ballbar.sweep.summary import failures_of
-from cell.chain import Array
+from cell.arrays import Array
 from cell.errors import InputError
 from cell.schema_errors import nearest
 from ident.thesis.costs import ENCODERS_NEEDED

@@ -120,7 +120,7 @@ def sweep(
     Exits with 1 when every run failed, with 130 when it was stopped.
     """
     from ballbar.commands.result_json import sweep_data
-    from ballbar.sweep.check import load as load_sweep
+    from ballbar.sweep.check import load_sweep
     from ballbar.sweep.run import run_sweep
     from ballbar.sweep.show import run_bar, say_outcome
     from ballbar.sweep.workers import dask_cluster, processes
@@ -131,7 +131,7 @@ def sweep(
             "--workers counts processes on this machine; with --scheduler the cluster's own workers compute. Give one."
         )
     settings = load_sweep(file)
-    folder = out_dir or Path("runs") / f"{settings.plan.name}-sweep"
+    folder = out_dir or Path("runs") / f"{settings.plan.data.name}-sweep"
     computing = (
         partial(dask_cluster, address=scheduler)
         if scheduler

@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 from ballbar.commands import bench, identification, planning, recordings, result
-from ballbar.terminal import CommandGroup, Quiet, Verbose, err, fresh_terminal
+from ballbar.terminal import CommandGroup, Quiet, Verbose, err, reset_terminal
 from cell.errors import FailureError, InputError
 
 app = typer.Typer(
@@ -54,7 +54,7 @@ def shared(quiet: Quiet = False, verbose: Verbose = False, version: Version = Fa
 
 def main() -> None:
     """Entry point: runs a command and turns what can go wrong into a message and an exit code."""
-    fresh_terminal()
+    reset_terminal()
     try:
         app()
     except InputError as error:

@@ -16,8 +16,7 @@ from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import claim_folder
 from ident.corrections import CORRECTIONS
-from ident.estimator.machine import ForceSource
-from ident.identify import DEFAULT_SAMPLES, ModelName
+from ident.options import DEFAULT_SAMPLES, ForceSource, Listener, ModelName
 
 commands = typer.Typer()
 
@@ -104,8 +103,7 @@ def identify(
             recordings,
             validate or (),
             settings=settings,
-            progress=log.progress,
-            on_iteration=log.on_iteration if rerun else None,
+            listener=log.listener if rerun else Listener(log.listener.progress),
         )
         data = replace(data, iterations=tuple(log.steps))
         write_outputs(folder, data, command=command_line(), replay=rerun, progress=progress)

@@ -14,8 +14,20 @@ from ballbar.terminal import silence
 
 AT_THE_CELL, RESULT, TEST_BENCH = "At the cell", "With the result", "Test bench"
 
+
+def _scenario(name: Path) -> Path:
+    from ballbar.scenario import scenario_file
+
+    return scenario_file(name)
+
+
 ScenarioFile = Annotated[
-    Path, typer.Argument(help="A scenario, such as scenarios/irb2400.yaml.", metavar="SCENARIO")
+    Path,
+    typer.Argument(
+        help="A scenario: a file, or the name of a shipped one such as irb2400.",
+        metavar="SCENARIO",
+        callback=_scenario,
+    ),
 ]
 RecordingFolder = Annotated[
     Path,

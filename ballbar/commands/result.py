@@ -91,26 +91,23 @@ def compare_files(
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
     from ballbar.result.calibration import load_calibration
     from ballbar.result.compare import compare, compare_with_truth
-    from cell.descriptions import load_cell
+    from cell.load import load_cell
     from sim.truth import load_truth
 
-    cell = load_cell(
-        model.file.robot, model.file.ballbar, model.file.plate, relative_to=calibration.parent
-    )
-    identified = [name for name, entry in model.file.parameters.items() if entry.identified]
+    file = model.file
+    cell = load_cell(file.robot, file.instrument, file.plate, relative_to=calibration.parent)
+    identified = list(file.identified)
     if reference.name.endswith(".truth.yaml"):
         truth = load_truth(reference)
-        clock = model.file.clock
-        found = (clock.offset_s, clock.skew) if clock else None
-        return compare_with_truth(
-            model.unloaded_robot(cell), model.nominal, truth, identified, found
-        )
+        clock = file.recordings[0].clock
+        at = (clock.offset_s, clock.skew) if clock else None
+        return compare_with_truth(model.unloaded_robot(cell), model.nominal, truth, identified, at)
     other = load_calibration(reference)
-    if other.file.robot != model.file.robot:
+    if other.file.robot != file.robot:
         raise InputError(
-            f"{reference}: is of robot {other.file.robot}, {calibration} of {model.file.robot}; only the same robot can be compared"
+            f"{reference}: is of robot {other.file.robot}, {calibration} of {file.robot}; only the same robot can be compared"
         )
-    shared = [name for name in identified if other.file.parameters[name].identified]
+    shared = [name for name in identified if name in other.file.identified]
     return compare(model.unloaded_robot(cell), model.nominal, other.unloaded_robot(cell), shared)
 
 

@@ -103,9 +103,9 @@ def sweep_data(outcome: Outcome) -> dict[str, object]:
             "values": point.values,
             "runs": point.runs,
             "failed": point.failed,
-            "figures": {
+            "results": {
                 name: {"median": float(np.median(values)), "q95": float(np.quantile(values, 0.95))}
-                for name, values in point.figures.items()
+                for name, values in point.results.items()
                 if values.size
             },
         }

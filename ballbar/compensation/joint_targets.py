@@ -16,9 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.chain import Array
-from cell.descriptions import Robot, controller_to_joints, joints_to_axes
+from cell.arrays import Array
+from cell.descriptions import Robot
 from cell.errors import InputError
+from cell.robot_angles import controller_to_joints, joints_to_axes
 
 JOINTS = tuple(f"q{i + 1}" for i in range(6))
 AXES = tuple(f"axis{i + 1}_deg" for i in range(6))

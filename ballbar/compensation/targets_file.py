@@ -9,10 +9,10 @@ import numpy as np
 
 from ballbar.compensation.joint_targets import TargetFile, read_targets, targets_text
 from ballbar.export.result import EFFECTS, Result
-from cell.chain import Array
-from cell.descriptions import joints_to_axes
+from cell.arrays import Array
 from cell.errors import InputError
 from cell.files import write_whole
+from cell.robot_angles import joints_to_axes
 from ident.robot.inverse_calibration import CorrectedTargets, TargetError, corrected_targets
 
 _NAMED = 3  # faults that a message names

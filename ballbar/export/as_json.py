@@ -50,10 +50,10 @@ def export_data(result: Result) -> dict[str, object]:
             "ballbar": version("ballbar-bench"),
             "source": result.file.name,
             "sha256": result.sha256,
-            "recordings": [one.recording for one in file.recordings],
+            "recordings": [recording.name for recording in file.recordings],
             "fit": {
                 "status": file.fit.status,
-                "sentence": file.fit.sentence,
+                "verdict": file.fit.verdict,
                 "warnings": list(file.fit.warnings),
             },
         },

@@ -11,13 +11,14 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ballbar.export.result import Result, notes
 from ballbar.export.tables import number
+from cell.arrays import Array
 from cell.bodies import carried_bodies
-from cell.chain import Array, Chain, forward
+from cell.chain import Chain, row_placements
 from cell.descriptions import Link, Robot
+from cell.rotation import quat_wxyz
 
 _LIMITS = "Joint limits: the range that each DH joint takes over the box of axis limits; effort 0: the cell files state none."
 _INERTIA_DIGITS = 12  # [kg m^2] below is rounding of turned tensors
@@ -63,7 +64,11 @@ def mjcf(result: Result) -> str:
     for i, body in enumerate(_bodies(result)):
         rotation, place = poses[i]
         parent = ET.SubElement(
-            parent, "body", name=f"link_{i + 1}", pos=_numbers(place), quat=_quat_wxyz(rotation)
+            parent,
+            "body",
+            name=f"link_{i + 1}",
+            pos=_numbers(place),
+            quat=_numbers(quat_wxyz(rotation)),
         )
         tensor = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].round(_INERTIA_DIGITS)
         ET.SubElement(
@@ -81,23 +86,15 @@ def mjcf(result: Result) -> str:
             range=_numbers([lower[i], upper[i]]),
         )
     rotation, place = poses[6]
-    ET.SubElement(parent, "site", name="tool", pos=_numbers(place), quat=_quat_wxyz(rotation))
+    ET.SubElement(
+        parent, "site", name="tool", pos=_numbers(place), quat=_numbers(quat_wxyz(rotation))
+    )
     return _text(root)
 
 
 def _placements(chain: Chain) -> list[tuple[Array, Array]]:
     """Seven of (rotation (3, 3), translation (3,) [m]): links 1 to 6 and the tool, each in the frame before it."""
-    out = [(np.eye(3), np.zeros(3))]
-    for i in range(chain.rows):
-        row = Chain(
-            *(
-                values[i : i + 1]
-                for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta)
-            )
-        )
-        frames = forward(row, np.zeros((1, 1)))
-        out.append((frames.rotation()[:, :, 0], frames.tip[:, 0]))
-    return out
+    return [(np.eye(3), np.zeros(3)), *row_placements(chain)]
 
 
 def _bodies(result: Result) -> list[Link]:
@@ -144,10 +141,6 @@ def _roll_pitch_yaw(rotation: Array) -> Array:
             np.arctan2(rotation[1, 0], rotation[0, 0]),
         ]
     )
-
-
-def _quat_wxyz(rotation: Array) -> str:
-    return _numbers(Rotation.from_matrix(rotation).as_quat(scalar_first=True))
 
 
 def _numbers(values: Iterable[float]) -> str:

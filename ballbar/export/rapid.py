@@ -12,8 +12,8 @@ import numpy as np
 from ballbar.export.result import Result, notes
 from ballbar.export.rows import standard_rows
 from ballbar.export.tables import number
-from cell.chain import Array
-from cell.descriptions import joints_to_motors
+from cell.arrays import Array
+from cell.robot_angles import joints_to_motors
 
 _HOW = (
     "HOW TO USE",

@@ -10,9 +10,10 @@ from pathlib import Path
 
 from ballbar.result.calibration import Calibration, calibration_file, load_calibration
 from cell.chain import Chain
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import PARAMETERS, Parameter
+from cell.load import load_cell
 
 EFFECTS = {
     "joint_compliance": "elastic gears under the robot's own weight",
@@ -66,7 +67,7 @@ def load_result(path: Path) -> Result:
         )
     calibration = load_calibration(file)
     named = calibration.file
-    cell = load_cell(named.robot, named.ballbar, named.plate, relative_to=file.parent)
+    cell = load_cell(named.robot, named.instrument, named.plate, relative_to=file.parent)
     return Result(file, hashlib.sha256(file.read_bytes()).hexdigest(), calibration, cell)
 
 

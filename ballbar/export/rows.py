@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array, Chain, forward
+from cell.arrays import Array
+from cell.chain import Chain, forward
 from cell.errors import InputError
 
 PARALLEL_ROW = 1  # joint 2, whose axis is nearly parallel to the next

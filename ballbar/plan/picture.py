@@ -15,8 +15,8 @@ from matplotlib.rcsetup import cycler
 from ballbar.figure_style import FRAME, INK, QUIET, svg_text
 from ballbar.plan.beam import GRAVITY
 from ballbar.plan.plate_figure import MATERIALS, THICKNESS, draw_deflection
-from cell.descriptions import joints_to_axes
 from cell.geometry import bar_frames
+from cell.robot_angles import joints_to_axes
 from planning.plan import Plan
 from planning.what_if import Answer
 

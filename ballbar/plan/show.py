@@ -18,7 +18,7 @@ from rich.table import Table
 
 from ballbar.plan.beam import FIGURES, OFFSET_PLATE, PLATE_FORCE
 from ballbar.plan.picture import plan_picture, plate_picture, what_if_picture
-from ballbar.terminal import moves
+from ballbar.terminal import animated
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from planning.candidate import Candidate
@@ -194,7 +194,7 @@ def check_in_plant(plan: Plan, seed: int) -> list[Check]:
 @contextmanager
 def under_way(err: Console, words: str) -> Iterator[Callable[[str], None]]:
     """What is being done, on a terminal that is not asked to be quiet; nothing in a pipe."""
-    if moves(err):
+    if animated(err):
         with err.status(words) as status:
             yield status.update
     else:

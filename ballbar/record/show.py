@@ -18,9 +18,9 @@ from acquisition.live.plc_source import Memory, PlcSource
 from acquisition.live.session import LiveRecording
 from acquisition.live.source import Batch, Source
 from ballbar.record.terminal import quiet_libraries, say_recording, show_until_stopped
-from cell.descriptions import load_cell
 from cell.errors import InputError
 from cell.files import write_whole
+from cell.load import load_cell
 
 PLC_PORT = 851  # of the first PLC project of TwinCAT 3
 RING = "GVL_BallBar.stRing"  # docs/recorder.md

@@ -10,7 +10,7 @@ import numpy as np
 
 from acquisition import CoarseAlignment, Recording, coarse_alignment, find_dwells, report_lines
 from acquisition.report import Finding
-from cell.chain import Array
+from cell.arrays import Array
 from cell.logs import segment_starts
 
 

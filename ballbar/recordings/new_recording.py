@@ -26,9 +26,9 @@ from acquisition.table.fields import split_fields
 from acquisition.table.header import read_header
 from acquisition.table.text import LogText, read_filled, text_of
 from acquisition.times import TIME_FORMS, recognised, words
-from cell.descriptions import ballbar_names, load_ballbar, robot_names
 from cell.errors import InputError, LogError
 from cell.files import write_yaml
+from cell.load import ballbar_names, load_ballbar, robot_names
 from cell.recording import SourceFile
 
 Ask = Callable[[str, str | None], str]  # (question, proposed answer) -> answer

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from ballbar.replay.entities import COVERAGE_SHARE, COVERED, Colour, at
-from cell.chain import Array
+from cell.arrays import Array
 
 PATCHES = 800  # over the whole sphere: 0.08 of the radius across
 _COVERED: Colour = (90, 150, 235)

@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from cell.chain import Array
+from cell.arrays import Array
 
 TIMELINE = "robot_time"  # [s] robot's clock, from the first row of its log
 ITERATION = "iteration"  # of the identifier; 0 is the nominal robot

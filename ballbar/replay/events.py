@@ -18,7 +18,7 @@ from acquisition.flags import EXCLUDED
 from ballbar.replay.entities import EVENT_LOG, LANES, Colour, at
 from ballbar.replay.motion import GAP_PERIODS, CellMotion, on_robot_clock
 from ballbar.result.run_data import RunData
-from cell.chain import Array
+from cell.arrays import Array
 from cell.logs import segment_starts
 from cell.neighbours import damaged_bursts
 from ident.identify import Identification

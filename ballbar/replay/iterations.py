@@ -30,7 +30,7 @@ from ballbar.replay.motion import base_alignment, on_robot_clock
 from ballbar.replay.scene import magnification
 from ballbar.result.iterations import Step
 from ballbar.result.run_data import RunData
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import Geometry, robot_frames
 from ident.robot.accuracy import accuracy_grid
 

@@ -18,7 +18,7 @@ from ballbar.replay.viewer import live_viewer
 from ballbar.replay.write import send_replay
 from ballbar.result.iterations import Step
 from ballbar.result.run_data import RunData
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, robot_frames
 

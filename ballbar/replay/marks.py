@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from acquisition import find_dwells
 from ballbar.replay.motion import CellMotion, cell_motion
 from ballbar.result.run_data import RunData
-from cell.chain import Array
+from cell.arrays import Array
 from ident.identify import Identification
 
 NEAR = np.deg2rad(

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ballbar.result.run_data import RunData
-from cell.chain import Array, Frames
+from cell.arrays import Array
+from cell.chain import Frames
 from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.logs import BallBarLog
 from ident.estimator.closure import complete_bar_angles
@@ -123,7 +124,7 @@ def _bar_angles(result: Identification, log: BallBarLog | None, t: Array, q: Arr
     follows = complete_bar_angles(result.geometry, q, np.zeros((t.size, 0)), ())
     if log is None or result.clock is None:
         return follows
-    t_bar = (t - result.clock.offset) / (1.0 + result.clock.skew)
+    t_bar = result.clock.ballbar_time(t)
     angles = log.angles * np.array(result.signs)
     measured = np.stack([np.interp(t_bar, log.t, column) for column in angles.T], axis=1)
     completed = complete_bar_angles(result.geometry, q, measured, log.joints)

@@ -23,7 +23,7 @@ from ballbar.replay.entities import (
     rounded_up,
 )
 from ballbar.result.run_data import RunData
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import INDEX, PARAMETERS
 
 ROWS = tuple(

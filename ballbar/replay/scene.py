@@ -18,7 +18,8 @@ from ballbar.replay.entities import (
 )
 from ballbar.replay.motion import CellMotion, TrueTool, quat_xyzw
 from ballbar.replay.shapes import STEEL, Mesh, ball, bar_shapes, plate_shape, robot_shapes
-from cell.chain import Array, Frames
+from cell.arrays import Array
+from cell.chain import Frames
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from ident.identify import Identification

@@ -31,7 +31,7 @@ from ballbar.replay.entities import (
 )
 from ballbar.replay.motion import CellMotion, TrueTool, mechanism_angles, on_robot_clock, thinning
 from ballbar.result.run_data import RunData
-from cell.chain import Array
+from cell.arrays import Array
 from ident.identify import Identification, Residuals
 
 _REDS = [RED, (242, 142, 43), (214, 120, 160)]
@@ -131,7 +131,7 @@ def _clock_series(data: RunData, t: Array) -> dict[str, Series]:
     clock = data.identification.clock
     if clock is None:
         return {}
-    found = t - (t - clock.offset) / (1.0 + clock.skew)
+    found = t - clock.ballbar_time(t)
     series = {CLOCK_FOUND: Series(t, found[:, None] * 1e3, ["identified"], [GREEN])}
     if data.simulation is None:
         return series

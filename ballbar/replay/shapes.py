@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar.replay.entities import Colour
-from cell.chain import Array, Chain
+from cell.arrays import Array
+from cell.chain import Chain
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 

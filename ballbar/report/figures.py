@@ -21,7 +21,7 @@ from matplotlib.ticker import MultipleLocator
 
 from ballbar.figure_style import FRAME, INK, QUIET, svg_text
 from ballbar.report.numbers import length_scale
-from cell.chain import Array
+from cell.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType

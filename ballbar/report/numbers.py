@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 
 MISSING = "\u2013"
 _MOST_DECIMALS = (

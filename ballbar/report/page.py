@@ -19,7 +19,7 @@ from ballbar.report.numbers import rms_norm, significant, to_sigma
 from ballbar.report.provenance import InputFile, hashed, input_files, versions, without_folders
 from ballbar.report.recording import recording_section
 from ballbar.result.run_data import RunData
-from cell.chain import Array
+from cell.arrays import Array
 from cell.files import write_whole
 from ident.identify import Identification
 from ident.robot.accuracy import accuracy_grid, position_error

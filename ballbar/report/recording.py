@@ -16,7 +16,7 @@ from ballbar.replay.marks import Marks, mark_sentences, marks
 from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles
 from ballbar.report.figures import AFTER, BEFORE, STYLE, WIDTH, as_svg
 from ballbar.result.run_data import RunData
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import bar_frames, robot_frames
 
 SHIFTS = np.linspace(-0.3, 0.3, 61)  # [s] of the ball-bar's clock, as in thesis Fig. 5.5

@@ -18,7 +18,7 @@ from matplotlib.patches import Circle
 from ballbar.figure_style import INK
 from ballbar.report.figures import AFTER_SCALE, BEFORE_SCALE, STYLE, WIDTH, as_svg
 from ballbar.result.run_data import Joined
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import robot_frames
 from ident.identify import Residuals
 

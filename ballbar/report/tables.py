@@ -9,7 +9,7 @@ import numpy as np
 
 from ballbar.report.numbers import MISSING, decimals_for, fixed, rms, rms_norm, significant
 from ballbar.result.compare import Comparison
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import INDEX, PARAMETERS, Parameter
 from ident.estimator.identifiability import Dependency
 from ident.identify import Identification

@@ -1,33 +1,43 @@
-"""calibration.yaml: what one identification leaves behind (schema `ballbar-calibration/1`), SI units."""
+"""calibration.yaml: what one identification leaves behind (schema `ballbar-calibration/2`), SI units.
+
+What the recordings share stands once; encoder offsets, base pose and clock stand with each of them,
+also when there is only one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
+from ballbar.result.run_data import RunData
 from cell.descriptions import Cell
 from cell.files import write_yaml
 from cell.geometry import NAMES, Geometry
-from cell.strict_yaml import load_model
-from ident.estimator.unknowns import PLACE
+from cell.schema import Strict
+from cell.statistics import rms
+from cell.strict_yaml import check_schema, load_yaml, parse_model
+from ident.estimator.unknowns import SHARED
 from ident.held_out import HeldOut, LoopClosure
-from ident.identify import CoefficientValue, CorrectionValue, Identification, unloaded_robot
+from ident.result import (
+    CoefficientEstimate,
+    CorrectionEstimate,
+    RecordingEstimate,
+    RobotEstimate,
+    unloaded_robot,
+)
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 
 CALIBRATION = "calibration.yaml"
+SCHEMA = "ballbar-calibration/2"
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class ParameterEntry(_Strict):
+class ParameterEntry(Strict):
     """One kinematic parameter; lengths in m, angles in rad."""
 
     nominal: float
@@ -36,8 +46,8 @@ class ParameterEntry(_Strict):
     identified: bool
 
 
-class ClockEntry(_Strict):
-    """t_robot = offset_s + (1 + skew) * t_bar."""
+class ClockEntry(Strict):
+    """t_robot = offset_s + (1 + skew) * t_ballbar."""
 
     offset_s: float
     offset_sigma_s: float
@@ -45,27 +55,26 @@ class ClockEntry(_Strict):
     skew_sigma: float
 
 
-class NoiseEntry(_Strict):
-    """Standard deviations of one logged row, and of the rod's length."""
+class NoiseEntry(Strict):
+    """Standard deviations of one logged row."""
 
     joint_rad: tuple[float, ...]
     encoder_rad: dict[str, float]
-    rod_m: float
 
 
-class CoefficientEntry(_Strict):
+class CoefficientEntry(Strict):
     """One coefficient of a correction, SI units."""
 
     value: float
     sigma: float
     prior: float
     prior_sigma: float
-    information_gain: float  # 0 to 1: how much of the knowledge is the data's and not the prior's
+    information_gain: float  # 0: the prior alone; 1: the data alone
     unit: str
 
 
-class StepFaultEntry(_Strict):
-    """A jump of an encoder or a clock that was found and repaired."""
+class StepFaultEntry(Strict):
+    """A step of an encoder or a clock that was found and repaired."""
 
     kind: Literal["encoder", "clock"]
     joint: int
@@ -74,31 +83,30 @@ class StepFaultEntry(_Strict):
     periods: int
 
 
-class PlaceEntry(_Strict):
-    """Where the ball-bar's base stands [m] and leans [rad], robot base frame."""
+class ResidualEntry(Strict):
+    """Residuals of one recording."""
 
-    ox: float
-    oy: float
-    oz: float
-    otx: float
-    oty: float
-
-
-class RecordingEntry(_Strict):
-    """What one of several recordings has of its own."""
-
-    recording: str  # name of its folder
-    clock: ClockEntry | None = None
-    zeros_rad: dict[str, float]
-    place: PlaceEntry
     samples: int
-    residuals: int
+    equations: int
     chi2: float  # sum of squares of the whitened residuals
-    tension_source: str
-    events: tuple[StepFaultEntry, ...]
+    position_rms_m: float  # of the norm
+    angle_rms_rad: float  # of the norm
 
 
-class ClosureEntry(_Strict):
+class RecordingEntry(Strict):
+    """What one recording has of its own."""
+
+    name: str  # of its folder
+    encoder_directions: dict[str, Literal[-1, 1]]  # against the declared ones
+    clock: ClockEntry | None = None
+    parameters: dict[str, ParameterEntry]  # encoder offsets and base pose
+    noise: NoiseEntry
+    residuals: ResidualEntry
+    tension_source: str = ""
+    step_faults: tuple[StepFaultEntry, ...] = ()
+
+
+class ClosureEntry(Strict):
     """How far robot and ball-bar disagree about the tool."""
 
     position_rms_m: float
@@ -107,35 +115,36 @@ class ClosureEntry(_Strict):
     ratio: float  # residual over what noise explains
 
 
-class HeldOutEntry(_Strict):
+class HeldOutEntry(Strict):
     """A recording that took no part in the identification."""
 
-    recording: str  # name of its folder
+    name: str  # of its folder
     sentence: str
     acceptable: bool
     samples: int
     identified: ClosureEntry
-    ratio_with_uncertainty: float  # residual over what noise and the stated uncertainty explain
+    normalised_innovation: float  # residual over what noise and the stated uncertainty explain
     nominal: ClosureEntry
-    events: tuple[StepFaultEntry, ...]
+    step_faults: tuple[StepFaultEntry, ...]
 
 
-class FitEntry(_Strict):
+class FitEntry(Strict):
     """How the fit went."""
 
     status: str
-    sentence: str
+    verdict: str
     warnings: tuple[str, ...]
     iterations: int
-    samples: int
+    unknowns: int
     chi2_per_dof: float
     autocorrelation: float
     rank: int
     condition: float
+    rod_sigma_m: float  # deviation of the rod from a constant length
     tcp_sigma_mean_m: float
 
 
-class DroppedEntry(_Strict):
+class DroppedEntry(Strict):
     """A parameter left at its nominal value, and why."""
 
     name: str
@@ -143,27 +152,34 @@ class DroppedEntry(_Strict):
     on: tuple[str, ...] = ()
 
 
-class CalibrationFile(_Strict):
+class CalibrationFile(Strict):
     """Schema of calibration.yaml."""
 
-    schema_: Annotated[Literal["ballbar-calibration/1"], Field(alias="schema")]
+    model_config = ConfigDict(populate_by_name=True)  # `schema` is a method of pydantic's
+
+    schema_: Annotated[Literal["ballbar-calibration/2"], Field(alias="schema")]
     robot: str
-    ballbar: str
+    instrument: str
     plate: str
-    cost: Literal["ml"]
-    parameters: dict[str, ParameterEntry]
+    model: Literal["dh", "complete"]
+    parameters: dict[str, ParameterEntry]  # of robot and instrument
     dropped: tuple[DroppedEntry, ...] = ()
-    directions: dict[str, Literal[-1, 1]]
-    clock: ClockEntry | None = None
-    corrections: dict[str, dict[str, CoefficientEntry]] = {}
-    tension_source: str = ""
-    events: tuple[StepFaultEntry, ...] = ()
-    noise: NoiseEntry
+    corrections: dict[str, dict[str, CoefficientEntry]] = Field(default_factory=dict)
+    recordings: Annotated[tuple[RecordingEntry, ...], Field(min_length=1)]
     fit: FitEntry
-    recordings: tuple[
-        RecordingEntry, ...
-    ] = ()  # of a joint fit; clock, zeros and place above are those of the first
     held_out: tuple[HeldOutEntry, ...] = ()
+
+    def geometry(self, recording: int = 0, *, nominal: bool = False) -> Geometry:
+        """All kinematic parameters, base pose and encoder offsets those of one recording."""
+        entries = self.parameters | self.recordings[recording].parameters
+        values = (entries[name].nominal if nominal else entries[name].value for name in NAMES)
+        return Geometry(np.array(list(values)))
+
+    @property
+    def identified(self) -> tuple[str, ...]:
+        """Names of the identified parameters, those of the first recording included."""
+        entries = self.parameters | self.recordings[0].parameters
+        return tuple(name for name in NAMES if entries[name].identified)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,160 +187,162 @@ class Calibration:
     """A calibration as read back."""
 
     file: CalibrationFile
-    geometry: Geometry
-    nominal: Geometry
+
+    @property
+    def geometry(self) -> Geometry:
+        """Identified kinematic parameters, base pose and encoder offsets of the first recording."""
+        return self.file.geometry()
+
+    @property
+    def nominal(self) -> Geometry:
+        """Catalogue values likewise."""
+        return self.file.geometry(nominal=True)
 
     def unloaded_robot(self, cell: Cell) -> UnloadedRobot:
         """The identified robot without ball-bar; cell : as the file names it."""
         corrections = tuple(
-            CorrectionValue(
+            CorrectionEstimate(
                 name,
                 "",
                 tuple(
-                    CoefficientValue(
-                        key, c.unit, c.value, c.sigma, c.prior, c.prior_sigma, c.information_gain
-                    )
-                    for key, c in entries.items()
+                    CoefficientEstimate(name=key, **entry.model_dump())
+                    for key, entry in entries.items()
                 ),
             )
             for name, entries in self.file.corrections.items()
         )
-        return unloaded_robot(
-            cell, self.geometry, tuple(int(name[1]) for name in self.file.directions), corrections
+        encoders = tuple(int(name[1]) for name in self.file.recordings[0].encoder_directions)
+        return unloaded_robot(cell, self.geometry, encoders, corrections)
+
+
+def calibration_of(data: RunData) -> CalibrationFile:
+    """The content of calibration.yaml for a run."""
+    result, description = data.identification, data.recordings[0].recording.description
+    robot, fit, verdict = result.robot, result.fit, result.verdict
+    return CalibrationFile(
+        schema_=SCHEMA,
+        robot=description.robot,
+        instrument=description.ballbar,
+        plate=description.plate,
+        model=result.model,
+        parameters=_parameters(SHARED, robot.nominal, robot.geometry, robot.sigma),
+        dropped=tuple(DroppedEntry(name=d.name, reason=d.reason, on=d.on) for d in robot.dropped),
+        corrections=_corrections(robot),
+        recordings=tuple(_recording(estimate) for estimate in result.recordings),
+        fit=FitEntry(
+            status=verdict.status,
+            verdict=verdict.sentence,
+            warnings=verdict.warnings,
+            iterations=fit.iterations,
+            unknowns=fit.unknowns,
+            chi2_per_dof=fit.chi2_per_dof,
+            autocorrelation=fit.autocorrelation,
+            rank=fit.rank,
+            condition=fit.condition,
+            rod_sigma_m=fit.excess.rod,
+            tcp_sigma_mean_m=float(robot.tcp_sigma.mean()),
+        ),
+        held_out=tuple(_held_out(validation.outcome) for validation in data.validations),
+    )
+
+
+def write_calibration(path: Path, data: RunData) -> None:
+    """Write calibration.yaml, whole or not at all."""
+    file = calibration_of(data)
+    write_yaml(path, file.model_dump(mode="json", by_alias=True, exclude_none=True))
+
+
+def _parameters(
+    names: Iterable[str], nominal: Geometry, value: Geometry, sigma: dict[str, float]
+) -> dict[str, ParameterEntry]:
+    return {
+        name: ParameterEntry(
+            nominal=nominal[name],
+            value=value[name],
+            sigma=sigma.get(name),
+            identified=name in sigma,
         )
-
-
-def write_calibration(
-    path: Path,
-    result: Identification,
-    *,
-    robot: str,
-    ballbar: str,
-    plate: str,
-    recordings: Sequence[tuple[str, Identification]] = (),
-    held_out: Sequence[HeldOut] = (),
-) -> None:
-    """Writes calibration.yaml, whole or not at all.
-
-    robot, ballbar, plate : as the recording names them. recordings : all of a joint fit with their names, `result` among them; empty
-    for a single one. held_out : recordings that the result was tried on.
-    """
-    data: dict[str, object] = {
-        "schema": "ballbar-calibration/1",
-        "robot": robot,
-        "ballbar": ballbar,
-        "plate": plate,
-        "cost": "ml",
-        "parameters": {name: _parameter(result, name) for name in NAMES},
-        "dropped": [
-            {"name": d.name, "reason": d.reason, "on": list(d.on)}
-            for d in result.identifiability.dropped
-        ],
-        "directions": {
-            f"b{joint}": sense for joint, sense in zip(result.joints, result.signs, strict=True)
-        },
-        "clock": _clock(result),
-        "corrections": {
-            c.name: {v.name: _coefficient(v) for v in c.coefficients} for c in result.corrections
-        },
-        "tension_source": result.tension_source,
-        "events": _events(result.events),
-        "noise": {
-            "joint_rad": [float(s) for s in result.log_noise.joint],
-            "encoder_rad": {f"b{j}": float(result.log_noise.encoder[j - 1]) for j in result.joints},
-            "rod_m": float(result.noise.rod),
-        },
-        "fit": {
-            "status": result.verdict.status,
-            "sentence": result.verdict.sentence,
-            "warnings": list(result.verdict.warnings),
-            "iterations": result.iterations,
-            "samples": int(result.after.t.size),
-            "chi2_per_dof": result.chi2_per_dof,
-            "autocorrelation": result.autocorrelation,
-            "rank": result.identifiability.rank,
-            "condition": result.identifiability.condition,
-            "tcp_sigma_mean_m": float(result.tcp_sigma.mean()),
-        },
+        for name in names
     }
-    if recordings:
-        data["recordings"] = [_recording(name, one) for name, one in recordings]
-    if held_out:
-        data["held_out"] = [_held_out(one) for one in held_out]
-    write_yaml(path, data)
 
 
-def _clock(result: Identification) -> dict[str, object] | None:
-    if result.clock is None:
-        return None
-    offset_sigma, skew_sigma = result.clock_sigma
+def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]:
     return {
-        "offset_s": result.clock.offset,
-        "offset_sigma_s": offset_sigma,
-        "skew": result.clock.skew,
-        "skew_sigma": skew_sigma,
+        correction.name: {
+            c.name: CoefficientEntry(
+                value=c.value,
+                sigma=c.sigma,
+                prior=c.prior,
+                prior_sigma=c.prior_sigma,
+                information_gain=c.information_gain,
+                unit=c.unit,
+            )
+            for c in correction.coefficients
+        }
+        for correction in robot.corrections
     }
 
 
-def _events(events: Sequence[StepFault]) -> list[dict[str, object]]:
-    return [
-        {"kind": e.kind, "joint": e.joint, "time_s": e.time, "size": e.size, "periods": e.periods}
-        for e in events
-    ]
+def _recording(estimate: RecordingEstimate) -> RecordingEntry:
+    clock, after = estimate.clock, estimate.after
+    names = [f"b{joint}" for joint in estimate.encoders]
+    own = [name for name in NAMES if name not in SHARED]
+    noise = estimate.noise.encoder[[joint - 1 for joint in estimate.encoders]]
+    return RecordingEntry(
+        name=estimate.name,
+        encoder_directions=dict(zip(names, estimate.directions, strict=True)),
+        clock=None
+        if clock is None
+        else ClockEntry(
+            offset_s=clock.offset,
+            offset_sigma_s=estimate.clock_sigma[0],
+            skew=clock.skew,
+            skew_sigma=estimate.clock_sigma[1],
+        ),
+        parameters=_parameters(own, estimate.nominal, estimate.geometry, estimate.sigma),
+        noise=NoiseEntry(
+            joint_rad=tuple(estimate.noise.joint.tolist()),
+            encoder_rad=dict(zip(names, noise.tolist(), strict=True)),
+        ),
+        residuals=ResidualEntry(
+            samples=estimate.samples,
+            equations=int(estimate.whitened.size),
+            chi2=float((estimate.whitened**2).sum()),
+            position_rms_m=rms(np.linalg.norm(after.position, axis=1)),
+            angle_rms_rad=rms(np.linalg.norm(after.angle, axis=1)),
+        ),
+        tension_source=estimate.tension_source,
+        step_faults=_step_faults(estimate.step_faults),
+    )
 
 
-def _recording(name: str, result: Identification) -> dict[str, object]:
-    return {
-        "recording": name,
-        "clock": _clock(result),
-        "zeros_rad": {f"b{j}": result.geometry[f"btheta{j}"] for j in result.joints},
-        "place": {name: result.geometry[name] for name in PLACE},
-        "samples": int(result.after.t.size),
-        "residuals": int(result.whitened.size),
-        "chi2": float((result.whitened**2).sum()),
-        "tension_source": result.tension_source,
-        "events": _events(result.events),
-    }
+def _step_faults(faults: Sequence[StepFault]) -> tuple[StepFaultEntry, ...]:
+    return tuple(
+        StepFaultEntry(kind=f.kind, joint=f.joint, time_s=f.time, size=f.size, periods=f.periods)
+        for f in faults
+    )
 
 
-def _held_out(one: HeldOut) -> dict[str, object]:
-    return {
-        "recording": one.name,
-        "sentence": one.sentence,
-        "acceptable": one.acceptable,
-        "samples": one.samples,
-        "identified": _closure(one.identified),
-        "ratio_with_uncertainty": one.normalised_innovation,
-        "nominal": _closure(one.nominal),
-        "events": _events(one.events),
-    }
+def _held_out(outcome: HeldOut) -> HeldOutEntry:
+    return HeldOutEntry(
+        name=outcome.name,
+        sentence=outcome.sentence,
+        acceptable=outcome.acceptable,
+        samples=outcome.samples,
+        identified=_closure(outcome.identified),
+        normalised_innovation=outcome.normalised_innovation,
+        nominal=_closure(outcome.nominal),
+        step_faults=_step_faults(outcome.step_faults),
+    )
 
 
-def _closure(one: LoopClosure) -> dict[str, object]:
-    return {
-        "position_rms_m": one.position_rms,
-        "position_max_m": one.position_max,
-        "angle_rms_rad": one.angle_rms,
-        "ratio": one.ratio,
-    }
-
-
-def _parameter(result: Identification, name: str) -> dict[str, object]:
-    entry: dict[str, object] = {"nominal": result.nominal[name], "value": result.geometry[name]}
-    if name in result.sigma:
-        entry["sigma"] = result.sigma[name]
-    return entry | {"identified": name in result.sigma}
-
-
-def _coefficient(value: CoefficientValue) -> dict[str, object]:
-    stated = {
-        "value": value.value,
-        "sigma": value.sigma,
-        "prior": value.prior,
-        "prior_sigma": value.prior_sigma,
-        "information_gain": value.information_gain,
-    }
-    return {**stated, "unit": value.unit}
+def _closure(closure: LoopClosure) -> ClosureEntry:
+    return ClosureEntry(
+        position_rms_m=closure.position_rms,
+        position_max_m=closure.position_max,
+        angle_rms_rad=closure.angle_rms,
+        ratio=closure.ratio,
+    )
 
 
 def calibration_file(path: Path) -> Path:
@@ -333,8 +351,10 @@ def calibration_file(path: Path) -> Path:
 
 
 def load_calibration(path: Path) -> Calibration:
-    """Reads calibration.yaml. Raises DescriptionError naming file, line and key."""
-    file = load_model(path, CalibrationFile)
-    value = np.array([file.parameters[name].value for name in NAMES])
-    nominal = np.array([file.parameters[name].nominal for name in NAMES])
-    return Calibration(file, Geometry(value), Geometry(nominal))
+    """Read calibration.yaml.
+
+    Raises DescriptionError naming file, line and key; an older schema is refused by name.
+    """
+    document = load_yaml(path)
+    check_schema(document, SCHEMA, "Identify the recording again with ballbar identify.")
+    return Calibration(parse_model(document, CalibrationFile))

@@ -7,16 +7,16 @@ TCP error over the accuracy grid, meaningful always.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ballbar.result.true_robot import true_tool
 from ballbar.scenario import AcceptSettings
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import INDEX, PARAMETERS, Geometry, mirrored
-from ident.identify import Identification
+from ident.result import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.unloaded_robot import UnloadedRobot
 from sim.truth import Truth
@@ -71,12 +71,15 @@ def compare_with_truth(
     return _compared(model, nominal, reference, actual, names, errors)
 
 
-def identification_against_truth(result: Identification, truth: Truth) -> Comparison:
-    """The result against what the recording was simulated from."""
-    clock = (result.clock.offset, result.clock.skew) if result.clock else None
-    return compare_with_truth(
-        result.unloaded_robot(), result.nominal, truth, list(result.sigma), clock
-    )
+def identification_against_truth(
+    result: Identification, truth: Truth, recording: int = 0
+) -> Comparison:
+    """The result against the truth that one of its recordings was simulated from."""
+    own = result.recordings[recording]
+    clock = (own.clock.offset, own.clock.skew) if own.clock else None
+    model = replace(result.robot.unloaded(), geometry=own.geometry)
+    names = [*result.robot.sigma, *own.sigma]
+    return compare_with_truth(model, own.nominal, truth, names, clock)
 
 
 def compare_kinematics(

@@ -1,4 +1,4 @@
-"""The iterations of an identification, kept in order with the stage in which each was made."""
+"""The iterations of an identification, in order, each with the stage in which it was made."""
 
 from __future__ import annotations
 
@@ -6,36 +6,34 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ident.estimator.iteration import Iteration
+from ident.options import Listener
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One iteration, and what the identifier said that it was doing."""
+    """One iteration, and the stage that the identifier had announced."""
 
     stage: str
     iteration: Iteration
 
 
 class IterationLog:
-    """Hears the stages (`progress`) and iterations (`on_iteration`) of an identification, and hands them on."""
+    """Records the stages and iterations of an identification, and passes them on."""
 
     def __init__(
-        self,
-        progress: Callable[[str], None],
-        on_iteration: Callable[[int, Step], None] | None = None,
+        self, progress: Callable[[str], None], on_step: Callable[[int, Step], None] | None = None
     ) -> None:
-        """progress : hears every stage too. on_iteration : hears every iteration too, with its number from 1."""
-        self._progress, self._watch = progress, on_iteration
+        """progress : called with every stage. on_step : called with every step and its number, from 1."""
+        self._progress, self._on_step = progress, on_step
         self._stage = ""
         self.steps: list[Step] = []
+        self.listener = Listener(self._begin_stage, self._add)
 
-    def progress(self, sentence: str) -> None:
-        """The identifier begins a stage."""
+    def _begin_stage(self, sentence: str) -> None:
         self._stage = sentence
         self._progress(sentence)
 
-    def on_iteration(self, iteration: Iteration) -> None:
-        """A solver has made a step."""
+    def _add(self, iteration: Iteration) -> None:
         self.steps.append(Step(self._stage, iteration))
-        if self._watch:
-            self._watch(len(self.steps), self.steps[-1])
+        if self._on_step:
+            self._on_step(len(self.steps), self.steps[-1])

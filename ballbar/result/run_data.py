@@ -10,18 +10,18 @@ from ballbar.result.compare import Comparison, Limit
 from ballbar.result.iterations import Step
 from ballbar.scenario import Scenario
 from ident.held_out import HeldOut
-from ident.identify import Identification
+from ident.result import Identification, RecordingEstimate
 from sim.simulate import Simulation
 
 
 @dataclass(frozen=True, eq=False)
-class Joined:
-    """One of several recordings that were fitted together: the robot is common, the rest is its own."""
+class FittedRecording:
+    """One recording that was fitted: as read, and what was identified of its own."""
 
     name: str
     folder: Path
     recording: Recording
-    identification: Identification
+    estimate: RecordingEstimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,36 +35,34 @@ class Validation:
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """One identified recording, or the first of several, with the simulation behind it where there is one."""
+    """An identification with its recordings, and the simulation behind it where there is one."""
 
     name: str
-    folder: Path  # of the recording
-    recording: Recording
+    recordings: tuple[FittedRecording, ...]
     identification: Identification
     simulation: Simulation | None = None
     comparison: Comparison | None = None
     limits: tuple[Limit, ...] = ()
-    joined: tuple[
-        Joined, ...
-    ] = ()  # all recordings of a joint fit, the first among them; empty for a single one
     validations: tuple[Validation, ...] = ()
     scenario_file: Path | None = None  # of a simulated run
     scenario: Scenario | None = None
-    iterations: tuple[
-        Step, ...
-    ] = ()  # of the chosen start and of the fits, where they were watched
+    iterations: tuple[Step, ...] = ()  # of the chosen start and of the fits, where requested
 
     @property
     def acceptable(self) -> bool:
-        """Whether the fit is trusted, every limit of the scenario is met and every held-out recording explained."""
+        """Whether the verdict is acceptable, every limit met, every held-out recording explained."""
         met = all(limit.met for limit in self.limits)
-        return (
-            self.identification.verdict.acceptable
-            and met
-            and all(one.outcome.acceptable for one in self.validations)
-        )
+        explained = all(validation.outcome.acceptable for validation in self.validations)
+        return self.identification.verdict.acceptable and met and explained
 
     @property
-    def fitted(self) -> tuple[Joined, ...]:
-        """Every recording that was fitted, also a single one."""
-        return self.joined or (Joined(self.name, self.folder, self.recording, self.identification),)
+    def several(self) -> bool:
+        """Whether recordings have to be told apart by name."""
+        return len(self.recordings) > 1
+
+    @property
+    def read(self) -> tuple[tuple[str, Path, Recording], ...]:
+        """Name, folder and content of every recording, the held-out ones last."""
+        fitted = tuple((r.name, r.folder, r.recording) for r in self.recordings)
+        held_out = tuple((v.outcome.name, v.folder, v.recording) for v in self.validations)
+        return fitted + held_out

@@ -1,85 +1,64 @@
-"""Recording folders to an identified robot: one recording or several together, and held-out ones to try it on.
+"""Recording folders to an identified robot: one or several together, and held-out ones to try it on.
 
-Recordings that are fitted or validated together must be of the same robot, ball-bar and plate: their files must say so.
+Recordings that are fitted or validated together must be of the same robot, ball-bar and plate:
+their files must say so.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 from acquisition import Recording, read_recording
-from ballbar.result.run_data import Joined, RunData, Validation
+from ballbar.result.run_data import FittedRecording, RunData, Validation
 from ballbar.scenario import IdentifySettings
-from cell.descriptions import load_cell
 from cell.errors import InputError
+from cell.load import load_cell
 from cell.recording import load_recording_file
-from ident.estimator.iteration import IterationCallback
 from ident.held_out import held_out
-from ident.identify import Identification, Logs, identify_together
+from ident.identify import identify_together
+from ident.options import SILENT, FitOptions, Listener
+from ident.recording_fit import Logs
+from ident.result import Identification
 from ident.start.automatic import StartError
-from ident.verdict import Verdict
-
-Progress = Callable[[str], None]
-
-_SEVERITY = ("implausible", "not converged", "ambiguous", "misfit", "suspect", "good")
 
 
 def identify_recordings(
     folders: Sequence[Path],
     validate: Sequence[Path] = (),
     *,
-    settings: IdentifySettings,
-    progress: Progress,
-    on_iteration: IterationCallback | None = None,
+    settings: IdentifySettings = IdentifySettings(),  # noqa: B008  frozen
+    listener: Listener = SILENT,
 ) -> RunData:
-    """One robot from one or several recordings, tried on the held-out ones; on_iteration : hears the iterations.
+    """One robot from one or several recordings, tried on the held-out ones.
 
-    Raises InputError for bad files, for recordings that do not belong together and for settings that contradict them;
-    StartError when the logs of a recording do not fit together.
+    Raises InputError for bad files, for recordings that do not belong together and for settings
+    that contradict them; StartError when the logs of a recording do not fit together.
     """
     every = [*folders, *validate]
     names = distinct_names(every)
     _check_settings(settings, folders)
     _check_same_cell(every)
-    progress("reading the recordings" if len(every) > 1 else "reading the recording")
+    listener.progress("reading the recordings" if len(every) > 1 else "reading the recording")
     read = [read_recording(folder) for folder in every]
     for folder, recording in zip(every, read, strict=True):
         _check_force(settings, folder, recording)
     first = read[0].description
     cell = load_cell(first.robot, first.ballbar, first.plate, relative_to=folders[0])
-    results = identify_together(
-        cell,
-        [_logs(recording) for recording in read[: len(folders)]],
-        model=settings.model,
-        corrections=settings.corrections,
-        force=settings.force,
-        rod_sigma=settings.rod_sigma_m,
-        samples=settings.samples,
-        progress=progress,
-        on_iteration=on_iteration,
-    )
-    result = replace(results[0], verdict=_verdict(names, results, settings))
-    held = zip(names[len(folders) :], validate, read[len(folders) :], strict=True)
+    options, count = settings.options, len(folders)
+    logs = [_logs(name, recording) for name, recording in zip(names, read, strict=True)]
+    result = identify_together(cell, logs[:count], options=options, listener=listener)
+    held = zip(validate, read[count:], logs[count:], strict=True)
     validations = tuple(
-        _validated(result, name, folder, recording, settings, progress)
-        for name, folder, recording in held
+        _validated(result, folder, recording, own, options, listener)
+        for folder, recording, own in held
     )
-    joined = (
-        tuple(
-            Joined(*one) for one in zip(names, folders, read, [result, *results[1:]], strict=False)
-        )
-        if len(folders) > 1
-        else ()
-    )
+    fitted = zip(names[:count], folders, read[:count], result.recordings, strict=True)
     return RunData(
-        " + ".join(names[: len(folders)]),
-        folders[0],
-        read[0],
-        result,
-        joined=joined,
+        name=" + ".join(names[:count]),
+        recordings=tuple(FittedRecording(*parts) for parts in fitted),
+        identification=result,
         validations=validations,
     )
 
@@ -107,28 +86,21 @@ def distinct_names(folders: Sequence[Path]) -> list[str]:
 
 def _validated(
     result: Identification,
-    name: str,
     folder: Path,
     recording: Recording,
-    settings: IdentifySettings,
-    progress: Progress,
+    logs: Logs,
+    options: FitOptions,
+    listener: Listener,
 ) -> Validation:
     try:
-        outcome = held_out(
-            result,
-            _logs(recording),
-            name=name,
-            force=settings.force,
-            samples=settings.samples,
-            progress=progress,
-        )
+        outcome = held_out(result, logs, options=options, listener=listener)
     except StartError as error:
-        raise StartError(f"{name}: {error}") from None
+        raise StartError(f"{logs.name}: {error}") from None
     return Validation(folder, recording, outcome)
 
 
-def _logs(recording: Recording) -> Logs:
-    return Logs(recording.robot_log, recording.ballbar_log, recording.force_log)
+def _logs(name: str, recording: Recording) -> Logs:
+    return Logs(recording.robot_log, recording.ballbar_log, recording.force_log, name)
 
 
 def _check_settings(settings: IdentifySettings, folders: Sequence[Path]) -> None:
@@ -181,23 +153,3 @@ def _check_force(settings: IdentifySettings, folder: Path, recording: Recording)
         raise InputError(
             f"{folder}: the robot's log has no motor torques (columns tau1 to tau6); choose force auto, sensor or none"
         )
-
-
-def _verdict(
-    names: Sequence[str], results: Sequence[Identification], settings: IdentifySettings
-) -> Verdict:
-    """The worst verdict of all recordings, the remarks of each."""
-    worst = min(range(len(results)), key=lambda k: _SEVERITY.index(results[k].verdict.status))
-    verdict = results[worst].verdict
-    several = len(results) > 1
-    warnings = [
-        f"{name}: {w}" if several else w
-        for name, one in zip(names, results, strict=False)
-        for w in one.verdict.warnings
-    ]
-    if settings.rod_sigma_m is not None and results[0].model == "dh":
-        warnings.append(
-            "the measured rod length was not used: the dh model explains the recording and finds the rod by itself"
-        )
-    sentence = f"{names[worst]}: {verdict.sentence}" if worst > 0 else verdict.sentence
-    return Verdict(verdict.status, sentence, tuple(warnings))

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
 from ident.loads.gear_loads import mass_model, own_weight
-from ident.robot.unloaded_robot import backlash_sides
+from ident.robot.unloaded_robot import backlash_flanks
 from sim.truth import Truth
 
 
@@ -36,7 +36,7 @@ def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
         gears = shown + error
     if plant.gear_stiffness_N_m_per_rad is not None:
         weight = own_weight(mass_model(cell), geometry, q).T
-        side = backlash_sides(weight.T).T
+        side = backlash_flanks(weight.T).T
         gears = (
             gears
             - weight / np.array(plant.gear_stiffness_N_m_per_rad)

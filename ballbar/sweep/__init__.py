@@ -1,1 +1,1 @@
-"""A scenario many times: plan, parts, workers, one table."""
+"""A scenario run many times: plan, chunks, workers, one table."""

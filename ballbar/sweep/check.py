@@ -1,6 +1,7 @@
-"""From a sweep file to its plan: every point is checked against the scenario's schema before anything runs.
+"""From a sweep file to its plan; every point is checked against the schema before anything runs.
 
-The plan holds the hashes of the files that the scenario names, so that a file that changes cannot split a sweep in two.
+The plan holds the hashes of the files that the scenario names, so that a file that changes cannot
+split a sweep in two.
 """
 
 from __future__ import annotations
@@ -9,151 +10,143 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
 from ballbar.scenario import Scenario
-from ballbar.sweep.file import Value, flattened, load_sweep, place_of
+from ballbar.sweep.file import Changes, Value, flattened, load_sweep_file, location_of, overlap
 from ballbar.sweep.files import Files, digests, read_files
-from ballbar.sweep.plan import Plan, point_of, scenario_data, with_changes
+from ballbar.sweep.plan import Plan, PlanData, point_of, scenario_data, with_changes
 from ballbar.sweep.version import code_version
 from cell.errors import DescriptionError, InputError
 from cell.schema_errors import Loc, explain
 from cell.strict_yaml import YamlDocument, load_yaml, parse_model
 
-MAX_TOLD = 10  # refusals shown at once
-
-_FILE_KEYS = (
-    "path.file",
-    "cell.robot",
-    "cell.ballbar",
-    "cell.plate",
-)  # where a scenario names files
+MAX_ERRORS = 10  # shown at once: about half a terminal
 
 
 @dataclass(frozen=True, eq=False)
 class LoadedSweep:
-    """A sweep file, read."""
+    """A sweep file as read."""
 
     plan: Plan
-    files: Files  # that its scenarios name
+    files: Files  # files that its scenarios name
     document: YamlDocument  # knows its lines
 
 
-def load(path: Path) -> LoadedSweep:
-    """A sweep, its points not yet checked.
+def load_sweep(path: Path) -> LoadedSweep:
+    """A sweep whose points are not yet checked.
 
-    Raises DescriptionError naming file, line and key when the sweep or its scenario is wrong, InputError when a file that
-    the scenario names cannot be read.
+    Raises DescriptionError naming file, line and key when the sweep or its scenario is wrong,
+    InputError when a file that the scenario names cannot be read.
     """
-    sweep, document = load_sweep(path)
+    sweep, document = load_sweep_file(path)
     scenario_file = path.parent / sweep.scenario
     if not scenario_file.is_file():
         raise DescriptionError(
-            f"{path}:{document.line_of(('scenario',))}: scenario = {sweep.scenario!r}: no such file {scenario_file}."
+            f"{path}:{document.line_of(('scenario',))}: scenario = {sweep.scenario!r}: "
+            f"no such file {scenario_file}. Name it relative to the sweep file."
         )
     scenario = load_yaml(scenario_file)
     parse_model(scenario, Scenario)
     try:
         base = with_changes(scenario.data, flattened(sweep.change))
     except InputError as error:
-        key = str(error).partition(":")[0]
-        raise DescriptionError(
-            f"{path}:{document.line_of(place_of(document, ('change',), key))}: {error}."
-        ) from None
-    data: dict[str, Any] = {
-        "name": sweep.name,
-        "version": code_version(),
-        "scenario": base,
-        "together": [flattened(row) for row in sweep.together or []],
-        "vary": sweep.vary,
-        "draw": {key: draw.model_dump(exclude_unset=True) for key, draw in sweep.draw.items()},
-        "draws": sweep.draws,
-        "seed": sweep.seed,
-        "seeds": sweep.seeds.model_dump(),
-    }
-    files = read_files(_scenarios(data), scenario_file.parent)
-    return LoadedSweep(Plan(json.dumps(data | {"files": digests(files)})), files, document)
+        location = location_of(document, ("change",), _key_of(error))
+        raise DescriptionError(f"{path}:{document.line_of(location)}: {error}.") from None
+    together = [flattened(row) for row in sweep.together or []]
+    files = read_files(_scenarios(base, together, sweep.vary), scenario_file.parent)
+    data = PlanData(
+        name=sweep.name,
+        version=code_version(),
+        scenario=base,
+        together=together,
+        vary=sweep.vary,
+        draw=sweep.draw,
+        draws=sweep.draws,
+        seed=sweep.seed,
+        seeds=sweep.seeds,
+        files=digests(files),
+    )
+    return LoadedSweep(Plan.of(data), files, document)
 
 
 def check_points(sweep: LoadedSweep) -> None:
-    """Validates every point. Raises DescriptionError with a line for each thing that is wrong, up to ten."""
+    """Validates every point.
+
+    Raises DescriptionError with a line for each error, up to MAX_ERRORS.
+    """
     plan, document = sweep.plan, sweep.document
-    wrong: dict[tuple[int, str], None] = {}
+    errors: dict[tuple[int, str], None] = {}
     for point in range(plan.points):
-        wrong |= dict.fromkeys(_wrong_at(plan, point, document))
-        if len(wrong) >= MAX_TOLD:
+        errors |= dict.fromkeys(_errors_at(plan, point, document))
+        if len(errors) >= MAX_ERRORS:
             break
-    if wrong:
-        raise DescriptionError(
-            "\n".join(f"{document.path}:{line}: {text}" for line, text in sorted(wrong)[:MAX_TOLD])
-        )
+    if errors:
+        lines = (f"{document.path}:{line}: {text}" for line, text in sorted(errors)[:MAX_ERRORS])
+        raise DescriptionError("\n".join(lines))
 
 
-def _wrong_at(plan: Plan, point: int, document: YamlDocument) -> list[tuple[int, str]]:
-    """Line of the sweep file and sentence of everything that is wrong at a point."""
+def _errors_at(plan: Plan, point: int, document: YamlDocument) -> list[tuple[int, str]]:
+    """Line of the sweep file and sentence of every error at a point."""
     values = point_of(plan, point)
     try:
         data = scenario_data(plan, values)
     except InputError as error:
-        return [
-            (
-                document.line_of(_given_at(plan, point, str(error).partition(":")[0], document)),
-                f"{error}.",
-            )
-        ]
+        return [(document.line_of(_source_of(plan, point, _key_of(error), document)), f"{error}.")]
     try:
         Scenario.model_validate_json(data, strict=True)
     except ValidationError as error:
-        found = explain(error.errors(include_url=False), Scenario, json.loads(data))
-        return [_told(loc, text, plan, point, document) for loc, text in found]
+        errors = explain(error.errors(include_url=False), Scenario, json.loads(data))
+        return [_located(loc, text, plan, point, document) for loc, text in errors]
     return []
 
 
-def _told(loc: Loc, text: str, plan: Plan, point: int, document: YamlDocument) -> tuple[int, str]:
-    place = _given_at(plan, point, ".".join(map(str, loc)), document)
-    if place or not plan.axes:
-        return document.line_of(place), text
-    return (
-        document.line_of(()),
-        f"{text.rstrip('.')}, with {json.dumps(point_of(plan, point))}.",
-    )  # only together are they wrong
+def _located(
+    loc: Loc, text: str, plan: Plan, point: int, document: YamlDocument
+) -> tuple[int, str]:
+    """Line and sentence of an error at a place of the scenario.
+
+    An error that no single value of the sweep causes comes with all values of the point.
+    """
+    location = _source_of(plan, point, ".".join(map(str, loc)), document)
+    if location or not plan.axes:
+        return document.line_of(location), text
+    values = json.dumps(point_of(plan, point))
+    return document.line_of(()), f"{text.rstrip('.')}, with {values}."
 
 
-def _given_at(plan: Plan, point: int, key: str, document: YamlDocument) -> Loc:
-    """Where the sweep file gives a point the value that stands at, above or below a key of the scenario; () if nowhere."""
+def _source_of(plan: Plan, point: int, key: str, document: YamlDocument) -> Loc:
+    """Where the sweep file gives a point the value at, above or below a key of the scenario.
+
+    () when it is nowhere in the sweep file.
+    """
     for axis in reversed(plan.axes):
         point, index = divmod(point, len(axis))
-        for given in axis.rows[index]:
-            if _meets(given, key):
-                start: Loc = (
-                    (axis.section, index) if axis.section == "together" else (axis.section,)
-                )
-                place = place_of(document, start, given)
-                return (*place, index) if axis.section == "vary" else place
-    for given in flattened(document.data.get("change", {})):
-        if _meets(given, key):
-            return place_of(document, ("change",), given)
+        for varied in axis.rows[index]:
+            if overlap(varied, key):
+                row = (index,) if axis.section == "together" else ()
+                location = location_of(document, (axis.section, *row), varied)
+                return (*location, index) if axis.section == "vary" else location
+    for changed in flattened(document.data.get("change", {})):
+        if overlap(changed, key):
+            return location_of(document, ("change",), changed)
     return ()
 
 
-def _meets(given: str, key: str) -> bool:
-    return f"{key}.".startswith(f"{given}.") or f"{given}.".startswith(f"{key}.")
+def _scenarios(
+    base: dict[str, Value], together: list[Changes], vary: dict[str, list[Value]]
+) -> Iterator[dict[str, Value]]:
+    """The scenario, and with each value of the sweep alone: between them they name every file."""
+    yield base
+    grid = [{key: value} for key, values in vary.items() for value in values]
+    for changes in (*together, *grid):
+        try:
+            yield with_changes(base, changes)
+        except InputError:
+            continue  # reported with its line when the points are checked
 
 
-def _scenarios(data: dict[str, Any]) -> Iterator[dict[str, Value]]:
-    """The scenario, and with each row of the sweep alone: between them they name every file."""
-    yield data["scenario"]
-    for row in data["together"]:
-        yield _changed(data["scenario"], row)
-    for key, values in data["vary"].items():
-        for value in values:
-            yield _changed(data["scenario"], {key: value})
-
-
-def _changed(scenario: dict[str, Value], changes: dict[str, Value]) -> dict[str, Value]:
-    try:
-        return with_changes(scenario, changes)
-    except InputError:  # told, with its line, when the points are checked
-        return {}
+def _key_of(error: InputError) -> str:
+    """The dotted key with which the message of `with_changes` begins."""
+    return str(error).partition(":")[0]

@@ -1,20 +1,21 @@
-"""A sweep as its file says it: one scenario, what changes in it, what varies, the seeds.
+"""Schema of a sweep file: one scenario, what changes in it, what varies, the seeds.
 
     schema: ballbar-sweep/1
     name: noise
-    scenario: ../irb2400.yaml                                        # relative to this file
-    change: {plant.kind: kinematic}                                  # once, for every run
-    together:                                                        # several keys at once; `label` names the row
+    scenario: ../irb2400.yaml                       # relative to this file
+    change: {plant.kind: kinematic}                 # once, for every run
+    together:                                       # several keys at once; `label` names the row
       - {label: soft, errors: {rod_strain: {}}}
-    vary: {errors.joint_noise.sigma_rad: [1.0e-6, 1.0e-5]}           # a grid: every combination
-    draw: {clocks.offset_s: {uniform: [-1.0, 1.0]}}                  # drawn `draws` times, crossed with the grid
+    vary: {errors.joint_noise.sigma_rad: [1.0e-6, 1.0e-5]}    # a grid: every combination
+    draw: {clocks.offset_s: {uniform: [-1.0, 1.0]}} # drawn `draws` times, crossed with the grid
     draws: 10
-    seed: 0                                                          # of the draws; each key draws from its own stream
-    seeds: {first: 1, count: 20}                                     # of the runs
+    seed: 0                                         # of the draws; each key has its own stream
+    seeds: {first: 1, count: 20}                    # of the runs
 
-A dotted key names a value of the scenario, at any depth; `.0` picks an item of a list. Under `change` and `together` a
-mapping is more keys of the same kind, so `errors: {rod_strain: {}}` is `errors.rod_strain: {}`. Under `vary` each listed
-value replaces what stands at its key, whole. Nothing is evaluated.
+A dotted key names a value of the scenario, at any depth; `.0` picks an item of a list. Under
+`change` and `together` a mapping is more keys of the same kind, so `errors: {rod_strain: {}}` is
+`errors.rod_strain: {}`. Under `vary` each listed value replaces the whole value at its key. Nothing
+is evaluated.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from cell.schema import Strict
 from cell.schema_errors import Loc, wrong_key
 from cell.strict_yaml import YamlDocument, load_yaml, parse_model
 
-LABEL = "label"  # of a row of `together`; a column of the table, no key of the scenario
+LABEL = "label"  # name of a row of `together`: a column of the table, no key of the scenario
 SEED = "seed"  # of a run, given under `seeds`
 
 Value = Any  # plain data of YAML: mapping, list, text, number, truth value, null
@@ -38,13 +39,13 @@ Pair = tuple[float, float]
 
 
 class Draw(Strict):
-    """One distribution; exactly one key."""
+    """Distribution of one drawn value; exactly one key is given."""
 
-    uniform: Pair | None = Field(None, description="From, to.")
+    uniform: Pair | None = Field(None, description="Lower and upper bound.")
     log_uniform: Pair | None = Field(
-        None, description="From, to, both above 0; the logarithm is uniform."
+        None, description="Lower and upper bound, both above 0; the logarithm is uniform."
     )
-    normal: Pair | None = Field(None, description="Mean, standard deviation.")
+    normal: Pair | None = Field(None, description="Mean and standard deviation.")
 
     @model_validator(mode="after")
     def _one_distribution(self) -> Draw:
@@ -63,7 +64,7 @@ class Draw(Strict):
 
 
 class Seeds(Strict):
-    """Seeds of the runs, one after the other; each point runs with every one of them."""
+    """Consecutive seeds of the runs; each point runs with every one of them."""
 
     first: Annotated[int, Field(ge=0, le=2**62)] = 1
     count: Annotated[int, Field(ge=1, le=2**62)]
@@ -76,62 +77,65 @@ class SweepFile(Strict):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
     scenario: str = Field(description="Scenario file, relative to this file.")
     change: dict[str, Any] = Field(
-        {}, description="Values of the scenario that are other than its file says, in every run."
+        {}, description="Values that replace those of the scenario file in every run."
     )
     together: Annotated[list[dict[str, Any]], Field(min_length=1)] | None = Field(
         None, description="Rows of values that change together."
     )
     vary: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field(
-        {}, description="Values of the grid."
+        {}, description="Values of the grid, of which every combination is run."
     )
     draw: dict[str, Draw] = Field({}, description="Distributions of drawn values.")
     draws: Annotated[int, Field(ge=1, le=10_000_000)] | None = Field(
-        None, description="How often to draw."
+        None, description="Number of draws."
     )
-    seed: Annotated[int, Field(ge=0, le=2**62)] = Field(0, description="Of the draws.")
-    seeds: Seeds = Field(description="Of the runs.")
+    seed: Annotated[int, Field(ge=0, le=2**62)] = Field(0, description="Seed of the draws.")
+    seeds: Seeds = Field(description="Seeds of the runs.")
 
     @model_validator(mode="after")
     def _draws_are_counted(self) -> SweepFile:
         if self.draw and self.draws is None:
-            raise wrong_key("draw", message="say how often to draw: add `draws: N`")
+            raise wrong_key("draw", message="the number of draws is missing: add `draws: N`")
         if self.draws is not None and not self.draw:
             raise wrong_key(
                 "draws",
-                message="nothing is drawn: add `draw: {key: {uniform: [from, to]}}`, or remove draws",
+                message="nothing is drawn: remove it, or add `draw: {key: {uniform: [low, high]}}`",
             )
         return self
 
     @model_validator(mode="after")
     def _each_key_once(self) -> SweepFile:
-        """No value of the scenario is set twice in one run, but that `change` comes before all others; the seed is set by none."""
-        together = {key for row in self.together or [] for key in flattened(row)}
-        varied = [
-            *(("together", key) for key in sorted(together)),
-            *(("vary", key) for key in self.vary),
-            *(("draw", key) for key in self.draw),
-        ]
+        """No value is set twice in one run, `change` apart, which the others override.
+
+        The seed of a run is set by none of the sections.
+        """
+        together = sorted({key for row in self.together or [] for key in flattened(row)})
+        keys = {"together": together, "vary": self.vary, "draw": self.draw}
+        varied = [(section, key) for section, names in keys.items() for key in names]
         for section, key in (*(("change", key) for key in flattened(self.change)), *varied):
             if key == SEED:
                 raise wrong_key(section, key, message="the seeds of the runs are given under seeds")
-        for (first, one), (second, other) in itertools.combinations(varied, 2):
-            if _overlap(one, other) and not first == second == "together":
-                raise wrong_key(
-                    second,
-                    other,
-                    message=f"{one} is given under {first} already; remove one of them",
-                )
+        for (first, key), (second, other) in itertools.combinations(varied, 2):
+            if overlap(key, other) and not first == second == "together":
+                message = f"{key} is given under {first} already; remove one of them"
+                raise wrong_key(second, other, message=message)
         return self
 
 
-def load_sweep(path: Path) -> tuple[SweepFile, YamlDocument]:
-    """The checked sweep, and the document that knows its lines. Raises DescriptionError naming file, line and key."""
+def load_sweep_file(path: Path) -> tuple[SweepFile, YamlDocument]:
+    """The checked sweep, and the document that knows its lines.
+
+    Raises DescriptionError naming file, line and key.
+    """
     document = load_yaml(path)
     return parse_model(document, SweepFile), document
 
 
 def flattened(mapping: dict[str, Value]) -> Changes:
-    """Nested mappings as dotted keys: {a: {b: 1}, c: {}} -> {a.b: 1, c: {}}. Raises ValueError when a key comes twice."""
+    """Nested mappings as dotted keys: {a: {b: 1}, c: {}} -> {a.b: 1, c: {}}.
+
+    Raises ValueError when a key comes twice.
+    """
     flat: Changes = {}
     for key, value in mapping.items():
         inner = flattened(value) if isinstance(value, dict) and value else {"": value}
@@ -143,18 +147,22 @@ def flattened(mapping: dict[str, Value]) -> Changes:
     return flat
 
 
-def place_of(document: YamlDocument, start: Loc, key: str) -> Loc:
-    """Where a dotted key stands below `start`, however its dots are written; as far as it is found."""
+def location_of(document: YamlDocument, start: Loc, key: str) -> Loc:
+    """Location of a dotted key below `start`, whether its dots are nested mappings or not.
+
+    Where the key is not in the document: the location of the last mapping that leads to it.
+    """
     node: Any = document.data
-    for part in start:
-        node = node[part]
+    for step in start:
+        node = node[step]
     for written in node if isinstance(node, dict) else ():
         if key == written:
             return (*start, written)
         if key.startswith(f"{written}."):
-            return place_of(document, (*start, written), key.removeprefix(f"{written}."))
+            return location_of(document, (*start, written), key.removeprefix(f"{written}."))
     return start
 
 
-def _overlap(key: str, other: str) -> bool:
-    return key == other or key.startswith(f"{other}.") or other.startswith(f"{key}.")
+def overlap(key: str, other: str) -> bool:
+    """Whether two dotted keys are equal or one lies below the other."""
+    return f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}.")

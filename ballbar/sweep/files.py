@@ -1,7 +1,8 @@
-"""The files that a sweep's scenarios name: kept with the sweep, and sent to workers on other machines.
+"""Files that a sweep's scenarios name: kept with the sweep, and sent to workers on other machines.
 
-They are found by the names that stand in the scenario, also where those lead out of its folder (`../paths/a.yaml`). An
-absolute name stays where it points: its file counts for the plan, but must be on every machine.
+They are found by the names in the scenario, also where those lead out of its folder
+(`../paths/a.yaml`). An absolute name is left as it is: its file counts for the plan, but must be on
+every machine.
 """
 
 from __future__ import annotations
@@ -15,33 +16,30 @@ from typing import Any
 from cell.errors import InputError
 from cell.recording import load_recording_file
 
-Files = tuple[
-    tuple[str, bytes], ...
-]  # name as the scenario has it, content; in the order of the names
+Files = tuple[tuple[str, bytes], ...]  # (name in the scenario, content), in order of the names
 
-_NAMED = (
-    "cell.robot",
-    "cell.ballbar",
-    "cell.plate",
-)  # a name of ours, or a file that ends in .yaml
+# a shipped description by its name, or a file that ends in .yaml
+_DESCRIPTIONS = ("cell.robot", "cell.ballbar", "cell.plate")
 _PATH_FILE, _RECORDING = "path.file", "path.recording"
 
 
 def read_files(scenarios: Iterable[Mapping[str, Any]], folder: Path) -> Files:
     """Every file that one of the scenarios names.
 
-    scenarios : plain data, checked or not. folder : of the scenario file. Raises InputError when a file cannot be read.
+    scenarios : plain data, checked or not. folder : folder of the scenario file.
+
+    Raises InputError when a file cannot be read.
     """
-    found: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     for key, name in sorted({named for scenario in scenarios for named in _named(scenario)}):
-        for one in _recording_files(folder, name) if key == _RECORDING else [name]:
+        for file in _recording_files(folder, name) if key == _RECORDING else [name]:
             try:
-                found[one] = (folder / one).read_bytes()
+                contents[file] = (folder / file).read_bytes()
             except OSError as error:
                 raise InputError(
-                    f"{key} = {name!r}: {folder / one} cannot be read: {error.strerror}."
+                    f"{key} = {name!r}: {folder / file} cannot be read: {error.strerror}."
                 ) from None
-    return tuple(sorted(found.items()))
+    return tuple(sorted(contents.items()))
 
 
 def digests(files: Files) -> dict[str, str]:
@@ -50,7 +48,10 @@ def digests(files: Files) -> dict[str, str]:
 
 
 def unpack(files: Files, top: Path) -> None:
-    """Writes the files below `top`, where their names lead to from `scenario_folder`; not the absolute ones."""
+    """Writes the files below `top`, to where their names lead from `scenario_folder`.
+
+    Files with absolute names are left out.
+    """
     folder = scenario_folder((name for name, _ in files), top)
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in files:
@@ -67,23 +68,20 @@ def scenario_folder(names: Iterable[str], top: Path) -> Path:
 
 
 def _named(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Key and name of each file or recording."""
-    for key in (*_NAMED, _PATH_FILE, _RECORDING):
+    """Key and name of each file or recording that a scenario names."""
+    for key in (*_DESCRIPTIONS, _PATH_FILE, _RECORDING):
         section, _, last = key.partition(".")
         below = scenario.get(section)
         name = below.get(last) if isinstance(below, dict) else None
-        if isinstance(name, str) and name and (key not in _NAMED or name.endswith(".yaml")):
+        if isinstance(name, str) and name and (key not in _DESCRIPTIONS or name.endswith(".yaml")):
             yield key, name
 
 
 def _recording_files(folder: Path, name: str) -> list[str]:
     """recording.yaml, the device files, and the descriptions that are not the shipped ones."""
-    file = load_recording_file(folder / name)
-    sources = [
-        source
-        for source in (file.sources.robot, file.sources.ballbar, file.sources.force)
-        if source
-    ]
-    device = [one for source in sources for one in source.files]
-    described = [one for one in (file.robot, file.ballbar, file.plate) if one.endswith(".yaml")]
-    return [f"{name}/{one}" for one in ("recording.yaml", *device, *described)]
+    content = load_recording_file(folder / name)
+    sources = filter(None, (content.sources.robot, content.sources.ballbar, content.sources.force))
+    device = [file for source in sources for file in source.files]
+    described = [content.robot, content.ballbar, content.plate]
+    own = [file for file in described if file.endswith(".yaml")]
+    return [f"{name}/{file}" for file in ("recording.yaml", *device, *own)]

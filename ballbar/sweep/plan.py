@@ -1,8 +1,8 @@
-"""Which run is which: run k of a sweep -> its point, its seed, its scenario; computed from k, so nothing is listed.
+"""Which run is which: point, seed and scenario of run k are computed from k, so nothing is listed.
 
-The points are the product of axes: the rows of `together`, then each key of `vary` in the order of the file, then the
-draws. The last axis changes fastest, and within a point the seeds. The plan is plain data; its text goes to the workers,
-and its hash says whether two folders hold the same sweep.
+The points are the product of axes: the rows of `together`, then each key of `vary` in the order of
+the file, then the draws. The last axis changes fastest, and within a point the seeds. The plan is
+plain data; its text goes to the workers, and its hash says whether two folders hold the same sweep.
 """
 
 from __future__ import annotations
@@ -16,13 +16,31 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 from ballbar.scenario import Scenario
-from ballbar.sweep.file import LABEL, SEED, Changes, Value
-from cell.descriptions import Array
+from ballbar.sweep.file import LABEL, SEED, Changes, Draw, Seeds, Value
+from cell.arrays import Array
 from cell.errors import InputError
+from cell.schema import Strict
 from sim.streams import stream
 
-PART_RUNS = 25  # most runs of a part: with 40 ms a run, a part is lost (kill -9) or written every second and worker
-MIN_PARTS = 50  # of a sweep with at least as many runs, so that a few hundred runs still keep every worker busy
+# Most runs of a chunk: with 40 ms a run, a worker writes (or loses, at kill -9) one every second.
+CHUNK_RUNS = 25
+# Chunks of a sweep with at least as many runs, so that some hundred runs still occupy every worker.
+MIN_CHUNKS = 50
+
+
+class PlanData(Strict):
+    """Everything that decides the table of a sweep; keys as in the sweep file."""
+
+    name: str
+    version: str  # of the code (version.py)
+    scenario: dict[str, Any]  # plain data, `change` applied
+    together: list[Changes]  # rows, keys dotted
+    vary: dict[str, list[Any]]
+    draw: dict[str, Draw]
+    draws: int | None = None
+    seed: int
+    seeds: Seeds
+    files: dict[str, str]  # name -> SHA-256
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +56,18 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Draws(Sequence[Changes]):
-    """The rows of the draw axis, each made when asked for."""
+    """The rows of the draw axis, each made when it is read."""
 
-    raw: Mapping[str, Array]  # (draws,) standard variates of each key
-    distributions: Mapping[str, Mapping[str, Sequence[float]]]
+    variates: Mapping[str, Array]  # (draws,) [1] standard variates of each key
+    distributions: Mapping[str, Draw]
 
     def __len__(self) -> int:
-        return min(len(column) for column in self.raw.values())
+        return min(len(column) for column in self.variates.values())
 
-    def __getitem__(self, index: Any) -> Any:  # no slices: rows are asked for one by one
+    def __getitem__(self, index: Any) -> Any:  # no slices: rows are read one by one
         return {
             key: _drawn(self.distributions[key], float(column[index]))
-            for key, column in self.raw.items()
+            for key, column in self.variates.items()
         }
 
 
@@ -68,30 +86,32 @@ class Run:
 class Plan:
     """A sweep whose every run is known."""
 
-    text: str  # JSON: everything below follows from it
+    text: str  # JSON of PlanData: everything below follows from it
+
+    @classmethod
+    def of(cls, data: PlanData) -> Plan:
+        """The plan with this content."""
+        return cls(json.dumps(data.model_dump(exclude_none=True)))
 
     @cached_property
-    def data(self) -> dict[str, Any]:
-        """name, version, scenario (plain data, `change` applied), together, vary, draw, draws, seed, seeds, files (hashes)."""
-        return dict(json.loads(self.text))
+    def data(self) -> PlanData:
+        return PlanData.model_validate_json(self.text)
 
     @cached_property
     def digest(self) -> str:
-        """Of everything that decides the table."""
+        """SHA-256 of everything that decides the table."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
-        return _axes(self.data)
-
-    @property
-    def name(self) -> str:
-        return str(self.data["name"])
+        together, vary = self.data.together, self.data.vary
+        grid = [Axis("vary", [{key: value} for value in values]) for key, values in vary.items()]
+        return (*([Axis("together", together)] if together else []), *grid, *_draw_axis(self.data))
 
     @property
     def seeds(self) -> int:
         """Runs of each point."""
-        return int(self.data["seeds"]["count"])
+        return self.data.seeds.count
 
     @cached_property
     def points(self) -> int:
@@ -102,26 +122,32 @@ class Plan:
         return self.points * self.seeds
 
     @cached_property
-    def cell_runs(self) -> int:
+    def grid_point_runs(self) -> int:
         """Runs of one point of the grid: its draws and their seeds, which follow each other."""
         return self.seeds * math.prod(len(axis) for axis in self.axes if axis.section == "draw")
 
     @property
-    def part_runs(self) -> int:
-        """Runs of a part; follows from the number of runs alone, so that the parts are the same whoever computes them."""
-        return max(1, min(PART_RUNS, self.runs // MIN_PARTS))
+    def chunk_runs(self) -> int:
+        """Runs of a chunk.
+
+        It follows from the number of runs alone, so that the chunks are the same for all workers.
+        """
+        return max(1, min(CHUNK_RUNS, self.runs // MIN_CHUNKS))
 
     @property
-    def parts(self) -> int:
-        return -(-self.runs // self.part_runs)
+    def chunks(self) -> int:
+        return -(-self.runs // self.chunk_runs)
 
-    def part(self, number: int) -> range:
-        """Runs of a part."""
-        return range(number * self.part_runs, min((number + 1) * self.part_runs, self.runs))
+    def chunk(self, number: int) -> range:
+        """Numbers of the runs of a chunk."""
+        return range(number * self.chunk_runs, min((number + 1) * self.chunk_runs, self.runs))
 
     @cached_property
     def columns(self) -> dict[str, list[Value]]:
-        """Key of every varied value (or `label`) -> values by which its column gets a type: all of them, or one of the drawn."""
+        """Varied key (or `label`, first) -> values by which its column gets a type.
+
+        These are all values of the key, or a single one where it is drawn.
+        """
         columns: dict[str, list[Value]] = {}
         for axis in self.axes:
             for row in [axis.rows[0]] if axis.section == "draw" else axis.rows:
@@ -131,7 +157,7 @@ class Plan:
 
 
 def with_changes(data: Mapping[str, Value], changes: Changes) -> dict[str, Value]:
-    """Scenario data with the values at dotted keys replaced, or added; `data` itself stays as it is.
+    """Scenario data with the values at dotted keys replaced or added; `data` itself is unchanged.
 
     Raises InputError when a key leads through a value that holds nothing below it.
     """
@@ -153,14 +179,14 @@ def point_of(plan: Plan, point: int) -> Changes:
 
 def scenario_data(plan: Plan, values: Changes) -> str:
     """A scenario with its varied values, as the JSON that `Scenario` validates."""
-    return json.dumps(with_changes(plan.data["scenario"], values))
+    return json.dumps(with_changes(plan.data.scenario, values))
 
 
 def run_of(plan: Plan, number: int) -> Run:
     """Run `number`, from 0."""
     point, index = divmod(number, plan.seeds)
     values, scenario = _at_point(plan, point)
-    seed = int(plan.data["seeds"]["first"]) + index
+    seed = plan.data.seeds.first + index
     return Run(number, point, seed, values, scenario.model_copy(update={SEED: seed}))
 
 
@@ -171,47 +197,42 @@ def _at_point(plan: Plan, point: int) -> tuple[Changes, Scenario]:
     return values, Scenario.model_validate_json(scenario_data(plan, values), strict=True)
 
 
-def _axes(data: Mapping[str, Any]) -> tuple[Axis, ...]:
-    together = [Axis("together", data["together"])] if data["together"] else []
-    grid = [
-        Axis("vary", [{key: value} for value in values]) for key, values in data["vary"].items()
-    ]
-    return (*together, *grid, *_draw_axis(data))
-
-
-def _draw_axis(data: Mapping[str, Any]) -> list[Axis]:
-    count, distributions = data["draws"], data["draw"]
-    if not distributions:
+def _draw_axis(data: PlanData) -> list[Axis]:
+    """The axis of the draws, if anything is drawn; each key has a stream of its own."""
+    if not data.draw:
         return []
-    raw = {}
-    for key, distribution in distributions.items():
-        rng = stream(data["seed"], f"sweep {key}")
-        raw[key] = rng.standard_normal(count) if "normal" in distribution else rng.random(count)
-    return [Axis("draw", Draws(raw, distributions))]
+    variates, count = {}, data.draws or 0
+    for key, draw in data.draw.items():
+        rng = stream(data.seed, f"sweep {key}")
+        variates[key] = rng.standard_normal(count) if draw.normal else rng.random(count)
+    return [Axis("draw", Draws(variates, data.draw))]
 
 
-def _drawn(distribution: Mapping[str, Sequence[float]], raw: float) -> float:
-    kind, (first, second) = next(iter(distribution.items()))
-    if kind == "normal":
-        return first + second * raw
-    if kind == "uniform":
-        return first + (second - first) * raw
-    return min(
-        max(first * math.exp(math.log(second / first) * raw), first), second
-    )  # rounding must not leave the bounds
+def _drawn(draw: Draw, variate: float) -> float:
+    """Value of a distribution from a standard normal variate, or from one uniform on [0, 1)."""
+    if draw.normal:
+        mean, deviation = draw.normal
+        return mean + deviation * variate
+    if draw.uniform:
+        low, high = draw.uniform
+        return low + (high - low) * variate
+    low, high = draw.log_uniform or (1.0, 1.0)
+    value = low * math.exp(math.log(high / low) * variate)
+    return min(max(value, low), high)  # rounding must not leave the bounds
 
 
-def _replaced(node: Value, parts: list[str], value: Value, key: str) -> Any:
-    if not parts:
+def _replaced(node: Value, path: list[str], value: Value, key: str) -> Any:
+    """`node` with `value` at a path below it; `key` is the whole dotted key, for the message."""
+    if not path:
         return value
-    head, rest = parts[0], parts[1:]
+    head, rest = path[0], path[1:]
     if isinstance(node, list):
         if not head.isdecimal() or int(head) >= len(node):
-            raise InputError(f"{key}: the list has no item {head}; it has {len(node)}, from 0")
-        return [
-            _replaced(item, rest, value, key) if i == int(head) else item
-            for i, item in enumerate(node)
-        ]
+            raise InputError(
+                f"{key}: the list has no item {head}; its {len(node)} items count from 0"
+            )
+        i = int(head)
+        return [*node[:i], _replaced(node[i], rest, value, key), *node[i + 1 :]]
     if node is not None and not isinstance(node, dict):
         raise InputError(
             f"{key}: the scenario has the value {node!r} above {head}, with no keys of its own"

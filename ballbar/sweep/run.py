@@ -1,6 +1,7 @@
-"""Runs a sweep: the parts that are missing go to the workers, each is kept as it comes back, then the table is written.
+"""Runs a sweep: missing chunks go to the workers and are kept as they return; then the table.
 
-Interrupted at any point, the same command goes on from the parts that are there and ends in the same bytes.
+Interrupted at any point, the same command goes on from the chunks that are done and ends in the
+same bytes.
 """
 
 from __future__ import annotations
@@ -15,28 +16,28 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ballbar.sweep.check import LoadedSweep, check_points
+from ballbar.sweep.chunk import Row, Task, Trial
 from ballbar.sweep.folder import SweepFolder, open_folder
-from ballbar.sweep.part import Job, Row, Work
 from ballbar.sweep.plan import Plan
 from ballbar.sweep.workers import Workers
 from cell.errors import FailureError, InputError
 
-POLL = 0.2  # [s] between two looks for an interrupt while no part comes back
+POLL = 0.2  # [s] between two looks for an interrupt while no chunk returns
 
-Progress = Callable[[int, str], None]  # runs done, what is going on
+Progress = Callable[[int, str], None]  # (runs done, stage)
 
 
 class SweepError(FailureError):
-    """The sweep could not go on, through no fault of its runs; what is done is kept."""
+    """The sweep could not go on, through no fault of its runs; the chunks that are done remain."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a sweep came to."""
+    """State of a sweep after `run_sweep`."""
 
     folder: SweepFolder
-    kept: int  # runs that were done before
-    done: int  # runs that are done now, those included
+    resumed: int  # runs that were done before
+    done: int  # runs that are done, those included
 
     @property
     def finished(self) -> bool:
@@ -46,16 +47,19 @@ class Outcome:
 def run_sweep(
     sweep: LoadedSweep,
     path: Path,
-    work: Work,
-    workers: Callable[[Job], AbstractContextManager[Workers]],
+    trial: Trial,
+    workers: Callable[[Task], AbstractContextManager[Workers]],
     *,
     progress: Progress,
 ) -> Outcome:
-    """Computes what is missing in the folder `path` and writes the table.
+    """Computes the chunks that are missing in the folder `path`, and writes the table.
 
-    work : the figures of one run; importable where the workers are. After Ctrl-C the outcome is not `finished`: the parts
-    under way were finished and kept; after a second Ctrl-C they were dropped.
-    Raises InputError when a point is wrong or the folder holds something else, SweepError when workers die.
+    trial : the results of one run; importable on the workers. After Ctrl-C the outcome is not
+    `finished`: the chunks in progress were completed and kept; after a second Ctrl-C they were
+    dropped.
+
+    Raises InputError when a point is wrong or the folder holds something else, SweepError when
+    workers die.
     """
     plan = sweep.plan
     if not SweepFolder(path, plan).checked:
@@ -64,49 +68,51 @@ def run_sweep(
         if folder.complete:
             return Outcome(folder, plan.runs, plan.runs)
         folder.start(sweep.files)
-        job = Job(plan.text, work, sweep.files, folder.files)
         missing = folder.missing()
-        kept = plan.runs - _runs_of(plan, missing)
+        resumed = plan.runs - _runs_of(plan, missing)
         try:
             if missing:
-                with workers(job) as those, _asked_to_stop() as asked:
-                    _compute(folder, missing, those, asked=asked, progress=progress)
+                task = Task(plan.text, trial, sweep.files, folder.files)
+                with workers(task) as pool, _stop_requests() as stop_requested:
+                    _compute(folder, missing, pool, stop_requested, progress)
             missing = folder.missing()
             if not missing:
                 progress(plan.runs, "writing the table")
                 folder.finish()
         except KeyboardInterrupt:
             missing = folder.missing()
-        return Outcome(folder, kept, plan.runs - _runs_of(plan, missing))
+        return Outcome(folder, resumed, plan.runs - _runs_of(plan, missing))
 
 
 def _compute(
     folder: SweepFolder,
     missing: list[int],
     workers: Workers,
-    *,
-    asked: Callable[[], bool],
+    stop_requested: Callable[[], bool],
     progress: Progress,
 ) -> None:
-    """Keeps every part that comes back. A few more are under way than there are workers, so that none waits for the next."""
+    """Computes and keeps the missing chunks until all are done, a stop is requested, or one fails.
+
+    Somewhat more chunks are submitted than there are workers, so that no worker waits for the next.
+    """
     plan = folder.plan
     done = plan.runs - _runs_of(plan, missing)
-    ahead = iter(missing)
-    under_way: dict[Future[list[Row]], int] = {}
+    queue = iter(missing)
+    submitted: dict[Future[list[Row]], int] = {}
     failure: SweepError | InputError | None = None
     while True:
-        stopping = asked() or failure is not None
-        room = 0 if stopping else workers.count() + workers.count() // 4 + 1 - len(under_way)
-        for _, part in zip(range(room), ahead, strict=False):  # in this order, or zip drops a part
-            under_way[workers.submit(part)] = part
+        stopping = stop_requested() or failure is not None
+        room = 0 if stopping else workers.count() + workers.count() // 4 + 1 - len(submitted)
+        for _, chunk in zip(range(room), queue, strict=False):  # in this order, or zip drops one
+            submitted[workers.submit(chunk)] = chunk
         progress(done, _stage(workers, stopping=stopping))
-        if not under_way:
+        if not submitted:
             break
-        for future in wait(under_way, timeout=POLL, return_when=FIRST_COMPLETED).done:
-            part = under_way.pop(future)
+        for future in wait(submitted, timeout=POLL, return_when=FIRST_COMPLETED).done:
+            chunk = submitted.pop(future)
             try:
-                folder.keep(part, _rows(future, plan.part(part)))
-                done += len(plan.part(part))
+                folder.keep(chunk, _rows(future, plan.chunk(chunk)))
+                done += len(plan.chunk(chunk))
             except (SweepError, InputError) as error:
                 failure = failure or error
     if failure is not None:
@@ -114,35 +120,44 @@ def _compute(
 
 
 def _rows(future: Future[list[Row]], runs: range) -> list[Row]:
-    """The rows that a worker computed. Raises InputError of the worker, SweepError when it could not."""
-    where = f"runs {runs[0]} to {runs[-1]}"
+    """The rows that a worker computed.
+
+    Raises InputError as the worker did, SweepError when the worker or its connection failed.
+    """
+    chunk = f"runs {runs[0]} to {runs[-1]}"
     try:
         return future.result()
     except InputError:
         raise
     except BrokenProcessPool:
         raise SweepError(
-            f"a worker process died, {where} were under way. Is there enough memory? Fewer --workers need less."
+            f"a worker process died while it computed {chunk}. Is there enough memory? Fewer "
+            "--workers need less."
         ) from None
     except CancelledError:
-        raise SweepError(f"{where}: given up by the scheduler.") from None
+        raise SweepError(
+            f"{chunk}: cancelled by the scheduler. Run the same command again to go on."
+        ) from None
     except Exception as error:
-        raise SweepError(f"{where}: {type(error).__name__}: {error}") from error
+        raise SweepError(f"{chunk}: {type(error).__name__}: {error}") from error
 
 
 def _stage(workers: Workers, *, stopping: bool) -> str:
     if stopping:
-        return "stopping when the runs under way are done; Ctrl-C again drops them"
+        return "stopping when the runs in progress are done; Ctrl-C again drops them"
     return "running" if workers.count() else "waiting for workers"
 
 
-def _runs_of(plan: Plan, parts: list[int]) -> int:
-    return sum(len(plan.part(part)) for part in parts)
+def _runs_of(plan: Plan, chunks: list[int]) -> int:
+    return sum(len(plan.chunk(chunk)) for chunk in chunks)
 
 
 @contextmanager
-def _asked_to_stop() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C (or the end of a batch job, SIGTERM) has come; the second time raises KeyboardInterrupt."""
+def _stop_requests() -> Iterator[Callable[[], bool]]:
+    """Whether Ctrl-C or SIGTERM (the end of a batch job) has come; a second one raises.
+
+    Raises KeyboardInterrupt the second time.
+    """
     stop = threading.Event()
 
     def note(*_: object) -> None:
@@ -150,9 +165,7 @@ def _asked_to_stop() -> Iterator[Callable[[], bool]]:
             raise KeyboardInterrupt
         stop.set()
 
-    if (
-        threading.current_thread() is not threading.main_thread()
-    ):  # only the main thread hears signals
+    if threading.current_thread() is not threading.main_thread():  # which alone receives signals
         yield stop.is_set
         return
     before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}

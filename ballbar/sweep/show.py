@@ -1,4 +1,4 @@
-"""What `ballbar sweep` shows: a bar while it runs, then where the table is, what failed, and the grid at a glance."""
+"""Output of `ballbar sweep`: a bar while it runs, then the grid, the table and the failures."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from rich.table import Table
 from ballbar.sweep.file import Value
 from ballbar.sweep.plan import Plan
 from ballbar.sweep.run import Outcome
-from ballbar.sweep.run import Progress as Report
+from ballbar.sweep.run import Progress as RunProgress
 from ballbar.sweep.summary import (
-    FIGURES,
+    MAIN_RESULTS,
     MAX_POINTS,
     GridPoint,
     failures_of,
     grid_keys,
     grid_points,
 )
-from ballbar.terminal import moves
+from ballbar.terminal import animated, wide_console
 
-BAR_AFTER = 2.0  # [s] what is done sooner needs no bar
+BAR_AFTER = 2.0  # [s] a sweep that ends sooner shows no bar
 WIDTH = 160  # characters of the summary in a pipe or file
 
 
 @contextmanager
-def run_bar(console: Console, plan: Plan) -> Iterator[Report]:
-    """A bar of the runs done, on a terminal and after two seconds; elsewhere nothing."""
+def run_bar(console: Console, plan: Plan) -> Iterator[RunProgress]:
+    """A bar of the runs done, on a terminal and after BAR_AFTER; elsewhere nothing is shown."""
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -51,7 +51,7 @@ def run_bar(console: Console, plan: Plan) -> Iterator[Report]:
         TimeRemainingColumn(),
         console=console,
         transient=True,
-        disable=not moves(console),
+        disable=not animated(console),
     )
     task = bar.add_task("starting", total=plan.runs)
     since = time.monotonic()
@@ -69,64 +69,60 @@ def run_bar(console: Console, plan: Plan) -> Iterator[Report]:
 
 
 def say_outcome(out: Console, outcome: Outcome) -> bool:
-    """Prints what a sweep came to. Returns whether it is finished and any of its runs succeeded."""
-    folder = outcome.folder
-    plan = folder.plan
+    """Prints the outcome of a sweep. Returns whether it is finished and any run succeeded."""
+    folder, runs = outcome.folder, outcome.folder.plan.runs
     if not outcome.finished:
         out.print(
-            f"[yellow]stopped:[/] {outcome.done} of {plan.runs} runs are done and kept in {escape(str(folder.path))}."
+            f"[yellow]stopped:[/] {outcome.done} of {runs} runs are done and kept in "
+            f"{escape(str(folder.path))}."
         )
         out.print("The same command goes on from there.")
         return False
     _say_grid(out, outcome)
-    kept = "" if outcome.kept == 0 else f", {outcome.kept} of them from before"
-    out.print(
-        f"Table {escape(str(folder.table))} and {escape(folder.csv.name)}: {plan.runs} runs{kept}"
-    )
+    resumed = f", {outcome.resumed} of them from before" if outcome.resumed else ""
+    table = f"{escape(str(folder.table))} and {escape(folder.csv.name)}"
+    out.print(f"Table {table}: {runs} runs{resumed}")
     failures = failures_of(folder.table)
     if failures.count:
         out.print(
-            f"[red]{failures.count} of {plan.runs} runs failed;[/] most often ({failures.of_reason}): {escape(failures.reason)}"
+            f"[red]{failures.count} of {runs} runs failed;[/] most often ({failures.of_reason}): "
+            f"{escape(failures.reason)}"
         )
     else:
         out.print("no run failed")
-    return failures.count < plan.runs
+    return failures.count < runs
 
 
 def _say_grid(out: Console, outcome: Outcome) -> None:
     plan = outcome.folder.plan
     points = list(grid_points(outcome.folder.table, plan))
     keys = grid_keys(plan)
-    figures = [
+    results = [
         name
-        for name in FIGURES
-        if any(point.figures.get(name, np.empty(0)).size for point in points)
+        for name in MAIN_RESULTS
+        if any(point.results.get(name, np.empty(0)).size for point in points)
     ]
     table = Table(box=None, pad_edge=False)
     for key in keys:
         table.add_column(escape(key.replace(".", ".\n")), overflow="fold", vertical="bottom")
-    for heading in (
-        "runs",
-        "failed",
-        *(heading for name in figures for heading in (f"{name}\nmedian", "95 %")),
-    ):
+    spread = [heading for name in results for heading in (f"{name}\nmedian", "95 %")]
+    for heading in ("runs", "failed", *spread):
         table.add_column(heading, justify="right", vertical="bottom")
     for point in points:
-        table.add_row(
-            *(escape(_shown(point.values.get(key))) for key in keys), *_numbers(point, figures)
-        )
-    (out if out.is_terminal else Console(file=out.file, width=WIDTH, quiet=out.quiet)).print(table)
-    if (rest := plan.runs // plan.cell_runs - MAX_POINTS) > 0:
+        values = (escape(_shown(point.values.get(key))) for key in keys)
+        table.add_row(*values, *_numbers(point, results))
+    wide_console(out, WIDTH).print(table)
+    if (rest := plan.runs // plan.grid_point_runs - MAX_POINTS) > 0:
         out.print(f"... and {rest} more points of the grid, in the table")
 
 
-def _numbers(point: GridPoint, figures: list[str]) -> list[str]:
-    cells = [str(point.runs), str(point.failed)]
-    for values in (point.figures[name] for name in figures):
-        cells += [
-            f"{np.quantile(values, share):.3g}" if values.size else "-" for share in (0.5, 0.95)
-        ]
-    return cells
+def _numbers(point: GridPoint, results: list[str]) -> list[str]:
+    """Runs, failures, then median and 95 % quantile of each result."""
+    numbers = [str(point.runs), str(point.failed)]
+    for values in (point.results[name] for name in results):
+        quantiles = np.quantile(values, (0.5, 0.95)) if values.size else ()
+        numbers += [f"{value:.3g}" for value in quantiles] or ["-", "-"]
+    return numbers
 
 
 def _shown(value: Value) -> str:

@@ -1,4 +1,4 @@
-"""What a sweep's table says at a glance: how many runs failed and why, and the spread of the main figures at each grid point.
+"""Summary of a sweep's table: failed runs and their reason, spread of the main results on the grid.
 
 The table is read a few columns and rows at a time: a sweep may be larger than the memory.
 """
@@ -15,13 +15,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from ballbar.sweep.chunk import FAILED
 from ballbar.sweep.file import LABEL, Changes
-from ballbar.sweep.part import FAILED
 from ballbar.sweep.plan import Plan, point_of
-from cell.descriptions import Array
+from cell.arrays import Array
 
-FIGURES = ("distance_mm_mrad", "tcp_mean_mm")  # those of a run that are summed up
-MAX_POINTS = 40  # of the grid; more would hide the rest
+MAIN_RESULTS = ("distance_mm_mrad", "tcp_mean_mm")  # the results of a run that are summarised
+MAX_POINTS = 40  # points of the grid that are shown: a terminal's height
 
 _NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
@@ -31,10 +31,8 @@ class Failures:
     """Failed runs of a sweep."""
 
     count: int
-    reason: (
-        str  # the commonest but for the numbers in it, as one run gave it; empty without failures
-    )
-    of_reason: int  # runs that failed so
+    reason: str  # the commonest one, numbers in it apart, as a run gave it; empty without failures
+    of_reason: int  # runs that failed for this reason
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +42,11 @@ class GridPoint:
     values: Changes
     runs: int
     failed: int
-    figures: dict[
-        str, Array
-    ]  # (runs - failed,) in the unit of the figure's name, of each of FIGURES that the table has
+    results: dict[str, Array]  # (runs - failed,) of each of MAIN_RESULTS in the table, unit in name
 
 
 def failures_of(table: Path) -> Failures:
-    """How many runs failed, and the commonest reason."""
+    """Number of failed runs in a table, and the commonest reason."""
     counts: Counter[str] = Counter()
     example: dict[str, str] = {}
     for rows in pq.ParquetFile(table).iter_batches(columns=["status", "reason"]):
@@ -68,31 +64,25 @@ def failures_of(table: Path) -> Failures:
 def grid_points(table: Path, plan: Plan) -> Iterator[GridPoint]:
     """The first MAX_POINTS points of the grid, in order."""
     file = pq.ParquetFile(table)
-    figures = [name for name in FIGURES if name in file.schema_arrow.names]
-    drawn = {key for axis in plan.axes if axis.section == "draw" for key in axis.rows[0]}
-    groups = _groups(file, ["status", *figures], plan.cell_runs)
+    names = [name for name in MAIN_RESULTS if name in file.schema_arrow.names]
+    groups = _groups(file, ["status", *names], plan.grid_point_runs)
     for number, rows in zip(range(MAX_POINTS), groups, strict=False):
         done = rows.filter(pc.field("status") != FAILED)
-        columns = {name: done[name].drop_null().to_numpy() for name in figures}
-        values = point_of(plan, number * plan.cell_runs // plan.seeds)
-        yield GridPoint(
-            {key: value for key, value in values.items() if key not in drawn},
-            len(rows),
-            len(rows) - len(done),
-            columns,
-        )
+        results = {name: done[name].drop_null().to_numpy() for name in names}
+        point = point_of(plan, number * plan.grid_point_runs // plan.seeds)
+        values = {key: value for key, value in point.items() if key not in plan.data.draw}
+        yield GridPoint(values, len(rows), len(rows) - len(done), results)
 
 
 def grid_keys(plan: Plan) -> list[str]:
     """Keys of the grid's values, `label` first."""
-    keys = dict.fromkeys(
-        key for axis in plan.axes if axis.section != "draw" for row in axis.rows for key in row
-    )
+    grid = [axis for axis in plan.axes if axis.section != "draw"]
+    keys = dict.fromkeys(key for axis in grid for row in axis.rows for key in row)
     return sorted(keys, key=lambda key: key != LABEL)
 
 
 def _groups(file: pq.ParquetFile, names: list[str], size: int) -> Iterator[pa.Table]:
-    """Some columns, in tables of `size` rows; the number of rows is a multiple of it."""
+    """The columns `names`, in tables of `size` rows; the number of rows is a multiple of it."""
     held: list[pa.RecordBatch] = []
     for batch in file.iter_batches(columns=names):
         rows = pa.Table.from_batches([*held, batch])

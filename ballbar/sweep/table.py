@@ -1,8 +1,9 @@
-"""Rows of a sweep as Parquet and CSV: parts of a few runs, and the one table that they make.
+"""Rows of a sweep as Parquet and CSV: chunks of a few runs, and the table that they make.
 
-Columns: sweep, scenario, version, run, point, seed, status (`done` or `failed`), reason, the varied values by their dotted
-key (and `label`), then the figures in the order in which runs first return them. A figure that a run does not return is
-null. The same rows give the same bytes: no times, no names of machines, one writer setting.
+Columns: sweep, scenario, version, run, point, seed, status (`done` or `failed`), reason, the varied
+values by their dotted key (and `label`), then the results in the order in which runs first return
+them. A result that a run does not return is null. The same rows give the same bytes: no times, no
+names of machines, one writer setting.
 """
 
 from __future__ import annotations
@@ -11,17 +12,19 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import reduce
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
+from ballbar.sweep.chunk import Row
 from ballbar.sweep.file import Value
-from ballbar.sweep.part import Row
 from cell.errors import InputError
 
-GROUP_ROWS = 2_000  # rows of the table held in memory at once, and of one row group: the memory of 10 000 runs is that of 100
+# Rows of a row group, held in memory at once: 10 000 runs take the memory of 100.
+GROUP_ROWS = 2_000
 
 _FIXED = {
     "sweep": pa.string(),
@@ -35,58 +38,54 @@ _FIXED = {
 }
 
 
-def part_bytes(rows: Sequence[Row], varied: Mapping[str, list[Value]]) -> bytes:
-    """A part as a Parquet file.
+def chunk_bytes(rows: Sequence[Row], varied: Mapping[str, list[Value]]) -> bytes:
+    """A chunk as a Parquet file.
 
-    rows : one a run, each with the fixed columns, the varied ones and its figures. varied : key -> values that give its
-    column a type, the same in every part. Raises ValueError when a figure has the name of another column.
+    rows : one for each run, with the fixed columns, the varied ones and its results.
+    varied : key -> values that give its column a type, the same in every chunk.
     """
-    known = {**_FIXED, **{key: _type_of(values) for key, values in varied.items()}}
-    figures = dict.fromkeys(name for row in rows for name in row if name not in known)
-    arrays = {
-        name: pa.array([_as(kind, row.get(name)) for row in rows], kind)
-        for name, kind in known.items()
-    }
-    for name in figures:
+    types = _FIXED | {key: _type_of(values) for key, values in varied.items()}
+    arrays = {}
+    for name in dict.fromkeys((*types, *(name for row in rows for name in row))):
         column = [row.get(name) for row in rows]
-        kind = _type_of(column)
+        kind = types[name] if name in types else _type_of(column)
         arrays[name] = pa.array([_as(kind, value) for value in column], kind)
     sink = pa.BufferOutputStream()
     pq.write_table(pa.table(arrays), sink, write_statistics=False)
     return bytes(sink.getvalue())
 
 
-def write_table(parts: Sequence[Path], files: Mapping[str, Path]) -> None:
-    """Streams all parts, in order, into the table's files; each appears whole or not at all.
+def write_table(chunks: Sequence[Path], files: Mapping[str, Path]) -> None:
+    """Streams all chunks, in order, into the table's files; each appears complete or not at all.
 
-    files : `parquet` and `csv`. Raises InputError when a part cannot be read.
+    files : path of `parquet` and of `csv`. Raises InputError when a chunk cannot be read.
     """
-    schema = table_schema(parts)
+    schema = table_schema(chunks)
     with ExitStack() as stack:
         aside = {kind: stack.enter_context(_whole(path)) for kind, path in files.items()}
         parquet = stack.enter_context(pq.ParquetWriter(aside["parquet"], schema))
         csv = stack.enter_context(pa_csv.CSVWriter(aside["csv"], schema))
-        for group in _groups(parts, schema):
+        for group in _groups(chunks, schema):
             parquet.write_table(group)
             csv.write_table(group)
 
 
-def table_schema(parts: Iterable[Path]) -> pa.Schema:
-    """Every column that a part has, in the order of first appearance, with a type that holds all its values."""
+def table_schema(chunks: Iterable[Path]) -> pa.Schema:
+    """Every column of the chunks, in order of first appearance, with a type for all its values."""
     types: dict[str, pa.DataType] = {}
-    for part in parts:
-        for field in _opened(part).schema_arrow:
+    for chunk in chunks:
+        for field in _opened(chunk).schema_arrow:
             types[field.name] = _common(types.get(field.name, pa.null()), field.type)
     return pa.schema(
         [(name, pa.float64() if pa.types.is_null(kind) else kind) for name, kind in types.items()]
     )
 
 
-def _groups(parts: Iterable[Path], schema: pa.Schema) -> Iterator[pa.Table]:
-    """Rows of all parts in their order, in tables of GROUP_ROWS rows but the last."""
+def _groups(chunks: Iterable[Path], schema: pa.Schema) -> Iterator[pa.Table]:
+    """Rows of all chunks in their order, in tables of GROUP_ROWS rows but the last."""
     held: list[pa.Table] = []
-    for part in parts:
-        held.append(_in_schema(_opened(part).read(use_threads=False), schema))
+    for chunk in chunks:
+        held.append(_in_schema(_opened(chunk).read(use_threads=False), schema))
         while sum(map(len, held)) >= GROUP_ROWS:
             rows = pa.concat_tables(held)
             yield rows.slice(0, GROUP_ROWS).combine_chunks()
@@ -105,43 +104,36 @@ def _in_schema(rows: pa.Table, schema: pa.Schema) -> pa.Table:
     return pa.table(columns, schema=schema)
 
 
-def _opened(part: Path) -> pq.ParquetFile:
+def _opened(chunk: Path) -> pq.ParquetFile:
     try:
-        return pq.ParquetFile(part)
+        return pq.ParquetFile(chunk)
     except (OSError, pa.ArrowInvalid) as error:
         raise InputError(
-            f"{part}: cannot be read: {error}. Delete this file and run the sweep again; only its runs are repeated."
+            f"{chunk}: cannot be read: {error}. Delete this file and run the sweep again; only its "
+            "runs are repeated."
         ) from None
 
 
 def _type_of(values: Iterable[Value]) -> pa.DataType:
-    """The narrowest of truth values, whole numbers, numbers and text that holds all values; lists and mappings are text."""
-    kind = pa.null()
-    for value in values:
-        kind = _common(kind, _type_of_one(value))
-    return kind
+    """The narrowest type for all values: truth values, whole numbers, numbers, or text.
+
+    Lists and mappings are text.
+    """
+    types = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), type(None): pa.null()}
+    return reduce(_common, (types.get(type(value), pa.string()) for value in values), pa.null())
 
 
-def _type_of_one(value: Value) -> pa.DataType:
-    if value is None:
-        return pa.null()
-    for python, kind in ((bool, pa.bool_()), (int, pa.int64()), (float, pa.float64())):
-        if isinstance(value, python):
-            return kind
-    return pa.string()
-
-
-def _common(one: pa.DataType, other: pa.DataType) -> pa.DataType:
-    if one == other or pa.types.is_null(other):
-        return one
-    if pa.types.is_null(one):
+def _common(kind: pa.DataType, other: pa.DataType) -> pa.DataType:
+    """The narrowest type for the values of two types."""
+    if kind == other or pa.types.is_null(other):
+        return kind
+    if pa.types.is_null(kind):
         return other
-    numbers = {pa.int64(), pa.float64()}
-    return pa.float64() if {one, other} <= numbers else pa.string()
+    return pa.float64() if {kind, other} <= {pa.int64(), pa.float64()} else pa.string()
 
 
 def _as(kind: pa.DataType, value: Value) -> Value:
-    """A value as its column holds it: in a column of text, what is no text stands as it would in JSON."""
+    """A value as its column holds it; in a column of text, whatever is no text becomes JSON."""
     if value is None or isinstance(value, str) or not pa.types.is_string(kind):
         return float(value) if pa.types.is_floating(kind) and value is not None else value
     return json.dumps(value)
@@ -149,7 +141,7 @@ def _as(kind: pa.DataType, value: Value) -> Value:
 
 @contextmanager
 def _whole(path: Path) -> Iterator[Path]:
-    """A file beside `path` to write to; it takes its place at the end, and is gone if anything fails."""
+    """A temporary file beside `path`, renamed to it at the end, or deleted if anything fails."""
     aside = path.with_name(f".{path.name}.part")
     try:
         yield aside

@@ -1,4 +1,4 @@
-"""The version that stands in every row of a sweep: two rows of one version were computed by the same code."""
+"""The version in every row of a sweep: two rows of one version were computed by the same code."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from importlib.metadata import version
 from pathlib import Path
 
 DISTRIBUTION = "ballbar-bench"
-_PACKAGES = ("cell", "sim", "acquisition", "ident", "ballbar")
+PACKAGES = ("cell", "sim", "acquisition", "ident", "planning", "ballbar")
 _CONTENT = {".py", ".yaml", ".xml"}
-_LIBRARIES = ("numpy", "scipy", "mujoco-core")  # their arithmetic is in every figure
+_LIBRARIES = ("numpy", "scipy", "mujoco-core")  # their arithmetic is in every result
 
 
 @cache
 def code_version() -> str:
-    """Release and digest, such as `0.1.0+3fa9c1d2`: the digest is of our files and of the numeric libraries' versions.
+    """Release and digest of our files and of the numeric libraries' versions: `0.1.0+3fa9c1d2`.
 
-    The release alone would not tell two states of the code between releases apart, nor two workers of a cluster.
+    The release alone would not tell two states of the code between releases apart, nor two workers
+    of a cluster.
     """
     digest = hashlib.sha256()
     root = Path(__file__).parents[2]
-    for package in _PACKAGES:
+    for package in PACKAGES:
         for file in sorted(path for path in (root / package).rglob("*") if path.suffix in _CONTENT):
-            digest.update(
-                f"{file.relative_to(root).as_posix()}\0".encode() + file.read_bytes() + b"\0"
-            )
+            name = file.relative_to(root).as_posix()
+            digest.update(f"{name}\0".encode() + file.read_bytes() + b"\0")
     for library in _LIBRARIES:
         digest.update(f"{library} {version(library)}\0".encode())
     return f"{version(DISTRIBUTION)}+{digest.hexdigest()[:8]}"

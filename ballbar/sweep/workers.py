@@ -1,4 +1,7 @@
-"""Who computes the parts: processes of this machine, or the workers of a Dask cluster. Both give the same rows."""
+"""Workers that compute the chunks: processes of this machine, or the workers of a Dask cluster.
+
+Both return the same rows.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 
-from ballbar.sweep.part import Job, Row, run_part, run_part_elsewhere
+from ballbar.sweep.chunk import Row, Task, run_chunk, run_chunk_remotely
 from ballbar.sweep.version import DISTRIBUTION
 from cell.errors import InputError
 from cell.threads import one_thread_each
@@ -25,24 +28,25 @@ COUNT_PERIOD = 1.0  # [s] between two looks at how many Dask workers there are
 
 @dataclass(frozen=True, eq=False)
 class Workers:
-    """Something that computes the parts of one sweep."""
+    """Something that computes the chunks of one sweep."""
 
     submit: Callable[[int], Future[list[Row]]]
-    count: Callable[[], int]  # parts it computes at the same time; may change
+    count: Callable[[], int]  # chunks computed at the same time; may change
 
 
 @contextmanager
-def processes(job: Job, *, count: int) -> Iterator[Workers]:
-    """Worker processes on this machine, for one sweep; see `process_pool`."""
-    with process_pool(count) as computing, computing(job) as workers:
+def processes(task: Task, *, count: int) -> Iterator[Workers]:
+    """`count` worker processes on this machine, for one sweep; see `process_pool`."""
+    with process_pool(count) as workers_of, workers_of(task) as workers:
         yield workers
 
 
 @contextmanager
-def process_pool(count: int) -> Iterator[Callable[[Job], AbstractContextManager[Workers]]]:
-    """Worker processes on this machine, for one sweep after the other: to start them takes as long as some dozens of short runs.
+def process_pool(count: int) -> Iterator[Callable[[Task], AbstractContextManager[Workers]]]:
+    """`count` worker processes on this machine, for one sweep after the other.
 
-    They end with this process, even if it is killed; an exception kills them.
+    Their start takes as long as some dozens of short runs. They end with this process, even if it
+    is killed; an exception kills them.
     """
     others = set(multiprocessing.active_children())
     with one_thread_each():
@@ -50,27 +54,27 @@ def process_pool(count: int) -> Iterator[Callable[[Job], AbstractContextManager[
             count, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_driver
         )
 
-        def submit(job: Job, part: int) -> Future[list[Row]]:
+        def submit(task: Task, chunk: int) -> Future[list[Row]]:
             try:
-                with _stop_signals_held():  # the pool starts its processes here
-                    return pool.submit(run_part, job.text, part, job.work, job.top)
-            except BrokenProcessPool as error:  # told like every other part's, when it is collected
+                with _stop_signals_blocked():  # the pool starts its processes in `submit`
+                    return pool.submit(run_chunk, task.text, chunk, task.trial, task.top)
+            except BrokenProcessPool as error:  # reported when the chunk's result is collected
                 broken: Future[list[Row]] = Future()
                 broken.set_exception(error)
                 return broken
 
         try:
-            yield lambda job: nullcontext(Workers(partial(submit, job), lambda: count))
+            yield lambda task: nullcontext(Workers(partial(submit, task), lambda: count))
         except BaseException:
             for process in set(multiprocessing.active_children()) - others:
-                process.kill()  # not `terminate`, which they do not hear
+                process.kill()  # not `terminate`: they block SIGTERM
             raise
         finally:
             pool.shutdown(cancel_futures=True)
 
 
 @contextmanager
-def dask_cluster(job: Job, *, address: str) -> Iterator[Workers]:
+def dask_cluster(task: Task, *, address: str) -> Iterator[Workers]:
     """The workers of a Dask scheduler, such as `tcp://10.0.0.5:8786`.
 
     Raises InputError when Dask is not installed or no scheduler answers.
@@ -83,48 +87,50 @@ def dask_cluster(job: Job, *, address: str) -> Iterator[Workers]:
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(
-            f"--scheduler {address}: no Dask scheduler answers there ({error}). Start one with `dask scheduler`."
+            f"--scheduler {address}: no Dask scheduler answers there ({error}). Start one with "
+            "`dask scheduler`."
         ) from None
     with client:
         executor = client.get_executor(pure=False)
-        # A task of its own: sent once to each worker, and again to one that comes later.
-        files = client.submit(tuple, job.files, pure=False)
+        # A task of its own: sent once to each worker, also to one that joins later.
+        files = client.submit(tuple, task.files, pure=False)
         yield Workers(
-            lambda part: executor.submit(run_part_elsewhere, job.text, part, job.work, files),
+            lambda chunk: executor.submit(run_chunk_remotely, task.text, chunk, task.trial, files),
             _refreshed(lambda: sum(client.nthreads().values())),
         )
 
 
 def _refreshed(look: Callable[[], int]) -> Callable[[], int]:
-    """The last answer of `look`, at most COUNT_PERIOD old."""
-    seen = (-COUNT_PERIOD, 0)
+    """`look`, with its last result again while that is at most COUNT_PERIOD old."""
+    since, count = -COUNT_PERIOD, 0
 
-    def answer() -> int:
-        nonlocal seen
-        if time.monotonic() - seen[0] > COUNT_PERIOD:
-            seen = (time.monotonic(), look())
-        return seen[1]
+    def latest() -> int:
+        nonlocal since, count
+        if time.monotonic() - since > COUNT_PERIOD:
+            since, count = time.monotonic(), look()
+        return count
 
-    return answer
+    return latest
 
 
 def _end_with_driver() -> None:
-    """In a worker: leave when the driver is gone (kill -9), or the worker would wait for its next part for ever."""
+    """Ends this worker when the driver is gone (kill -9); else it would wait for chunks forever."""
 
-    def on_iteration() -> None:
+    def wait_for_driver() -> None:
         driver = multiprocessing.parent_process()
         if driver is not None:
             driver.join()
             os._exit(1)
 
-    threading.Thread(target=on_iteration, daemon=True).start()
+    threading.Thread(target=wait_for_driver, daemon=True).start()
 
 
 @contextmanager
-def _stop_signals_held() -> Iterator[None]:
-    """Processes started within never see Ctrl-C, nor the SIGTERM of a batch system.
+def _stop_signals_blocked() -> Iterator[None]:
+    """Processes started within receive neither Ctrl-C nor the SIGTERM of a batch system.
 
-    Both go to all processes at once; the driver hears them and lets its workers finish their part.
+    Both signals go to all processes of a group at once; the driver receives them and lets its
+    workers finish their chunks.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:

@@ -1,1 +1,1 @@
-"""One run of a sweep."""
+"""One run of a scenario, as a row of results."""

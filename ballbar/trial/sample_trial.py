@@ -2,8 +2,9 @@
 
     reference path -> instants -> paired samples -> fit from the nominal geometry
 
-What does not depend on the seed (cell, reference path, nominal robot along it, parameters to identify) is kept between trials of one
-process; files that a scenario names must not change meanwhile.
+What does not depend on the seed (cell, reference path, nominal robot along it, parameters to
+identify) is cached between the trials of one process; the files of a scenario must not change
+meanwhile.
 """
 
 from __future__ import annotations
@@ -14,10 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ballbar.run import recorded_log
-from ballbar.scenario import Scenario
-from cell.descriptions import Cell, load_cell
-from cell.geometry import Geometry, nominal_geometry
+from ballbar.scenario import IdentifySettings, Scenario
+from ballbar.trial.nominal_path import nominal_path, spread_rows
+from cell.descriptions import Cell
 from ident.thesis.cost_fit import CostFit, fit_cost, identifiable_by
 from ident.thesis.cost_shift import fit_cost_with_shift
 from ident.thesis.costs import ENCODERS_NEEDED, CostName, cost_named
@@ -30,105 +30,81 @@ from sim.kinematic_samples import (
     sample_path,
     without_mean,
 )
-from sim.path import ReferencePath
 from sim.settings import CellSettings, PathSettings
-from sim.simulate import planned_path
 
-KEPT = 4  # scenarios: a sweep goes through its points one by one, and 100 000 samples take 40 MB
-SELECTION_SAMPLES = 300  # instants that tell what is identifiable (ident.estimator.identifiability)
+# Scenarios whose paths are cached: a sweep runs point after point, and 100 000 samples take 40 MB.
+CACHED = 4
+SELECTION_SAMPLES = 300  # instants for the choice of parameters (ident.estimator.identifiability)
+
+_nominal_path = lru_cache(CACHED)(nominal_path)
 
 
 def fit_cost_to_samples(
     scenario: Scenario, folder: Path
 ) -> tuple[KinematicSamples, CostFit, float | None]:
-    """Samples, the fit of one of the thesis's costs, and the shift [s] of the logs if it was asked for.
+    """Samples, fit of one of the thesis's costs, and the shift [s] between the logs if estimated.
 
     Raises as ballbar.trial.trial.run_trial.
     """
-    asked = scenario.identify
-    if asked.cost == "ml":
-        raise ValueError("ml is none of the thesis's costs")
-    samples = trial_samples(scenario, folder)
-    cost, chosen = cost_named(asked.cost, asked.form), cost_parameters(scenario, folder)
-    sign = without_mean(samples.sign) if asked.rod_sign else None  # the mean is in bd3
-    if not asked.shift_rounds:
-        return (
-            samples,
-            fit_cost(cost, samples.nominal, samples.q, samples.b, chosen, rod_sign=sign),
-            None,
-        )
-    found = fit_cost_with_shift(
-        cost,
-        samples.nominal,
-        samples.t,
-        samples.q,
-        samples.b,
-        chosen,
-        rounds=asked.shift_rounds,
-        rod_sign=sign,
+    settings = scenario.identify
+    samples, parameters = trial_samples(scenario, folder), cost_parameters(scenario, folder)
+    cost = cost_named(_thesis_cost(settings), settings.form)
+    sign = without_mean(samples.sign) if settings.rod_sign else None  # the mean is part of bd3
+    start, q, b = samples.nominal, samples.q, samples.b
+    if not settings.shift_rounds:
+        return samples, fit_cost(cost, start, q, b, parameters, rod_sign=sign), None
+    rounds = settings.shift_rounds
+    shifted = fit_cost_with_shift(
+        cost, start, samples.t, q, b, parameters, rounds=rounds, rod_sign=sign
     )
-    return samples, found.fit, found.shift
+    return samples, shifted.fit, shifted.shift
 
 
 def fit_ml_to_samples(scenario: Scenario, folder: Path) -> tuple[KinematicSamples, SampleFit]:
-    """Samples, and the whitened fit with the clock as parameter; raises as ballbar.trial.trial.run_trial."""
+    """Samples, and the maximum-likelihood fit with the clock as parameter.
+
+    Raises as ballbar.trial.trial.run_trial.
+    """
     samples = trial_samples(scenario, folder)
-    return samples, fit_samples(
-        samples.t, samples.q, samples.b, scenario.encoders.fitted, samples.nominal
-    )
+    encoders = scenario.encoders.fitted
+    return samples, fit_samples(samples.t, samples.q, samples.b, encoders, samples.nominal)
 
 
 def trial_samples(scenario: Scenario, folder: Path) -> KinematicSamples:
     """The paired samples of a scenario."""
-    sampled = _sampled(
-        scenario.cell, scenario.path, folder, scenario.identify.samples, delay_of(scenario.errors)
+    count, delay = scenario.identify.samples, delay_of(scenario.errors)
+    return kinematic_samples(
+        scenario, _sampled_path(scenario.cell, scenario.path, folder, count, delay)
     )
-    return kinematic_samples(scenario, sampled)
 
 
 def sampled_cell(scenario: Scenario, folder: Path) -> Cell:
-    """What stands in the cell of a scenario."""
-    return _planned(scenario.cell, scenario.path, folder)[0]
+    """Robot, ball-bar and plate of a scenario."""
+    return _nominal_path(scenario.cell, scenario.path, folder)[0]
 
 
 def cost_parameters(scenario: Scenario, folder: Path) -> NDArray[np.intp]:
-    """What the scenario's cost can identify along its path, by thesis sec. 3.3: indices into PARAMETERS."""
-    cost = scenario.identify.cost
-    if cost == "ml":
-        raise ValueError("ml is none of the thesis's costs")
-    return _parameters(scenario.cell, scenario.path, folder, cost)
+    """(P,) indices into PARAMETERS of what the cost can identify along the path (sec. 3.3)."""
+    return _parameters(scenario.cell, scenario.path, folder, _thesis_cost(scenario.identify))
 
 
-@lru_cache(KEPT)
-def _planned(
-    cell: CellSettings, path: PathSettings, folder: Path
-) -> tuple[Cell, Geometry, ReferencePath]:
-    stands = load_cell(cell.robot, cell.ballbar, cell.plate, relative_to=folder)
-    nominal = nominal_geometry(stands, np.array(cell.ballbar_position_m))
-    return (
-        stands,
-        nominal,
-        planned_path(
-            path, stands, nominal, relative_to=folder, recorded=recorded_log(path, folder)
-        ),
-    )
+def _thesis_cost(settings: IdentifySettings) -> CostName:
+    if settings.cost == "ml":
+        raise ValueError(f"ml is none of the thesis's costs {', '.join(ENCODERS_NEEDED)}")
+    return settings.cost
 
 
-@lru_cache(KEPT)
-def _sampled(
+@lru_cache(CACHED)
+def _sampled_path(
     cell: CellSettings, path: PathSettings, folder: Path, count: int, delay: float
 ) -> SampledPath:
-    return sample_path(*_planned(cell, path, folder), count, delay=delay)
+    return sample_path(*_nominal_path(cell, path, folder), count, delay=delay)
 
 
-@lru_cache(KEPT * len(ENCODERS_NEEDED))
+@lru_cache(CACHED * len(ENCODERS_NEEDED))
 def _parameters(
     cell: CellSettings, path: PathSettings, folder: Path, cost: CostName
 ) -> NDArray[np.intp]:
-    nominal, reference = _planned(cell, path, folder)[1:]
-    some = (
-        np.linspace(0, reference.t.size - 1, min(SELECTION_SAMPLES, reference.t.size))
-        .round()
-        .astype(int)
-    )
-    return identifiable_by(cost, nominal, reference.q[some], reference.b[some])
+    _, nominal, reference = _nominal_path(cell, path, folder)
+    rows = spread_rows(reference, SELECTION_SAMPLES)
+    return identifiable_by(cost, nominal, reference.q[rows], reference.b[rows])

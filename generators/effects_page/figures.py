@@ -11,7 +11,7 @@ from cycler import cycler
 from matplotlib.figure import Figure
 
 from ballbar.figure_style import FRAME, svg_text, to_hundredths
-from cell.chain import Array
+from cell.arrays import Array
 from generators.effects_page.plots import POINTS, Plot
 from generators.effects_page.runs import ROOT, View, run
 from generators.effects_page.sources import Source

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from cell.descriptions import load_cell
+from cell.load import load_cell
 from generators.effects_page.parameters import (
     choices_of,
     description,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from sim.errors.sample_errors import SampleErrors, delay_of
 from sim.kinematic_samples import KinematicSamples, kinematic_samples, sample_path_at

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from generators.effects_page.runs import View
 from sim.logging.load_logs import motor_torques, sensor_rows
 

@@ -6,7 +6,7 @@ import csv
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from generators.effects_page.figures import PLOTS
 from generators.effects_page.plots import Plot
 from generators.effects_page.runs import Changes, View, run

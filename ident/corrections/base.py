@@ -1,8 +1,9 @@
-"""What a correction is: error sources that displace a carrier of the mechanism by a sum of coefficients times known signals.
+"""What a correction is: an error source that displaces error channels of the mechanism.
 
-Carriers are the six gears, the five ball-bar joints, the rod's length and the plate's bend. A correction names its unknown
-coefficients, each with a prior of physical size, and gives for every sample the signals phi that multiply them; so the
-derivative of the residual is the carrier's own column times phi (design, section 4).
+Channels are the six gears, the five ball-bar joints, the rod's length and the plate's bending. A
+correction names its unknown coefficients, each with a prior of physical size, and gives for every
+sample the regressors phi that multiply them; so the derivative of the residual is the channel's own
+column times phi (docs/theory).
 """
 
 from __future__ import annotations
@@ -12,15 +13,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.loads.gear_loads import Loads
 
-GEAR, BAR, ROD, PLATE = 0, 6, 11, 12  # first carrier of each kind
-CARRIERS = 13
+GEAR, BAR, ROD, PLATE = 0, 6, 11, 12  # first channel of each kind
+CHANNELS = 13
 
-BACKLASH_SHARE = 24.0  # a gear changes sides of its play over the load that would wind it up by this share of half the play
-TENSION_WIDTH = 3.0  # [N] likewise for the rod
+# Half the backlash over the elastic deflection that the transition load causes: 1.5 N m for the
+# main axes of an IRB 2400. A wider transition biases the stiffness that is identified beside it, a
+# narrower one slows the fit (notes/identification sec. 4).
+BACKLASH_SHARE = 24.0
+TENSION_WIDTH = 3.0  # [N] of rod tension over which the rod changes the flank of its backlash
 
 
 @dataclass(frozen=True)
@@ -29,29 +33,29 @@ class Coefficient:
 
     name: str
     unit: str  # SI
-    mean: float
+    mean: float  # of the prior
     sigma: float  # of the prior
-    carrier: int
+    channel: int
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What the signals may depend on, at N samples."""
+    """What the regressors may depend on, at N samples."""
 
     t: Array  # (N,) [s] on the ball-bar's clock
     recording: int  # from 0
     gears: Array  # (6, N) [rad] gear outputs as logged
-    bar: Array  # (5, N) [rad] ball-bar joint angles, zeros in them: what is off centre turns with the joint, whatever the counter says
+    bar: Array  # (5, N) [rad] ball-bar joint angles, encoder offsets included
     loads: Loads
     tension: Array  # (N,) [N] of the rod
-    width: Array  # (6,) [N m] load over which each gear changes sides of its play
-    sharpness: float = 1.0  # below 1 play changes sides over a wider load; for continuation
-    sides: Array | None = None  # (6, N) of the play, where they are known otherwise
+    width: Array  # (6,) [N m] load over which each gear changes the flank of its backlash
+    sharpness: float = 1.0  # below 1 flanks change over a wider load; for continuation
+    flanks: Array | None = None  # (6, N) of the backlash, where they are known otherwise
 
     def load_sign(self) -> Array:
-        """(6, N) side of its play on which each gear lies, -1 to 1: a smooth sign of its load, unless it is given."""
-        if self.sides is not None:
-            return self.sides
+        """(6, N) flank of the backlash on which each gear lies, -1 to 1: smooth sign of load."""
+        if self.flanks is not None:
+            return self.flanks
         return smooth_sign(self.loads.gears(self.tension), self.width[:, None] / self.sharpness)
 
     def tension_sign(self) -> Array:
@@ -60,21 +64,18 @@ class State:
 
 
 def backlash_transition(cell: Cell) -> Array:
-    """(6,) [N m] load over which play changes sides: 1.5 N m for the main axes of an IRB 2400.
-
-    Wider bends the stiffness that is found beside it, narrower slows the fit.
-    """
+    """(6,) [N m] width of the smooth transition between the flanks of each gear's backlash."""
     gears = cell.robot.gears
     return np.asarray(0.5 * gears.lost_motion * gears.stiffness / BACKLASH_SHARE)
 
 
 def smooth_sign(load: Array, width: Array | float) -> Array:
-    """-1 to 1, half way at a load of 0.58 widths."""
+    """Sign of a load (..., N) with a smooth transition, -1 to 1; 0.5 at a load of 0.58 widths."""
     return np.asarray(load / np.sqrt(load * load + width * width))
 
 
 def sign_slope(load: Array, width: Array | float) -> Array:
-    """Derivative of `smooth_sign`."""
+    """Derivative of `smooth_sign` with respect to the load, (..., N) per unit of load."""
     return np.asarray(width * width / (load * load + width * width) ** 1.5)
 
 
@@ -85,10 +86,9 @@ class Correction:
     name: str
     sentence: str
     coefficients: tuple[Coefficient, ...]
-    signals: Callable[[State], Sequence[Array]]  # (N,) each, one a coefficient
-    slopes: Callable[[State], Sequence[Array]] | None = (
-        None  # derivative of each signal with the rod's tension; None: no load
-    )
+    regressors: Callable[[State], Sequence[Array]]  # (N,) each, one a coefficient
+    # derivative of each regressor with the rod's tension; None where no load enters
+    slopes: Callable[[State], Sequence[Array]] | None = None
 
 
 Maker = Callable[[Cell, tuple[int, ...]], Correction]

@@ -1,35 +1,35 @@
-"""Ball-bar encoders: graduation off centre and elliptic, one to three cycles a turn."""
+"""Ball-bar encoders: eccentric and elliptic graduation, one to three cycles a turn."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.corrections.base import BAR, Coefficient, Correction, State
 
-AMPLITUDES = (
-    6.0e-5,
-    2.5e-5,
-    8.0e-6,
-)  # [rad] expected, of 1, 2 and 3 cycles a turn (notes/parameters, encoder)
+AMPLITUDES = (6.0e-5, 2.5e-5, 8.0e-6)  # [rad] of 1, 2, 3 cycles a turn (notes/parameters, encoder)
+WAVES = {"sin": np.sin, "cos": np.cos}
 
 
-def encoder_harmonics(cell: Cell, joints: tuple[int, ...]) -> Correction:
-    """Sine and cosine amplitudes [rad] of each fitted encoder."""
-    coefficients = [
-        Coefficient(f"encoder{joint}_{order + 1}_{wave}", "rad", 0.0, size, BAR + joint - 1)
-        for joint in joints
-        for order, size in enumerate(AMPLITUDES)
-        for wave in ("sin", "cos")
+def encoder_harmonics(cell: Cell, encoders: tuple[int, ...]) -> Correction:
+    """Sine and cosine amplitudes [rad] of each encoder.
+
+    The graduation turns with the joint, whatever the counter says, so the angles include the
+    encoder offsets.
+    """
+    terms = [
+        (joint, order, amplitude, wave)
+        for joint in encoders
+        for order, amplitude in enumerate(AMPLITUDES, start=1)
+        for wave in WAVES
     ]
 
-    def signals(state: State) -> list[Array]:
-        return [
-            wave((order + 1) * state.bar[j - 1])
-            for j in joints
-            for order in range(len(AMPLITUDES))
-            for wave in (np.sin, np.cos)
-        ]
+    def regressors(state: State) -> list[Array]:
+        return [WAVES[wave](order * state.bar[joint - 1]) for joint, order, _, wave in terms]
 
-    return Correction("encoder_harmonics", "eccentric encoders", tuple(coefficients), signals)
+    coefficients = tuple(
+        Coefficient(f"encoder{joint}_{order}_{wave}", "rad", 0.0, amplitude, BAR + joint - 1)
+        for joint, order, amplitude, wave in terms
+    )
+    return Correction("encoder_harmonics", "eccentric encoders", coefficients, regressors)

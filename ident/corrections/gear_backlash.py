@@ -1,26 +1,29 @@
-"""Play of the gears: the output lies at one end of a dead band, which end depends on the sign of the load."""
+"""Backlash of the gears: the output lies on one flank of a dead band, by the sign of the load."""
 
 from __future__ import annotations
 
+from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections.base import GEAR, Coefficient, Correction, sign_slope
+from ident.corrections.base import GEAR, Coefficient, Correction, State, sign_slope
 
-SPREAD = 1.0  # of the catalogue width
+SPREAD = 1.0  # of the catalogue's lost motion: it grows with wear, and a new gear may have none
 
 
-def gear_backlash(cell: Cell, joints: tuple[int, ...]) -> Correction:
+def gear_backlash(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Half the width of each gear's dead band [rad]."""
-    half = 0.5 * cell.robot.gears.lost_motion
+
+    def slopes(state: State) -> list[Array]:
+        width = state.width[:, None] / state.sharpness
+        slope = sign_slope(state.loads.gears(state.tension), width)
+        return list(-slope * state.loads.gear_per_newton)
+
     return Correction(
         "gear_backlash",
-        "play of the gears",
+        "backlash of the gears",
         tuple(
-            Coefficient(f"backlash{i + 1}", "rad", float(h), SPREAD * float(h), GEAR + i)
-            for i, h in enumerate(half)
+            Coefficient(f"backlash{i}", "rad", float(h), SPREAD * float(h), GEAR + i - 1)
+            for i, h in enumerate(0.5 * cell.robot.gears.lost_motion, start=1)
         ),
         lambda state: list(-state.load_sign()),
-        lambda state: list(
-            -sign_slope(state.loads.gears(state.tension), state.width[:, None] / state.sharpness)
-            * state.loads.gear_per_newton
-        ),
+        slopes,
     )

@@ -1,22 +1,24 @@
-"""Harmonic errors between motor log and gear output: transmission error by orders of the output, resolver by motor turns.
+"""Harmonic errors between motor log and gear output: transmission error and resolver.
 
-The orders are those of the robot's file and the first two of each motor's turn; a wrong order is no use
-(notes/identification sec. 6: 40 taken as 41 leaves half of the error). Sine and cosine of each, phase unknown.
+The orders are those of the robot's file, per turn of the output, and the first two of each motor's
+turn; a wrong order does not help (notes/identification sec. 6: 40 taken as 41 leaves half of the
+error). Sine and cosine of each, since the phase is unknown.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 
-RESOLVER = 1.5e-3  # [rad] at the motor, first and second harmonic of a turn (notes/parameters, resolver)
+RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn (notes/parameters, resolver)
+WAVES = {"sin": np.sin, "cos": np.cos}
 
 
 def harmonic_orders(cell: Cell) -> list[tuple[int, float, float]]:
-    """(gear from 0, cycles a turn of the output, expected amplitude [rad]) of every harmonic."""
+    """Gear from 0, cycles a turn of its output, expected amplitude [rad] of every harmonic."""
     out = []
     for gear, listed in enumerate(cell.robot.gears.harmonics):
         ratio = 1.0 / abs(float(cell.robot.transmission[gear, gear]))
@@ -27,22 +29,15 @@ def harmonic_orders(cell: Cell) -> list[tuple[int, float, float]]:
     return out
 
 
-def gear_ripple(cell: Cell, joints: tuple[int, ...]) -> Correction:
+def gear_ripple(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Sine and cosine amplitudes [rad] of every harmonic, at the gears' outputs."""
-    orders = harmonic_orders(cell)
-    coefficients = [
+    terms = [(*order, wave) for order in harmonic_orders(cell) for wave in WAVES]
+
+    def regressors(state: State) -> list[Array]:
+        return [WAVES[wave](order * state.gears[gear]) for gear, order, _, wave in terms]
+
+    coefficients = tuple(
         Coefficient(f"ripple{gear + 1}_{order:.6g}_{wave}", "rad", 0.0, size, GEAR + gear)
-        for gear, order, size in orders
-        for wave in ("sin", "cos")
-    ]
-
-    def signals(state: State) -> list[Array]:
-        return [
-            wave(order * state.gears[gear])
-            for gear, order, _ in orders
-            for wave in (np.sin, np.cos)
-        ]
-
-    return Correction(
-        "gear_ripple", "transmission error and resolvers", tuple(coefficients), signals
+        for gear, order, size, wave in terms
     )
+    return Correction("gear_ripple", "transmission error and resolvers", coefficients, regressors)

@@ -1,4 +1,4 @@
-"""Elastic gears: the output stays behind by load / stiffness (thesis sec. 2.3, "robot deformation under load")."""
+"""Elastic gears: the output lags by load / stiffness (thesis sec. 2.3)."""
 
 from __future__ import annotations
 
@@ -7,18 +7,19 @@ import numpy as np
 from cell.descriptions import Cell
 from ident.corrections.base import GEAR, Coefficient, Correction
 
-SPREAD = 0.5  # of the catalogue compliance; stiffness of one type scatters by about 30 %
+# Of the catalogue compliance: gears of one type scatter by about 30 % (notes/parameters,
+# robot_joint_stiffness), and the links' own compliance adds to it.
+SPREAD = 0.5
 
 
-def joint_compliance(cell: Cell, joints: tuple[int, ...]) -> Correction:
+def joint_compliance(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """One compliance a gear [rad/(N m)]."""
-    nominal = 1.0 / cell.robot.gears.stiffness
     return Correction(
         "joint_compliance",
         "elastic gears",
         tuple(
-            Coefficient(f"compliance{i + 1}", "rad/(N m)", float(c), SPREAD * float(c), GEAR + i)
-            for i, c in enumerate(nominal)
+            Coefficient(f"compliance{i}", "rad/(N m)", float(c), SPREAD * float(c), GEAR + i - 1)
+            for i, c in enumerate(1.0 / cell.robot.gears.stiffness, start=1)
         ),
         lambda state: list(-state.loads.gears(state.tension)),
         lambda state: list(-state.loads.gear_per_newton * np.ones_like(state.tension)),

@@ -1,14 +1,14 @@
-"""The offset plate bends as a cantilever: a hinge a third of its length from the sixth axis (thesis sec. 4.5)."""
+"""Bending of the offset plate: a hinge a third of its length from axis 6 (thesis sec. 4.5)."""
 
 from __future__ import annotations
 
 from cell.descriptions import Cell
 from ident.corrections.base import PLATE, Coefficient, Correction
 
-SPREAD = 1.0  # of the catalogue compliance
+SPREAD = 1.0  # of the catalogue compliance, which leaves out the bolted joint
 
 
-def plate_bending(cell: Cell, joints: tuple[int, ...]) -> Correction:
+def plate_bending(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """Compliance of the hinge [rad/(N m)]."""
     compliance = 1.0 / (cell.plate.tip_stiffness * (2.0 / 3.0 * cell.plate.length) ** 2)
     return Correction(

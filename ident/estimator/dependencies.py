@@ -1,32 +1,38 @@
 """Which parameters a Jacobian cannot tell apart, in the notation of thesis Tables 3.2, 3.3 and 3.4.
 
-Everything here works on columns (P, M), one row a parameter, and the parameters' names; where the columns come from (cost,
-robot, path, encoders) is the caller's affair. Columns are compared at unit length, so units and weights of a parameter do not
-matter. A parameter whose column vanishes has no effect (Table 3.3). The others form a null space as large as the number of
-directions that are missing; its readable basis is: walk through the parameters in the order of thesis sec. 3.3 and leave out each
-one whose column is a combination `c_k = sum_i x_i c_i` of those kept before. (The thesis reads the diagonal of "Q"; it is that of R.)
+Everything here works on columns (P, M), one row a parameter, and the parameters' names; where the
+columns come from (cost, robot, path, encoders) is the caller's affair. Columns are compared at unit
+length, so units and weights of a parameter do not matter. A parameter whose column vanishes has no
+effect (Table 3.3). The others form a null space as large as the number of directions that are
+missing; its readable basis is: walk through the parameters in the order of thesis sec. 3.3 and
+leave out each one whose column is a combination `c_k = sum_i x_i c_i` of those kept before. (The
+thesis reads the diagonal of "Q"; it is that of R.)
 
-- One partner, as in `c_rd1 = -c_oz`: either can be kept. All that share a partner make one group, `rd1 | oz | bd1` (Table 3.2).
-- Several partners, as in `c_rtheta1 = -c_btheta1 + oy c_ox - ox c_oy`: they move together, `rtheta1 | ox,y + btheta1`.
-- All lengths in proportion to themselves: the scale, which one known length fixes. It joins the plate's group, `ra6 | bd3`.
+- One partner, as in `c_rd1 = -c_oz`: either can be kept. All that share a partner make one group,
+  `rd1 | oz | bd1` (Table 3.2).
+- Several partners, as in `c_rtheta1 = -c_btheta1 + oy c_ox - ox c_oy`: they move together, `rtheta1
+  | ox,y + btheta1`.
+- All lengths in proportion to themselves: the scale, which one known length fixes. It joins the
+  plate's group, `ra6 | bd3`.
 
-The same x are the influence of Table 3.4: an error of 1 mm|mrad in a parameter left out moves each kept one by x_i mm|mrad.
+The same x are the influence of Table 3.4: an error of 1 mm|mrad in a parameter left out moves each
+kept one by x_i mm|mrad.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cell.arrays import Array
 from cell.geometry import BAR_ROWS, HAYATI_ROWS, INDEX, PARAMETERS, ROBOT_ROWS, Geometry
 
-Array = NDArray[np.float64]
-
-STRUCTURAL = 1e-6  # relative; thesis sec. 3.2. Structural zeros leave 1e-15, the weakest real direction 3e-4 (docs/identifiability.md)
+# relative; thesis sec. 3.2. Structural zeros leave 1e-15, the weakest real direction 3e-4
+# (docs/identifiability.md)
+STRUCTURAL = 1e-6
 PLATE = "ra6"  # the offset plate is the known length (thesis secs. 3.3, 4.3)
 SCALE_PARTNERS = (
     3  # a combination of fewer lengths has a simpler name than "all lengths in proportion"
@@ -81,7 +87,7 @@ class Dependency:
 
 @dataclass(frozen=True)
 class Selection:
-    """What can be identified together, and what becomes of the rest; all names in the order of priority."""
+    """Parameters that can be identified together, and the rest; names in order of priority."""
 
     kept: tuple[str, ...]
     without_effect: tuple[str, ...]  # zero Jacobian
@@ -112,7 +118,10 @@ class Spectrum:
 
 
 def zero_jacobian(columns: Array, names: Sequence[str]) -> tuple[str, ...]:
-    """The parameters that move nothing: columns (P, M) shorter than STRUCTURAL of the longest one (thesis Table 3.3)."""
+    """The parameters that move nothing (thesis Table 3.3).
+
+    Their columns, of columns (P, M), are shorter than STRUCTURAL of the longest one.
+    """
     lengths = _lengths_of(columns, names)
     return tuple(
         name
@@ -122,7 +131,7 @@ def zero_jacobian(columns: Array, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def spectrum(columns: Array, names: Sequence[str]) -> Spectrum:
-    """How many directions the columns (P, M) span, and how clear that is. Columns without effect do not count."""
+    """Number of directions that columns (P, M) span; columns without effect do not count."""
     lengths = _lengths_of(columns, names)
     unit = columns[lengths > STRUCTURAL * lengths.max()]
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
@@ -145,45 +154,71 @@ def select(
 
     columns : (P, M), one row for each of `names`, in any order.
     nominal : its lengths say what the scale direction is.
-    known : asked last, so that they are left out where anything depends on them: the plate, whose length is known.
+    known : asked last, so that they are left out where anything depends on them: the plate, whose
+    length is known.
 
-    Raises ValueError for a name that is no parameter, and when `columns` has not one row for each name.
+    Raises ValueError for a name that is no parameter, and when `columns` has not one row for each
+    name.
     """
     order = sorted(range(len(names)), key=lambda k: (names[k] in known, _priority(names[k])))
     none = set(zero_jacobian(columns, names))
     lengths = _lengths_of(columns, names)
-    basis = np.zeros((0, columns.shape[1]))
-    kept: list[int] = []
+    moving = [k for k in order if names[k] not in none]
+    walk = orthogonalised(columns, moving, lambda _, remainder: remainder >= STRUCTURAL)
     dependent: list[Dependency] = []
-    for k in (k for k in order if names[k] not in none):
-        rest = remainder_of(columns[k] / lengths[k], basis)
-        remainder = float(np.linalg.norm(rest))
-        if remainder < STRUCTURAL:
-            partners = _combination(columns, lengths, names, kept, k, basis)
-            scale = _scale_without(names[k], [names[i] for i in kept], dependent, nominal)
-            dependent.append(Dependency(names[k], partners, _in_proportion(partners, scale)))
-        else:
-            basis = np.vstack((basis, rest / remainder))
-            kept.append(k)
+    for k in (k for k in moving if k not in walk.selected):
+        before = walk.before(k)
+        partners = _combination(columns, lengths, names, before, k, walk.basis[: len(before)])
+        scale = _scale_without(names[k], [names[i] for i in before], dependent, nominal)
+        dependent.append(Dependency(names[k], partners, _in_proportion(partners, scale)))
     return Selection(
-        tuple(names[k] for k in kept),
+        tuple(names[k] for k in walk.selected),
         tuple(names[k] for k in order if names[k] in none),
         tuple(dependent),
     )
 
 
-def remainder_of(column: Array, basis: Array) -> Array:
-    """(M,) what is left of a column (M,) when its combination of the orthonormal rows (K, M) is taken away."""
-    for _ in range(2):  # twice is enough (Kahan, in Parlett 1980, sec. 6.9)
-        column = column - basis.T @ (basis @ column)
-    return column
+@dataclass(frozen=True, eq=False)
+class Orthogonalised:
+    """Columns taken in one order, each selected unless it depends on those selected before."""
+
+    order: list[int]
+    selected: list[int]  # in that order
+    remainders: dict[int, float]  # relative length of each column beyond those selected before it
+    basis: Array  # (S, M) orthonormal rows of the selected columns
+
+    def before(self, k: int) -> list[int]:
+        """The columns selected before column k."""
+        passed = set(self.order[: self.order.index(k)])
+        return [i for i in self.selected if i in passed]
+
+
+def orthogonalised(
+    columns: Array, order: Sequence[int], keep: Callable[[int, float], bool]
+) -> Orthogonalised:
+    """Gram-Schmidt over columns (P, M) in the given order (thesis sec. 3.3).
+
+    keep : whether a column is selected, from its index and the relative length of its remainder.
+    """
+    selected: list[int] = []
+    remainders: dict[int, float] = {}
+    basis = np.zeros((0, columns.shape[1]))
+    for k in order:
+        rest = columns[k] / np.linalg.norm(columns[k])
+        for _ in range(2):  # twice is enough (Kahan, in Parlett 1980, sec. 6.9)
+            rest = rest - basis.T @ (basis @ rest)
+        remainders[k] = float(np.linalg.norm(rest))
+        if keep(k, remainders[k]):
+            basis = np.vstack((basis, rest / remainders[k]))
+            selected.append(k)
+    return Orthogonalised(list(order), selected, remainders, basis)
 
 
 def groups(columns: Array, names: Sequence[str], nominal: Geometry) -> tuple[Group, ...]:
     """The dependencies as thesis Table 3.2 prints them; arguments as in `select`.
 
-    Here the plate is a parameter like the others, so the scale shows up where another length is left out; it is written against the
-    plate, the length that is known.
+    Here the plate is a parameter like the others, so the scale shows up where another length is
+    left out; it is written against the plate, the length that is known.
     """
     vectors = select(columns, names, nominal, known=()).dependent
     shared: dict[str, list[Dependency]] = {}
@@ -212,11 +247,12 @@ def influence(
     *,
     threshold: float = SIGNIFICANT,
 ) -> dict[str, dict[str, float]]:
-    """How far the kept parameters move when one left out is off by one unit, to first order (thesis Table 3.4).
+    """Influence of an error in a parameter left out on those kept, to first order (Table 3.4).
 
     columns : (P, M), one row for each of `names`. The kept ones are fitted by least squares.
 
-    Returns for each of `left_out` the kept ones that move by more than `threshold` [mm|mrad per mm|mrad], largest first.
+    Returns for each of `left_out` the kept ones that move by more than `threshold` [mm|mrad per
+    mm|mrad], largest first.
     """
     row = {name: k for k, name in enumerate(names)}
     scale = np.linalg.norm(columns[[row[name] for name in kept]], axis=1)
@@ -239,7 +275,7 @@ def significant(moves: Mapping[str, float], threshold: float = SIGNIFICANT) -> d
 
 
 def shortened(names: Iterable[str]) -> list[str]:
-    """Neighbours of one kind written together: `ba1, ba2, ba3, bd1, bd2, ox, oy` as `ba1-3`, `bd1,2`, `ox,y`."""
+    """Neighbours of one kind written together: `ba1, ba2, ba3, bd1, bd2` as `ba1-3`, `bd1,2`."""
     return [
         stem + _run([name[-1] for name in items])
         for stem, items in groupby(names, key=lambda name: name[:-1])
@@ -247,7 +283,7 @@ def shortened(names: Iterable[str]) -> list[str]:
 
 
 def _sum(names: Iterable[str]) -> str:
-    """Names that move together; of these only the origin's coordinates are written as one, as in the thesis."""
+    """Names that move together; only the origin's coordinates are written as one (thesis)."""
     parts = [
         shortened(items) if of_origin else list(items)
         for of_origin, items in groupby(names, key=lambda name: name[:-1] == "o")
@@ -283,7 +319,10 @@ def _priority(name: str) -> int:
 def _combination(
     columns: Array, lengths: Array, names: Sequence[str], kept: list[int], k: int, basis: Array
 ) -> dict[str, float]:
-    """x of `c_k = sum_i x_i c_i`, as written; shares of rounding size are left away. basis : (K, M) orthonormal, of the K kept."""
+    """x of `c_k = sum_i x_i c_i`, shares of rounding size left out.
+
+    columns : (P, M). basis : (K, M) orthonormal, of the K kept.
+    """
     if not kept:
         return {}
     triangle = basis @ (columns[kept] / lengths[kept, None]).T
@@ -299,9 +338,10 @@ def _combination(
 def _scale_without(
     name: str, kept: Sequence[str], dependent: Sequence[Dependency], nominal: Geometry
 ) -> dict[str, float]:
-    """All lengths growing in proportion, but for that of `name`: by how much each kept length changes.
+    """Change of each kept length when all lengths but that of `name` grow in proportion.
 
-    A length left out earlier does it through its partners: with rd1 at its nominal value the origin's oz grows by oz - rd1.
+    A length left out earlier does it through its partners: with rd1 at its nominal value the
+    origin's oz grows by oz - rd1.
     """
     grows = {i: nominal[i] for i in kept if _is_length(i)}
     for other in dependent:

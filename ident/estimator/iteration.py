@@ -1,13 +1,13 @@
-"""Where a minimisation stands: what the solvers report, iteration by iteration, to whoever watches."""
+"""What a minimisation reports, iteration by iteration, to a callback."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from cell.chain import Array
+from cell.arrays import Array
+from cell.clock import Clock
 from cell.geometry import Geometry
-from ident.estimator.problem import Clock
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,9 +16,9 @@ class Iteration:
 
     geometry: Geometry
     clock: Clock
-    times: Array  # (N,) [s] of the samples, on the ball-bar's clock (the robot's without encoders)
-    error: Array  # (6, N) [m, rad] mismatch of the loop, robot base frame
-    chi2_per_sample: float  # cost for each whitened residual, under the weights of that iteration
+    times: Array  # (N,) [s] of the samples, on the ball-bar's clock (the robot's if it has none)
+    error: Array  # (6, N) [m, rad] loop-closure error, robot base frame
+    chi2_per_sample: float  # cost per whitened residual, under the weights of that iteration
 
 
 IterationCallback = Callable[[Iteration], None]

@@ -1,9 +1,12 @@
-"""The unknowns of a joint fit of several recordings, as one vector with a Gaussian prior of physical size for each.
+"""The unknowns of a fit as one vector, with a Gaussian prior for each.
 
-Shared by all recordings: the robot's and the ball-bar's geometry, the coefficients of the corrections, the gain of a measured
-rod force. Each recording's own: encoder zeros, where the ball-bar's base stands and leans, the clock, and where nothing
-measures the rod's tension, its spline. `rd1` and `rtheta1` against the ball-bar's place, and `rd3` against `rd2`, are a pure gauge and stay
-fixed; `ra6`, the plate, is the known length.
+Shared by all recordings are the geometry of robot and ball-bar, the coefficients of the corrections
+and the gain of a measured rod force. Each recording has its own encoder offsets, base pose of the
+ball-bar, clock, and where nothing measures the rod's tension its spline. An infinite prior sigma
+means no prior.
+
+`rd1` and `rtheta1` against the ball-bar's base pose, and `rd3` against `rd2`, are a pure gauge and
+stay fixed; `ra6`, the plate, is the known length (thesis Table 3.2).
 """
 
 from __future__ import annotations
@@ -14,35 +17,45 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
+from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry
 from ident.corrections.base import Correction
-from ident.estimator.problem import Clock
 
-LENGTH_PRIOR = 5e-3  # [m] deviation of a robot's length from its catalogue; the data say far more (notes/identification sec. 6)
-ANGLE_PRIOR = 5e-3  # [rad] likewise
-PLACE_PRIOR = (
-    1.0  # [m] where the ball-bar stands: the start has found it; this only keeps the steps finite
+LENGTH_PRIOR = (
+    5e-3  # [m] of a robot's length about its catalogue value (notes/identification sec. 6)
 )
+ANGLE_PRIOR = 5e-3  # [rad] likewise
+POSITION_PRIOR = 1.0  # [m] of the ball-bar's base: the start has found it; keeps the steps finite
 TILT_PRIOR = 3e-3  # [rad] of the ball-bar's base (notes/parameters, base: 1 mrad)
-AXIS_OFFSET_PRIOR = 5e-6  # [m] of gimbal and cardan (notes/parameters, joints_mechanical)
+AXIS_OFFSET_PRIOR = 5e-6  # [m] of gimbal and universal joint (notes/parameters, joints_mechanical)
 AXIS_ANGLE_PRIOR = 5e-5  # [rad] squareness, likewise
-ZERO_PRIOR = 1.0  # [rad]
-OFFSET_PRIOR, SKEW_PRIOR = 1.0, 1e-3  # [s], [1] around what the start has found
+ENCODER_OFFSET_PRIOR = 1.0  # [rad]
+CLOCK_PRIOR = 1.0, 1e-3  # offset [s] and skew [1] around what the start has found
 STEP_PRIOR = 1.0  # [s] of a clock step
 GAIN_PRIOR = 0.03  # of a measured rod force: two gains of 2 % (notes/identification sec. 1)
-TENSION_PRIOR = 60.0  # [N] a knot of an unmeasured rod force (notes/identification sec. 4)
+TENSION_PRIOR = 60.0  # [N] of a knot of an unmeasured rod force (notes/identification sec. 4)
+MAX_OFFSET_STEP = 3.0  # [s] a longer step leaves the region where the splines say anything
+MAX_SKEW = 2e-3  # [1] twenty times the worst free-running clock of notes/log_formats
 FIXED = ("rd1", "rtheta1", "rd3", "ra6")
-PLACE = ("ox", "oy", "oz", "otx", "oty")
+BASE_POSE = ("ox", "oy", "oz", "otx", "oty")
 
 
-@dataclass(frozen=True)
+def belongs_to_recording(name: str) -> bool:
+    """Whether a parameter is one recording's own: encoder offset or base pose of the ball-bar."""
+    return name.startswith("btheta") or name in BASE_POSE
+
+
+SHARED = tuple(name for name in NAMES if not belongs_to_recording(name))
+
+
+@dataclass(frozen=True, eq=False)
 class Own:
-    """Where one recording's own unknowns stand."""
+    """Where one recording's own unknowns stand in the vector."""
 
-    zeros: slice  # btheta of its fitted encoders, in order
-    place: slice  # ox oy oz otx oty
+    parameters: NDArray[np.intp]  # indices into PARAMETERS: encoder offsets, base pose
+    geometry: slice  # their values
     clock: slice | None  # offset, skew
     steps: slice | None  # clock steps [s]
     knots: slice | None  # of the tension's spline [N]
@@ -50,68 +63,108 @@ class Own:
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """Names, priors and places of all unknowns of a fit; x is a vector in this order."""
+    """Names, priors and positions of the unknowns x (P,) of a fit."""
 
     names: tuple[str, ...]  # those of recording k of several end in `@k`, k from 1
     mean: Array  # (P,) of the prior
     sigma: Array  # (P,)
-    nominal: Geometry
+    fixed: Geometry  # values of the kinematic parameters that are no unknowns
     shared: NDArray[np.intp]  # indices into PARAMETERS of the first unknowns
-    coefficients: slice  # of the corrections
+    coefficients: slice  # of the corrections; they follow the shared parameters
     gain: int | None  # of the measured rod force
-    zero_parameters: tuple[
-        NDArray[np.intp], ...
-    ]  # indices into PARAMETERS of each recording's zeros
     own: tuple[Own, ...]
 
     @property
     def count(self) -> int:
         return len(self.names)
 
+    @property
+    def machine(self) -> NDArray[np.intp]:
+        """Indices of the shared parameters and of the coefficients."""
+        return np.arange(self.coefficients.stop)
+
     def geometry(self, x: Array, k: int) -> Geometry:
         """The kinematic parameters of recording k."""
-        values = self.nominal.values.copy()
+        values = self.fixed.values.copy()
         values[self.shared] = x[: self.shared.size]
-        values[self.zero_parameters[k]] = x[self.own[k].zeros]
-        values[_PLACES] = x[self.own[k].place]
+        values[self.own[k].parameters] = x[self.own[k].geometry]
         return Geometry(values)
 
     def clock(self, x: Array, k: int) -> Clock:
         """The clock of recording k."""
-        where = self.own[k].clock
-        return Clock(0.0, 0.0) if where is None else Clock(float(x[where][0]), float(x[where][1]))
+        position = self.own[k].clock
+        return Clock(0.0, 0.0) if position is None else Clock(*(float(v) for v in x[position]))
 
-
-_PLACES = np.array([INDEX[name] for name in PLACE])
+    def moved(self, x: Array, step: Array) -> Array:
+        """(P,) x + step, the clocks kept where the logs' splines say anything."""
+        out = x + step
+        for own in self.own:
+            if own.clock is not None:
+                offset, skew = own.clock.start, own.clock.start + 1
+                shift = np.clip(step[offset], -MAX_OFFSET_STEP, MAX_OFFSET_STEP)
+                out[offset] = x[offset] + shift
+                out[skew] = np.clip(out[skew], -MAX_SKEW, MAX_SKEW)
+        return out
 
 
 @dataclass(frozen=True)
-class RecordingShape:
+class RecordingStart:
     """What the vector needs to know of one recording."""
 
-    joints: tuple[int, ...]  # encoders fitted
-    start: Geometry  # zeros and place
+    encoders: tuple[int, ...]
+    geometry: Geometry  # encoder offsets and base position to start from
     clock: Clock | None
-    knots: int  # 0 where no correction needs loads
+    knots: int = 0  # of the tension's spline; 0 where no correction needs loads
     tension_sigma: float = TENSION_PRIOR  # [N] prior of each knot
     clock_steps: int = 0
 
 
-def unknowns(
+def kinematic_unknowns(
+    start: Geometry, clock: Clock | None, parameters: NDArray[np.intp], sigma: Array | None = None
+) -> tuple[Unknowns, Array]:
+    """Unknowns of kinematics and clock alone, of one recording; and the vector to start from.
+
+    start : values to start from, means of the priors, and of the parameters that stay fixed.
+    parameters : (P,) indices into PARAMETERS. sigma : (P,) [m, rad] of their priors; none if not
+    given.
+    """
+    sigma = np.full(parameters.size, np.inf) if sigma is None else sigma
+    own = np.array([belongs_to_recording(NAMES[i]) for i in parameters], dtype=bool)
+    build = _Builder()
+    for i, s in zip(parameters[~own], sigma[~own], strict=True):
+        build.add(NAMES[i], float(start.values[i]), float(s))
+    shared = len(build.names)
+    names = [NAMES[i] for i in parameters[own]]
+    geometry = build.block(names, start.values[parameters[own]], sigma[own])
+    clocks = None
+    if clock is not None:
+        clocks = build.block(("offset", "skew"), (clock.offset, clock.skew), (np.inf, np.inf))
+    layout = build.unknowns(
+        start,
+        parameters[~own],
+        slice(shared, shared),
+        None,
+        [Own(parameters[own], geometry, clocks, None, None)],
+    )
+    return layout, layout.mean.copy()
+
+
+def complete_unknowns(
     cell: Cell,
     nominal: Geometry,
-    recordings: Sequence[RecordingShape],
+    recordings: Sequence[RecordingStart],
     corrections: Sequence[Correction],
     *,
     measured_force: bool,
     rod_sigma: float | None,
 ) -> tuple[Unknowns, Array]:
-    """The layout, and the vector to start from.
+    """Unknowns of the complete model with priors of physical size; and the vector to start from.
 
+    measured_force : whether the rod's force was logged, so that its gain is an unknown.
     rod_sigma : [m] of a measured rod length; None for the catalogue's tolerance.
     """
     build = _Builder()
-    shared = [name for name in NAMES if name not in FIXED and not name.startswith(("btheta", "o"))]
+    shared = [name for name in SHARED if name not in FIXED]
     for name in shared:
         build.add(name, nominal[name], _prior(cell, name, rod_sigma))
     first = len(build.names)
@@ -120,82 +173,81 @@ def unknowns(
             build.add(c.name, c.mean, c.sigma)
     coefficients = slice(first, len(build.names))
     gain = build.add("force_gain", 0.0, GAIN_PRIOR) if measured_force else None
-    own = [
-        _own(build, recording, f"@{k + 1}" if len(recordings) > 1 else "")
-        for k, recording in enumerate(recordings)
-    ]
-    layout = Unknowns(
-        tuple(build.names),
-        np.array(build.mean),
-        np.array(build.sigma),
-        nominal,
-        np.array([INDEX[n] for n in shared]),
-        coefficients,
-        gain,
-        tuple(np.array([INDEX[f"btheta{j}"] for j in r.joints], dtype=np.intp) for r in recordings),
-        tuple(own),
-    )
+    several = len(recordings) > 1
+    own = [_own(build, r, f"@{k}" if several else "") for k, r in enumerate(recordings, start=1)]
+    indices = np.array([INDEX[name] for name in shared])
+    layout = build.unknowns(nominal, indices, coefficients, gain, own)
     return layout, layout.mean.copy()
 
 
-def _own(build: _Builder, recording: RecordingShape, tail: str) -> Own:
-    start, clock = recording.start, recording.clock
-    zero_names = [f"btheta{j}" for j in recording.joints]
-    zeros = build.block(
-        zero_names, tail, [start[n] for n in zero_names], [ZERO_PRIOR] * len(zero_names)
-    )
-    place = build.block(
-        PLACE,
-        tail,
-        [*(start[n] for n in PLACE[:3]), 0.0, 0.0],
-        [PLACE_PRIOR] * 3 + [TILT_PRIOR] * 2,
-    )
+def _own(build: _Builder, recording: RecordingStart, tail: str) -> Own:
+    start, clock = recording.geometry, recording.clock
+    offsets = [f"btheta{joint}" for joint in recording.encoders]
+    names = [*offsets, *BASE_POSE]
+    means = [*(start[name] for name in (*offsets, *BASE_POSE[:3])), 0.0, 0.0]
+    sigmas = [ENCODER_OFFSET_PRIOR] * len(offsets) + [POSITION_PRIOR] * 3 + [TILT_PRIOR] * 2
+    geometry = build.block(names, means, sigmas, tail)
     clocks = None
     if clock is not None:
-        clocks = build.block(
-            ("offset", "skew"), tail, [clock.offset, clock.skew], [OFFSET_PRIOR, SKEW_PRIOR]
-        )
-    steps = build.numbered("clock_step", tail, recording.clock_steps, STEP_PRIOR)
-    return Own(
-        zeros,
-        place,
-        clocks,
-        steps,
-        build.numbered("tension", tail, recording.knots, recording.tension_sigma),
-    )
+        clocks = build.block(("offset", "skew"), (clock.offset, clock.skew), CLOCK_PRIOR, tail)
+    steps = build.numbered("clock_step", recording.clock_steps, STEP_PRIOR, tail)
+    knots = build.numbered("tension", recording.knots, recording.tension_sigma, tail)
+    indices = np.array([INDEX[name] for name in names], dtype=np.intp)
+    return Own(indices, geometry, clocks, steps, knots)
 
 
 class _Builder:
+    """Collects names, means and sigmas in order."""
+
     def __init__(self) -> None:
         self.names: list[str] = []
-        self.mean: list[float] = []
-        self.sigma: list[float] = []
+        self._mean: list[float] = []
+        self._sigma: list[float] = []
 
     def add(self, name: str, mean: float, sigma: float) -> int:
         self.names.append(name)
-        self.mean.append(mean)
-        self.sigma.append(sigma)
+        self._mean.append(mean)
+        self._sigma.append(sigma)
         return len(self.names) - 1
 
     def block(
-        self, names: Sequence[str], tail: str, means: Sequence[float], sigmas: Sequence[float]
+        self,
+        names: Sequence[str],
+        means: Sequence[float] | Array,
+        sigmas: Sequence[float] | Array,
+        tail: str = "",
     ) -> slice:
         first = len(self.names)
         for name, mean, sigma in zip(names, means, sigmas, strict=True):
-            self.add(name + tail, mean, sigma)
+            self.add(name + tail, float(mean), float(sigma))
         return slice(first, len(self.names))
 
-    def numbered(self, name: str, tail: str, count: int, sigma: float) -> slice | None:
-        return (
-            self.block(
-                [f"{name}{i + 1}" for i in range(count)], tail, [0.0] * count, [sigma] * count
-            )
-            if count
-            else None
+    def numbered(self, name: str, count: int, sigma: float, tail: str) -> slice | None:
+        names = [f"{name}{i + 1}" for i in range(count)]
+        return self.block(names, [0.0] * count, [sigma] * count, tail) if count else None
+
+    def unknowns(
+        self,
+        fixed: Geometry,
+        shared: NDArray[np.intp],
+        coefficients: slice,
+        gain: int | None,
+        own: Sequence[Own],
+    ) -> Unknowns:
+        return Unknowns(
+            names=tuple(self.names),
+            mean=np.array(self._mean),
+            sigma=np.array(self._sigma),
+            fixed=fixed,
+            shared=np.asarray(shared, dtype=np.intp),
+            coefficients=coefficients,
+            gain=gain,
+            own=tuple(own),
         )
 
 
 def _prior(cell: Cell, name: str, rod_sigma: float | None) -> float:
+    """[m, rad] prior sigma of one shared parameter."""
     parameter = PARAMETERS[INDEX[name]]
     if name == "bd3":
         return cell.ballbar.length_tolerance if rod_sigma is None else rod_sigma

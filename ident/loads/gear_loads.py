@@ -1,10 +1,12 @@
-"""What the gears, the plate and the rod carry, as a linear function of one unknown: the tension F of the rod.
+"""Loads of gears, plate and rod as a linear function of one unknown: the tension F of the rod.
 
-    tau = tau_0 + tau_1 F       torque at each gear's output that carries and moves the arm and holds the ball-bar
+    tau = tau_0 + tau_1 F
 
-With frictionless ball-bar joints five of the six components of the force at the tool follow from the weight of the
-ball-bar's links, and the sixth is F: `A' w = g_b + e_rod F`, A the motions of the ball-bar's end for its five joints and the
-rod's stretch. The robot carries its own links and plate (mass model of the cell files) and `-w` at the tool.
+is the torque at each gear's output that carries and moves the arm and holds the ball-bar. With
+frictionless ball-bar joints five of the six components of the wrench w at the tool follow from the
+weight of the ball-bar's links, and the sixth is F: `A' w = g_b + e_rod F`, with A the motions of
+the ball-bar's end for its five joints and for the rod's elongation. The robot carries its own links
+and plate (mass model of the cell files) and `-w` at the tool.
 """
 
 from __future__ import annotations
@@ -13,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cell.arrays import Array
 from cell.bodies import bar_bodies, carried_bodies
-from cell.chain import Array, Frames, cross, joint_screws, screw
+from cell.chain import Frames, cross, joint_screws, screw
 from cell.descriptions import Cell, Link
 from cell.dynamics import joint_torques
 from cell.geometry import Geometry, bar_frames, robot_frames
@@ -22,9 +25,9 @@ from cell.geometry import Geometry, bar_frames, robot_frames
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """Loads of N samples; each the sum of a part that is known and a part per newton of rod tension."""
+    """Loads of N samples: a known part, and a part per newton of rod tension."""
 
-    gear: Array  # (6, N) [N m] at the gears' outputs, positive along the gear: what the motors must give
+    gear: Array  # (6, N) [N m] at the gears' outputs: what the motors must exert
     gear_per_newton: Array  # (6, N) [m]
     plate: Array  # (N,) [N m] moment that bends the plate, positive along the tool's y
     plate_per_newton: Array  # (N,) [m]
@@ -61,7 +64,11 @@ def mass_model(cell: Cell) -> MassModel:
 def loads(
     masses: MassModel, geometry: Geometry, q: Array, b: Array, speed: Array, acceleration: Array
 ) -> Loads:
-    """Loads along a motion: robot angles q, speeds and accelerations (N, 6), ball-bar angles b (N, 5), zeros not in them."""
+    """Loads along a motion.
+
+    q, speed, acceleration : (N, 6) [rad, rad/s, rad/s^2] of the robot's joints. b : (N, 5) [rad]
+    ball-bar angles as the encoders read. masses : of the cell.
+    """
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
     arm = joint_torques(
         robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration
@@ -83,12 +90,12 @@ def loads(
 
 def no_loads(samples: int) -> Loads:
     """Where no correction asks for any."""
-    gears, one = np.zeros((6, samples)), np.zeros(samples)
-    return Loads(gears, gears, one, one)
+    gears, none = np.zeros((6, samples)), np.zeros(samples)
+    return Loads(gears, gears, none, none)
 
 
 def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Array:
-    """(6, N) [N m] at the gears' outputs: the free robot with its plate, at rest at q (N, 6) [rad]."""
+    """(6, N) [N m] at the gears' outputs: the unloaded robot at rest at q (N, 6) [rad]."""
     return np.asarray(
         masses.gear_to_joint
         @ joint_torques(robot_frames(geometry, q), masses.arm, q, gravity=masses.gravity)
@@ -96,13 +103,16 @@ def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Array:
 
 
 def on_ballbar(masses: MassModel, bar: Frames, b: Array) -> tuple[Array, Array]:
-    """(6, N) [N, N m] what the tool exerts on the ball-bar's end (moment about the tip) without tension, and per newton of it."""
+    """Wrench of the tool on the ball-bar: (6, N) [N, N m] without tension, and per newton of it.
+
+    Moments are about the tip, base frame. b : (N, 5) [rad] angles of the ball-bar's frames `bar`.
+    """
     motions = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None]))  # (6, 6, N)
     hinges = joint_torques(bar, masses.bar, b, gravity=masses.gravity)
     riding = sum(link.mass for links in masses.bar[2:] for link in links)
     along = -riding * (masses.gravity @ bar.z[2])
-    asked = np.concatenate((hinges, along[None])).T
-    tension = np.zeros_like(asked)
+    held = np.concatenate((hinges, along[None])).T
+    tension = np.zeros_like(held)
     tension[:, 5] = 1.0
-    solved = np.linalg.solve(motions.transpose(2, 0, 1), np.stack((asked, tension), axis=2))
+    solved = np.linalg.solve(motions.transpose(2, 0, 1), np.stack((held, tension), axis=2))
     return solved[:, :, 0].T.copy(), solved[:, :, 1].T.copy()

@@ -2,10 +2,11 @@
 
     y_k(t) = known_k(t) + sum_j theta_j A_jk(t) + w_k(t) F(t)
 
-`known` are the loads of the mass model without tension, `w` those per newton of it, `A` what the signal adds of its own:
-friction and gains of motor torques, biases and gains of a force sensor. F is eliminated sample by sample, theta follows by
-least squares with priors, F by weighted least squares. Motor torque near a reversal of its joint tells nothing: friction
-jumps there (notes/identification sec. 5).
+`known` are the loads of the mass model without tension, `w` those per newton of it, `A` what the
+signal adds of its own: friction and gains of motor torques, biases and gains of a force sensor. F
+is eliminated sample by sample, theta follows by least squares with priors, F by weighted least
+squares. Motor torque near a reversal of its joint is worthless: friction jumps there
+(notes/identification sec. 5).
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array, cross
+from cell.arrays import Array
+from cell.chain import cross
 from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, robot_frames
 from ident.loads.gear_loads import Loads, mass_model, on_ballbar
@@ -47,8 +49,9 @@ def from_motor_torque(
 ) -> Tension:
     """Tension from motor torques.
 
-    torque : (6, N) [N m] at the gears' outputs. carried : loads of the mass model. speed, acceleration : (6, N) of the gears.
-    theta : six Coulomb torques [N m], six viscous ones [N m s/rad], six gain errors.
+    torque : (6, N) [N m] at the gears' outputs. carried : loads of the mass model. speed,
+    acceleration : (6, N) [rad/s, rad/s^2] of the gears. The result's theta holds six Coulomb
+    torques [N m], six viscous coefficients [N m s/rad], six gain errors.
     """
     n = torque.shape[1]
     coulomb, viscous = cell.robot.gears.coulomb, cell.robot.gears.viscous
@@ -68,10 +71,11 @@ def from_motor_torque(
 def from_force_sensor(
     cell: Cell, geometry: Geometry, wrench: Array, q: Array, b: Array
 ) -> tuple[Tension, float]:
-    """Tension from a six-axis sensor at the flange, and the root mean square of what is left over [sigma].
+    """Tension from a six-axis sensor at the flange, and the rms of its residual [sigma].
 
-    wrench : (6, N) [N, N m] that plate and ball-bar exert on the flange, flange frame, at robot angles q (N, 6) and ball-bar
-    angles b (N, 5). theta : six biases, six gain errors.
+    wrench : (6, N) [N, N m] that plate and ball-bar exert on the flange, flange frame, at robot
+    angles q (N, 6) and ball-bar angles b (N, 5) [rad]. The result's theta holds six biases
+    [N, N m], six gain errors.
     """
     known, direction = _on_flange(cell, geometry, q, b)
     columns = np.zeros((12, 6, q.shape[0]))
@@ -79,15 +83,15 @@ def from_force_sensor(
         columns[k, k], columns[6 + k, k] = 1.0, wrench[k]
     prior = np.concatenate((SENSOR_BIAS, np.full(6, SENSOR_GAIN)))
     sigma = np.repeat(SENSOR_NOISE[:, None], q.shape[0], axis=1)
-    found = _eliminated(wrench - known, sigma, columns, direction, np.zeros(12), prior)
+    tension = _eliminated(wrench - known, sigma, columns, direction, np.zeros(12), prior)
     left = (
-        wrench - known - np.einsum("j,jkn->kn", found.theta, columns) - direction * found.force
+        wrench - known - np.einsum("j,jkn->kn", tension.theta, columns) - direction * tension.force
     ) / sigma
-    return found, float(np.sqrt((left * left).mean()))
+    return tension, float(np.sqrt((left * left).mean()))
 
 
 def _on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> tuple[Array, Array]:
-    """(6, N) [N, N m] what plate and ball-bar exert on the flange without tension, and per newton of it; flange frame."""
+    """Wrench on the flange, flange frame: (6, N) [N, N m] without tension, and per newton of it."""
     masses = mass_model(cell)
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
     axes = np.stack((robot.x[-1], robot.y[-1], robot.z[-1]))

@@ -1,7 +1,8 @@
-"""TCP error: how far the tool is from where a model says, over a held-out grid of the workspace.
+"""TCP error: distance of the tool from its predicted position over a grid of the workspace.
 
-Parameter errors depend on which parameters were held fixed (gauge); the TCP error after aligning the base frame does not,
-so it is the figure that compares robots, paths and methods. Alignment: Kabsch 1976 / Umeyama 1991 (with scale).
+Parameter errors depend on which parameters were held fixed (gauge); the TCP error after aligning
+the base frame does not, so it is what compares robots, paths and methods. Alignment: Kabsch 1976,
+Umeyama 1991 (with scale).
 """
 
 from __future__ import annotations
@@ -11,9 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array, screw
-from cell.descriptions import Robot, controller_to_joints
+from cell.arrays import Array
+from cell.chain import screw
+from cell.descriptions import Robot
 from cell.geometry import PARAMETERS, Geometry, robot_frames
+from cell.robot_angles import controller_to_joints
 
 GRID_POSES = 800
 _GRID_SEED = 2400  # the grid is part of the metric: the same poses for everyone
@@ -37,7 +40,7 @@ class TcpError:
 
 
 def accuracy_grid(robot: Robot) -> Array:
-    """(G, 6) [rad] held-out joint angles: a Sobol sequence over the robot's accuracy box (which is in axis angles)."""
+    """(G, 6) [rad] held-out joint angles: a Sobol sequence over the robot's box of axis angles."""
     from scipy.stats import qmc  # noqa: PLC0415  the slowest of our libraries to import
 
     points = qmc.Sobol(d=6, scramble=True, rng=np.random.default_rng(_GRID_SEED)).random(1024)[
@@ -49,12 +52,12 @@ def accuracy_grid(robot: Robot) -> Array:
 
 
 def tcp_error(model: Geometry, truth: Geometry, grid: Array) -> TcpError:
-    """Kinematic error of `model` against `truth` at joint angles grid (G, 6) [rad], after the best rigid motion of the base."""
+    """Kinematic error of `model` against `truth` at angles grid (G, 6) [rad], base aligned."""
     return position_error(robot_frames(model, grid).tip.T, robot_frames(truth, grid).tip.T)
 
 
 def position_error(predicted: Array, actual: Array) -> TcpError:
-    """Error of predicted tool positions (G, 3) [m] against actual ones, after the best rigid motion of the base."""
+    """Error of predicted tool positions (G, 3) [m] against actual ones, base aligned."""
     rigid = np.linalg.norm(_aligned(predicted, actual, scale=False) - actual, axis=1)
     scaled = np.linalg.norm(_aligned(predicted, actual, scale=True) - actual, axis=1)
     return TcpError(predicted, rigid, scaled)
@@ -71,9 +74,11 @@ def _aligned(points: Array, target: Array, *, scale: bool) -> Array:
 def tcp_sigma(
     geometry: Geometry, grid: Array, parameters: NDArray[np.intp], covariance: Array
 ) -> Array:
-    """(G,) [m] standard deviation of the tool position that the parameter covariance implies, base aligned.
+    """(G,) [m] standard deviation of the tool position that a parameter covariance implies.
 
-    parameters : (P,) indices into PARAMETERS of the covariance's first rows; those off the robot do not move the free tool.
+    grid : (G, 6) [rad]. parameters : (P,) indices into PARAMETERS of the first rows of the
+    covariance (P or more, same) [m, rad]; those off the robot do not move the unloaded tool. The
+    base is aligned.
     """
     on_robot = np.array([PARAMETERS[i].side == "robot" for i in parameters], dtype=bool)
     frames = robot_frames(geometry, grid)

@@ -1,35 +1,40 @@
-"""Where an identified robot puts its tool when it stands free: geometry, gears and its own weight.
+"""Where an identified robot puts its tool when it stands free: geometry, gears, its own weight.
 
-The figure that compares calibrations: the position of the tool at logged joint angles, without ball-bar, at rest. Elastic
-gears yield to the weight of arm and plate, play lies on the side that the weight presses it to.
+The position of the tool at logged joint angles, without ball-bar, at rest, is what compares
+calibrations. Elastic gears deflect under the weight of arm and plate; backlash lies on the flank
+that the weight presses it to.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array, joint_screws, screw
+from cell.arrays import Array
+from cell.chain import joint_screws, screw
 from cell.descriptions import Cell
 from cell.geometry import PARAMETERS, Geometry, robot_frames
-from ident.corrections.base import BAR, CARRIERS, GEAR, Correction, State, backlash_transition
+from ident.corrections.base import BAR, CHANNELS, GEAR, Correction, State, backlash_transition
 from ident.loads.gear_loads import Loads, mass_model, own_weight
 
-UNDECIDED = np.array(
-    [3.0, 3.0, 3.0, 0.15, 0.15, 0.15]
-)  # [N m] load under which play counts in the middle (notes/identification sec. 1)
+# [N m] load under which backlash counts in the middle (notes/identification sec. 1, metric)
+UNDECIDED = np.array([3.0, 3.0, 3.0, 0.15, 0.15, 0.15])
 
 
-def backlash_sides(load: Array) -> Array:
-    """(6, N) side, -1, 0 or 1, on which gears at rest lie under a load (6, N) [N m]; 0 where the load hardly decides."""
+def backlash_flanks(load: Array) -> Array:
+    """(6, N) flank, -1, 0 or 1, on which gears at rest lie under a load (6, N) [N m].
+
+    0 where the load hardly decides.
+    """
     return np.where(np.abs(load) < UNDECIDED[:, None], 0.0, np.sign(load))
 
 
 @dataclass(frozen=True, eq=False)
 class UnloadedRobot:
-    """A robot without ball-bar."""
+    """A robot without ball-bar, with the corrections that were identified."""
 
     cell: Cell
     geometry: Geometry
@@ -37,53 +42,50 @@ class UnloadedRobot:
     values: Array | None = None  # of all coefficients, correction after correction
 
     def tool(self, q: Array) -> Array:
-        """(N, 3) [m] position of the tool, robot base frame, at logged joint angles q (N, 6) [rad]."""
+        """(N, 3) [m] tool position, robot base frame, at logged joint angles q (N, 6) [rad]."""
         return robot_frames(self.geometry, self.joints(q)).tip.T
 
     def joints(self, q: Array) -> Array:
-        """(N, 6) [rad] what the joints really are when the log says q."""
+        """(N, 6) [rad] actual joint angles at logged ones q (N, 6) [rad]."""
         if self.values is None or not self.corrections:
             return q
-        moved = np.zeros((CARRIERS, len(q)))
-        values = iter(self.values)
-        for carrier, signal in self._signals(q):
-            moved[carrier] += next(values) * signal
+        moved = np.zeros((CHANNELS, len(q)))
+        for value, (channel, regressor) in zip(self.values, self._regressors(q), strict=True):
+            moved[channel] += value * regressor
         return np.asarray(q + moved[GEAR:BAR].T @ self.cell.robot.gear_to_joint)
 
     def jacobian(self, q: Array, parameters: NDArray[np.intp]) -> Array:
-        """(P + C, 3, N) change of the tool per unit of robot parameters (indices into PARAMETERS) and coefficients."""
-        frames = robot_frames(self.geometry, self.joints(q))
-        columns = [
-            screw(frames, PARAMETERS[i].kind, PARAMETERS[i].row)[:3]
-            if PARAMETERS[i].side == "robot"
-            else np.zeros((3, len(q)))
-            for i in parameters
-        ]
+        """(P + C, 3, N) change of the tool position [m] per unit of each unknown.
+
+        q : (N, 6) [rad]. The unknowns are the `parameters` (P,), indices into PARAMETERS, then the
+        coefficients; those off the robot do not move the unloaded tool.
+        """
+        frames, none = robot_frames(self.geometry, self.joints(q)), np.zeros((3, len(q)))
+        columns = []
+        for parameter in (PARAMETERS[i] for i in parameters):
+            on_robot = parameter.side == "robot"
+            columns.append(screw(frames, parameter.kind, parameter.row)[:3] if on_robot else none)
         if self.corrections:
-            gears = np.einsum(
-                "gj,jcn->gcn", self.cell.robot.gear_to_joint, joint_screws(frames)[:, :3]
-            )
-            columns += [
-                gears[c] * s if c < BAR else np.zeros((3, len(q))) for c, s in self._signals(q)
-            ]
+            to_joint = self.cell.robot.gear_to_joint
+            gears = np.einsum("gj,jcn->gcn", to_joint, joint_screws(frames)[:, :3])
+            columns += [gears[c] * s if c < BAR else none for c, s in self._regressors(q)]
         return np.stack(columns)
 
-    def _signals(self, q: Array) -> list[tuple[int, Array]]:
+    def _regressors(self, q: Array) -> Iterator[tuple[int, Array]]:
+        """Channel and regressor (N,) of every coefficient, at rest under the robot's own weight."""
         n = len(q)
         weight, none = own_weight(mass_model(self.cell), self.geometry, q), np.zeros((6, n))
-        gears = (q @ self.cell.robot.joint_to_gear).T
         state = State(
-            np.zeros(n),
-            -1,
-            gears,
-            np.zeros((5, n)),
-            Loads(weight, none, none[0], none[0]),
-            none[0],
-            backlash_transition(self.cell),
-            sides=backlash_sides(weight),
+            t=np.zeros(n),
+            recording=-1,
+            gears=(q @ self.cell.robot.joint_to_gear).T,
+            bar=np.zeros((5, n)),
+            loads=Loads(weight, none, none[0], none[0]),
+            tension=none[0],
+            width=backlash_transition(self.cell),
+            flanks=backlash_flanks(weight),
         )
-        return [
-            (c.carrier, s)
-            for cor in self.corrections
-            for c, s in zip(cor.coefficients, cor.signals(state), strict=True)
-        ]
+        for correction in self.corrections:
+            regressors = correction.regressors(state)
+            for coefficient, regressor in zip(correction.coefficients, regressors, strict=True):
+                yield coefficient.channel, regressor

@@ -22,9 +22,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, make_interp_spline
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.neighbours import SMALLEST, damaged_bursts, robust_sigma
 from cell.splines import DEGREE, smoothing_spline
 from ident.signals.steps import Break, find_breaks, without_breaks
@@ -108,6 +108,29 @@ class SmoothLog:
 def smoothing(robot: SmoothLog, bar: SmoothLog | None) -> float:
     """[s] over which both logs are smoothed: instants closer than that share noise."""
     return max(robot.knot_spacing, bar.knot_spacing if bar else 0.0)
+
+
+def interpolating_log(t: Array, angles: Array, noise: Array) -> SmoothLog:
+    """A log whose spline passes through exact angles.
+
+    t : (N,) [s], even. angles : (N, C) [rad].
+    noise : (C,) [rad] standard deviation of one row; zeros for exact angles.
+    """
+    spline = make_interp_spline(t, angles, k=DEGREE)
+    period, none = float(t[1] - t[0]), Outliers(np.empty(0), np.empty(0, dtype=np.intp), 0, t.size)
+    return SmoothLog(
+        spline=spline,
+        speed=spline.derivative(),
+        start=float(t[0]),
+        end=float(t[-1]),
+        noise=noise,
+        row_period=period,
+        knot_spacing=period,
+        gaps=np.empty((0, 2)),
+        stamps=t,
+        outliers=none,
+        breaks=(),
+    )
 
 
 def smooth_log(

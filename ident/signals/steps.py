@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.neighbours import (
     CUBIC,
     LONGEST_BURST,

@@ -1,13 +1,16 @@
 """All clock offsets at once: encoder pairs against directions that the robot's pose gives.
 
-Two encoders of a gimbal hold one direction, free of branches: with `theta = s e + z` (sign s, reading e, zero z)
+Two encoders of a gimbal hold one direction, free of branches: with `theta = s e + z` (direction s,
+reading e, encoder offset z)
 
     u_x + i u_y = -sin(e2 + z2) exp(i (s1 e1 + z1)),      u_z = cos(e2 + z2)
 
-for the rod direction u in the base (b1, b2), and the same form for (-v_x, v_y, v_z) with v the rod direction in the tool
-frame (b5, b4). For a fixed z2 the best z1 is the argument of a correlation, and the correlations of all lags come out of
-a few FFTs. So sign, both zeros and the offset are found in one search, without inverse kinematics, unwrapping or a guess.
-The signs of b2 and b4 are not observable (they change with the configuration) and stay as declared.
+for the rod's direction u in the base (b1, b2), and the same form for (-v_x, v_y, v_z) with v the
+rod's direction in the tool frame (b5, b4). For a fixed z2 the best z1 is the argument of a
+correlation, and the correlations of all lags come out of a few FFTs. So encoder direction, both
+encoder offsets and the clock offset follow from one search, without inverse kinematics, unwrapping
+or a guess. The directions of b2 and b4 are unobservable (they change with the configuration) and
+stay as declared.
 """
 
 from __future__ import annotations
@@ -18,19 +21,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from cell.chain import Array
+from cell.arrays import Array
 
-DIRECTION_SIGMA = (
-    3e-3  # [rad] what an uncalibrated robot leaves of a direction; floor of all variances here
-)
-ZEROS = 90  # grid of z2 over the full turn; maxima are refined by a parabola
+# [rad] error of a direction that an uncalibrated robot gives; the floor of all variances below
+DIRECTION_SIGMA = 3e-3
+OFFSETS = 90  # grid of z2 over the full turn; maxima are refined by a parabola
 MIN_OVERLAP = 10.0  # [s]
 WITHIN = 9.0  # local maxima whose variance is within this factor of the best are kept as branches
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Readings of one gimbal and the direction it should hold, each on the uniform step of its own clock."""
+    """Readings of one gimbal and the direction it should hold, on even steps of their clocks."""
 
     turning: Array  # (Nb,) [rad] readings of b1 (or b5)
     tilting: Array  # (Nb,) [rad] readings of b2 (or b4)
@@ -42,8 +44,8 @@ class Branch:
     """One way to read a pair: sign and zeros, and what it leaves unexplained."""
 
     sign: int  # of the turning encoder
-    turning_zero: float  # [rad]
-    tilting_zero: float  # [rad]
+    turning_offset: float  # [rad]
+    tilting_offset: float  # [rad]
     variance: float  # [1] mean square of the direction mismatch
 
 
@@ -66,8 +68,8 @@ class _Correlation:
     b2: Array
 
     def at(self, index: int) -> _Correlation:
-        one = slice(index, index + 1)
-        return _Correlation(self.a1[one], self.a2[one], self.b1[one], self.b2[one])
+        sample = slice(index, index + 1)
+        return _Correlation(self.a1[sample], self.a2[sample], self.b1[sample], self.b2[sample])
 
     def gain(self, zero: float | Array) -> Array:
         c, s = np.cos(zero), np.sin(zero)
@@ -104,24 +106,25 @@ class PairScan:
 
     def branches(self, index: int) -> list[Branch]:
         """All readings of the pair at one lag whose variance is near the best, best first."""
-        found = []
-        for sign, correlation in self._correlations.items():
-            here = correlation.at(index)
-            gains = here.gain(_grid())
+        branches = []
+        for sign, correlations in self._correlations.items():
+            at_lag = correlations.at(index)
+            gains = at_lag.gain(_grid())
             for k in np.flatnonzero((gains >= np.roll(gains, 1)) & (gains > np.roll(gains, -1))):
-                zero = _peak(here, float(_grid()[k]))
-                phase = float(np.angle(np.cos(zero) * here.a1 + np.sin(zero) * here.a2)[0])
-                variance = max(
-                    0.0, 2.0 * (1.0 - float(here.gain(zero)[0]) / float(self.overlap[index]))
-                )
-                found.append(Branch(sign, phase, zero, variance))
-        found.sort(key=lambda branch: branch.variance)
+                offset = _peak(at_lag, float(_grid()[k]))
+                mean = np.cos(offset) * at_lag.a1 + np.sin(offset) * at_lag.a2
+                explained = float(at_lag.gain(offset)[0]) / float(self.overlap[index])
+                variance = max(0.0, 2.0 * (1.0 - explained))
+                branches.append(Branch(sign, float(np.angle(mean)[0]), offset, variance))
+        branches.sort(key=lambda branch: branch.variance)
         floor = DIRECTION_SIGMA**2
-        return [b for b in found if b.variance + floor <= WITHIN * (found[0].variance + floor)]
+        return [
+            b for b in branches if b.variance + floor <= WITHIN * (branches[0].variance + floor)
+        ]
 
 
 def scan_lags(pairs: list[PairScan]) -> LagScan:
-    """Score of every lag over all pairs: overlap times the log of signal over residual variance, summed over the pairs."""
+    """Score of every lag: overlap times log(signal / residual variance), summed over the pairs."""
     first = pairs[0]
     score = np.zeros(first.lags.size)
     floor = DIRECTION_SIGMA**2
@@ -133,7 +136,7 @@ def scan_lags(pairs: list[PairScan]) -> LagScan:
 
 
 def best_lags(scan: LagScan, *, count: int, separation: int) -> list[int]:
-    """Indices of the best local maxima of the score, at least `separation` lags apart, best first."""
+    """Indices of the best maxima of the score, at least `separation` lags apart, best first."""
     padded = np.concatenate(([-np.inf], scan.score, [-np.inf]))
     peaks = np.flatnonzero(
         (scan.score >= padded[:-2]) & (scan.score > padded[2:]) & np.isfinite(scan.score)
@@ -162,11 +165,11 @@ def subsample(scan: LagScan, index: int) -> float:
 
 
 def _grid() -> Array:
-    return np.linspace(0.0, 2.0 * np.pi, ZEROS, endpoint=False)
+    return np.linspace(0.0, 2.0 * np.pi, OFFSETS, endpoint=False)
 
 
 def _peak(correlation: _Correlation, zero: float) -> float:
-    width = 2.0 * np.pi / ZEROS
+    width = 2.0 * np.pi / OFFSETS
     for _ in range(3):
         left, centre, right = correlation.gain(np.array([zero - width, zero, zero + width]))
         curvature = left - 2.0 * centre + right

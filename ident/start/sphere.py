@@ -1,7 +1,8 @@
 """Where the ball-bar stands, from the robot alone: the tool moves on a sphere about it.
 
-An algebraic fit of `|p - o|^2 = r^2`, then Gauss-Newton on `|p - o| - r` with the catalogue radius as prior. When the tool
-stays near a circle, the two centres at the rod's length on either side of its plane fit alike; both are tried and kept.
+An algebraic fit of `|p - o|^2 = r^2`, then Gauss-Newton on `|p - o| - r` with the catalogue radius
+as prior. When the tool stays near a circle, the two centres at the rod's length on either side of
+its plane fit alike; both are tried and kept.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 
 RADIUS_SIGMA = (
     0.010  # [m] the rod against its catalogue length; centres of candidates only, refined later
@@ -30,14 +31,15 @@ class Sphere:
 
 
 def sphere_candidates(points: Array, radius: float) -> list[Sphere]:
-    """Centres about which the points (N, 3) [m] lie at about `radius` [m], best first; one, seldom two.
+    """Centres from which points (N, 3) [m] are about `radius` [m] away, best first: at most two.
 
     Raises ValueError when the points hardly move: nothing can be learnt from them.
     """
     spread = points - points.mean(axis=0)
     if np.sqrt((spread * spread).sum(axis=1).mean()) < 0.01 * radius:
         raise ValueError(
-            "the tool moves less than a hundredth of the rod length: no sphere can be seen in the robot log"
+            "the tool moves less than a hundredth of the rod length: no sphere can be seen in the "
+            "robot log"
         )
     algebraic = _algebraic_centre(points)
     normal = np.linalg.svd(spread, full_matrices=False)[2][2]
@@ -57,7 +59,10 @@ def sphere_candidates(points: Array, radius: float) -> list[Sphere]:
 
 
 def _algebraic_centre(points: Array) -> Array:
-    """|p|^2 = 2 p.o + c, linear in o and c; minimum norm about the centroid, so flat point sets stay finite."""
+    """(3,) centre of `|p|^2 = 2 p.o + c`, linear in o and c, for points (N, 3) [m].
+
+    Minimum norm about the centroid, so that flat point sets stay finite.
+    """
     middle = points.mean(axis=0)
     local = points - middle
     matrix = np.column_stack((2.0 * local, np.ones(len(local))))

@@ -1,37 +1,38 @@
-"""Levenberg-Marquardt for one of the thesis's cost functions, over samples of both logs that are already on one clock.
+"""One of the thesis's cost functions, minimised over samples that are already on one clock.
 
-Damped normal equations with columns scaled to unit norm, as in ident.estimator.solver. The vector forms are stopped like that one, by what the
-undamped step still promises; they take a handful of iterations. The printed scalars (eqs. 2.2-2.4) vanish quadratically at the
-solution, so each step only halves the error, however good the solver; they are stopped as a user of a library's Levenberg-Marquardt
+The loop is that of the maximum-likelihood fit (ident.estimator.gauss_newton). The vector forms are
+stopped like that one, by what the undamped step still predicts; they take a handful of iterations.
+The printed scalars (eqs. 2.2 to 2.4) vanish quadratically at the solution, so each step only halves
+the error, however good the solver; they are stopped as a user of a library's Levenberg-Marquardt
 would stop them, by relative decrease of cost and of step.
 
-Where the sign of the rod's force is known, how far the rod gives way under it is one more unknown (thesis ch. 6): the rod is
-`bd3 + sign * deviation` long, so its column is that of bd3 times the sign, and the residual is linear in it.
+Where the sign of the rod's force is known, its compliance is one more unknown (thesis ch. 6): the
+rod is `bd3 + sign * deviation` long, so its column is that of bd3 times the sign, and the residual
+is linear in it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, bar_frames, robot_frames
 from ident.estimator.closure import Closure
 from ident.estimator.dependencies import select
+from ident.estimator.gauss_newton import Stop, minimise
 from ident.estimator.identifiability import candidates
 from ident.thesis.costs import ENCODERS_NEEDED, ROD, Cost, CostName
 
-DAMPING_START = 1e-12
-DAMPING_MAX = 1e6
-NEGLIGIBLE = 1e-4  # predicted decrease in units of the cost per degree of freedom: a hundredth of a standard deviation (ident.estimator.solver)
-ROUNDING_STEP = 1e-12  # [m, rad] of an undamped step: a thousandth of a nanometre
-RELATIVE_DECREASE = (
-    1e-10  # of the cost, and of the step against the parameters: what stops the printed scalars
-)
+# The vector forms end a hundredth of a standard deviation from the minimum (ident.estimator.fit),
+# or
+# with a step of a thousandth of a nanometre.
+VECTOR_STOP = Stop(decrease=1e-4, whitened=False, step=1e-12)
+# The printed scalars end by relative decrease of cost and step, the usual defaults of a library.
+PRINTED_STOP = Stop(relative=1e-10)
 MAX_ITERATIONS = 500  # the thesis's limit (thesis sec. 5.3)
 
 
@@ -45,62 +46,80 @@ class CostFit:
     converged: bool
     cost: float  # sum of squared residuals: for a printed scalar, of its square
     rms: float  # of the residuals [of the cost's components; printed: of the scalar]
-    rod_deviation: (
-        float  # [m] of the rod's length from bd3 where it is pulled; 0 unless it was asked for
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """What stays the same during one minimisation."""
-
-    cost: Cost
-    q: Array  # (N, 6) [rad]
-    b: Array  # (N, 5) [rad]
-    chosen: NDArray[np.intp]  # (P,) indices into PARAMETERS
-    sign: Array | None  # (N,) of the rod's force, if its deviation is an unknown
-
-    def point(self, geometry: Geometry, deviation: float) -> _Point:
-        closure = _closure(geometry, self.q, self.b)
-        point = _Point(geometry, deviation, closure, self.cost.residual(closure))
-        return (
-            point
-            if self.sign is None
-            else replace(point, residual=point.residual + deviation * self._rod_column(point))
-        )
-
-    def columns(self, here: _Point) -> Array:
-        """(P, E * N), and a last row for the rod's deviation."""
-        columns = self.cost.jacobian(here.closure, [PARAMETERS[i] for i in self.chosen]).reshape(
-            self.chosen.size, -1
-        )
-        return (
-            columns
-            if self.sign is None
-            else np.vstack((columns, self._rod_column(here).reshape(-1)))
-        )
-
-    def moved(self, here: _Point, step: Array) -> _Point:
-        values = here.geometry.values.copy()
-        values[self.chosen] += step[: self.chosen.size]
-        return self.point(Geometry(values), here.deviation + float(step[self.chosen.size :].sum()))
-
-    def _rod_column(self, here: _Point) -> Array:
-        return np.asarray(self.sign * self.cost.jacobian(here.closure, [PARAMETERS[INDEX[ROD]]])[0])
+    rod_deviation: float  # [m] of the rod's length from bd3 where it is pulled; 0 unless requested
 
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """One geometry, and how the samples look from there."""
+    """One value of the unknowns; its Jacobian is formed when it is asked for."""
 
-    geometry: Geometry
-    deviation: float  # [m] of the rod
+    problem: _Problem
+    x: Array  # (P [+ 1],) parameters, then the rod's deviation
     closure: Closure
     residual: Array  # (E, N)
 
     @property
     def cost(self) -> float:
         return float(np.vdot(self.residual, self.residual))
+
+    @property
+    def equations(self) -> int:
+        return int(self.residual.size)
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear(_Point):
+    """A point with its normal equations."""
+
+    normal: Array
+    gradient: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """One cost over paired samples."""
+
+    cost: Cost
+    begin: Geometry
+    q: Array  # (N, 6) [rad]
+    b: Array  # (N, 5) [rad]
+    parameters: NDArray[np.intp]  # (P,) indices into PARAMETERS
+    sign: Array | None  # (N,) of the rod's force, if its deviation is an unknown
+
+    def at(self, x: Array) -> _Point:
+        """The residual at x (P [+ 1],)."""
+        values = self.begin.values.copy()
+        values[self.parameters] = x[: self.parameters.size]
+        closure = _closure(Geometry(values), self.q, self.b)
+        residual = self.cost.residual(closure)
+        if self.sign is not None:
+            residual = residual + float(x[-1]) * self._rod_column(closure)
+        return _Point(self, x, closure, residual)
+
+    def linear(self, point: _Point) -> _Linear:
+        """The point with its normal equations."""
+        parameters = [PARAMETERS[i] for i in self.parameters]
+        columns = self.cost.jacobian(point.closure, parameters).reshape(len(parameters), -1)
+        if self.sign is not None:
+            columns = np.vstack((columns, self._rod_column(point.closure).reshape(-1)))
+        gradient = columns @ point.residual.reshape(-1)
+        return _Linear(self, point.x, point.closure, point.residual, columns @ columns.T, gradient)
+
+    def start(self) -> _Linear:
+        deviation = [] if self.sign is None else [0.0]
+        return self.linear(self.at(np.append(self.begin.values[self.parameters], deviation)))
+
+    def trial(self, equations: _Linear, step: Array) -> _Point:
+        return self.at(equations.x + step)
+
+    def accept(self, _equations: _Linear, accepted: _Point, _iterations: int) -> _Linear:
+        return self.linear(accepted)
+
+    def reuse(self, _equations: _Linear, accepted: _Point) -> _Linear:
+        return self.linear(accepted)
+
+    def _rod_column(self, closure: Closure) -> Array:
+        return np.asarray(self.sign * self.cost.jacobian(closure, [PARAMETERS[INDEX[ROD]]])[0])
 
 
 def fit_cost(
@@ -115,10 +134,11 @@ def fit_cost(
 ) -> CostFit:
     """Minimise one cost over some parameters.
 
-    q : (N, 6) [rad] logged robot angles; b : (N, 5) [rad] ball-bar angles as the encoders give them. At joints that the cost does not
-        need (ident.thesis.costs.ENCODERS_NEEDED) any value does, as long as the rows behind have no lengths.
-    parameters : (P,) indices into PARAMETERS; the others stay as in `start`.
-    rod_sign : (N,) sign of the rod's force, +1 pulled; its deviation from bd3 is then an unknown too. Of vector forms only.
+    q : (N, 6) [rad] logged robot angles. b : (N, 5) [rad] ball-bar angles as the encoders read. At
+    joints that the cost does not need (ident.thesis.costs.ENCODERS_NEEDED) any value serves, as
+    long as the rows behind them have no lengths. parameters : (P,) indices into PARAMETERS; the
+    others stay as in `start`. rod_sign : (N,) sign of the rod's force, +1 pulled; its deviation
+    from bd3 is then an unknown too. Of vector forms only.
 
     Raises ValueError when an angle is not finite, and for the sign of a printed scalar.
     """
@@ -126,79 +146,42 @@ def fit_cost(
         raise ValueError(
             "the rod's deviation is linear in the signed components only, not in a printed scalar"
         )
-    problem = _Problem(cost, q, b, np.asarray(parameters, dtype=np.intp), rod_sign)
-    here = problem.point(start, 0.0)
-    if not np.isfinite(here.cost):
+    problem = _Problem(cost, start, q, b, np.asarray(parameters, dtype=np.intp), rod_sign)
+    if not np.isfinite(problem.start().cost):
         raise ValueError("the cost of the start is not finite: an angle of the samples is missing")
-    damping, iterations, converged = DAMPING_START, 0, False
-    while not converged and iterations < max_iterations:
-        columns = problem.columns(here)
-        normal, gradient = columns @ columns.T, columns @ here.residual.reshape(-1)
-        if _arrived(cost, here, normal, gradient):
-            converged = True
-            break
-        there, step, damping = _accepted(problem, here, normal, gradient, damping)
-        if there is None:  # no step lowers the cost any more: rounding
-            converged = True
-            break
-        iterations += 1
-        converged = cost.form == "thesis" and _stalled(here, there, step, problem.chosen)
-        here = there
-    rms = float(np.sqrt(here.cost / here.residual.size))
+    stop = VECTOR_STOP if cost.form == "vector" else PRINTED_STOP
+    minimum = minimise(problem, stop, max_iterations=max_iterations)
+    end = minimum.equations
     return CostFit(
-        here.geometry, problem.chosen, iterations, converged, here.cost, rms, here.deviation
+        geometry=end.closure.geometry,
+        parameters=problem.parameters,
+        iterations=minimum.iterations,
+        converged=minimum.converged
+        or minimum.stuck,  # stuck: no step lowers the cost any more, rounding
+        cost=end.cost,
+        rms=float(np.sqrt(end.cost / end.equations)),
+        rod_deviation=0.0 if rod_sign is None else float(end.x[-1]),
     )
 
 
 def _closure(geometry: Geometry, q: Array, b: Array) -> Closure:
-    """Both tool frames; without the rotation vector between them, which no cost looks at and which takes a third of the time."""
+    """Both tool frames, without the rotation vector between them.
+
+    No cost looks at it, and it would take a third of the time.
+    """
     return Closure(geometry, robot_frames(geometry, q), bar_frames(geometry, b), np.empty((6, 0)))
 
 
-def _arrived(cost: Cost, here: _Point, normal: Array, gradient: Array) -> bool:
-    """Whether the undamped step promises nothing any more."""
-    if cost.form == "thesis":
-        return False
-    step = _step(normal, gradient, DAMPING_START)
-    unit = here.cost / max(1, here.residual.size - step.size)
-    return bool(-(gradient @ step) < NEGLIGIBLE * unit or np.abs(step).max() < ROUNDING_STEP)
-
-
-def _stalled(here: _Point, there: _Point, step: Array, chosen: NDArray[np.intp]) -> bool:
-    small = float(np.linalg.norm(step)) <= RELATIVE_DECREASE * float(
-        np.linalg.norm(there.geometry.values[chosen])
-    )
-    return small or here.cost - there.cost <= RELATIVE_DECREASE * here.cost
-
-
-def _step(normal: Array, gradient: Array, damping: float) -> Array:
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
-    scaled = normal * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += damping
-    return np.asarray(-scale * cho_solve(cho_factor(scaled), scale * gradient))
-
-
-def _accepted(
-    problem: _Problem, here: _Point, normal: Array, gradient: Array, damping: float
-) -> tuple[_Point | None, Array, float]:
-    """The next point, the step to it and the damping after it; no point where no step lowers the cost."""
-    step = np.zeros(gradient.size)
-    while damping <= DAMPING_MAX:
-        step = _step(normal, gradient, damping)
-        there = problem.moved(here, step)
-        if there.cost < here.cost:
-            return there, step, max(DAMPING_START, damping * 0.01)
-        damping = max(1e-6, damping * 10.0)
-    return None, step, damping
-
-
 def identifiable_by(cost: CostName, nominal: Geometry, q: Array, b: Array) -> NDArray[np.intp]:
-    """The parameters that a cost determines, by the rule of thesis sec. 3.3: indices into PARAMETERS, in order of priority.
+    """Indices into PARAMETERS of what a cost determines, in order of priority (thesis sec. 3.3).
 
-    Asked for are the zeros of the encoders that the cost needs, origin, robot and rod, never the plate; of these it keeps what does
-    not depend on those before. q (N, 6), b (N, 5) [rad] : angles at which the nominal loop closes.
+    Requested are the offsets of the encoders that the cost needs, base position, robot and rod,
+    never the plate; of these it selects what does not depend on those before. q : (N, 6), b : (N,
+    5) [rad] angles at which the nominal loop closes.
     """
-    asked = candidates(ENCODERS_NEEDED[cost])
-    columns = Cost(cost, "vector").jacobian(_closure(nominal, q, b), [PARAMETERS[i] for i in asked])
-    kept = select(columns.reshape(asked.size, -1), [NAMES[i] for i in asked], nominal).kept
-    return np.array([INDEX[name] for name in kept])
+    requested = candidates(ENCODERS_NEEDED[cost])
+    parameters = [PARAMETERS[i] for i in requested]
+    columns = Cost(cost, "vector").jacobian(_closure(nominal, q, b), parameters)
+    names = [NAMES[i] for i in requested]
+    selected = select(columns.reshape(requested.size, -1), names, nominal).kept
+    return np.array([INDEX[name] for name in selected])

@@ -1,8 +1,9 @@
-"""Clock alignment by least cost, as the thesis did it (sec. 5.2): the ball-bar's angles are moved in time, everything else is held.
+"""Clock alignment by least cost (thesis sec. 5.2): the ball-bar's angles are shifted in time.
 
-What the geometry is wrong by decides where that minimum lies, and the geometry was identified with the clocks still apart. Identifying
-and shifting in turns converges, but the unknown that both share goes down only by a constant factor a round. As a parameter of the
-same fit (ident.estimator.problem) the clock has no such limit.
+What the geometry is wrong by decides where that minimum lies, and the geometry was identified with
+the clocks still apart. Identifying and shifting in turns converges, but the unknown that both share
+goes down only by a constant factor a round. As a parameter of the same fit
+(ident.estimator.problem) the clock has no such limit.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames, robot_frames
 from ident.estimator.closure import Closure
 from ident.signals.smooth_log import SmoothLog
@@ -22,7 +23,8 @@ from ident.thesis.cost_fit import CostFit, fit_cost
 from ident.thesis.costs import Cost
 from ident.thesis.paired_samples import through_samples
 
-REACH = 0.2  # [s] "changing the synchronization more than 200 ms might not give good results" (thesis sec. 5.2)
+# [s] "changing the synchronization more than 200 ms might not give good results" (thesis sec. 5.2)
+REACH = 0.2
 SETTLED = 1e-8  # [s] a hundredth of what the clock as parameter leaves
 
 
@@ -47,8 +49,9 @@ def fit_cost_with_shift(
 ) -> ShiftedFit:
     """Identify, move the ball-bar's log to the least cost, `rounds` times; then identify once more.
 
-    t : (N,) [s] even; q (N, 6), b (N, 5) [rad] and rod_sign (N,) as in ident.thesis.cost_fit. Samples closer than REACH to either end are left
-        out, so that a shifted log still has values.
+    t : (N,) [s] even; q (N, 6), b (N, 5) [rad] and rod_sign (N,) as in ident.thesis.cost_fit.
+        Samples closer than REACH to either end are left out, so that a shifted log still has
+        values.
     """
     bar = through_samples(t, b)
     inside = (t >= t[0] + REACH) & (t <= t[-1] - REACH)
@@ -66,7 +69,7 @@ def fit_cost_with_shift(
 
 
 def best_shift(cost: Cost, geometry: Geometry, t: Array, q: Array, bar: SmoothLog) -> float:
-    """[s] by which the ball-bar's angles are to be taken later than the robot's, for the least cost at a given geometry.
+    """[s] shift of the ball-bar's angles against the robot's of least cost at a given geometry.
 
     t (N,) [s], q (N, 6) [rad] : the robot's samples, all further than REACH from the ends of `bar`.
     """

@@ -1,16 +1,18 @@
-"""The thesis's four cost functions, eqs. 2.1-2.4: what a sample says about the geometry, and its derivatives.
+"""The thesis's four cost functions, eqs. 2.1 to 2.4, and their derivatives.
 
-Two forms of each. `vector`: signed components, ball-bar minus robot, whose squares add up to the cost. `thesis`: the printed
-scalar, which Levenberg-Marquardt squares once more. C_l is printed with a sign and loses nothing; the others are sums of squares
-already, so the objective is quartic and its Jacobian `2 sum e de` vanishes at the solution.
+Two forms of each. `vector`: signed components, ball-bar minus robot, whose squares add up to the
+cost. `thesis`: the printed scalar, which Levenberg-Marquardt squares once more. C_l is printed with
+a sign and loses nothing; the others are sums of squares already, so the objective is quartic and
+its Jacobian `2 sum e de` vanishes at the solution.
 
     length          C_l       bd3 - |R_P - o|;                 printed |R_P - o|^2 - bd3^2
     position        C_P       B_P - R_P
     position_angles C_Ptheta  B_P - R_P, sin(b4 - b4hat), sin(b5 - b5hat)
     transform       C_T       the 12 elements of B - R
 
-R is the tool frame by the robot, B by the ball-bar, _P its origin; b4, b5 are ball-bar angles with their zeros, b4hat, b5hat what the
-ball-bar's inverse kinematics makes of R (ident.thesis.universal_joint). A metre weighs as much as a radian, as printed.
+R is the tool frame by the robot, B by the ball-bar, _P its origin; b4, b5 are ball-bar angles with
+their zeros, b4hat, b5hat what the ball-bar's inverse kinematics makes of R
+(ident.thesis.universal_joint). A metre weighs as much as a radian, as printed.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from typing import Literal
 
 import numpy as np
 
-from cell.chain import Array, cross, screw
+from cell.arrays import Array
+from cell.chain import cross, screw
 from cell.geometry import Parameter, parameter_screw
 from ident.estimator.closure import Closure
 from ident.thesis.universal_joint import cardan_angles, cardan_columns
@@ -35,7 +38,8 @@ ENCODERS_NEEDED: dict[CostName, tuple[int, ...]] = {
     "position_angles": (1, 2, 4, 5),
     "transform": (1, 2, 3, 4, 5),
 }
-ML = "ml"  # not one of the thesis: the whole residual, weighed by its noise (ident.estimator.problem)
+# not one of the thesis: the whole residual, weighed by its noise (ident.estimator.problem)
+ML = "ml"
 COSTS = (ML, *ENCODERS_NEEDED)
 EQUATIONS: dict[CostName, int] = {
     "length": 1,
@@ -48,7 +52,7 @@ ROD = "bd3"
 
 @dataclass(frozen=True)
 class Cost:
-    """One cost function in one form. E equations a sample: EQUATIONS as vector, 1 as the thesis prints it."""
+    """One cost function in one form, with E equations a sample: EQUATIONS, or 1 as printed."""
 
     name: CostName
     form: Form
@@ -127,8 +131,8 @@ def _derivatives(name: CostName, closure: Closure, parameters: Sequence[Paramete
 def _relative_motion(closure: Closure, parameter: Parameter) -> Array:
     """(6, N) motion of the ball-bar's tool frame against the robot's.
 
-    A turn about a ball-bar joint is taken about the foot of the common normal, so that joints through the tip leave it exactly where
-    it is (thesis Table 3.3).
+    A turn about a ball-bar joint is taken about the foot of the common normal, so that joints
+    through the tip leave it exactly where it is (thesis Table 3.3).
     """
     motion = parameter_screw(closure.geometry, closure.robot, closure.bar, parameter)
     if parameter.side == "robot":
@@ -161,7 +165,10 @@ def _fill_length(columns: Array, closure: Closure, parameters: Sequence[Paramete
 
 
 def _fill_turn(column: Array, turn: Array, axes: Array) -> None:
-    """Writes the change (9, N) of the x, y and z axis in turn; turn (3, N) [rad]; axes (3, 3, N), component first."""
+    """Fill column (9, N) with the changes of the x, y and z axis for a rotation.
+
+    turn : (3, N) [rad]. axes : (3, 3, N), component first.
+    """
     change = column.reshape(3, 3, -1)  # axis, component
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         change[:, i] = turn[j] * axes[k] - turn[k] * axes[j]

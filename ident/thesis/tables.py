@@ -1,7 +1,8 @@
-"""What the thesis prints about identifiability, as data: Brand & Nilsson 2016, TFRT-6017, Tables 3.2-3.5 and sec. 3.3.
+"""Identifiability as the thesis prints it: Brand & Nilsson 2016, Tables 3.2 to 3.5, sec. 3.3.
 
-Costs by this project's names (eqs. 2.1-2.4), parameters and groups in the notation of ident.estimator.dependencies. Table 3.1, the errors
-that were introduced, is sim.errors.static_errors.THESIS_3_1.
+Costs by this project's names (eqs. 2.1-2.4), parameters and groups in the notation of
+ident.estimator.dependencies. Table 3.1, the errors that were introduced, is
+sim.errors.static_errors.THESIS_3_1.
 """
 
 from __future__ import annotations

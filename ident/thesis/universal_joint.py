@@ -1,9 +1,11 @@
-"""The ball-bar's cardan angles b4, b5 against what inverse kinematics makes of the robot's pose (thesis sec. 2.5, eq. 2.3).
+"""Angles b4, b5 of the universal joint against those of the robot's pose (thesis eq. 2.3).
 
-The gimbal, turned by b1 and b2 as measured, holds the rod's axis w. In the robot's tool frame it is v = R^T w, and the angles of an
-ideal cardan that joins the two are `-v_x + i v_y = -sin(b4hat) exp(i b5hat)`, `v_z = cos(b4hat)` (cell.inverse). On which side of zero
-b4 is, is taken from its measured value. The thesis speaks of four-quadrant arctangents and a matrix inverse; that it is the inverse of
-the gimbal's measured transform is concluded from Table 3.2: only then C_Ptheta tells bd2 from balpha2, but not ra6 from ba5.
+The gimbal, turned by b1 and b2 as measured, holds the rod's axis w. In the robot's tool frame it is
+v = R^T w, and the angles of an ideal cardan that joins the two are `-v_x + i v_y = -sin(b4hat)
+exp(i b5hat)`, `v_z = cos(b4hat)` (cell.inverse). On which side of zero b4 is, is taken from its
+measured value. The thesis speaks of four-quadrant arctangents and a matrix inverse; that it is the
+inverse of the gimbal's measured transform is concluded from Table 3.2: only then C_Ptheta tells bd2
+from balpha2, but not ra6 from ba5.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array, Frames, cross
+from cell.arrays import Array
+from cell.chain import Frames, cross
 from cell.geometry import Parameter
 from ident.estimator.closure import Closure
 
@@ -44,7 +47,8 @@ def cardan_angles(closure: Closure) -> CardanAngles:
 def cardan_columns(angles: CardanAngles, parameter: Parameter, motion: Array) -> Array:
     """(2, N) change of the mismatch per unit of a parameter.
 
-    motion : (6, N) of the ball-bar's tool frame against the robot's, that of cell.geometry.parameter_screw with its sign.
+    motion : (6, N) of the ball-bar's tool frame against the robot's, that of
+    cell.geometry.parameter_screw with its sign.
     """
     columns = np.zeros((2, motion.shape[1]))
     if parameter.side == "bar" and parameter.row >= GIMBAL_ROWS:

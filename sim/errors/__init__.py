@@ -1,1 +1,1 @@
-"""Error sources of clocks, sensors and samples."""
+"""Error sources of geometry, plant, clocks, sensors and samples: their keys and their sizes."""

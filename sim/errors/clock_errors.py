@@ -1,6 +1,8 @@
-"""Error sources of clocks and loggers: what a scenario may ask for. What it does to the rows: sim.errors.wander, sim.logging.clocks, sim.logging.loggers.
+"""Error sources of clocks and loggers: their keys in a scenario.
 
-Sizes: notes/log_formats sec. G; notes/parameters, logging. Times of events count from the start of the path.
+What they do to the rows of a log stands in sim.errors.wander, sim.logging.clocks and
+sim.logging.loggers. Sizes: notes/log_formats sec. G and notes/parameters, logging. Times of events
+count from the start of the path.
 """
 
 from __future__ import annotations
@@ -11,23 +13,25 @@ from pydantic import Field
 
 from cell.schema import Strict
 
-LEAD = 0.5  # [s] the later log begins so long after the start of the path, and both end so long before its end
+LEAD = 0.5  # [s] of the path before the first row of the later log, and after the last of both
 
 Probability = Annotated[float, Field(ge=0.0, lt=0.5)]
 RunTime = Annotated[float, Field(description="Seconds after the start of the path.")]
 
 
 class ClockWander(Strict):
-    """The ball-bar clock's rate walks at random and warms up; the straight line through it stays offset and skew.
+    """The rate of the ball-bar's clock does a random walk and decays after power-on.
+    The deviation from the straight line that clock offset and skew describe has no trend.
 
-    0.1 ppm is what a walk of 0.5 ppm in 10 min does within 2 min. After power-on a quartz changes by about 5 ppm in 10 min.
+    A random walk of 0.5 ppm in 10 min amounts to 0.1 ppm in 2 min. A quartz changes its rate by
+    about 5 ppm in the first 10 min after power-on.
     """
 
     rate_rms_ppm: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
-        0.1, description="Random walk of the rate: RMS about its mean."
+        0.1, description="RMS of the random walk of the rate about its mean."
     )
     warm_up_ppm: Annotated[float, Field(ge=-100.0, le=100.0)] = Field(
-        0.0, description="Excess rate at power-on, decaying; 5 is usual."
+        0.0, description="Excess rate at power-on, which then decays; 5 ppm is usual."
     )
     warm_up_time_s: Annotated[float, Field(ge=10.0)] = Field(
         600.0, description="Time constant of the decay."
@@ -35,49 +39,65 @@ class ClockWander(Strict):
 
 
 class ClockStep(Strict):
-    """The ball-bar clock is set: later stamps are shifted. A reader must refuse stamps that go back."""
+    """The ball-bar's clock is set, which shifts all later stamps.
+    A reader must refuse stamps that go back.
+    """
 
     at_s: RunTime
     step_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(
-        0.128, description="NTP sets a clock that is off by more than 128 ms."
+        0.128, description="Size of the step; NTP sets a clock that is off by more than 128 ms."
     )
 
 
 class StampQuantum(Strict):
-    """Stamps are rounded, counted from the first row. Truncation is the same but for a constant, which is offset."""
+    """Stamps, counted from the first row, are rounded.
+    Truncation would differ by a constant, which belongs to the clock offset.
+    """
 
     robot_s: Annotated[float, Field(ge=0.0, le=0.1)] = Field(
-        1.0e-3, description="EGM headers: whole ms; 0 for none."
+        1.0e-3, description="EGM headers state whole milliseconds; 0 for no rounding."
     )
     ballbar_s: Annotated[float, Field(ge=0.0, le=0.1)] = Field(
-        1.0e-3, description="SYSTEMTIME: whole ms, which a 5 ms task never shows."
+        1.0e-3, description="SYSTEMTIME states whole milliseconds, which a 5 ms task does not show."
     )
 
 
 class StampJitter(Strict):
-    """The robot's rows are stamped a little early or late; the first one, from which time counts, is not."""
+    """The robot's rows are stamped a little early or late.
+    The first row is not, since time counts from it.
+    """
 
     sigma_s: Annotated[float, Field(ge=0.0, le=5.0e-4)] = Field(
-        2.0e-4, description="White; more would put rows out of order."
+        2.0e-4, description="Standard deviation of white jitter; more would put rows out of order."
     )
 
 
 class DroppedRows(Strict):
-    """Rows that never reach the file; the first one always does."""
+    """Some rows are missing from the files; the first one never is."""
 
-    robot_probability: Probability = Field(1.0e-3, description="Assumed: one row in a thousand.")
-    ballbar_probability: Probability = Field(1.0e-3, description="Assumed: one row in a thousand.")
+    robot_probability: Probability = Field(
+        1.0e-3, description="Share of the robot's rows; one in a thousand is assumed."
+    )
+    ballbar_probability: Probability = Field(
+        1.0e-3, description="Share of the ball-bar's rows; one in a thousand is assumed."
+    )
 
 
 class DuplicatedRows(Strict):
-    """Rows that are written twice, as a message that is read twice."""
+    """Some rows stand in the files twice, as if a message had been read twice."""
 
-    robot_probability: Probability = Field(1.0e-3, description="Assumed: one row in a thousand.")
-    ballbar_probability: Probability = Field(1.0e-3, description="Assumed: one row in a thousand.")
+    robot_probability: Probability = Field(
+        1.0e-3, description="Share of the robot's rows; one in a thousand is assumed."
+    )
+    ballbar_probability: Probability = Field(
+        1.0e-3, description="Share of the ball-bar's rows; one in a thousand is assumed."
+    )
 
 
 class LoggerRestart(Strict):
-    """The ball-bar logger stops and starts again in a new file, the old one renamed ...Old.csv; counters and clock run on."""
+    """The ball-bar's logger stops and starts again in a new file, the old one renamed ...Old.csv.
+    Counters and clock run on.
+    """
 
     at_s: RunTime
-    gap_s: Annotated[float, Field(gt=0.0)] = Field(2.0, description="Without rows. Assumed.")
+    gap_s: Annotated[float, Field(gt=0.0)] = Field(2.0, description="Time without rows; assumed.")

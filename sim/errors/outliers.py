@@ -1,4 +1,7 @@
-"""Gross outliers: single values of a log that have nothing to do with the motion - a bit flipped, a frame torn, a sensor disturbed."""
+"""Gross outliers: single values of a log that have nothing to do with the motion.
+
+A flipped bit, a torn frame or a disturbed sensor causes them.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.schema import Strict
 from sim.streams import stream
 
@@ -19,13 +22,15 @@ class Outliers(Strict):
     """Some rows of a log have one value that is grossly wrong."""
 
     robot_probability: Share = Field(
-        0.05, description="Of each row of the robot's log: one joint's angle is wrong."
+        0.05, description="Share of the robot's rows in which the angle of one joint is wrong."
     )
     ballbar_probability: Share = Field(
-        0.05, description="Of each row of the ball-bar's log: one encoder's angle is wrong."
+        0.05, description="Share of the ball-bar's rows in which one encoder's angle is wrong."
     )
     size_rad: tuple[Size, Size] = Field(
-        (1.0e-3, 0.1), description="Smallest and largest; logarithm uniform, sign drawn. Assumed."
+        (1.0e-3, 0.1),
+        description="Smallest and largest error; drawn log-uniformly and with either sign. "
+        "Assumed.",
     )
 
     @model_validator(mode="after")
@@ -37,25 +42,22 @@ class Outliers(Strict):
         return self
 
     def on_robot(self, rows: int, seed: int) -> Array:
-        """(N, 6) [rad] to be added to the joint angles."""
-        return self._thrown(rows, 6, self.robot_probability, stream(seed, "outliers_robot"))
+        """(N, 6) [rad] errors of the joint angles of N rows; 0 where a value is right."""
+        return self._drawn(rows, 6, self.robot_probability, stream(seed, "outliers_robot"))
 
     def on_ballbar(self, rows: int, encoders: int, seed: int) -> Array:
-        """(N, E) [rad] to be added to what the encoders read."""
-        return self._thrown(
-            rows, encoders, self.ballbar_probability, stream(seed, "outliers_ballbar")
-        )
+        """(N, E) [rad] errors of what E encoders read in N rows; 0 where a value is right."""
+        rng = stream(seed, "outliers_ballbar")
+        return self._drawn(rows, encoders, self.ballbar_probability, rng)
 
-    def _thrown(
+    def _drawn(
         self, rows: int, channels: int, probability: float, rng: np.random.Generator
     ) -> Array:
         hit = rng.uniform(size=rows) < probability
         smallest, largest = np.maximum(self.size_rad, np.finfo(float).tiny)
-        sizes = np.exp(rng.uniform(np.log(smallest), np.log(largest), rows)) * rng.choice(
-            (-1.0, 1.0), rows
-        )
+        sizes = np.exp(rng.uniform(np.log(smallest), np.log(largest), rows))
+        sizes = sizes * rng.choice((-1.0, 1.0), rows)
         out = np.zeros((rows, channels))
-        out[np.arange(rows), rng.integers(0, channels, rows)] = np.where(
-            hit & (max(self.size_rad) > 0.0), sizes, 0.0
-        )
+        hit &= max(self.size_rad) > 0.0
+        out[np.arange(rows), rng.integers(0, channels, rows)] = np.where(hit, sizes, 0.0)
         return out

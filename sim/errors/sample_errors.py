@@ -1,7 +1,7 @@
-"""Error sources of the thesis's simulations (secs. 2.3, 3.1) that exist only where the samples of both logs are paired beforehand.
+"""Error sources of the thesis's simulations (secs. 2.3, 3.1) that act on paired samples only.
 
-They act on the samples of the kinematic plant (sim.kinematic_samples), not on device logs, where other sources take their place:
-clocks, a rod that gives way, encoders that count.
+They apply to the samples of the kinematic plant (sim.kinematic_samples). In device logs the clocks,
+the compliance of the rod and the counters of the encoders take their place.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ class Synchronisation(Strict):
     """The robot's angles of a sample are logged later than the ball-bar's (thesis Fig. 3.4)."""
 
     delay_s: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(
-        description="Positive: the robot has moved on."
+        description="Delay of the robot's angles; positive if the robot has moved on."
     )
 
 
 class RodDeviation(Strict):
-    """The rod is longer or shorter by one amplitude, as friction at its end makes its force change sign (thesis Fig. 3.5).
+    """The rod is longer while its end rises and shorter while it sinks (thesis Fig. 3.5).
+    Friction at its end, which makes the force in the rod change sign, is the cause.
 
-    Longer while the rod's end rises, shorter while it sinks; what the path leaves of a mean is taken out, since that is bd3. The
-    thesis calls it ball-bar backlash and says nothing of the order of signs.
+    The mean over the path is removed, since a constant deviation is the length bd3. The thesis
+    calls this ball-bar backlash and does not state the order of the signs.
     """
 
     amplitude_m: Annotated[float, Field(ge=0.0, le=0.01)] = Field(
-        description="From the length bd3."
+        description="Largest deviation from the length bd3."
     )
 
 
 class Truncation(Strict):
-    """Ball-bar angles come in steps (thesis Fig. 3.6).
-
-    Rounded to the nearest: cutting off instead is the same but for half a step, which is encoder zero.
+    """Ball-bar angles are rounded to multiples of a step (thesis Fig. 3.6).
+    Truncation would differ by half a step, which belongs to the encoder offset.
     """
 
     step_rad: Annotated[float, Field(gt=0.0, le=0.1)] = Field(
@@ -52,7 +52,7 @@ class Truncation(Strict):
 
 
 class SampleErrors(Strict):
-    """Error sources of paired samples; each absent unless named."""
+    """Error sources of paired samples; each is absent unless named."""
 
     synchronisation: Synchronisation | None = None
     rod_deviation: RodDeviation | None = None
@@ -60,14 +60,15 @@ class SampleErrors(Strict):
 
 
 def delay_of(errors: SampleErrors) -> float:
-    """[s] by which the robot's angles of a sample are logged later than the ball-bar's."""
+    """[s] delay with which the robot's angles of a sample are logged after the ball-bar's."""
     return errors.synchronisation.delay_s if errors.synchronisation else 0.0
 
 
 def refuse_sample_errors(errors: SampleErrors) -> None:
-    """Raises InputError when an error source is asked for that device logs do not have."""
+    """Raise InputError when a scenario of device logs states an error source of samples."""
     for name, instead in IN_LOGS.items():
         if getattr(errors, name) is not None:
             raise InputError(
-                f"errors.{name}: acts on samples (identify.data = samples), not on device logs. There {instead}, or leave it out."
+                f"errors.{name}: acts on samples (identify.data = samples), not on device logs. "
+                f"There {instead}, or leave it out."
             )

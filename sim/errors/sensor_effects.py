@@ -1,13 +1,13 @@
-"""What is wrong with one encoder or resolver: its harmonics, slips and faults, phases drawn.
+"""Errors of one encoder or resolver: harmonics with drawn phases, slips and faults.
 
 Ball-bar encoder, from the joint's angle b to the angle that is counted:
 
-    shaft = b + A sin(b + phi) + slip(t)                       clamped off centre; coupling slips
-    scale = shaft + sum_k A_k sin(k shaft + phi_k), k = 1..3   graduation off centre, elliptic
-    read  = scale + A_s sin(lines scale + phi_s)               sine and cosine imperfect: the signal's own phase counts
+    shaft = b + A sin(b + phi) + slip(t)                      mounted off centre; coupling slips
+    scale = shaft + sum_k A_k sin(k shaft + phi_k), k = 1..3  graduation off centre, elliptic disc
+    read  = scale + A_s sin(lines scale + phi_s)              imperfect sine and cosine signals
 
-then white noise, quantisation, slipped periods and frozen bits (sim.logging.encoders).
-Motor resolver: `read = m + sum_k A_k sin(k m + phi_k), k = 1, 2`, then the converter's steps.
+White noise, quantisation, slipped periods and frozen bits follow (sim.logging.encoders).
+Motor resolver: `read = m + sum_k A_k sin(k m + phi_k), k = 1, 2`, then rounding by the converter.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.schema import Strict
 from sim.errors.sensor_errors import (
     AmplitudeError,
@@ -26,35 +26,39 @@ from sim.errors.sensor_errors import (
 )
 from sim.streams import stream
 
-# Signal frequency from which an EL5021 freezes low bits, by interpolation bits; +-15 % (notes/notes/log_formats sec. A.3).
+# Signal frequency [Hz] from which an EL5021 freezes low bits, by interpolation bits; +-15 %
+# (notes/log_formats sec. A.3).
 FREEZING_ONSET_HZ = {8: 9000.0, 9: 4500.0, 10: 2500.0, 11: 1500.0, 12: 750.0, 13: 650.0}
 
 
 class Harmonic(Strict):
-    """amplitude * sin(order * angle + phase)."""
+    """One harmonic error: amplitude * sin(order * angle + phase)."""
 
-    order: int  # cycles a turn
+    order: int  # cycles per turn
     amplitude_rad: float
     phase_rad: float
 
     def at(self, angle: Array) -> Array:
-        """(N,) [rad] at angles (N,) [rad]."""
+        """(N,) [rad] error at angles (N,) [rad]."""
         return np.asarray(self.amplitude_rad * np.sin(self.order * angle + self.phase_rad))
 
 
-class EncoderEffects(Strict):
-    """What is wrong with one ball-bar encoder."""
+Harmonics = tuple[Harmonic, ...]
 
-    mounting: tuple[Harmonic, ...] = ()
-    own: tuple[Harmonic, ...] = ()
-    subdivisional: tuple[Harmonic, ...] = ()
+
+class EncoderEffects(Strict):
+    """Errors of one ball-bar encoder."""
+
+    mounting: Harmonics = ()
+    own: Harmonics = ()
+    subdivisional: Harmonics = ()
     freezing_onset_Hz: float | None = None
     amplitude_errors: tuple[AmplitudeError, ...] = ()
     slipped_periods: tuple[SlippedPeriods, ...] = ()
     coupling_slips: tuple[CouplingSlip, ...] = ()
 
     def read_angle(self, angle: Array, t: Array) -> Array:
-        """(N,) [rad] what the encoder measures at joint angles (N,) [rad] and run times (N,) [s]."""
+        """(N,) [rad] measured angle at joint angles (N,) [rad] and run times (N,) [s]."""
         shaft = angle + _sum(self.mounting, angle)
         for slip in self.coupling_slips:
             shaft = shaft + np.where(t >= slip.at_s, slip.angle_rad, 0.0)
@@ -62,14 +66,14 @@ class EncoderEffects(Strict):
         return np.asarray(scale + _sum(self.subdivisional, scale))
 
     def periods(self, t: Array) -> NDArray[np.int64]:
-        """(N,) signal periods that the counter is ahead."""
+        """(N,) signal periods by which the counter leads at run times (N,) [s]."""
         ahead = np.zeros(t.shape, dtype=np.int64)
         for slip in self.slipped_periods:
             ahead += np.where(t >= slip.at_s, slip.periods, 0)
         return ahead
 
     def weak_signal(self, t: Array) -> NDArray[np.bool_]:
-        """(N,) rows at which the terminal reports an amplitude error."""
+        """(N,) whether the terminal reports an amplitude error at run times (N,) [s]."""
         weak = np.zeros(t.shape, dtype=bool)
         for fault in self.amplitude_errors:
             weak |= (t >= fault.start_s) & (t < fault.end_s)
@@ -77,42 +81,44 @@ class EncoderEffects(Strict):
 
 
 class ResolverEffects(Strict):
-    """What is wrong with the six resolvers."""
+    """Errors of the six resolvers."""
 
-    motors: tuple[tuple[Harmonic, ...], ...]
+    motors: tuple[Harmonics, ...]
     quantum_rad: float
 
     def read_angles(self, motors: Array) -> Array:
-        """(N, 6) [rad] what the converters give at motor angles (N, 6) [rad]."""
+        """(N, 6) [rad] readings of the converters at motor angles (N, 6) [rad]."""
         read = np.stack(
             [m + _sum(harmonics, m) for m, harmonics in zip(motors.T, self.motors, strict=True)],
             axis=1,
         )
-        return np.asarray(
-            np.rint(read / self.quantum_rad) * self.quantum_rad if self.quantum_rad else read
-        )
+        if self.quantum_rad:
+            read = np.rint(read / self.quantum_rad) * self.quantum_rad
+        return np.asarray(read)
 
 
 def encoder_effects(
     errors: SensorErrors, joint: int, *, lines: int, bits: int, seed: int
 ) -> EncoderEffects:
-    """The encoder of one joint as a scenario describes it; its phases come from its own streams."""
+    """Errors of one joint's encoder as a scenario states them; its phases have own streams."""
     own, mounting = errors.encoder_eccentricity, errors.mounting_eccentricity
     within, frozen = errors.subdivisional_error, errors.frozen_bits
+    mounted: Harmonics = ()
+    if mounting:
+        rng = stream(seed, f"mounting_eccentricity_b{joint}")
+        mounted = _drawn((1,), (mounting.amplitude_rad,), rng)
+    graduation: Harmonics = ()
+    if own:
+        rng = stream(seed, f"encoder_eccentricity_b{joint}")
+        graduation = _drawn((1, 2, 3), own.amplitude_rad, rng)
+    signal: Harmonics = ()
+    if within:
+        rng = stream(seed, f"subdivisional_error_b{joint}")
+        signal = _drawn((lines,), (within.amplitude_rad,), rng)
     return EncoderEffects(
-        mounting=_drawn(
-            (1,), (mounting.amplitude_rad,), stream(seed, f"mounting_eccentricity_b{joint}")
-        )
-        if mounting
-        else (),
-        own=_drawn((1, 2, 3), own.amplitude_rad, stream(seed, f"encoder_eccentricity_b{joint}"))
-        if own
-        else (),
-        subdivisional=_drawn(
-            (lines,), (within.amplitude_rad,), stream(seed, f"subdivisional_error_b{joint}")
-        )
-        if within
-        else (),
+        mounting=mounted,
+        own=graduation,
+        subdivisional=signal,
         freezing_onset_Hz=FREEZING_ONSET_HZ[bits] * frozen.onset_factor if frozen else None,
         amplitude_errors=tuple(e for e in errors.amplitude_errors if e.encoder == joint),
         slipped_periods=tuple(e for e in errors.slipped_periods if e.encoder == joint),
@@ -120,18 +126,20 @@ def encoder_effects(
     )
 
 
-def resolver_effects(asked: ResolverError, *, seed: int) -> ResolverEffects:
-    """The six resolvers as a scenario describes them."""
+def resolver_effects(errors: ResolverError | None, *, seed: int) -> ResolverEffects | None:
+    """Errors of the six resolvers as a scenario states them; None where it states none."""
+    if errors is None:
+        return None
     rng = stream(seed, "resolver_error")
     return ResolverEffects(
-        motors=tuple(_drawn((1, 2), asked.amplitude_rad, rng) for _ in range(6)),
-        quantum_rad=asked.quantum_rad,
+        motors=tuple(_drawn((1, 2), errors.amplitude_rad, rng) for _ in range(6)),
+        quantum_rad=errors.quantum_rad,
     )
 
 
 def _drawn(
     orders: tuple[int, ...], amplitudes: tuple[float, ...], rng: np.random.Generator
-) -> tuple[Harmonic, ...]:
+) -> Harmonics:
     phases = rng.uniform(0.0, 2.0 * np.pi, len(orders))
     return tuple(
         Harmonic(order=order, amplitude_rad=size, phase_rad=float(phase))
@@ -139,5 +147,5 @@ def _drawn(
     )
 
 
-def _sum(harmonics: tuple[Harmonic, ...], angle: Array) -> Array | float:
+def _sum(harmonics: Harmonics, angle: Array) -> Array | float:
     return sum((harmonic.at(angle) for harmonic in harmonics), 0.0)

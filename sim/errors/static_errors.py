@@ -1,4 +1,7 @@
-"""Static errors of the true geometry: thesis Table 3.1 or drawn, the ball-bar's axes, its base, the plate; they add up."""
+"""Static errors of the true geometry: joints and links, axes and base of the ball-bar, plate.
+
+Errors of several sources add up.
+"""
 
 from __future__ import annotations
 
@@ -14,20 +17,19 @@ THESIS_3_1 = {
     "rd2": 0.27, "rd4": -0.16, "rd5": 1.80, "rd6": -1.47,
     "ralpha1": 0.37, "ralpha2": 0.78, "ralpha3": -1.36, "ralpha4": 0.35, "ralpha5": 0.08,
     "rtheta2": -0.09, "rtheta3": 0.19, "rtheta4": -0.12, "rtheta5": 0.72, "rtheta6": -0.22,
-    "bd3": 0.24, "btheta1": -0.74, "btheta2": 1.27, "btheta3": -1.90, "btheta4": -0.19, "btheta5": 0.98,
+    "bd3": 0.24, "btheta1": -0.74, "btheta2": 1.27, "btheta3": -1.90, "btheta4": -0.19,
+    "btheta5": 0.98,
     "ox": 0.16, "oy": 0.80, "oz": -0.70,
 }  # fmt: skip
-PLATE = "ra6"  # the known length: only its own source deviates it
-# What makes the axes of gimbal (b1, b2, b3) and cardan (b3, b4, b5) miss each other, and what makes them not square. Row 5
-# has no axis behind it: what would deviate there is the plate.
+PLATE = "ra6"  # the known length: only errors.plate_length changes it
+# Offsets between the axes of the gimbal (b1, b2, b3) and of the universal joint (b3, b4, b5), and
+# their squareness. No axis follows row 5: its parameters are those of the plate.
 AXIS_OFFSETS = ("ba1", "ba2", "ba3", "ba4", "bd2", "bd4")
 AXIS_ANGLES = ("balpha1", "balpha2", "balpha3", "balpha4")
 BASE_TILT = ("otx", "oty")
 _MILLI = 1e-3
-_EVERY = (
-    *THESIS_3_1,
-    *(name for name in NAMES if name not in THESIS_3_1 and name != PLATE),
-)  # Table 3.1 first: same draws for both
+# Table 3.1 comes first, so that its parameters are drawn alike for `thesis` and `all`.
+_EVERY = (*THESIS_3_1, *(name for name in NAMES if name not in THESIS_3_1 and name != PLATE))
 
 
 def true_geometry(
@@ -35,7 +37,7 @@ def true_geometry(
 ) -> Geometry:
     """The nominal geometry with its static errors.
 
-    plate_sigma : [m] standard deviation of the plate's length, used where the scenario does not state another.
+    plate_sigma : [m] standard deviation of the plate's length if the scenario states none.
     """
     axes, tilt, plate = errors.ballbar_axes, errors.base_tilt, errors.plate_length
     drawn: list[dict[str, float]] = []
@@ -47,8 +49,8 @@ def true_geometry(
     if tilt:
         drawn.append(deviations(BASE_TILT, {False: tilt.sigma_rad}, stream(seed, "base_tilt")))
     if plate:
-        asked = plate_sigma if plate.sigma_m is None else plate.sigma_m
-        drawn.append(deviations((PLATE,), {True: asked}, stream(seed, "plate_length")))
+        length = plate_sigma if plate.sigma_m is None else plate.sigma_m
+        drawn.append(deviations((PLATE,), {True: length}, stream(seed, "plate_length")))
     true = nominal
     for source in drawn:
         true = true.replaced({name: true[name] + value for name, value in source.items()})
@@ -56,7 +58,7 @@ def true_geometry(
 
 
 def static_deviations(errors: StaticErrors, rng: np.random.Generator) -> dict[str, float]:
-    """[m, rad] deviation of each parameter, by Table 3.1 or drawn."""
+    """Deviation [m, rad] of each parameter, from thesis Table 3.1 or drawn."""
     if errors.table == "thesis_3_1":
         return {name: value * _MILLI for name, value in THESIS_3_1.items()}
     names = _EVERY if errors.parameters == "all" else tuple(THESIS_3_1)
@@ -66,7 +68,10 @@ def static_deviations(errors: StaticErrors, rng: np.random.Generator) -> dict[st
 def deviations(
     names: tuple[str, ...], sigma: dict[bool, float], rng: np.random.Generator
 ) -> dict[str, float]:
-    """Normal deviations of the named parameters; sigma : of lengths [m] under True, of angles [rad] under False."""
+    """Normally distributed deviations [m, rad] of the named parameters.
+
+    sigma : standard deviation of lengths [m] under the key True, of angles [rad] under False.
+    """
     drawn = rng.standard_normal(len(names))
     return {
         name: float(z) * sigma[PARAMETERS[INDEX[name]].is_length]

@@ -1,22 +1,23 @@
-"""Slow wander of the ball-bar's clock: what is left of `t_robot = offset + (1 + skew) * t_bar` once the line is taken out.
+"""Slow wander of the ball-bar's clock about `t_robot = offset + (1 + skew) * t_ballbar`.
 
-The rate does a random walk and decays from power-on; its integral is the deviation in time. The least-squares line through the
-deviation over the log is removed, so that offset and skew stay what a straight line through both clocks finds.
+The rate does a random walk and decays from power-on; its integral is the deviation in time. The
+least-squares line through the deviation over the log is removed, so that clock offset and skew
+remain those of a straight line fitted to both clocks.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.schema import Strict
 from sim.errors.clock_errors import ClockWander
 
-KNOT = 1.0  # [s] at most between knots; the deviation is straight between them
+KNOT = 1.0  # [s] largest distance of knots: the rate changes over minutes, so any second will do
 
 
 class WanderCurve(Strict):
-    """`t_robot = offset + (1 + skew) * t_bar + deviation(t_bar)`, straight between the knots."""
+    """Deviation of the ball-bar's clock, linear between knots; added to the clock's map."""
 
     t_bar_s: tuple[float, ...]
     deviation_s: tuple[float, ...]
@@ -26,13 +27,12 @@ class WanderCurve(Strict):
         return np.interp(t_bar, self.t_bar_s, self.deviation_s)
 
 
-def wander_curve(asked: ClockWander, length: float, rng: np.random.Generator) -> WanderCurve:
+def wander_curve(wander: ClockWander, length: float, rng: np.random.Generator) -> WanderCurve:
     """The wander over a log of `length` seconds."""
     t: Array = np.linspace(0.0, length, int(np.ceil(length / KNOT)) + 1)
     step, middle = t[1], 0.5 * (t[1:] + t[:-1])
-    rate = asked.rate_rms_ppm * 1e-6 * _unit_walk(
-        middle.size, rng
-    ) + asked.warm_up_ppm * 1e-6 * np.exp(-middle / asked.warm_up_time_s)
+    walk = wander.rate_rms_ppm * 1e-6 * _unit_walk(middle.size, rng)
+    rate = walk + wander.warm_up_ppm * 1e-6 * np.exp(-middle / wander.warm_up_time_s)
     deviation = np.concatenate(([0.0], np.cumsum(rate * step)))
     line = np.polynomial.Polynomial.fit(t, deviation, 1)
     return WanderCurve(t_bar_s=tuple(t.tolist()), deviation_s=tuple((deviation - line(t)).tolist()))

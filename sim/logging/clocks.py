@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
+from cell.clock import Clock
 from sim.errors.clock_errors import LEAD, ClockStep
 from sim.errors.wander import WanderCurve, wander_curve
 from sim.settings import ClockSettings
@@ -56,9 +57,10 @@ def log_times(duration: float, clocks: ClockSettings, *, seed: int) -> LogTimes:
         if clocks.wander
         else None
     )
-    bar_true: Array = bar_start + (1.0 + clocks.skew) * ticks.astype(np.float64) * 1e-9
+    bar_clock = ticks.astype(np.float64) * 1e-9
+    bar_true = Clock(bar_start, clocks.skew).robot_time(bar_clock)
     if wander:
-        bar_true += wander.at(ticks.astype(np.float64) * 1e-9)
+        bar_true += wander.at(bar_clock)
     inside = bar_true <= end
     return LogTimes(
         robot_true=robot_start + robot_clock,

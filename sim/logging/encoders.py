@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
-from cell.descriptions import Robot, joints_to_motors
+from cell.arrays import Array
+from cell.descriptions import Robot
+from cell.robot_angles import joints_to_motors
 from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
 from sim.settings import ErrorSettings
 from sim.streams import stream

@@ -12,7 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.schema import Strict
 from sim.motion import Motion

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.schema import Strict
 from sim.errors.clock_errors import LoggerRestart
 from sim.logging.clocks import LogTimes

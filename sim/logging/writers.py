@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.files import write_whole
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.chain import Array, Frames, cross
+from cell.arrays import Array
+from cell.chain import Frames, cross
 from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.rotation import matrix_from_rotvec
 

@@ -13,9 +13,10 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from cell.chain import Array
-from cell.descriptions import Cell, joints_to_motors, motors_to_joints
+from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.geometry import Geometry
+from cell.robot_angles import joints_to_motors, motors_to_joints
 from sim.errors.sensor_effects import ResolverEffects
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import ROBOT_JOINTS, ROTORS, free_robot_spec

@@ -17,10 +17,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.arrays import Array
 from cell.bodies import bar_bodies, flange_on_link6, robot_bodies
-from cell.chain import Array, Chain, forward
+from cell.chain import row_placements
 from cell.descriptions import Cell, Link, ServoGains
 from cell.geometry import BAR_ROWS, ROBOT_ROWS, Geometry
+from cell.rotation import quat_wxyz
 from sim.plant.effects import PlantEffects
 
 WELD_SOLREF = (-1e9, -6e4)  # closure 0.1 um at 1 ms under `discrete` (notes/mujoco sec. 2)
@@ -149,16 +151,16 @@ def _add_robot(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Pla
     placements = row_placements(geometry.robot)
     pose = (np.eye(3), np.zeros(3))
     for i, link in enumerate(robot_bodies(cell)):
-        body = parent.add_body(name=f"link{i + 1}", pos=pose[1], quat=_quat_wxyz(pose[0]))
+        body = parent.add_body(name=f"link{i + 1}", pos=pose[1], quat=quat_wxyz(pose[0]))
         _set_inertia(body, link)
         body.add_joint(name=ROBOT_JOINTS[i], type=_HINGE, axis=[0, 0, 1])
         parent, pose = body, placements[i]
     rotation, flange = flange_on_link6(cell)
-    plate = parent.add_body(name="plate", pos=flange, quat=_quat_wxyz(rotation))
+    plate = parent.add_body(name="plate", pos=flange, quat=quat_wxyz(rotation))
     _set_inertia(plate, cell.plate.body)
     tool = (rotation.T @ pose[0], rotation.T @ (pose[1] - flange))
     if effects.plate_stiffness is None:
-        plate.add_site(name="tool", pos=tool[1], quat=_quat_wxyz(tool[0]))
+        plate.add_site(name="tool", pos=tool[1], quat=quat_wxyz(tool[0]))
     else:
         _add_bending_plate(plate, tool, geometry["ra6"], effects.plate_stiffness)
     if effects.force_sensor:
@@ -183,7 +185,7 @@ def _add_bending_plate(
 ) -> None:
     """The tool on a hinge about the plate's y, two thirds of its length before the tool (notes/mujoco sec. 1)."""
     arm = np.array([2.0 * length / 3.0, 0.0, 0.0])
-    tip = flange.add_body(name="plate_tip", pos=tool[1] - tool[0] @ arm, quat=_quat_wxyz(tool[0]))
+    tip = flange.add_body(name="plate_tip", pos=tool[1] - tool[0] @ arm, quat=quat_wxyz(tool[0]))
     tip.mass, tip.inertia, tip.explicitinertial = 1e-9, [1e-9, 1e-9, 1e-9], True
     hinge = tip.add_joint(name=PLATE_JOINT, type=_HINGE, axis=[0, 1, 0], armature=PLATE_ARMATURE)
     hinge.stiffness[0] = plate_hinge_stiffness(length, tip_stiffness)
@@ -304,7 +306,7 @@ def _add_bar(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Plant
             (geometry.bar_base_rotation, np.zeros(3)),
         )
     for i, link in enumerate(bar_bodies(cell)):
-        body = parent.add_body(name=f"bar{i + 1}", pos=pose[1], quat=_quat_wxyz(pose[0]))
+        body = parent.add_body(name=f"bar{i + 1}", pos=pose[1], quat=quat_wxyz(pose[0]))
         _set_inertia(body, link)
         hinge = body.add_joint(
             name=BAR_JOINTS[i], type=_HINGE, axis=[0, 0, 1], damping=float(bar.joint_damping[i])
@@ -330,7 +332,7 @@ def _add_bar(spec: mujoco.MjSpec, cell: Cell, geometry: Geometry, effects: Plant
         rod.wrap_joint(ROD_JOINT, 1.0)
         rod.stiffness[0] = effects.rod_stiffness
         rod.springlength = [-effects.rod_backlash, effects.rod_backlash]
-    parent.add_site(name="bar_end", pos=pose[1], quat=_quat_wxyz(pose[0]))
+    parent.add_site(name="bar_end", pos=pose[1], quat=quat_wxyz(pose[0]))
 
 
 def _add_base(spec: mujoco.MjSpec, geometry: Geometry, stiffness: float) -> mujoco.MjsBody:
@@ -347,27 +349,6 @@ def _add_base(spec: mujoco.MjSpec, geometry: Geometry, stiffness: float) -> mujo
     return base
 
 
-def row_placements(chain: Chain) -> list[tuple[Array, Array]]:
-    """(rotation (3, 3), translation (3,) [m]) of each row at joint angle zero, in the frame that turns with its joint."""
-    out = []
-    for i in range(chain.rows):
-        row = Chain(
-            *(
-                values[i : i + 1]
-                for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta)
-            )
-        )
-        frames = forward(row, np.zeros((1, 1)))
-        out.append((frames.rotation()[:, :, 0], frames.tip[:, 0]))
-    return out
-
-
 def _set_inertia(body: mujoco.MjsBody, link: Link) -> None:
     body.mass, body.ipos, body.explicitinertial = link.mass, link.com, True
     body.fullinertia = link.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-
-
-def _quat_wxyz(rotation: Array) -> Array:
-    quat = np.zeros(4)
-    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(rotation).reshape(9))
-    return quat

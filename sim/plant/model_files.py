@@ -16,11 +16,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from cell.chain import Array
-from cell.descriptions import Cell, load_cell
+from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.files import write_whole
 from cell.geometry import bar_frames, nominal_geometry
 from cell.inverse import robot_branches
+from cell.load import load_cell
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import BAR_JOINTS, ROBOT_JOINTS, ROD_JOINT, plant_spec
 

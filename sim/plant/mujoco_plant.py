@@ -15,7 +15,7 @@ import numpy as np
 from mujoco import rollout
 from scipy.interpolate import CubicSpline
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell, Robot, ServoGains
 from cell.errors import FailureError, InputError
 from cell.geometry import Geometry

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.chain import Array, Chain, Frames, cross, forward, joint_screws
+from cell.arrays import Array
+from cell.chain import Chain, Frames, cross, forward, joint_screws
 from cell.descriptions import Cell, Link, ServoGains
 from cell.errors import FailureError
 from cell.geometry import Geometry, robot_frames

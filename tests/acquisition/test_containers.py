@@ -24,11 +24,11 @@ from acquisition.formats.scope import Channel, read_channels
 from acquisition.recording import read_ballbar, read_robot
 from acquisition.table.header import Layout
 from acquisition.table.table import Table
-from benchmarks.mutated_containers import campaign, families
-from cell.descriptions import joints_to_axes, load_robot
 from cell.errors import DescriptionError, InputError, LogError
+from cell.load import load_robot
 from cell.logs import RobotLog
 from cell.recording import EncoderFitting, SourceFile
+from cell.robot_angles import joints_to_axes
 from tests.helpers.container_files import (
     AXES,
     EPOCH_NS,
@@ -47,6 +47,7 @@ from tests.helpers.container_files import (
     mpe,
     scope,
 )
+from tests.helpers.damaged_files import campaign, families
 
 ROBOT = load_robot("irb2400")
 SAMPLES = Path(__file__).parents[1] / "data/twincat_scope"

@@ -8,9 +8,9 @@ import yaml
 
 from acquisition import read_recording
 from acquisition.table.selectors import find, spread, why_not
-from cell.descriptions import joints_to_axes
 from cell.errors import DescriptionError, LogError
-from tests.acquisition.test_recording import ROBOT, ROBOT_T, joint_course, put, write
+from cell.robot_angles import joints_to_axes
+from tests.helpers.device_logs import ROBOT, ROBOT_T, joint_course, put, write
 
 AXES_DEG = np.rad2deg(joints_to_axes(ROBOT, joint_course(ROBOT_T)))
 OWN = {

@@ -38,14 +38,15 @@ from ballbar.record.show import RING
 from ballbar.record.terminal import say_recording, status_table, status_words
 from ballbar.record.view import APPLICATION, TIMELINE, LiveView, layout
 from ballbar.replay import viewer as replay_viewer
-from cell.descriptions import controller_to_joints, load_robot
 from cell.errors import InputError
+from cell.load import load_robot
 from cell.recording import load_recording_file
-from tests.ballbar.test_cli import ballbar
+from cell.robot_angles import controller_to_joints
+from tests.helpers.command_line import ballbar
 from tests.helpers.egm_robot import egm_message, frames_of
 from tests.helpers.plc_server import START, Plc, plc_samples, text_of
 from tests.helpers.ring_memory import RingMemory
-from tests.project.test_packages import ROOT, imported
+from tests.helpers.source_imports import ROOT, imported
 
 CELL = CellNames("irb2400", "lund_600", "plate_250", 3600)
 LINES = 3600
@@ -446,22 +447,14 @@ def test_the_table_shows_rate_losses_and_what_an_encoder_complained_of() -> None
         (["--egm", "70000"], "give a port such as 6510"),
     ],
 )
-def test_options_that_cannot_be_are_refused(
-    options: list[str],
-    words: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    code, _, error = ballbar(monkeypatch, capsys, "record", tmp_path / "r", *NAMES, *options)
+def test_options_that_cannot_be_are_refused(options: list[str], words: str, tmp_path: Path) -> None:
+    code, _, error = ballbar("record", tmp_path / "r", *NAMES, *options)
     assert code == 2
     assert words in error
     assert not (tmp_path / "r").exists()
 
 
-def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_bytes((ROOT / "cell" / "robots" / "irb2400.yaml").read_bytes())
     folder = tmp_path / "r"
@@ -488,7 +481,7 @@ def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(
             "0.2",
             "--json",
         ]
-        code, out, _ = ballbar(monkeypatch, capsys, "record", folder, *options)
+        code, out, _ = ballbar("record", folder, *options)
         beat.set()
         sending.join()
     assert code == 0
@@ -501,25 +494,21 @@ def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(
 
 
 def test_a_viewer_that_does_not_start_is_named_before_anything_is_recorded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(replay_viewer, "_rerun", lambda: "false")
-    code, _, error = ballbar(
-        monkeypatch, capsys, "record", tmp_path / "r", *NAMES, "--egm", free_port(), "--live"
-    )
+    code, _, error = ballbar("record", tmp_path / "r", *NAMES, "--egm", free_port(), "--live")
     assert code == 1
     assert "Record without --live where there is no screen" in error
     assert not (tmp_path / "r").exists()
 
 
 def test_without_the_extra_the_command_says_how_to_install_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delitem(sys.modules, "acquisition.live.ads")
     monkeypatch.setitem(sys.modules, "pyads", None)
-    code, _, error = ballbar(
-        monkeypatch, capsys, "record", tmp_path / "r", *NAMES, "--plc", "5.12.82.20.1.1"
-    )
+    code, _, error = ballbar("record", tmp_path / "r", *NAMES, "--plc", "5.12.82.20.1.1")
     assert code == 2
     assert "pip install 'ballbar-bench[ads]'" in error
 

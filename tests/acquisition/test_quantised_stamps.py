@@ -10,7 +10,7 @@ from acquisition.stamps.order import STAMP
 from acquisition.stamps.quantised import spread
 from acquisition.table.table import Table
 from cell.errors import LogError
-from tests.acquisition.test_recording import ROBOT_T, joint_course, robot_lines, stamped, write
+from tests.helpers.device_logs import ROBOT_T, joint_course, robot_lines, stamped, write
 
 Array = np.ndarray
 ROWS = 5000

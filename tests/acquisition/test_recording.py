@@ -1,108 +1,37 @@
 """A recording folder: both logs become the angles that were recorded, and every kind of bad input is refused in words."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
-from acquisition import Recording, read_recording, report_lines
+from acquisition import read_recording, report_lines
 from acquisition.flags import RowFlag
 from acquisition.formats.dialect import dialect_names, load_dialect
-from cell.descriptions import joints_to_axes, joints_to_motors, load_robot
 from cell.errors import DescriptionError, InputError, LogError
-
-ROBOT = load_robot("irb2400")
-EPOCH = 1_100_000_000_000_000_003  # [ns]
-PER_RAD = 3600 * 2**12 / (2 * np.pi)
-ROBOT_T = 0.004032 * np.arange(800)
-BAR_T = 0.01 * np.arange(300)
-SIGNS = {"b1": 1, "b2": -1, "b4": 1, "b5": -1}
-
-
-def joint_course(t: np.ndarray) -> np.ndarray:
-    """(N, 6) [rad] a course within limits and speeds."""
-    return np.stack(
-        [0.2 * (i - 2.5) + 0.4 * np.sin((0.5 + 0.1 * i) * t + i) for i in range(6)], axis=1
-    )
-
-
-def bar_course(t: np.ndarray) -> np.ndarray:
-    """(N, 4) [rad] of b1, b2, b4, b5, through the zero of the counter."""
-    return np.stack([0.3 * np.sin(0.8 * t + i) - 0.1 for i in range(4)], axis=1)
-
-
-def robot_lines(t: np.ndarray = ROBOT_T) -> list[str]:
-    motors = joints_to_motors(ROBOT, joint_course(t))
-    return [
-        "time,m1,m2,m3,m4,m5,m6",
-        *(",".join(map(repr, row)) for row in np.column_stack((100.0 + t, motors)).tolist()),
-    ]
-
-
-def bar_lines(t: np.ndarray = BAR_T) -> list[str]:
-    counts = (
-        np.rint(bar_course(t) * list(SIGNS.values()) * PER_RAD)
-        .astype(np.int64)
-        .astype(np.uint32)
-        .astype(np.int64)
-    )
-    stamps = EPOCH + np.rint(t * 1e9).astype(np.int64)
-    return [
-        "time;b1;b2;b4;b5",
-        *(";".join(map(str, row)) for row in np.column_stack((stamps, counts)).tolist()),
-    ]
-
-
-def description() -> dict:
-    return {
-        "schema": "ballbar-recording/1",
-        "kind": "real",
-        "robot": "irb2400",
-        "ballbar": "lund_600",
-        "sources": {
-            "robot": {"files": ["raw/robot.csv"], "dialect": "abb-motor"},
-            "ballbar": {"files": ["raw/ballbar.csv"], "dialect": "twincat-plc"},
-        },
-        "encoders": {
-            name: {"column": name, "lines": 3600, "bits": 12, "sign": sign}
-            for name, sign in SIGNS.items()
-        },
-    }
-
-
-def write(
-    folder: Path,
-    *,
-    robot: list[str] | None = None,
-    ballbar: list[str] | None = None,
-    change: Callable[[dict], object] = id,
-) -> Path:
-    data = description()
-    change(data)
-    (folder / "raw").mkdir(exist_ok=True)
-    (folder / "recording.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
-    (folder / "raw/robot.csv").write_text("\n".join(robot or robot_lines()) + "\n")
-    (folder / "raw/ballbar.csv").write_text(
-        "\r\n".join(ballbar or bar_lines()) + "\r\n", newline=""
-    )
-    return folder
-
-
-def found(recording: Recording) -> list[tuple[str, str, str, tuple[int, ...], int]]:
-    """Findings other than the missing status columns, which these recordings do not have."""
-    findings = [one for one in recording.report.findings if one.kind != "no status word"]
-    return [(one.kind, one.severity, one.file, one.lines, one.count) for one in findings]
-
-
-def flagged(recording: Recording, flag: RowFlag) -> list[int]:
-    """Rows of the ball-bar's log that have a flag, counted from 0."""
-    assert recording.ballbar_log is not None
-    assert recording.ballbar_log.flags is not None
-    return np.flatnonzero(recording.ballbar_log.flags & np.uint32(flag)).tolist()
+from cell.robot_angles import joints_to_axes, joints_to_motors
+from tests.helpers.device_logs import (
+    BAR_T,
+    PER_RAD,
+    ROBOT,
+    ROBOT_FILES,
+    ROBOT_T,
+    bar_course,
+    bar_lines,
+    change_line,
+    flagged,
+    found,
+    joint_course,
+    motor_rows,
+    put,
+    robot_lines,
+    stamped,
+    write,
+)
 
 
 def test_both_logs_are_read_as_the_angles_that_were_recorded(tmp_path: Path) -> None:
@@ -275,13 +204,6 @@ def test_the_report_reads_as_lines_and_goes_through_json(tmp_path: Path) -> None
     assert report_lines(replace(report, findings=()))[-2:] == ["REPAIRED: none", "WARNINGS: none"]
 
 
-def motor_rows(motors: np.ndarray) -> list[str]:
-    return [
-        robot_lines()[0],
-        *(",".join(map(repr, row)) for row in np.column_stack((ROBOT_T, motors)).tolist()),
-    ]
-
-
 def test_degrees_where_radians_are_declared_are_refused_with_a_hint(tmp_path: Path) -> None:
     degrees = np.rad2deg(joints_to_motors(ROBOT, joint_course(ROBOT_T)))
     with pytest.raises(
@@ -339,15 +261,6 @@ def test_an_axis_a_little_beyond_its_limits_is_warned_of(tmp_path: Path) -> None
     ((kind, severity, *_),) = found(recording)
     assert (kind, severity) == ("axis beyond its limits", "warning")
     assert "axis 1 is up to 5.73 deg beyond its limits" in recording.report.findings[0].sentence
-
-
-def change_line(lines: list[str], number: int, text: str) -> list[str]:
-    return [*lines[: number - 1], text, *lines[number:]]
-
-
-def stamped(row: str, stamp: object) -> str:
-    separator = ";" if ";" in row else ","
-    return separator.join((str(stamp), *row.split(separator)[1:]))
 
 
 @pytest.mark.parametrize(
@@ -412,21 +325,8 @@ def stamped(row: str, stamp: object) -> str:
 def test_a_device_file_that_cannot_be_trusted_is_refused(
     tmp_path: Path, robot: list[str] | None, ballbar: list[str] | None, message: str
 ) -> None:
-    with pytest.raises(LogError) as caught:
+    with pytest.raises(LogError, match=re.escape(message)):
         read_recording(write(tmp_path, robot=robot, ballbar=ballbar))
-    assert message in str(caught.value)
-
-
-def put(*keys: str, value: object) -> Callable[[dict], None]:
-    def change(data: dict) -> None:
-        for key in keys[:-1]:
-            data = data[key]
-        data[keys[-1]] = value
-
-    return change
-
-
-ROBOT_FILES = ("sources", "robot", "files")
 
 
 @pytest.mark.parametrize(
@@ -480,9 +380,8 @@ def test_a_description_that_contradicts_itself_is_refused(
     (tmp_path / "outside.csv").write_text("\n".join(robot_lines()) + "\n")
     (folder / "raw/link.csv").symlink_to(tmp_path / "outside.csv")
     (folder / "raw/loop.csv").symlink_to(folder / "raw/loop.csv")
-    with pytest.raises(DescriptionError) as caught:
+    with pytest.raises(DescriptionError, match=re.escape(message)):
         read_recording(folder)
-    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("missing", ["recording.yaml", "raw/robot.csv", "raw/ballbar.csv"])

@@ -29,7 +29,7 @@ def read(
 
 
 def refusal(folder: Path, content: bytes | str, layout: Layout = COUNTERS) -> str:
-    with pytest.raises(LogError) as caught:
+    with pytest.raises(LogError, match=r"^raw/log\.csv") as caught:
         read(folder, content, layout)
     return str(caught.value)
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from tests.acquisition.test_loads import force_lines
-from tests.ballbar.test_cli import ballbar
-from tests.conftest import Recorded
+from tests.helpers.command_line import ballbar
+from tests.helpers.device_logs import force_lines
+from tests.helpers.simulated_recordings import Recorded
 
 
 @pytest.fixture
@@ -30,33 +30,29 @@ def damage_stamp(folder: Path) -> None:
     file.write_bytes(b"\r\n".join(lines))
 
 
-def test_the_page_names_every_log_and_every_repair(recording: Path, monkeypatch, capsys) -> None:
-    code, out, _ = ballbar(monkeypatch, capsys, "check", recording)
+def test_the_page_names_every_log_and_every_repair(recording: Path) -> None:
+    code, out, _ = ballbar("check", recording)
     assert code == 0
     assert "REPAIRED: none" in out
     assert "  force log: 400 samples over 0.80 s, median period 2 ms" in out
     assert "robot log: 14667 samples over 59.13 s, median period 4.032 ms; at rest 3 times" in out
     damage_stamp(recording)
-    _, out, _ = ballbar(monkeypatch, capsys, "check", recording)
+    _, out, _ = ballbar("check", recording)
     assert "REPAIRED\n  raw/ballbar.csv:100: damaged stamp: " in out
     assert "5888 of 5889 rows used" in out
 
 
-def test_strict_exits_with_1_where_anything_was_repaired(
-    recording: Path, monkeypatch, capsys
-) -> None:
-    assert ballbar(monkeypatch, capsys, "check", "--strict", recording)[0] == 0
+def test_strict_exits_with_1_where_anything_was_repaired(recording: Path) -> None:
+    assert ballbar("check", "--strict", recording)[0] == 0
     damage_stamp(recording)
-    code, out, err = ballbar(monkeypatch, capsys, "check", "--strict", recording)
+    code, out, err = ballbar("check", "--strict", recording)
     assert code == 1
     assert "damaged stamp" in out
     assert "1 kinds of repairs were needed" in err
 
 
-def test_the_reasons_stand_before_the_page_and_nothing_is_guessed(
-    recording: Path, monkeypatch, capsys
-) -> None:
-    _, out, _ = ballbar(monkeypatch, capsys, "check", "--explain", recording)
+def test_the_reasons_stand_before_the_page_and_nothing_is_guessed(recording: Path) -> None:
+    _, out, _ = ballbar("check", "--explain", recording)
     reasons = out[: out.index("FILES")]
     for words in (
         "robot: dialect abb-motor, as recording.yaml declares; 1 file(s)",
@@ -69,14 +65,14 @@ def test_the_reasons_stand_before_the_page_and_nothing_is_guessed(
     ):
         assert words in reasons
     (recording / "raw/robot.csv").write_text("time,m1\n0,1\n")
-    code, _, err = ballbar(monkeypatch, capsys, "check", "--explain", recording)
+    code, _, err = ballbar("check", "--explain", recording)
     assert code == 2
     assert "raw/robot.csv:1: columns m2, m3, m4, m5, m6 missing" in err
 
 
-def test_the_report_as_json(recording: Path, monkeypatch, capsys) -> None:
+def test_the_report_as_json(recording: Path) -> None:
     damage_stamp(recording)
-    code, out, _ = ballbar(monkeypatch, capsys, "check", "--json", recording)
+    code, out, _ = ballbar("check", "--json", recording)
     assert code == 0
     data = json.loads(out)
     assert [file["file"] for file in data["files"]] == [

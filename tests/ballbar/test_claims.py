@@ -20,8 +20,7 @@ from ballbar.claims.run import FOLDER, Topic, judge_all, topics
 from ballbar.claims.table import Evidence, identifiability_evidence, runs_evidence
 from ballbar.plan import beam
 from ballbar.scenario import Scenario, load_scenario
-from ballbar.sweep.check import check_points
-from ballbar.sweep.check import load as load_sweep
+from ballbar.sweep.check import check_points, load_sweep
 from ballbar.sweep.plan import Plan
 from ballbar.sweep.run import Progress
 from ballbar.trial.sample_trial import cost_parameters, trial_samples
@@ -31,9 +30,9 @@ from ident.thesis.cost_fit import fit_cost
 from ident.thesis.cost_shift import REACH, best_shift, fit_cost_with_shift
 from ident.thesis.costs import cost_named
 from ident.thesis.paired_samples import through_samples
-from tests.ballbar.test_cli import ballbar
-from tests.ballbar.test_sweep import inline
-from tests.conftest import SCENARIOS
+from tests.helpers.command_line import ballbar
+from tests.helpers.simulated_recordings import SCENARIOS
+from tests.helpers.sweeps import inline
 
 ROOT = SCENARIOS.parent
 CLAIMS = SCENARIOS / "claims"
@@ -395,36 +394,34 @@ def test_two_claims_of_one_name_are_refused(tmp_path: Path) -> None:
         load_claims(file)
 
 
-def test_a_claim_that_fails_exits_with_1_and_one_that_holds_with_0(
-    tmp_path: Path, monkeypatch, capsys
-) -> None:
+def test_a_claim_that_fails_exits_with_1_and_one_that_holds_with_0(tmp_path: Path) -> None:
     file = tmp_path / "one.yaml"
     file.write_text(ONE)
-    code, out, _ = ballbar(monkeypatch, capsys, "claims", file)
+    code, out, _ = ballbar("claims", file)
     assert code == 0
     assert 'holds strain, sec. 5.3: "The strain for the rod was calculated to 2.7 um"' in out
     assert "stretch: 2.59 um (2.7 um within 10%)" in out
     file.write_text(ONE.replace("2.7, unit", "3.7, unit"))
-    code, out, _ = ballbar(monkeypatch, capsys, "claims", file)
+    code, out, _ = ballbar("claims", file)
     assert code == 1
     assert "fails its check strain" in out
     assert "not met: stretch: 2.59 um (3.7 um within 10%)" in out
     assert "1 claims: 0 hold, 0 differ as stated, 1 fail their checks" in out
 
 
-def test_names_are_of_shipped_claims_or_of_files(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_names_are_of_shipped_claims_or_of_files(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(ROOT)
-    code, _, err = ballbar(monkeypatch, capsys, "claims", "nois")
+    code, _, err = ballbar("claims", "nois")
     assert (code, "there are no such claims in scenarios/claims. Did you mean noise?" in err) == (
         2,
         True,
     )
-    code, out, _ = ballbar(monkeypatch, capsys, "claims", "rod")
+    code, out, _ = ballbar("claims", "rod")
     assert (code, out.splitlines()[0]) == (0, "Strain of the rod (sec. 5.3)")
-    code, _, err = ballbar(monkeypatch, capsys, "claims", "rod", "--out", tmp_path / "page.md")
+    code, _, err = ballbar("claims", "rod", "--out", tmp_path / "page.md")
     assert (code, "the page is of all claims" in err) == (2, True)
     monkeypatch.chdir(tmp_path)
-    code, _, err = ballbar(monkeypatch, capsys, "claims")
+    code, _, err = ballbar("claims")
     assert (code, "no such folder here" in err) == (2, True)
 
 
@@ -501,13 +498,19 @@ def test_what_a_check_names_wrongly_is_told_with_file_and_line(tmp_path: Path) -
         )
 
 
-@pytest.mark.parametrize("file", sorted(CLAIMS.glob("*.yaml")), ids=lambda file: file.stem)
-def test_a_shipped_file_names_a_sweep_whose_points_are_right(file: Path) -> None:
-    claims, _ = load_claims(file)
-    if claims.sweep is not None:
-        check_points(load_sweep(CLAIMS / claims.sweep))
-    if claims.identifiability is not None:
-        load_scenario(CLAIMS / claims.identifiability)
+SOURCES = [load_claims(file)[0] for file in sorted(CLAIMS.glob("*.yaml"))]
+
+
+@pytest.mark.parametrize("name", sorted({c.sweep for c in SOURCES if c.sweep}))
+def test_every_point_of_a_shipped_sweep_is_a_valid_scenario(name: str) -> None:
+    sweep = load_sweep(CLAIMS / name)
+    assert sweep.plan.points > 1
+    check_points(sweep)  # raises DescriptionError naming every point that is wrong
+
+
+@pytest.mark.parametrize("name", sorted({c.identifiability for c in SOURCES if c.identifiability}))
+def test_the_scenario_of_a_shipped_identifiability_claim_loads(name: str) -> None:
+    assert load_scenario(CLAIMS / name).cell.robot == "irb2400"
 
 
 def test_every_shipped_sweep_has_its_claims() -> None:
@@ -530,13 +533,11 @@ def test_the_page_has_every_claim_with_the_verdict_that_its_file_expects() -> No
 
 
 @pytest.mark.slow
-def test_every_claim_of_the_thesis_comes_out_as_stated(tmp_path: Path, monkeypatch, capsys) -> None:
+def test_every_claim_of_the_thesis_comes_out_as_stated(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(ROOT)
     written = [ROOT / "docs" / "claims.md", *(ROOT / "docs" / "images" / "claims").iterdir()]
     before = [path.stat().st_mtime_ns for path in written]
-    code, out, err = ballbar(
-        monkeypatch, capsys, "claims", "--quick", "--out", tmp_path / "claims.md"
-    )
+    code, out, err = ballbar("claims", "--quick", "--out", tmp_path / "claims.md")
     assert (code, err) == (0, ""), out
     assert re.search(
         r"^\d+ claims: \d+ hold, \d+ differ as stated, 0 fail their checks$", out, re.MULTILINE

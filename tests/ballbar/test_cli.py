@@ -4,27 +4,12 @@ from __future__ import annotations
 
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 
-from ballbar.commands import cli
-from tests.conftest import SCENARIOS, Recorded
-
-SHORT = """name: short
-cell: {robot: irb2400, ballbar: lund_600, ballbar_position_m: [0.70, 0.0, 0.54]}
-path: {kind: lissajous, file: PATHS/irb2400_a.yaml, duration_s: 40, dwell_s: 2, stops: 0}
-plant: {kind: kinematic}
-errors:
-  static: {table: thesis_3_1}
-  joint_noise: {sigma_rad: 1.0e-5}
-encoders: {fitted: [1, 2, 4, 5], noise_sigma_rad: 1e-5}
-clocks: {offset_s: -3.0, skew: 5.0e-5}
-identify: {samples: 300}
-accept: {tcp_mean_mm: 0.05}
-seed: 3
-"""
+from tests.helpers.command_line import SHORT, ballbar
+from tests.helpers.simulated_recordings import SCENARIOS, Recorded
 
 
 @pytest.fixture
@@ -39,26 +24,9 @@ def recording(recorded: Recorded, tmp_path: Path) -> Path:
     return Path(shutil.copytree(recorded.folder, tmp_path / "rec"))
 
 
-def ballbar(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
-) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of one command."""
-    monkeypatch.setattr(sys, "argv", ["ballbar", *map(str, words)])
-    monkeypatch.setenv("COLUMNS", "400")
-    code = 0
-    try:
-        cli.main()
-    except SystemExit as stop:
-        code = int(stop.code or 0)
-    said = capsys.readouterr()
-    return code, said.out, said.err
-
-
 @pytest.mark.slow
-def test_a_scenario_runs_to_report_replay_and_limits(
-    scenario: Path, tmp_path: Path, monkeypatch, capsys
-) -> None:
-    code, out, _ = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
+def test_a_scenario_runs_to_report_replay_and_limits(scenario: Path, tmp_path: Path) -> None:
+    code, out, _ = ballbar("run", scenario, "--out", tmp_path / "out")
     assert code == 0
     assert out.splitlines()[0].startswith("Good fit")
     assert "met" in out
@@ -70,97 +38,85 @@ def test_a_scenario_runs_to_report_replay_and_limits(
         "recording",
         "recording.truth.yaml",
     } == {p.name for p in (tmp_path / "out").iterdir()}
-    code, out, _ = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
+    code, out, _ = ballbar("run", scenario, "--out", tmp_path / "out")
     assert code == 0, "a second run into the same folder replaces the first"
     code, out, _ = ballbar(
-        monkeypatch,
-        capsys,
-        "compare",
-        tmp_path / "out/calibration.yaml",
-        tmp_path / "out/recording.truth.yaml",
+        "compare", tmp_path / "out/calibration.yaml", tmp_path / "out/recording.truth.yaml"
     )
     assert code == 0
     assert "TCP error over the workspace: mean 0.00" in out
     assert "clock error: offset" in out
     code, out, _ = ballbar(
-        monkeypatch,
-        capsys,
-        "compare",
-        tmp_path / "out/calibration.yaml",
-        tmp_path / "out/calibration.yaml",
+        "compare", tmp_path / "out/calibration.yaml", tmp_path / "out/calibration.yaml"
     )
     assert "Euclidean distance 0.0000 mm|mrad over 28" in out
-    code, out, _ = ballbar(
-        monkeypatch, capsys, "replay", tmp_path / "out", "--save", tmp_path / "copy.rrd"
-    )
+    code, out, _ = ballbar("replay", tmp_path / "out", "--save", tmp_path / "copy.rrd")
     assert (tmp_path / "copy.rrd").read_bytes() == (tmp_path / "out/run.rrd").read_bytes()
     assert not list(tmp_path.rglob("*.part"))
 
 
 @pytest.mark.slow
-def test_a_limit_that_is_missed_exits_with_1(
-    scenario: Path, tmp_path: Path, monkeypatch, capsys
-) -> None:
+def test_a_limit_that_is_missed_exits_with_1(scenario: Path, tmp_path: Path) -> None:
     scenario.write_text(scenario.read_text().replace("tcp_mean_mm: 0.05", "tcp_mean_mm: 1e-6"))
-    code, out, _ = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
+    code, out, _ = ballbar("run", scenario, "--out", tmp_path / "out")
     assert code == 1
     assert "missed TCP error, mean" in out
 
 
 @pytest.mark.slow
 def test_simulate_check_and_identify_are_the_same_job_in_steps(
-    scenario: Path, tmp_path: Path, monkeypatch, capsys
+    scenario: Path, tmp_path: Path
 ) -> None:
     folder = tmp_path / "logs"
-    code, out, _ = ballbar(monkeypatch, capsys, "simulate", scenario, "--out", folder)
+    code, out, _ = ballbar("simulate", scenario, "--out", folder)
     assert code == 0
     assert (tmp_path / "logs.truth.yaml").is_file()
-    code, out, _ = ballbar(monkeypatch, capsys, "check", folder)
+    code, out, _ = ballbar("check", folder)
     assert code == 0
     assert "raw/robot.csv" in out
     offset = float(out.split("coarse clock offset: ")[1].split(" s")[0])
     assert offset == pytest.approx(-3.0, abs=0.1)
-    code, out, _ = ballbar(monkeypatch, capsys, "identify", folder, "--samples", "300")
+    code, out, _ = ballbar("identify", folder, "--samples", "300")
     assert code == 0
     assert sorted(p.name for p in (tmp_path / "logs-identified").iterdir()) == [
         "calibration.yaml",
         "import_report.json",
         "report.html",
     ]
-    _, out, _ = ballbar(monkeypatch, capsys, "check", "--json", folder)
+    _, out, _ = ballbar("check", "--json", folder)
     checked = json.loads(out)
     checked.pop("coarse_clock")
     assert json.loads((tmp_path / "logs-identified/import_report.json").read_text())[
         "recordings"
     ] == {"logs": checked}
-    code, out, _ = ballbar(monkeypatch, capsys, "replay", tmp_path / "logs-identified")
+    code, out, _ = ballbar("replay", tmp_path / "logs-identified")
     assert code == 2
 
 
 def test_an_output_folder_with_something_else_is_left_alone(
-    scenario: Path, recording: Path, tmp_path: Path, monkeypatch, capsys
+    scenario: Path, recording: Path, tmp_path: Path
 ) -> None:
     mine = tmp_path / "mine"
     mine.mkdir()
     (mine / "thesis.docx").write_text("precious")
     for words in (("run", scenario), ("simulate", scenario), ("identify", recording)):
-        code, _, err = ballbar(monkeypatch, capsys, *words, "--out", mine)
+        code, _, err = ballbar(*words, "--out", mine)
         assert code == 2
         assert "holds something else (thesis.docx)" in err
         assert "Choose another folder" in err
     assert [p.name for p in mine.iterdir()] == ["thesis.docx"]
     file = tmp_path / "file"
     file.write_text("x")
-    assert ballbar(monkeypatch, capsys, "run", scenario, "--out", file)[0] == 2
+    assert ballbar("run", scenario, "--out", file)[0] == 2
 
 
 def test_a_real_recording_is_never_overwritten_by_a_simulation(
-    scenario: Path, recording: Path, monkeypatch, capsys
+    scenario: Path, recording: Path
 ) -> None:
     yaml = recording / "recording.yaml"
     yaml.write_text(yaml.read_text().replace("kind: simulated", "kind: real"))
     before = (recording / "raw/robot.csv").read_bytes()
-    code, _, err = ballbar(monkeypatch, capsys, "simulate", scenario, "--out", recording)
+    code, _, err = ballbar("simulate", scenario, "--out", recording)
     assert code == 2
     assert "holds a real recording" in err
     assert (recording / "raw/robot.csv").read_bytes() == before
@@ -261,22 +217,22 @@ BAD = {
 
 @pytest.mark.parametrize("fault", list(BAD), ids=lambda fault: fault.__name__)
 def test_bad_input_says_what_and_where_with_exit_code_2_and_writes_nothing(
-    fault, recording: Path, tmp_path: Path, monkeypatch, capsys
+    fault, recording: Path, tmp_path: Path
 ) -> None:
     fault(recording)
     before = sorted(tmp_path.rglob("*"))
     for command in (("check", recording), ("identify", recording, "--out", tmp_path / "out")):
-        code, _, err = ballbar(monkeypatch, capsys, *command)
+        code, _, err = ballbar(*command)
         assert code == 2, err
         for word in BAD[fault]:
             assert word in err
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_a_cut_last_line_is_dropped_and_reported(recording: Path, monkeypatch, capsys) -> None:
+def test_a_cut_last_line_is_dropped_and_reported(recording: Path) -> None:
     path = recording / "raw/robot.csv"
     path.write_bytes(path.read_bytes()[:-4])
-    code, out, _ = ballbar(monkeypatch, capsys, "check", recording)
+    code, out, _ = ballbar("check", recording)
     assert code == 0
     assert "last line" in out
     lines = len(path.read_bytes().splitlines())
@@ -308,43 +264,37 @@ def test_a_cut_last_line_is_dropped_and_reported(recording: Path, monkeypatch, c
     ],
 )
 def test_a_wrong_scenario_names_line_key_and_value(
-    scenario: Path, tmp_path: Path, monkeypatch, capsys, old: str, new: str, words: list[str]
+    scenario: Path, tmp_path: Path, old: str, new: str, words: list[str]
 ) -> None:
     assert old in scenario.read_text()
     scenario.write_text(scenario.read_text().replace(old, new, 1))
-    code, _, err = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
+    code, _, err = ballbar("run", scenario, "--out", tmp_path / "out")
     assert code == 2
     for word in words:
         assert word in err
     assert not (tmp_path / "out").exists()
 
 
-def test_an_unknown_servo_lists_the_known_ones(
-    scenario: Path, tmp_path: Path, monkeypatch, capsys
-) -> None:
+def test_an_unknown_servo_lists_the_known_ones(scenario: Path, tmp_path: Path) -> None:
     scenario.write_text(
         scenario.read_text().replace("plant: {kind: kinematic}", "plant: {servo: softt}")
     )
-    code, _, err = ballbar(monkeypatch, capsys, "run", scenario, "--out", tmp_path / "out")
+    code, _, err = ballbar("run", scenario, "--out", tmp_path / "out")
     assert code == 2
     assert "softt" in err
     assert "soft, stiff" in err
 
 
 @pytest.mark.parametrize("command", ["run", "simulate", "check", "identify", "compare", "replay"])
-def test_every_command_has_help_with_an_example(command: str, monkeypatch, capsys) -> None:
-    code, out, _ = ballbar(monkeypatch, capsys, command, "--help")
+def test_every_command_has_help_with_an_example(command: str) -> None:
+    code, out, _ = ballbar(command, "--help")
     assert code == 0
     assert f"ballbar {command} " in out.split("Example")[1]
 
 
 @pytest.mark.slow
-def test_logs_that_do_not_belong_together_exit_with_1(
-    recording: Path, tmp_path: Path, monkeypatch, capsys
-) -> None:
+def test_logs_that_do_not_belong_together_exit_with_1(recording: Path, tmp_path: Path) -> None:
     damage(recording / "recording.yaml", b"lund_600", b"lund_900")
-    code, out, _ = ballbar(
-        monkeypatch, capsys, "identify", recording, "--out", tmp_path / "out", "--samples", "200"
-    )
+    code, out, _ = ballbar("identify", recording, "--out", tmp_path / "out", "--samples", "200")
     assert code == 1
     assert out.startswith("Not the declared cell")

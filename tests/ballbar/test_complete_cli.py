@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import re
 import shutil
-import sys
 from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,15 +19,16 @@ from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.run_data import RunData, Validation
 from ballbar.result.run_recordings import distinct_names, identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
-from cell.descriptions import load_cell
 from cell.errors import DescriptionError, InputError
+from cell.load import load_cell
 from ident.held_out import HeldOut, LoopClosure, held_out
 from ident.identify import Identification, Logs
 from ident.robot.accuracy import accuracy_grid
 from ident.signals.step_fault import StepFault
 from sim.simulate import simulate, write_recording
-from tests.conftest import SCENARIOS, Recorded
+from tests.helpers.command_line import ballbar
 from tests.helpers.page_cells import Cells
+from tests.helpers.simulated_recordings import SCENARIOS, Recorded
 
 pytestmark = pytest.mark.slow
 
@@ -40,19 +38,6 @@ amplitude_deg: [65.0, -15.0, 25.0, -14.0, 70.0]
 cycles: [2, 1, 3, 1, 4]
 phase_deg: [100.0, 10.0, 30.0, 200.0, 80.0]
 """  # the soft servo and the plant's closure check allow no faster one in a minute
-
-
-def ballbar(*words: object) -> tuple[int, str, str]:
-    """Exit code, standard output and standard error of one command."""
-    out, err, code = io.StringIO(), io.StringIO(), 0
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
-        patch.setattr(sys, "argv", ["ballbar", *map(str, words)])
-        patch.setenv("COLUMNS", "400")
-        try:
-            cli.main()
-        except SystemExit as stop:
-            code = int(stop.code or 0)
-    return code, out.getvalue(), err.getvalue()
 
 
 def quiet(_: str) -> None:

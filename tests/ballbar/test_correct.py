@@ -12,19 +12,21 @@ import numpy as np
 import pytest
 
 from ballbar.result.calibration import load_calibration
-from benchmarks.correct_in_plant import PlantRobot, known_robot, pose_distance, robot_row
-from benchmarks.everything_on import scenario_of
-from cell.chain import Array, joint_screws
-from cell.descriptions import Cell, controller_to_joints, joints_to_axes
+from cell.arrays import Array
+from cell.chain import joint_screws
+from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, robot_frames
+from cell.robot_angles import controller_to_joints, joints_to_axes
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
 from sim.plant.effects import PlantEffects
 from sim.plant.held_poses import hold_poses
-from tests.ballbar.test_complete_cli import ballbar
-from tests.conftest import perturbed
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
+from tests.helpers.command_line import ballbar
+from tests.helpers.drawn_robots import scenario_of
+from tests.helpers.plant_robot import PlantRobot, known_robot, pose_distance, robot_row
+from tests.helpers.simulated_recordings import perturbed
 
 AXES = ",".join(f"axis{i + 1}_deg" for i in range(6))
 
@@ -234,6 +236,8 @@ def test_every_target_at_fault_is_named(cell: Cell, nominal: Geometry) -> None:
     q = easy_targets(cell, 4)
     q[1, 4] = 0.0
     q[3, 0] = 4.0
-    with pytest.raises(TargetError) as caught:
+    with pytest.raises(
+        TargetError, match=r"^target 1: the robot stands at a singularity"
+    ) as caught:
         corrected_targets(robot, nominal, q)
     assert set(caught.value.faults) == {1, 3}

@@ -19,14 +19,15 @@ from scipy.spatial.transform import Rotation
 
 from ballbar.export.formats import FORMATS, Format, exported
 from ballbar.export.result import Result, load_result
-from cell.chain import Array
-from cell.descriptions import Cell, controller_to_joints, joints_to_axes
+from cell.arrays import Array
+from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry, robot_frames
+from cell.robot_angles import controller_to_joints, joints_to_axes
 from cell.rotation import rotvec_from_matrix
-from tests.ballbar.test_complete_cli import ballbar
-from tests.conftest import perturbed
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
+from tests.helpers.command_line import ballbar
+from tests.helpers.simulated_recordings import perturbed
 
 POSES = 1000
 TOLERANCE = 1e-9
@@ -317,7 +318,7 @@ def test_names_in_a_result_cannot_end_a_comment_or_begin_a_line(
 
 
 def test_the_larger_robot_is_exported_alike(tmp_path: Path) -> None:
-    from cell.descriptions import load_cell  # noqa: PLC0415
+    from cell.load import load_cell  # noqa: PLC0415
 
     nominal = nominal_geometry(
         load_cell("nj220", "lund_600", "plate_250"), np.array([1.5, 0.0, 0.7])

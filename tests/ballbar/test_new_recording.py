@@ -9,9 +9,9 @@ import yaml
 
 from acquisition import read_recording
 from ballbar.commands import recordings
-from tests.acquisition.test_recording import bar_lines, robot_lines
-from tests.ballbar.test_cli import ballbar
+from tests.helpers.command_line import ballbar
 from tests.helpers.container_files import Written, egm, json_lines, mcap, mpe, scope
+from tests.helpers.device_logs import bar_lines, robot_lines
 
 SAID = ["--robot", "irb2400", "--ballbar", "lund_600"]
 
@@ -25,9 +25,9 @@ def logs(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def test_options_and_accepted_proposals_make_a_folder_that_reads(
-    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
+    logs: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    code, out, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
+    code, out, _ = ballbar("new", tmp_path / "made", *logs, *SAID, "--yes")
     assert code == 0
     assert "dialect abb-motor: motor angles in rad, time in s" in out
     assert "b1=b1 b2=b2 b4=b4 b5=b5" in out
@@ -42,14 +42,12 @@ def test_options_and_accepted_proposals_make_a_folder_that_reads(
     [(mcap, "ros-joint-state"), (egm, "abb-egm"), (json_lines, "comau-json"), (mpe, "abb-mpe")],
 )
 def test_logs_that_are_no_tables_are_recognised_by_their_first_bytes(
-    make: Callable[[], Written], dialect: str, tmp_path: Path, monkeypatch, capsys
+    make: Callable[[], Written], dialect: str, tmp_path: Path
 ) -> None:
     robot, bar = tmp_path / f"robot{make().suffix}", tmp_path / "scope.csv"
     robot.write_bytes(make().content)
     bar.write_bytes(scope().content)
-    code, out, err = ballbar(
-        monkeypatch, capsys, "new", tmp_path / "made", robot, bar, *SAID, "--yes", "--json"
-    )
+    code, out, err = ballbar("new", tmp_path / "made", robot, bar, *SAID, "--yes", "--json")
     assert code == 0
     assert f"{robot.name} fits the dialect {dialect}" in err
     told = json.loads(out)
@@ -65,7 +63,7 @@ def test_logs_that_are_no_tables_are_recognised_by_their_first_bytes(
 
 
 def test_without_a_terminal_what_is_not_told_is_named_and_nothing_is_written(
-    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
+    logs: tuple[Path, Path], tmp_path: Path
 ) -> None:
     for words, missing in (
         (["--yes"], "Which robot?"),
@@ -77,15 +75,13 @@ def test_without_a_terminal_what_is_not_told_is_named_and_nothing_is_written(
         ),
         ([*SAID, "--yes", "--encoder", "b1=time"], "column time holds the time stamps"),
     ):
-        code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *words)
+        code, _, err = ballbar("new", tmp_path / "made", *logs, *words)
         assert code == 2
         assert missing in err
         assert sorted(path.name for path in tmp_path.iterdir()) == ["bar.csv", "robot.csv"]
 
 
-def test_the_form_of_up_time_stamps_is_asked(
-    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
-) -> None:
+def test_the_form_of_up_time_stamps_is_asked(logs: tuple[Path, Path], tmp_path: Path) -> None:
     lines = bar_lines()
     logs[1].write_text(
         "\n".join(
@@ -93,25 +89,17 @@ def test_the_form_of_up_time_stamps_is_asked(
         )
         + "\n"
     )
-    code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
+    code, _, err = ballbar("new", tmp_path / "made", *logs, *SAID, "--yes")
     assert code == 2
     assert "what are the time stamps? They do not show it" in err
     code, _, _ = ballbar(
-        monkeypatch,
-        capsys,
-        "new",
-        tmp_path / "made",
-        *logs,
-        *SAID,
-        "--yes",
-        "--ballbar-time",
-        "ms-32bit",
+        "new", tmp_path / "made", *logs, *SAID, "--yes", "--ballbar-time", "ms-32bit"
     )
     assert code == 0
 
 
 def test_the_user_is_asked_at_the_prompt(
-    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
+    logs: tuple[Path, Path], tmp_path: Path, monkeypatch
 ) -> None:
     asked: list[str] = []
     answers = {"Which robot": "irb2400", "Which ball-bar": "lund_600"}
@@ -125,17 +113,17 @@ def test_the_user_is_asked_at_the_prompt(
 
     monkeypatch.setattr(recordings.typer, "prompt", prompt)
     monkeypatch.setattr(recordings.sys.stdin, "isatty", lambda: True, raising=False)
-    code, _, _ = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs)
+    code, _, _ = ballbar("new", tmp_path / "made", *logs)
     assert code == 0
     assert len(asked) == 7  # two dialects, robot, ball-bar, encoders, lines, bits
 
 
 def test_a_folder_that_holds_something_is_left_alone(
-    logs: tuple[Path, Path], tmp_path: Path, monkeypatch, capsys
+    logs: tuple[Path, Path], tmp_path: Path
 ) -> None:
     (tmp_path / "made").mkdir()
     (tmp_path / "made/mine.txt").write_text("mine")
-    code, _, err = ballbar(monkeypatch, capsys, "new", tmp_path / "made", *logs, *SAID, "--yes")
+    code, _, err = ballbar("new", tmp_path / "made", *logs, *SAID, "--yes")
     assert code == 2
     assert "exists and holds something" in err
     assert (tmp_path / "made/mine.txt").read_text() == "mine"

@@ -16,7 +16,6 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from acquisition.recording import read_recording
 from ballbar.replay import write as replay
 from ballbar.replay.entities import rounded_up
 from ballbar.replay.motion import base_alignment, cell_motion, quat_xyzw, true_tool
@@ -25,19 +24,15 @@ from ballbar.replay.scene import magnification
 from ballbar.replay.shapes import STEEL, Mesh, arm, ball, bar_shapes, block, cylinder, robot_shapes
 from ballbar.replay.viewer import ViewerError, web_server
 from ballbar.replay.write import open_viewer, recording_id, serve_web, write_replay
-from ballbar.result.compare import Limit, identification_against_truth
-from ballbar.result.iterations import IterationLog
 from ballbar.result.run_data import RunData
-from ballbar.scenario import load_scenario
-from cell.chain import Array, Frames
-from cell.descriptions import load_cell
+from cell.arrays import Array
+from cell.chain import Frames
 from cell.errors import InputError
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
-from ident.identify import identify
+from cell.load import load_cell
 from ident.robot.accuracy import accuracy_grid
-from sim.simulate import simulate, write_recording
+from tests.helpers.identified_run import simulated_run
 
-SCENARIO = Path(__file__).parents[2] / "scenarios" / "irb2400.yaml"
 NS = 1e9
 
 
@@ -73,38 +68,6 @@ def file(run, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("replay") / "run.rrd"
     write_replay(path, run)
     return path
-
-
-def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
-    """A minute of the kinematic plant, identified from few samples, its iterations watched."""
-    scenario = load_scenario(SCENARIO)
-    scenario = scenario.model_copy(
-        update={
-            "path": scenario.path.model_copy(update={"duration_s": 60.0}),
-            "plant": scenario.plant.model_copy(update={"kind": "kinematic"}),
-            "errors": scenario.errors.model_copy(update={"rod_strain": None}),
-            "encoders": scenario.encoders.model_copy(update={"fitted": fitted}),
-        }
-    )
-    simulation = simulate(scenario, relative_to=SCENARIO.parent)
-    write_recording(simulation, scenario, folder / "recording")
-    recording = read_recording(folder / "recording")
-    log = IterationLog(lambda _: None)
-    found = identify(
-        simulation.cell,
-        recording.robot_log,
-        recording.ballbar_log,
-        samples=300,
-        progress=log.progress,
-        on_iteration=log.on_iteration,
-    )
-    comparison = identification_against_truth(found, simulation.truth)
-    limits = (
-        Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm"),
-        Limit("iterations", 11.0, 10.0, ""),
-    )
-    data = RunData("minute", folder / "recording", recording, found, simulation, comparison, limits)
-    return replace(data, scenario=scenario, iterations=tuple(log.steps))
 
 
 def _rerun(*arguments: str) -> subprocess.CompletedProcess[str]:

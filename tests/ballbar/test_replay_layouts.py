@@ -36,7 +36,7 @@ from ballbar.result.iterations import IterationLog
 from ballbar.result.run_data import RunData
 from cell.errors import InputError
 from cell.logs import BallBarLog
-from tests.ballbar.test_replay import simulated_run
+from tests.helpers.identified_run import simulated_run
 
 SECOND = 1e-9  # of the ns in a file
 

@@ -12,7 +12,7 @@ from ballbar.report.recording import SHIFTS, recording_section, shift_curve
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings
-from tests.conftest import Recorded
+from tests.helpers.simulated_recordings import Recorded
 
 
 def test_runs_of_true_are_stretches_of_time() -> None:

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from ballbar.sweep import workers as sweep_workers
-from ballbar.sweep.part import Job
+from ballbar.sweep.chunk import Task
 from ballbar.sweep.workers import dask_cluster
 from cell.errors import InputError
-from tests.ballbar.test_sweep import GRID, inline, loaded, swept, table_bytes
 from tests.helpers import sweep_work
+from tests.helpers.sweeps import GRID, inline, loaded, swept, table_bytes
 
-NOTHING = Job("", sweep_work.figures, (), Path())
+NOTHING = Task("", sweep_work.figures, (), Path())
 
 
 @pytest.mark.slow

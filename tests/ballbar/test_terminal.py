@@ -16,8 +16,8 @@ import typer
 
 from ballbar.commands import cli
 from ballbar.sweep.version import code_version
-from tests.ballbar.test_cli import SHORT, ballbar
-from tests.conftest import SCENARIOS
+from tests.helpers.command_line import SHORT, ballbar
+from tests.helpers.simulated_recordings import SCENARIOS
 
 pytestmark = pytest.mark.slow
 
@@ -89,42 +89,30 @@ def test_verbose_tells_the_stages_on_standard_error(
 
 def test_compare_says_the_same_in_words_in_json_and_nothing_when_quiet(
     made: tuple[Path, subprocess.CompletedProcess[str]],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
 ) -> None:
     folder, _ = made
     words = ("compare", folder / "calibration.yaml", folder / "recording.truth.yaml")
-    _, said, _ = ballbar(monkeypatch, capsys, *words)
-    _, printed, _ = ballbar(monkeypatch, capsys, *words, "--json")
+    _, said, _ = ballbar(*words)
+    _, printed, _ = ballbar(*words, "--json")
     assert f"mean {json.loads(printed)['tcp_error']['mean_m'] * 1e3:.4f} mm" in said
-    assert ballbar(monkeypatch, capsys, *words, "--quiet") == (0, "", "")
-    assert ballbar(monkeypatch, capsys, "-q", *words) == (0, "", "")
-    assert json.loads(ballbar(monkeypatch, capsys, *words, "-q", "--json")[1]) == json.loads(
-        printed
-    )
-    assert ballbar(monkeypatch, capsys, *words)[1] == said, "quiet is for one command"
-    code, said, told = ballbar(monkeypatch, capsys, "check", folder / "nothing", "--quiet")
+    assert ballbar(*words, "--quiet") == (0, "", "")
+    assert ballbar("-q", *words) == (0, "", "")
+    assert json.loads(ballbar(*words, "-q", "--json")[1]) == json.loads(printed)
+    assert ballbar(*words)[1] == said, "quiet is for one command"
+    code, said, told = ballbar("check", folder / "nothing", "--quiet")
     assert (code, said) == (2, "")
     assert "nothing" in told
 
 
 def test_simulate_and_identify_print_json(
-    made: tuple[Path, subprocess.CompletedProcess[str]],
-    scenario: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    made: tuple[Path, subprocess.CompletedProcess[str]], scenario: Path, tmp_path: Path
 ) -> None:
     _, done = made
-    _, printed, _ = ballbar(
-        monkeypatch, capsys, "simulate", scenario, "--out", tmp_path / "rec", "--json"
-    )
+    _, printed, _ = ballbar("simulate", scenario, "--out", tmp_path / "rec", "--json")
     simulated = json.loads(printed)
     assert (Path(simulated["recording"]) / "recording.yaml").is_file()
     assert Path(simulated["truth"]).is_file()
-    _, printed, _ = ballbar(
-        monkeypatch, capsys, "identify", tmp_path / "rec", "--samples", 300, "--json"
-    )
+    _, printed, _ = ballbar("identify", tmp_path / "rec", "--samples", 300, "--json")
     identified, run = json.loads(printed), json.loads(done.stdout)
     assert identified["comparison"] is None
     assert identified["calibration"]["parameters"] == run["calibration"]["parameters"], (
@@ -169,7 +157,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing_half_written(
         said, told = running.communicate(timeout=60.0)
     assert running.returncode == 130
     assert said == ""
-    assert "interrupted; nothing half-written was left" in told
+    assert "interrupted; no incomplete file was left behind" in told
     assert not list(tmp_path.rglob("*.part"))
     assert not {"calibration.yaml", "report.html", "run.rrd"} & {
         path.name for path in tmp_path.rglob("*")
@@ -177,10 +165,8 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing_half_written(
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_an_example_and_is_quiet_on_request(
-    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code, said, _ = ballbar(monkeypatch, capsys, command, "--help")
+def test_every_command_has_an_example_and_is_quiet_on_request(command: str) -> None:
+    code, said, _ = ballbar(command, "--help")
     assert code == 0
     assert f"ballbar {command} " in said.split("Example")[1]
     assert "--quiet" in said
@@ -194,10 +180,8 @@ def test_every_command_has_an_example_and_is_quiet_on_request(
         assert "--json" in said
 
 
-def test_the_version_is_that_of_the_code(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert ballbar(monkeypatch, capsys, "--version") == (0, f"ballbar {code_version()}\n", "")
+def test_the_version_is_that_of_the_code() -> None:
+    assert ballbar("--version") == (0, f"ballbar {code_version()}\n", "")
 
 
 def test_completion_knows_the_commands(
@@ -209,6 +193,6 @@ def test_completion_knows_the_commands(
         ("COMP_CWORD", "1"),
     ):
         monkeypatch.setenv(key, value)
-    with pytest.raises(SystemExit):
+    with pytest.raises(SystemExit, match=r"^0$"):
         cli.app(args=[], prog_name="ballbar")
     assert capsys.readouterr().out.split() == ["identify", "identifiability"]

@@ -11,19 +11,20 @@ import yaml
 from pydantic import ValidationError
 
 from acquisition import read_recording
-from ballbar.run import recorded_log, run_scenario, simulate_scenario
+from ballbar.run import run_scenario, simulate_scenario
 from ballbar.scenario import Scenario, load_scenario
+from ballbar.trial.nominal_path import recorded_log
 from ballbar.trial.sample_trial import trial_samples
 from ballbar.trial.trial import run_trial
-from cell.descriptions import load_cell
 from cell.errors import InputError
 from cell.geometry import NAMES, nominal_geometry, robot_frames
+from cell.load import load_cell
 from ident.estimator.closure import close_loop
 from ident.thesis.paired_samples import fit_samples, noise_of
 from sim.kinematic_samples import KinematicSamples, SampledPath, kinematic_samples, sample_path
 from sim.simulate import planned_path, simulate
 from sim.streams import stream
-from tests.conftest import SCENARIOS, Recorded, record
+from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 
 STATIC = {"static": {"table": "thesis_3_1"}}
 NOISE = {"joint_noise": {"sigma_rad": 1e-5}}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,22 +10,23 @@ import pytest
 from numpy.typing import NDArray
 
 from cell.chain import Chain, Frames, forward
-from cell.descriptions import (
-    BallBar,
-    Robot,
+from cell.descriptions import BallBar, Robot
+from cell.errors import DescriptionError
+from cell.load import (
     ballbar_names,
-    controller_to_joints,
-    joints_to_axes,
-    joints_to_motors,
     load_ballbar,
     load_cell,
     load_plate,
     load_robot,
-    motors_to_joints,
     plate_names,
     robot_names,
 )
-from cell.errors import DescriptionError
+from cell.robot_angles import (
+    controller_to_joints,
+    joints_to_axes,
+    joints_to_motors,
+    motors_to_joints,
+)
 
 Array = NDArray[np.float64]
 
@@ -90,7 +92,7 @@ def changed(folder: Path, source: str, old: str, new: str) -> Path:
 def refusal(path: Path) -> str:
     load = {"robot": load_robot, "bar": load_ballbar, "plate": load_plate}
     kind = path.read_text(encoding="utf-8").split("schema: ballbar-")[1].split("/")[0]
-    with pytest.raises(DescriptionError) as caught:
+    with pytest.raises(DescriptionError, match=re.escape(str(path))) as caught:
         load[kind](str(path))
     return str(caught.value).replace(str(path), "mine.yaml")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -24,7 +25,7 @@ def write(folder: Path, text: str | bytes) -> Path:
 
 def refusal(folder: Path, text: str | bytes, model: type[BaseModel] | None = None) -> str:
     path = write(folder, text)
-    with pytest.raises(DescriptionError) as caught:
+    with pytest.raises(DescriptionError, match=re.escape(str(path))) as caught:
         load_yaml(path) if model is None else load_model(path, model)
     return str(caught.value).replace(str(path), "file.yaml")
 

@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from acquisition import read_recording
-from cell.chain import Array, Frames, cross, joint_screws
-from cell.descriptions import Cell, load_cell
+from cell.arrays import Array
+from cell.chain import Frames, cross, joint_screws
+from cell.descriptions import Cell
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine
+from cell.load import load_cell
 from sim.logging.load_logs import ForceSensor
+from sim.motion import Motion
 from sim.simulate import truth_path
 from sim.truth import load_truth
 
@@ -222,3 +225,14 @@ def _link_centres(cell: Cell, frames: Frames) -> list[tuple[float, Array]]:
             (link.mass, frames.origin[i] + np.einsum("ijn,j->in", frames.rotation(i), local))
         )
     return out
+
+
+def pull_push(motion: Motion) -> tuple[float, float]:
+    """Stretch at 150 N beyond the slack, and the slack's width [m], from force and stretch."""
+    force, stretch = motion.rod_force, motion.rod_stretch
+    slopes, zeros = [], []
+    for side in (force > 20.0, force < -20.0):
+        slope, zero = np.polyfit(force[side], stretch[side], 1)
+        slopes.append(slope)
+        zeros.append(zero)
+    return 150.0 * float(np.mean(slopes)), float(zeros[0] - zeros[1])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.chain import Array
+from cell.arrays import Array
 
 NUMBER = r"-?\d+(?:\.\d+)?(?:e-?\d+)?"
 

@@ -17,7 +17,7 @@ from ident.estimator.closure import (
     rod_jacobian,
     whitening,
 )
-from tests.conftest import perturbed
+from tests.helpers.simulated_recordings import perturbed
 
 STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10
 TOLERANCE = (

@@ -17,7 +17,7 @@ from sim.errors.static_errors import THESIS_3_1
 from sim.path import ReferencePath
 from sim.settings import PathSettings
 from sim.simulate import planned_path
-from tests.conftest import SCENARIOS, perturbed
+from tests.helpers.simulated_recordings import SCENARIOS, perturbed
 
 COSTS = get_args(CostName)
 FORMS = get_args(Form)

@@ -56,8 +56,8 @@ from ident.thesis.tables import (
     TABLE_3_5_IDENTIFIED,
     THESIS_COSTS,
 )
-from tests.ballbar.test_cli import ballbar
-from tests.conftest import SCENARIOS
+from tests.helpers.command_line import ballbar
+from tests.helpers.simulated_recordings import SCENARIOS
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of columns of size 1 with weakest directions of 1e-3
@@ -422,10 +422,8 @@ def test_a_difference_without_a_reason_is_not_written(
         list(dependency_lines(found, notes))
 
 
-def test_the_command_prints_the_tables_of_one_cost(monkeypatch, capsys) -> None:
-    code, out, _ = ballbar(
-        monkeypatch, capsys, "identifiability", SCENARIOS / "irb2400.yaml", "--cost", "position"
-    )
+def test_the_command_prints_the_tables_of_one_cost() -> None:
+    code, out, _ = ballbar("identifiability", SCENARIOS / "irb2400.yaml", "--cost", "position")
     assert code == 0
     lines = [" ".join(line.split()) for line in out.splitlines()]
     assert (
@@ -436,7 +434,7 @@ def test_the_command_prints_the_tables_of_one_cost(monkeypatch, capsys) -> None:
     assert "bd5 +1 mm moves rd6 -1.000" in lines
 
 
-def test_the_command_says_all_of_it_as_json(monkeypatch, capsys) -> None:
+def test_the_command_says_all_of_it_as_json() -> None:
     words = (
         "identifiability",
         SCENARIOS / "nj220.yaml",
@@ -446,7 +444,7 @@ def test_the_command_says_all_of_it_as_json(monkeypatch, capsys) -> None:
         "1,2",
         "--json",
     )
-    code, out, _ = ballbar(monkeypatch, capsys, *words)
+    code, out, _ = ballbar(*words)
     assert code == 0
     said = json.loads(out)
     assert [cost["cost"] for cost in said["costs"]] == ["ml", "length", "position"]
@@ -483,11 +481,9 @@ def test_the_command_says_all_of_it_as_json(monkeypatch, capsys) -> None:
     ],
 )
 def test_bad_options_exit_with_2_and_say_what_would_do(
-    scenario: str, options: tuple[str, ...], words: list[str], monkeypatch, capsys
+    scenario: str, options: tuple[str, ...], words: list[str]
 ) -> None:
-    code, out, err = ballbar(
-        monkeypatch, capsys, "identifiability", SCENARIOS / f"{scenario}.yaml", *options
-    )
+    code, out, err = ballbar("identifiability", SCENARIOS / f"{scenario}.yaml", *options)
     assert code == 2
     assert out == ""
     for word in words:
@@ -501,7 +497,7 @@ def test_encoders_are_read_in_any_order_and_none_means_none() -> None:
         parse_encoders("-1")
 
 
-def test_the_command_has_help_with_an_example(monkeypatch, capsys) -> None:
-    code, out, _ = ballbar(monkeypatch, capsys, "identifiability", "--help")
+def test_the_command_has_help_with_an_example() -> None:
+    code, out, _ = ballbar("identifiability", "--help")
     assert code == 0
     assert "ballbar identifiability " in out.split("Example")[1]

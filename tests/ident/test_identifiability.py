@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from ident.estimator.problem import Clock, Problem
+from ident.estimator.sampling import sample_times
 
 from cell.geometry import NAMES, Geometry
 from cell.logs import BallBarLog, RobotLog
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
 from ident.estimator.noise import noise_from_logs
-from ident.estimator.problem import Clock, Problem
-from ident.estimator.sampling import sample_times
 from ident.identify import WIDEST_KNOT_SPACING
 from ident.signals.smooth_log import smooth_log
-from tests.conftest import Recorded, record
+from tests.helpers.simulated_recordings import Recorded, record
 
 
 @pytest.fixture(scope="module")

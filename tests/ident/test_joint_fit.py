@@ -6,13 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import make_interp_spline
-from scipy.sparse import csr_array
-
-from cell.chain import Array
-from cell.descriptions import load_cell
-from cell.geometry import nominal_geometry
-from ident.corrections import CORRECTIONS
 from ident.estimator.events import find_step_fault
 from ident.estimator.joint_fit import (
     ExcessNoise,
@@ -26,13 +19,20 @@ from ident.estimator.joint_fit import (
 )
 from ident.estimator.machine import tension_splines
 from ident.estimator.problem import Clock
+from scipy.interpolate import make_interp_spline
+from scipy.sparse import csr_array
+
+from cell.arrays import Array
+from cell.geometry import nominal_geometry
+from cell.load import load_cell
+from ident.corrections import CORRECTIONS
 from ident.estimator.uncertainty import block_widening, correlated_groups, uncertainty
 from ident.estimator.unknowns import RecordingShape, unknowns
 from ident.loads.gear_loads import mass_model
 from ident.signals.smooth_log import Outliers, SmoothLog
 from sim.path import reference_path
 from sim.simulate import load_lissajous
-from tests.ident.test_identify import SCENARIOS
+from tests.helpers.simulated_recordings import SCENARIOS
 
 ENCODERS = (1, 2, 4, 5)
 CELL = load_cell("irb2400", "lund_600", "plate_250")

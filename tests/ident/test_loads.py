@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cell.bodies import carried_bodies
-from cell.descriptions import load_cell
 from cell.dynamics import joint_torques
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine, robot_branches
+from cell.load import load_cell
 from ident.loads.gear_loads import loads, mass_model, own_weight
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import plant_model

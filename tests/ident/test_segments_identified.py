@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from acquisition import read_recording
-from benchmarks.alignment_after_fit import clock_error
 from ident.identify import identify
-from tests.conftest import record
+from tests.helpers.clock_truth import clock_error
+from tests.helpers.simulated_recordings import record
 
 RESET = 9_000_000  # counts, 3.8 rad
 

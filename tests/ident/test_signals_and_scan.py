@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from ident.estimator.problem import Clock
 from ident.estimator.sampling import sample_times
+
 from ident.estimator.uncertainty import autocorrelation
 from ident.signals.smooth_log import smooth_log, smoothing
 from ident.signals.steps import find_breaks

@@ -17,9 +17,10 @@ from typer.testing import CliRunner
 from ballbar.commands.cli import app
 from ballbar.plan import show as command
 from ballbar.plan.show import say_answers
-from cell.descriptions import joints_to_axes, load_cell
 from cell.errors import DescriptionError, InputError
 from cell.geometry import bar_frames
+from cell.load import load_cell
+from cell.robot_angles import joints_to_axes
 from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import position_sigma
 from planning.candidate import Candidate, numbers_of, rounded, space_of

@@ -17,7 +17,7 @@ import yaml
 
 from ballbar.commands import cli
 from generators import scenario_reference
-from tests.ballbar.test_cli import ballbar
+from tests.helpers.command_line import ballbar
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -164,7 +164,7 @@ def test_everything_on_the_api_page_is_there_and_has_a_docstring() -> None:
 
 @pytest.mark.slow
 def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In a folder with nothing but the scenarios; left out is what opens a viewer, and of other pages what takes minutes."""
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
@@ -180,7 +180,7 @@ def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
             command = _without_comment(line)
             if command.startswith("ballbar ") and not command.startswith("ballbar replay"):
                 words = shlex.split(command)[1:]
-                code, said[command], told = ballbar(monkeypatch, capsys, *words)
+                code, said[command], told = ballbar(*words)
                 assert code == (1 if "# exit code 1" in line else 0), (
                     f"{command}: {said[command]}{told}"
                 )
@@ -205,7 +205,7 @@ def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
     }
     assert {command.split()[1] for command in cheap} == {"export", "correct", "compare"}
     for command in sorted(cheap):
-        code, _, told = ballbar(monkeypatch, capsys, *shlex.split(command)[1:])
+        code, _, told = ballbar(*shlex.split(command)[1:])
         assert code == 0, f"{command}: {told}"
 
 

@@ -20,8 +20,7 @@ from scipy.interpolate import CubicSpline
 
 import sim
 from acquisition import Recording, read_recording
-from cell.chain import Array
-from cell.descriptions import joints_to_motors, load_cell, motors_to_joints
+from cell.arrays import Array
 from cell.errors import DescriptionError
 from cell.geometry import (
     INDEX,
@@ -33,7 +32,9 @@ from cell.geometry import (
     robot_frames,
 )
 from cell.inverse import pose_error
+from cell.load import load_cell
 from cell.logs import segment_starts
+from cell.robot_angles import joints_to_motors, motors_to_joints
 from cell.strict_yaml import load_model
 from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BASE_TILT, THESIS_3_1, true_geometry
 from sim.logging.loggers import chosen
@@ -41,7 +42,7 @@ from sim.motion import Motion
 from sim.settings import ErrorSettings, SimulationSettings
 from sim.simulate import truth_path
 from sim.truth import Truth, load_truth
-from tests.conftest import Recorded, record, settings
+from tests.helpers.simulated_recordings import Recorded, record, settings
 
 pytestmark = pytest.mark.slow  # a simulated run for each effect
 
@@ -774,7 +775,7 @@ def test_lost_and_repeated_rows_leave_the_other_rows_as_they_were(
 
 
 def test_every_stream_of_random_numbers_has_one_user() -> None:
-    sources = "".join(file.read_text() for file in Path(sim.__path__[0]).glob("*.py"))
+    sources = "".join(file.read_text() for file in Path(sim.__path__[0]).rglob("*.py"))
     names = re.findall(r"stream\([\w.]+, f?\"([^\"]+)\"\)", sources)
     assert sorted(names) == sorted(set(names))
     assert {

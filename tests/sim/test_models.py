@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from cell.descriptions import load_cell
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
+from cell.load import load_cell
 from sim.plant.mjcf import BAR_JOINTS, ROBOT_JOINTS
 from sim.plant.model_files import MODELS, VIEWS, model_xml
 

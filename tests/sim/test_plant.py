@@ -10,23 +10,25 @@ import numpy as np
 import pytest
 
 from ballbar.scenario import load_scenario
-from benchmarks.plant_oracle import CELLS, EFFECTS, held_against_oracle
-from benchmarks.thesis_5_3 import pull_push
 from cell.chain import joint_screws, screw
-from cell.descriptions import Cell, load_cell
+from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from cell.load import load_cell
 from planning.verify import plant_errors, set_without_strain
+from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import true_geometry
 from sim.motion import CLOSURE_STRIDE
 from sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
 from sim.plant import mujoco_plant as plant_module
-from sim.plant.effects import PlantEffects, PlantErrors, plant_effects
+from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.mjcf import plant_model
 from sim.plant.mujoco_plant import PlantError, check_course, prepare, roll_out, run_plant
 from sim.plant.statics import gravity_torque, rest
 from sim.simulate import load_lissajous, simulate
-from tests.conftest import SCENARIOS, Recorded, perturbed, settings
+from tests.helpers.log_analysis import pull_push
+from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
+from tests.helpers.simulated_recordings import SCENARIOS, Recorded, perturbed, settings
 
 
 @pytest.fixture(scope="module")
@@ -206,7 +208,7 @@ def test_stretches_are_told_as_they_come_and_join_to_what_one_call_gives(
         path,
         servo="soft",
         timestep=1e-3,
-        watch=lambda _cell, _geometry, *rows: told.append(rows),
+        on_motion=lambda _cell, _geometry, *rows: told.append(rows),
     )
     assert len(told) == 25
     for one, following in pairwise(told):

@@ -17,10 +17,11 @@ import pytest
 from pydantic import ValidationError
 from scipy.optimize import curve_fit
 
-from cell.chain import Array
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.inverse import pose_error
+from sim.errors.plant_errors import PlantErrors
 from sim.logging.load_logs import (
     ForceSensor,
     LoadLogs,
@@ -29,11 +30,10 @@ from sim.logging.load_logs import (
     motor_torques,
     sensor_rows,
 )
-from sim.plant.effects import PlantErrors, plant_effects
+from sim.plant.effects import plant_effects
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate, truth_path, write_recording
 from sim.truth import PlantTruth, load_truth
-from tests.conftest import SCENARIOS, record, settings
 from tests.helpers.log_analysis import (
     Logs,
     fit,
@@ -44,6 +44,7 @@ from tests.helpers.log_analysis import (
     settled_direction,
     there_and_back,
 )
+from tests.helpers.simulated_recordings import SCENARIOS, record, settings
 
 pytestmark = pytest.mark.slow  # a simulated run for each effect
 

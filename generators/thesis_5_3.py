@@ -1,6 +1,6 @@
 """The experiments of thesis sec. 5.3 in the simulated cell: docs/experiments.md with its figures.
 
-    python -m benchmarks.thesis_5_3
+    python -m generators.thesis_5_3
 
 The thesis looked at base, joints and rod with an optical system (90 um) and a force sensor; here the plant's own coordinates
 stand for the optical system.
@@ -17,11 +17,12 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from ballbar.scenario import load_scenario
-from cell.chain import Array
+from cell.arrays import Array
 from cell.files import write_whole
 from sim.motion import Motion
 from sim.plant.deflection import deflect
 from sim.simulate import Simulation, simulate
+from tests.helpers.log_analysis import pull_push
 
 ROOT = Path(__file__).parent.parent
 SCENARIOS, DOCS = ROOT / "scenarios", ROOT / "docs"
@@ -36,7 +37,7 @@ _FEW = slice(None, None, 60)  # of a millisecond grid: what a curve needs
 
 PAGE = """# Experiments of thesis sec. 5.3, in the simulated cell
 
-Written by `python -m benchmarks.thesis_5_3` from `scenarios/irb2400_push_pull.yaml`, `scenarios/irb2400.yaml` and
+Written by `python -m generators.thesis_5_3` from `scenarios/irb2400_push_pull.yaml`, `scenarios/irb2400.yaml` and
 `scenarios/irb2400_full.yaml`.
 
 | what | thesis | here |
@@ -81,17 +82,6 @@ def sphere_deviation(motion: Motion) -> Array:
     return np.asarray(
         np.linalg.norm(bar.tip - seat, axis=0) - np.linalg.norm(rigid.tip - seat, axis=0)
     )
-
-
-def pull_push(motion: Motion) -> tuple[float, float]:
-    """Stretch at 150 N beyond the slack, and the slack's width [m], from force and stretch."""
-    force, stretch = motion.rod_force, motion.rod_stretch
-    slopes, zeros = [], []
-    for side in (force > 20.0, force < -20.0):
-        slope, zero = np.polyfit(force[side], stretch[side], 1)
-        slopes.append(slope)
-        zeros.append(zero)
-    return 150.0 * float(np.mean(slopes)), float(zeros[0] - zeros[1])
 
 
 def main() -> None:

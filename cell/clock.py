@@ -1,0 +1,40 @@
+"""The two clocks of a recording: the affine map between the ball-bar's stamps and the robot's.
+
+`t_robot = offset + (1 + skew) * t_ballbar`, both counted from the first row of their own log. The
+clock offset is the robot's time at the first row of the ball-bar's log; the skew is the rate error
+of the ball-bar's clock, in seconds that the robot's clock gains in each second of the ball-bar's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+from cell.arrays import Array
+
+Time = TypeVar("Time", float, Array)
+
+ALIKE_OFFSET, ALIKE_SKEW = 2e-5, 1e-7  # [s], [1]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Clock offset and skew of a recording."""
+
+    offset: float  # [s]
+    skew: float  # [1]
+
+    def robot_time(self, t_ballbar: Time) -> Time:
+        """Time [s] on the robot's clock, in the shape of `t_ballbar` [s]."""
+        return self.offset + (1.0 + self.skew) * t_ballbar
+
+    def ballbar_time(self, t_robot: Time) -> Time:
+        """Time [s] on the ball-bar's clock, in the shape of `t_robot` [s]; inverse of `robot_time`."""
+        return (t_robot - self.offset) / (1.0 + self.skew)
+
+    def alike(self, other: Clock) -> bool:
+        """Whether both clocks agree to within what the ripple of a gear could resolve."""
+        return (
+            abs(self.offset - other.offset) < ALIKE_OFFSET
+            and abs(self.skew - other.skew) < ALIKE_SKEW
+        )

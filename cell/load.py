@@ -1,0 +1,176 @@
+"""Descriptions of a cell read from YAML files: those shipped in cell/, or files of one's own.
+
+The schema of the files is cell.description_files; here their units become SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.description_files import (
+    BallBarFile,
+    BallBarLinksFile,
+    DHRowFile,
+    GearsFile,
+    LinkFile,
+    PlateFile,
+    RobotFile,
+    RobotLinksFile,
+)
+from cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
+from cell.errors import DescriptionError
+from cell.schema_errors import nearest
+from cell.strict_yaml import load_model
+
+_FOLDER = Path(__file__).parent
+
+
+def load_cell(robot: str, ballbar: str, plate: str, *, relative_to: Path | None = None) -> Cell:
+    """The cell of three descriptions, each a shipped name or a path as in `load_robot`."""
+    return Cell(
+        load_robot(robot, relative_to=relative_to),
+        load_ballbar(ballbar, relative_to=relative_to),
+        load_plate(plate, relative_to=relative_to),
+    )
+
+
+def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
+    """A robot by its shipped name, or from a file.
+
+    name_or_path : `irb2400`, or a path that ends in `.yaml`, taken from the folder `relative_to`.
+
+    Raises DescriptionError if there is no such robot or its file is wrong.
+    """
+    path = _find(name_or_path, "robots", relative_to)
+    file = load_model(path, RobotFile)
+    transmission = np.array(file.motor_to_joint)
+    return Robot(
+        name=path.stem,
+        title=file.title,
+        **_dh_columns(file.dh),
+        transmission=transmission,
+        controller_to_joint=np.array(file.controller_to_joint),
+        controller_offset=np.deg2rad(file.controller_offset_deg),
+        axis_lower=np.deg2rad(file.axis_lower_deg),
+        axis_upper=np.deg2rad(file.axis_upper_deg),
+        axis_speed_max=np.deg2rad(file.axis_speed_max_deg_per_s),
+        accuracy_lower=np.deg2rad(file.accuracy_lower_deg),
+        accuracy_upper=np.deg2rad(file.accuracy_upper_deg),
+        links=_links(file.links),
+        servo={
+            key: ServoGains(np.array(s.kp_N_m_per_rad), np.array(s.kv_N_m_s_per_rad))
+            for key, s in file.servo.items()
+        },
+        gears=_gears(file.gears, 1.0 / np.abs(np.diag(transmission))),
+        armature=np.array(file.rotor_inertia_kg_m2) / np.diag(transmission) ** 2,
+        gravity=np.array(file.gravity_m_per_s2),
+    )
+
+
+def load_ballbar(name_or_path: str, *, relative_to: Path | None = None) -> BallBar:
+    """A ball-bar by its shipped name (`lund_600`), or from a file, as in `load_robot`."""
+    path = _find(name_or_path, "ballbars", relative_to)
+    file = load_model(path, BallBarFile)
+    return BallBar(
+        name=path.stem,
+        title=file.title,
+        **_dh_columns(file.dh),
+        length_tolerance=file.length_tolerance_m,
+        axial_stiffness=file.axial_stiffness_N_per_m,
+        axial_damping=file.axial_damping_N_s_per_m,
+        joint_damping=np.array(file.joint_damping_N_m_s_per_rad),
+        friction_torque=file.friction_torque_N_m,
+        backlash=file.backlash_m,
+        encoder_lines=file.encoder.lines,
+        encoder_bits=file.encoder.bits,
+        encoder_noise_sigma=file.encoder.noise_sigma_rad,
+        links=_links(file.links),
+    )
+
+
+def load_plate(name_or_path: str, *, relative_to: Path | None = None) -> Plate:
+    """An offset plate by its shipped name (`plate_250`), or from a file, as in `load_robot`."""
+    path = _find(name_or_path, "plates", relative_to)
+    file = load_model(path, PlateFile)
+    return Plate(
+        name=path.stem,
+        title=file.title,
+        length=file.length_m,
+        length_sigma=file.length_sigma_m,
+        tool_offset=file.tool_offset_m,
+        tip_stiffness=file.tip_stiffness_N_per_m,
+        body=_link(file.body),
+    )
+
+
+def robot_names() -> list[str]:
+    """Names of the shipped robots."""
+    return _names("robots")
+
+
+def ballbar_names() -> list[str]:
+    """Names of the shipped ball-bars."""
+    return _names("ballbars")
+
+
+def plate_names() -> list[str]:
+    """Names of the shipped offset plates."""
+    return _names("plates")
+
+
+def _names(kind: str) -> list[str]:
+    return sorted(path.stem for path in (_FOLDER / kind).glob("*.yaml"))
+
+
+def _find(name_or_path: str, kind: str, relative_to: Path | None) -> Path:
+    if name_or_path.endswith(".yaml"):
+        return (relative_to or Path()) / name_or_path
+    names = _names(kind)
+    if name_or_path in names:
+        return _FOLDER / kind / f"{name_or_path}.yaml"
+    raise DescriptionError(
+        f"unknown {kind.removesuffix('s')} {name_or_path!r}."
+        f"{nearest(name_or_path, names, noun='name')} A file of your own ends in .yaml."
+    )
+
+
+def _dh_columns(rows: Iterable[DHRowFile]) -> dict[str, Any]:
+    a, d, alpha, theta = np.array([(r.a_m, r.d_m, r.alpha_deg, r.theta_deg) for r in rows]).T
+    return {"a": a, "d": d, "alpha": np.deg2rad(alpha), "theta": np.deg2rad(theta)}
+
+
+def _gears(file: GearsFile, ratio: Array) -> Gears:
+    """Gears of a file; ratio : (6,) turns of the motor per turn of the output."""
+    harmonics: list[tuple[tuple[float, float], ...]] = [()] * 6
+    for group in file.transmission_error:
+        amplitudes = (*group.amplitude_rad, group.input_amplitude_rad)
+        for axis in group.axes:
+            cycles = (*group.cycles_per_turn, float(ratio[axis - 1]))
+            harmonics[axis - 1] += tuple(zip(cycles, amplitudes, strict=True))
+    friction = file.friction
+    return Gears(
+        stiffness=np.array(file.stiffness_N_m_per_rad),
+        damping=np.array(file.damping_N_m_s_per_rad),
+        lost_motion=np.array(file.lost_motion_rad),
+        static=np.array(friction.static_N_m),
+        coulomb=np.array(friction.coulomb_N_m),
+        viscous=np.array(friction.viscous_N_m_s_per_rad),
+        stribeck=np.array(friction.stribeck_rad_per_s),
+        harmonics=tuple(harmonics),
+    )
+
+
+def _links(file: RobotLinksFile | BallBarLinksFile) -> tuple[Link, ...]:
+    """Links of a robot or ball-bar file, in the order of its keys' declaration."""
+    return tuple(_link(body) for _, body in file)
+
+
+def _link(file: LinkFile) -> Link:
+    xx, yy, zz, xy, xz, yz = file.inertia_kg_m2
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Link(file.mass_kg, np.array(file.com_m), inertia)

@@ -1,0 +1,62 @@
+"""Motor, axis and joint angles of a robot, and the linear maps between them.
+
+Motor angles turn the gears. Axis angles are those that the controller shows, logs and limits. Joint
+angles q belong to the DH model. With a parallel rod, axis 3 is the angle of the forearm against the
+horizontal, whereas q3 is its angle against the upper arm. Source of the matrices: thesis App. A.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cell.arrays import Array
+from cell.descriptions import Robot
+
+_BLOCK = 4096  # rows multiplied at a time: below it OpenBLAS computes in the calling thread
+
+
+def motors_to_joints(robot: Robot, motors: ArrayLike) -> Array:
+    """Joint angles (N, 6) [rad] of motor angles (N, 6) [rad].
+
+    One sample (6,) gives (6,). The map is linear, so it also holds for speeds [rad/s].
+    """
+    return _times(_rows(motors), robot.transmission)
+
+
+def joints_to_motors(robot: Robot, joints: ArrayLike) -> Array:
+    """Motor angles (N, 6) [rad] of joint angles (N, 6) [rad]; inverse of `motors_to_joints`."""
+    return _times(_rows(joints), np.asarray(np.linalg.inv(robot.transmission), dtype=np.float64))
+
+
+def controller_to_joints(robot: Robot, axes: ArrayLike) -> Array:
+    """Joint angles (N, 6) [rad] of the controller's axis angles (N, 6) [rad]; (6,) gives (6,)."""
+    return _times(_rows(axes), robot.controller_to_joint) + robot.controller_offset
+
+
+def joints_to_axes(robot: Robot, joints: ArrayLike) -> Array:
+    """Controller's axis angles (N, 6) [rad] of joint angles (N, 6) [rad].
+
+    Inverse of `controller_to_joints`; the axis limits apply to its result. Speeds have no offset:
+    use `speeds @ robot.joint_to_axis` for them.
+    """
+    axes = _times(_rows(joints), robot.joint_to_axis)
+    axes -= robot.controller_offset @ robot.joint_to_axis
+    return axes
+
+
+def _rows(angles: ArrayLike) -> Array:
+    rows = np.asarray(angles, dtype=np.float64)
+    if rows.ndim == 0 or rows.shape[-1] != 6:
+        raise ValueError(f"angles have shape {rows.shape}, expected (N, 6) or (6,)")
+    return rows
+
+
+def _times(rows: Array, matrix: Array) -> Array:
+    """rows @ matrix by blocks of rows, since BLAS threads of larger products mostly wait."""
+    if rows.ndim == 1 or len(rows) <= _BLOCK:
+        return np.asarray(rows @ matrix)
+    out = np.empty_like(rows)  # keeps the memory layout of the rows
+    for begin in range(0, len(rows), _BLOCK):
+        np.matmul(rows[begin : begin + _BLOCK], matrix, out=out[begin : begin + _BLOCK])
+    return out

@@ -1,0 +1,215 @@
+"""The maximum-likelihood fit: damped Gauss-Newton on the whitened loop closure of all recordings.
+
+Loads are frozen within an iteration but for their dependence on the rod's tension, without which
+the steps oscillate (notes/identification sec. 6, trap 8).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.clock import Clock
+from cell.geometry import Geometry
+from ident.estimator.gauss_newton import Stop, inverse, minimise
+from ident.estimator.iteration import Iteration, IterationCallback
+from ident.estimator.model import JOINTS_AS_LOGGED, Model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.normal_equations import (
+    NormalEquations,
+    Trial,
+    at_trial,
+    normal_equations,
+    trial,
+)
+from ident.estimator.samples import Samples
+from ident.estimator.unknowns import kinematic_unknowns
+from ident.signals.step_fault import StepFault
+
+FREEZE_AFTER = 6  # iterations with new weights; loads near a reversal could change them for ever
+# Predicted decrease, in units of the cost per degree of freedom, that ends the search: it leaves
+# the
+# estimate a hundredth of its standard deviation from the minimum.
+NEGLIGIBLE = 1e-4
+# Predicted decrease for each unknown below which a Jacobian is reused: within five standard
+# deviations of each, it gives the same covariance at either end of the step.
+REUSE_BELOW = 25.0
+COARSE_SAMPLES, COARSE_SHARE = (
+    150,
+    4,
+)  # a fit of so many comes first where there are so many times more
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The outcome of one minimisation."""
+
+    model: Model
+    linear: NormalEquations
+    covariance: Array  # (P, P) as if the residual were white
+    excess: ExcessNoise
+    iterations: int
+    converged: bool
+    step_faults: tuple[StepFault, ...] = ()
+
+    @property
+    def x(self) -> Array:
+        """(P,) the estimate."""
+        return self.linear.x
+
+    @property
+    def ballbars(self) -> list[Array]:
+        """(N, 5) [rad] ball-bar angles of each recording, unmeasured joints as solved for."""
+        return [point.ballbar for point in self.linear.evaluations]
+
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom: equations less the unknowns that the data determined."""
+        prior = np.diag(self.covariance) / self.model.unknowns.sigma**2
+        return int(self.linear.equations - (self.model.unknowns.count - prior.sum()))
+
+    @property
+    def chi2_per_dof(self) -> float:
+        return self.linear.data_cost / max(1, self.degrees)
+
+    def geometry(self, k: int = 0) -> Geometry:
+        """The kinematic parameters of recording k."""
+        return self.model.unknowns.geometry(self.x, k)
+
+    def clock(self, k: int = 0) -> Clock:
+        """The clock of recording k."""
+        return self.model.unknowns.clock(self.x, k)
+
+
+@dataclass(frozen=True, eq=False)
+class _WhitenedLoopClosure:
+    """The problem that `gauss_newton.minimise` solves."""
+
+    model: Model
+    x: Array
+    ballbars: Sequence[Array]
+    excess: ExcessNoise
+    keep_blocks: bool
+
+    def start(self) -> NormalEquations:
+        return normal_equations(
+            self.model, self.x, self.ballbars, self.excess, keep_blocks=self.keep_blocks
+        )
+
+    def trial(self, equations: NormalEquations, step: Array) -> Trial:
+        return trial(self.model, equations, step)
+
+    def accept(
+        self, equations: NormalEquations, accepted: Trial, iterations: int
+    ) -> NormalEquations:
+        return normal_equations(
+            self.model,
+            accepted.x,
+            [point.ballbar for point in equations.evaluations],
+            self.excess,
+            weights=equations.weights if iterations >= FREEZE_AFTER else (),
+            previous=accepted.evaluations,
+            keep_blocks=self.keep_blocks,
+        )
+
+    def reuse(self, equations: NormalEquations, accepted: Trial) -> NormalEquations:
+        return at_trial(self.model, equations, accepted)
+
+
+def fit(
+    model: Model,
+    x: Array,
+    ballbars: Sequence[Array],
+    excess: ExcessNoise,
+    *,
+    negligible: float = NEGLIGIBLE,
+    max_iterations: int = 50,
+    reuse_below: float = 0.0,
+    on_iteration: IterationCallback | None = None,
+) -> Fit:
+    """Fit the model from x (P,).
+
+    ballbars : (N, 5) [rad] of each recording, where its unmeasured joints start.
+    negligible, reuse_below : as `NEGLIGIBLE` and `REUSE_BELOW` above.
+    on_iteration : called with the start and each iteration.
+
+    Raises SingularError where the model has no finite linearisation.
+    """
+
+    def report(equations: NormalEquations) -> None:
+        if on_iteration:
+            on_iteration(_iteration(model, equations))
+
+    minimum = minimise(
+        _WhitenedLoopClosure(model, x, ballbars, excess, keep_blocks=reuse_below > 0.0),
+        Stop(decrease=negligible),
+        max_iterations=max_iterations,
+        reuse_below=reuse_below,
+        on_iteration=report,
+    )
+    linear = replace(minimum.equations, blocks=())
+    covariance = inverse(linear.normal)
+    return Fit(model, linear, covariance, excess, minimum.iterations, minimum.converged)
+
+
+def fit_kinematics(
+    samples: Samples,
+    start: Geometry,
+    clock: Clock,
+    parameters: NDArray[np.intp],
+    excess: ExcessNoise,
+    *,
+    prior_sigma: Array | None = None,
+    negligible: float = NEGLIGIBLE,
+    max_iterations: int = 50,
+    on_iteration: IterationCallback | None = None,
+) -> Fit:
+    """Fit kinematic parameters and the clock of one recording, without corrections.
+
+    start, clock : values to start from; parameters that are not fitted keep theirs.
+    parameters : (P,) indices into PARAMETERS. prior_sigma : (P,) [m, rad] about the start.
+    Other arguments and errors as in `fit`.
+    """
+    seen = clock if samples.has_clock else None
+    layout, x = kinematic_unknowns(start, seen, parameters, prior_sigma)
+    model = Model(JOINTS_AS_LOGGED, None, (), layout, (samples,))
+    ballbars = [samples.ballbar_angles(start, clock)]
+    step = partial(fit, max_iterations=max_iterations, on_iteration=on_iteration)
+    iterations = 0
+    if (thin := thinned(model, ballbars, samples=COARSE_SAMPLES, times=COARSE_SHARE)) is not None:
+        coarse = step(thin[0], x, thin[1], excess, negligible=1.0, reuse_below=np.inf)
+        if coarse.converged:
+            x, iterations = coarse.x, coarse.iterations
+            ballbars = [samples.ballbar_angles(coarse.geometry(), coarse.clock())]
+    minimum = step(model, x, ballbars, excess, negligible=negligible, reuse_below=REUSE_BELOW)
+    return replace(minimum, iterations=iterations + minimum.iterations)
+
+
+def thinned(
+    model: Model, ballbars: Sequence[Array], *, samples: int, times: int
+) -> tuple[Model, list[Array]] | None:
+    """The model with about so many samples of each recording; None unless there are `times` more.
+
+    A fit of a few of very many samples goes most of the way for a fraction of the time.
+    """
+    step = min(r.times.size for r in model.recordings) // samples
+    if step < times:
+        return None
+    recordings = tuple(r.thinned(step) for r in model.recordings)
+    return replace(model, recordings=recordings), [b[::step] for b in ballbars]
+
+
+def _iteration(model: Model, equations: NormalEquations) -> Iteration:
+    layout, x = model.unknowns, equations.x
+    return Iteration(
+        geometry=layout.geometry(x, 0),
+        clock=layout.clock(x, 0),
+        times=model.recordings[0].times,
+        error=equations.evaluations[0].closure.error,
+        chi2_per_sample=equations.cost / equations.equations,
+    )

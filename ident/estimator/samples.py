@@ -1,0 +1,152 @@
+"""One recording at the instants of the fit: both logs as smooth functions, and their noise.
+
+The instants are spread evenly over the part where both logs exist and the robot moves. They are
+times of the ball-bar's clock, or of the robot's where the ball-bar has no encoders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from cell.arrays import Array
+from cell.clock import Clock
+from cell.geometry import BAR_ROWS, Geometry
+from ident.estimator.closure import complete_bar_angles
+from ident.signals.smooth_log import SmoothLog, smoothing
+
+MARGIN = 0.3  # [s] inside both logs, so that the clock may still move during the fit
+DWELL_KEPT = (
+    1.0  # [s] of the dwell at either end: where the motion starts and stops tells the clock
+)
+MOVING = 1e-3  # [rad/s] of a moving joint (thesis sec. 5.2 uses 1e-4 on noise-free plots)
+_GRID_STEP, _GRID_SIZE = 0.05, 200  # [s], instants at least, on which motion is looked for
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """One recording, ready to be compared with a mechanism."""
+
+    robot: SmoothLog
+    ballbar: SmoothLog | None  # None for a ball-bar without encoders
+    encoders: tuple[int, ...]  # joints 1..5 of the ball-bar that are measured
+    directions: Array  # (E,) +1 or -1, of each encoder against its declared direction
+    times: Array  # (N,) [s]
+    joint_noise: Array  # (6,) [rad] standard deviation of the robot's angles at an instant
+    encoder_noise: Array  # (5,) [rad] of the ball-bar's; 0 where unmeasured
+    tension: Array = field(default_factory=lambda: np.zeros(0))  # (N,) [N] measured; else zeros
+    splines: csr_array = field(default_factory=lambda: csr_array((0, 0)))  # (K, N) of the tension
+    clock_steps: tuple[float, ...] = ()  # [s] instants at which one of the clocks was set
+
+    @property
+    def has_clock(self) -> bool:
+        return self.ballbar is not None
+
+    @property
+    def unmeasured(self) -> list[int]:
+        """Columns of the ball-bar joints without encoder, from 0."""
+        return [j for j in range(BAR_ROWS) if j + 1 not in self.encoders]
+
+    @property
+    def smoothing(self) -> float:
+        """[s] over which the logs were smoothed."""
+        return smoothing(self.robot, self.ballbar)
+
+    @property
+    def spacing(self) -> float:
+        """[s] between neighbouring instants."""
+        return float(np.median(np.diff(self.times)))
+
+    def robot_time(self, clock: Clock, t: Array) -> Array:
+        """(N,) [s] on the robot's clock of instants t (N,) [s], kept inside the robot's log."""
+        return np.clip(clock.robot_time(t), self.robot.start, self.robot.end)
+
+    def ballbar_angles(self, geometry: Geometry, clock: Clock, t: Array | None = None) -> Array:
+        """(N, 5) [rad] at instants t (N,) [s]: measured, or from the robot's pose where unmeasured.
+
+        t : the instants of the samples where it is not given.
+        """
+        t = self.times if t is None else t
+        measured = np.zeros((t.size, 0))
+        if self.ballbar is not None:
+            measured = np.asarray(self.ballbar.spline(t)) * self.directions
+        q = np.asarray(self.robot.spline(self.robot_time(clock, t)))
+        return complete_bar_angles(geometry, q, measured, self.encoders)
+
+    def after_clock_steps(self) -> Array:
+        """(S, N) 1 from each clock step on, 0 before it."""
+        return (self.times >= np.array(self.clock_steps)[:, None]).astype(float)
+
+    def thinned(self, step: int) -> Samples:
+        """Every `step`-th sample."""
+        return replace(
+            self,
+            times=self.times[::step],
+            tension=self.tension[::step],
+            splines=self.splines[:, ::step],
+        )
+
+
+def samples_of(
+    robot: SmoothLog,
+    ballbar: SmoothLog | None,
+    encoders: tuple[int, ...],
+    directions: Sequence[float] | Array,
+    times: Array,
+    *,
+    spacing: float | None = None,
+) -> Samples:
+    """Samples at times (N,) [s] with the noise that the smoothing left; arguments as in Samples.
+
+    spacing : [s] between independent samples; that of the times where it is not given.
+    """
+    spacing = float(np.median(np.diff(times))) if spacing is None else spacing
+    encoder_noise = np.zeros(BAR_ROWS)
+    if ballbar is not None:
+        encoder_noise[[j - 1 for j in encoders]] = ballbar.sample_sigma(spacing)
+    return Samples(
+        robot=robot,
+        ballbar=ballbar,
+        encoders=encoders,
+        directions=np.array(directions, dtype=float),
+        times=times,
+        joint_noise=robot.sample_sigma(spacing),
+        encoder_noise=encoder_noise,
+        tension=np.zeros(times.size),
+        splines=csr_array((0, times.size)),
+    )
+
+
+def overlap(robot: SmoothLog, ballbar: SmoothLog | None, clock: Clock) -> tuple[float, float]:
+    """Start and end [s] of the stretch that both logs cover; where there is none, end < start."""
+    if ballbar is None:
+        return robot.start, robot.end
+    first, last = clock.ballbar_time(np.array([robot.start, robot.end]))
+    return max(ballbar.start, float(first)), min(ballbar.end, float(last))
+
+
+def sample_times(robot: SmoothLog, ballbar: SmoothLog | None, clock: Clock, count: int) -> Array:
+    """(N,) [s] at most `count` evenly spread instants, those in gaps of either log left out.
+
+    Raises ValueError when the logs do not overlap, or nothing moves where they do.
+    """
+    first, last = overlap(robot, ballbar, clock)
+    first, last = first + MARGIN, last - MARGIN
+    if last <= first:
+        raise ValueError("the two logs do not overlap")
+    grid = np.linspace(first, last, max(_GRID_SIZE, int((last - first) / _GRID_STEP)))
+    speed = np.abs(robot.speed(clock.robot_time(grid))).max(axis=1)
+    moving = np.flatnonzero(speed > MOVING)
+    if moving.size == 0:
+        raise ValueError("the robot stands still wherever the two logs overlap")
+    first = max(first, float(grid[moving[0]]) - DWELL_KEPT)
+    last = min(last, float(grid[moving[-1]]) + DWELL_KEPT)
+    times = np.linspace(first, last, count)
+    covered: NDArray[np.bool_] = robot.covers(clock.robot_time(times))
+    if ballbar is not None:
+        covered &= ballbar.covers(times)
+    return np.asarray(times[covered])

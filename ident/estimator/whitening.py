@@ -1,0 +1,148 @@
+"""Whitening of the loop-closure error: weights from its covariance, unmeasured joints eliminated.
+
+The covariance of the error follows from the noise on both sides (errors in variables, Gauss-Helmert
+model): `C = Jq Sq Jq' + Jb Sb Jb' + Jl Sl Jl' + floor`. With C = L L' the rows of L^-1 make the
+error white. What the ball-bar joints without encoder can move is removed by the left null space of
+their whitened columns, found by Householder reflections, so 0, 2, 4 or 5 encoders are one code path
+with 1, 3, 5 or 6 equations a sample.
+
+All factorisations run over the samples at once, component first (6, 6, N): numpy's batched routines
+want the samples first, and the transposition alone costs more than these loops over six rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.geometry import Parameter, parameter_screw
+from cell.rotation import inverse_left_jacobian
+from ident.estimator.closure import Closure, runs_of_one_side
+
+# [m, rad] rounding of counts and times; keeps C positive definite where noise leaves a direction
+# free
+FLOOR_SIGMA = 1e-7
+SINGULAR = 1e-9  # of the median: a joint whose column is shorter turns nothing at this pose
+
+
+def covariance(columns: Array) -> Array:
+    """(6, 6, N) covariance of the loop-closure error.
+
+    columns : (K, 6, N) change of the error for one standard deviation of each independent source.
+    """
+    out = np.einsum("kin,kjn->ijn", columns, columns)
+    for i in range(6):
+        out[i, i] += FLOOR_SIGMA**2
+    return np.asarray(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """Weights of N samples: what takes a loop-closure error to independent unit noise.
+
+    With m unmeasured joints the whitened error has E = 6 - m components.
+    """
+
+    matrix: Array  # (E, 6, N) left null space of the unmeasured joints' columns, whitened
+    absorbing: Array  # (m, 6, N) the other rows: what the unmeasured joints can absorb
+    triangle: Array  # (m, m, N) upper triangular: the unmeasured joints' columns in those rows
+    singular: NDArray[np.bool_]  # (m, N) joints that turn nothing and are left where they are
+
+    def __call__(self, columns: Array) -> Array:
+        """Whitened columns (..., E, N) of columns (..., 6, N), unmeasured directions removed."""
+        return _product(self.matrix, columns)
+
+    def part(self, samples: slice) -> Whitening:
+        """The weights of some of the samples."""
+        return Whitening(
+            self.matrix[..., samples],
+            self.absorbing[..., samples],
+            self.triangle[..., samples],
+            self.singular[..., samples],
+        )
+
+    def jacobian(
+        self, closure: Closure, parameters: Sequence[Parameter], out: Array | None = None
+    ) -> Array:
+        """(P, E, N) whitened `parameter_jacobian`, without forming that; out : to fill."""
+        out = np.empty((len(parameters), *self.matrix.shape[::2])) if out is None else out
+        of_robot, of_bar = self._of_robot_motion(closure), self._of_bar_motion(closure)
+        for first, last, is_robot in runs_of_one_side(parameters):
+            screws = np.empty((last - first, 6, out.shape[2]))
+            for screw, parameter in zip(screws, parameters[first:last], strict=True):
+                parameter_screw(closure.geometry, closure.robot, closure.bar, parameter, screw)
+            matrix = of_robot if is_robot else of_bar
+            np.einsum("ejn,pjn->pen", matrix, screws, out=out[first:last])
+        return out
+
+    def unmeasured_step(self, error: Array) -> Array:
+        """(m, N) [rad] change of the unmeasured joints that best absorbs an error (6, N)."""
+        rest = _product(self.absorbing, error)
+        step = np.zeros_like(rest)
+        for i in range(len(rest) - 1, -1, -1):
+            head = rest[i] - (self.triangle[i, i + 1 :] * step[i + 1 :]).sum(axis=0)
+            turning = ~self.singular[i]
+            step[i, turning] = head[turning] / self.triangle[i, i, turning]
+        return -step
+
+    def _of_robot_motion(self, closure: Closure) -> Array:
+        """(E, 6, N) whitened change of the error per motion of the robot's tool frame."""
+        return -self._turned(closure.error[3:])
+
+    def _of_bar_motion(self, closure: Closure) -> Array:
+        """(E, 6, N) whitened change of the error per motion of the ball-bar's tool frame."""
+        return self._turned(-closure.error[3:])
+
+    def _turned(self, angle: Array) -> Array:
+        """The matrix times `J_l(-angle)^-1`, which is `J_l(angle)^-1` applied to its rows."""
+        turning = inverse_left_jacobian(angle, self.matrix[:, 3:])
+        return np.concatenate((self.matrix[:, :3], turning), axis=1)
+
+
+def whitening(covariances: Array, unmeasured: Array) -> Whitening:
+    """Weights from covariances (6, 6, N) and the columns (m, 6, N) of the unmeasured joints."""
+    m, _, n = unmeasured.shape
+    identity = np.broadcast_to(np.eye(6)[:, :, None], (6, 6, n))
+    rows = solve_lower(cholesky(covariances), identity).transpose(1, 0, 2).copy()
+    columns = _product(rows, unmeasured)
+    for k in range(m):  # Householder reflections
+        head = columns[k, k:]
+        norm = np.sqrt((head * head).sum(axis=0))
+        vector = head.copy()
+        vector[0] += np.where(head[0] < 0.0, -norm, norm)
+        vector /= np.maximum(np.sqrt((vector * vector).sum(axis=0)), np.finfo(float).tiny)
+        columns[k:, k:] -= 2.0 * vector * (vector * columns[k:, k:]).sum(axis=1, keepdims=True)
+        rows[k:] -= 2.0 * vector[:, None] * (vector[:, None] * rows[k:]).sum(axis=0)
+    triangle = columns[:, :m].transpose(1, 0, 2).copy()
+    size = np.abs(triangle[np.arange(m), np.arange(m)])
+    typical = np.maximum(np.median(size, axis=1, keepdims=True), np.finfo(float).tiny)
+    return Whitening(rows[m:], rows[:m], triangle, size < SINGULAR * typical)
+
+
+def cholesky(matrices: Array) -> Array:
+    """(6, 6, N) lower factors of positive definite matrices (6, 6, N)."""
+    lower = np.zeros_like(matrices)
+    for j in range(6):
+        rest = matrices[j:, j] - (lower[j:, :j] * lower[j, :j]).sum(axis=1)
+        lower[j:, j] = rest / np.sqrt(rest[0])
+    return lower
+
+
+def solve_lower(lower: Array, columns: Array) -> Array:
+    """L^-1 times columns (..., 6, N), by forward substitution; lower : (6, 6, N)."""
+    out = np.empty_like(columns)
+    for i in range(6):
+        rest = columns[..., i, :].copy()
+        for j in range(i):
+            rest -= lower[i, j] * out[..., j, :]
+        out[..., i, :] = rest / lower[i, i]
+    return out
+
+
+def _product(matrix: Array, columns: Array) -> Array:
+    """(..., E, N) matrix (E, 6, N) times columns (..., 6, N), sample by sample."""
+    return np.asarray(np.einsum("ejn,...jn->...en", matrix, columns))

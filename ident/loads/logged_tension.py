@@ -1,0 +1,102 @@
+"""The rod's tension at the samples of a recording, from the signal that was logged.
+
+A torque or force log is averaged over blocks of rows, so that noise and friction average out while
+the motion hardly changes, and brought to the ball-bar's clock.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.optimize import minimize_scalar
+from scipy.sparse import csr_array
+
+from cell.arrays import Array
+from cell.clock import Clock
+from cell.descriptions import Cell
+from cell.errors import InputError
+from cell.geometry import Geometry
+from cell.logs import ForceLog
+from ident.estimator.samples import Samples
+from ident.loads.gear_loads import loads, mass_model
+from ident.loads.rod_tension import Tension, from_force_sensor, from_motor_torque
+
+KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (notes/identification sec. 4)
+LEAST_KNOTS = 8
+AVERAGED = 0.08  # [s] of rows behind one value
+BEYOND = 1.0  # [s] of torque rows used before the first and after the last sample
+SENSOR_LAG = 2.0  # [s] the sensor's log may begin that much before or after the robot's
+LAG_STEP = 0.05  # [s]
+
+
+def tension_splines(times: Array) -> csr_array:
+    """(K, N) cubic B-splines on uniform knots over the times (N,) [s]."""
+    count = max(LEAST_KNOTS, int(KNOTS_PER_SECOND * (times[-1] - times[0])))
+    inner = np.linspace(times[0], times[-1], count - 2)
+    knots = np.concatenate((np.repeat(inner[0], 3), inner, np.repeat(inner[-1], 3)))
+    return csr_array(BSpline.design_matrix(np.clip(times, inner[0], inner[-1]), knots, 3).T)
+
+
+def torque_tension(
+    cell: Cell, samples: Samples, geometry: Geometry, clock: Clock, t: Array, torque: Array | None
+) -> Array:
+    """(N,) [N] at the samples, from motor torques (R, 6) [N m] logged at robot times t (R,) [s].
+
+    geometry, clock : of the recording, as far as they are known.
+
+    Raises InputError when no torques were logged.
+    """
+    if torque is None:
+        raise InputError("the robot's log has no motor torques; choose force auto, sensor or none")
+    middle, torque = _block_means(t, samples.robot.stamps, torque)
+    times = clock.ballbar_time(middle)
+    first, last = samples.times[0] - BEYOND, samples.times[-1] + BEYOND
+    if samples.ballbar is not None:
+        first, last = max(first, samples.ballbar.start), min(last, samples.ballbar.end)
+    inside = (times > first) & (times < last)
+    times, torque = times[inside], torque[inside]
+    at = samples.robot_time(clock, times)
+    q, speed = samples.robot.spline(at), samples.robot.speed(at)
+    acceleration = np.asarray(samples.robot.arm(at, 2))
+    ballbar = samples.ballbar_angles(geometry, clock, times)
+    carried = loads(mass_model(cell), geometry, q, ballbar, speed, acceleration)
+    to_gear = cell.robot.joint_to_gear
+    tension = from_motor_torque(
+        cell, torque.T, carried, (speed @ to_gear).T, (acceleration @ to_gear).T
+    )
+    return np.interp(samples.times, times, tension.force)
+
+
+def sensor_tension(
+    cell: Cell, samples: Samples, geometry: Geometry, clock: Clock, log: ForceLog | None
+) -> Array:
+    """(N,) [N] at the samples, from a force sensor, its clock aligned by its expected signal.
+
+    Raises InputError when there is no such log.
+    """
+    if log is None:
+        raise InputError("there is no log of a force sensor; choose force auto, torque or none")
+    middle, wrench = _block_means(log.t, log.t, log.wrench)
+    at = samples.robot_time(clock, samples.times)
+    q, ballbar = samples.robot.spline(at), samples.ballbar_angles(geometry, clock)
+
+    def at_lag(lag: float) -> tuple[Tension, float]:
+        measured = np.stack([np.interp(at - lag, middle, column) for column in wrench.T])
+        return from_force_sensor(cell, geometry, measured, q, ballbar)
+
+    lags = np.arange(-SENSOR_LAG, SENSOR_LAG + 0.5 * LAG_STEP, LAG_STEP)
+    best = float(lags[int(np.argmin([at_lag(float(lag))[1] for lag in lags]))])
+    refined = minimize_scalar(
+        lambda lag: at_lag(float(lag))[1],
+        bounds=(best - LAG_STEP, best + LAG_STEP),
+        method="bounded",
+    )
+    return at_lag(float(refined.x))[0].force
+
+
+def _block_means(t: Array, stamps: Array, values: Array) -> tuple[Array, Array]:
+    """Means of blocks of rows: times (B,) [s] of the stamps (R,), values (B, C) of (R, C)."""
+    rows = max(1, round(AVERAGED / float(np.median(np.diff(t)))))
+    blocks = t.size // rows
+    middle = stamps[: blocks * rows].reshape(blocks, rows).mean(axis=1)
+    return middle, values[: blocks * rows].reshape(blocks, rows, -1).mean(axis=1)

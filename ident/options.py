@@ -1,0 +1,48 @@
+"""What a user may choose of an identification, and who hears of its progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from ident.corrections import CORRECTIONS
+from ident.estimator.iteration import IterationCallback
+
+DEFAULT_SAMPLES = 1500  # thesis sec. 3.5
+
+ModelName = Literal["auto", "dh", "complete"]
+ForceSource = Literal["auto", "none", "torque", "sensor"]
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """Options of an identification. Raises ValueError for an unknown correction."""
+
+    # `dh`: the parameters of thesis Table 3.1; `complete`: with corrections; `auto`: complete where
+    # the kinematics alone leave something
+    model: ModelName = "auto"
+    corrections: tuple[str, ...] | None = (
+        None  # of ident.corrections; None: those that data support
+    )
+    force: ForceSource = "auto"  # where the rod's force comes from; auto: the best logged signal
+    rod_sigma: float | None = None  # [m] of a measured rod length (bd3 is then that length)
+    samples: int = DEFAULT_SAMPLES  # of each recording
+
+    def __post_init__(self) -> None:
+        for name in self.corrections or ():
+            if name not in CORRECTIONS:
+                known = ", ".join(CORRECTIONS)
+                raise ValueError(f"unknown correction {name!r}; there are {known}")
+
+
+@dataclass(frozen=True)
+class Listener:
+    """Callbacks of an identification."""
+
+    progress: Callable[[str], None] = lambda _: None  # called with a sentence at each stage
+    on_iteration: IterationCallback | None = None  # of the chosen start and of the fits
+
+
+DEFAULTS = FitOptions()
+SILENT = Listener()

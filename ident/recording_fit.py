@@ -1,0 +1,168 @@
+"""One recording fitted by kinematics alone: smooth, start, identifiable subset, whitened fit.
+
+It is the result of the `dh` model, and where the complete model starts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.clock import Clock
+from cell.descriptions import Cell
+from cell.geometry import INDEX, Geometry, nominal_geometry
+from cell.logs import BallBarLog, ForceLog, RobotLog, segment_starts
+from ident.estimator.fit import Fit, fit_kinematics
+from ident.estimator.identifiability import Identifiability, candidates, identifiable
+from ident.estimator.model import JOINTS_AS_LOGGED, Model
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.samples import Samples, sample_times, samples_of
+from ident.estimator.unknowns import kinematic_unknowns
+from ident.estimator.variance_components import rod_deviation
+from ident.options import SILENT, FitOptions, ForceSource, Listener
+from ident.signals.smooth_log import SmoothLog, smooth_log
+from ident.start.automatic import Start, automatic_start, fit_hypothesis
+
+WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
+ROD_SIGMA_START = 2e-6  # [m] 55 N on 2.7e7 N/m, until the residuals say better
+
+
+@dataclass(frozen=True, eq=False)
+class Logs:
+    """The logs of one recording, as read."""
+
+    robot: RobotLog
+    ballbar: BallBarLog | None  # None for a ball-bar without encoders
+    force: ForceLog | None = None  # of a sensor at the flange
+    name: str = ""
+
+    def force_source(self, requested: ForceSource) -> str:
+        """What gives the rod's tension: `sensor`, `torque` or `none`."""
+        if requested in ("auto", "sensor") and self.force is not None:
+            return "sensor"
+        if requested in ("auto", "torque") and self.robot.torque is not None:
+            return "torque"
+        return "none"
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingFit:
+    """One recording fitted with the `dh` model."""
+
+    logs: Logs
+    nominal: Geometry
+    start: Start
+    subset: Identifiability
+    fit: Fit
+    iterations: int  # of the chosen hypothesis and the fits together
+
+    @property
+    def samples(self) -> Samples:
+        return self.fit.model.recordings[0]
+
+    @property
+    def geometry(self) -> Geometry:
+        return self.fit.geometry()
+
+    @property
+    def clock(self) -> Clock:
+        return self.fit.clock()
+
+
+def fit_recording(
+    cell: Cell, logs: Logs, options: FitOptions, listener: Listener = SILENT
+) -> RecordingFit:
+    """The `dh` fit of one recording. Raises StartError when its logs cannot be brought together."""
+    listener.progress("smoothing both logs")
+    robot, ballbar, encoders = smoothed(logs)
+    excess = ExcessNoise(rod=ROD_SIGMA_START)
+    nominal = nominal_geometry(cell, np.zeros(3))
+    listener.progress("aligning the logs and finding the ball-bar")
+    spacing = (robot.end - robot.start) / options.samples
+    start = automatic_start(robot, ballbar, encoders, nominal, excess, spacing=spacing)
+    chosen = start.chosen
+    if listener.on_iteration:  # once more, to be followed alone among its rivals
+        hypothesis, report = chosen.hypothesis, listener.on_iteration
+        fit_hypothesis(hypothesis, robot, ballbar, encoders, excess, spacing, report)
+    listener.progress("fitting")
+    times = sample_times(robot, ballbar, chosen.fit.clock(), options.samples)
+    directions, first_spacing = chosen.hypothesis.directions, float(times[1] - times[0])
+    samples = samples_of(robot, ballbar, encoders, directions, times, spacing=first_spacing)
+    geometry, clock = chosen.fit.geometry(), chosen.fit.clock()
+    subset = identifiable_parameters(samples, geometry, clock, excess, nominal)
+    callback = listener.on_iteration
+    begin = _on_nominal(geometry, nominal, subset.parameters)
+    first = fit_kinematics(samples, begin, clock, subset.parameters, excess, on_iteration=callback)
+    final = fit_kinematics(
+        samples,
+        first.geometry(),
+        first.clock(),
+        subset.parameters,
+        ExcessNoise(rod=rod_deviation(first)),
+        on_iteration=callback,
+    )
+    iterations = chosen.fit.iterations + first.iterations + final.iterations
+    return RecordingFit(logs, nominal, start, subset, final, iterations)
+
+
+def smoothed(logs: Logs) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
+    """Both logs as splines, and the encoders of the ball-bar."""
+    robot = smooth_log(
+        logs.robot.t,
+        logs.robot.q,
+        widest_knot_spacing=WIDEST_KNOT_SPACING,
+        starts=segment_starts(logs.robot.segment),
+        checked=logs.robot.flags is not None,
+    )
+    if logs.ballbar is None:
+        return robot, None, ()
+    ballbar = smooth_log(
+        logs.ballbar.t,
+        logs.ballbar.angles,
+        widest_knot_spacing=WIDEST_KNOT_SPACING,
+        starts=segment_starts(logs.ballbar.segment),
+        checked=logs.ballbar.flags is not None,
+    )
+    return robot, ballbar, logs.ballbar.joints
+
+
+def nominal_robot_fit(recording: RecordingFit) -> Fit:
+    """The nominal robot with encoder offsets, base position and clock fitted to it.
+
+    What a user without calibration would see.
+    """
+    samples, fit = recording.samples, recording.fit
+    own = candidates(samples.encoders)[: len(samples.encoders) + 3]
+    begin = _on_nominal(recording.geometry, recording.nominal, own)
+    return fit_kinematics(samples, begin, recording.clock, own, fit.excess, negligible=1e-2)
+
+
+def identifiable_parameters(
+    samples: Samples,
+    geometry: Geometry,
+    clock: Clock,
+    excess: ExcessNoise,
+    nominal: Geometry,
+    requested: NDArray[np.intp] | None = None,
+) -> Identifiability:
+    """The parameters that a recording determines, at an estimate of geometry and clock.
+
+    nominal : catalogue geometry. requested : indices into PARAMETERS; by default those of the
+    thesis (ident.estimator.identifiability.candidates).
+    """
+    seen = clock if samples.has_clock else None
+    layout, x = kinematic_unknowns(geometry, seen, np.zeros(0, dtype=np.intp))
+    model = Model(JOINTS_AS_LOGGED, None, (), layout, (samples,))
+    point = model.evaluate(x, 0, samples.ballbar_angles(geometry, clock))
+    requested = candidates(samples.encoders) if requested is None else requested
+    return identifiable(point, excess, nominal, requested)
+
+
+def _on_nominal(geometry: Geometry, nominal: Geometry, parameters: NDArray[np.intp]) -> Geometry:
+    """The nominal geometry with the fitted parameters and the base position of an estimate."""
+    values = nominal.values.copy()
+    taken = [*parameters, *(INDEX[name] for name in ("ox", "oy", "oz"))]
+    values[taken] = geometry.values[taken]
+    return Geometry(values)

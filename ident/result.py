@@ -1,0 +1,154 @@
+"""What an identification found: the machine, each recording's own part, the fit, and a verdict.
+
+An identification always holds a tuple of recordings, also when there is one. What they share,
+robot, ball-bar and corrections, stands once; encoder offsets, base pose and clock stand with each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.clock import Clock
+from cell.descriptions import Cell
+from cell.geometry import Geometry
+from ident.corrections import CORRECTIONS
+from ident.estimator.identifiability import DroppedParameter
+from ident.estimator.noise import ExcessNoise, LogNoise
+from ident.robot.unloaded_robot import UnloadedRobot
+from ident.signals.step_fault import StepFault
+from ident.start.automatic import Start
+from ident.verdict import Verdict
+
+
+@dataclass(frozen=True)
+class CoefficientEstimate:
+    """One coefficient of a correction, SI units."""
+
+    name: str
+    unit: str
+    value: float
+    sigma: float
+    prior: float
+    prior_sigma: float
+    information_gain: float  # 0: the prior alone; 1: the data alone
+
+
+@dataclass(frozen=True)
+class CorrectionEstimate:
+    """One correction and its coefficients."""
+
+    name: str
+    sentence: str
+    coefficients: tuple[CoefficientEstimate, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class NamedCovariance:
+    """Covariance of kinematic parameters and coefficients; what is not named was taken as exact."""
+
+    names: tuple[str, ...]
+    values: Array  # (U, U) SI units
+
+
+@dataclass(frozen=True, eq=False)
+class RobotEstimate:
+    """The machine that all recordings share: robot, ball-bar, corrections."""
+
+    cell: Cell
+    encoders: tuple[int, ...]  # of the ball-bar that found it, joints 1..5
+    nominal: Geometry  # catalogue values; base pose and encoder offsets are zero
+    geometry: Geometry  # likewise, with the identified shared parameters
+    sigma: dict[str, float]  # [m, rad] of the identified shared parameters
+    covariance: NamedCovariance  # of the shared parameters and coefficients
+    corrections: tuple[CorrectionEstimate, ...]
+    tcp_sigma: Array  # (G,) [m] stated TCP uncertainty over the accuracy grid
+    dropped: tuple[DroppedParameter, ...]  # parameters left at nominal or prior, and why
+
+    def unloaded(self) -> UnloadedRobot:
+        """The robot as identified, without ball-bar."""
+        return unloaded_robot(self.cell, self.geometry, self.encoders, self.corrections)
+
+
+def unloaded_robot(
+    cell: Cell,
+    geometry: Geometry,
+    encoders: tuple[int, ...],
+    corrections: Sequence[CorrectionEstimate],
+) -> UnloadedRobot:
+    """A robot with the identified corrections; encoders : of the ball-bar that found them."""
+    made = tuple(CORRECTIONS[c.name](cell, encoders) for c in corrections)
+    values = np.array([c.value for correction in corrections for c in correction.coefficients])
+    return UnloadedRobot(cell, geometry, made, values)
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Loop-closure error over a recording, where the unmeasured joints leave it visible."""
+
+    t: Array  # (N,) [s] on the ball-bar's clock (the robot's without encoders)
+    position: Array  # (N, 3) [m] robot base frame
+    angle: Array  # (N, 3) [rad] robot base frame
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingEstimate:
+    """What one recording has of its own."""
+
+    name: str
+    encoders: tuple[int, ...]
+    directions: tuple[int, ...]  # of each encoder against its declared direction
+    geometry: Geometry  # of the machine, with this recording's base pose and encoder offsets
+    nominal: Geometry  # catalogue values at this recording's base position
+    sigma: dict[str, float]  # [m, rad] of its identified base pose and encoder offsets
+    clock: Clock | None
+    clock_sigma: tuple[float, float]  # [s], [1]; zero without encoders
+    noise: LogNoise  # of one row of its logs
+    before: Residuals  # nominal robot, ball-bar placed and clock set as well as possible
+    after: Residuals
+    whitened: Array  # (E, N) residuals in units of their standard deviation
+    start: Start
+    step_faults: tuple[StepFault, ...] = ()
+    tension: Array | None = None  # (N,) [N] of the rod at the samples, where loads were needed
+    tension_source: str = ""  # "sensor", "torque" or "none"; empty where no loads were needed
+
+    @property
+    def samples(self) -> int:
+        return int(self.after.t.size)
+
+
+@dataclass(frozen=True)
+class FitStatistics:
+    """How the fit went."""
+
+    converged: bool
+    iterations: int  # of the first recording's chosen start and of the fits together
+    unknowns: int
+    chi2_per_dof: float
+    autocorrelation: float  # of neighbours in the whitened residual, mean over the equations
+    excess: ExcessNoise  # beyond what the logs show
+    rank: int  # directions that the first recording determines, clock included
+    condition: float  # of its identifiable parameters' whitened columns, at unit length
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """One robot identified from one or several recordings."""
+
+    robot: RobotEstimate
+    recordings: tuple[RecordingEstimate, ...]
+    fit: FitStatistics
+    verdict: Verdict
+
+    @property
+    def model(self) -> Literal["dh", "complete"]:
+        return "complete" if self.robot.corrections else "dh"
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """[m, rad] of the shared parameters and of the first recording's own."""
+        return self.robot.sigma | self.recordings[0].sigma

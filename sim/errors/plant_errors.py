@@ -1,0 +1,143 @@
+"""Error sources of the plant: their keys in a scenario.
+
+What they mean for one machine stands in sim.plant.effects. Sizes are those of the description files
+of robot, ball-bar and plate times `scale`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from cell.schema import Strict
+
+Scale = Annotated[float, Field(ge=0.0)]
+Axes = tuple[Annotated[int, Field(ge=1, le=6)], ...]
+
+
+class JointCompliance(Strict):
+    """The gears are elastic: deflection = load / stiffness."""
+
+    scale: Annotated[float, Field(gt=0.0)] = Field(
+        1.0, description="Factor on the stiffness of the robot file."
+    )
+    spread: Scale = Field(
+        0.0, description="Standard deviation of the logarithm of the stiffness over the joints."
+    )
+
+
+class GearBacklash(Strict):
+    """The gears have backlash: a dead band, or a friction element whose hysteresis is as wide."""
+
+    kind: Literal["dead_band", "hysteresis"] = Field(
+        "dead_band",
+        description="Dead band on the load, or hysteresis. Hysteresis adds damping of four times "
+        "the gear's stiffness times the time step.",
+    )
+    scale: Scale = Field(1.0, description="Factor on the total width of the robot file.")
+    spread: Scale = Field(
+        0.0, description="Standard deviation of the logarithm of the width over the joints."
+    )
+
+
+class TransmissionError(Strict):
+    """The gears have harmonic errors with the orders and amplitudes of the robot file.
+    Their phases are drawn.
+    """
+
+    scale: Scale = Field(1.0, description="Factor on the amplitudes of the robot file.")
+
+
+class CycloidRipple(Strict):
+    """The ratio of cycloid drives ripples (thesis sec. 2.3, Fig. 2.4)."""
+
+    amplitude_rad: Annotated[float, Field(ge=0.0)] = Field(
+        6.0e-5, description="Amplitude at the gear's output."
+    )
+    lobes: Annotated[float, Field(gt=0.0)] = Field(
+        40, description="Cycles per turn of the gear's output."
+    )
+    waveform: Literal["harmonic", "cusped"] = Field(
+        "cusped", description="A sine, or the |sin| of Yang & Blanche 1990 with zero mean."
+    )
+    axes: Axes = Field((1, 2, 3), description="Axes whose gears have the ripple.")
+
+
+class SinusoidalGearError(Strict):
+    """Motor or gear is not concentric, which adds one sine per turn (thesis sec. 2.3)."""
+
+    amplitude_rad: Annotated[float, Field(ge=0.0)] = Field(
+        1.0e-4, description="Amplitude at the gear's output."
+    )
+    side: Literal["input", "output"] = Field(
+        "output", description="One cycle per turn of the gear's output, or of the motor."
+    )
+    axes: Axes = Field((1, 2, 3, 4, 5, 6), description="Axes whose gears have the error.")
+
+
+class GearFriction(Strict):
+    """The gears have Coulomb, viscous and, if chosen, Stribeck friction on the motor side."""
+
+    scale: Scale = Field(1.0, description="Factor on all friction of the robot file.")
+    stribeck: bool = Field(
+        False,
+        description="Whether break-away friction exceeds Coulomb friction. A soft servo then "
+        "sticks and slips in a chaotic sequence.",
+    )
+
+
+class RodStrain(Strict):
+    """Rod and joints of the ball-bar are elastic along the rod: elongation = force / stiffness."""
+
+    scale: Annotated[float, Field(gt=0.0)] = Field(
+        1.0, description="Factor on the stiffness of the ball-bar file."
+    )
+
+
+class RodBacklash(Strict):
+    """The joints of the ball-bar have backlash along the rod, within which it carries no force."""
+
+    width_m: Annotated[float, Field(ge=0.0)] | None = Field(
+        None, description="Total width; by default that of the ball-bar file."
+    )
+
+
+class BarFriction(Strict):
+    """The bearings of the ball-bar's joints have friction."""
+
+    torque_N_m: Annotated[float, Field(ge=0.0)] | None = Field(
+        None, description="Friction torque of each joint; by default that of the ball-bar file."
+    )
+
+
+class PlateBending(Strict):
+    """The offset plate bends as a cantilever: a hinge a third of its length from axis 6."""
+
+    tip_stiffness_N_per_m: Annotated[float, Field(gt=0.0)] | None = Field(
+        None, description="Stiffness at the tip; by default that of the plate file."
+    )
+
+
+class BaseCompliance(Strict):
+    """The base of the ball-bar is elastic, with the same stiffness in x, y and z."""
+
+    stiffness_N_per_m: Annotated[float, Field(gt=0.0)] = Field(
+        5.0e7, description="Stiffness; assumed for a steel adapter on a bolted plate."
+    )
+
+
+class PlantErrors(Strict):
+    """Error sources that act in the plant; each is absent unless named."""
+
+    joint_compliance: JointCompliance | None = None
+    gear_backlash: GearBacklash | None = Field(None, description="Requires joint_compliance.")
+    transmission_error: TransmissionError | None = None
+    cycloid_ripple: CycloidRipple | None = None
+    sinusoidal_gear_error: SinusoidalGearError | None = None
+    gear_friction: GearFriction | None = None
+    rod_strain: RodStrain | None = None
+    rod_backlash: RodBacklash | None = None
+    bar_friction: BarFriction | None = None
+    plate_bending: PlateBending | None = None
+    base_compliance: BaseCompliance | None = None

@@ -1,0 +1,39 @@
+"""The command line, called in this process."""
+
+from __future__ import annotations
+
+import io
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+
+import pytest
+
+from ballbar.commands import cli
+
+
+def ballbar(*words: object) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of one command."""
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr(sys, "argv", ["ballbar", *map(str, words)])
+        patch.setenv("COLUMNS", "400")
+        try:
+            cli.main()
+        except SystemExit as stop:
+            code = int(stop.code or 0)
+    return code, out.getvalue(), err.getvalue()
+
+
+SHORT = """name: short
+cell: {robot: irb2400, ballbar: lund_600, ballbar_position_m: [0.70, 0.0, 0.54]}
+path: {kind: lissajous, file: PATHS/irb2400_a.yaml, duration_s: 40, dwell_s: 2, stops: 0}
+plant: {kind: kinematic}
+errors:
+  static: {table: thesis_3_1}
+  joint_noise: {sigma_rad: 1.0e-5}
+encoders: {fitted: [1, 2, 4, 5], noise_sigma_rad: 1e-5}
+clocks: {offset_s: -3.0, skew: 5.0e-5}
+identify: {samples: 300}
+accept: {tcp_mean_mm: 0.05}
+seed: 3
+"""

@@ -1,0 +1,54 @@
+"""Robots drawn with every error source on: their scenarios, recordings and faults."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from acquisition import read_recording
+from ballbar.scenario import Scenario, load_scenario
+from cell.descriptions import Cell
+from ident.recording_fit import Logs
+from sim.simulate import simulate, write_recording
+from sim.truth import Truth
+
+ROOT = Path(__file__).parents[2]
+SCENARIOS = ROOT / "scenarios"
+
+
+def scenario_of(robot: str, path: str, seed: int, duration: float) -> Scenario:
+    """A drawn robot with everything on along one of its paths."""
+    base = load_scenario(SCENARIOS / f"{robot}_full.yaml")
+    changed = base.model_dump(mode="json", by_alias=True, exclude_none=True)
+    changed["errors"]["static"] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "thesis"}
+    changed["path"] |= {"file": f"paths/{robot}_{path}.yaml", "duration_s": duration}
+    return Scenario.model_validate(changed | {"seed": seed}, strict=False)
+
+
+def recorded(scenario: Scenario, folder: Path) -> tuple[Cell, Logs, Truth]:
+    """Logs of one run, through its files."""
+    simulation = simulate(scenario, relative_to=SCENARIOS)
+    write_recording(simulation, scenario, folder)
+    read = read_recording(folder)
+    return simulation.cell, Logs(read.robot_log, read.ballbar_log, read.force_log), simulation.truth
+
+
+def study_options(words: str | None) -> argparse.Namespace:
+    """Options of a study of drawn robots: how many, and how long each recording is."""
+    parser = argparse.ArgumentParser(
+        description=words, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--robots", type=int, default=8)
+    parser.add_argument("--duration", type=float, default=120.0, help="[s]")
+    return parser.parse_args()
+
+
+SLIP_S, STEP_S = 37.3, 71.9  # [s] after the start of the path
+
+
+def faulty(scenario: Scenario, changes: dict[str, object]) -> Scenario:
+    """The scenario with one fault more."""
+    changed = scenario.model_dump(mode="json", by_alias=True, exclude_none=True)
+    for section, more in changes.items():
+        changed[section] = {**changed.get(section, {}), **more}  # type: ignore[dict-item]
+    return Scenario.model_validate(changed, strict=False)

@@ -1,0 +1,56 @@
+"""What the source files of the product import, read from their syntax trees."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from ballbar import PACKAGES
+
+ROOT = Path(__file__).parents[2]
+FILES = {
+    ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file
+    for package in PACKAGES
+    for file in (ROOT / package).rglob("*.py")
+}  # by the module's full name
+
+
+def imported(file: Path) -> set[str]:
+    """First parts of all names that a file imports, also within functions."""
+    return {name.split(".")[0] for name in _names(ast.walk(ast.parse(file.read_text())))}
+
+
+def reached(module: str) -> set[str]:
+    """Modules that are imported with `module`: ours by full name, others by their first part.
+
+    Only imports at the top level count: those within functions and under TYPE_CHECKING run later
+    or never. The standard library is left out.
+    """
+    seen, left = {module}, [module]
+    while left:
+        name = left.pop()
+        parents = {name.rsplit(".", k)[0] for k in range(1, name.count(".") + 1)}
+        names = {*_names(ast.parse(FILES[name].read_text()).body), *parents}
+        new = {known if (known := _ours(n)) else n.split(".")[0] for n in names} - seen
+        seen |= new
+        left += new & FILES.keys()
+    return seen - set(sys.stdlib_module_names)
+
+
+def _ours(name: str) -> str | None:
+    """The module of ours that a name `module` or `module.object` means."""
+    return next((n for n in (name, name.rpartition(".")[0]) if n in FILES), None)
+
+
+def _names(nodes: Iterable[ast.AST]) -> set[str]:
+    """Full names of imported modules and objects."""
+    names: set[str] = set()
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "relative import"
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names

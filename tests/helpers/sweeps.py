@@ -1,0 +1,60 @@
+"""Sweeps in a folder: read from a text, worked by this process, and their tables as bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+
+from ballbar.sweep.part import Job, Row, Work, run_part
+
+from ballbar.sweep.check import LoadedSweep, check_points, load
+from ballbar.sweep.run import Outcome, run_sweep
+from ballbar.sweep.workers import Workers
+from tests.helpers import sweep_work
+from tests.helpers.simulated_recordings import SCENARIOS
+
+HEAD = f"""schema: ballbar-sweep/1
+name: tried
+scenario: {SCENARIOS / "irb2400.yaml"}
+"""
+GRID = """vary:
+  errors.joint_noise.sigma_rad: [1.0e-6, 1.0e-5]
+  cell.ballbar_position_m.0: [0.70, 0.72]
+seeds: {first: 2, count: 5}
+"""
+
+
+def loaded(folder: Path, text: str) -> LoadedSweep:
+    """A sweep file with this text after the head, its points checked."""
+    file = folder / "sweep.yaml"
+    file.write_text(text if text.startswith("schema") else HEAD + text)
+    sweep = load(file)
+    check_points(sweep)
+    return sweep
+
+
+def inline(job: Job) -> AbstractContextManager[Workers]:
+    """One worker: this process."""
+
+    def submit(part: int) -> Future[list[Row]]:
+        future: Future[list[Row]] = Future()
+        future.set_result(run_part(job.text, part, job.work, job.top))
+        return future
+
+    return nullcontext(Workers(submit, lambda: 1))
+
+
+def swept(
+    sweep: LoadedSweep,
+    folder: Path,
+    workers: Callable[[Job], AbstractContextManager[Workers]],
+    work: Work = sweep_work.figures,
+    progress: Callable[[int, str], None] = lambda *_: None,
+) -> Outcome:
+    return run_sweep(sweep, folder, work, workers, progress=progress)
+
+
+def table_bytes(outcome: Outcome) -> tuple[bytes, bytes]:
+    return outcome.folder.table.read_bytes(), outcome.folder.csv.read_bytes()

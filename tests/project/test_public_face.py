@@ -1,0 +1,78 @@
+"""What a user of Python imports from `ballbar`, and the examples that do so."""
+
+from __future__ import annotations
+
+import ast
+import runpy
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import ballbar
+from tests.helpers.simulated_recordings import Recorded
+from tests.helpers.source_imports import ROOT
+
+HEAVY = {"numpy", "scipy", "pydantic", "mujoco", "matplotlib", "rerun", "typer"}
+
+
+def test_importing_ballbar_loads_no_library() -> None:
+    program = f"import sys, ballbar; print(sorted({HEAVY} & sys.modules.keys()))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "[]\n"
+
+
+def test_every_public_name_is_the_object_of_its_module() -> None:
+    assert set(ballbar.__all__) <= set(dir(ballbar))
+    for name in ballbar.__all__:
+        value = getattr(ballbar, name)
+        assert value is getattr(import_module(value.__module__), name)
+
+
+def test_type_checkers_see_the_same_names() -> None:
+    tree = ast.parse((ROOT / "ballbar/__init__.py").read_text())
+    (typed,) = (n for n in tree.body if isinstance(n, ast.If))
+    seen = {
+        alias.asname: node.module
+        for node in typed.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert seen == ballbar._HOME
+
+
+def test_an_unknown_name_is_refused_with_the_public_ones() -> None:
+    with pytest.raises(AttributeError, match=r"has no 'identfy'; public: .*identify, .*load_cell"):
+        ballbar.identfy  # noqa: B018
+
+
+@pytest.mark.parametrize("package", ballbar.PACKAGES)
+def test_every_package_says_that_it_is_typed(package: str) -> None:
+    assert (ROOT / package / "py.typed").is_file()
+
+
+@pytest.mark.slow
+def test_the_example_from_arrays_finds_the_robot(capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(ROOT / "examples/from_arrays.py"), run_name="__main__")
+    said = capsys.readouterr().out
+    assert said.startswith("Good fit")
+    error_mm = float(said.split("TCP error over the workspace: ")[1].split()[0])
+    assert error_mm < 0.005  # the noise of the logs allows 0.002 mm
+
+
+def test_the_example_from_a_recording_writes_its_calibration(
+    recorded: Recorded,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = tmp_path / "calibration.yaml"
+    monkeypatch.setattr(sys, "argv", ["from_recording.py", str(recorded.folder), str(file)])
+    runpy.run_path(str(ROOT / "examples/from_recording.py"), run_name="__main__")
+    assert "raw/ballbar.csv: overrun (" in capsys.readouterr().out
+    length = ballbar.load_calibration(file).geometry["ra2"]
+    assert length == pytest.approx(recorded.simulation.truth.geometry["ra2"], abs=20e-6)
