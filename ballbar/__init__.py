@@ -29,6 +29,8 @@ _PUBLIC = {
     "sim.truth": "Truth load_truth",
     "ballbar.scenario": "Scenario load_scenario scenario_file",
     "ballbar.result.calibration": "Calibration load_calibration write_calibration",
+    "ballbar.result.run_data": "RunData",
+    "ballbar.result.run_recordings": "identify_recordings",
 }
 _HOME = {name: module for module, names in _PUBLIC.items() for name in names.split()}
 __all__ = sorted(_HOME)  # noqa: PLE0605  the table is the list
@@ -39,6 +41,8 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from ballbar.result.calibration import Calibration as Calibration
     from ballbar.result.calibration import load_calibration as load_calibration
     from ballbar.result.calibration import write_calibration as write_calibration
+    from ballbar.result.run_data import RunData as RunData
+    from ballbar.result.run_recordings import identify_recordings as identify_recordings
     from ballbar.scenario import Scenario as Scenario
     from ballbar.scenario import load_scenario as load_scenario
     from ballbar.scenario import scenario_file as scenario_file

@@ -1,6 +1,7 @@
 """`python -m ballbar`, and the `ballbar` command.
 
-The command line is imported only when it runs: the worker processes of a sweep import the main module too, and need none of it.
+The command line is imported only when it runs: the worker processes of a sweep import the main
+module too, and need none of it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What all our figures share: ink, frame and grid, and how a figure becomes the text of an SVG file."""
+"""Style of all figures: colours, frame and grid; and a figure as the text of an SVG file."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ import io
 import re
 from typing import TYPE_CHECKING, Any
 
-from matplotlib.figure import Figure
-
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from matplotlib.typing import RcKeyType
 
-INK, QUIET = "#22303c", "#66727d"
+INK, QUIET, FAINT, GRID = "#22303c", "#66727d", "#c4ccd3", "#dfe4e8"  # text, notes, aids, grid
+BLUE, ORANGE, GREEN, PURPLE = "#1f66ad", "#d9740b", "#2a8f5b", "#8a4fa0"
+RED, TEAL, BROWN, GREY = "#b03030", "#1a8a9a", "#8a6d1e", "#8a949c"
+LINES = (BLUE, ORANGE, GREEN, PURPLE, RED, BROWN)  # of curves in one plot, in this order
+DASHED = (0, (4, 3))  # line style of a limit
 FRAME: dict[RcKeyType, Any] = {
     "svg.fonttype": "none",
     "axes.edgecolor": QUIET,
@@ -21,7 +24,7 @@ FRAME: dict[RcKeyType, Any] = {
     "axes.axisbelow": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "grid.color": "#dfe4e8",
+    "grid.color": GRID,
     "xtick.color": QUIET,
     "ytick.color": QUIET,
     "xtick.labelcolor": INK,
@@ -30,23 +33,23 @@ FRAME: dict[RcKeyType, Any] = {
 }
 
 
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue, 0 to 255, of a colour `#rrggbb`."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
+
+
 def svg_text(figure: Figure, *, transparent: bool = False) -> str:
-    """The figure as an SVG file without date and names of programs: same figure, same text."""
-    if (
-        arrange := figure.get_layout_engine()
-    ):  # once: savefig would arrange it twice, which is half of the time a figure takes
-        arrange.execute(figure)
+    """The figure as an SVG file without date and program names: same figure, same text."""
+    if layout := figure.get_layout_engine():
+        layout.execute(figure)  # once: savefig would do it twice, half of the time of a figure
         figure.set_layout_engine("none")
-    written = io.StringIO()
-    figure.savefig(
-        written,
-        format="svg",
-        metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
-        transparent=transparent,
-    )
-    return written.getvalue()
+    text = io.StringIO()
+    metadata = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    figure.savefig(text, format="svg", metadata=metadata, transparent=transparent)
+    return text.getvalue()
 
 
 def to_hundredths(svg: str) -> str:
-    """Coordinates to hundredths of a point: figures that are kept in the project stay small."""
+    """Coordinates cut to hundredths of a point: figures that are kept in the project stay small."""
     return re.sub(r"(\.\d\d)\d+", r"\1", svg)

@@ -1,4 +1,4 @@
-"""The main job: simulate, read, identify, compare, and write what the user looks at."""
+"""The main job: simulate, read, identify, compare with the truth, and write the results."""
 
 from __future__ import annotations
 
@@ -36,9 +36,12 @@ def simulate_scenario(
     progress: Progress,
     live: LiveRun | None = None,
 ) -> Simulation:
-    """Simulates a scenario and writes its recording; live : shown the motion as it comes.
+    """Simulates a scenario and writes its recording.
 
-    Raises InputError when the scenario cannot be run, or `folder` holds something else or a real recording.
+    live : window that shows the motion while it is simulated.
+
+    Raises InputError when the scenario cannot be run, or when `folder` holds something else or a
+    real recording.
     """
     claim_recording(folder)
     progress("simulating the cell")
@@ -59,11 +62,15 @@ def simulate_scenario(
 
 
 def claim_recording(folder: Path) -> None:
-    """Makes sure that a simulated recording may go to `folder`. Raises InputError; a real recording is never overwritten."""
+    """Makes sure that a simulated recording may be written to `folder`.
+
+    Raises InputError where it holds something else, or a real recording, which is never replaced.
+    """
     claim_folder(folder, {"recording.yaml", "raw"}, "a recording")
     if (folder / "recording.yaml").exists() and load_recording_file(folder).kind == "real":
         raise InputError(
-            f"{folder}: holds a real recording; nothing was written. Choose another folder with --out."
+            f"{folder}: holds a real recording; nothing was written. Choose another folder with "
+            "--out."
         )
 
 
@@ -90,14 +97,18 @@ def run_scenario(
     progress: Progress,
     live: LiveRun | None = None,
 ) -> RunData:
-    """Simulate, identify, compare with the truth, report, replay; live : shown each of it as it comes.
+    """Simulates, identifies, compares with the truth, and writes report and replay.
 
-    Raises InputError when the scenario cannot be run, asks for another identification, or `out` holds something else.
+    command : the command line, for the report. live : window that shows each stage while it runs.
+
+    Raises InputError when the scenario cannot be run or identifies with one of the thesis's costs,
+    or when `out` holds something else.
     """
     if scenario.identify.data != "files" or scenario.identify.cost != "ml":
         raise InputError(
-            f"{scenario_file}: identify.cost = {scenario.identify.cost}, data = {scenario.identify.data}: a run with report and replay "
-            "identifies device logs with ml. The thesis's costs and paired samples are for sweeps."
+            f"{scenario_file}: identify.cost = {scenario.identify.cost}, data = "
+            f"{scenario.identify.data}: a run with report and replay identifies device logs with "
+            "ml. The thesis's costs and paired samples are for sweeps."
         )
     claim_folder(out, {RECORDING, truth_path(out / RECORDING).name, *OUTPUTS}, "a run")
     folder = out / RECORDING

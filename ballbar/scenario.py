@@ -1,4 +1,4 @@
-"""A scenario: everything about one simulated run, its identification, and what counts as acceptable."""
+"""A scenario: one simulated run, its identification, and the limits of an acceptable result."""
 
 from __future__ import annotations
 
@@ -41,40 +41,44 @@ class IdentifySettings(Strict):
 
     cost: Literal["ml", "length", "position", "position_angles", "transform"] = Field(
         "ml",
-        description="Whitened loop closure with the clock as parameter, or one of the cost functions of thesis eqs. 2.1-2.4.",
+        description="Maximum likelihood of the whitened loop closure with the clock as parameter, "
+        "or a cost function of thesis eqs. 2.1-2.4.",
     )
     form: Literal["vector", "thesis"] = Field(
-        "vector", description="Of a thesis cost: signed components, or the scalar as printed."
+        "vector", description="Form of a thesis cost: signed components, or the printed scalar."
     )
     data: Literal["files", "samples"] = Field(
         "files",
-        description="Device logs through reader and clock alignment; or the angles of both logs at the sample instants, clocks already "
-        "matched (thesis ch. 3), of the kinematic plant only.",
+        description="Device logs through reader and clock alignment; or the angles of both logs at "
+        "the sample instants, clocks already matched (thesis ch. 3), of the kinematic plant only.",
     )
     samples: Annotated[int, Field(ge=50, le=100_000)] = 1500
     rod_sign: bool = Field(
         False,
-        description="Of a vector cost on samples: how far the rod gives way is an unknown, the sign of its force known (thesis ch. 6).",
+        description="For a vector cost on samples: the elongation of the rod is an unknown, the "
+        "sign of its force is known (thesis ch. 6).",
     )
     shift_rounds: Annotated[int, Field(ge=0, le=50)] = Field(
         0,
-        description="Of a cost on samples: how often to identify and move one log to the least cost before the fit (thesis sec. 5.2).",
+        description="For a cost on samples: how often to identify and move a log to the least cost "
+        "before the fit (thesis sec. 5.2).",
     )
     model: ModelName = Field(
         "auto",
-        description="Kinematics alone (dh), with corrections (complete), or what the recording asks for.",
+        description="Kinematics alone (dh), with corrections (complete), or chosen by the data.",
     )
     corrections: Annotated[Corrections | None, BeforeValidator(_unless_auto)] = Field(
         None,
-        description="Of the complete model, by name; `auto` keeps those that the data support.",
+        description="Corrections of the complete model; `auto` takes those that the data support.",
     )
     force: ForceSource = Field(
         "auto",
-        description="Where the rod's force comes from; auto takes the best signal that was logged.",
+        description="Source of the rod's force; `auto` takes the best signal that was logged.",
     )
     rod_sigma_m: Annotated[float, Field(gt=0.0, le=0.01)] | None = Field(
         None,
-        description="Of a measured rod: bd3 of the ball-bar's file is that length. Without it, the catalogue's tolerance.",
+        description="Standard deviation of a rod that was measured; bd3 in the ball-bar's file is "
+        "its length. Without this key the catalogue's tolerance is used.",
     )
 
     @property
@@ -90,7 +94,7 @@ class IdentifySettings(Strict):
 
 
 class AcceptSettings(Strict):
-    """Limits against the truth; a run beyond one of them exits with code 1."""
+    """Limits of errors against the truth; a run beyond one of them exits with code 1."""
 
     tcp_mean_mm: Annotated[float, Field(gt=0.0)] | None = Field(
         None, description="Mean TCP error over the accuracy grid."
@@ -100,7 +104,8 @@ class AcceptSettings(Strict):
     )
     parameter_distance_mm_mrad: Annotated[float, Field(gt=0.0)] | None = Field(
         None,
-        description="Euclidean distance over the identified parameters, mm and mrad mixed (thesis sec. 3.4).",
+        description="Euclidean distance over the identified parameters, mm and mrad mixed (thesis "
+        "sec. 3.4).",
     )
     clock_offset_us: Annotated[float, Field(gt=0.0)] | None = None
     clock_skew_ppm: Annotated[float, Field(gt=0.0)] | None = None
@@ -118,42 +123,27 @@ class Scenario(SimulationSettings):
 
     @model_validator(mode="after")
     def _can_be_identified(self) -> Scenario:
-        """The cost has its encoders and form, the samples their plant."""
-        asked, fitted = self.identify, self.encoders.fitted
-        if asked.data == "samples" and self.plant.kind != "kinematic":
-            raise wrong_key(
-                "identify",
-                "data",
-                message="samples come from the kinematic plant only; set plant.kind = kinematic",
-            )
-        if asked.cost == "ml":
-            if asked.form != "vector":
-                raise wrong_key(
-                    "identify",
-                    "form",
-                    message="the thesis prints no ml; choose one of its costs, or vector",
-                )
-        elif missing := [
-            f"b{joint}" for joint in ENCODERS_NEEDED[asked.cost] if joint not in fitted
-        ]:
-            raise wrong_key(
-                "identify",
-                "cost",
-                message=f"needs encoders on {', '.join(missing)}, which are not in encoders.fitted",
-            )
+        """The cost has its encoders and a form, samples come from the kinematic plant."""
+        identify, fitted = self.identify, self.encoders.fitted
+        if identify.data == "samples" and self.plant.kind != "kinematic":
+            message = "samples come from the kinematic plant only; set plant.kind = kinematic"
+            raise wrong_key("identify", "data", message=message)
+        if identify.cost == "ml":
+            if identify.form != "vector":
+                message = "the thesis prints no ml; choose one of its costs, or vector"
+                raise wrong_key("identify", "form", message=message)
+        elif missing := [f"b{j}" for j in ENCODERS_NEEDED[identify.cost] if j not in fitted]:
+            message = f"needs encoders on {', '.join(missing)}, which are not in encoders.fitted"
+            raise wrong_key("identify", "cost", message=message)
         for key in ("rod_sign", "shift_rounds"):
-            if getattr(asked, key) and (asked.cost == "ml" or asked.data == "files"):
-                raise wrong_key(
-                    "identify",
-                    key,
-                    message="is of the thesis's costs on samples; set identify.cost and data = samples",
+            if getattr(identify, key) and (identify.cost == "ml" or identify.data == "files"):
+                message = (
+                    "is for the thesis's costs on samples; set identify.cost and identify.data"
                 )
-        if asked.rod_sign and asked.form != "vector":
-            raise wrong_key(
-                "identify",
-                "rod_sign",
-                message="the rod's deviation is linear in the vector form only; set form = vector",
-            )
+                raise wrong_key("identify", key, message=message)
+        if identify.rod_sign and identify.form != "vector":
+            message = "the rod's deviation is linear in the vector form only; set form = vector"
+            raise wrong_key("identify", "rod_sign", message=message)
         return self
 
 

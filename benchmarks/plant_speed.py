@@ -1,8 +1,9 @@
-"""How fast the plant runs, everything on, against the bare rollout of the same compiled model; and two runs on two cores.
+"""Speed of the plant, everything on, against the bare rollout of its model; two runs on two cores.
 
     python -m benchmarks.plant_speed
 
-Every row is a ratio measured in one process, its parts in turn, medians of the rounds; absolute times vary with the machine.
+Every row is a ratio measured in one process, its parts in turn, medians of the rounds; absolute
+times vary with the machine.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ def job_of(name: str) -> Job:
 
 
 def main() -> None:
-    """Prints simulated seconds per wall second, the overhead over the bare rollout, and the gain of a second core."""
+    """Prints the speed, the overhead over the bare rollout, and the gain of a second core."""
     for name in ("irb2400_full", "nj220_full"):
         job = job_of(name)
         run = prepare(
@@ -105,19 +106,24 @@ def main() -> None:
         )
         bare_rate, whole_rate = seconds / times[:, 0], seconds / times[:, 1]
         print(
-            f"{name}: {model.nv} degrees of freedom, {len(job.effects.ripples)} ripple terms, {seconds:.0f} s at 1 ms"
+            f"{name}: {model.nv} degrees of freedom, {len(job.effects.ripples)} ripple terms, "
+            f"{seconds:.0f} s at 1 ms"
         )
         print(
-            f"  whole run, simulated s per wall s : median {np.median(whole_rate):.0f}, best {whole_rate.max():.0f}"
+            f"  whole run, simulated s per wall s : "
+            f"median {np.median(whole_rate):.0f}, best {whole_rate.max():.0f}"
         )
         print(
-            f"  bare rollout                      : median {np.median(bare_rate):.0f}, best {bare_rate.max():.0f}"
+            f"  bare rollout                      : "
+            f"median {np.median(bare_rate):.0f}, best {bare_rate.max():.0f}"
         )
         print(
-            f"  whole run / bare rollout          : median {np.median(times[:, 1] / times[:, 0]):.3f}"
+            f"  whole run / bare rollout          : "
+            f"median {np.median(times[:, 1] / times[:, 0]):.3f}"
         )
         print(
-            f"  two runs on two cores / one run   : median {np.median(2.0 * times[:, 1] / times[:, 2]):.2f} times the throughput"
+            f"  two runs on two cores / one run   : "
+            f"median {np.median(2.0 * times[:, 1] / times[:, 2]):.2f} times the throughput"
         )
 
 

@@ -24,6 +24,15 @@ def write_whole(path: Path, content: bytes) -> None:
         aside.unlink(missing_ok=True)
 
 
+def write_new(path: Path, content: bytes) -> None:
+    """Writes a file that does not exist yet. Raises InputError rather than replace a file."""
+    if path.exists():
+        raise InputError(
+            f"{path}: exists already; nothing was written. Name another file with --out."
+        )
+    write_whole(path, content)
+
+
 def write_yaml(path: Path, data: dict[str, object]) -> None:
     """Writes plain data as YAML, keys in their order."""
     write_whole(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120).encode())

@@ -41,7 +41,7 @@ from sim.truth import PlantTruth, Truth, plant_truth
 BALLBAR_FILES = (
     "raw/ballbarOld.csv",
     "raw/ballbar.csv",
-)  # a logger that starts again renames its file (notes/notes/log_formats sec. A.6)
+)  # a logger that starts again renames its file (notes/log_formats sec. A.6)
 PATH_STEP = 0.01  # [s] grid of the reference path; the command between is a cubic spline
 AT_REST = 0.01  # [rad/s] joint speed up to which a recording begins at rest: ten times what its noise leaves after smoothing
 

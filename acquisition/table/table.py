@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NoReturn
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,17 +174,21 @@ def _numbers(
         return {}
     position = dict(zip(header.columns, header.positions, strict=True))
     dtype = np.dtype([(f"f{i}", _DTYPE[kind]) for i, kind in enumerate(kinds.values())])
-    try:
-        values = np.loadtxt(
-            rows.plain,
-            dtype=dtype,
-            delimiter=rows.separator,
-            comments=None,
-            usecols=[position[name] for name in kinds],
-            ndmin=1,
-        )
-    except ValueError:
-        return None
+    positions = [position[name] for name in kinds]
+    with catch_warnings():
+        # Before numpy 2.4, 1.1E+18 becomes an integer through float64, with this warning.
+        simplefilter("error", DeprecationWarning)
+        try:
+            values = np.loadtxt(
+                rows.plain,
+                dtype=dtype,
+                delimiter=rows.separator,
+                comments=None,
+                usecols=positions,
+                ndmin=1,
+            )
+        except ValueError:
+            return None
     columns = {name: np.ascontiguousarray(values[f"f{i}"]) for i, name in enumerate(kinds)}
     return columns if all(np.isfinite(column).all() for column in columns.values()) else None
 

@@ -1,4 +1,7 @@
-"""The kinds of checks that a claim can make, and the numbers they look at. A closed set: nothing in a claim is evaluated."""
+"""The kinds of checks of a claim, and the numbers they use.
+
+The set is closed: no expression in a claim is evaluated.
+"""
 
 from __future__ import annotations
 
@@ -6,32 +9,31 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from ballbar.plan.beam import FIGURES
+from ballbar.plan.beam import CALCULATIONS
 from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
 
 Scalar = str | int | float | bool | None
-Rows = dict[str, Scalar | list[Scalar]]  # column -> value, or values, of the runs meant
-Statistic = Literal[
-    "median", "mean", "min", "max", "rms", "largest", "spread"
-]  # largest: by size; spread: standard deviation
+Rows = dict[str, Scalar | list[Scalar]]  # column -> value, or values, of the selected runs
+# largest: largest absolute value; spread: standard deviation
+Statistic = Literal["median", "mean", "min", "max", "rms", "largest", "spread"]
 TableName = Literal["3.2", "3.3", "3.4", "3.5", "sec. 3.3"]
 
 DISTANCE = "distance_mm_mrad"
 
 
 class Measure(Strict):
-    """A number out of some runs."""
+    """A statistic of the selected runs."""
 
-    what: str = Field(description="In words, before the number.")
+    what: str = Field(description="Text before the number.")
     statistic: Statistic = "median"
     column: str = DISTANCE
-    rows: Rows = Field({}, description="The runs meant: column and value, or values.")
+    rows: Rows = Field({}, description="Selected runs: column and value, or values.")
     each: str | None = Field(None, description="One number for every value of this column.")
 
 
 class Bound(Measure):
-    """A number, or each of several, on one side of a limit."""
+    """Every number lies on one side of a limit."""
 
     kind: Literal["at_most", "at_least"]
     limit: float
@@ -39,7 +41,7 @@ class Bound(Measure):
 
 
 class Ratio(Measure):
-    """A number of some runs over that of others."""
+    """The number of some runs over that of other runs lies within limits."""
 
     kind: Literal["ratio"]
     of: Rows
@@ -56,7 +58,7 @@ class Ratio(Measure):
 
 
 class Ordered(Measure):
-    """Numbers of groups of runs, from small to large."""
+    """The numbers of groups of runs rise from group to group."""
 
     kind: Literal["ordered"]
     by: str = Field(description="Column that tells the groups apart.")
@@ -64,32 +66,32 @@ class Ordered(Measure):
         description="Its values, smallest number first."
     )
     apart: Annotated[float, Field(gt=0.0)] = Field(
-        1.0, description="Least factor from one to the next."
+        1.0, description="Least factor from a group to the next."
     )
     reason: str
 
 
 class Monotonic(Measure):
-    """A number that rises, or falls, with a varied value."""
+    """A number rises, or falls, with a varied value."""
 
     kind: Literal["monotonic"]
     over: str
     direction: Literal["rising", "falling"]
-    slack: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
-        0.0, description="Relative step the other way that is let pass."
+    tolerance: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
+        0.0, description="Relative step in the other direction that is accepted."
     )
     reason: str
 
 
 class AmongLargest(Strict):
-    """How many of the places among the largest errors of each run some parameters take."""
+    """Share of the largest errors of each run that belong to the named parameters."""
 
     kind: Literal["among_largest"]
     what: str
     rows: Rows = Field({})
     places: Annotated[int, Field(ge=1)]
     parameters: Annotated[list[str], Field(min_length=1)] = Field(
-        description="Names, or how they begin: `btheta`."
+        description="Names, or their beginning: `btheta`."
     )
     at_least: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     at_most: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
@@ -97,7 +99,7 @@ class AmongLargest(Strict):
 
 
 class Difference(Strict):
-    """One entry of a printed table that comes out differently here."""
+    """One entry of a printed table that differs from ours."""
 
     entry: str = Field(description="Row of the table: a cost, or the parameter left out.")
     thesis: list[str] = Field([], description="Printed, and not found here.")
@@ -106,7 +108,7 @@ class Difference(Strict):
 
 
 class EqualTable(Strict):
-    """A table of ident.thesis.tables, but for the exceptions stated."""
+    """A table of ident.thesis.tables equals ours, apart from the exceptions stated."""
 
     kind: Literal["equal_table"]
     what: str
@@ -116,7 +118,7 @@ class EqualTable(Strict):
 
 
 class Formula(Strict):
-    """A figure from first principles (ballbar.plan.beam)."""
+    """A calculation from first principles (ballbar.plan.beam) gives the printed value."""
 
     kind: Literal["formula"]
     what: str
@@ -128,11 +130,9 @@ class Formula(Strict):
 
     @model_validator(mode="after")
     def _known(self) -> Formula:
-        if self.figure not in FIGURES:
-            raise wrong_key(
-                "figure",
-                message=f"there is no such figure.{nearest(self.figure, FIGURES, noun='figure')}",
-            )
+        if self.figure not in CALCULATIONS:
+            hint = nearest(self.figure, CALCULATIONS, noun="figure")
+            raise wrong_key("figure", message=f"there is no such figure.{hint}")
         return self
 
 

@@ -21,16 +21,16 @@ from cell.errors import DescriptionError, InputError
 from cell.schema_errors import nearest
 from cell.strict_yaml import YamlDocument
 
-FOLDER = Path("scenarios/claims")  # of the shipped claims, from the project's folder
+FOLDER = Path("scenarios/claims")  # claims of the project, relative to its folder
 FAILS = "fails its check"
 
-Computing = Callable[[Task], AbstractContextManager[Workers]]
-Showing = Callable[[Plan], AbstractContextManager[Progress]]  # of the runs of one sweep
+WorkersOf = Callable[[Task], AbstractContextManager[Workers]]
+ProgressOf = Callable[[Plan], AbstractContextManager[Progress]]  # of the runs of one sweep
 
 
 @dataclass(frozen=True, eq=False)
 class Topic:
-    """One file of claims, read."""
+    """One file of claims as read."""
 
     name: str
     path: Path
@@ -40,11 +40,11 @@ class Topic:
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What a claim came to."""
+    """Result of a claim."""
 
     claim: Claim
-    outcomes: tuple[Outcome, ...]  # one a check
-    ml: tuple[str, ...]  # measured with the default cost, in words
+    outcomes: tuple[Outcome, ...]  # one for each check
+    ml: tuple[str, ...]  # results of the default cost, as text
 
     @property
     def passed(self) -> bool:
@@ -57,36 +57,34 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """The claims of one file, and what they were judged by."""
+    """Verdicts on the claims of one file, and their evidence."""
 
     topic: Topic
     evidence: Evidence
     verdicts: tuple[Verdict, ...]
-    plan: Plan | None  # of the sweep
+    plan: Plan | None  # of the sweep, if there is one
 
 
 def topics(names: Sequence[str]) -> list[Topic]:
-    """The claims of these names or files; all shipped ones without names, in the order of the thesis.
+    """The claims with these names or files, or all of FOLDER, in the order of the thesis.
 
     Raises InputError for an unknown name, DescriptionError for a file that is wrong.
     """
     if not names and not FOLDER.is_dir():
         raise InputError(
-            f"{FOLDER}: no such folder here. Change to the project's folder, or name files of claims."
+            f"{FOLDER}: no such folder in {Path.cwd()}. Change to the project's folder, or name "
+            "files of claims."
         )
-    found = [
-        _read(path)
-        for path in ([_file_of(name) for name in names] or sorted(FOLDER.glob("*.yaml")))
-    ]
-    return sorted(found, key=lambda topic: topic.file.order)
+    paths = [_file_of(name) for name in names] or sorted(FOLDER.glob("*.yaml"))
+    return sorted((_read(path) for path in paths), key=lambda topic: topic.file.order)
 
 
 def judge_all(
-    chosen: Sequence[Topic], work: Path, computing: Computing, *, quick: bool, showing: Showing
+    chosen: Sequence[Topic], folder: Path, workers: WorkersOf, *, quick: bool, showing: ProgressOf
 ) -> list[Judged]:
-    """Runs what is needed into the folder `work`, and judges every claim.
+    """Runs each sweep once, into a folder below `folder`, and judges every claim.
 
-    Raises InputError and DescriptionError for what is wrong in a file, SweepError when workers die.
+    Raises InputError and DescriptionError for errors in a file, SweepError when workers die.
     """
     sweeps = [
         _sweep_of(topic, quick=quick) if topic.file.sweep is not None else None for topic in chosen
@@ -96,9 +94,8 @@ def judge_all(
         plan = sweep.plan
         if plan.digest not in tables:
             with showing(plan) as progress:
-                outcome = run_sweep(
-                    sweep, work / plan.digest[:12], run_trial, computing, progress=progress
-                )
+                below = folder / plan.digest[:12]
+                outcome = run_sweep(sweep, below, run_trial, workers, progress=progress)
             if not outcome.finished:
                 raise KeyboardInterrupt
             tables[plan.digest] = outcome.folder.table
@@ -108,32 +105,31 @@ def judge_all(
 def _judged(topic: Topic, sweep: LoadedSweep | None, tables: dict[str, Path]) -> Judged:
     file, plan = topic.file, sweep.plan if sweep else None
     if plan is not None:
-        with _told(topic, "size"):
+        with _located(topic, "size"):
             evidence = runs_evidence(tables[plan.digest], file.size)
     elif file.identifiability is not None:
         evidence = identifiability_evidence(topic.path.parent / file.identifiability)
     else:
         evidence = Evidence()
-    return Judged(
-        topic, evidence, tuple(_verdict(topic, i, evidence) for i in range(len(file.claims))), plan
-    )
+    verdicts = tuple(_verdict(topic, i, evidence) for i in range(len(file.claims)))
+    return Judged(topic, evidence, verdicts, plan)
 
 
 def _verdict(topic: Topic, i: int, evidence: Evidence) -> Verdict:
     claim = topic.file.claims[i]
-    outcomes, beside = [], []
+    outcomes, ml = [], []
     for j, check in enumerate(claim.checks):
-        with _told(topic, "claims", i, "checks", j):
+        with _located(topic, "claims", i, "checks", j):
             outcomes.append(judge(check, evidence))
     for j, measure in enumerate(claim.ml):
-        with _told(topic, "claims", i, "ml", j):
-            beside.append(measured(measure, evidence))
-    return Verdict(claim, tuple(outcomes), tuple(beside))
+        with _located(topic, "claims", i, "ml", j):
+            ml.append(measured(measure, evidence))
+    return Verdict(claim, tuple(outcomes), tuple(ml))
 
 
 def _sweep_of(topic: Topic, *, quick: bool) -> LoadedSweep:
     sweep = load_sweep(topic.path.parent / str(topic.file.sweep))
-    with _told(topic, "quick"):
+    with _located(topic, "quick"):
         return replace(sweep, plan=_thinned(sweep.plan, topic.file.quick)) if quick else sweep
 
 
@@ -156,24 +152,23 @@ def _read(path: Path) -> Topic:
 
 
 def _file_of(name: str) -> Path:
-    """`noise` is a shipped file of claims, `mine.yaml` any."""
+    """Path of claims by name: `noise` is a file of FOLDER, `mine.yaml` any file."""
     if name.endswith(".yaml"):
         return Path(name)
     path = FOLDER / f"{name}.yaml"
     if not path.is_file():
-        known = [file.stem for file in FOLDER.glob("*.yaml")]
-        raise InputError(
-            f"{name}: there are no such claims in {FOLDER}.{nearest(name, known, noun='name')}"
-        )
+        hint = nearest(name, [file.stem for file in FOLDER.glob("*.yaml")], noun="name")
+        raise InputError(f"{name}: there are no such claims in {FOLDER}.{hint}")
     return path
 
 
 @contextmanager
-def _told(topic: Topic, *place: str | int) -> Iterator[None]:
-    """What is wrong below a place of a file is told with its line."""
+def _located(topic: Topic, *location: str | int) -> Iterator[None]:
+    """An InputError raised within gets the file and line of this location."""
     try:
         yield
     except DescriptionError:
         raise
     except InputError as error:
-        raise DescriptionError(f"{topic.path}:{topic.document.line_of(place)}: {error}.") from None
+        line = topic.document.line_of(location)
+        raise DescriptionError(f"{topic.path}:{line}: {error}.") from None

@@ -1,4 +1,4 @@
-"""The table that checks look at: the runs of a sweep, or what each cost identifies; and numbers out of it."""
+"""Evidence of checks: the runs of a sweep or the study of each cost; and statistics of it."""
 
 from __future__ import annotations
 
@@ -12,106 +12,107 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ballbar.claims.kinds import Measure, Rows, Scalar, Statistic
-from ballbar.identifiability import Influences, Study, influences, nominal_loop, study
+from ballbar.identifiability.study import Influences, Study, influences, nominal_loop, study
 from ballbar.scenario import load_scenario
 from ballbar.sweep.chunk import DONE
 from ballbar.sweep.summary import failures_of
 from cell.arrays import Array
 from cell.errors import InputError
 from cell.schema_errors import nearest
+from cell.statistics import rms
 from ident.thesis.costs import ENCODERS_NEEDED
 
 SIZE = "size"
 ERROR = "error."  # prefix of the columns with the error of each parameter
-_SAME = 1e-9  # relative: two numbers of YAML are the same
-_UNITS = {
-    "_mm_mrad": "mm|mrad",
-    "_mm": "mm",
-    "_um": "um",
-    "_us": "us",
-    "_ppm": "ppm",
-}  # by the end of a column's name
+_SAME = 1e-9  # relative difference below which two numbers of YAML are the same
+# end of a column's name -> unit
+_UNITS = {"_mm_mrad": "mm|mrad", "_mm": "mm", "_um": "um", "_us": "us", "_ppm": "ppm"}
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """What the checks of one file look at."""
 
-    table: pd.DataFrame = field(default_factory=pd.DataFrame)  # one row a run, or a cost
-    failures: str = ""  # of the runs, in a sentence
+    table: pd.DataFrame = field(default_factory=pd.DataFrame)  # a row for each run, or each cost
+    failures: str = ""  # sentence about failed runs; empty without any
     studies: Mapping[str, tuple[Study, Influences]] = field(default_factory=dict)  # by cost
 
 
 def runs_evidence(table: Path, size: Sequence[str]) -> Evidence:
-    """The runs of a finished sweep. size : varied keys whose largest is the column `size`."""
+    """The runs of a finished sweep. size : varied keys; the column `size` is their largest."""
     runs = pd.read_parquet(table)
     if size:
         runs[SIZE] = runs[[_known(runs, key) for key in size]].max(axis=1)
-    failed = failures_of(table)
-    said = f"{failed.count} of {len(runs)} runs failed: {failed.reason}" if failed.count else ""
-    return Evidence(runs[runs["status"] == DONE], said)
+    failed, failures = failures_of(table), ""
+    if failed.count:
+        failures = f"{failed.count} of {len(runs)} runs failed: {failed.reason}"
+    return Evidence(runs[runs["status"] == DONE], failures)
 
 
 def identifiability_evidence(scenario: Path) -> Evidence:
-    """What each of the thesis's costs identifies on the nominal mechanism of a scenario, encoders fitted as the cost needs them."""
+    """What each of the thesis's costs identifies on the nominal mechanism of a scenario.
+
+    Each cost has the encoders that it needs.
+    """
     loop = nominal_loop(load_scenario(scenario), relative_to=scenario.parent)
     studies: dict[str, tuple[Study, Influences]] = {}
     for cost, encoders in ENCODERS_NEEDED.items():
-        found = study(loop, cost, encoders, complete=False)
-        studies[cost] = (found, influences(loop, found))
+        result = study(loop, cost, encoders, complete=False)
+        studies[cost] = (result, influences(loop, result))
     rows = [
         {
             "cost": cost,
-            "directions": found.spectrum.rank,
-            "robot_parameters": sum(name.startswith("r") for name in found.selection.kept),
-            "condition": found.spectrum.condition,
+            "directions": result.spectrum.rank,
+            "robot_parameters": sum(name.startswith("r") for name in result.selection.kept),
+            "condition": result.spectrum.condition,
         }
-        for cost, (found, _) in studies.items()
+        for cost, (result, _) in studies.items()
     ]
     return Evidence(pd.DataFrame(rows), studies=studies)
 
 
 def selected(table: pd.DataFrame, rows: Rows) -> pd.DataFrame:
-    """The rows with these values. Raises InputError where a column is unknown or nothing is left."""
-    kept = table
-    for column, wanted in rows.items():
-        values = wanted if isinstance(wanted, list) else [wanted]
-        cells = kept[_known(table, column)]
-        kept = kept[np.logical_or.reduce([_equal(cells, value) for value in values])]
-    if kept.empty:
-        raise InputError(
-            f"no run has {', '.join(f'{column} = {value}' for column, value in rows.items())}"
-        )
-    return kept
+    """The rows with these values. Raises InputError where a column is unknown or no row remains."""
+    remaining = table
+    for column, value in rows.items():
+        choices = value if isinstance(value, list) else [value]
+        entries = remaining[_known(table, column)]
+        remaining = remaining[np.logical_or.reduce([_equal(entries, x) for x in choices])]
+    if remaining.empty:
+        conditions = ", ".join(f"{column} = {value}" for column, value in rows.items())
+        raise InputError(f"no run has {conditions}")
+    return remaining
 
 
 def numbers(measure: Measure, table: pd.DataFrame, *also: Rows) -> dict[Any, float]:
-    """The statistic of the rows meant, for every value of `each` in rising order; of a measure without `each`, under None.
+    """The statistic of the selected rows, by the values of `each` in rising order.
 
-    Raises InputError where a column is unknown, or some rows lack the figure.
+    A measure without `each` has one number, under None. also : further conditions on the rows.
+
+    Raises InputError where a column is unknown, or some rows lack the value.
     """
-    kept = table
+    chosen = table
     for rows in (measure.rows, *also):
-        kept = selected(kept, rows)
-    column = _known(kept, measure.column)
+        chosen = selected(chosen, rows)
+    column = _known(chosen, measure.column)
     if measure.each is None:
-        return {None: statistic(measure.statistic, _figures(kept, column))}
-    if without := int(kept[_known(kept, measure.each)].isna().sum()):
+        return {None: statistic(measure.statistic, _values(chosen, column))}
+    if without := int(chosen[_known(chosen, measure.each)].isna().sum()):
         raise InputError(
-            f"{measure.each}: {without} of the {len(kept)} runs meant have no such value"
+            f"{measure.each}: {without} of the {len(chosen)} selected runs have no such value"
         )
-    groups = kept.groupby(measure.each, sort=True)
-    return {value: statistic(measure.statistic, _figures(rows, column)) for value, rows in groups}
+    groups = chosen.groupby(measure.each, sort=True)
+    return {value: statistic(measure.statistic, _values(rows, column)) for value, rows in groups}
 
 
 def statistic(name: Statistic, values: Array) -> float:
-    """One number out of (N,) figures."""
+    """A statistic of values (N,), in their unit."""
     ways: dict[Statistic, Callable[[Array], Any]] = {
         "median": np.median,
         "mean": np.mean,
         "min": np.min,
         "max": np.max,
-        "rms": lambda x: np.sqrt(np.mean(x * x)),
+        "rms": rms,
         "largest": lambda x: np.max(np.abs(x)),
         "spread": np.std,
     }
@@ -119,12 +120,12 @@ def statistic(name: Statistic, values: Array) -> float:
 
 
 def unit_of(column: str) -> str:
-    """` mm|mrad` and the like, with the space before; empty for a column without unit."""
+    """Unit of a column after a space, such as ` mm|mrad`; empty for a column without unit."""
     return next((f" {unit}" for end, unit in _UNITS.items() if column.endswith(end)), "")
 
 
 def places(table: pd.DataFrame, count: int) -> list[list[str]]:
-    """For each run the parameters with the `count` largest errors, largest first."""
+    """For each run the names of the parameters with the `count` largest errors, largest first."""
     columns = [name for name in table.columns if name.startswith(ERROR)]
     errors = table[columns].abs().fillna(0.0).to_numpy()
     order = np.argsort(-errors, axis=1, kind="stable")[:, :count]
@@ -139,22 +140,20 @@ def _known(table: pd.DataFrame, column: str) -> str:
     return column
 
 
-def _equal(cells: pd.Series, value: Scalar) -> NDArray[np.bool_]:
+def _equal(entries: pd.Series, value: Scalar) -> NDArray[np.bool_]:
+    """(N,) whether each entry of a column equals a value of YAML."""
     if value is None:
-        return np.asarray(cells.isna())
-    if (
-        isinstance(value, (int, float))
-        and not isinstance(value, bool)
-        and pd.api.types.is_numeric_dtype(cells)
-    ):
-        return np.asarray(np.isclose(cells.to_numpy(dtype=float), value, rtol=_SAME, atol=0.0))
-    return np.asarray(cells == value)
+        return np.asarray(entries.isna())
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if number and pd.api.types.is_numeric_dtype(entries):
+        return np.asarray(np.isclose(entries.to_numpy(dtype=float), value, rtol=_SAME, atol=0.0))
+    return np.asarray(entries == value)
 
 
-def _figures(rows: pd.DataFrame, column: str) -> Array:
-    figures = rows[column]
-    if figures.isna().any():
+def _values(rows: pd.DataFrame, column: str) -> Array:
+    """(N,) values of a column, in the unit of its name."""
+    if without := int(rows[column].isna().sum()):
         raise InputError(
-            f"{column}: {int(figures.isna().sum())} of the {len(rows)} runs meant have no such figure"
+            f"{column}: {without} of the {len(rows)} selected runs have no such result"
         )
-    return figures.to_numpy(dtype=float)
+    return rows[column].to_numpy(dtype=float)

@@ -1,1 +1,1 @@
-"""The commands, as the user calls them: options in, words or JSON out. What they do lies elsewhere."""
+"""The commands as the user calls them: options in, text or JSON out."""

@@ -1,8 +1,7 @@
-"""The test bench: a scenario run once or many times, the thesis's statements, what a cost can tell."""
+"""Commands of the test bench: a scenario run once or many times, and the thesis's statements."""
 
 from __future__ import annotations
 
-import json
 import os
 from contextlib import nullcontext
 from functools import partial
@@ -16,10 +15,8 @@ from rich.markup import escape
 from ballbar.commands.options import TEST_BENCH, AsJson, Out, ScenarioFile, command_line, say_json
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar
 from cell.errors import InputError
-from ident.thesis.costs import COSTS
 
-CLAIM_WORKERS = 2  # processes: claims are for a laptop, and for continuous integration
-
+CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous integration
 
 commands = typer.Typer()
 
@@ -34,15 +31,15 @@ def run(
     live: Annotated[
         bool,
         typer.Option(
-            "--live", help="Show the cell and the identification in a rerun window as they come."
+            "--live", help="Show the cell and the identification in a rerun window while they run."
         ),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate a scenario, identify the robot from its logs, compare with the truth, write report and replay.
+    """Simulate a scenario, identify the robot from its logs, and compare it with the truth.
 
-    Writes recording/, calibration.yaml, import_report.json, report.html and run.rrd to DIR (default runs/NAME).
-    Exits with 1 when a limit under `accept` is not met.
+    Writes recording/, calibration.yaml, import_report.json, report.html and run.rrd to DIR (default
+    runs/NAME). Exits with 1 when a limit under `accept` is not met.
     """
     from ballbar.commands.result_json import run_data
     from ballbar.replay.live import live_run
@@ -64,13 +61,11 @@ def run(
     if data.comparison is not None:
         say_comparison(out, data.comparison)
     for limit in data.limits:
-        colour, word = ("green", "met   ") if limit.met else ("red", "missed")
-        out.print(
-            f"  [{colour}]{word}[/] {limit.what} {limit.measured:.3g}{' ' * bool(limit.unit)}{limit.unit} (limit {limit.allowed:g})"
-        )
-    out.print(
-        f"Look at {escape(str(folder / 'report.html'))}, or: ballbar replay {escape(str(folder))}"
-    )
+        word = "[green]met   [/]" if limit.met else "[red]missed[/]"
+        measured = f"{limit.measured:.3g} {limit.unit}".strip()
+        out.print(f"  {word} {limit.what} {measured} (limit {limit.allowed:g})")
+    report = escape(str(folder / "report.html"))
+    out.print(f"Look at {report}, or: ballbar replay {escape(str(folder))}")
     raise typer.Exit(0 if data.acceptable else 1)
 
 
@@ -79,7 +74,10 @@ def run(
     epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`",
 )
 def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) -> None:
-    """Simulate a scenario and write its device logs as a recording; the truth goes beside the folder, not into it."""
+    """Simulate a scenario and write its device logs as a recording.
+
+    The truth is written beside the recording's folder, not into it.
+    """
     from ballbar.commands.result_json import simulation_data
     from ballbar.report.terminal import say_plant
     from ballbar.run import simulate_scenario
@@ -98,15 +96,18 @@ def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = Fals
 
 @commands.command(
     rich_help_panel=TEST_BENCH,
-    epilog="Example: `ballbar sweep scenarios/sweeps/noise.yaml --workers 4`, or on a cluster `--scheduler tcp://10.0.0.5:8786`",
+    epilog="Example: `ballbar sweep scenarios/sweeps/noise.yaml --workers 4`, or on a cluster "
+    "`--scheduler tcp://10.0.0.5:8786`",
 )
 def sweep(
     file: Annotated[
-        Path, typer.Argument(help="A sweep, such as scenarios/sweeps/noise.yaml.", metavar="FILE")
+        Path,
+        typer.Argument(help="Sweep file, such as scenarios/sweeps/noise.yaml.", metavar="FILE"),
     ],
     out_dir: Out = None,
     workers: Annotated[
-        int | None, typer.Option(help="Processes on this machine; default one a core.", min=1)
+        int | None,
+        typer.Option(help="Worker processes on this machine. Default: one for each core.", min=1),
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -114,10 +115,11 @@ def sweep(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run a scenario many times with values and seeds that vary; one table with a row for each run.
+    """Run a scenario many times with varied values and seeds; write one table with a row per run.
 
-    Writes NAME.parquet and NAME.csv to DIR (default runs/NAME-sweep). Interrupted, the same command goes on where it stopped.
-    Exits with 1 when every run failed, with 130 when it was stopped.
+    Writes NAME.parquet and NAME.csv to DIR (default runs/NAME-sweep). After an interruption the
+    same command goes on where it stopped. Exits with 1 when every run failed, with 130 when it was
+    stopped.
     """
     from ballbar.commands.result_json import sweep_data
     from ballbar.sweep.check import load_sweep
@@ -128,17 +130,18 @@ def sweep(
 
     if workers is not None and scheduler is not None:
         raise InputError(
-            "--workers counts processes on this machine; with --scheduler the cluster's own workers compute. Give one."
+            f"--workers {workers} counts processes on this machine; with --scheduler {scheduler} "
+            "the cluster's own workers compute. Leave one of the two out."
         )
     settings = load_sweep(file)
     folder = out_dir or Path("runs") / f"{settings.plan.data.name}-sweep"
-    computing = (
+    pool = (
         partial(dask_cluster, address=scheduler)
         if scheduler
         else partial(processes, count=workers or os.cpu_count() or 1)
     )
     with run_bar(err, settings.plan) as progress:
-        outcome = run_sweep(settings, folder, run_trial, computing, progress=progress)
+        outcome = run_sweep(settings, folder, run_trial, pool, progress=progress)
     if as_json:
         say_json(sweep_data(outcome))
     succeeded = say_outcome(out, outcome)
@@ -154,18 +157,24 @@ def sweep(
 def claims(
     names: Annotated[
         list[str] | None,
-        typer.Argument(help="Of scenarios/claims, or files; default all.", metavar="NAME"),
+        typer.Argument(
+            help="Names of claim files in scenarios/claims, or paths. Default: all of that folder.",
+            metavar="NAME",
+        ),
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer points and seeds: less than a minute.")
+        bool,
+        typer.Option("--quick", help="Use fewer points and seeds: less than a minute for all."),
     ] = False,
     page: Annotated[
         Path | None,
-        typer.Option("--out", help="Write them, with figures, as a page.", metavar="FILE.md"),
+        typer.Option(
+            "--out", help="Write the claims with their plots as a page.", metavar="FILE.md"
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check what the thesis says against what comes out here, by the runs behind each claim.
+    """Check the thesis's statements against the runs behind each of them.
 
     Exits with 1 when a check fails.
     """
@@ -176,15 +185,16 @@ def claims(
     from ballbar.sweep.workers import process_pool
 
     if page is not None and names:
-        raise InputError("--out: the page is of all claims; leave the names out.")
+        raise InputError(
+            f"--out {page}: the page is of all claims; leave out {', '.join(names)}, or --out."
+        )
     chosen = topics(names or ())
     with (
-        TemporaryDirectory(prefix="ballbar-claims-") as work,
-        process_pool(CLAIM_WORKERS) as computing,
+        TemporaryDirectory(prefix="ballbar-claims-") as folder,
+        process_pool(CLAIM_WORKERS) as workers,
     ):
-        judged = judge_all(
-            chosen, Path(work), computing, quick=quick, showing=partial(run_bar, err)
-        )
+        showing = partial(run_bar, err)
+        judged = judge_all(chosen, Path(folder), workers, quick=quick, showing=showing)
     if as_json:
         say_json(claims_data(judged))
     passed = say_verdicts(out, judged)
@@ -192,71 +202,3 @@ def claims(
         write_page(page, judged)
         out.print(f"Page {escape(str(page))}")
     raise typer.Exit(0 if passed else 1)
-
-
-@commands.command(
-    rich_help_panel=TEST_BENCH,
-    epilog="Example: `ballbar identifiability scenarios/irb2400.yaml --cost all --encoders 1,2,4,5`",
-)
-def identifiability(
-    scenario: ScenarioFile,
-    cost: Annotated[
-        str | None,
-        typer.Option(help=f"{', '.join(COSTS)} or all; default: the scenario's.", metavar="NAME"),
-    ] = None,
-    encoders: Annotated[
-        str | None,
-        typer.Option(
-            help="Ball-bar joints with an encoder, such as 1,2,4,5, or none; default: the scenario's.",
-            metavar="LIST",
-        ),
-    ] = None,
-    complete: Annotated[
-        bool,
-        typer.Option(
-            "--complete", help="Ask for Hayati angles and base tilt too, which the thesis has not."
-        ),
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
-) -> None:
-    """What a cost can tell of the parameters on a scenario's path: thesis Tables 3.2 to 3.4, and what to keep (sec. 3.3).
-
-    Judged on the nominal mechanism; nothing is simulated.
-    """
-    from ballbar.identifiability import (
-        LEGEND,
-        chosen_costs,
-        influences,
-        nominal_loop,
-        parse_encoders,
-        study,
-        study_data,
-        study_lines,
-    )
-    from ballbar.scenario import load_scenario
-
-    settings = load_scenario(scenario)
-    fitted = settings.encoders.fitted if encoders is None else parse_encoders(encoders)
-    costs, passed_over = chosen_costs(settings.identify.cost if cost is None else cost, fitted)
-    loop = nominal_loop(settings, relative_to=scenario.parent)
-    with progress_bar() as progress:
-        found = []
-        for name in costs:
-            progress(name)
-            judged = study(loop, name, fitted, complete=complete)
-            found.append((judged, influences(loop, judged)))
-    if as_json:
-        tables = [study_data(judged, moved) for judged, moved in found]
-        typer.echo(
-            json.dumps(
-                {"scenario": settings.name, "costs": tables, "passed_over": passed_over}, indent=2
-            )
-        )
-        return
-    for judged, moved in found:
-        for k, line in enumerate(study_lines(judged, moved)):
-            out.print(f"[bold]{escape(line)}[/]" if k == 0 else escape(line))
-        out.print()
-    for name, reason in passed_over.items():
-        out.print(f"[yellow]passed over:[/] {name}, {escape(reason)}")
-    out.print(f"[dim]{escape(LEGEND)}[/]")

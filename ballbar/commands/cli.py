@@ -1,4 +1,7 @@
-"""The command line. Exit codes: 0 done, 1 ran but the result is not acceptable, 2 bad input, 130 after Ctrl-C."""
+"""The command line.
+
+Exit codes: 0 done, 1 the result is not acceptable, 2 bad input, 130 interrupted by Ctrl-C.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands import bench, identification, planning, recordings, result
+from ballbar.commands import bench, identifiability, identification, planning, recordings, result
 from ballbar.terminal import CommandGroup, Quiet, Verbose, err, reset_terminal
 from cell.errors import FailureError, InputError
 
@@ -18,18 +21,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for group in (
-    planning,
-    recordings,
-    identification,
-    result,
-    bench,
-):  # in the order of a day at the cell; the bench last
+# in the order of a day at the cell; the test bench last
+for group in (planning, recordings, identification, result, bench, identifiability):
     app.add_typer(group.commands)
 
 
-def _tell_version(asked: bool) -> None:
-    if asked:
+def _print_version(requested: bool) -> None:
+    if requested:
         from ballbar.sweep.version import code_version
 
         typer.echo(f"ballbar {code_version()}")
@@ -41,7 +39,7 @@ Version = Annotated[
     typer.Option(
         "--version",
         help="Print the release and a digest of the code, and exit.",
-        callback=_tell_version,
+        callback=_print_version,
         is_eager=True,
     ),
 ]
@@ -49,11 +47,14 @@ Version = Annotated[
 
 @app.callback()
 def shared(quiet: Quiet = False, verbose: Verbose = False, version: Version = False) -> None:
-    """Robot calibration with a sensed double ball-bar: simulate the cell, read its logs, identify the robot, look at the result."""
+    """Robot calibration with a sensed double ball-bar.
+
+    Simulate the cell, read its logs, identify the robot and look at the result.
+    """
 
 
 def main() -> None:
-    """Entry point: runs a command and turns what can go wrong into a message and an exit code."""
+    """Entry point: runs a command and turns errors into a message and an exit code."""
     reset_terminal()
     try:
         app()
@@ -64,7 +65,6 @@ def main() -> None:
         err.print(f"[red]failed:[/] {escape(str(error))}")
         sys.exit(1)
     except OSError as error:
-        err.print(
-            f"[red]error:[/] {escape(str(error.filename or ''))}: {escape(error.strerror or str(error))}"
-        )
+        file, reason = str(error.filename or ""), error.strerror or str(error)
+        err.print(f"[red]error:[/] {escape(file)}: {escape(reason)}")
         sys.exit(2)

@@ -1,4 +1,4 @@
-"""Recordings to an identified robot."""
+"""The command `ballbar identify`: from recordings to an identified robot."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ commands = typer.Typer()
 
 @commands.command(
     rich_help_panel=AT_THE_CELL,
-    epilog="Example: `ballbar identify runs/a/recording runs/b/recording --validate runs/c/recording --out runs/together`",
+    epilog="Example: `ballbar identify runs/a/recording runs/b/recording "
+    "--validate runs/c/recording --out runs/together`",
 )
 def identify(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders with recording.yaml and the device files, of one robot.",
+            help="Folders with recording.yaml and the device files, all of one robot.",
             metavar="RECORDING",
         ),
     ],
@@ -37,7 +38,7 @@ def identify(
         list[Path] | None,
         typer.Option(
             "--validate",
-            help="A recording to try the result on, not fitted; may be repeated.",
+            help="Held-out recording: the result is tested on it, not fitted; may be repeated.",
             metavar="RECORDING",
         ),
     ] = None,
@@ -48,36 +49,38 @@ def identify(
     model: Annotated[
         ModelName,
         typer.Option(
-            help="Kinematics alone (dh), or with corrections; auto takes what the recording asks for."
+            help="Kinematics alone (dh) or with corrections (complete); auto decides by the data."
         ),
     ] = "auto",
     corrections: Annotated[
         str,
         typer.Option(
-            help=f"Of the complete model: auto, or some of {', '.join(CORRECTIONS)}.",
+            help=f"Corrections of the complete model: auto, or some of {', '.join(CORRECTIONS)}.",
             metavar="auto|NAME,NAME",
         ),
     ] = "auto",
     force: Annotated[
         ForceSource,
-        typer.Option(help="Where the rod's force comes from; auto takes the best that was logged."),
+        typer.Option(help="Source of the rod's force; auto takes the best that was logged."),
     ] = "auto",
     rod_sigma: Annotated[
         float | None,
         typer.Option(
-            help="Standard deviation [m] of a measured rod, whose length is bd3 of the ball-bar's file.",
+            help="Standard deviation [m] of a rod that was measured; its length is bd3 in the "
+            "ball-bar's file.",
             metavar="METRES",
         ),
     ] = None,
     rerun: Annotated[
-        bool, typer.Option("--rerun", help="Write the replay file run.rrd too.")
+        bool, typer.Option("--rerun", help="Write the replay file run.rrd as well.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Identify a robot from one recording, or from several together; try it on others.
+    """Identify a robot from one or several recordings; test the result on held-out ones.
 
-    Writes calibration.yaml, import_report.json and report.html to DIR (default: the first RECORDING's folder with -identified behind it).
-    Exits with 1 when the fit or a held-out recording is not acceptable.
+    Writes calibration.yaml, import_report.json and report.html to DIR (default: the first
+    RECORDING's folder with -identified appended). Exits with 1 when the fit or a held-out recording
+    is not acceptable.
     """
     from ballbar.commands.result_json import run_data
     from ballbar.report.terminal import say_identification
@@ -85,12 +88,11 @@ def identify(
     from ballbar.result.run_recordings import identify_recordings
     from ballbar.run import OUTPUTS, write_outputs
 
+    names = [name.strip() for name in corrections.split(",")]
     settings = _settings(
         samples=samples,
         model=model,
-        corrections="auto"
-        if corrections == "auto"
-        else [name.strip() for name in corrections.split(",")],
+        corrections="auto" if corrections == "auto" else names,
         force=force,
         rod_sigma_m=rod_sigma,
     )
@@ -114,16 +116,12 @@ def identify(
     raise typer.Exit(0 if data.acceptable else 1)
 
 
-def _settings(**given: object) -> IdentifySettings:
-    """Options as settings of a scenario, checked alike."""
+def _settings(**options: object) -> IdentifySettings:
+    """The options as settings, checked by the schema of scenarios."""
     from cell.schema_errors import explain
 
     try:
-        return IdentifySettings.model_validate(given)
+        return IdentifySettings.model_validate(options)
     except ValidationError as error:
-        raise InputError(
-            "\n".join(
-                text
-                for _, text in explain(error.errors(include_url=False), IdentifySettings, given)
-            )
-        ) from None
+        errors = explain(error.errors(include_url=False), IdentifySettings, options)
+        raise InputError("\n".join(text for _, text in errors)) from None

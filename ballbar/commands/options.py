@@ -1,4 +1,4 @@
-"""What several commands share: arguments, the panels they stand in under --help, results as JSON."""
+"""Arguments and options that several commands share, and how they print JSON."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import typer
 
 from ballbar.terminal import silence
 
-AT_THE_CELL, RESULT, TEST_BENCH = "At the cell", "With the result", "Test bench"
+AT_THE_CELL, RESULT, TEST_BENCH = "At the cell", "With the result", "Test bench"  # panels of --help
 
 
 def _scenario(name: Path) -> Path:
@@ -24,33 +24,33 @@ def _scenario(name: Path) -> Path:
 ScenarioFile = Annotated[
     Path,
     typer.Argument(
-        help="A scenario: a file, or the name of a shipped one such as irb2400.",
+        help="A scenario file, or the name of a shipped scenario such as irb2400.",
         metavar="SCENARIO",
         callback=_scenario,
     ),
 ]
 RecordingFolder = Annotated[
     Path,
-    typer.Argument(help="A folder with recording.yaml and the device files.", metavar="RECORDING"),
+    typer.Argument(help="Folder with recording.yaml and the device files.", metavar="RECORDING"),
 ]
 ResultFile = Annotated[
     Path, typer.Argument(help="A calibration.yaml, or the folder that holds it.", metavar="RESULT")
 ]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", help="Folder for the output; nothing else may be in it.", metavar="DIR"),
+    typer.Option("--out", help="Folder for the output; it must hold nothing else.", metavar="DIR"),
 ]
 AsJson = Annotated[
-    bool, typer.Option("--json", help="Print the result as JSON, SI units, and no words.")
+    bool, typer.Option("--json", help="Print the result as JSON in SI units instead of text.")
 ]
 
 
 def say_json(data: object) -> None:
-    """Prints it; the words that would follow are left out."""
+    """Prints `data` as JSON; text that would follow on standard output is suppressed."""
     typer.echo(json.dumps(data, indent=2))
     silence()
 
 
 def command_line() -> str:
-    """The command as typed, for the result's provenance."""
+    """The command as typed, for the provenance of the result."""
     return shlex.join(["ballbar", *sys.argv[1:]])

@@ -1,4 +1,4 @@
-"""What is worth doing at the cell, before anyone goes there."""
+"""The command `ballbar plan`: what is computed before anyone goes to the cell."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from planning.what_if import CHANGES, ENCODERS
 
 WHAT_IF = (*CHANGES, ENCODERS)
 
-
 commands = typer.Typer()
 
 
@@ -25,55 +24,62 @@ def plan(
     request: Annotated[
         Path,
         typer.Argument(
-            help="What is asked for, such as scenarios/plans/irb2400.yaml.", metavar="REQUEST"
+            help="Planning request, such as scenarios/plans/irb2400.yaml.", metavar="REQUEST"
         ),
     ],
     out_dir: Out = None,
     seconds: Annotated[
-        float, typer.Option(help="For the search; 0 takes the first path that can be run.", min=0.0)
+        float,
+        typer.Option(
+            help="Duration of the search; 0 takes the first feasible trajectory.", min=0.0
+        ),
     ] = 110.0,
     path: Annotated[
         Path | None,
         typer.Option(
-            "--path", help="Judge, check and export this path file instead.", metavar="FILE"
+            "--path",
+            help="Evaluate, check and export this path file instead of a search.",
+            metavar="FILE",
         ),
     ] = None,
     position: Annotated[
         str | None,
-        typer.Option(help="Where the ball-bar stands [m], with --path.", metavar="X,Y,Z"),
+        typer.Option(help="Base position of the ball-bar [m], with --path.", metavar="X,Y,Z"),
     ] = None,
     what_if: Annotated[
         list[str] | None,
         typer.Option(
             "--what-if",
-            help=f"Expected TCP error if one of {', '.join(WHAT_IF)} were another; may be repeated.",
+            help="Print the expected TCP error for other values of one of "
+            f"{', '.join(WHAT_IF)}; may be repeated.",
             metavar="KEY=A,B",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Plan a path for the cell: what it will tell, before anyone goes there, and programs that run it.
+    """Plan a trajectory for the cell, predict what it identifies, and write programs that run it.
 
-    Writes path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and programs for ABB (.mod) and Comau (.pdl) to DIR (default
-    runs/NAME-plan). Exits with 1 when the path violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best path so far.
+    Writes path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and programs for ABB (.mod) and
+    Comau (.pdl) to DIR (default runs/NAME-plan). Exits with 1 when the trajectory violates a limit
+    in MuJoCo. Ctrl-C stops the search and keeps the best trajectory so far.
     """
     from ballbar.commands.result_json import plan_data
     from ballbar.plan.show import default_folder, parse_position, plan_path
 
-    place = None if position is None else parse_position(position)
+    base = None if position is None else parse_position(position)
     folder = out_dir or default_folder(request)
     if as_json:
         silence()
-    kept = plan_path(
+    feasible = plan_path(
         request,
         folder=folder,
         path=path,
-        position=place,
+        position=base,
         seconds=seconds,
         what_if=what_if or (),
         out=out,
         err=err,
     )
     if as_json:
-        say_json(plan_data(folder, kept=kept))
-    raise typer.Exit(0 if kept else 1)
+        say_json(plan_data(folder, feasible=feasible))
+    raise typer.Exit(0 if feasible else 1)

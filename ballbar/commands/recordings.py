@@ -1,8 +1,7 @@
-"""Recordings: live from the cell, from two files, and what was read in them."""
+"""Commands that make and check recordings: `ballbar record`, `new` and `check`."""
 
 from __future__ import annotations
 
-import json
 import sys
 from functools import partial
 from pathlib import Path
@@ -21,16 +20,19 @@ commands = typer.Typer()
 
 @commands.command(
     rich_help_panel=AT_THE_CELL,
-    epilog="Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 --plc 5.12.82.20.1.1 --egm 192.168.125.10:6510`",
+    epilog="Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 "
+    "--plc 5.12.82.20.1.1 --egm 192.168.125.10:6510`",
 )
 def record(
-    folder: Annotated[Path, typer.Argument(help="A new folder for the recording.", metavar="DIR")],
-    robot: Annotated[str, typer.Option(help="A robot of cell/robots, or a file.", metavar="NAME")],
+    folder: Annotated[Path, typer.Argument(help="New folder for the recording.", metavar="DIR")],
+    robot: Annotated[
+        str, typer.Option(help="Robot of cell/robots, or a .yaml file.", metavar="NAME")
+    ],
     ballbar: Annotated[
-        str, typer.Option(help="A ball-bar of cell/ballbars, or a file.", metavar="NAME")
+        str, typer.Option(help="Ball-bar of cell/ballbars, or a .yaml file.", metavar="NAME")
     ],
     plate: Annotated[
-        str, typer.Option(help="An offset plate of cell/plates, or a file.", metavar="NAME")
+        str, typer.Option(help="Offset plate of cell/plates, or a .yaml file.", metavar="NAME")
     ] = "plate_250",
     plc: Annotated[
         str | None,
@@ -41,23 +43,27 @@ def record(
     egm: Annotated[
         str | None,
         typer.Option(
-            help="Where to hear the robot's EGM feedback; a port alone is this machine only.",
+            help="Address and port that receive the robot's EGM feedback; a port alone listens to "
+            "this machine only.",
             metavar="[ADDRESS:]PORT",
         ),
     ] = None,
     duration: Annotated[
         float | None,
-        typer.Option(help="Seconds after the first record; default until Ctrl-C.", min=0.1),
+        typer.Option(
+            help="Seconds from the first record to the end. Default: until Ctrl-C.", min=0.1
+        ),
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Show the angles in a rerun window as they come.")
+        bool, typer.Option("--live", help="Show the angles in a rerun window while recording.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Record live: encoders from a TwinCAT PLC over ADS, robot axes from ABB EGM, into a recording that can be read at any moment.
+    """Record live: encoders from a TwinCAT PLC over ADS, robot axes from ABB EGM.
 
-    The PLC runs the program of docs/recorder.md. Waits for the devices, starts a new file when one was away, ends with Ctrl-C.
-    Exits with 1 when the disk is full, or a device delivered nothing.
+    The PLC runs the program of docs/recorder.md. The recording can be read at any moment. The
+    command waits for the devices, starts a new file when one was disconnected, and ends with
+    Ctrl-C. Exits with 1 when the disk is full, or a device delivered nothing.
     """
     from ballbar.record.show import RecordOptions, record_data, say, silent
     from ballbar.record.show import record as record_live
@@ -74,10 +80,10 @@ def record(
 
 @commands.command(
     rich_help_panel=AT_THE_CELL,
-    epilog="Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer what it asks",
+    epilog="Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer the questions",
 )
 def new(
-    folder: Annotated[Path, typer.Argument(help="The recording folder to make.", metavar="DIR")],
+    folder: Annotated[Path, typer.Argument(help="Recording folder to make.", metavar="DIR")],
     robot_log: Annotated[
         Path,
         typer.Argument(help="The robot's log.", metavar="ROBOTLOG", exists=True, dir_okay=False),
@@ -98,69 +104,82 @@ def new(
     ] = None,
     robot_time: Annotated[
         str | None,
-        typer.Option(help=f"Its time stamps, if they do not show it: {', '.join(TIME_FORMS)}."),
+        typer.Option(
+            help="Form of the robot log's time stamps, if they do not show it: "
+            f"{', '.join(TIME_FORMS)}."
+        ),
     ] = None,
-    ballbar_time: Annotated[str | None, typer.Option(help="Likewise.")] = None,
+    ballbar_time: Annotated[
+        str | None, typer.Option(help="Form of the ball-bar log's time stamps, likewise.")
+    ] = None,
     encoder: Annotated[
         list[str] | None,
-        typer.Option(help="Counter column of an encoder; repeat.", metavar="b1=COLUMN[:-1]"),
+        typer.Option(
+            help="Counter column of an encoder, with :-1 if it counts in the other direction; may "
+            "be repeated.",
+            metavar="b1=COLUMN[:-1]",
+        ),
     ] = None,
-    lines: Annotated[int | None, typer.Option(help="Lines of the encoders a turn.", min=1)] = None,
+    lines: Annotated[
+        int | None, typer.Option(help="Lines of the encoders per turn.", min=1)
+    ] = None,
     bits: Annotated[
-        int | None, typer.Option(help="Bits of their interpolation.", min=8, max=13)
+        int | None, typer.Option(help="Bits of the encoders' interpolation.", min=8, max=13)
     ] = None,
     yes: Annotated[
         bool,
-        typer.Option(
-            "--yes", help="Take what is proposed without asking; fail where nothing can be."
-        ),
+        typer.Option("--yes", help="Take every proposal without asking; fail where there is none."),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make a recording folder from two log files: what they show is proposed, what they cannot show is asked.
+    """Make a recording folder from two log files.
 
-    The folder appears only once it has been read without error.
+    What the files show is proposed; what they cannot show is asked for. The folder appears only
+    once it has been read without error.
     """
-    from ballbar.recordings import check as check_page
-    from ballbar.recordings.new_recording import Told, new_recording
+    from ballbar.recordings.check import check_data, check_lines
+    from ballbar.recordings.new_recording import Answers, new_recording
 
-    told = Told(
-        robot,
-        ballbar,
-        robot_dialect,
-        ballbar_dialect,
-        robot_time,
-        ballbar_time,
-        tuple(encoder or ()),
-        lines,
-        bits,
+    answers = Answers(
+        robot=robot,
+        ballbar=ballbar,
+        robot_dialect=robot_dialect,
+        ballbar_dialect=ballbar_dialect,
+        robot_time=robot_time,
+        ballbar_time=ballbar_time,
+        encoders=tuple(encoder or ()),
+        lines=lines,
+        bits=bits,
     )
-    read = new_recording(
-        folder, robot_log, ballbar_log, told, partial(_answer, proposals_taken=yes, apart=as_json)
-    )
+    ask = partial(_ask, take_proposals=yes, as_json=as_json)
+    recording = new_recording(folder, robot_log, ballbar_log, answers, ask)
     if as_json:
-        say_json({"recording": str(folder), **check_page.check_data(read, None)})
-    _say_page(check_page.check_lines(read, None))
-    out.print(
-        f"Made {escape(str(folder))}. Look at recording.yaml in it, then: ballbar check {escape(str(folder))}"
-    )
+        say_json({"recording": str(folder), **check_data(recording, None)})
+    _say_page(check_lines(recording, None))
+    name = escape(str(folder))
+    out.print(f"Made {name}. Look at recording.yaml in it, then: ballbar check {name}")
 
 
-def _answer(question: str, proposal: str | None, *, proposals_taken: bool, apart: bool) -> str:
-    """What the user answers, or the proposal; apart : from the standard output, which is for JSON."""
-    if proposals_taken and proposal is not None:
-        (err if apart else out).print(f"{escape(question)} [bold]{escape(proposal)}[/]")
+def _ask(question: str, proposal: str | None, *, take_proposals: bool, as_json: bool) -> str:
+    """The user's answer to a question, or the proposal.
+
+    as_json : standard output is for JSON, so the question goes to standard error.
+    """
+    if take_proposals and proposal is not None:
+        (err if as_json else out).print(f"{escape(question)} [bold]{escape(proposal)}[/]")
         return proposal
-    if proposals_taken or not sys.stdin.isatty():
+    if take_proposals or not sys.stdin.isatty():
+        hint = f" Proposed: {proposal}; --yes takes it." if proposal else ""
         raise InputError(
-            f"not told: {question}{f' Proposed: {proposal}; --yes takes it.' * bool(proposal)} Nothing was written."
+            f"no answer to: {question}{hint} Nothing was written. Answer at a terminal, or by the "
+            "options of `ballbar new --help`."
         )
-    return str(typer.prompt(question, default=proposal, err=apart))
+    return str(typer.prompt(question, default=proposal, err=as_json))
 
 
 @commands.command(
     rich_help_panel=AT_THE_CELL,
-    epilog="Example: `ballbar check runs/irb2400/recording`, or for programs `ballbar check runs/irb2400/recording --json`",
+    epilog="Example: `ballbar check runs/irb2400/recording`, or for programs with `--json`",
 )
 def check(
     recording: RecordingFolder,
@@ -168,39 +187,37 @@ def check(
         bool,
         typer.Option(
             "--explain",
-            help="Say first how each file will be read, and why: dialect, columns, time, units, encoders.",
+            help="Print first how each file will be read and why: dialect, columns, time, units, "
+            "encoders.",
         ),
     ] = False,
     strict: Annotated[
-        bool,
-        typer.Option("--strict", help="Exit with 1 if anything had to be repaired or left out."),
+        bool, typer.Option("--strict", help="Exit with 1 if anything was repaired or left out.")
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print the import report as JSON.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Read a recording and report what was found and repaired, without identifying anything."""
+    """Read a recording and report its content and what was repaired; nothing is identified."""
     from acquisition import explain_lines, read_recording
-    from ballbar.recordings import check as check_page
+    from ballbar.recordings.check import aligned, check_data, check_lines, repairs
 
     if explain_reading and not as_json:
         for line in explain_lines(recording):
             out.print(escape(line))
         out.print()
-    read = read_recording(recording)
-    alignment = check_page.aligned(read)
+    content = read_recording(recording)
+    alignment = aligned(content)
     if as_json:
-        typer.echo(json.dumps(check_page.check_data(read, alignment), indent=2))
-    else:
-        _say_page(check_page.check_lines(read, alignment))
-    if strict and (repaired := check_page.repairs(read)):
+        say_json(check_data(content, alignment))
+    _say_page(check_lines(content, alignment))
+    if strict and (repaired := repairs(content)):
         err.print(
-            f"[red]not as logged:[/] {len(repaired)} kinds of repairs were needed, and --strict allows none"
+            f"[red]not as logged:[/] {len(repaired)} kinds of repairs were needed, and --strict "
+            "allows none"
         )
         raise typer.Exit(1)
 
 
 def _say_page(lines: list[str]) -> None:
-    """The page of a recording, its headings bold."""
+    """Prints the page of a recording, headings in bold."""
     for line in lines:
         out.print(f"[bold]{escape(line)}[/]" if line[0] != " " else escape(line))

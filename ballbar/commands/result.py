@@ -1,8 +1,7 @@
-"""What is done with a result: look at it, compare it, hand it on, use it."""
+"""Commands for a result: `ballbar replay`, `compare`, `export` and `correct`."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -16,34 +15,38 @@ from ballbar.result.calibration import Calibration
 from ballbar.result.compare import Comparison
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
-from cell.files import write_whole
+from cell.files import write_new, write_whole
 
 commands = typer.Typer()
 
 
 @commands.command(
     rich_help_panel=RESULT,
-    epilog="Example: `ballbar replay runs/irb2400 --web`, or `ballbar replay runs/irb2400 --against runs/nj220`",
+    epilog="Example: `ballbar replay runs/irb2400 --web`, or `ballbar replay runs/irb2400 "
+    "--against runs/nj220`",
 )
 def replay(
     run_dir: Annotated[
-        Path, typer.Argument(help="A folder with run.rrd, or the file itself.", metavar="RUN")
+        Path, typer.Argument(help="Folder with run.rrd, or the file itself.", metavar="RUN")
     ],
     web: Annotated[
-        bool, typer.Option("--web", help="Serve it to a browser on this machine (loopback only).")
+        bool,
+        typer.Option(
+            "--web", help="Serve the replay to a browser on this machine (loopback only)."
+        ),
     ] = False,
     save: Annotated[
         Path | None,
         typer.Option("--save", help="Write the replay file instead of opening it.", metavar="FILE"),
     ] = None,
     layout: Annotated[
-        Layout, typer.Option(help="What to look at: the run, or how the identification converged.")
+        Layout, typer.Option(help="Show the run, or how the identification converged.")
     ] = "run",
     against: Annotated[
-        Path | None, typer.Option(help="Another run, to compare this one with.", metavar="RUN")
+        Path | None, typer.Option(help="Another run, shown beside this one.", metavar="RUN")
     ] = None,
 ) -> None:
-    """Open the replay of a run in the rerun viewer; its iterations with --layout identify, two runs with --against."""
+    """Open the replay of a run, or of two runs, in the rerun viewer."""
     from ballbar.replay.write import open_viewer, serve_web
 
     if save is not None and save.exists():
@@ -61,7 +64,8 @@ def replay(
 @commands.command(
     rich_help_panel=RESULT,
     name="compare",
-    epilog="Example: `ballbar compare runs/irb2400/calibration.yaml runs/irb2400/recording.truth.yaml`",
+    epilog="Example: `ballbar compare runs/irb2400/calibration.yaml "
+    "runs/irb2400/recording.truth.yaml`",
 )
 def compare_files(
     calibration: Annotated[
@@ -71,18 +75,23 @@ def compare_files(
         ),
     ],
     reference: Annotated[
-        Path, typer.Argument(help="A truth file, or another calibration.", metavar="REFERENCE")
+        Path,
+        typer.Argument(
+            help="The truth file of a simulated run, or another calibration.", metavar="REFERENCE"
+        ),
     ],
     as_json: AsJson = False,
 ) -> None:
-    """Compare a calibration with the truth of a simulated run, or with another calibration: TCP error over the workspace."""
+    """Compare a calibration with the truth of a simulated run, or with another calibration.
+
+    Prints the TCP error over the workspace and the deviations of the parameters.
+    """
     from ballbar.commands.result_json import comparison_data
     from ballbar.report.terminal import say_comparison
     from ballbar.result.calibration import calibration_file, load_calibration
 
     calibration, reference = calibration_file(calibration), calibration_file(reference)
-    model = load_calibration(calibration)
-    comparison = _compared(model, calibration, reference)
+    comparison = _compared(load_calibration(calibration), calibration, reference)
     if as_json:
         say_json(comparison_data(comparison))
     say_comparison(out, comparison)
@@ -105,7 +114,8 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
     other = load_calibration(reference)
     if other.file.robot != file.robot:
         raise InputError(
-            f"{reference}: is of robot {other.file.robot}, {calibration} of {file.robot}; only the same robot can be compared"
+            f"{reference}: is of robot {other.file.robot}, {calibration} of {file.robot}. "
+            "Compare calibrations of the same robot."
         )
     shared = [name for name in identified if name in other.file.identified]
     return compare(model.unloaded_robot(cell), model.nominal, other.unloaded_robot(cell), shared)
@@ -113,7 +123,8 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
 
 @commands.command(
     rich_help_panel=RESULT,
-    epilog="Example: `ballbar export runs/irb2400 --to urdf --out irb2400.urdf`, or `ballbar export runs/irb2400 --to dh`",
+    epilog="Example: `ballbar export runs/irb2400 --to urdf --out irb2400.urdf`, or "
+    "`ballbar export runs/irb2400 --to dh`",
 )
 def export(
     result: ResultFile,
@@ -121,33 +132,34 @@ def export(
         Format,
         typer.Option(
             "--to",
-            help="Robot models, tables (mdh: Craig's DH; poe: screw axes), RAPID data, or everything as JSON.",
+            help="Robot model (urdf, mjcf), table (dh; mdh: Craig's DH; hayati; poe: screw axes), "
+            "RAPID data (abb), or everything (json).",
         ),
     ],
     file: Annotated[
-        Path | None, typer.Option("--out", help="A new file; default: print it.", metavar="FILE")
+        Path | None,
+        typer.Option("--out", help="New file. Default: print to the terminal.", metavar="FILE"),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print what was exported as JSON.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Write the identified robot for other programs: URDF, MJCF, DH tables, screws, RAPID, JSON.
 
-    Each says in comments what it leaves out (elastic gears, play, ripple), every sigma, and what stayed nominal.
+    Comments in each format state what it leaves out (gear compliance, backlash, ripple), the
+    standard deviation of every parameter, and which parameters are nominal.
     """
-    from ballbar.export.formats import export_summary, exported, write_export
+    from ballbar.export.formats import export_summary, exported
     from ballbar.export.result import load_result
 
-    read = load_result(result)
-    text = exported(read, to)
+    robot = load_result(result)
+    text = exported(robot, to)
     if file is not None:
-        write_export(file, text)
+        write_new(file, text.encode())
     if as_json:
-        typer.echo(json.dumps(export_summary(read, to, text, file), indent=2))
+        say_json(export_summary(robot, to, text, file))
     elif file is None:
         typer.echo(text, nl=False)
     else:
-        out.print(f"Wrote {escape(str(file))}. Not in it: {escape('; '.join(read.left_out))}")
+        out.print(f"Wrote {escape(str(file))}. Not in it: {escape('; '.join(robot.left_out))}")
 
 
 @commands.command(
@@ -158,7 +170,8 @@ def correct(
     path: Annotated[
         Path,
         typer.Argument(
-            help="CSV with columns q1..q6 [rad, DH joints] or axis1_deg..axis6_deg [controller].",
+            help="CSV file with columns q1 to q6 [rad, DH joints] or axis1_deg to axis6_deg "
+            "[controller].",
             metavar="PATH.csv",
         ),
     ],
@@ -170,13 +183,14 @@ def correct(
     ],
     file: Annotated[
         Path | None,
-        typer.Option("--out", help="A new file; default PATH-corrected.csv.", metavar="FILE"),
+        typer.Option("--out", help="New file. Default: PATH-corrected.csv.", metavar="FILE"),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was done as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Turn targets planned with the nominal robot into targets that reach the same poses with the identified robot.
+    """Correct targets planned with the nominal robot so that the identified robot reaches them.
 
-    Geometry, and of the gears what was identified: compliance under the robot's own weight, play, ripple. Other columns are kept.
+    The correction accounts for geometry, and for what was identified of the gears: compliance under
+    the robot's own weight, backlash, ripple. Other columns of the file are copied.
     """
     from ballbar.compensation.targets_file import (
         correct_file,
@@ -186,15 +200,14 @@ def correct(
     )
     from ballbar.export.result import load_result
 
-    read = load_result(result)
+    robot = load_result(result)
     with progress_bar() as progress:
         progress("correcting the targets")
-        done = correct_file(path, read)
+        correction = correct_file(path, robot)
     written = file or path.with_name(f"{path.stem}-corrected.csv")
-    write_corrected(written, done, read)
+    write_corrected(written, correction, robot)
     if as_json:
-        typer.echo(json.dumps(correction_data(done, read, written), indent=2))
-        return
-    for line in correction_lines(done):
+        say_json(correction_data(correction, robot, written))
+    for line in correction_lines(correction):
         out.print(escape(line))
     out.print(f"Wrote {escape(str(written))}")

@@ -1,8 +1,9 @@
-"""Results for programs: what `--json` prints. SI units, keys that carry them; the same facts as the words and files."""
+"""Results for programs: what `--json` prints, in SI units that stand in the keys."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from sim.simulate import Simulation, truth_path
 
 
 def run_data(data: RunData, folder: Path) -> dict[str, object]:
-    """Of `run` and `identify`: the calibration as written to `folder`, and what it was judged by."""
+    """JSON of `run` and `identify`: the calibration written to `folder`, comparison and limits."""
     return {
         "acceptable": data.acceptable,
         "sentence": data.identification.verdict.sentence,
@@ -31,21 +32,12 @@ def run_data(data: RunData, folder: Path) -> dict[str, object]:
         ),
         "plant": plant_data(data.simulation) if data.simulation else None,
         "comparison": comparison_data(data.comparison) if data.comparison else None,
-        "limits": [
-            {
-                "what": limit.what,
-                "unit": limit.unit,
-                "measured": limit.measured,
-                "allowed": limit.allowed,
-                "met": limit.met,
-            }
-            for limit in data.limits
-        ],
+        "limits": [asdict(limit) | {"met": limit.met} for limit in data.limits],
     }
 
 
 def simulation_data(simulation: Simulation, folder: Path) -> dict[str, object]:
-    """Of `simulate`."""
+    """JSON of `simulate`: recording, truth file, and accuracy of the simulated plant."""
     return {
         "recording": str(folder),
         "truth": str(truth_path(folder)),
@@ -54,7 +46,7 @@ def simulation_data(simulation: Simulation, folder: Path) -> dict[str, object]:
 
 
 def plant_data(simulation: Simulation) -> dict[str, object]:
-    """How well the plant closed its loop, and the force in the rod."""
+    """Largest loop-closure error of the simulated plant, and the range of the force in the rod."""
     truth = simulation.truth
     return {
         "closure_position_m": float(truth.closure_position),
@@ -65,7 +57,7 @@ def plant_data(simulation: Simulation) -> dict[str, object]:
 
 
 def comparison_data(comparison: Comparison) -> dict[str, object]:
-    """Of `compare`: model minus reference."""
+    """JSON of `compare`: errors are model minus reference."""
     return {
         "tcp_error": _tcp(comparison.tcp),
         "tcp_error_nominal": _tcp(comparison.tcp_nominal),
@@ -76,11 +68,11 @@ def comparison_data(comparison: Comparison) -> dict[str, object]:
     }
 
 
-def plan_data(folder: Path, *, kept: bool) -> dict[str, object]:
-    """Of `plan`: plan.yaml as written, and whether every limit was kept in the plant."""
+def plan_data(folder: Path, *, feasible: bool) -> dict[str, object]:
+    """JSON of `plan`: plan.yaml as written, and whether no limit was violated in the plant."""
     content = yaml.safe_load((folder / "plan.yaml").read_text())  # our own file of plain values
     return {
-        "acceptable": kept,
+        "acceptable": feasible,
         "folder": str(folder),
         "files": sorted(entry.name for entry in folder.iterdir()),
         "plan": content,
@@ -88,7 +80,7 @@ def plan_data(folder: Path, *, kept: bool) -> dict[str, object]:
 
 
 def sweep_data(outcome: Outcome) -> dict[str, object]:
-    """Of `sweep`: where the table is, and the spread of the main figures at each point of the grid."""
+    """JSON of `sweep`: the table, and the spread of the main results at each point of the grid."""
     folder = outcome.folder
     data: dict[str, object] = {
         "finished": outcome.finished,
@@ -122,11 +114,11 @@ def sweep_data(outcome: Outcome) -> dict[str, object]:
 
 
 def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
-    """Of `claims`: every claim with its checks."""
+    """JSON of `claims`: every claim with its checks."""
     return [
         {
-            "file": str(one.topic.path),
-            "title": one.topic.file.title,
+            "file": str(result.topic.path),
+            "title": result.topic.file.title,
             "claims": [
                 {
                     "name": verdict.claim.name,
@@ -135,15 +127,15 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
                     "verdict": verdict.word,
                     "passed": verdict.passed,
                     "checks": [
-                        {"met": check.met, "found": check.found, "asked": check.asked}
+                        {"met": check.met, "result": check.result, "limits": check.limits}
                         for check in verdict.outcomes
                     ],
                     "ml": list(verdict.ml),
                 }
-                for verdict in one.verdicts
+                for verdict in result.verdicts
             ],
         }
-        for one in judged
+        for result in judged
     ]
 
 

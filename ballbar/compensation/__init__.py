@@ -1,1 +1,1 @@
-"""Corrected joint targets."""
+"""Targets corrected for the identified robot."""

@@ -1,4 +1,4 @@
-"""What `ballbar correct` does: nominal targets in, targets for the identified robot out."""
+"""`ballbar correct`: targets of the nominal robot in, targets for the identified robot out."""
 
 from __future__ import annotations
 
@@ -9,23 +9,24 @@ import numpy as np
 
 from ballbar.compensation.joint_targets import TargetFile, read_targets, targets_text
 from ballbar.export.result import EFFECTS, Result
+from ballbar.units import MM, MRAD
 from cell.arrays import Array
 from cell.errors import InputError
-from cell.files import write_whole
+from cell.files import write_new
 from cell.robot_angles import joints_to_axes
 from ident.robot.inverse_calibration import CorrectedTargets, TargetError, corrected_targets
 
-_NAMED = 3  # faults that a message names
+_FAULTS_SHOWN = 3  # targets that cannot be corrected, in one message
 
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """Targets as they were, as they become, and the model's word on both."""
+    """Given and corrected targets, with the pose errors that the model predicts."""
 
     targets: TargetFile
     corrected: CorrectedTargets
-    moved: Array  # (N, 6) [rad] corrected less given, axis angles
-    included: tuple[str, ...]  # what beyond geometry was taken into account
+    axis_changes: Array  # (N, 6) [rad] corrected minus given axis angles
+    included: tuple[str, ...]  # effects beyond geometry that were taken into account
     warnings: tuple[str, ...]
 
 
@@ -38,33 +39,32 @@ def correct_file(path: Path, result: Result) -> Correction:
             result.calibration.unloaded_robot(result.cell), result.calibration.nominal, targets.q
         )
     except TargetError as error:
-        said = [f"{path}:{targets.lines[row]}: {why}" for row, why in sorted(error.faults.items())]
-        more = [f"and {len(said) - _NAMED} more targets"] if len(said) > _NAMED else []
-        raise InputError("\n".join(["nothing was written.", *said[:_NAMED], *more])) from None
-    found = result.calibration.file.corrections
+        faults = [f"{path}:{targets.lines[k]}: {why}" for k, why in sorted(error.faults.items())]
+        shown, more = faults[:_FAULTS_SHOWN], len(faults) - _FAULTS_SHOWN
+        rest = [f"and {more} more targets"] if more > 0 else []
+        raise InputError("\n".join(["nothing was written.", *shown, *rest])) from None
+    identified = result.calibration.file.corrections
     status = result.calibration.file.fit.status
     return Correction(
         targets=targets,
         corrected=corrected,
-        moved=joints_to_axes(robot, corrected.q) - joints_to_axes(robot, targets.q),
-        included=tuple(what for name, what in EFFECTS.items() if name in found),
-        warnings=tuple(_warnings(status, [name for name in EFFECTS if name not in found])),
+        axis_changes=joints_to_axes(robot, corrected.q) - joints_to_axes(robot, targets.q),
+        included=tuple(effect for name, effect in EFFECTS.items() if name in identified),
+        warnings=tuple(_warnings(status, [name for name in EFFECTS if name not in identified])),
     )
 
 
 def write_corrected(out: Path, correction: Correction, result: Result) -> None:
-    """Writes the corrected targets whole or not at all. Raises InputError rather than write over a file."""
-    if out.exists():
-        raise InputError(
-            f"{out}: exists already; nothing was written. Name another file with --out."
-        )
-    write_whole(
-        out, targets_text(correction.targets, result.cell.robot, correction.corrected.q).encode()
-    )
+    """Writes the corrected targets to a new file, completely or not at all.
+
+    Raises InputError if the file exists.
+    """
+    text = targets_text(correction.targets, result.cell.robot, correction.corrected.q)
+    write_new(out, text.encode())
 
 
 def correction_data(correction: Correction, result: Result, out: Path) -> dict[str, object]:
-    """Everything for --json, SI units."""
+    """JSON of `correct`, SI units."""
     c = correction.corrected
     return {
         "file": str(out),
@@ -81,29 +81,30 @@ def correction_data(correction: Correction, result: Result, out: Path) -> dict[s
             "max": float(c.angle_before.max()),
         },
         "left_in_the_model_m": float(c.position_after.max()),
-        "largest_axis_correction_rad": np.abs(correction.moved).max(axis=0).tolist(),
+        "largest_axis_correction_rad": np.abs(correction.axis_changes).max(axis=0).tolist(),
     }
 
 
 def correction_lines(correction: Correction) -> list[str]:
-    """What was done, for people."""
+    """Lines of text: effects, predicted pose error, largest corrections, warnings."""
     c = correction.corrected
-    largest = ", ".join(f"{v:.3f}" for v in np.degrees(np.abs(correction.moved).max(axis=0)))
+    position, angle = c.position_before * MM, c.angle_before * MRAD
+    largest = np.degrees(np.abs(correction.axis_changes).max(axis=0))
     return [
         f"{len(c.q)} targets corrected for {', '.join(['geometry', *correction.included])}",
-        f"pose error that the identified robot has at the given targets: mean {c.position_before.mean() * 1e3:.3f} mm, "
-        f"largest {c.position_before.max() * 1e3:.3f} mm; mean {c.angle_before.mean() * 1e3:.3f} mrad",
-        f"largest correction of axes 1 to 6: {largest} deg",
+        "pose error that the identified robot has at the given targets: "
+        f"mean {position.mean():.3f} mm, largest {position.max():.3f} mm; "
+        f"mean {angle.mean():.3f} mrad",
+        f"largest correction of axes 1 to 6: {', '.join(f'{v:.3f}' for v in largest)} deg",
         *(f"care: {warning}" for warning in correction.warnings),
     ]
 
 
 def _warnings(status: str, missing: list[str]) -> list[str]:
-    out = []
+    warnings = []
     if status != "good":
-        out.append(f"the fit is called {status!r}; read its report before a robot moves by it")
+        warnings.append(f"the fit is called {status!r}; read its report before a robot moves by it")
     if missing:
-        out.append(
-            f"not identified, so not corrected: {', '.join(EFFECTS[name] for name in missing)}"
-        )
-    return out
+        effects = ", ".join(EFFECTS[name] for name in missing)
+        warnings.append(f"not identified, so not corrected: {effects}")
+    return warnings

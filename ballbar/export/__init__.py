@@ -1,1 +1,1 @@
-"""The identified robot in the forms of other programs."""
+"""The identified robot in the formats of other programs."""

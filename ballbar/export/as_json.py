@@ -1,43 +1,37 @@
-"""The identified robot as plain JSON: parameters, sigma, corrections, rows, provenance."""
+"""The identified robot as JSON: parameters, deviations, corrections, DH rows, provenance."""
 
 from __future__ import annotations
 
 import json
 from importlib.metadata import version
 
-import numpy as np
-
 from ballbar.export.result import ROBOT, Result
 from ballbar.export.rows import product_of_exponentials
 
 
 def export_data(result: Result) -> dict[str, object]:
-    """Schema `ballbar-export/1`; lengths in m, angles in rad, masses left to the robot's file."""
+    """Plain data of schema `ballbar-export/1`, in m and rad; masses are in the robot's file."""
     file, chain = result.calibration.file, result.chain
-    reasons = {one.name: one.reason for one in file.dropped}
+    reasons = {entry.name: {"reason": entry.reason} for entry in file.dropped}
     parameters = {}
-    for p in ROBOT:
-        entry = file.parameters[p.name]
-        state: dict[str, object] = {
-            "unit": p.unit,
+    for parameter in ROBOT:
+        entry = file.parameters[parameter.name]
+        parameters[parameter.name] = {
+            "unit": parameter.unit,
             "nominal": entry.nominal,
             "value": entry.value,
             "sigma": entry.sigma,
-        }
-        state["identified"] = entry.identified
-        if p.name in reasons:
-            state["reason"] = reasons[p.name]
-        parameters[p.name] = state
+            "identified": entry.identified,
+        } | reasons.get(parameter.name, {})
+    rows = {name: getattr(chain, name).tolist() for name in ("a", "d", "alpha", "theta", "beta")}
     screws, home = product_of_exponentials(chain)
+    fit = {key: getattr(file.fit, key) for key in ("status", "verdict")}
     return {
         "schema": "ballbar-export/1",
         "robot": result.name,
         "title": result.cell.robot.title,
         "convention": "standard DH: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta)",
-        "rows": {
-            name: np.asarray(getattr(chain, name)).tolist()
-            for name in ("a", "d", "alpha", "theta", "beta")
-        },
+        "rows": rows,
         "screws": screws.tolist(),
         "home": home.tolist(),
         "parameters": parameters,
@@ -50,16 +44,12 @@ def export_data(result: Result) -> dict[str, object]:
             "ballbar": version("ballbar-bench"),
             "source": result.file.name,
             "sha256": result.sha256,
-            "recordings": [recording.name for recording in file.recordings],
-            "fit": {
-                "status": file.fit.status,
-                "verdict": file.fit.verdict,
-                "warnings": list(file.fit.warnings),
-            },
+            "recordings": [entry.name for entry in file.recordings],
+            "fit": fit | {"warnings": list(file.fit.warnings)},
         },
     }
 
 
 def json_text(result: Result) -> str:
-    """The data as text."""
+    """JSON text of `export_data`."""
     return json.dumps(export_data(result), indent=2) + "\n"

@@ -1,7 +1,8 @@
-"""The identified robot as URDF and MJCF: six links with the masses of the cell files, and a tool frame.
+"""The identified robot as URDF and MJCF: six links with the masses of the cell files, and a tool.
 
-Link i turns about its own z and stands where DH row i-1 ends at joint angle zero. Joint angles are those of the DH model: a
-parallel rod or wrist coupling is not in the tree, the motors' angles go through the robot file's matrix first.
+Link i turns about its own z axis; its frame is the end of DH row i-1 at joint angle zero. Joint
+angles are those of the DH model: a parallel rod or wrist coupling is not in the tree, so the
+motors' angles must be multiplied by the robot file's matrix first.
 """
 
 from __future__ import annotations
@@ -20,12 +21,15 @@ from cell.chain import Chain, row_placements
 from cell.descriptions import Link, Robot
 from cell.rotation import quat_wxyz
 
-_LIMITS = "Joint limits: the range that each DH joint takes over the box of axis limits; effort 0: the cell files state none."
-_INERTIA_DIGITS = 12  # [kg m^2] below is rounding of turned tensors
+_LIMITS = (
+    "Joint limits: the range of each DH joint over the box of axis limits; effort 0: the cell "
+    "files state none."
+)
+_INERTIA_DIGITS = 12  # decimals of [kg m^2]; what is beyond is rounding of turned tensors
 
 
 def urdf(result: Result) -> str:
-    """URDF, plain names, no files referred to: fit for xacro's include."""
+    """URDF with plain names and without references to files: fit for xacro's include."""
     robot = ET.Element("robot", name=result.name)
     robot.append(_comment([*notes(result), _LIMITS]))
     ET.SubElement(robot, "link", name="base_link")
@@ -54,7 +58,7 @@ def urdf(result: Result) -> str:
 
 
 def mjcf(result: Result) -> str:
-    """MJCF of the free robot, with a site `tool`."""
+    """MJCF of the unloaded robot, with a site `tool`."""
     root = ET.Element("mujoco", model=result.name)
     root.append(_comment(notes(result)))
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -93,16 +97,20 @@ def mjcf(result: Result) -> str:
 
 
 def _placements(chain: Chain) -> list[tuple[Array, Array]]:
-    """Seven of (rotation (3, 3), translation (3,) [m]): links 1 to 6 and the tool, each in the frame before it."""
+    """Pose of links 1 to 6 and of the tool, each in the frame before it.
+
+    Returns seven of (rotation (3, 3), translation (3,) [m]).
+    """
     return [(np.eye(3), np.zeros(3)), *row_placements(chain)]
 
 
 def _bodies(result: Result) -> list[Link]:
-    """Links 1 to 6, the plate joined to the sixth."""
+    """Links 1 to 6, the plate merged into the sixth."""
     return [_joined(links) for links in carried_bodies(result.cell)]
 
 
 def _joined(links: list[Link]) -> Link:
+    """Several rigid links as one."""
     mass = sum(link.mass for link in links)
     com = sum((link.mass * link.com for link in links), np.zeros(3)) / mass
     inertia = np.zeros((3, 3))
@@ -113,12 +121,10 @@ def _joined(links: list[Link]) -> Link:
 
 
 def _joint_range(robot: Robot) -> tuple[Array, Array]:
-    """Smallest and largest angle (6,) [rad] of each joint over the box of the axes' limits."""
-    shares = robot.controller_to_joint
+    """Smallest and largest angle (6,) [rad] of each joint over the box of axis limits."""
+    shares, offset = robot.controller_to_joint, robot.controller_offset
     ends = np.stack((robot.axis_lower[:, None] * shares, robot.axis_upper[:, None] * shares))
-    return robot.controller_offset + ends.min(axis=0).sum(
-        axis=0
-    ), robot.controller_offset + ends.max(axis=0).sum(axis=0)
+    return offset + ends.min(axis=0).sum(axis=0), offset + ends.max(axis=0).sum(axis=0)
 
 
 def _urdf_joint(
@@ -132,15 +138,10 @@ def _urdf_joint(
 
 
 def _roll_pitch_yaw(rotation: Array) -> Array:
-    """(3,) [rad] of R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """(3,) [rad] roll, pitch, yaw of a rotation (3, 3) = Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
     pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
-    return np.array(
-        [
-            np.arctan2(rotation[2, 1], rotation[2, 2]),
-            pitch,
-            np.arctan2(rotation[1, 0], rotation[0, 0]),
-        ]
-    )
+    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
 
 
 def _numbers(values: Iterable[float]) -> str:

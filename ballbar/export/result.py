@@ -1,4 +1,4 @@
-"""The result that is put to use: a calibration with its cell, and in words what it holds and what an export leaves out."""
+"""A calibration with its cell, ready for use; and text on what an export of it leaves out."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from cell.geometry import PARAMETERS, Parameter
 from cell.load import load_cell
 
 EFFECTS = {
-    "joint_compliance": "elastic gears under the robot's own weight",
-    "gear_backlash": "play of the gears",
+    "joint_compliance": "compliance of the gears under the robot's own weight",
+    "gear_backlash": "backlash of the gears",
     "gear_ripple": "transmission error and resolver harmonics",
 }
 ROBOT = tuple(p for p in PARAMETERS if p.side == "robot")
@@ -34,24 +34,25 @@ class Result:
 
     @property
     def chain(self) -> Chain:
-        """The identified robot, tool in row 6."""
+        """DH rows of the identified robot; the tool is in row 6."""
         return self.calibration.geometry.robot
 
     @property
     def name(self) -> str:
-        """Of the robot, fit for an identifier in any format."""
+        """Name of the robot, usable as an identifier in every format."""
         return re.sub(r"\W", "_", self.cell.robot.name, flags=re.ASCII)
 
     @property
     def left_out(self) -> list[str]:
-        """What the identified robot does beyond its geometry, in words."""
-        found = [
-            f"{what} ({name}, identified)"
-            for name, what in EFFECTS.items()
-            if name in self.calibration.file.corrections
+        """Effects of the identified robot beyond its geometry, as text."""
+        identified = self.calibration.file.corrections
+        effects = [
+            f"{effect} ({name}, identified)"
+            for name, effect in EFFECTS.items()
+            if name in identified
         ]
-        return found or [
-            "elastic gears, play, transmission error: none was identified, so none is known"
+        return effects or [
+            "gear compliance, backlash, transmission error: none was identified, so none is known"
         ]
 
 
@@ -63,7 +64,8 @@ def load_result(path: Path) -> Result:
     file = calibration_file(path)
     if not file.is_file():
         raise InputError(
-            f"{file}: no such file. Name a calibration.yaml, or the folder that `ballbar identify` or `ballbar run` wrote."
+            f"{file}: no such file. Name a calibration.yaml, or the folder that `ballbar identify` "
+            "or `ballbar run` wrote."
         )
     calibration = load_calibration(file)
     named = calibration.file
@@ -72,28 +74,27 @@ def load_result(path: Path) -> Result:
 
 
 def parameter_note(result: Result, parameter: Parameter) -> str:
-    """One robot parameter: value, standard deviation, or why it is nominal."""
+    """Value and standard deviation of a robot parameter, or that it is nominal."""
     entry, unit = result.calibration.file.parameters[parameter.name], parameter.unit
+    value = f"{parameter.name} = {entry.value!r} {unit}"
     if entry.identified and entry.sigma is not None:
-        return f"{parameter.name} = {entry.value!r} {unit}, sigma {entry.sigma:.2g} {unit} (nominal {entry.nominal!r})"
-    return f"{parameter.name} = {entry.value!r} {unit}, NOMINAL: not identified"
+        return f"{value}, sigma {entry.sigma:.2g} {unit} (nominal {entry.nominal!r})"
+    return f"{value}, NOMINAL: not identified"
 
 
 def notes(result: Result) -> list[str]:
-    """Lines for the head of an exported file: source, frames, what is left out, every parameter with its sigma."""
-    fit = result.calibration.file.fit
-    lines = [
-        f"Identified robot {result.cell.robot.title}, exported by ballbar {version('ballbar-bench')}.",
-        f"Source: {result.file.name}, sha256 {result.sha256}. Fit: {fit.status}.",
-        "Units: m and rad unless a name says otherwise. Joint angles are those of the DH model (docs/use_of_results.md).",
-        "Base: frame 0, z along axis 1. Tool: end of the offset plate, where the ball-bar was held.",
-        "NOT in this file, which is geometry alone:",
-        *(f"  - {what}" for what in result.left_out),
-        "What is called identified there is in the JSON export, and `ballbar correct` takes it into account.",
-        "Parameters of the robot and their standard deviations:",
-        *(f"  {parameter_note(result, p)}" for p in ROBOT),
-    ]
+    """Lines for the head of an exported file: source, frames, what is left out, parameters."""
+    texts = (result.cell.robot.title, result.file.name, result.calibration.file.fit.status)
+    title, name, status = (" ".join(text.split()) for text in texts)  # a comment is one line
     return [
-        " ".join(line.split()) if not line.startswith("  ") else "  " + " ".join(line.split())
-        for line in lines
+        f"Identified robot {title}, exported by ballbar {version('ballbar-bench')}.",
+        f"Source: {name}, sha256 {result.sha256}. Fit: {status}.",
+        "Units: m and rad unless a name says otherwise.",
+        "Joint angles are those of the DH model (docs/use_of_results.md).",
+        "Base: frame 0, z along axis 1. Tool: end of the offset plate, which held the ball-bar.",
+        "NOT in this file, which is geometry alone:",
+        *(f"  - {effect}" for effect in result.left_out),
+        "Effects called identified are in the JSON export; `ballbar correct` accounts for them.",
+        "Parameters of the robot and their standard deviations:",
+        *(f"  {parameter_note(result, parameter)}" for parameter in ROBOT),
     ]

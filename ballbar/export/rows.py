@@ -1,9 +1,10 @@
-"""One kinematic chain in other conventions: rows with a Hayati angle turned into rows of four parameters.
+"""A kinematic chain in other conventions: rows with a Hayati angle become rows of four parameters.
 
-A joint's axis is a line; where on it the next row begins, and how that row is turned about it, is convention. So a row
-`Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)` equals a row of another convention times `Rz(phi) Tz(e)` along the next axis, and
-phi, e go into theta and d of the next row. Sources: Hayati & Mirmirani 1985; Craig 1989, sec. 3.4 (modified DH);
-Lynch & Park 2017, sec. 4.1 (product of exponentials).
+The axis of a joint is a line; where on it the next row begins, and how that row is turned about it,
+is convention. So a row `Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta)` equals a row of another
+convention times `Rz(phi) Tz(e)` along the next axis, and phi and e are added to theta and d of the
+next row. Sources: Hayati & Mirmirani 1985; Craig 1989, sec. 3.4 (modified DH); Lynch & Park 2017,
+sec. 4.1 (product of exponentials).
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from cell.chain import Chain, forward
 from cell.errors import InputError
 
 PARALLEL_ROW = 1  # joint 2, whose axis is nearly parallel to the next
-_PARALLEL = 1e-6  # [rad] below it the common normal of two axes is lost in rounding
+_PARALLEL = 1e-6  # [rad] angle of two axes below which their common normal is lost in rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Rows of a table; after the last one the tool turns by `tool_beta` about its y."""
+    """Rows of a table; after the last one the tool turns by `tool_beta` about its y axis."""
 
     a: Array  # (J,) [m]
     d: Array  # (J,) [m]
@@ -33,7 +34,10 @@ class Rows:
 
 
 def standard_rows(chain: Chain) -> Rows:
-    """Standard DH rows. Raises InputError where axes are so nearly parallel that their common normal is not defined."""
+    """Standard DH rows of a chain.
+
+    Raises InputError where axes are so nearly parallel that their common normal is not defined.
+    """
     a, d, alpha, theta, beta, tool_beta = _parts(chain)
     for i in np.flatnonzero(beta):
         rotation, tip = _row(a[i], d[i], alpha[i], theta[i], beta[i])
@@ -45,13 +49,13 @@ def standard_rows(chain: Chain) -> Rows:
 
 
 def hayati_rows(chain: Chain) -> Rows:
-    """Standard DH rows, but joint 2, nearly parallel to joint 3, has no d and an angle beta about y instead."""
+    """Standard DH rows, but in row 2, of nearly parallel axes, an angle beta replaces d."""
     a, d, alpha, theta, beta, tool_beta = _parts(chain)
     i = PARALLEL_ROW
     rotation, tip = _row(a[i], d[i], alpha[i], theta[i], beta[i])
     axis = rotation[:, 2]
     e = tip[2] / axis[2]
-    across = tip - e * axis  # where the next axis passes the plane of this joint
+    across = tip - e * axis  # point of the next axis in the plane of this joint
     theta[i] = np.arctan2(across[1], across[0])
     a[i], d[i] = np.hypot(across[0], across[1]), 0.0
     along = _turn_z(theta[i]).T @ axis
@@ -63,7 +67,10 @@ def hayati_rows(chain: Chain) -> Rows:
 
 
 def product_of_exponentials(chain: Chain) -> tuple[Array, Array]:
-    """Screw axes (J, 6) of the joints in the base frame, (w, v) with v = -w x p, and the home pose (4, 4) at q = 0."""
+    """Screw axes of the joints and home pose, in the base frame.
+
+    Returns screws (J, 6): w [1] and v = -w x p [m]; and the pose (4, 4) [m] at q = 0.
+    """
     frames = forward(chain, np.zeros((1, chain.rows)))
     axes, points = frames.z[:-1, :, 0], frames.origin[:-1, :, 0]
     return np.hstack((axes, -np.cross(axes, points))), frames.poses()[0]
@@ -76,31 +83,32 @@ def _parts(chain: Chain) -> tuple[Array, Array, Array, Array, Array, float]:
 
 
 def _row(a: float, d: float, alpha: float, theta: float, beta: float) -> tuple[Array, Array]:
-    """Rotation (3, 3) and translation (3,) of one row at joint angle zero."""
+    """Rotation (3, 3) and translation (3,) [m] of one row at joint angle zero."""
     frames = forward(Chain(*(np.array([v]) for v in (a, d, alpha, theta, beta))), np.zeros((1, 1)))
     return frames.rotation()[:, :, 0], frames.tip[:, 0]
 
 
 def _on_common_normal(
-    rotation: Array, tip: Array, near: float, row: int
+    rotation: Array, tip: Array, start: float, row: int
 ) -> tuple[float, float, float, float, float, float]:
-    """a, d, alpha, theta of a standard row with the same next axis, and phi, e along it; theta on the side of `near`."""
+    """a, d, alpha, theta of a standard row with the same next axis, and phi, e along that axis.
+
+    rotation (3, 3), tip (3,) [m] : end of the row. Of two solutions that with theta within a
+    quarter turn of `start` [rad].
+    """
     axis = rotation[:, 2]
     sine = float(np.hypot(axis[0], axis[1]))
     if sine < _PARALLEL:
         raise InputError(
-            f"joints {row + 1} and {row + 2} are parallel within {sine:.1g} rad and carry a Hayati angle: a DH table cannot hold that to "
-            "rounding. Export with --to hayati."
+            f"joints {row + 1} and {row + 2} are parallel within {sine:.1g} rad and carry a Hayati "
+            "angle: a DH table cannot hold that to rounding. Export with --to hayati."
         )
     theta = float(np.arctan2(axis[0], -axis[1]))
-    if np.cos(theta - near) < 0.0:
+    if np.cos(theta - start) < 0.0:
         theta, sine = theta + np.pi, -sine
-    theta = near + float(np.arctan2(np.sin(theta - near), np.cos(theta - near)))
+    theta = start + float(np.arctan2(np.sin(theta - start), np.cos(theta - start)))
     alpha = float(np.arctan2(sine, axis[2]))
-    x, y = (
-        np.array([np.cos(theta), np.sin(theta), 0.0]),
-        np.array([-np.sin(theta), np.cos(theta), 0.0]),
-    )
+    x, y = _turn_z(theta).T[:2]
     e = -float(tip @ y) / sine
     a, d = float(tip @ x), float(tip[2] - e * axis[2])
     bare, _ = _row(a, d, alpha, theta, 0.0)

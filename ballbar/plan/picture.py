@@ -1,4 +1,8 @@
-"""The picture of a plan: the path on the sphere, axes over time against their ranges, loads, and what is known afterwards."""
+"""Pictures of a plan as SVG.
+
+A plan shows the trajectory on the sphere, axes over time against their ranges, loads, and the
+predicted uncertainties; a what-if study and thesis Fig. 4.4 are pictures of their own.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +16,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
-from ballbar.figure_style import FRAME, INK, QUIET, svg_text
+from ballbar.figure_style import FAINT, FRAME, INK, LINES, QUIET, svg_text
 from ballbar.plan.beam import GRAVITY
 from ballbar.plan.plate_figure import MATERIALS, THICKNESS, draw_deflection
+from ballbar.units import MM, UM
 from cell.geometry import bar_frames
 from cell.robot_angles import joints_to_axes
 from planning.plan import Plan
@@ -23,20 +28,19 @@ from planning.what_if import Answer
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
-COLOURS = ("#1f66ad", "#d9740b", "#2a8f5b", "#8a4fa0", "#b03030", "#8a6d1e")
 STYLE: dict[RcKeyType, Any] = {
     **FRAME,
     "svg.hashsalt": "plan",
     "font.size": 9.0,
     "axes.titlesize": 9.0,
-    "axes.prop_cycle": cycler(color=COLOURS),
+    "axes.prop_cycle": cycler(color=LINES),
     "lines.linewidth": 1.2,
 }
-FAINT = "#c4ccd3"
+_UNKNOWNS_SHOWN = ("ra", "rd", "ralpha", "rtheta", "rbeta", "compliance", "backlash")  # prefixes
 
 
 def plan_picture(plan: Plan) -> bytes:
-    """SVG."""
+    """SVG of a plan: sphere, axes, loads, uncertainties."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11.0, 8.0), layout="constrained")
         grid = figure.subplot_mosaic([["sphere", "axes"], ["load", "sigma"]])
@@ -44,51 +48,45 @@ def plan_picture(plan: Plan) -> bytes:
         _axes(grid["axes"], plan)
         _loads(grid["load"], plan)
         _sigma(grid["sigma"], plan)
-        figure.suptitle(
-            f"{plan.request.name}: predicted TCP sigma {np.median(plan.tcp) * 1e6:.1f} um rms over the workspace",
-            x=0.01,
-            ha="left",
-        )
+        sigma = f"{np.median(plan.tcp) * UM:.1f} um rms over the workspace"
+        figure.suptitle(f"{plan.request.name}: predicted TCP sigma {sigma}", x=0.01, ha="left")
         return svg_text(figure).encode()
 
 
-def what_if_picture(plan: Plan, given: Sequence[Answer]) -> bytes:
-    """SVG: a panel for each question, expected TCP error over the values; open: with what the plate's own length adds."""
-    keys = list(dict.fromkeys(answer.key for answer in given))
+def what_if_picture(plan: Plan, answers: Sequence[Answer]) -> bytes:
+    """SVG of the expected TCP error over the values of each what-if question, a panel for each.
+
+    Filled marks: from the trajectory; open marks: with the error of the plate's length added.
+    """
+    keys = list(dict.fromkeys(answer.key for answer in answers))
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(3.2 * len(keys) + 0.6, 3.0), layout="constrained")
-        for axes, key in zip(
-            np.atleast_1d(figure.subplots(1, len(keys), sharey=True)), keys, strict=True
-        ):
-            answers = [a for a in given if a.key == key]
-            place = np.arange(len(answers))
-            axes.plot(
-                place,
-                [np.nan if a.tcp is None else a.tcp * 1e6 for a in answers],
-                "o-",
-                color=INK,
-                label="from the path",
-            )
-            total = [np.nan if a.total is None else a.total * 1e6 for a in answers]
-            axes.plot(place, total, "o--", color=INK, mfc="white", label="and the plate's length")
-            axes.axhline(plan.found.tcp * 1e6, color=FAINT, lw=0.8)
-            axes.set_xticks(place, [a.value for a in answers], rotation=30, ha="right")
+        panels = np.atleast_1d(figure.subplots(1, len(keys), sharey=True))
+        for axes, key in zip(panels, keys, strict=True):
+            of_key = [answer for answer in answers if answer.key == key]
+            x = np.arange(len(of_key))
+            tcp = [np.nan if a.tcp is None else a.tcp * UM for a in of_key]
+            total = [np.nan if a.total is None else a.total * UM for a in of_key]
+            axes.plot(x, tcp, "o-", color=INK, label="from the path")
+            axes.plot(x, total, "o--", color=INK, mfc="white", label="and the plate's length")
+            axes.axhline(plan.found.tcp * UM, color=FAINT, lw=0.8)
+            axes.set_xticks(x, [a.value for a in of_key], rotation=30, ha="right")
             axes.set_title(key.replace("_", " "))
-        figure.axes[0].set_ylim(bottom=0.0)  # of all panels, once all is drawn
+        figure.axes[0].set_ylim(bottom=0.0)  # shared by all panels, once all is drawn
         figure.axes[0].set_ylabel("TCP sigma [um rms]")
         figure.axes[0].legend(frameon=False, fontsize=7)
         return svg_text(figure).encode()
 
 
 def plate_picture() -> bytes:
-    """SVG of thesis Fig. 4.4: deflection at the tip and weight over thickness, aluminium and steel."""
+    """SVG of thesis Fig. 4.4: tip deflection and mass over thickness, aluminium and steel."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(7.0, 3.0), layout="constrained")
         left, right = figure.subplots(1, 2)
         draw_deflection(left)
         for material in MATERIALS.values():
             plates = [replace(material, thickness=float(h)) for h in THICKNESS]
-            right.plot(THICKNESS * 1e3, [p.weight * p.length / GRAVITY for p in plates])
+            right.plot(THICKNESS * MM, [p.weight * p.length / GRAVITY for p in plates])
         left.set_ylabel("deflection [um], or urad from 1 m")
         right.set(xlabel="thickness [mm]", ylabel="mass [kg]", ylim=(0.0, None))
         left.legend()
@@ -96,7 +94,7 @@ def plate_picture() -> bytes:
 
 
 def _sphere(axes: Axes, plan: Plan) -> None:
-    """The rod's direction, Lambert's azimuthal equal-area projection from above: areas are true."""
+    """The rod's direction from above, in Lambert's azimuthal equal-area projection."""
     x, y, z = bar_frames(plan.course.nominal, plan.course.b).z[2]
     scale = np.sqrt(2.0 / (1.0 + np.clip(z, -0.999, 1.0)))
     axes.plot(scale * x, scale * y, color=INK, lw=1.0)
@@ -108,22 +106,25 @@ def _sphere(axes: Axes, plan: Plan) -> None:
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.set_title(
-        f"rod's direction from above (robot's x to the right); {plan.coverage:.0%} of the sphere within 10°"
+        "rod's direction from above (robot's x to the right); "
+        f"{plan.coverage:.0%} of the sphere within 10°"
     )
 
 
 def _axes(axes: Axes, plan: Plan) -> None:
-    robot, course = plan.judge.cell.robot, plan.course
-    angles = joints_to_axes(robot, course.q)
+    """Axis angles over time, as a share of their ranges."""
+    robot = plan.judge.cell.robot
+    angles = joints_to_axes(robot, plan.course.q)
     share = (angles - robot.axis_lower) / (robot.axis_upper - robot.axis_lower)
     for k in range(6):
-        axes.plot(course.t, share[:, k], lw=1.0, label=f"{k + 1}")
+        axes.plot(plan.course.t, share[:, k], lw=1.0, label=f"{k + 1}")
     axes.set_ylim(0.0, 1.0)
     axes.set(xlabel="time [s]", ylabel="axis angle, share of its range")
     axes.legend(ncols=6, loc="upper center", title="axis", fontsize=7, title_fontsize=7)
 
 
 def _loads(axes: Axes, plan: Plan) -> None:
+    """Expected force in the rod over time: each robot drawn with errors, and the median."""
     forces = plan.found.forces
     assert forces is not None
     for tension in forces.tension:
@@ -135,19 +136,14 @@ def _loads(axes: Axes, plan: Plan) -> None:
 
 
 def _sigma(axes: Axes, plan: Plan) -> None:
-    """How much of each prior is left."""
-    typical = plan.typical
-    robot = [
-        n
-        for n in typical.sigma
-        if n.startswith(("ra", "rd", "ralpha", "rtheta", "rbeta", "compliance", "play"))
-    ]
-    priors = dict(zip(typical.layout.names, typical.layout.sigma, strict=True))
-    left = [typical.sigma[n] / priors[n] for n in robot]
-    place = np.arange(len(robot))
-    axes.vlines(place, 1e-4, left, color=FAINT, lw=2.0)
-    axes.plot(place, left, "o", color=INK, ms=3.0)
+    """Predicted standard deviation of each unknown of the robot, relative to its prior."""
+    sigma, layout = plan.typical.sigma, plan.typical.layout
+    priors = dict(zip(layout.names, layout.sigma, strict=True))
+    robot = [name for name in sigma if name.startswith(_UNKNOWNS_SHOWN)]
+    ratio, x = [sigma[name] / priors[name] for name in robot], np.arange(len(robot))
+    axes.vlines(x, 1e-4, ratio, color=FAINT, lw=2.0)
+    axes.plot(x, ratio, "o", color=INK, ms=3.0)
     axes.set_yscale("log")
     axes.set_ylim(1e-4, 1.5)
-    axes.set_xticks(place, robot, rotation=90, fontsize=6)
+    axes.set_xticks(x, robot, rotation=90, fontsize=6)
     axes.set(ylabel="predicted sigma / prior sigma")

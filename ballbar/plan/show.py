@@ -1,4 +1,4 @@
-"""What `ballbar plan` does and shows: a search with the best so far, files, picture, numbers at a glance."""
+"""`ballbar plan`: a search with the best trajectory so far, then files, pictures and a summary."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ballbar.plan.beam import FIGURES, OFFSET_PLATE, PLATE_FORCE
+from ballbar.plan.beam import OFFSET_PLATE, PLATE_FORCE, tip_deflection, tip_slope
 from ballbar.plan.picture import plan_picture, plate_picture, what_if_picture
-from ballbar.terminal import animated
+from ballbar.terminal import animated, wide_console
+from ballbar.units import MM, UM, URAD
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from planning.candidate import Candidate
@@ -31,14 +32,15 @@ from planning.search import Progress
 from planning.verify import Check, checks, run_in_plant, violations_in
 from planning.what_if import Answer, Question, answers, question
 
-ATTEMPTS = 4  # paths of a search that are run in MuJoCo, should limits be violated
-CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and one drawn
+ATTEMPTS = 4  # trajectories of a search that are run in MuJoCo while limits are violated
+CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and a drawn robot
 WIDTH = 120  # characters of a table in a pipe or file
-EVALUATIONS = 20_000  # of CMA-ES: some minutes on two quiet cores
+EVALUATIONS = 20_000  # of CMA-ES: some minutes on two idle cores
+UNSEEN = 0.9  # of its prior: standard deviation above which an unknown counts as hardly seen
 
 
 def default_folder(file: Path) -> Path:
-    """Where a request's plan goes without --out."""
+    """Folder of a request's plan without --out."""
     return Path("runs") / f"{load_request(file).name}-plan"
 
 
@@ -53,27 +55,29 @@ def plan_path(
     out: Console,
     err: Console,
 ) -> bool:
-    """Plans, or takes the path that is given, checks it, writes the files and says what they hold; then answers what_if questions.
+    """Plans a trajectory or takes a path file, checks and writes it, and answers what-if questions.
 
-    Returns whether no limit is violated.
+    file : planning request. path, position : a path file and the base position [m] of the ball-bar,
+    instead of a search. seconds : duration of the search. what_if : questions `KEY=A,B`.
+
+    Returns whether no limit is violated. Raises InputError for bad options or files.
     """
     request, questions = load_request(file), [question(text) for text in what_if]
     claim_folder(folder, {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}, "the plan")
-    found = (
-        iter([given_path(request, path, position)])
-        if path
-        else searched(request, file.parent, seconds, err)
-    )
-    for attempt, plan in enumerate(islice(found, ATTEMPTS)):
+    if path:
+        candidates = iter([given_path(request, path, position)])
+    else:
+        candidates = searched(request, file.parent, seconds, err)
+    for attempt, plan in enumerate(islice(candidates, ATTEMPTS)):
         if attempt:
             out.print("[yellow]Limits are violated in MuJoCo; the next best path of the search:[/]")
         names = write_plan(plan, folder)
         write_whole(folder / "plan.svg", plan_picture(plan))
         say_plan(out, plan)
-        with under_way(err, "running it in MuJoCo on soft servo ..."):
-            ran = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
-        violated = sum(violations_in(one) for _, one in ran)
-        say_checks(out, ran)
+        with status(err, "running it in MuJoCo on soft servo ..."):
+            results = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
+        violated = sum(violations_in(checks_of_robot) for _, checks_of_robot in results)
+        say_checks(out, results)
         if not violated:
             break
     if questions:
@@ -85,10 +89,10 @@ def plan_path(
 def searched(
     request: PlanRequest, relative_to: Path, seconds: float, err: Console
 ) -> Iterator[Plan]:
-    """What a search finds, best first."""
+    """Plans of a search, best first."""
     since = time.monotonic()
-    with showing(err) as show:
-        found = plans(
+    with search_status(err) as show:
+        results = plans(
             request,
             relative_to=relative_to,
             workers=os.cpu_count() or 1,
@@ -97,22 +101,22 @@ def searched(
             show=show,
             since=lambda: time.monotonic() - since,
         )
-        best = next(found)
-    return chain((best,), found)
+        best = next(results)
+    return chain((best,), results)
 
 
 def answer(
     plan: Plan, questions: Sequence[Question], folder: Path, out: Console, err: Console
 ) -> list[str]:
-    """Prints and writes what other rigs would come to."""
-    given = []
-    with under_way(err, "what if ...") as say:
-        for one in answers(plan, questions):
-            given.append(one)
-            say(f"what if {one.key} were {one.value} ...")
-    say_answers(out, plan, given)
-    write_whole(folder / "what_if.csv", answers_csv(given))
-    write_whole(folder / "what_if.svg", what_if_picture(plan, given))
+    """Prints and writes the expected TCP error of other rigs. Returns the names of the files."""
+    results = []
+    with status(err, "what if ...") as show:
+        for result in answers(plan, questions):
+            results.append(result)
+            show(f"what if {result.key} were {result.value} ...")
+    say_answers(out, plan, results)
+    write_whole(folder / "what_if.csv", answers_csv(results))
+    write_whole(folder / "what_if.svg", what_if_picture(plan, results))
     names = ["what_if.csv", "what_if.svg"]
     if any(q.key == "plate_thickness" for q in questions):
         say_plate(out)
@@ -121,50 +125,39 @@ def answer(
     return names
 
 
-def say_answers(out: Console, plan: Plan, given: Sequence[Answer]) -> None:
-    """The table: expected TCP error with one thing changed at a time."""
-    shown = Table(box=None, pad_edge=False)
-    for heading in (
-        "what if",
-        "value",
-        "TCP sigma [um]",
-        "plate's length adds [um]",
-        "together [um]",
-        "",
-    ):
-        shown.add_column(escape(heading), justify="left" if heading in ("what if", "") else "right")
-    here = plan.found.tcp
-    shown.add_row(
-        "as planned",
-        "",
-        f"{here * 1e6:.1f}",
-        f"{plan.plate_adds * 1e6:.1f}",
-        f"{np.hypot(here, plan.plate_adds) * 1e6:.1f}",
-        "",
-    )
-    for one in given:
-        sigma, total = ("-" if v is None else f"{v * 1e6:.1f}" for v in (one.tcp, one.total))
-        shown.add_row(one.key, one.value, sigma, f"{one.scale * 1e6:.1f}", total, escape(one.note))
-    _wide(out).print(shown)
+def say_answers(out: Console, plan: Plan, results: Sequence[Answer]) -> None:
+    """Prints the expected TCP error with one value of the rig changed at a time."""
+    table = Table(box=None, pad_edge=False)
+    lengths = ("TCP sigma [um]", "plate's length adds [um]", "together [um]")
+    for heading in ("what if", "value", *lengths, ""):
+        table.add_column(escape(heading), justify="left" if heading in ("what if", "") else "right")
+    planned = Answer("as planned", "", plan.found.tcp, plan.plate_adds, "")
+    for row in (planned, *results):
+        sigma, total = ("-" if v is None else f"{v * UM:.1f}" for v in (row.tcp, row.total))
+        table.add_row(row.key, row.value, sigma, f"{row.scale * UM:.1f}", total, escape(row.note))
+    wide_console(out, WIDTH).print(table)
 
 
 def say_plate(out: Console) -> None:
-    """The rule of thesis sec. 4.5."""
-    sinks, turns = FIGURES["plate_deflection"]() * 1e6, FIGURES["plate_slope"]() * 1e6
+    """Prints deflection and slope of the thesis's offset plate (sec. 4.5)."""
+    deflection = tip_deflection(OFFSET_PLATE, PLATE_FORCE) * UM
+    slope = tip_slope(OFFSET_PLATE, PLATE_FORCE) * URAD
     out.print(
-        f"plate: {OFFSET_PLATE.thickness * 1e3:.0f} mm of aluminium, {OFFSET_PLATE.length * 1e3:.0f} mm long, {PLATE_FORCE:.0f} N: the "
-        f"tip sinks by {sinks:.1f} um, {sinks:.1f} urad seen from 1 m (thesis Fig. 4.4: 10), and turns by {turns:.0f} urad"
+        f"plate: {OFFSET_PLATE.thickness * MM:.0f} mm of aluminium, "
+        f"{OFFSET_PLATE.length * MM:.0f} mm long, {PLATE_FORCE:.0f} N: the tip deflects by "
+        f"{deflection:.1f} um, {deflection:.1f} urad seen from 1 m (thesis Fig. 4.4: 10), and "
+        f"turns by {slope:.0f} urad"
     )
 
 
-def answers_csv(given: Sequence[Answer]) -> bytes:
-    """The table as a file, SI units."""
+def answers_csv(results: Sequence[Answer]) -> bytes:
+    """The what-if answers as a CSV file, SI units."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(("what_if", "value", "tcp_sigma_m", "plate_length_adds_m", "note"))
     rows.writerows(
         (a.key, a.value, "" if a.tcp is None else f"{a.tcp:.4g}", f"{a.scale:.4g}", a.note)
-        for a in given
+        for a in results
     )
     return text.getvalue().encode()
 
@@ -172,106 +165,97 @@ def answers_csv(given: Sequence[Answer]) -> bytes:
 def given_path(
     request: PlanRequest, path: Path, position: tuple[float, float, float] | None
 ) -> Plan:
-    """A path file, judged as a plan. Raises InputError where it cannot be run or no position is known."""
-    shape, planned_for = known_path(path)
-    place = position or request.cell.ballbar_position_m or planned_for
-    if place is None:
+    """A path file, evaluated as a plan.
+
+    position : base position [m] of the ball-bar; None takes that of the request or of the file.
+
+    Raises InputError where the path cannot be run or no position is known.
+    """
+    shape, position_of_file = known_path(path)
+    base = position or request.cell.ballbar_position_m or position_of_file
+    if base is None:
         raise InputError(
-            "--path needs to know where the ball-bar stands: give --position X,Y,Z, or ballbar_position_m in the path file or in the "
-            "request's cell"
+            f"--path {path}: the base position of the ball-bar is not known. Give --position "
+            "X,Y,Z, or ballbar_position_m in the path file or in the request's cell."
         )
     judge = judges(request)[request.cell.ballbar]
-    return assessed(judge, Candidate(shape, np.array(place)))
+    return assessed(judge, Candidate(shape, np.array(base)))
 
 
 def check_in_plant(plan: Plan, seed: int) -> list[Check]:
-    """All limits over one robot's run."""
+    """All limits, checked over the run of one robot in MuJoCo."""
     cell, request = plan.judge.cell, plan.request
     motion = run_in_plant(cell, request, plan.found.candidate, seed=seed)
     return checks(cell, request.limits, clearance(cell, request.cell), motion)
 
 
 @contextmanager
-def under_way(err: Console, words: str) -> Iterator[Callable[[str], None]]:
-    """What is being done, on a terminal that is not asked to be quiet; nothing in a pipe."""
+def status(err: Console, text: str) -> Iterator[Callable[[str], None]]:
+    """Shows what is being done, on a terminal without --quiet; the callback changes the text."""
     if animated(err):
-        with err.status(words) as status:
-            yield status.update
+        with err.status(text) as line:
+            yield line.update
     else:
         yield lambda _: None
 
 
 @contextmanager
-def showing(err: Console) -> Iterator[Callable[[Progress], None]]:
-    """The best so far."""
+def search_status(err: Console) -> Iterator[Callable[[Progress], None]]:
+    """Shows the best trajectory of a search so far."""
     since = time.monotonic()
-    with under_way(err, "looking for a first path (Ctrl-C stops and keeps the best)") as say:
-        yield lambda p: say(
-            f"{time.monotonic() - since:.0f} s: TCP sigma {p.tcp * 1e6:.1f} um, {p.evaluated} tried, {p.feasible} can be run "
+    with status(err, "looking for a first path (Ctrl-C stops and keeps the best)") as show:
+        yield lambda progress: show(
+            f"{time.monotonic() - since:.0f} s: TCP sigma {progress.tcp * UM:.1f} um, "
+            f"{progress.evaluated} tried, {progress.feasible} can be run "
             "(Ctrl-C stops and keeps the best)"
         )
 
 
 def say_plan(out: Console, plan: Plan) -> None:
-    """Numbers at a glance."""
-    typical, forces = plan.typical, plan.found.forces
+    """Prints where a plan comes from and what it is predicted to identify."""
+    typical, forces, tcp = plan.typical, plan.found.forces, plan.tcp * UM
     assert forces is not None
     position = ", ".join(f"{v:.3f}" for v in plan.found.candidate.position)
     if plan.stopped:
         out.print("[yellow]stopped[/] before its time; this is the best so far")
-    found = (
-        f"found in {plan.seconds:.0f} s, {plan.evaluated} tried" if plan.evaluated else "as given"
-    )
-    out.print(f"path {found}; ball-bar {plan.rod} at ({position}) m")
+    searched = f"found in {plan.seconds:.0f} s, {plan.evaluated} tried"
     out.print(
-        f"predicted TCP sigma over the workspace: {np.median(plan.tcp) * 1e6:.1f} um rms ({plan.tcp.min() * 1e6:.1f} to "
-        f"{plan.tcp.max() * 1e6:.1f} over {len(plan.tcp)} robots), largest {typical.tcp_sigma.max() * 1e6:.0f} um; "
-        f"the plate's own length adds {plan.plate_adds * 1e6:.1f} um"
+        f"path {searched if plan.evaluated else 'as given'}; ball-bar {plan.rod} at ({position}) m"
     )
     out.print(
-        f"sphere covered {plan.coverage:.0%}, rod force {forces.tension.min():.0f} to {forces.tension.max():.0f} N expected"
+        f"predicted TCP sigma over the workspace: {np.median(tcp):.1f} um rms ({tcp.min():.1f} to "
+        f"{tcp.max():.1f} over {len(tcp)} robots), largest {typical.tcp_sigma.max() * UM:.0f} um; "
+        f"the plate's own length adds {plan.plate_adds * UM:.1f} um"
     )
     out.print(
-        f"sign changes of the load of gears 1 to 6: {', '.join(f'{n:.0f}' for n in plan.reversals)}"
+        f"sphere covered {plan.coverage:.0%}, rod force {forces.tension.min():.0f} to "
+        f"{forces.tension.max():.0f} N expected"
     )
-    out.print(
-        "observability "
-        + ", ".join(f"{name} {value:.3g}" for name, value in plan.indices().items())
-    )
-    unseen = [
-        n
-        for n, s in typical.sigma.items()
-        if s > 0.9 * typical.layout.sigma[typical.layout.names.index(n)]
-    ]
+    reversals = ", ".join(f"{n:.0f}" for n in plan.reversals)
+    out.print(f"sign changes of the load of gears 1 to 6: {reversals}")
+    indices = ", ".join(f"{name} {value:.3g}" for name, value in plan.indices().items())
+    out.print(f"observability {indices}")
+    priors = dict(zip(typical.layout.names, typical.layout.sigma, strict=True))
+    unseen = [name for name, sigma in typical.sigma.items() if sigma > UNSEEN * priors[name]]
     out.print(f"hardly seen by the path ({len(unseen)}): {' '.join(unseen)}")
 
 
-def say_checks(out: Console, found: list[tuple[int, list[Check]]]) -> None:
-    """Limits against what MuJoCo did."""
-    shown = Table(box=None, pad_edge=False)
-    for heading in ("limit", "allowed", *(f"robot {seed}" for seed, _ in found), "violated"):
-        shown.add_column(heading, justify="left" if heading == "limit" else "right")
-    for rows in zip(*(one for _, one in found), strict=True):
-        bad = sum(row.instants for row in rows)
-        colour = "red" if bad else "green"
+def say_checks(out: Console, results: list[tuple[int, list[Check]]]) -> None:
+    """Prints the limits against the motion in MuJoCo. results : (seed of a robot, its checks)."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("limit", "allowed", *(f"robot {seed}" for seed, _ in results), "violated"):
+        table.add_column(heading, justify="left" if heading == "limit" else "right")
+    for rows in zip(*(checks_of_robot for _, checks_of_robot in results), strict=True):
+        bad, instants = sum(row.instants for row in rows), sum(row.looked_at for row in rows)
         values = (f"{row.worst:.3g} {row.unit}".strip() for row in rows)
-        shown.add_row(
-            rows[0].limit,
-            f"{rows[0].allowed:.3g}",
-            *values,
-            f"[{colour}]{bad} of {sum(row.looked_at for row in rows)}[/]",
-        )
+        violated = f"[{'red' if bad else 'green'}]{bad} of {instants}[/]"
+        table.add_row(rows[0].limit, f"{rows[0].allowed:.3g}", *values, violated)
     out.print("MuJoCo, soft servo, robots with errors; worst value of each limit:")
-    _wide(out).print(shown)
-
-
-def _wide(out: Console) -> Console:
-    """Room for a table in a pipe or file."""
-    return out if out.is_terminal else Console(file=out.file, width=WIDTH, quiet=out.quiet)
+    wide_console(out, WIDTH).print(table)
 
 
 def parse_position(text: str) -> tuple[float, float, float]:
-    """`0.7,0,0.54` as metres. Raises InputError."""
+    """`0.7,0,0.54` as three coordinates [m]. Raises InputError."""
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:

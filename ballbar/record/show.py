@@ -1,4 +1,4 @@
-"""What `ballbar record` does: sources from its options, the recorders until Ctrl-C, and a word on what is missing."""
+"""`ballbar record`: sources from the options, recorders until Ctrl-C, and what was recorded."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from cell.files import write_whole
 from cell.load import load_cell
 
 PLC_PORT = 851  # of the first PLC project of TwinCAT 3
-RING = "GVL_BallBar.stRing"  # docs/recorder.md
+RING = "GVL_BallBar.stRing"  # ring buffer in the PLC program of docs/recorder.md
 
 _NET_ID = re.compile(r"(\d{1,3}(?:\.\d{1,3}){5})(?::(\d{1,5}))?(?:@(.+))?")
 _LISTEN = re.compile(r"(?:(\d{1,3}(?:\.\d{1,3}){3}):)?(\d{1,5})")
@@ -31,14 +31,14 @@ _LISTEN = re.compile(r"(?:(\d{1,3}(?:\.\d{1,3}){3}):)?(\d{1,5})")
 
 @dataclass(frozen=True)
 class RecordOptions:
-    """The options of `ballbar record`, as given."""
+    """The options of `ballbar record`, unchecked."""
 
     plc: str | None
     egm: str | None
     robot: str
     ballbar: str
     plate: str
-    duration: float | None
+    duration: float | None  # [s]
     live: bool
 
     @property
@@ -48,18 +48,19 @@ class RecordOptions:
 
     @property
     def own_files(self) -> tuple[str, ...]:
-        """Those of the cell that are the user's files."""
+        """The user's own description files among them."""
         return tuple(name for name in self.cell if name.endswith(".yaml"))
 
 
 def record(folder: Path, options: RecordOptions, out: Console) -> LiveRecording:
-    """Records until Ctrl-C or the duration, showing on `out` how it goes.
+    """Records until Ctrl-C or until the duration is over, and shows the progress on `out`.
 
     Raises InputError for bad options or a folder in use, RecorderError when it cannot write.
     """
     if options.plc is None and options.egm is None:
         raise InputError(
-            "nothing to record: name a PLC with --plc, a port for the robot's EGM messages with --egm, or both."
+            "nothing to record: name a PLC with --plc, a port for the robot's EGM messages with "
+            "--egm, or both."
         )
     names = _cell_names(options)
     with ExitStack() as stack:
@@ -71,8 +72,8 @@ def record(folder: Path, options: RecordOptions, out: Console) -> LiveRecording:
             egm = EgmSource(port, address=address)
             stack.callback(egm.close)
             sources.append(egm)
-        watch = stack.enter_context(_live_view()) if options.live else None
-        recording = LiveRecording(RecordingFolder(folder, names), sources, on_batch=watch)
+        on_batch = stack.enter_context(_live_view()) if options.live else None
+        recording = LiveRecording(RecordingFolder(folder, names), sources, on_batch=on_batch)
         for name in options.own_files:
             write_whole(folder / Path(name).name, Path(name).read_bytes())
         with _ended_by_signals(recording), quiet_libraries(out):
@@ -90,53 +91,48 @@ def silent(recording: LiveRecording) -> list[str]:
 
 
 def record_data(folder: Path, recording: LiveRecording) -> dict[str, object]:
-    """What was recorded, ready for JSON."""
-    return {
-        "recording": str(folder),
-        "sources": {
-            one.name: {
-                "records": one.records,
-                "lost": one.lost,
-                "gaps": one.gaps,
-                "refused": one.refused,
-                "segments": one.segments,
-                "rate_Hz": one.rate,
-                "events": list(one.events),
-                "warnings": list(one.warnings),
-            }
-            for one in recording.progress
-        },
-        "missing": list(recording.missing),
+    """JSON of `record`: counts and events of each source, and what the recording lacks."""
+    sources = {
+        source.name: {
+            "records": source.records,
+            "lost": source.lost,
+            "gaps": source.gaps,
+            "refused": source.refused,
+            "segments": source.segments,
+            "rate_Hz": source.rate,
+            "events": list(source.events),
+            "warnings": list(source.warnings),
+        }
+        for source in recording.progress
     }
+    return {"recording": str(folder), "sources": sources, "missing": list(recording.missing)}
 
 
 def say(out: Console, folder: Path, recording: LiveRecording) -> None:
-    """The same in words."""
-    progress = recording.progress
-    say_recording(out, progress)
-    nothing = silent(recording)
-    for name in nothing:
-        out.print(f"[red]{name}: delivered nothing[/]")
-    if len(nothing) < len(progress):
-        for words in recording.missing:
-            out.print(f"Still missing: {escape(words)}.")
-        out.print(
-            f"Recording {escape(str(folder))}"
-            + (
-                ""
-                if recording.missing
-                else f", look at it with: ballbar check {escape(str(folder))}"
-            )
-        )
+    """Prints what was recorded, and what the recording lacks."""
+    say_recording(out, recording.progress)
+    empty, name = silent(recording), escape(str(folder))
+    for source in empty:
+        out.print(f"[red]{source}: delivered nothing[/]")
+    if len(empty) == len(recording.progress):
+        return
+    for item in recording.missing:
+        out.print(f"Still missing: {escape(item)}.")
+    hint = "" if recording.missing else f", look at it with: ballbar check {name}"
+    out.print(f"Recording {name}{hint}")
 
 
 def _cell_names(options: RecordOptions) -> CellNames:
-    """The cell as recording.yaml names it. Files of the user's own go into the recording, so that it stays whole when it is moved."""
+    """Robot, ball-bar and plate as recording.yaml names them.
+
+    The user's own files are copied into the recording, which can then be moved as a whole.
+    """
     cell = load_cell(options.robot, options.ballbar, options.plate)
     files = [Path(name).name for name in options.own_files]
     if len({*files, "recording.yaml"}) <= len(files):
         raise InputError(
-            f"{', '.join(map(str, options.own_files))}: cannot stand in one folder beside recording.yaml. Rename one of them."
+            f"{', '.join(options.own_files)}: two files of one folder, or one and recording.yaml, "
+            "cannot have the same name. Rename one of them."
         )
     robot, ballbar, plate = (
         Path(name).name if name in options.own_files else name for name in options.cell
@@ -148,17 +144,19 @@ def _ads_memory(plc: str) -> Memory:
     match = _NET_ID.fullmatch(plc)
     if match is None or any(int(number) > 255 for number in match[1].split(".")):
         raise InputError(
-            f"--plc {plc}: an AMS address is NETID[:PORT][@HOST], such as 5.12.82.20.1.1 or 5.12.82.20.1.1:851@192.168.1.20."
+            f"--plc {plc}: an AMS address is NETID[:PORT][@HOST], such as 5.12.82.20.1.1 or "
+            "5.12.82.20.1.1:851@192.168.1.20."
         )
     try:
         from acquisition.live.ads import AdsMemory  # noqa: PLC0415  an extra
     except ImportError:
         raise InputError(
-            "recording from a PLC needs pyads, which is not installed: pip install 'ballbar-bench[ads]'."
+            f"--plc {plc} needs pyads, which is not installed: pip install 'ballbar-bench[ads]'."
         ) from None
     except OSError as error:  # pyads loads the ADS library when it is imported
         raise InputError(
-            f"the ADS library of pyads cannot be loaded ({error}). On Windows it comes with TwinCAT."
+            f"--plc {plc}: the ADS library of pyads cannot be loaded ({error}). On Windows it "
+            "comes with TwinCAT."
         ) from None
     return AdsMemory(match[1], int(match[2] or PLC_PORT), symbol=RING, host=match[3])
 
@@ -167,7 +165,8 @@ def _listen(egm: str) -> tuple[str, int]:
     match = _LISTEN.fullmatch(egm)
     if match is None or not 0 < int(match[2]) < 65536:
         raise InputError(
-            f"--egm {egm}: give a port such as 6510, or ADDRESS:PORT to listen on a network card, such as 192.168.125.10:6510."
+            f"--egm {egm}: give a port such as 6510, or ADDRESS:PORT to listen on a network card, "
+            "such as 192.168.125.10:6510."
         )
     return match[1] or LOOPBACK, int(match[2])
 
@@ -177,12 +176,12 @@ def _live_view() -> Iterator[Callable[[Source, Batch], None]]:
     from ballbar.record.view import live_view  # noqa: PLC0415  rerun is heavy
 
     with live_view() as view:
-        yield view.watch
+        yield view.on_batch
 
 
 @contextmanager
 def _ended_by_signals(recording: LiveRecording) -> Iterator[None]:
-    """Ctrl-C, or an end asked for by the system, is a clean stop."""
+    """Ctrl-C or SIGTERM stops the recording cleanly."""
 
     def stop(*_: object) -> None:
         recording.stop()

@@ -1,4 +1,4 @@
-"""What `ballbar record` shows: a table of the sources while it runs, then what the recording came to."""
+"""Output of `ballbar record`: a table of the sources while it runs, then what was recorded."""
 
 from __future__ import annotations
 
@@ -19,44 +19,44 @@ from acquisition.faults.encoders import FAULTS, SYNC_ERROR
 from acquisition.live.progress import Progress, State
 from acquisition.live.session import LiveRecording, notes
 
-_REFRESH = 0.25  # [s]
-_SILENT = 1.0  # [s] without a record from a device that is recorded
+_REFRESH = 0.25  # [s] between two updates of the table
+_SILENT = 1.0  # [s] without a record, after which a device counts as silent
 _WORDS = {**{bit: kind for bit, (_, kind, _) in FAULTS.items()}, SYNC_ERROR: "sync error"}
 
 
 def status_words(word: int) -> str:
-    """What an EL5021 status word complains of; `ok` if of nothing."""
+    """Faults in an EL5021 status word, separated by commas; `ok` without any."""
     return ", ".join(kind for bit, kind in _WORDS.items() if word & bit) or "ok"
 
 
 @contextmanager
 def quiet_libraries(console: Console) -> Iterator[None]:
-    """Keeps what native libraries write to standard error from running through a table on a terminal.
+    """Discards what native libraries write to standard error, which would break a table.
 
-    The ADS library reports each attempt to connect there, whatever its caller does about it.
+    The ADS library reports each failed attempt to connect there.
     """
     if not console.is_terminal:
         yield
         return
     sys.stderr.flush()
-    spoken = os.dup(2)
+    stderr = os.dup(2)
     try:
-        with Path(os.devnull).open("wb") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
+        with Path(os.devnull).open("wb") as null:
+            os.dup2(null.fileno(), 2)
         yield
     finally:
-        os.dup2(spoken, 2)
-        os.close(spoken)
+        os.dup2(stderr, 2)
+        os.close(stderr)
 
 
 def show_until_stopped(
     console: Console, recording: LiveRecording, *, duration: float | None
 ) -> None:
-    """Shows the recording until it stops, or `duration` [s] after the first records.
+    """Shows the recording until it stops, or until `duration` [s] after the first records.
 
-    A table on a terminal; elsewhere a line for each thing that happens.
+    On a terminal a table is shown, elsewhere a line for each event.
     """
-    begun, shown = None, _Lines(console)
+    begun, lines = None, _Lines(console)
     with (
         Live(console=console, auto_refresh=False, transient=True)
         if console.is_terminal
@@ -70,17 +70,18 @@ def show_until_stopped(
             if live is not None:
                 live.update(status_table(progress, elapsed), refresh=True)
             else:
-                shown.news(progress)
+                lines.print_changes(progress)
             if duration is not None and elapsed >= duration:
                 return
 
 
 def say_recording(console: Console, progress: list[Progress]) -> None:
-    """What was recorded, and what a reader should know of it."""
+    """Prints what was recorded of each source, its faults and remarks."""
     for source in progress:
         files = f"{source.segments} file{'' if source.segments == 1 else 's'}"
+        gaps = f"{source.gaps} gap{'' if source.gaps == 1 else 's'}"
         console.print(
-            f"{source.name}: {source.records} records in {files}, {source.lost} lost, {source.gaps} gap{'' if source.gaps == 1 else 's'}"
+            f"{source.name}: {source.records} records in {files}, {source.lost} lost, {gaps}"
         )
         for name, word in _named(source, ever=True):
             if word & sum(_WORDS):
@@ -90,7 +91,7 @@ def say_recording(console: Console, progress: list[Progress]) -> None:
 
 
 def status_table(progress: list[Progress], elapsed: float) -> RenderableType:
-    """The sources, and the angles and status of what they read."""
+    """Table of the sources, with the latest angles and status words below it."""
     table = Table(
         title=f"{elapsed:.0f} s  (Ctrl-C ends the recording)",
         title_justify="left",
@@ -118,7 +119,7 @@ def status_table(progress: list[Progress], elapsed: float) -> RenderableType:
 
 
 def _state(source: Progress) -> tuple[Text, bool]:
-    """What a source does, and whether its records come."""
+    """State of a source as text, and whether it delivers records."""
     if source.state not in (State.RECORD, State.FLUSH):
         return Text(source.state.value, style="yellow"), False
     silent = time.monotonic() - source.heard
@@ -128,6 +129,7 @@ def _state(source: Progress) -> tuple[Text, bool]:
 
 
 def _details(source: Progress) -> list[Text]:
+    """Latest angles of a source and the faults of its encoders, or why it waits."""
     if source.state is State.WAIT and source.reason:
         return [Text(f"{source.name}: {source.reason}", style="yellow")]
     if source.latest is None:
@@ -138,37 +140,37 @@ def _details(source: Progress) -> list[Text]:
         return [Text("deg: " + "  ".join(f"{name} {angle:+.3f}" for name, angle in angles.items()))]
     lines = []
     for name, angle in angles.items():
-        now, before = status_words(words[name]), status_words(ever[name])
-        line = Text(f"{name} {angle:+9.3f} deg  ").append(
-            now, style="green" if now == "ok" else "red"
-        )
-        lines.append(line if before == now else line.append(f"  (was: {before})", style="yellow"))
+        latest, earlier = status_words(words[name]), status_words(ever[name])
+        line = Text(f"{name} {angle:+9.3f} deg  ")
+        line.append(latest, style="green" if latest == "ok" else "red")
+        if earlier != latest:
+            line.append(f"  (was: {earlier})", style="yellow")
+        lines.append(line)
     return lines
 
 
 def _named(source: Progress, *, ever: bool) -> list[tuple[str, int]]:
+    """(channel, status word) of a source: the latest words, or the faults since the start."""
     words = source.ever if ever else source.status
-    return (
-        []
-        if words is None
-        else [(name, int(word)) for name, word in zip(source.channels, words, strict=False)]
-    )
+    if words is None:
+        return []
+    return [(name, int(word)) for name, word in zip(source.channels, words, strict=False)]
 
 
 class _Lines:
-    """What changed since the last time, for a pipe or a log file."""
+    """A line for each change of a source, for a pipe or a log file."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._said: dict[str, str] = {}
+        self._printed: dict[str, str] = {}
 
-    def news(self, progress: list[Progress]) -> None:
-        """Prints the sources whose state, file or reason is another."""
+    def print_changes(self, progress: list[Progress]) -> None:
+        """Prints the sources whose state, file or reason has changed."""
         for source in progress:
             waits = source.state is State.WAIT
             text = source.reason or "waiting" if waits else f"recording to file {source.segments}"
             if source.events and waits:
                 text = f"{source.events[-1]}; {text}"
-            if self._said.get(source.name) != text:
-                self._said[source.name] = text
+            if self._printed.get(source.name) != text:
+                self._printed[source.name] = text
                 self._console.print(f"{source.name}: {escape(text)}")

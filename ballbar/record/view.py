@@ -1,4 +1,4 @@
-"""The live view: angles and faults of a running recording in a rerun window, on this machine alone."""
+"""Live view of a running recording: angles and faults in a rerun window on this machine."""
 
 from __future__ import annotations
 
@@ -13,19 +13,12 @@ from numpy.typing import NDArray
 
 from acquisition.faults.encoders import FAULTS
 from acquisition.live.source import Batch, Source
+from ballbar.figure_style import LINES, rgb
 from ballbar.replay.viewer import live_viewer
 from cell.recording import SourceName
 
 FLUSH = 2.0  # [s] for the last records to reach the window
-ROWS = 10  # of a batch that are shown: 100 Hz is enough for the eye, and a slow screen keeps up
-COLOURS = [
-    (31, 119, 180),
-    (255, 127, 14),
-    (44, 160, 44),
-    (214, 39, 40),
-    (148, 103, 189),
-    (140, 86, 75),
-]
+ROWS = 10  # rows of a batch that are shown: 100 Hz suffices for the eye and for a slow screen
 TIMELINE = "recording_time"
 APPLICATION = "ballbar-record"
 _TITLES: dict[SourceName, str] = {"ballbar": "Ball-bar encoders [deg]", "robot": "Robot axes [deg]"}
@@ -34,40 +27,39 @@ _TITLES: dict[SourceName, str] = {"ballbar": "Ball-bar encoders [deg]", "robot":
 class LiveView:
     """Sends each batch to a rerun stream.
 
-    Both devices have clocks of their own; each is shifted once, so that its first record stands at the time it arrived. That is
-    good enough for the eye and enters no file.
+    Each device has a clock of its own, which is shifted once so that its first record is shown at
+    the time it arrived. That is accurate enough for the eye and enters no file.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
         self._stream = stream
         self._begun = time.monotonic()
         self._shift: dict[SourceName, float] = {}  # [s] from a device's stamps to the timeline
-        self._last: dict[SourceName, float] = {}
+        self._last: dict[SourceName, float] = {}  # [s] of the last record on the timeline
 
-    def watch(self, source: Source, batch: Batch) -> None:
+    def on_batch(self, source: Source, batch: Batch) -> None:
         """Shows a batch; called from the recorder's threads."""
         if not batch.t_ns.size:
             return
-        first = source.name not in self._last
-        t = self._anchor(source.name, batch.t_ns) + (batch.t_ns - batch.t_ns[0]) * 1e-9
+        angles, faults = f"/{source.name}/angle_deg", f"/{source.name}/fault"
+        if source.name not in self._last:
+            colours = [rgb(colour) for colour in LINES[: len(source.channels)]]
+            lines = rr.SeriesLines(names=list(source.channels), colors=colours)
+            for entity in (angles, faults):
+                self._stream.log(entity, lines, static=True)
+        t = self._begin_of(source.name, batch.t_ns) + (batch.t_ns - batch.t_ns[0]) * 1e-9
         self._last[source.name] = float(t[-1])
-        entity = f"/{source.name}/angle_deg"
-        if first:
-            lines = rr.SeriesLines(
-                names=list(source.channels), colors=COLOURS[: len(source.channels)]
-            )
-            for shown in (entity, f"/{source.name}/fault"):
-                self._stream.log(shown, lines, static=True)
-        few = slice(None, None, -(-batch.t_ns.size // ROWS))
-        at = [rr.TimeColumn(TIMELINE, duration=t[few])]
-        self._stream.send_columns(
-            entity, indexes=at, columns=rr.Scalars.columns(scalars=batch.values[few])
-        )
+        step = -(-batch.t_ns.size // ROWS)
+        times = [rr.TimeColumn(TIMELINE, duration=t[::step])]
+        values = rr.Scalars.columns(scalars=batch.values[::step])
+        self._stream.send_columns(angles, indexes=times, columns=values)
         if batch.status.size:
-            self._faults(source, batch, float(t[-1]))
+            faulty = (batch.status & sum(FAULTS)) != 0
+            self._stream.set_time(TIMELINE, duration=float(t[-1]))
+            self._stream.log(faults, rr.Scalars(faulty.astype(np.float64)))
 
-    def _anchor(self, name: SourceName, t_ns: NDArray[np.int64]) -> float:
-        """[s] on the timeline of the first record of a batch."""
+    def _begin_of(self, name: SourceName, t_ns: NDArray[np.int64]) -> float:
+        """Time [s] on the timeline of the first record of a batch with stamps t_ns (N,) [ns]."""
         shift = self._shift.get(name)
         if shift is None or shift + float(t_ns[0]) * 1e-9 < self._last[name]:  # a new clock
             arrived = time.monotonic() - self._begun
@@ -75,20 +67,13 @@ class LiveView:
             self._shift[name] = shift
         return shift + float(t_ns[0]) * 1e-9
 
-    def _faults(self, source: Source, batch: Batch, t: float) -> None:
-        entity = f"/{source.name}/fault"
-        faulty = (batch.status & sum(FAULTS)) != 0
-        self._stream.set_time(TIMELINE, duration=t)
-        self._stream.log(entity, rr.Scalars(faulty.astype(np.float64)))
-
 
 def layout() -> rrb.Blueprint:
-    """Encoders above, faults below them, robot axes at the bottom; each follows the present."""
+    """Encoders at the top, their faults below, robot axes at the bottom."""
+    faults = "Encoder faults (1: rows will be left out)"
     views = [
         rrb.TimeSeriesView(origin="/ballbar/angle_deg", name=_TITLES["ballbar"]),
-        rrb.TimeSeriesView(
-            origin="/ballbar/fault", name="Encoder faults (1: rows will be left out)"
-        ),
+        rrb.TimeSeriesView(origin="/ballbar/fault", name=faults),
         rrb.TimeSeriesView(origin="/robot/angle_deg", name=_TITLES["robot"]),
     ]
     return rrb.Blueprint(
@@ -101,7 +86,7 @@ def layout() -> rrb.Blueprint:
 
 @contextmanager
 def live_view() -> Iterator[LiveView]:
-    """A window that shows what it is sent; it stays open when the recording has ended.
+    """A window that shows what it is sent; it remains open when the recording has ended.
 
     Raises ViewerError if the viewer does not start.
     """
@@ -109,5 +94,5 @@ def live_view() -> Iterator[LiveView]:
     stream = rr.RecordingStream(APPLICATION, send_properties=False)
     stream.connect_grpc(address, default_blueprint=layout())
     yield LiveView(stream)
-    with suppress(RuntimeError):  # the window was closed: nothing is left to send to
+    with suppress(RuntimeError):  # the user has closed the window
         stream.flush(timeout_sec=FLUSH)

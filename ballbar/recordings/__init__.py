@@ -1,1 +1,1 @@
-"""Recording folders: checked, made from two files."""
+"""Recording folders: made from two log files, and checked."""

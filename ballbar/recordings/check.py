@@ -1,4 +1,4 @@
-"""`ballbar check`: what a recording holds and what was repaired in it, as a page for people or as JSON for programs."""
+"""`ballbar check`: content of a recording and repairs, as text for people or JSON for programs."""
 
 from __future__ import annotations
 
@@ -10,32 +10,35 @@ import numpy as np
 
 from acquisition import CoarseAlignment, Recording, coarse_alignment, find_dwells, report_lines
 from acquisition.report import Finding
+from ballbar.units import MS
 from cell.arrays import Array
 from cell.logs import segment_starts
 
+SEGMENTS_SHOWN = 8  # first segments of a log that are listed
 
-def check_lines(read: Recording, alignment: CoarseAlignment | None) -> list[str]:
-    """The page: files, repairs, warnings, logs, clocks."""
+
+def check_lines(recording: Recording, alignment: CoarseAlignment | None) -> list[str]:
+    """Lines of text: files, repairs, warnings, logs, clocks."""
     return [
-        *report_lines(read.report),
+        *report_lines(recording.report),
         "LOGS",
-        *(f"  {line}" for line in _log_lines(read)),
+        *(f"  {line}" for line in _log_lines(recording)),
         *_clock_lines(alignment),
     ]
 
 
-def check_data(read: Recording, alignment: CoarseAlignment | None) -> dict[str, Any]:
-    """The import report as plain data, ready for JSON."""
-    data = read.report.to_dict()
+def check_data(recording: Recording, alignment: CoarseAlignment | None) -> dict[str, Any]:
+    """The import report with its logs and the coarse clock offset, as plain data for JSON."""
+    data = recording.report.to_dict()
     data["logs"] = {
         name: {
             "rows": int(t.size),
             "duration_s": float(t[-1]),
             "median_period_s": float(np.median(np.diff(t))),
             "segments": len(starts) + 1,
-            "rests_s": [[round(float(t[a]), 6), round(float(t[b]), 6)] for a, b in rests],
+            "rests_s": [[round(float(t[i]), 6) for i in dwell] for dwell in dwells],
         }
-        for name, t, starts, rests in _logs(read)
+        for name, t, starts, dwells in _logs(recording)
     }
     if alignment is not None:
         data["coarse_clock"] = {
@@ -46,84 +49,77 @@ def check_data(read: Recording, alignment: CoarseAlignment | None) -> dict[str, 
     return data
 
 
-def import_reports(read: Mapping[str, Recording]) -> str:
-    """The import reports of recordings, by their names, as JSON text (schema `ballbar-import/1`)."""
-    data = {
-        "schema": "ballbar-import/1",
-        "recordings": {name: check_data(one, None) for name, one in read.items()},
-    }
+def import_reports(recordings: Mapping[str, Recording]) -> str:
+    """The import reports of recordings by name, as JSON text of schema `ballbar-import/1`."""
+    reports = {name: check_data(recording, None) for name, recording in recordings.items()}
+    data = {"schema": "ballbar-import/1", "recordings": reports}
     return json.dumps(data, indent=2, allow_nan=False) + "\n"
 
 
-def repairs(read: Recording) -> list[Finding]:
+def repairs(recording: Recording) -> list[Finding]:
     """What was changed or left out while reading."""
-    return [one for one in read.report.findings if one.severity == "repaired"]
+    return [finding for finding in recording.report.findings if finding.severity == "repaired"]
 
 
-def aligned(read: Recording) -> CoarseAlignment | None:
+def aligned(recording: Recording) -> CoarseAlignment | None:
     """The coarse clock offset, None without encoders.
 
     Raises LogError if the logs do not belong together.
     """
-    return None if read.ballbar_log is None else coarse_alignment(read.robot_log, read.ballbar_log)
+    bar = recording.ballbar_log
+    return None if bar is None else coarse_alignment(recording.robot_log, bar)
 
 
-def _logs(read: Recording) -> list[tuple[str, Array, tuple[int, ...], list[tuple[int, int]]]]:
-    """(name, times, rows at which segments start, rests as first and last row) of each log."""
-    robot, bar, force = read.robot_log, read.ballbar_log, read.force_log
-    out = [("robot", robot.t, segment_starts(robot.segment), _rests(robot.t, robot.q))]
+def _logs(recording: Recording) -> list[tuple[str, Array, tuple[int, ...], list[tuple[int, int]]]]:
+    """Each log: name, times t (N,) [s], first rows of new segments, dwells (first, last row)."""
+    robot, bar, force = recording.robot_log, recording.ballbar_log, recording.force_log
+    logs = [("robot", robot.t, segment_starts(robot.segment), _dwells(robot.t, robot.q))]
     if bar is not None:
-        out.append(("ball-bar", bar.t, segment_starts(bar.segment), _rests(bar.t, bar.angles)))
+        logs.append(("ball-bar", bar.t, segment_starts(bar.segment), _dwells(bar.t, bar.angles)))
     if force is not None:
-        out.append(("force", force.t, (), []))
-    return out
+        logs.append(("force", force.t, (), []))
+    return logs
 
 
-def _rests(t: Array, angles: Array) -> list[tuple[int, int]]:
-    return [(int(a), int(b)) for a, b in find_dwells(t, angles).intervals]
+def _dwells(t: Array, angles: Array) -> list[tuple[int, int]]:
+    """First and last row of each dwell; t (N,) [s], angles (N, J) [rad]."""
+    return [(int(first), int(last)) for first, last in find_dwells(t, angles).intervals]
 
 
-def _log_lines(read: Recording) -> list[str]:
-    bar = read.ballbar_log
+def _log_lines(recording: Recording) -> list[str]:
+    """A line for each log: samples, duration, period, channels, segments, dwells."""
+    bar, robot = recording.ballbar_log, recording.robot_log
+    channels = {}
+    if bar is not None:
+        channels["ball-bar"] = f", encoders {', '.join(f'b{j}' for j in bar.joints)}"
+    if robot.torque is not None:
+        channels["robot"] = ", with motor torques"
     lines = []
-    for name, t, starts, rests in _logs(read):
-        encoders = (
-            f", encoders {', '.join(f'b{j}' for j in bar.joints)}"
-            if name == "ball-bar" and bar is not None
-            else ""
+    for name, t, starts, dwells in _logs(recording):
+        line = (
+            f"{name} log: {t.size} samples over {t[-1]:.2f} s, median period "
+            f"{np.median(np.diff(t)) * MS:.4g} ms{channels.get(name, '')}"
         )
-        torque = (
-            ", with motor torques" if name == "robot" and read.robot_log.torque is not None else ""
-        )
-        cut = (
-            f", {len(starts) + 1} segments (new at {', '.join(f'{t[row]:.2f}' for row in starts[:8])} s)"
-            if starts
-            else ""
-        )
-        still = ""
-        if name != "force":
-            total = sum(t[b] - t[a] for a, b in rests)
-            still = (
-                f"; at rest {len(rests)} times, {total:.1f} s in all"
-                if rests
-                else "; never at rest"
-            )
-        period = np.median(np.diff(t)) * 1e3
-        lines.append(
-            f"{name} log: {t.size} samples over {t[-1]:.2f} s, median period {period:.4g} ms{encoders}{torque}{cut}{still}"
-        )
+        if starts:
+            times = ", ".join(f"{t[row]:.2f}" for row in starts[:SEGMENTS_SHOWN])
+            line += f", {len(starts) + 1} segments (new at {times} s)"
+        if dwells:
+            total = sum(t[last] - t[first] for first, last in dwells)
+            line += f"; {len(dwells)} dwells, {total:.1f} s in all"
+        elif name != "force":
+            line += "; no dwell"
+        lines.append(line)
     if bar is None:
         lines.append("no encoders: the ball-bar's length is the only measurement")
     return lines
 
 
-def _clock_lines(found: CoarseAlignment | None) -> list[str]:
-    if found is None:
+def _clock_lines(alignment: CoarseAlignment | None) -> list[str]:
+    """The coarse clock offset and its runner-up, below a heading."""
+    if alignment is None:
         return []
-    rival = ""
-    if found.runner_up_offset_s is not None:
-        rival = f"; next best {found.runner_up_offset_s:+.2f} s with {found.runner_up_score / found.score:.0%} of the score"
-    return [
-        "CLOCKS",
-        f"  coarse clock offset: {found.offset_s:+.2f} s over {found.overlap_s:.0f} s of overlap{rival}",
-    ]
+    offset = f"{alignment.offset_s:+.2f} s over {alignment.overlap_s:.0f} s of overlap"
+    if alignment.runner_up_offset_s is not None:
+        share = alignment.runner_up_score / alignment.score
+        offset += f"; next best {alignment.runner_up_offset_s:+.2f} s with {share:.0%} of the score"
+    return ["CLOCKS", f"  coarse clock offset: {offset}"]

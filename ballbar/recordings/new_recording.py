@@ -1,7 +1,8 @@
-"""`ballbar new`: a recording folder from two log files; what the files show is proposed, what they cannot show is asked.
+"""`ballbar new`: makes a recording folder from two log files.
 
-Nothing is guessed: every proposal is said in words and confirmed by the user, at the prompt or by an option. The folder is made
-beside its place, read once as a whole, and only then put there.
+What the files show is proposed, and the user confirms it at the prompt or by an option; what they
+cannot show is asked for. The folder is made beside its place, read once as a whole, and only then
+moved there.
 """
 
 from __future__ import annotations
@@ -34,16 +35,16 @@ from cell.recording import SourceFile
 Ask = Callable[[str, str | None], str]  # (question, proposed answer) -> answer
 
 ENCODERS = ("b1", "b2", "b3", "b4", "b5")
-_SIDES = {
+_ANGLES = {
     "motors": "motor angles",
     "axes": "axis angles as the controller shows them",
     "joints": "joint angles of the DH model",
 }
 
 
-@dataclass(frozen=True)
-class Told:
-    """What the user said by options; None and empty for what is to be asked."""
+@dataclass(frozen=True, kw_only=True)
+class Answers:
+    """Answers that the user gave as options; None or empty where a question will be asked."""
 
     robot: str | None = None
     ballbar: str | None = None
@@ -57,25 +58,26 @@ class Told:
 
 
 @dataclass(frozen=True, eq=False)
-class _Shown:
-    """What a log shows without being read."""
+class _Preview:
+    """What a log shows before a dialect is known."""
 
     name: str
     container: Container
-    text: LogText | None  # none where it is no text
+    text: LogText | None  # None for a binary file
 
     @property
-    def names(self) -> list[str]:
-        """Of its columns, as far as they can be seen."""
-        return [] if self.text is None else _names(self.text, self.container)
+    def columns(self) -> list[str]:
+        """Names of its columns, as far as they can be seen."""
+        return [] if self.text is None else _column_names(self.text, self.container)
 
 
 def new_recording(
-    folder: Path, robot_log: Path, ballbar_log: Path, told: Told, ask: Ask
+    folder: Path, robot_log: Path, ballbar_log: Path, answers: Answers, ask: Ask
 ) -> Recording:
-    """Makes the folder and reads it.
+    """Makes the recording folder and reads it.
 
-    Raises InputError if something is there already, an answer is missing or the files cannot be read as told; then nothing is left.
+    Raises InputError if the folder holds something, an answer is missing, or the files cannot be
+    read in the way that was answered; then nothing is left behind.
     """
     if folder.exists() and (folder.is_file() or any(folder.iterdir())):
         raise InputError(
@@ -83,7 +85,7 @@ def new_recording(
         )
     if robot_log.name == ballbar_log.name:
         raise InputError(f"{robot_log} and {ballbar_log} have the same name; rename one of them.")
-    description = _description(robot_log, ballbar_log, told, ask)
+    description = _description(_preview(robot_log), _preview(ballbar_log), answers, ask)
     aside = folder.with_name(f".{folder.name}.part")
     shutil.rmtree(aside, ignore_errors=True)
     try:
@@ -95,67 +97,66 @@ def new_recording(
                 shutil.copyfile(source["dialect"], aside / Path(source["dialect"]).name)
                 source["dialect"] = Path(source["dialect"]).name
         write_yaml(aside / "recording.yaml", description)
-        read = read_recording(aside)
+        recording = read_recording(aside)
         if folder.exists():
             folder.rmdir()
         aside.rename(folder)
     finally:
         shutil.rmtree(aside, ignore_errors=True)
-    return read
+    return recording
 
 
-def _description(robot_log: Path, ballbar_log: Path, told: Told, ask: Ask) -> dict[str, Any]:
-    robot_shown, bar_shown = _shown(robot_log), _shown(ballbar_log)
-    robot_dialect = told.robot_dialect or _ask_dialect("robot", robot_shown, ask)
-    bar_dialect = told.ballbar_dialect or _ask_dialect("ballbar", bar_shown, ask)
-    robot = told.robot or ask(f"Which robot? ({', '.join(robot_names())}, or a .yaml file)", None)
-    ballbar = told.ballbar or ask(
-        f"Which ball-bar? ({', '.join(ballbar_names())}, or a .yaml file)", None
-    )
+def _description(
+    robot_log: _Preview, bar_log: _Preview, answers: Answers, ask: Ask
+) -> dict[str, Any]:
+    """The content of recording.yaml."""
+    robot_dialect = answers.robot_dialect or _ask_dialect("robot", robot_log, ask)
+    bar_dialect = answers.ballbar_dialect or _ask_dialect("ballbar", bar_log, ask)
+    robots, ballbars = ", ".join(robot_names()), ", ".join(ballbar_names())
+    robot = answers.robot or ask(f"Which robot? ({robots}, or a .yaml file)", None)
+    ballbar = answers.ballbar or ask(f"Which ball-bar? ({ballbars}, or a .yaml file)", None)
     sources = {
-        "robot": _source(robot_shown, robot_dialect, told.robot_time, ask),
-        "ballbar": _source(bar_shown, bar_dialect, told.ballbar_time, ask),
+        "robot": _source(robot_log, robot_dialect, answers.robot_time, ask),
+        "ballbar": _source(bar_log, bar_dialect, answers.ballbar_time, ask),
     }
-    encoders = _encoders(bar_shown, ballbar, told, ask)
     return {
         "schema": "ballbar-recording/1",
         "kind": "real",
         "robot": robot,
         "ballbar": ballbar,
         "sources": sources,
-        "encoders": encoders,
+        "encoders": _encoders(bar_log.columns, ballbar, answers, ask),
         "notes": "",
     }
 
 
-def _shown(log: Path) -> _Shown:
-    """A log as far as it shows what it is. Raises LogError if it cannot be opened."""
+def _preview(log: Path) -> _Preview:
+    """What a log shows. Raises LogError if it cannot be opened."""
     content = read_filled(log, log.name)
     container = container_of(content.raw)
     text = text_of(content, log.name) if container in ("text", "twincat-scope") else None
-    return _Shown(log.name, container, text)
+    return _Preview(log.name, container, text)
 
 
-def _ask_dialect(side: str, shown: _Shown, ask: Ask) -> str:
-    name = shown.name
-    fits = [
-        one
-        for one in dialect_names()
-        if load_dialect(one).source == side and _fits(load_dialect(one), shown)
-    ]
-    known = ", ".join(one for one in dialect_names() if load_dialect(one).source == side)
-    if fits:
-        question = f"{name} fits the dialect {fits[0]}: {_meaning(load_dialect(fits[0]))}. Which dialect? ({known}, or a .yaml file)"
-    else:
-        question = f"{name} fits no dialect. Which one? ({known}, or a .yaml file of your own)"
-    return ask(question, fits[0] if len(fits) == 1 else None)
+def _ask_dialect(source: str, log: _Preview, ask: Ask) -> str:
+    """The dialect of a log; proposed if it is the only one that fits."""
+    dialects = {name: load_dialect(name) for name in dialect_names()}
+    known = [name for name, dialect in dialects.items() if dialect.source == source]
+    fitting = [name for name in known if _fits(dialects[name], log)]
+    choices = f"({', '.join(known)}, or a .yaml file)"
+    if not fitting:
+        return ask(f"{log.name} fits no dialect. Which one? {choices}", None)
+    first, meaning = fitting[0], _meaning(dialects[fitting[0]])
+    question = f"{log.name} fits the dialect {first}: {meaning}. Which dialect? {choices}"
+    return ask(question, first if len(fitting) == 1 else None)
 
 
-def _fits(dialect: Dialect, shown: _Shown) -> bool:
-    if dialect.container != shown.container:
+def _fits(dialect: Dialect, log: _Preview) -> bool:
+    """Whether the container, and for text the header, are those of the dialect."""
+    if dialect.container != log.container:
         return False
-    text = shown.text
-    if text is None or shown.container != "text":
+    text = log.text
+    if text is None or log.container != "text":
         return True
     source = SourceFile(files=(text.file,), dialect="")
     try:
@@ -164,10 +165,8 @@ def _fits(dialect: Dialect, shown: _Shown) -> bool:
         elif dialect.source == "force":
             read_header(text, force_layout(source, dialect))
         else:
-            names = shown.names
-            return dialect.time.column in names or bool(
-                dialect.time.halves and set(dialect.time.halves) <= set(names)
-            )
+            columns, halves = set(log.columns), dialect.time.halves
+            return dialect.time.column in columns or bool(halves and set(halves) <= columns)
     except LogError:
         return False
     return True
@@ -176,100 +175,97 @@ def _fits(dialect: Dialect, shown: _Shown) -> bool:
 def _meaning(dialect: Dialect) -> str:
     forms = " or ".join(words(form) for form in dialect.time.possible)
     if dialect.source == "robot":
-        return f"{_SIDES[dialect.angle_kind]} in {dialect.angle_unit}, time in {forms}"
+        return f"{_ANGLES[dialect.angle_kind]} in {dialect.angle_unit}, time in {forms}"
     return f"raw counters, time in {forms}"
 
 
-def _source(shown: _Shown, dialect_name: str, time: str | None, ask: Ask) -> dict[str, Any]:
+def _source(log: _Preview, dialect_name: str, time: str | None, ask: Ask) -> dict[str, Any]:
+    """One source of recording.yaml; the form of the time stamps is asked for if it is not seen."""
     own = dialect_name.endswith(".yaml")
     dialect = dialect_file(Path(dialect_name)) if own else load_dialect(dialect_name)
-    source: dict[str, Any] = {"files": [f"raw/{shown.name}"], "dialect": dialect_name}
-    if time is None and dialect.time.forms and not _time_shows(dialect, shown):
+    source: dict[str, Any] = {"files": [f"raw/{log.name}"], "dialect": dialect_name}
+    if time is None and dialect.time.forms and not _shows_time_form(dialect, log):
         time = ask(
-            f"{shown.name}: what are the time stamps? They do not show it. ({', '.join(TIME_FORMS)})",
+            f"{log.name}: what are the time stamps? They do not show it. ({', '.join(TIME_FORMS)})",
             None,
         )
-    if time is not None:
-        source["time"] = time
-    return source
+    return source if time is None else source | {"time": time}
 
 
-def _time_shows(dialect: Dialect, shown: _Shown) -> bool:
-    text = shown.text
-    if text is None or dialect.time.column not in shown.names:
-        return True  # two halves, or no text: the reader sees
-    column = shown.names.index(dialect.time.column)
-    cells = [
-        split_fields(line, _separator(text))
-        for line in text.lines[len(text.lines) // 2 : len(text.lines) // 2 + 1]
-    ]
-    return any(
-        len(row) > column and recognised(row[column], dialect.time.forms) is not None
-        for row in cells
-    )
+def _shows_time_form(dialect: Dialect, log: _Preview) -> bool:
+    """Whether the stamp in the middle row of a log shows its form."""
+    text = log.text
+    if text is None or dialect.time.column not in log.columns:
+        return True  # two halves, or binary: the reader knows
+    column = log.columns.index(dialect.time.column)
+    row = split_fields(text.lines[len(text.lines) // 2], _separator(text))
+    return len(row) > column and recognised(row[column], dialect.time.forms) is not None
 
 
-def _encoders(bar: _Shown, ballbar: str, told: Told, ask: Ask) -> dict[str, dict[str, Any]]:
-    names = bar.names
-    chosen = _told_encoders(told.encoders)
+def _encoders(
+    columns: Sequence[str], ballbar: str, answers: Answers, ask: Ask
+) -> dict[str, dict[str, Any]]:
+    """The encoders of recording.yaml: counter column, lines, bits, direction."""
+    chosen = _parsed_encoders(answers.encoders)
     if not chosen:
-        shown = [name for name in ENCODERS if name in names]
-        proposed = " ".join(f"{name}={name}" for name in shown) or None
+        proposal = " ".join(f"{name}={name}" for name in ENCODERS if name in columns) or None
+        question = "Which column holds which encoder's counter?"
         answer = ask(
-            f"Which column holds which encoder's counter? Columns: {', '.join(names)}. (b1=COLUMN b2=COLUMN:-1 ...)",
-            proposed,
+            f"{question} Columns: {', '.join(columns)}. (b1=COLUMN b2=COLUMN:-1 ...)", proposal
         )
-        chosen = _told_encoders(answer.split())
+        chosen = _parsed_encoders(answer.split())
     nominal = None if ballbar.endswith(".yaml") else load_ballbar(ballbar)
-    lines = told.lines or _whole(
-        ask("Lines of the encoders a turn?", str(nominal.encoder_lines) if nominal else None)
+    lines = answers.lines or _whole_number(
+        ask("Lines of the encoders per turn?", str(nominal.encoder_lines) if nominal else None)
     )
-    bits = told.bits or _whole(
+    bits = answers.bits or _whole_number(
         ask(
             "Bits of the interpolation (EL5021 object 8001:11)?",
             str(nominal.encoder_bits) if nominal else None,
         )
     )
     return {
-        name: {"column": column, "lines": lines, "bits": bits, "sign": sign}
-        for name, (column, sign) in sorted(chosen.items())
+        name: {"column": column, "lines": lines, "bits": bits, "sign": direction}
+        for name, (column, direction) in sorted(chosen.items())
     }
 
 
-def _told_encoders(said: Sequence[str]) -> Mapping[str, tuple[str, int]]:
-    out: dict[str, tuple[str, int]] = {}
-    for one in said:
-        name, equals, column = one.partition("=")
-        column, _, sign = (
-            column.rpartition(":") if column.endswith((":1", ":-1", ":+1")) else (column, "", "1")
-        )
+def _parsed_encoders(texts: Sequence[str]) -> Mapping[str, tuple[str, int]]:
+    """Encoder -> (counter column, direction +1 or -1), from `b1=COLUMN` or `b1=COLUMN:-1`."""
+    encoders: dict[str, tuple[str, int]] = {}
+    for text in texts:
+        name, equals, column = text.partition("=")
+        direction = "1"
+        if column.endswith((":1", ":-1", ":+1")):
+            column, _, direction = column.rpartition(":")
         if name not in ENCODERS or not equals or not column:
             raise InputError(
-                f"encoder {one!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts the other way; encoders are b1 to b5."
+                f"encoder {text!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts in the other "
+                "direction; encoders are b1 to b5."
             )
-        out[name] = (column, int(sign))
-    return out
+        encoders[name] = (column, int(direction))
+    return encoders
 
 
-def _whole(answer: str) -> int:
+def _whole_number(answer: str) -> int:
     if not answer.strip().isdigit():
-        raise InputError(f"{answer!r} is not a whole number.")
+        raise InputError(f"{answer!r} is not a whole number. Write digits alone, such as 3600.")
     return int(answer)
 
 
-def _names(text: LogText, container: Container) -> list[str]:
-    """Names of the header: the first of the first lines that has as many fields as most lines; of the channels of a Scope export."""
-    separator = _separator(text)
+def _column_names(text: LogText, container: Container) -> list[str]:
+    """Names in the header of a text log.
+
+    The header is the first line with as many fields as the last one; in a TwinCAT Scope export it
+    is the last of the first lines that begins with Name, and holds the names of the channels.
+    """
+    separator, head = _separator(text), text.lines[:MINIMUM_ROWS]
     if container == "twincat-scope":
-        heads = [
-            split_fields(line, separator)
-            for line in text.lines[:MINIMUM_ROWS]
-            if line.startswith("Name")
-        ]
-        return [name for head in heads[-1:] for name in head if name != "Name"]
+        rows = [split_fields(line, separator) for line in head if line.startswith("Name")]
+        return [name for name in rows[-1] if name != "Name"] if rows else []
     width = len(split_fields(text.lines[-1], separator))
-    rows = (split_fields(line, separator) for line in text.lines[:MINIMUM_ROWS])
-    return next((row for row in rows if len(row) == width), [])
+    fields = (split_fields(line, separator) for line in head)
+    return next((row for row in fields if len(row) == width), [])
 
 
 def _separator(text: LogText) -> str:

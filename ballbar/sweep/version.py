@@ -7,8 +7,9 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+from ballbar import PACKAGES
+
 DISTRIBUTION = "ballbar-bench"
-PACKAGES = ("cell", "sim", "acquisition", "ident", "planning", "ballbar")
 _CONTENT = {".py", ".yaml", ".xml"}
 _LIBRARIES = ("numpy", "scipy", "mujoco-core")  # their arithmetic is in every result
 

@@ -32,7 +32,7 @@ from ident.signals.steps import Break, find_breaks, without_breaks
 # Lag-one autocorrelation of the residual above which motion is left in it; smoothing makes it
 # negative.
 _WHITE = 0.1
-# A longer stretch without rows is not interpolated (notes/notes/log_formats sec. H.5: missing
+# A longer stretch without rows is not interpolated (notes/log_formats sec. H.5: missing
 # samples).
 GAP_PERIODS = 3.0
 ARM_KNOT_SPACING = 0.25  # [s] keeps motion below 2 Hz

@@ -19,7 +19,7 @@ from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
 from sim.settings import ErrorSettings
 from sim.streams import stream
 
-SURE_BITS = 6  # of a signal period are never frozen (notes/notes/log_formats sec. A.3: 12 bits set, 6 left at the highest speed)
+SURE_BITS = 6  # of a signal period are never frozen (notes/log_formats sec. A.3: 12 bits set, 6 left at the highest speed)
 WEAK_SIGNAL = 1 << 4 | 1 << 14  # amplitude error, and data suspect (EL5021 6001:05 and 6000:0F)
 
 
@@ -76,7 +76,7 @@ def with_frozen_bits(counts: NDArray[np.int64], frozen: NDArray[np.int64]) -> ND
 
 
 def healthy_status(cycles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) EL5021 status words without a fault: only the toggle, bit 15, flips with each PLC cycle (notes/notes/log_formats sec. A.1)."""
+    """(N,) EL5021 status words without a fault: only the toggle, bit 15, flips with each PLC cycle (notes/log_formats sec. A.1)."""
     return (cycles & 1) << 15
 
 

@@ -22,7 +22,7 @@ def write_twincat_plc(
     counts: Mapping[str, NDArray[np.uint32]],
     status: Mapping[str, NDArray[np.int64]],
 ) -> None:
-    """Ball-bar log: `time;b1;..;s1;..` with DC time in ns and raw uint32 counters, records ending CRLF (notes/notes/log_formats sec. A.6).
+    """Ball-bar log: `time;b1;..;s1;..` with DC time in ns and raw uint32 counters, records ending CRLF (notes/log_formats sec. A.6).
 
     stamps : (N,) [ns since 2000-01-01]; counts, status : column name to (N,) counter values and status words.
     """

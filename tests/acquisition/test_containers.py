@@ -11,7 +11,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytcs
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
@@ -20,7 +19,6 @@ from rosbags.typesys import Stores, get_typestore
 from acquisition.formats.dialect import load_dialect
 from acquisition.formats.egm import FILE_START, frame, read_frames
 from acquisition.formats.registry import read_file
-from acquisition.formats.scope import Channel, read_channels
 from acquisition.recording import read_ballbar, read_robot
 from acquisition.table.header import Layout
 from acquisition.table.table import Table
@@ -32,7 +30,6 @@ from cell.robot_angles import joints_to_axes
 from tests.helpers.container_files import (
     AXES,
     EPOCH_NS,
-    FILETIME,
     JOINTS,
     ROWS,
     Written,
@@ -48,10 +45,9 @@ from tests.helpers.container_files import (
     scope,
 )
 from tests.helpers.damaged_files import campaign, families
+from tests.helpers.scope_exports import FILETIME
 
 ROBOT = load_robot("irb2400")
-SAMPLES = Path(__file__).parents[1] / "data/twincat_scope"
-START_NS = (FILETIME - 116_444_736_000_000_000) * 100  # of the sample exports too
 
 
 def read(
@@ -144,48 +140,7 @@ def between_records(written: Written, stop: int) -> bool:
     return False
 
 
-# ---- TwinCAT Scope: real exports
-
-
-def channels(name: str) -> list[Channel]:
-    read, findings = read_channels(SAMPLES / name, name)
-    assert findings == []
-    return read
-
-
-@pytest.mark.parametrize("name", sorted(path.name for path in SAMPLES.glob("tc3*")))
-def test_scope_exports_read_as_pytcs_reads_them(name: str) -> None:
-    found, other = channels(name), pytcs.ScopeFile(str(SAMPLES / name))
-    other.load()
-    assert [channel.name for channel in found if channel.name] == list(other)
-    for channel in found:
-        theirs = other[channel.name]
-        assert np.array_equal(channel.values.astype(np.float64), theirs.values)
-        assert np.array_equal(
-            channel.time_ns - START_NS, np.rint(theirs.time * 1e6).astype(np.int64)
-        )
-
-
-@pytest.mark.parametrize("name", sorted(path.name for path in SAMPLES.glob("tc3*")))
-def test_scope_channels_are_what_the_recorded_program_counted(name: str) -> None:
-    """The PLC counted its cycles from 0 into variables of every type, and the Scope scaled some as `1 - x`, which one export left out."""
-    found = {channel.name: channel for channel in channels(name)}
-    cycles = np.arange(1000)
-    for bits in (8, 16, 32, 64):
-        whole, signed = found[f"var_UINT{bits}"], found[f"var_INT{bits}"]
-        assert np.array_equal(whole.values, cycles % 2**bits if bits < 16 else cycles)
-        assert np.array_equal(signed.values, (cycles + 128) % 256 - 128 if bits == 8 else cycles)
-        assert whole.values.dtype == signed.values.dtype == np.int64
-    assert np.array_equal(found["var_UINT32"].time_ns, START_NS + 1_000_000 * cycles)
-    assert np.array_equal(found["var_BIT"].values, np.minimum(cycles, 1))
-    assert np.array_equal(
-        found["func_scaled_int"].values, cycles if "default" in name else 1 - cycles
-    )
-    assert found["func_scaled_int"].scaled
-    assert not found["var_INT32"].scaled
-    if "func_OS" in found:
-        assert np.array_equal(found["func_OS"].time_ns, START_NS + 200_000 * np.arange(4996))
-        assert np.array_equal(found["func_OS"].values, np.arange(4996) / 5)
+# ---- TwinCAT Scope
 
 
 def test_scope_times_may_be_filetimes(tmp_path: Path) -> None:

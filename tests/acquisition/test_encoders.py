@@ -86,7 +86,7 @@ def test_one_turn_is_lines_times_interpolation_and_the_sign_turns_it_round() -> 
     turn = np.array([LINES * 4096, 1])
     assert counts_to_rad(turn, lines=LINES, bits=12, sign=1) == pytest.approx(
         [2 * np.pi, 0.4261e-6], rel=1e-4
-    )  # notes/notes/log_formats sec. A.3
+    )  # notes/log_formats sec. A.3
     assert counts_to_rad(turn, lines=LINES, bits=12, sign=-1)[0] == pytest.approx(-2 * np.pi)
     assert counts_to_rad(turn, lines=LINES, bits=13, sign=1)[0] == pytest.approx(np.pi)
 

@@ -532,7 +532,7 @@ def test_the_live_view_shows_angles_and_faults_on_one_timeline(tmp_path: Path) -
         for _ in range(3):
             memory.plc.write(100)
             shown.append(source.poll())
-            view.watch(source, shown[-1])
+            view.on_batch(source, shown[-1])
     chunks = [
         chunk
         for chunk in RrdReader(tmp_path / "live.rrd").stream().filter(content="/ballbar/angle_deg")

@@ -97,7 +97,7 @@ def test_western_windows_bytes_in_an_unused_column_are_read_and_reported(tmp_pat
 
 
 def test_a_last_line_without_line_end_is_dropped_even_at_full_width(tmp_path: Path) -> None:
-    # Counter 2000000049 cut to 200000: full width, and wrong (notes/notes/log_formats sec. H.5).
+    # Counter 2000000049 cut to 200000: full width, and wrong (notes/log_formats sec. H.5).
     table, form, findings = read(tmp_path, "time;b1;b2\n1;2;2000000001\n2;3;200000")
     assert table.columns["b2"].tolist() == [2000000001]
     assert form.rows_read == 1

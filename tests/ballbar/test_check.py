@@ -35,7 +35,7 @@ def test_the_page_names_every_log_and_every_repair(recording: Path) -> None:
     assert code == 0
     assert "REPAIRED: none" in out
     assert "  force log: 400 samples over 0.80 s, median period 2 ms" in out
-    assert "robot log: 14667 samples over 59.13 s, median period 4.032 ms; at rest 3 times" in out
+    assert "robot log: 14667 samples over 59.13 s, median period 4.032 ms; 3 dwells" in out
     damage_stamp(recording)
     _, out, _ = ballbar("check", recording)
     assert "REPAIRED\n  raw/ballbar.csv:100: damaged stamp: " in out

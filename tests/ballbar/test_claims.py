@@ -170,18 +170,18 @@ def test_a_check_holds_within_its_limits_and_breaks_beyond(
 ) -> None:
     holds = judge(check(kind, **given), EVIDENCE)
     assert holds.met
-    assert found in holds.found
+    assert found in holds.result
     assert not judge(check(kind, **given | breaks), EVIDENCE).met
 
 
-def test_a_step_the_other_way_is_let_pass_only_as_slack() -> None:
+def test_a_step_the_other_way_is_accepted_only_within_the_tolerance() -> None:
     falling = Evidence(pd.DataFrame({"x": [1, 2, 3], "distance_mm_mrad": [3.0, 1.0, 1.1]}))
     given = {"over": "x", "direction": "falling"}
     assert not judge(check("monotonic", **given), falling).met
-    assert judge(check("monotonic", **given, slack=0.1), falling).met
+    assert judge(check("monotonic", **given, tolerance=0.1), falling).met
     rising = Evidence(pd.DataFrame({"x": [3, 2, 1], "distance_mm_mrad": [3.0, 1.0, 1.1]}))
     assert not judge(check("monotonic", over="x", direction="rising"), rising).met
-    assert judge(check("monotonic", over="x", direction="rising", slack=0.1), rising).met
+    assert judge(check("monotonic", over="x", direction="rising", tolerance=0.1), rising).met
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_a_step_the_other_way_is_let_pass_only_as_slack() -> None:
         (
             "at_most",
             {"column": "error.oy", "limit": 1},
-            "error.oy: 6 of the 12 runs meant have no such figure",
+            "error.oy: 6 of the 12 selected runs have no such result",
         ),
         (
             "ratio",
@@ -225,7 +225,7 @@ def test_a_step_the_other_way_is_let_pass_only_as_slack() -> None:
         (
             "at_most",
             {"each": "label", "limit": 1},
-            "label: 6 of the 12 runs meant have no such value",
+            "label: 6 of the 12 selected runs have no such value",
         ),
         (
             "monotonic",
@@ -252,7 +252,7 @@ def test_runs_that_fail_break_every_check_of_runs(tmp_path: Path) -> None:
     runs.to_parquet(tmp_path / "runs.parquet")
     evidence = runs_evidence(tmp_path / "runs.parquet", [])
     outcome = judge(check("at_most", limit=1e9), evidence)
-    assert (outcome.met, outcome.found, outcome.asked) == (
+    assert (outcome.met, outcome.result, outcome.limits) == (
         False,
         "1 of 12 runs failed: no motion",
         "no run fails",
@@ -303,7 +303,7 @@ def test_a_printed_table_is_equal_but_for_what_the_file_states(
         }
         outcome = judge(TypeAdapter(Check).validate_python(wrong), identifiable)
         assert not outcome.met
-        assert f"not as stated: {entry}: " in outcome.found or k > 0
+        assert f"not as stated: {entry}: " in outcome.result or k > 0
     with pytest.raises(InputError, match="has no entry lenght; it has"):
         judge(
             check(
@@ -332,7 +332,7 @@ claims:
         (
             "expected: holds",
             "expected: differs",
-            ":5: claims[0]: say what is found instead, since it differs",
+            ":5: claims[0]: state our result, since the claim differs",
         ),
         (
             "figure: rod_stretch",
@@ -422,7 +422,7 @@ def test_names_are_of_shipped_claims_or_of_files(tmp_path: Path, monkeypatch) ->
     assert (code, "the page is of all claims" in err) == (2, True)
     monkeypatch.chdir(tmp_path)
     code, _, err = ballbar("claims")
-    assert (code, "no such folder here" in err) == (2, True)
+    assert (code, "no such folder in " in err) == (2, True)
 
 
 SWEPT = """schema: ballbar-claim/1

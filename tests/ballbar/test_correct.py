@@ -146,7 +146,7 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(
     code, said, _ = ballbar("correct", given, "--with", result)
     assert code == 0
     assert (
-        "5 targets corrected for geometry, elastic gears under the robot's own weight, play of the gears"
+        "5 targets corrected for geometry, compliance of the gears under the robot's own weight, backlash of the gears"
         in said
     )
     rows = list(csv.DictReader((tmp_path / "deg-corrected.csv").read_text().splitlines()))
@@ -180,13 +180,13 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(
     ("header", "row", "said"),
     [
         ("x,y", "1,2", r":1: no angles in the header; expected q1, q2"),
-        ("q1;q2;q3;q4;q5;q6", "0;0;0;0;1;0", r":1: no angles in the header.*separated by commas"),
+        ("q1;q2;q3;q4;q5;q6", "0;0;0;0;1;0", r":1: no angles in the header.*by commas"),
         ("q1,q2,q3,q4,q5", "0,0,0,0,1", r":1: column q6 stands 0 times"),
         ("q1,q2,q3,q4,q5,q6,q1", "0,0,0,0,1,0,0", r":1: column q1 stands 2 times"),
         ("q1,q2,q3,q4,q5,q6," + AXES, "0" + ",0" * 11, r":1: both kinds of angles"),
         ("q1,q2,q3,q4,q5,q6", "0,0,nan,0,1,0", r":2: q3 = 'nan' is not a finite number"),
         ("q1,q2,q3,q4,q5,q6", "0,0,zero,0,1,0", r":2: q3 = 'zero' is not a finite number"),
-        ("q1,q2,q3,q4,q5,q6", "0,0,0,0,1", r":2: 5 cells, the header has 6"),
+        ("q1,q2,q3,q4,q5,q6", "0,0,0,0,1", r":2: 5 fields, the header has 6"),
         ("q1,q2,q3,q4,q5,q6", "", r"has a header and no target"),
         (
             AXES,
@@ -228,7 +228,7 @@ def test_a_doubtful_fit_and_what_it_did_not_identify_are_said(
     code, said, _ = ballbar("correct", given, "--with", tmp_path)
     assert code == 0
     assert "care: the fit is called 'suspect'" in said
-    assert "care: not identified, so not corrected: elastic gears" in said
+    assert "care: not identified, so not corrected: compliance of the gears" in said
 
 
 def test_every_target_at_fault_is_named(cell: Cell, nominal: Geometry) -> None:

@@ -246,8 +246,8 @@ def test_every_format_says_what_it_leaves_out_and_what_stayed_nominal(
         return
     for said in (
         "NOT in this file",
-        "elastic gears under the robot's own weight",
-        "play of the gears",
+        "compliance of the gears under the robot's own weight",
+        "backlash of the gears",
         "transmission error",
     ):
         assert said in text

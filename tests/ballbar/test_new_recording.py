@@ -62,7 +62,7 @@ def test_logs_that_are_no_tables_are_recognised_by_their_first_bytes(
     ]
 
 
-def test_without_a_terminal_what_is_not_told_is_named_and_nothing_is_written(
+def test_without_a_terminal_a_missing_answer_is_named_and_nothing_is_written(
     logs: tuple[Path, Path], tmp_path: Path
 ) -> None:
     for words, missing in (

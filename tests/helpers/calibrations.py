@@ -1,4 +1,4 @@
-"""Calibration files for tests of what is done with a result: any geometry, with or without corrections of the gears."""
+"""Calibration files of any geometry, with or without corrections of the gears."""
 
 from __future__ import annotations
 
@@ -57,8 +57,9 @@ def write_calibration_of(
             {"identified": False} if name in left else {"sigma": 2e-6, "identified": True}
         )
     fit = {
-        "status": status, "sentence": "Made for a test.", "warnings": [], "iterations": 4, "samples": 500, "chi2_per_dof": 1.0,
-        "autocorrelation": 0.0, "rank": 40, "condition": 100.0, "tcp_sigma_mean_m": 1e-5,
+        "status": status, "sentence": "Made for a test.", "warnings": [], "iterations": 4,
+        "samples": 500, "chi2_per_dof": 1.0, "autocorrelation": 0.0, "rank": 40, "condition": 100.0,
+        "tcp_sigma_mean_m": 1e-5,
     }  # fmt: skip
     write_yaml(
         path,

@@ -139,7 +139,7 @@ def line_swapped(rng: np.random.Generator, content: bytes) -> bytes:
 
 
 def field_swapped(rng: np.random.Generator, content: bytes) -> bytes:
-    """Two fields of one line; not of the names, with which the file would be another, equally good log."""
+    """Two fields of one line swapped; names of channels stay: the log would be another, as good."""
     lines = content.split(b"\n")
     at = int(rng.choice([i for i, line in enumerate(lines) if not line.startswith(b"Name\tb1")]))
     separator = next((mark for mark in (b"\t", b", ", b";") if mark in lines[at]), b":")
@@ -199,7 +199,7 @@ def judge(clean: Log, folder: Path, name: str, dialect: str, tally: Tally) -> st
 
 
 def _deviation(log: Log, clean: Log) -> float:
-    """[rad] largest difference, a wrong time times the speed; infinite if rows are missing within."""
+    """[rad] Largest difference, a wrong time times the speed; infinite where rows are missing."""
     count = len(log.t)
     if count > len(clean.t):
         return np.inf
@@ -255,7 +255,7 @@ def campaign(
 
 
 def other_unit(content: bytes) -> Mutation:
-    """The same course written in radians where degrees are meant, or the other way; cut somewhere behind the fiftieth row."""
+    """The same trajectory in radians where degrees are meant, or the other way; with a cut."""
     return lambda rng, _: content[: len(content) - int(rng.integers(len(content) // 4))]
 
 

@@ -1,4 +1,4 @@
-"""A minute of the kinematic plant, recorded and identified, with all that a replay or a report shows."""
+"""A minute of the kinematic plant, recorded and identified, for replays and reports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The true robot of a scenario, without ball-bar, held in the plant: what corrected targets reach."""
+"""The true robot of a scenario, unloaded, held in the plant: what corrected targets reach."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ class PlantRobot:
 
 
 def known_robot(plant: PlantRobot) -> UnloadedRobot:
-    """What a perfect identification would find: the plant's own numbers as coefficients of the corrections."""
+    """The robot of a perfect identification: the plant's numbers as coefficients."""
     effects, robot = plant.effects, plant.cell.robot
     assert effects.gear_stiffness is not None
     waves = {(r.gear, r.order): r.amplitude * np.exp(1j * r.phase) for r in effects.ripples}
     for i, harmonics in enumerate(plant.resolvers.motors if plant.resolvers else ()):
         share = float(robot.transmission[i, i])
-        for h in harmonics:  # the controller reads too much by it, so the gear stands that much behind, in gear angles
+        for h in harmonics:  # what the controller reads too much, the gear stands behind
             order = h.order / abs(share)
             phase = h.phase_rad if share > 0.0 else np.pi - h.phase_rad
             waves[i, order] = waves.get((i, order), 0j) - share * h.amplitude_rad * np.exp(

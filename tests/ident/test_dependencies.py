@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ballbar.identifiability import (
-    NominalLoop,
+from ballbar.commands.identifiability import parse_encoders
+from ballbar.identifiability.study import (
+    KinematicLoop,
     Study,
     cost_columns,
     influences,
     nominal_loop,
-    parse_encoders,
     reidentified,
     study,
-    vector_text,
 )
+from ballbar.identifiability.tables import vector_text
 from ballbar.scenario import load_scenario
 from cell.errors import InputError
 from cell.geometry import INDEX, Geometry, bar_frames
@@ -112,7 +112,7 @@ def scaled_lengths(nominal: Geometry) -> tuple[tuple[str, ...], Array]:
 
 
 @pytest.fixture(scope="module")
-def loops() -> dict[str, NominalLoop]:
+def loops() -> dict[str, KinematicLoop]:
     return {
         name: nominal_loop(load_scenario(SCENARIOS / f"{name}.yaml"), relative_to=SCENARIOS)
         for name in ("irb2400", "nj220")
@@ -120,18 +120,20 @@ def loops() -> dict[str, NominalLoop]:
 
 
 @pytest.fixture(scope="module")
-def carried(loops: dict[str, NominalLoop]) -> NominalLoop:
+def carried(loops: dict[str, KinematicLoop]) -> KinematicLoop:
     """The main scenario turned by 20 deg about the robot's first axis: a ball-bar that does not stand at y = 0."""
     return turned(loops["irb2400"], np.radians(20.0))
 
 
 @pytest.fixture(scope="module")
-def found(carried: NominalLoop) -> dict[str, Study]:
+def found(carried: KinematicLoop) -> dict[str, Study]:
     return {cost: study(carried, cost, FIVE, complete=False) for cost in THESIS_COSTS}
 
 
 @pytest.fixture(scope="module")
-def moved(carried: NominalLoop, found: dict[str, Study]) -> dict[str, dict[str, dict[str, float]]]:
+def moved(
+    carried: KinematicLoop, found: dict[str, Study]
+) -> dict[str, dict[str, dict[str, float]]]:
     return {cost: influences(carried, s) for cost, s in found.items()}
 
 
@@ -249,7 +251,7 @@ def test_the_thesis_s_list_has_its_47_parameters() -> None:
 @pytest.mark.parametrize("robot", ["irb2400", "nj220"])
 @pytest.mark.parametrize("cost", THESIS_COSTS)
 def test_zero_jacobians_are_those_of_table_3_3(
-    loops: dict[str, NominalLoop], robot: str, cost: str
+    loops: dict[str, KinematicLoop], robot: str, cost: str
 ) -> None:
     columns = cost_columns(loops[robot], cost, FIVE, THESIS_PARAMETERS)
     assert (
@@ -266,7 +268,7 @@ def test_dependencies_are_those_of_table_3_2_and_what_it_leaves_away(
     assert {row[1] for row in compared} - {""} == set(TABLE_3_2[cost])
 
 
-def test_a_ballbar_at_y_0_ties_the_first_joint_to_oy_alone(loops: dict[str, NominalLoop]) -> None:
+def test_a_ballbar_at_y_0_ties_the_first_joint_to_oy_alone(loops: dict[str, KinematicLoop]) -> None:
     at_zero = study(loops["irb2400"], "length", FIVE, complete=False)
     assert [str(g) for g in at_zero.groups] == [
         "ra6 | bd3",
@@ -279,7 +281,7 @@ def test_a_ballbar_at_y_0_ties_the_first_joint_to_oy_alone(loops: dict[str, Nomi
 @pytest.mark.parametrize("robot", ["irb2400", "nj220"])
 @pytest.mark.parametrize("cost", ["ml", *THESIS_COSTS])
 def test_null_vectors_are_null_and_as_many_as_singular_values_vanish(
-    loops: dict[str, NominalLoop], robot: str, cost: str
+    loops: dict[str, KinematicLoop], robot: str, cost: str
 ) -> None:
     columns = cost_columns(loops[robot], cost, FIVE, THESIS_PARAMETERS)
     nominal = loops[robot].geometry
@@ -320,7 +322,7 @@ def test_an_error_of_1_mm_or_mrad_moves_what_table_3_4_prints(
 
 
 def test_bd3_moves_in_second_order_only_when_balpha2_is_off(
-    carried: NominalLoop, found: dict[str, Study]
+    carried: KinematicLoop, found: dict[str, Study]
 ) -> None:
     moves = reidentified(carried, "position", (1, 2), found["position"].selection.kept, "balpha2")
     assert moves["bd2"] == pytest.approx(0.6, abs=1e-3)
@@ -329,7 +331,7 @@ def test_bd3_moves_in_second_order_only_when_balpha2_is_off(
 
 @pytest.mark.parametrize("cost", THESIS_COSTS)
 def test_reidentification_agrees_with_the_null_vectors_to_first_order(
-    carried: NominalLoop,
+    carried: KinematicLoop,
     found: dict[str, Study],
     moved: Mapping[str, Mapping[str, Mapping[str, float]]],
     cost: str,
@@ -348,7 +350,7 @@ def test_reidentification_agrees_with_the_null_vectors_to_first_order(
     [("length", "ra6"), ("position", "balpha2"), ("position_angles", "bd5"), ("transform", "ba5")],
 )
 def test_reidentification_ends_where_levenberg_marquardt_ends(
-    carried: NominalLoop, found: dict[str, Study], cost: str, name: str
+    carried: KinematicLoop, found: dict[str, Study], cost: str, name: str
 ) -> None:
     kept = found[cost].selection.kept
     true = carried.geometry.replaced({name: carried.geometry[name] + 1e-3})
@@ -368,7 +370,7 @@ def test_reidentification_ends_where_levenberg_marquardt_ends(
     ("joints", "directions"), [((), 26), ((1, 2), 34), ((1, 2, 4, 5), 42), (FIVE, 43)]
 )
 def test_ml_sees_the_expected_directions_of_the_complete_model(
-    loops: dict[str, NominalLoop], robot: str, joints: tuple[int, ...], directions: int
+    loops: dict[str, KinematicLoop], robot: str, joints: tuple[int, ...], directions: int
 ) -> None:
     complete = study(loops[robot], "ml", joints, complete=True)
     assert len(complete.selection.kept) == complete.spectrum.rank == directions
@@ -376,7 +378,7 @@ def test_ml_sees_the_expected_directions_of_the_complete_model(
 
 
 def test_ml_with_joints_that_nobody_measures_carries_the_ballbar_about_axis_1_exactly(
-    loops: dict[str, NominalLoop],
+    loops: dict[str, KinematicLoop],
 ) -> None:
     loop = loops["irb2400"]
     none = study(loop, "ml", (), complete=False)
@@ -390,7 +392,7 @@ def test_ml_with_joints_that_nobody_measures_carries_the_ballbar_about_axis_1_ex
 
 
 def test_the_thesis_s_recipe_finds_with_c_p_what_is_found_here_ba2_included(
-    loops: dict[str, NominalLoop],
+    loops: dict[str, KinematicLoop],
 ) -> None:
     loop = loops["irb2400"]
     s = study(loop, "position", FIVE, complete=False).selection

@@ -168,8 +168,8 @@ def test_lag_sign_and_both_zeros_of_a_pair_come_out_of_one_scan(
     assert abs(subsample(lags, best) - lag) < 1.0
     branch = scan.branches(int(np.flatnonzero(lags.lags == lag)[0]))[0]
     assert branch.sign == sign
-    assert abs(np.angle(np.exp(1j * (branch.turning_zero - zero1)))) < 1e-3
-    assert abs(np.angle(np.exp(1j * (branch.tilting_zero - zero2)))) < 1e-3
+    assert abs(np.angle(np.exp(1j * (branch.turning_offset - zero1)))) < 1e-3
+    assert abs(np.angle(np.exp(1j * (branch.tilting_offset - zero2)))) < 1e-3
     assert branch.variance < 1e-5
 
 

@@ -508,5 +508,5 @@ def test_the_command_writes_a_scenario_that_can_be_loaded(
     (out / "path.yaml").write_text(
         (out / "path.yaml").read_text().partition("ballbar_position_m")[0]
     )
-    with pytest.raises(InputError, match="where the ball-bar stands"):
+    with pytest.raises(InputError, match="base position of the ball-bar is not known"):
         command.given_path(asked, out / "path.yaml", None)

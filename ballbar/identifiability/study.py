@@ -1,0 +1,185 @@
+"""Identifiability of one cost along the path of a scenario, as in thesis Tables 3.2 to 3.4.
+
+Dependencies between parameters are exact on the nominal mechanism only: on a robot with 1 mrad of
+twist error the columns of rd2 and rd3 differ by a thousandth. So robot and ball-bar without errors
+are closed exactly along the reference path, and each cost is taken by its signed components. The
+scalars that the thesis prints have no Jacobian there: it vanishes where the loop closes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ballbar.scenario import Scenario
+from ballbar.trial.nominal_path import nominal_path, spread_rows
+from cell.arrays import Array
+from cell.errors import InputError
+from cell.geometry import BAR_ROWS, INDEX, PARAMETERS, Geometry, bar_frames
+from cell.inverse import refine
+from ident.estimator.closure import (
+    bar_joint_jacobian,
+    close_loop,
+    parameter_jacobian,
+    robot_joint_jacobian,
+)
+from ident.estimator.dependencies import (
+    EXTRA_PARAMETERS,
+    THESIS_PARAMETERS,
+    Group,
+    Selection,
+    Spectrum,
+    groups,
+    select,
+    significant,
+    spectrum,
+)
+from ident.estimator.whitening import covariance, whitening
+from ident.thesis.costs import ENCODERS_NEEDED, cost_named
+
+Influences = dict[str, dict[str, float]]  # parameter left out: {kept parameter: its change}
+
+SAMPLES = 100  # instants of the path: same null space, condition within 1 % of that from 1500
+NOISE = 1e-5  # [rad] of every angle, thesis sec. 3.2: the metric that removes unmeasured joints
+INTRODUCED = 1e-3  # [m, rad] error of the parameter left out, thesis sec. 3.3
+CONVERGED = 1e-9  # [m, rad] last step of a re-identification
+ITERATIONS = 12  # of a re-identification; three suffice on the thesis's path
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicLoop:
+    """Geometry of robot and ball-bar, and their joint angles at N instants of a path."""
+
+    geometry: Geometry
+    q: Array  # (N, 6) [rad] robot joint angles
+    b: Array  # (N, 5) [rad] ball-bar joint angles
+
+
+@dataclass(frozen=True)
+class Study:
+    """What one cost can identify of the parameters considered."""
+
+    cost: str
+    encoders: tuple[int, ...]  # ball-bar joints whose angles the cost uses
+    parameters: tuple[str, ...]
+    spectrum: Spectrum
+    groups: tuple[Group, ...]
+    selection: Selection
+
+
+def nominal_loop(scenario: Scenario, *, relative_to: Path, samples: int = SAMPLES) -> KinematicLoop:
+    """The nominal mechanism of a scenario at instants of its reference path.
+
+    relative_to : folder of the scenario file. samples : N, evenly spread over time.
+
+    Raises InputError for a path that the mechanism cannot follow, or that does not move.
+    """
+    if scenario.path.kind == "push_pull":
+        raise InputError(
+            "path.kind = push_pull: one held pose identifies nothing. Use a scenario whose path "
+            "moves over the sphere."
+        )
+    _, nominal, path = nominal_path(scenario.cell, scenario.path, relative_to)
+    rows = spread_rows(path, samples)
+    return KinematicLoop(nominal, path.q[rows], path.b[rows])
+
+
+def encoders_used(cost: str, fitted: tuple[int, ...]) -> tuple[int, ...]:
+    """The encoders whose angles a cost uses: those it needs, and for ml those that are fitted."""
+    return next((needed for name, needed in ENCODERS_NEEDED.items() if name == cost), fitted)
+
+
+def study(loop: KinematicLoop, cost: str, fitted: tuple[int, ...], *, complete: bool) -> Study:
+    """Parameters without effect, dependencies between the others, and a choice of what to keep.
+
+    cost : one of ident.thesis.costs.COSTS. fitted : ball-bar joints with an encoder.
+    complete : also Hayati angles and the tilt of the ball-bar's base, which the thesis leaves out.
+    """
+    encoders = encoders_used(cost, fitted)
+    names = THESIS_PARAMETERS + (EXTRA_PARAMETERS if complete else ())
+    columns = cost_columns(loop, cost, encoders, names)
+    return Study(
+        cost=cost,
+        encoders=encoders,
+        parameters=names,
+        spectrum=spectrum(columns, names),
+        groups=groups(columns, names, loop.geometry),
+        selection=select(columns, names, loop.geometry),
+    )
+
+
+def influences(loop: KinematicLoop, result: Study) -> Influences:
+    """Effect of an error of 1 mm|mrad in each parameter left out on the kept ones (Table 3.4).
+
+    Returns the changes above 0.05 mm|mrad, in mm|mrad.
+    """
+    identified = result.selection.kept
+    return {
+        d.name: significant(reidentified(loop, result.cost, result.encoders, identified, d.name))
+        for d in result.selection.dependent
+    }
+
+
+def cost_columns(
+    loop: KinematicLoop, cost: str, encoders: tuple[int, ...], names: Sequence[str]
+) -> Array:
+    """(P, M) Jacobian of a cost on a loop, one row for each of `names`."""
+    return _linearised(loop, cost, encoders, names)[1]
+
+
+def reidentified(
+    loop: KinematicLoop, cost: str, encoders: tuple[int, ...], identified: Sequence[str], name: str
+) -> dict[str, float]:
+    """Change of each identified parameter when `name` is off by 1 mm|mrad and held at nominal.
+
+    The mechanism with that error takes the same ball-bar angles; from its exact robot angles the
+    other parameters are identified by Gauss-Newton, starting at nominal (thesis Table 3.4).
+
+    Returns changes in mm|mrad. Raises InputError where the iteration does not converge.
+    """
+    true = loop.geometry.replaced({name: loop.geometry[name] + INTRODUCED})
+    q = refine(true.robot, loop.q, bar_frames(true, loop.b).poses())
+    model, rows = replace(loop, q=q), [INDEX[parameter] for parameter in identified]
+    values = loop.geometry.values.copy()
+    for _ in range(ITERATIONS):
+        model = replace(model, geometry=Geometry(values))
+        residual, columns, b = _linearised(model, cost, encoders, identified)
+        orthonormal, triangle = np.linalg.qr(columns.T)  # a selection leaves no dependent columns
+        step = np.linalg.solve(triangle, -(orthonormal.T @ residual))
+        values[rows] += step
+        if np.abs(step).max() < CONVERGED:
+            changes = (values - loop.geometry.values)[rows] / INTRODUCED
+            return dict(zip(identified, changes.tolist(), strict=True))
+        model = replace(model, b=b)
+    raise InputError(
+        f"{cost}: with {name} off by 1 mm|mrad the other parameters do not converge; the path "
+        "excites them too little. Use a path that covers more of the sphere."
+    )
+
+
+def _linearised(
+    loop: KinematicLoop, cost: str, encoders: tuple[int, ...], names: Sequence[str]
+) -> tuple[Array, Array, Array]:
+    """Residual (M,), Jacobian (P, M), and ball-bar angles b (N, 5) [rad] that the cost estimates.
+
+    Of ml the angles of joints without encoder are unknown: b holds those that fit best.
+    """
+    parameters = [PARAMETERS[INDEX[name]] for name in names]
+    closure = close_loop(loop.geometry, loop.q, loop.b)
+    signed = next((cost_named(name, "vector") for name in ENCODERS_NEEDED if name == cost), None)
+    if signed is not None:
+        residual = signed.residual(closure).reshape(-1)
+        return residual, signed.jacobian(closure, parameters).reshape(len(names), -1), loop.b
+    unmeasured = [j for j in range(BAR_ROWS) if j + 1 not in encoders]
+    sigma = np.full(BAR_ROWS, NOISE)
+    sigma[unmeasured] = 0.0
+    ballbar = bar_joint_jacobian(closure)
+    noise = np.concatenate((NOISE * robot_joint_jacobian(closure), sigma[:, None, None] * ballbar))
+    weights = whitening(covariance(noise), ballbar[unmeasured])
+    b = loop.b.copy()
+    b[:, unmeasured] += weights.unmeasured_step(closure.error).T
+    columns = weights(parameter_jacobian(closure, parameters)).reshape(len(names), -1)
+    return weights(closure.error).reshape(-1), columns, b
