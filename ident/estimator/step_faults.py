@@ -62,13 +62,13 @@ def step_faults_in_logs(
     if samples.ballbar is None:
         return ()
     faults = []
-    for step in samples.ballbar.breaks:
+    for step in samples.ballbar.steps:
         if step.channel is None:
             faults.append(_removed(recording, 0, step.time, step.size))
         else:
             size = float(samples.directions[step.channel]) * step.size
             faults.append(_removed(recording, samples.encoders[step.channel], step.time, size))
-    for step in samples.robot.breaks:
+    for step in samples.robot.steps:
         if step.channel is None:
             faults.append(_removed(recording, 0, clock.ballbar_time(step.time), -step.size))
     return tuple(faults)
@@ -215,7 +215,7 @@ def with_exact_periods(fit: Fit, faults: Sequence[StepFault], lines: int) -> tup
 
 def as_logged(fault: StepFault, ballbar: SmoothLog | None, lines: int) -> StepFault:
     """The fault with its time as the ball-bar's log has it; whole signal periods are recognised."""
-    steps = [s for s in ballbar.breaks if s.channel is None] if ballbar is not None else []
+    steps = [s for s in ballbar.steps if s.channel is None] if ballbar is not None else []
     time = fault.time + sum(step.size for step in steps if step.time < fault.time)
     if fault.kind == "clock":
         return replace(fault, time=time)
