@@ -108,15 +108,6 @@ def test_the_product_starts_without_any_extra(entry: str) -> None:
     assert not {DISTRIBUTIONS.get(name, name) for name in reached(entry)} & optional
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
-        pytest.param(
-            "ballbar.trial.trial",
-            marks=pytest.mark.xfail(strict=True, reason="imports report and replay by way of run"),
-        ),
-        "ballbar.sweep.part",
-    ],
-)
+@pytest.mark.parametrize("module", ["ballbar.trial.trial", "ballbar.sweep.chunk"])
 def test_a_worker_of_a_sweep_imports_no_viewer_and_no_page(module: str) -> None:
     assert not reached(module) & {"rerun", "matplotlib", "jinja2"}
