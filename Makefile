@@ -1,11 +1,12 @@
 # make run : set up and run the main scenario        make test : set up and run the tests
+# make lowest : the quick tests with the lowest allowed version of every requirement
 PYTHON ?= python3
 BIN := .venv/bin
 
 # two test processes on two cores (cell/threads.py)
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: run test quick check docs clean
+.PHONY: run test quick lowest check docs clean
 
 run: .venv/installed
 	$(BIN)/ballbar run scenarios/irb2400.yaml
@@ -15,6 +16,13 @@ test: .venv/installed check
 
 quick: .venv/installed
 	$(BIN)/pytest -n 2 -m "not slow"
+
+# Old libraries on today's Python warn of what is deprecated; that is no fault of ours.
+lowest: .venv/installed
+	$(BIN)/python -m tests.project.lowest_versions > .venv/lowest.txt
+	$(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/pip install --quiet --disable-pip-version-check -c .venv/lowest.txt -e '.[dev]'
+	.venv-lowest/bin/pytest -n 2 -m "not slow" -W ignore::DeprecationWarning
 
 check: .venv/installed
 	$(BIN)/ruff check .
@@ -31,4 +39,4 @@ docs: .venv/installed
 	touch $@
 
 clean:
-	rm -rf .venv runs site
+	rm -rf .venv .venv-lowest runs site

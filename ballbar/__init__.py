@@ -25,10 +25,13 @@ _PUBLIC = {
     "ident.robot.accuracy": "TcpError accuracy_grid position_error tcp_error",
     "ident.robot.inverse_calibration": "CorrectedTargets corrected_targets",
     "ident.robot.unloaded_robot": "UnloadedRobot",
-    "sim.simulate": "Simulation simulate write_recording",
+    "sim.recording_files": "write_recording",
+    "sim.simulate": "Simulation simulate",
     "sim.truth": "Truth load_truth",
     "ballbar.scenario": "Scenario load_scenario scenario_file",
     "ballbar.result.calibration": "Calibration load_calibration write_calibration",
+    "ballbar.result.run_data": "RunData",
+    "ballbar.result.run_recordings": "identify_recordings",
 }
 _HOME = {name: module for module, names in _PUBLIC.items() for name in names.split()}
 __all__ = sorted(_HOME)  # noqa: PLE0605  the table is the list
@@ -39,6 +42,8 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from ballbar.result.calibration import Calibration as Calibration
     from ballbar.result.calibration import load_calibration as load_calibration
     from ballbar.result.calibration import write_calibration as write_calibration
+    from ballbar.result.run_data import RunData as RunData
+    from ballbar.result.run_recordings import identify_recordings as identify_recordings
     from ballbar.scenario import Scenario as Scenario
     from ballbar.scenario import load_scenario as load_scenario
     from ballbar.scenario import scenario_file as scenario_file
@@ -70,9 +75,9 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from ident.robot.inverse_calibration import CorrectedTargets as CorrectedTargets
     from ident.robot.inverse_calibration import corrected_targets as corrected_targets
     from ident.robot.unloaded_robot import UnloadedRobot as UnloadedRobot
+    from sim.recording_files import write_recording as write_recording
     from sim.simulate import Simulation as Simulation
     from sim.simulate import simulate as simulate
-    from sim.simulate import write_recording as write_recording
     from sim.truth import Truth as Truth
     from sim.truth import load_truth as load_truth
 else:

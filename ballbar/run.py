@@ -21,7 +21,8 @@ from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from cell.recording import load_recording_file
-from sim.simulate import Simulation, simulate, truth_path, write_recording
+from sim.recording_files import truth_path, write_recording
+from sim.simulate import Simulation, simulate
 
 Progress = Callable[[str], None]
 

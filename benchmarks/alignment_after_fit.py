@@ -1,9 +1,10 @@
-"""How well the two clocks are known after the fit: skew to 200 ppm, slow wander of 0.5 ppm, and a clock that is set once.
+"""Error of the two clocks after the fit: rate to 200 ppm, wander of 0.5 ppm, one step of a clock.
 
     python -m benchmarks.alignment_after_fit [SECONDS] [SEEDS]
 
-Kinematic plant with static errors and noise; the recording is read and identified like any other. The robot's time that the
-fit gives each ball-bar row is compared with the true one, over the whole run. Allowed: 100 us.
+Kinematic plant with static errors and noise; the recording is read and identified like any other.
+The robot's time that the fit gives each ball-bar row is compared with the true one, over the whole
+run. Allowed: 100 us.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ import numpy as np
 
 from acquisition import read_recording
 from ident.identify import identify
+from sim.recording_files import write_recording
 from sim.settings import SimulationSettings
-from sim.simulate import simulate, write_recording
+from sim.simulate import simulate
 from tests.helpers.clock_truth import clock_error
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
@@ -88,7 +90,8 @@ def main() -> None:
         most, spread = max(worst) * 1e6, max(rms) * 1e6
         met = "met" if max(worst) < ALLOWED else "missed"
         print(
-            f"{name:26} {seeds} runs of {duration:.0f} s: rms {spread:.1f} us, largest {most:.1f} us ({met})",
+            f"{name:26} {seeds} runs of {duration:.0f} s: "
+            f"rms {spread:.1f} us, largest {most:.1f} us ({met})",
             flush=True,
         )
 

@@ -1,10 +1,12 @@
-"""How often the automatic start finds the solution: random zeros, directions, configuration, position, clock, robot, encoders.
+"""How often the automatic start finds the solution, over random draws of everything unknown.
 
     python -m benchmarks.automatic_start --draws 200 --out docs/studies/automatic_start.csv
 
-Each draw is a kinematic recording written as device files, read and identified by the same code as a real one. In half of
-them the ball-bar log lacks up to 40 % of the run at one end. A draw counts as solved when the clock offset is within 1 ms
-and the mean TCP error below 0.1 mm (1.5 mm without encoders, where one path on a sphere says little).
+Drawn are encoder offsets and directions, configuration, position, clock, robot and encoder set.
+Each draw is a kinematic recording written as device files, read and identified by the same code as
+a real one. In half of them the ball-bar log lacks up to 40 % of the run at one end. A draw counts
+as solved when the clock offset is within 1 ms and the mean TCP error below 0.1 mm (1.5 mm without
+encoders, where one path on a sphere says little).
 """
 
 from __future__ import annotations
@@ -25,8 +27,9 @@ from cell.inverse import UnreachableError
 from cell.logs import BallBarLog
 from ident.identify import identify
 from ident.start.automatic import StartError
+from sim.recording_files import write_recording
 from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate, write_recording
+from sim.simulate import Simulation, simulate
 
 FITTED = ((1, 2, 3, 4, 5), (1, 2, 4, 5), (1, 2), ())
 BASE = np.array([0.70, 0.0, 0.54])  # [m] ball-bar position of scenarios/irb2400.yaml
@@ -39,7 +42,10 @@ phase_deg: [18.0, 49.7, 251.0, 277.2, 357.4]
 
 
 def settings_of(draw: int, rng: np.random.Generator, folder: Path) -> SimulationSettings:
-    """One draw; the path turns with the ball-bar about the robot's first axis, in any of the four configurations."""
+    """One draw, in any of the four configurations.
+
+    The path turns with the ball-bar about the robot's first axis.
+    """
     turn = float(rng.uniform(-1.2, 1.2))
     place = np.array(
         [[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
@@ -106,7 +112,7 @@ def feasible(draw: int, folder: Path) -> tuple[SimulationSettings, Simulation, n
 
 
 def cut(recording: Recording, rng: np.random.Generator) -> tuple[BallBarLog | None, float]:
-    """The ball-bar log without up to 40 % of the run at one end, and the time lost at its start [s]."""
+    """Ball-bar log less up to 40 % of the run at one end, and the time lost at the start [s]."""
     log = recording.ballbar_log
     if log is None or rng.random() < 0.5:
         return log, 0.0

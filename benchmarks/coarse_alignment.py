@@ -1,10 +1,11 @@
-"""How well two clocks are aligned before anything is known of the geometry: 200 draws from files to offset.
+"""How well two clocks are aligned before the geometry is known: 200 draws, from files to offset.
 
     python -m benchmarks.coarse_alignment [DRAWS]
 
-Motions of the kinematic plant on two shipped paths. Each draw: both logs begin and end at other times of
-the run, the clocks are up to a day apart, of different epochs and forms, up to 200 ppm apart in rate; both logs are written to
-files, read as a recording and aligned. The offset counts from the first row of each log, as everywhere. Allowed: 100 ms.
+Motions of the kinematic plant on two shipped paths. Each draw: both logs begin and end at other
+times of the run, the clocks are up to a day apart, of different epochs and forms, up to 200 ppm
+apart in rate; both logs are written to files, read as a recording and aligned. The offset counts
+from the first row of each log, as everywhere. Allowed: 100 ms.
 """
 
 from __future__ import annotations
@@ -141,7 +142,8 @@ def main() -> None:
         np.abs(errors).max(),
     )
     print(
-        f"{within} of {draws} within {ALLOWED * 1e3:.0f} ms; rms {rms * 1e3:.1f} ms, largest {largest * 1e3:.1f} ms"
+        f"{within} of {draws} within {ALLOWED * 1e3:.0f} ms; "
+        f"rms {rms * 1e3:.1f} ms, largest {largest * 1e3:.1f} ms"
     )
 
 

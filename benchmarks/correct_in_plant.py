@@ -1,12 +1,13 @@
-"""Do corrected targets reach the nominal pose? Identify drawn robots, correct targets, hold them in the full plant.
+"""Do corrected targets reach the nominal pose? Drawn robots, identified, then held in the plant.
 
     python -m benchmarks.correct_in_plant            # 6 IRB 2400, about five minutes on one core
 
-Each robot: every error source on (scenarios/irb2400_full.yaml, geometry drawn with 1 mm and 1 mrad), two recordings of 120 s
-through device files, identified with motor torque. Then targets over the accuracy box are held by the free robot in MuJoCo,
-first as planned with the nominal robot, then corrected, and the tool is measured against the wanted pose. The truth drives
-the plant, and the columns `known`: corrected by the plant's own numbers, the floor that play without load leaves. Writes
-docs/studies/correct_in_plant.csv, a row for each robot.
+Each robot: every error source on (scenarios/irb2400_full.yaml, geometry drawn with 1 mm and 1
+mrad), two recordings of 120 s through device files, identified with motor torque. Then targets over
+the accuracy box are held by the unloaded robot in MuJoCo, first as planned with the nominal robot,
+then corrected, and the tool is measured against the wanted pose. The truth drives the plant, and
+the columns `known`: corrected by the plant's own numbers, the floor that backlash without load
+leaves. Writes docs/studies/correct_in_plant.csv, a row for each robot.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ from tests.helpers.plant_robot import robot_row
 
 OUT = Path(__file__).parent.parent / "docs" / "studies" / "correct_in_plant.csv"
 COLUMNS = (
-    "robot", "seed", "poses", "refused", "before_mean_mm", "before_max_mm", "after_mean_mm", "after_max_mm", "before_mean_mrad",
-    "after_mean_mrad", "after_aligned_mean_mm", "known_mean_mm", "known_max_mm", "predicted_before_mean_mm", "readings_miss_urad",
+    "robot", "seed", "poses", "refused", "before_mean_mm", "before_max_mm", "after_mean_mm",
+    "after_max_mm", "before_mean_mrad", "after_mean_mrad", "after_aligned_mean_mm", "known_mean_mm",
+    "known_max_mm", "predicted_before_mean_mm", "readings_miss_urad",
 )  # fmt: skip
 
 
@@ -36,10 +38,10 @@ def main() -> None:
     parser.add_argument("--robot", default="irb2400")
     parser.add_argument("--robots", type=int, default=6)
     parser.add_argument("--duration", type=float, default=120.0)
-    asked = parser.parse_args()
+    options = parser.parse_args()
     rows = []
-    for seed in range(1, asked.robots + 1):
-        rows.append(robot_row(asked.robot, seed, asked.duration))
+    for seed in range(1, options.robots + 1):
+        rows.append(robot_row(options.robot, seed, options.duration))
         print(
             ", ".join(
                 f"{k} {v:.4g}" if isinstance(v, float) else f"{k} {v}" for k, v in rows[-1].items()
@@ -55,7 +57,8 @@ def main() -> None:
     write_whole(OUT, text.getvalue().encode())
     after = np.array([r["after_mean_mm"] for r in rows], dtype=float)
     print(
-        f"pose error after correction: mean over robots {after.mean():.4f} mm, worst robot {after.max():.4f} mm (required 0.05)"
+        f"pose error after correction: mean over robots {after.mean():.4f} mm, "
+        f"worst robot {after.max():.4f} mm (target 0.05)"
     )
 
 

@@ -1,10 +1,11 @@
-"""Calibration with every error source on: many drawn robots, two paths each, through files, start, fit and comparison.
+"""Calibration with every error source on: many drawn robots, two paths each, from files to errors.
 
-    python -m benchmarks.everything_on                          # 12 IRB 2400, all load signals, about ten minutes on two cores
+    python -m benchmarks.everything_on               # 12 IRB 2400, all load signals; ten minutes
     python -m benchmarks.everything_on --robot nj220 --signals torque
 
-Every robot has its own geometry (1 mm, 1 mrad), stiffness, play, ripple, encoders, ball-bar axes, friction phases and gains; its
-two recordings share all of that. Writes docs/studies/everything_on_ROBOT_COUNT.csv, a row for each robot and load signal.
+Every robot has its own geometry (1 mm, 1 mrad), stiffness, backlash, ripple, encoders, ball-bar
+axes, friction phases and gains; its two recordings share all of that. Writes
+docs/studies/everything_on_ROBOT_COUNT.csv, a row for each robot and load signal.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ from tests.helpers.drawn_robots import ROOT, recorded, scenario_of
 FORCES: dict[str, ForceSource] = {"none": "none", "torque": "torque", "sensor": "sensor"}
 ROD_SIGMA = 5e-6  # [m] of a measured rod
 COLUMNS = (
-    "robot", "seed", "paths", "signal", "status", "tcp_mean_mm", "tcp_max_mm", "tcp_sigma_mm", "chi2", "autocorrelation",
-    "stiffness_median_percent", "stiffness_worst_percent", "clock_us", "skew_ppm", "covered",
+    "robot", "seed", "paths", "signal", "status", "tcp_mean_mm", "tcp_max_mm", "tcp_sigma_mm",
+    "chi2", "autocorrelation", "stiffness_median_percent", "stiffness_worst_percent",
+    "clock_us", "skew_ppm", "covered",
 )  # fmt: skip
 
 
@@ -92,9 +94,11 @@ def row(
         zip(
             COLUMNS,
             (
-                robot, seed, paths, signal, found.verdict.status, compared.tcp.mean * 1e3, compared.tcp.maximum * 1e3,
-                float(found.robot.tcp_sigma.mean()) * 1e3, found.fit.chi2_per_dof, found.fit.autocorrelation, float(np.median(wrong)) * 100,
-                float(wrong.max()) * 100, max(c[0] for c in clocks) * 1e6, max(c[1] for c in clocks) * 1e6, float(inside.mean()),
+                robot, seed, paths, signal, found.verdict.status, compared.tcp.mean * 1e3,
+                compared.tcp.maximum * 1e3, float(found.robot.tcp_sigma.mean()) * 1e3,
+                found.fit.chi2_per_dof, found.fit.autocorrelation, float(np.median(wrong)) * 100,
+                float(wrong.max()) * 100, max(c[0] for c in clocks) * 1e6,
+                max(c[1] for c in clocks) * 1e6, float(inside.mean()),
             ),
             strict=True,
         )
@@ -110,13 +114,13 @@ def main() -> None:
     parser.add_argument("--robots", type=int, default=12)
     parser.add_argument("--signals", default="none,torque,sensor,torque+rod")
     parser.add_argument("--duration", type=float, default=120.0)
-    asked = parser.parse_args()
-    signals = tuple(asked.signals.split(","))
+    options = parser.parse_args()
+    signals = tuple(options.signals.split(","))
     rows: list[dict[str, object]] = []
     with ProcessPoolExecutor(2) as pool:
         jobs = [
-            pool.submit(robot_rows, asked.robot, seed, signals, asked.duration)
-            for seed in range(1, asked.robots + 1)
+            pool.submit(robot_rows, options.robot, seed, signals, options.duration)
+            for seed in range(1, options.robots + 1)
         ]
         for job in jobs:
             rows += job.result()
@@ -125,7 +129,7 @@ def main() -> None:
                 for r in rows[-len(signals) - 1 :]
             )
             print(f"robot {rows[-1]['seed']}: {', '.join(said)}", flush=True)
-    out = ROOT / "docs" / "studies" / f"everything_on_{asked.robot}_{asked.robots}.csv"
+    out = ROOT / "docs" / "studies" / f"everything_on_{options.robot}_{options.robots}.csv"
     write_whole(out, _csv(rows))
     for paths, signal in sorted({(str(r["paths"]), str(r["signal"])) for r in rows}):
         _say(paths, signal, [r for r in rows if r["paths"] == paths and r["signal"] == signal])
@@ -147,10 +151,14 @@ def _say(paths: str, signal: str, rows: list[dict[str, object]]) -> None:
 
     mean, largest = column("tcp_mean_mm"), column("tcp_max_mm")
     print(
-        f"{paths:4} {signal:12} TCP mean / max [mm]: median robot {np.median(mean):.4f} / {np.median(largest):.4f}, "
-        f"worst {mean.max():.4f} / {largest.max():.4f}; stated sigma {np.median(column('tcp_sigma_mm')):.4f}; 95 % intervals cover "
-        f"{column('covered').mean():.1%}; stiffness median {np.median(column('stiffness_median_percent')):.1f} %, worst "
-        f"{column('stiffness_worst_percent').max():.1f} %; clock {np.median(column('clock_us')):.1f} us, "
+        f"{paths:4} {signal:12} TCP mean / max [mm]: "
+        f"median robot {np.median(mean):.4f} / {np.median(largest):.4f}, "
+        f"worst {mean.max():.4f} / {largest.max():.4f}; "
+        f"stated sigma {np.median(column('tcp_sigma_mm')):.4f}; "
+        f"95 % intervals cover {column('covered').mean():.1%}; "
+        f"stiffness median {np.median(column('stiffness_median_percent')):.1f} %, "
+        f"worst {column('stiffness_worst_percent').max():.1f} %; "
+        f"clock {np.median(column('clock_us')):.1f} us, "
         f"{np.median(column('skew_ppm')):.2f} ppm"
     )
 

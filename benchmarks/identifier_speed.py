@@ -2,8 +2,8 @@
 
     python -m benchmarks.identifier_speed         # about half a minute
 
-Processor time of one core, medians; arrays to estimate and covariance. The rival gets the same residual, vectorised, and scipy's
-Levenberg-Marquardt with its numeric Jacobian.
+Processor time of one core, medians; arrays to estimate and covariance. The rival gets the same
+residual, vectorised, and scipy's Levenberg-Marquardt with its numeric Jacobian.
 """
 
 from __future__ import annotations
@@ -61,17 +61,17 @@ def spent(function: Callable[[], object], times: int) -> float:
 
 def white_scenario() -> Scenario:
     """1 mm and 1 mrad of static errors, noise of 10 urad, five encoders."""
-    asked = load_scenario(SCENARIOS / "irb2400.yaml").model_dump(
+    changed = load_scenario(SCENARIOS / "irb2400.yaml").model_dump(
         mode="json", by_alias=True, exclude_none=True
     )
-    asked["plant"]["kind"] = "kinematic"
-    asked["errors"] = {
+    changed["plant"]["kind"] = "kinematic"
+    changed["errors"] = {
         "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
         "joint_noise": {"sigma_rad": 1e-5},
     }
-    asked["encoders"]["fitted"] = list(JOINTS)
-    asked["identify"] = {"data": "samples", "samples": SAMPLES}
-    return Scenario.model_validate(asked, strict=False)
+    changed["encoders"]["fitted"] = list(JOINTS)
+    changed["identify"] = {"data": "samples", "samples": SAMPLES}
+    return Scenario.model_validate(changed, strict=False)
 
 
 def kinematic() -> None:
@@ -112,10 +112,12 @@ def kinematic() -> None:
     apart = np.abs(rival() - fit.x)[:-2] / sigma
     mine, theirs = spent(ours, 15), spent(rival, 3)
     print(
-        f"complete kinematic model and clock, {len(fit.covariance)} parameters, {SAMPLES} samples: {mine:.1f} ms (required 15)"
+        f"complete kinematic model and clock, {len(fit.covariance)} parameters, {SAMPLES} samples: "
+        f"{mine:.1f} ms (target 15)"
     )
     print(
-        f"scipy lm with numeric Jacobian: {theirs:.0f} ms, {theirs / mine:.0f} times slower (required 15)"
+        f"scipy lm with numeric Jacobian: {theirs:.0f} ms, "
+        f"{theirs / mine:.0f} times slower (target 15)"
     )
     print(f"  largest difference of the answers: {apart.max():.1e} standard deviations")
 
@@ -128,14 +130,14 @@ def record(folder: Path) -> None:
 def read(folder: Path) -> tuple[Cell, Logs]:
     """What an identifier gets."""
     recording = read_recording(folder)
-    asked = recording.description
-    return load_cell(asked.robot, asked.ballbar, asked.plate), Logs(
+    description = recording.description
+    return load_cell(description.robot, description.ballbar, description.plate), Logs(
         recording.robot_log, recording.ballbar_log, recording.force_log
     )
 
 
 def corrected(folder: Path, count: int) -> tuple[float, int]:
-    """[ms] of a fit with all corrections, from what one recording's dh fit leaves to the covariance; and the number of unknowns."""
+    """[ms] of a fit with all corrections, from the dh fit to the covariance; count of unknowns."""
     cell, logs = read(folder)
     options = FitOptions(force="torque", samples=count)
     pose = posed(cell, [fit_recording(cell, logs, options)], list(CORRECTIONS), options)
@@ -153,13 +155,14 @@ from cell.load import load_cell
 from ident import FitOptions, identify
 read = read_recording(__import__("pathlib").Path(sys.argv[1]))
 cell = load_cell(read.description.robot, read.description.ballbar, read.description.plate)
-identify(cell, read.robot_log, read.ballbar_log, options=FitOptions(model="complete", samples=int(sys.argv[2])))
+options = FitOptions(model="complete", samples=int(sys.argv[2]))
+identify(cell, read.robot_log, read.ballbar_log, options=options)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
 
 
 def peak_memory(folder: Path, count: int) -> float:
-    """[MB] Largest resident memory of a process that does nothing but read a recording and identify it with everything."""
+    """[MB] Largest resident memory of a process that only reads and identifies a recording."""
     run = subprocess.run(
         [sys.executable, "-c", IDENTIFY, str(folder), str(count)],
         capture_output=True,
@@ -170,7 +173,7 @@ def peak_memory(folder: Path, count: int) -> float:
 
 
 def in_own_process(function: Callable[..., T], *arguments: object) -> T:
-    """What a function returns in a fresh process, which takes the number of BLAS threads from the environment."""
+    """What a function returns in a fresh process, with the environment's number of BLAS threads."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(function, *arguments).result()
 
@@ -184,12 +187,11 @@ def main() -> None:
         in_own_process(record, folder)
         few, unknowns = in_own_process(corrected, folder, SAMPLES)
         many, _ = in_own_process(corrected, folder, MANY)
+        print(f"all corrections, {unknowns} unknowns, {SAMPLES} samples: {few:.0f} ms (target 120)")
+        print(f"{MANY} samples: {many:.0f} ms, {many / few:.1f} times as long (target 12)")
         print(
-            f"all corrections, {unknowns} unknowns, {SAMPLES} samples: {few:.0f} ms (required 120)"
-        )
-        print(f"{MANY} samples: {many:.0f} ms, {many / few:.1f} times as long (required 12)")
-        print(
-            f"largest memory, {MANY} samples, everything: {peak_memory(folder, MANY):.0f} MB (required 400)"
+            f"largest memory, {MANY} samples, everything: "
+            f"{peak_memory(folder, MANY):.0f} MB (target 400)"
         )
 
 

@@ -1,10 +1,11 @@
-"""How long reading a 10-minute recording takes, and how much memory, against pandas on the same bytes.
+"""Time and memory of reading a 10-minute recording, against pandas on the same bytes.
 
     python -m benchmarks.import_speed
 
-150 000 robot rows (time and six motor angles), 60 000 ball-bar rows (time, five counters, five status words). Processor and wall
-time, medians of ROUNDS in which the rivals take turns; pandas reads on one thread, pyarrow under our reader on all cores. Memory is
-the peak of a process of its own that reads nothing else, less what it held before.
+150 000 robot rows (time and six motor angles), 60 000 ball-bar rows (time, five counters, five
+status words). Processor and wall time, medians of ROUNDS in which the rivals take turns; pandas
+reads on one thread, pyarrow under our reader on all cores. Memory is the peak of a process of its
+own that reads nothing else, less what it held before.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ def with_read_table(folder: Path) -> None:
     ]
     layouts = robot_layout(sources[0], dialects[0]), ballbar_layout(sources[1], dialects[1], fitted)
     for source, dialect, layout in zip(sources, dialects, layouts, strict=True):
-        read_file(folder / source.files[0], source.files[0], dialect, layout, [])
+        read_file(folder / source.files[0], source.files[0], dialect, layout)
 
 
 def seconds(jobs: list[Callable[[Path], object]], folder: Path) -> list[tuple[float, float]]:
@@ -145,11 +146,12 @@ def main() -> None:
             against = (
                 ""
                 if spent == theirs[0]
-                else f"; {spent / theirs[0]:.2f} and {passed / theirs[1]:.2f} times pandas (allowed 3)"
+                else f"; {spent / theirs[0]:.2f}, {passed / theirs[1]:.2f} times pandas (limit 3)"
             )
             print(f"{name:18} {spent:.3f} s processor, {passed:.3f} s wall{against}")
         print(
-            f"memory             {added:.0f} MB added, {whole:.0f} MB with all libraries (allowed 300 MB)"
+            f"memory             {added:.0f} MB added, "
+            f"{whole:.0f} MB with all libraries (limit 300 MB)"
         )
 
 

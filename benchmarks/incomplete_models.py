@@ -1,9 +1,9 @@
 """What an incomplete or wrong model looks like, and whether the verdict says so.
 
-    python -m benchmarks.incomplete_models          # one IRB 2400, everything on, two paths, torque; three minutes
+    python -m benchmarks.incomplete_models    # one IRB 2400, everything on, two paths, torque
 
-Each correction left out in turn, wrong gear harmonics (notes/identification sec. 6), a thin plate, jittering stamps, and what no
-data can show. Writes docs/studies/incomplete_models.csv.
+Each correction left out in turn, wrong gear harmonics (notes/identification sec. 6), a thin plate,
+jittering stamps, and what no data can show. Writes docs/studies/incomplete_models.csv.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def same(cell: Cell) -> Cell:
 
 
 def with_harmonics(change: Callable[[float, float], Harmonics]) -> Callable[[Cell], Cell]:
-    """A cell whose robot file lists other gear harmonics: `change` of (cycles a turn, amplitude) of each."""
+    """A cell with other gear harmonics; change : of (cycles a turn, amplitude) of each."""
 
     def changed(cell: Cell) -> Cell:
         listed = tuple(
@@ -50,7 +50,7 @@ def with_harmonics(change: Callable[[float, float], Harmonics]) -> Callable[[Cel
 
 
 def with_ratio(factor: float) -> Callable[[Cell], Cell]:
-    """A cell whose gears have another ratio for the model than for the log: motor-turn harmonics at the wrong order."""
+    """A cell whose gears have another ratio in the model: motor harmonics at the wrong order."""
 
     def changed(cell: Cell) -> Cell:
         return replace(
@@ -74,14 +74,26 @@ class Case:
 CASES = (
     Case("complete model", False),
     *(Case(f"without {name}", name != "rod_strain", (name,)) for name in CORRECTIONS),
-    Case("orders 40 and 80 missing", True, believed=with_harmonics(lambda n, a: () if n in (40.0, 80.0) else ((n, a),))),
-    Case("order 40 taken for 41, 80 for 82", True, believed=with_harmonics(lambda n, a: ((n * 1.025 if n in (40.0, 80.0) else n, a),))),
-    Case("orders 1 and 2 missing", True, believed=with_harmonics(lambda n, a: () if n in (1.0, 2.0) else ((n, a),))),
+    Case(
+        "orders 40 and 80 missing", True,
+        believed=with_harmonics(lambda n, a: () if n in (40.0, 80.0) else ((n, a),)),
+    ),
+    Case(
+        "order 40 taken for 41, 80 for 82", True,
+        believed=with_harmonics(lambda n, a: ((n * 1.025 if n in (40.0, 80.0) else n, a),)),
+    ),
+    Case(
+        "orders 1 and 2 missing", True,
+        believed=with_harmonics(lambda n, a: () if n in (1.0, 2.0) else ((n, a),)),
+    ),
     Case("motor turns at 0.995 of their order", False,  # barely, and the stated sigma covers it
           believed=with_ratio(0.995)),
     Case("thin plate, 1.67e6 N/m, not in the model", True, ("plate_bending",),
          simulated={"errors": {"plate_bending": {"tip_stiffness_N_per_m": 1.67e6}}}),
-    Case("thin plate in the model", False, simulated={"errors": {"plate_bending": {"tip_stiffness_N_per_m": 1.67e6}}}),
+    Case(
+        "thin plate in the model", False,
+        simulated={"errors": {"plate_bending": {"tip_stiffness_N_per_m": 1.67e6}}},
+    ),
     Case("stamps jitter by 0.2 ms", False, simulated={"clocks": {"jitter": {}}}),
 )  # fmt: skip
 
@@ -103,9 +115,11 @@ def row(number: int) -> dict[str, object]:
     found = identify_together(case.believed(cell), every, options=options)
     compared = identification_against_truth(found, truth)
     return {
-        "case": case.name, "visible": case.visible, "status": found.verdict.status, "autocorrelation": found.fit.autocorrelation,
-        "chi2": found.fit.chi2_per_dof, "tcp_mean_mm": compared.tcp.mean * 1e3, "tcp_max_mm": compared.tcp.maximum * 1e3,
-        "stated_sigma_mm": float(np.sqrt((found.robot.tcp_sigma**2).mean())) * 1e3, "says": found.verdict.sentence,
+        "case": case.name, "visible": case.visible, "status": found.verdict.status,
+        "autocorrelation": found.fit.autocorrelation, "chi2": found.fit.chi2_per_dof,
+        "tcp_mean_mm": compared.tcp.mean * 1e3, "tcp_max_mm": compared.tcp.maximum * 1e3,
+        "stated_sigma_mm": float(np.sqrt((found.robot.tcp_sigma**2).mean())) * 1e3,
+        "says": found.verdict.sentence,
     }  # fmt: skip
 
 

@@ -1,12 +1,13 @@
-"""The live recorder against the ADS test server on loopback: is each sample in the file, once, byte for byte?
+"""The live recorder against the ADS test server: is each sample in the file, once, byte for byte?
 
     python -m benchmarks.live_recorder [--seconds 300] [--out docs/studies/live_recorder.csv]
     python -m benchmarks.live_recorder --kills 20 [--out docs/studies/live_recorder_kills.csv]
 
-A PLC (tests.helpers.plc_server) makes samples at 100 Hz and at 1 kHz, each of which follows from its number; `ballbar record` runs as a
-process of its own. The file must be what those samples are in the dialect `twincat-plc`, from its first row to its last, and
-the last must be younger than two polls when the recorder is asked to stop. With --kills it is killed (SIGKILL) at random instants
-at 1 kHz instead, and what is missing at the end of the file is measured.
+A PLC (tests.helpers.plc_server) makes samples at 100 Hz and at 1 kHz, each of which follows from
+its number; `ballbar record` runs as a process of its own. The file must be what those samples are
+in the dialect `twincat-plc`, from its first row to its last, and the last must be younger than two
+polls when the recorder is told to stop. With --kills it is killed (SIGKILL) at random instants at 1
+kHz instead, and what is missing at the end of the file is measured.
 """
 
 from __future__ import annotations
@@ -36,14 +37,12 @@ class Outcome:
 
     rate_hz: int
     seconds: float
-    samples_made: (
-        int  # by the PLC, from the first recorded one until the recorder was asked to stop
-    )
+    samples_made: int  # by the PLC, from the first recorded one until the recorder was told to stop
     records: int
     missing: int
     doubled: int
     byte_exact: bool
-    tail_s: float  # age of the last record when the recorder was asked to stop; negative if it was made after
+    tail_s: float  # age of the last record at the stop; negative if made after it
     processor_s: float  # of the recorder, its start included
 
 

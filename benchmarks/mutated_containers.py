@@ -1,13 +1,16 @@
-"""Files of every container damaged at random: what the reader makes of them. `python -m benchmarks.mutated_containers [FILES]`
+"""Files of every container damaged at random, and what the reader makes of them.
+
+    python -m benchmarks.mutated_containers [FILES]
 
 Every outcome is one of
-    equal      all rows as they were written, or a shorter file cut between two records of a format that has no mark of its end
+    equal      all rows as they were written, or fewer, where the format has no mark of its end
     reported   read, with a repair or a warning in the report
     refused    an error that names the file
-    below      wrong values without a finding, all within the smallest deviation that the reader looks for (50 urad)
+    below      wrong values without a finding, within the smallest deviation looked for, 50 urad
     silent     wrong values beyond that
     crash      an exception that is no refusal; hang: longer than LIMIT_S
-Judged are the angles and times that the recording's reader gives, behind all its checks. Writes docs/studies/mutated_containers.csv.
+Judged are the angles and times that the recording's reader gives, behind all its checks. Writes
+docs/studies/mutated_containers.csv.
 """
 
 from __future__ import annotations

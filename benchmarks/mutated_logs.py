@@ -1,21 +1,23 @@
-"""Twenty thousand damaged files of each kind of text log: no crash, no hang, no value that is silently wrong.
+"""20 000 damaged files of each kind of text log: no crash, no hang, no value silently wrong.
 
-    python -m benchmarks.mutated_logs [FILES]        (default 20000 of each; writes docs/studies/mutated_logs.csv)
+    python -m benchmarks.mutated_logs [FILES]        # 20000 of each; docs/studies/mutated_logs.csv
 
-Each file has ROWS rows of a smooth motion with noise, damaged once, in a way drawn from MUTATIONS. What is read is compared
-with the motion: at each stamp, the angle that the motion has at that time. A constant offset of the clock, and of encoders, is
-no error, since both are unknown anyway. Outcomes:
+Each file has ROWS rows of a smooth motion with noise, damaged once, in a way drawn from MUTATIONS.
+What is read is compared with the motion: at each stamp, the angle that the motion has at that time.
+A constant offset of the clock, and of encoders, is no error, since both are unknown anyway.
+Outcomes:
 
 equal     every row that is used is right, and nothing was remarked
 repaired  every row that is used is right, and the report says what was mended or left out
 reported  some row is off, and the report names the fault
 refused   an error, with file
-silent    some row is off by more than TOLERANCE, and the report says nothing (required: none)
-crashed   any other exception (required: none)
-slow      more than 5 s (required: none)
+silent    some row is off by more than TOLERANCE, and the report says nothing (target: none)
+crashed   any other exception (target: none)
+slow      more than 5 s (target: none)
 
-TOLERANCE is what a single row may be off unnoticed: twenty times the noise, an eighth of a signal period. Within a log four times
-less is seen, but the rows at its ends have neighbours on one side only.
+TOLERANCE is what a single row may be off unnoticed: twenty times the noise, an eighth of a signal
+period. Within a log four times less is seen, but the rows at its ends have neighbours on one side
+only.
 """
 
 from __future__ import annotations
@@ -33,7 +35,6 @@ import numpy as np
 import yaml
 
 from acquisition.recording import read_ballbar, read_robot
-from acquisition.sources import Ledger
 from cell.errors import InputError
 from cell.load import load_robot
 from cell.recording import EncoderFitting, EncoderName, SourceFile
@@ -126,19 +127,28 @@ _LABCOMM = "Time [s]," + ",".join(f"robot_0:irb2ext.joint[{k}].posRawAbs" for k 
 FAMILIES = (
     Family("twincat-plc", "twincat-plc", ";", "time;b1;b2;b3;b4;b5", _counts, "\r\n"),
     Family(
-        "abb-motor", "abb-motor", ",", "time,m1,m2,m3,m4,m5,m6", _robot_cells("%.9f", lambda s: f"{1234.5 + s:.6f}", _motors)
+        "abb-motor", "abb-motor", ",", "time,m1,m2,m3,m4,m5,m6",
+        _robot_cells("%.9f", lambda s: f"{1234.5 + s:.6f}", _motors),
     ),
-    Family("abb-labcomm", "abb-labcomm", ",", _LABCOMM, _robot_cells("%.9f", lambda s: f"{s:.6f}", _motors)),
+    Family(
+        "abb-labcomm", "abb-labcomm", ",", _LABCOMM,
+        _robot_cells("%.9f", lambda s: f"{s:.6f}", _motors),
+    ),
     Family(
         "comau-joint", "comau-joint", ",", "time,J1,J2,J3,J4,J5,J6",
         _robot_cells("%.7f", lambda s: str(1_700_000_000_000_000 + round(s * 1e6)), _degrees),
     ),
     Family(
-        "abb-libegm", "abb-libegm", ",", "TIMESTAMP," + ",".join(f"R_FB_POS_RJ{k}" for k in range(1, 7)) + ",S_REF_SPEED",
-        lambda t, q: [[*row, "0"] for row in _robot_cells("%.7f", lambda s: str(round(5000 + s * 1e3)), _degrees)(t, q)],
+        "abb-libegm", "abb-libegm", ",",
+        "TIMESTAMP," + ",".join(f"R_FB_POS_RJ{k}" for k in range(1, 7)) + ",S_REF_SPEED",
+        lambda t, q: [
+            [*row, "0"]
+            for row in _robot_cells("%.7f", lambda s: str(round(5000 + s * 1e3)), _degrees)(t, q)
+        ],
     ),
     Family(
-        "canonical", "canonical-robot", ",", "t_ns,m1,m2,m3,m4,m5,m6", _robot_cells("%r", lambda s: str(10**9 + round(s * 1e9)), _motors)
+        "canonical", "canonical-robot", ",", "t_ns,m1,m2,m3,m4,m5,m6",
+        _robot_cells("%r", lambda s: str(10**9 + round(s * 1e9)), _motors),
     ),
     Family(
         "generic", "own.yaml", ";", "t;" + ";".join(f"Axis {k} [deg]" for k in range(1, 7)),
@@ -242,7 +252,7 @@ def _scaled(cell: str, factor: float) -> str:
 
 
 def other_side(file: File, rng: Rng) -> bytes:  # noqa: ARG001
-    """Joint angles in the place of motor angles, or the other way; for counters, another number of bits."""
+    """Joint for motor angles, or the other way; for counters, another number of bits."""
     if file.of_bar:
         file.rows = [
             [row[0], *(str(int(cell) * 64 % 2**32) for cell in row[1:])] for row in file.rows
@@ -285,7 +295,7 @@ def decimal_commas(file: File, rng: Rng) -> bytes:  # noqa: ARG001
 
 
 def form(file: File, rng: Rng) -> bytes:
-    """Preamble, header twice, none, glued to its first row; separators and blank lines where they do not belong."""
+    """Header twice, none, or glued to its first row; a preamble; stray separators and blanks."""
     raw, end = file.content(), file.ending.encode()
     head, _, body = raw.partition(end)
     at = body.index(end, int(rng.integers(len(body) // 2))) + len(end)
@@ -335,7 +345,7 @@ def odd_cells(file: File, rng: Rng) -> bytes:
 
 
 def clock_fault(file: File, rng: Rng) -> bytes:
-    """The clock is set, stamps repeat or change places, rows are missing, the logger starts anew."""
+    """The clock is set, stamps repeat or swap, rows are missing, the logger restarts."""
     row = int(rng.integers(1, len(file.rows) - 1))
     size = float(rng.choice([0.001, 0.04, 1.0, 3600.0, 1e6])) * rng.uniform(0.5, 2.0)
     match int(rng.integers(6)):
@@ -365,8 +375,8 @@ def _shifted(cell: str, seconds: float, header: str) -> str:
 
 
 MUTATIONS: tuple[Callable[[File, Rng], bytes], ...] = (
-    cut, flipped, other_bytes, lost_range, zeroed, doubled, swapped_columns, other_unit, other_side, encoded, decimal_commas, form,
-    odd_cells, clock_fault,
+    cut, flipped, other_bytes, lost_range, zeroed, doubled, swapped_columns, other_unit, other_side,
+    encoded, decimal_commas, form, odd_cells, clock_fault,
 )  # fmt: skip
 
 
@@ -376,14 +386,14 @@ MUTATIONS: tuple[Callable[[File, Rng], bytes], ...] = (
 def outcome(family: Family, folder: Path, raw: bytes) -> str:
     """What became of one file."""
     (folder / "log.csv").write_bytes(raw)
-    source, ledger = SourceFile(files=("log.csv",), dialect=family.dialect), Ledger([], [])
+    source = SourceFile(files=("log.csv",), dialect=family.dialect)
     start = time.process_time()
     try:
         if family.of_bar:
-            log = read_ballbar(folder, source, FITTED, ledger, robot_moves=True)
+            log, imported = read_ballbar(folder, source, FITTED, robot_moves=True)
             t, angles = log.t, log.angles
         else:
-            robot = read_robot(folder, source, ROBOT, ledger)
+            robot, imported = read_robot(folder, source, ROBOT)
             t, angles = robot.t, robot.q
     except InputError:
         return "slow" if time.process_time() - start > 5.0 else "refused"
@@ -392,7 +402,7 @@ def outcome(family: Family, folder: Path, raw: bytes) -> str:
         return "crashed"
     if time.process_time() - start > 5.0:
         return "slow"
-    remarked = any(one.kind not in USUAL for one in ledger.findings)
+    remarked = any(one.kind not in USUAL for one in imported.findings)
     right = is_right(t, angles, bar if family.of_bar else joints, free_zero=family.of_bar)
     if right:
         return "repaired" if remarked else "equal"
@@ -400,7 +410,7 @@ def outcome(family: Family, folder: Path, raw: bytes) -> str:
 
 
 def is_right(t: Array, angles: Array, course: Callable[[Array], Array], *, free_zero: bool) -> bool:
-    """Whether all angles are those of the motion at their time, for one offset of the clock (and of each encoder)."""
+    """Whether all angles are the motion's at their time, but for constant offsets."""
     start = float(
         np.clip(
             T[int(np.argmin(np.abs(course(T) - angles[0]).sum(axis=1)))] if not free_zero else 0.0,

@@ -1,10 +1,11 @@
 """The baseline: identification as a user of SciPy would write it in an afternoon.
 
-The printed scalar of C_T (thesis eq. 2.4), `scipy.optimize.least_squares(method="lm")` on it, the Jacobian by finite differences, and
-a forward pass that multiplies 4x4 matrices, all samples at once. No cost is missed that a careful user would save: the chain whose
-parameters do not change is computed again, as the solver cannot know.
+The printed scalar of C_T (thesis eq. 2.4), `scipy.optimize.least_squares(method="lm")` on it, the
+Jacobian by finite differences, and a forward pass that multiplies 4x4 matrices, all samples at
+once. No cost is missed that a careful user would save: the chain whose parameters do not change is
+computed again, as the solver cannot know.
 
-    python -m benchmarks.plain_user          # against ident.thesis.cost_fit, on the samples of the main scenario
+    python -m benchmarks.plain_user    # against ident.thesis.cost_fit, on the main scenario
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class PlainFit:
 def plain_user_identify(
     samples: KinematicSamples, nominal: Geometry, parameters: Sequence[int] | NDArray[np.intp]
 ) -> PlainFit:
-    """Identify `parameters` (indices into PARAMETERS) from paired samples, starting at the nominal geometry."""
+    """Identify `parameters` (indices into PARAMETERS) from paired samples, from nominal values."""
     chosen = np.asarray(parameters, dtype=np.intp)
     begin = time.perf_counter()
     found = least_squares(
@@ -129,7 +130,8 @@ def main() -> None:
     ):
         distance = 1e3 * np.linalg.norm((geometry.values - samples.true.values)[parameters])
         print(
-            f"{name}: {count}, converged {converged}, distance {distance:.4f} mm|mrad, {spent:.3f} s"
+            f"{name}: {count}, converged {converged}, "
+            f"distance {distance:.4f} mm|mrad, {spent:.3f} s"
         )
 
 

@@ -1,12 +1,13 @@
-"""What planning gains: predicted, against random paths and the hand-made one; and confirmed, by identifying simulated recordings.
+"""What planning gains against random paths and a manual one: predicted, and in identifications.
 
-    python -m benchmarks.planned_paths predicted                # 200 random paths that can be run, both robots: minutes
-    python -m benchmarks.planned_paths identified               # 10 drawn robots with everything on, all paths: minutes
+    python -m benchmarks.planned_paths predicted    # 200 random paths that can be run, both robots
+    python -m benchmarks.planned_paths identified   # 10 drawn robots, everything on, all paths
 
-Paths: scenarios/paths/ROBOT_planned.yaml; ROBOT_a.yaml, the hand-made path of the thesis's kind (notes/mujoco sec. 10); and of the
-random ones those in the middle, one for each drawn robot (ranks 96 to 105 of 200), so that no single path stands for the median. Four
-encoders, 120 s, one recording a fit, no force or torque signal. Writes docs/studies/planned_paths_random_ROBOT.csv, which holds the
-random paths themselves, and planned_paths_identified_ROBOT.csv.
+Paths: scenarios/paths/ROBOT_planned.yaml; ROBOT_a.yaml, the manual path of the thesis's kind
+(notes/mujoco sec. 10); and of the random ones those in the middle, one for each drawn robot (ranks
+96 to 105 of 200), so that no single path stands for the median. Four encoders, 120 s, one recording
+a fit, no force or torque signal. Writes docs/studies/planned_paths_random_ROBOT.csv, which holds
+the random paths themselves, and planned_paths_identified_ROBOT.csv.
 """
 
 from __future__ import annotations
@@ -27,15 +28,15 @@ from cell.geometry import BAR_ROWS
 from ident.identify import identify_together
 from ident.options import FitOptions
 from planning.candidate import Candidate, rounded, space_of
-from planning.course import course_over
+from planning.crlb import predict
+from planning.evaluation import Evaluator, evaluators, tcp_rms
 from planning.files import path_data
 from planning.force import predicted_forces
-from planning.judge import Judge, judges, tcp_rms
 from planning.limits import violations
-from planning.predict import predict
 from planning.request import load_request
-from planning.sample import sampled
-from sim.simulate import load_lissajous
+from planning.sample import sample
+from planning.trajectory import trajectories
+from sim.path_files import load_lissajous
 from tests.helpers.drawn_robots import ROOT, SCENARIOS, recorded
 
 ROBOTS = ("irb2400", "nj220")
@@ -47,11 +48,13 @@ STUDIES = ROOT / "docs" / "studies"
 
 def random_paths(robot: str) -> list[dict[str, object]]:
     """RANDOM random paths that can be run: predicted TCP sigma, numbers of the path file, place of the ball-bar."""
-    judge = _judge(robot)
-    found = sampled(judge, seed=judge.request.seed + 1000, seconds=3600.0, wanted=RANDOM)
-    paths = [rounded(space_of(judge.request).candidate(z)) for z in found.z]
+    evaluator = _evaluator(robot)
+    seed = evaluator.request.seed + 1000
+    samples = sample(evaluator, seed=seed, seconds=3600.0, count=RANDOM)
+    space = space_of(evaluator.request)
+    paths = [rounded(space.candidate(genome)) for genome in samples.genomes]
     return [
-        {"random_path": k + 1, "tcp_sigma_um": predicted_at(judge, path) * 1e6} | _numbers(path)
+        {"random_path": k + 1, "tcp_sigma_um": predicted_at(evaluator, path) * 1e6} | _numbers(path)
         for k, path in enumerate(paths)
     ]
 
@@ -59,7 +62,11 @@ def random_paths(robot: str) -> list[dict[str, object]]:
 def _numbers(candidate: Candidate) -> dict[str, object]:
     """A candidate as columns of a table."""
     data = path_data(candidate)
-    columns = {f"{key}_b{j + 1}": str(data[key][j]) for key in KEYS for j in range(BAR_ROWS)}  # type: ignore[index]
+    columns = {
+        f"{key}_b{j + 1}": str(data[key][j])  # type: ignore[index]
+        for key in KEYS
+        for j in range(BAR_ROWS)
+    }
     return columns | {
         f"ballbar_{axis}_m": str(value)
         for axis, value in zip("xyz", candidate.position.tolist(), strict=True)
@@ -67,7 +74,7 @@ def _numbers(candidate: Candidate) -> dict[str, object]:
 
 
 def middle_path(robot: str, seed: int) -> tuple[dict[str, object], list[float]]:
-    """The random path whose rank is that of the median, a few ranks to either side by the seed: path file and place [m] of the ball-bar."""
+    """A random path of median rank, off by a few with the seed: path file and base position [m]."""
     with (STUDIES / f"planned_paths_random_{robot}.csv").open() as file:
         rows = sorted(csv.DictReader(file), key=lambda row: float(row["tcp_sigma_um"]))
     row = rows[len(rows) // 2 - 5 + (seed - 1) % 10]
@@ -79,43 +86,48 @@ def middle_path(robot: str, seed: int) -> tuple[dict[str, object], list[float]]:
 
 
 def predicted_of(robot: str, path: str) -> float:
-    """[m] predicted TCP sigma of a path of scenarios/paths, where its scenario puts the ball-bar; limits are not asked about."""
+    """[m] predicted TCP sigma of a path of scenarios/paths in its scenario, limits aside."""
     scenario = _scenario(robot, path)
     shape = load_lissajous(SCENARIOS / scenario.path.file)
-    return predicted_at(_judge(robot), Candidate(shape, np.array(scenario.cell.ballbar_position_m)))
-
-
-def predicted_at(judge: Judge, candidate: Candidate) -> float:
-    """[m] predicted TCP sigma, median of the robots of planning.force."""
-    courses = course_over(judge.cell, candidate, judge.request.timing)
-    course = min(
-        courses, key=lambda c: sum(v.excess for v in violations(judge.cell, judge.limits, c))
+    return predicted_at(
+        _evaluator(robot), Candidate(shape, np.array(scenario.cell.ballbar_position_m))
     )
-    figures = [
-        tcp_rms(judge, predict(judge.predictor, course, tension))
-        for tension in predicted_forces(judge.forces, course).tension
+
+
+def predicted_at(evaluator: Evaluator, candidate: Candidate) -> float:
+    """[m] predicted TCP sigma, median of the robots of planning.force."""
+    cell, limits = evaluator.cell, evaluator.limits
+    trajectory = min(
+        trajectories(cell, candidate, evaluator.request.timing),
+        key=lambda t: sum(v.excess for v in violations(cell, limits, t)),
+    )
+    sigmas = [
+        tcp_rms(evaluator, predict(evaluator.predictor, trajectory, tension))
+        for tension in predicted_forces(evaluator.force_model, trajectory).tension
     ]
-    return float(np.median(figures))
+    return float(np.median(sigmas))
 
 
 def identified(robot: str, path: str, seed: int) -> dict[str, object]:
     """TCP error of one drawn robot, identified from one recording of one path."""
-    asked = _scenario(robot, path).model_dump(mode="json", by_alias=True, exclude_none=True)
-    asked["errors"]["static"] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "thesis"}
+    changed = _scenario(robot, path).model_dump(mode="json", by_alias=True, exclude_none=True)
+    changed["errors"]["static"] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "thesis"}
     with tempfile.TemporaryDirectory() as folder:
         if path == "random":
-            data, asked["cell"]["ballbar_position_m"] = middle_path(robot, seed)
-            asked["path"]["file"] = str(Path(folder) / "path.yaml")
+            data, changed["cell"]["ballbar_position_m"] = middle_path(robot, seed)
+            changed["path"]["file"] = str(Path(folder) / "path.yaml")
             write_yaml(Path(folder) / "path.yaml", data)
-        scenario = Scenario.model_validate(asked | {"seed": seed}, strict=False)
+        scenario = Scenario.model_validate(changed | {"seed": seed}, strict=False)
         cell, logs, truth = recorded(scenario, Path(folder) / "recording")
     options = FitOptions(model="complete", force="none")
     found = identify_together(cell, [logs], options=options)
     tcp = identification_against_truth(found, truth).tcp
     return {
-        "robot": robot, "path": path, "seed": seed, "status": found.verdict.status, "tcp_mean_mm": tcp.mean * 1e3,
-        "tcp_max_mm": tcp.maximum * 1e3, "tcp_mean_without_scale_mm": float(tcp.error_without_scale.mean()) * 1e3,
-        "tcp_sigma_mm": float(found.robot.tcp_sigma.mean()) * 1e3, "chi2": found.fit.chi2_per_dof, "autocorrelation": found.fit.autocorrelation,
+        "robot": robot, "path": path, "seed": seed, "status": found.verdict.status,
+        "tcp_mean_mm": tcp.mean * 1e3, "tcp_max_mm": tcp.maximum * 1e3,
+        "tcp_mean_without_scale_mm": float(tcp.error_without_scale.mean()) * 1e3,
+        "tcp_sigma_mm": float(found.robot.tcp_sigma.mean()) * 1e3,
+        "chi2": found.fit.chi2_per_dof, "autocorrelation": found.fit.autocorrelation,
     }  # fmt: skip
 
 
@@ -127,9 +139,9 @@ def kept(robot: str, paths: set[str]) -> list[dict[str, object]]:
     ]
 
 
-def _judge(robot: str) -> Judge:
+def _evaluator(robot: str) -> Evaluator:
     request = load_request(SCENARIOS / "plans" / f"{robot}.yaml")
-    return judges(request)[request.cell.ballbar]
+    return evaluators(request)[request.cell.ballbar]
 
 
 def _scenario(robot: str, path: str) -> Scenario:
@@ -153,17 +165,19 @@ def main() -> None:
     )
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--workers", type=int, default=2)
-    asked = parser.parse_args()
-    robots = asked.robot or list(ROBOTS)
-    with ProcessPoolExecutor(asked.workers) as pool:
-        if asked.half == "predicted":
+    options = parser.parse_args()
+    robots = options.robot or list(ROBOTS)
+    with ProcessPoolExecutor(options.workers) as pool:
+        if options.half == "predicted":
             for robot, rows in zip(robots, pool.map(random_paths, robots), strict=True):
                 _say_predicted(robot, rows)
         else:
             for robot in robots:
-                paths = asked.path or list(PATHS)
+                paths = options.path or list(PATHS)
                 rows = kept(robot, set(PATHS) - set(paths))
-                jobs = [(robot, path, seed) for path in paths for seed in range(1, asked.seeds + 1)]
+                jobs = [
+                    (robot, path, seed) for path in paths for seed in range(1, options.seeds + 1)
+                ]
                 for row in pool.map(identified, *zip(*jobs, strict=True)):
                     rows.append(row)
                     print(
@@ -183,8 +197,10 @@ def _say_predicted(robot: str, rows: list[dict[str, object]]) -> None:
     planned, hand = (predicted_of(robot, path) * 1e6 for path in ("planned", "a"))
     median, best = float(np.median(figures)), min(figures)
     print(
-        f"{robot}: predicted TCP sigma [um rms]: planned {planned:.1f}, by hand {hand:.1f} ({hand / planned:.2f} times), "
-        f"{len(figures)} random ones median {median:.1f} ({median / planned:.2f} times), best {best:.1f}",
+        f"{robot}: predicted TCP sigma [um rms]: planned {planned:.1f}, "
+        f"manual {hand:.1f} ({hand / planned:.2f} times), "
+        f"{len(figures)} random ones median {median:.1f} ({median / planned:.2f} times), "
+        f"best {best:.1f}",
         flush=True,
     )
 
@@ -198,8 +214,10 @@ def _say_identified(robot: str, rows: list[dict[str, object]]) -> None:
         for rival, words in (("random", "random"), ("a", "by hand")):
             other = column(rival, name)
             print(
-                f"{robot} {name}: {words} {other.mean():.4f}, planned {planned.mean():.4f}, {other.mean() / planned.mean():.2f} times "
-                f"smaller; medians {np.median(other):.4f}, {np.median(planned):.4f}, {np.median(other) / np.median(planned):.2f} times "
+                f"{robot} {name}: {words} {other.mean():.4f}, planned {planned.mean():.4f}, "
+                f"{other.mean() / planned.mean():.2f} times smaller; "
+                f"medians {np.median(other):.4f}, {np.median(planned):.4f}, "
+                f"{np.median(other) / np.median(planned):.2f} times "
                 f"({planned.size} robots)",
                 flush=True,
             )

@@ -1,8 +1,9 @@
-"""Held poses in MuJoCo against the statics oracle: every effect alone and all together, both robots.
+"""Held poses in MuJoCo against the statics oracle, each effect alone and all together.
 
     python -m benchmarks.plant_oracle
 
-Each pose starts at the oracle's rest and is held for four seconds; what it drifts away by then is the disagreement.
+Each pose starts at the oracle's rest and is held for four seconds; what it drifts away by then is
+the disagreement.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ import numpy as np
 
 from cell.geometry import nominal_geometry
 from cell.load import load_cell
+from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import reference_path
-from sim.plant.effects import PlantErrors, plant_effects
-from sim.simulate import load_lissajous
+from sim.path_files import load_lissajous
+from sim.plant.description import Plant
+from sim.plant.effects import plant_effects
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
 
 
@@ -24,7 +27,8 @@ def main() -> None:
     """Prints the largest deviation of twenty poses for each robot and effect."""
     scenarios = Path(__file__).parent.parent / "scenarios"
     print(
-        f"{'robot':8} {'effect':22} {'link angle urad':>15} {'end point um':>13} {'rod force N':>12} {'in play':>8}"
+        f"{'robot':8} {'effect':22} {'link angle urad':>15} {'end point um':>13} "
+        f"{'rod force N':>12} {'in backlash':>11}"
     )
     for robot, (bar, position, path_name) in CELLS.items():
         cell = load_cell(robot, bar, "plate_250")
@@ -36,18 +40,19 @@ def main() -> None:
         path = reference_path(
             cell.robot, nominal, shape, duration=120.0, dwell=4.0, stops=2, step=0.01
         )
-        for name, asked in EFFECTS.items():
-            effects = plant_effects(PlantErrors.model_validate(asked), cell, seed=1)
+        for name, keys in EFFECTS.items():
+            effects = plant_effects(PlantErrors.model_validate(keys), cell, seed=1)
+            plant = Plant(cell, true, effects, cell.robot.servo["soft"])
             poses = [
-                held_against_oracle(cell, true, effects, path, k)
-                for k in np.linspace(300, 11700, 20).astype(int)
+                held_against_oracle(plant, path, k) for k in np.linspace(300, 11700, 20).astype(int)
             ]
             worst = [
                 max(getattr(p, field) for p in poses)
                 for field in ("link_angle", "end_point", "rod_force")
             ]
             print(
-                f"{robot:8} {name:22} {worst[0] * 1e6:15.3f} {worst[1] * 1e6:13.3f} {worst[2]:12.4f} {sum(p.in_backlash for p in poses):8d}"
+                f"{robot:8} {name:22} {worst[0] * 1e6:15.3f} {worst[1] * 1e6:13.3f} "
+                f"{worst[2]:12.4f} {sum(p.in_backlash for p in poses):11d}"
             )
 
 

@@ -43,7 +43,9 @@ def main(scenarios: list[str]) -> bool:
         length, seconds = data.recordings[0].recording.robot_log.t[-1], sorted(spent)[REPEATS // 2]
         within &= seconds <= LIMIT_S and size <= LIMIT_MB
         print(
-            f"{settings.name:14} {length:4.0f} s: {seconds:.2f} s processor time (limit {LIMIT_S:g}), {size:.1f} MB (limit {LIMIT_MB:g})"
+            f"{settings.name:14} {length:4.0f} s: "
+            f"{seconds:.2f} s processor time (limit {LIMIT_S:g}), "
+            f"{size:.1f} MB (limit {LIMIT_MB:g})"
         )
     return within
 

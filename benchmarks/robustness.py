@@ -1,9 +1,10 @@
-"""What gross faults in the logs do to the answer: outliers, a slipped signal period, a clock that was set.
+"""What gross faults cost: outliers, a slipped signal period, a clock that was set.
 
-    python -m benchmarks.robustness                 # 8 IRB 2400, everything on, two paths each; five minutes on two cores
+    python -m benchmarks.robustness       # 8 IRB 2400, everything on, two paths each; five minutes
 
-Each drawn robot is identified from the same two recordings with and without each fault in the first one; the ratio of the TCP
-errors says what the fault costs. Writes docs/studies/robustness.csv, a row for each robot and fault.
+Each drawn robot is identified from the same two recordings with and without each fault in the first
+one; the ratio of the TCP errors says what the fault costs. Writes docs/studies/robustness.csv, a
+row for each robot and fault.
 """
 
 from __future__ import annotations
@@ -56,8 +57,9 @@ def robot_rows(seed: int, duration: float) -> list[dict[str, object]]:
                 Path(folder) / str(number),
             )
             rows.append(row(seed, fault, cell, [logs, second[1]], truth))
+    clean = rows[0]["tcp_mean_mm"]
     for each in rows:
-        each["ratio"] = float(each["tcp_mean_mm"]) / float(rows[0]["tcp_mean_mm"])  # type: ignore[arg-type]
+        each["ratio"] = each["tcp_mean_mm"] / clean  # type: ignore[operator]
     return rows
 
 
@@ -69,7 +71,8 @@ def row(seed: int, fault: str, cell: Cell, logs: list[Logs], truth: Truth) -> di
     return {
         "seed": seed, "fault": fault, "status": found.verdict.status,
         "tcp_mean_mm": compared.tcp.mean * 1e3, "tcp_max_mm": compared.tcp.maximum * 1e3,
-        "clock_us": np.nan if compared.offset is None else compared.offset * 1e6, **events_of(found, truth),
+        "clock_us": np.nan if compared.offset is None else compared.offset * 1e6,
+        **events_of(found, truth),
         "remarks": "; ".join(found.verdict.warnings),
     }  # fmt: skip
 
@@ -91,10 +94,10 @@ def events_of(found: Identification, truth: Truth) -> dict[str, object]:
 
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
-    asked = study_options(__doc__)
+    options = study_options(__doc__)
     with ProcessPoolExecutor(2) as pool:
         jobs = [
-            pool.submit(robot_rows, seed, asked.duration) for seed in range(1, asked.robots + 1)
+            pool.submit(robot_rows, seed, options.duration) for seed in range(1, options.robots + 1)
         ]
         table = pd.DataFrame([each for job in jobs for each in job.result()])
     write_whole(
@@ -103,7 +106,8 @@ def main() -> None:
     )
     for fault, rows in table.groupby("fault", sort=False):
         print(
-            f"{fault}: TCP error {rows.tcp_mean_mm.median():.4f} mm, {rows.ratio.median():.2f} times the clean one "
+            f"{fault}: TCP error {rows.tcp_mean_mm.median():.4f} mm, "
+            f"{rows.ratio.median():.2f} times the clean one "
             f"(worst {rows.ratio.max():.2f}), events {sorted(rows.events)}"
         )
     print(

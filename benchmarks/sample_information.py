@@ -1,10 +1,11 @@
-"""Instants for the fit: evenly spread, or chosen by what they tell. Predicted TCP sigma at equal count.
+"""Instants for the fit, evenly spread or chosen by information: TCP sigma at equal count.
 
     python -m benchmarks.sample_information
 
-One 60 s run of the kinematic plant, dh model, five encoders. Candidates lie 80 ms apart, the widest knot spacing of the smoothed
-logs: closer ones share noise. Chosen greedily, one after another: the one that adds most to the determinant of the information,
-or the one that takes most from the mean TCP variance itself. Nothing better than the latter is to be had one instant at a time.
+One 60 s run of the kinematic plant, dh model, five encoders. Candidates lie 80 ms apart, the widest
+knot spacing of the smoothed logs: closer ones share noise. Chosen greedily, one after another: the
+one that adds most to the determinant of the information, or the one that takes most from the mean
+TCP variance itself. Nothing better than the latter is to be had one instant at a time.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from ident.options import FitOptions
 from ident.recording_fit import ROD_SIGMA_START, WIDEST_KNOT_SPACING, Logs, fit_recording
 from ident.robot.accuracy import accuracy_grid, tcp_sigma
 from ident.thesis.paired_samples import SampleFit
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 
 COUNTS = (75, 150, 300)
 DURATION = 60.0  # [s]
@@ -55,7 +57,7 @@ def fitted() -> tuple[Cell, Fit]:
 
 
 def target(cell: Cell, geometry: Geometry, parameters: Array, size: int) -> tuple[Array, Array]:
-    """(P, P) matrix A with mean TCP variance trace(A C), from the variance that each pair of unknowns brings; and the grid."""
+    """(P, P) matrix A with mean TCP variance trace(A C), pair by pair; and the grid."""
     grid, out = accuracy_grid(cell.robot), np.zeros((size, size))
 
     def variance(direction: Array) -> float:
@@ -74,7 +76,11 @@ def target(cell: Cell, geometry: Geometry, parameters: Array, size: int) -> tupl
 
 
 def greedy(columns: Array, start: Array, count: int, aim: Array | None) -> Array:
-    """Indices of `count` samples; columns : (P, E, N) whitened Jacobian; start : (P, P) covariance; aim : A, None for the determinant."""
+    """Indices of `count` samples.
+
+    columns : (P, E, N) whitened Jacobian. start : (P, P) covariance. aim : A, None for the
+    determinant.
+    """
     covariance, left, taken = start, list(range(columns.shape[2])), []
     for _ in range(count):
         here = columns[:, :, left]
@@ -122,7 +128,8 @@ def main() -> None:
             predicted(greedy(columns, start, count, one)) for one in (None, aim)
         )
         print(
-            f"{count:4} samples: evenly {even:.2f} um, by determinant {by_determinant:.2f} um, by TCP variance {by_tcp:.2f} um"
+            f"{count:4} samples: evenly {even:.2f} um, by determinant {by_determinant:.2f} um, "
+            f"by TCP variance {by_tcp:.2f} um"
         )
 
 

@@ -1,4 +1,4 @@
-"""Whether the time step matters to what is identified: everything on at 1, 0.5 and 0.25 ms, same seeds, same identifier.
+"""Whether the time step matters to the identified parameters: everything on at 1, 0.5 and 0.25 ms.
 
 python -m benchmarks.step_halving
 """
@@ -13,7 +13,8 @@ import numpy as np
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, load_scenario
 from ident import Identification
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 STEPS = (1e-3, 5e-4, 2.5e-4)  # [s]
@@ -32,7 +33,7 @@ def identified(scenario: Scenario, timestep: float) -> tuple[Identification, flo
 
 
 def main() -> None:
-    """Prints the change of every scenario's parameters in units of their stated sigma, and the closure, from step to step."""
+    """Prints the change of the parameters in units of their sigma, and the closure, by step."""
     for name in ("irb2400_full", "nj220_full"):
         scenario = load_scenario(SCENARIOS / f"{name}.yaml")
         results = [identified(scenario, step) for step in STEPS]
@@ -49,8 +50,9 @@ def main() -> None:
                 for key in change
             )
             print(
-                f"{name}, from {step * 1e3:g} ms to half of it: change of identified parameters in sigma: largest {change[worst]:.3f} "
-                f"({worst}), rms {rms:.3f}; largest change of one parameter {moved * 1e6:.2f} um or urad"
+                f"{name}, from {step * 1e3:g} ms to half of it: change of identified parameters in "
+                f"sigma: largest {change[worst]:.3f} ({worst}), rms {rms:.3f}; "
+                f"largest change of one parameter {moved * 1e6:.2f} um or urad"
             )
         closed = ", ".join(
             f"{gap * 1e6:.3f} um at {step * 1e3:g} ms"

@@ -1,9 +1,9 @@
 """What a sweep costs beside its runs, and how it scales.
 
-    python -m benchmarks.sweep_speed [speed] [overhead] [memory] [dask] [million]      # all without a name; four minutes
+    python -m benchmarks.sweep_speed [speed] [overhead] [memory] [dask] [million]    # or all
 
-Ratios of times measured side by side; where other work on the machine would show, of processor times. Absolute times vary
-with the machine.
+Ratios of times measured side by side; where other work on the machine would show, of processor
+times. Absolute times vary with the machine.
 """
 
 from __future__ import annotations
@@ -132,7 +132,7 @@ def here(count: int = CORES) -> Callable[[Task], AbstractContextManager[Workers]
 
 
 def bare(trial: Trial, runs: int) -> tuple[float, float]:
-    """(wall, processor) seconds of plain processes that share the runs and keep nothing: what no sweep can save."""
+    """(wall, processor) seconds of plain processes that share the runs and keep nothing."""
     begin, children = time.perf_counter(), _children()
     with ProcessPoolExecutor(CORES, mp_context=multiprocessing.get_context("spawn")) as pool:
         list(pool.map(_share, [trial] * CORES, [runs // CORES] * CORES))
@@ -165,12 +165,13 @@ def speed() -> None:
     """Identifications a second, and against the plain user."""
     real = real_sweep()
     print(
-        f"identifications on {CORES} cores (1500 samples, transform, vector, kinematic plant included): {real.steady:.0f} a second, "
-        f"{real.steady / 40:.2f} times the 40 required; by processor time {CORES * real.runs / real.workers:.0f}"
+        f"identifications on {CORES} cores (1500 samples, transform, vector, kinematic plant "
+        f"included): {real.steady:.0f} a second, {real.steady / 40:.2f} times the target of 40; "
+        f"by processor time {CORES * real.runs / real.workers:.0f}"
     )
     plain, fit, whole = alone(against_plain_user)
     print(
-        f"plain user on one core: {plain / fit:.0f} times slower than our fit (required 50), "
+        f"plain user on one core: {plain / fit:.0f} times slower than our fit (target 50), "
         f"{plain / whole:.0f} times slower than our whole run with plant and comparison"
     )
 
@@ -182,7 +183,7 @@ def real_sweep() -> Spent:
 
 
 def against_plain_user() -> tuple[float, float, float]:
-    """[s] of processor time of one identification: the plain user's, our fit, our whole run; medians, taken in turn."""
+    """[s] processor time of an identification: plain user's, our fit, our whole run; medians."""
     from ballbar.trial.sample_trial import cost_parameters, fit_cost_to_samples, trial_samples  # noqa: PLC0415
     from benchmarks.plain_user import plain_user_identify  # noqa: PLC0415
 
@@ -225,7 +226,8 @@ def overhead() -> None:
     for runs in SIZES[:2]:
         spent, (wall, _) = swept(busy, runs, here()), bare(busy, runs)
         print(
-            f"{runs:6d}  wall, start and table included, against {CORES} plain processes: {spent.wall / wall - 1.0:+.1%}"
+            f"{runs:6d}  wall, start and table included, against {CORES} plain processes: "
+            f"{spent.wall / wall - 1.0:+.1%}"
         )
 
 
@@ -245,7 +247,7 @@ def driver_peak(runs: int) -> float:
 
 
 def dask() -> None:
-    """One against two Dask workers, real runs; beside them as many plain processes, which is what the machine could give."""
+    """One against two Dask workers, real runs; beside them as many plain processes."""
     gains: list[tuple[float, float]] = []
     for _ in range(3):
         (one, plain_one), (two, plain_two) = (
@@ -254,7 +256,8 @@ def dask() -> None:
         gains.append((two / one, plain_two / plain_one))
     there, plain = np.median(gains, axis=0)
     print(
-        f"two Dask workers against one: {there:.2f} times the runs a second (required 1.7), two plain processes {plain:.2f} times"
+        f"two Dask workers against one: {there:.2f} times the runs a second (target 1.7), "
+        f"two plain processes {plain:.2f} times"
     )
     print("  rounds: " + ", ".join(f"{a:.2f} and {b:.2f}" for a, b in gains))
 

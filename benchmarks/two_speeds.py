@@ -1,9 +1,10 @@
-"""Two paths at two speeds, identified apart: do they say the same of the robot, within what they state?
+"""Two paths at two speeds, identified apart: do their results agree within the stated sigma?
 
-    python -m benchmarks.two_speeds             # 8 IRB 2400, everything on; two minutes on two cores
+    python -m benchmarks.two_speeds    # 8 IRB 2400, everything on; two minutes on two cores
 
-Path a in 120 s and path b in 180 s, each with its own clocks, encoder zeros and drawn noise; the motors' torque is logged. Compared are
-the predictions of the tool over the accuracy grid, base aligned. Writes docs/studies/two_speeds.csv, a row for each robot.
+Path a in 120 s and path b in 180 s, each with its own clocks, encoder offsets and drawn noise; the
+motors' torque is logged. Compared are the predictions of the tool over the accuracy grid, base
+aligned. Writes docs/studies/two_speeds.csv, a row for each robot.
 """
 
 from __future__ import annotations
@@ -38,17 +39,22 @@ def robot_row(seed: int, duration: float) -> dict[str, object]:
     stated = float(np.sqrt((first.robot.tcp_sigma**2 + second.robot.tcp_sigma**2).mean()))
     rms = float(np.sqrt((apart.error**2).mean()))
     return {
-        "seed": seed, "status_a": first.verdict.status, "status_b": second.verdict.status, "mean_mm": apart.mean * 1e3,
-        "max_mm": apart.maximum * 1e3, "rms_mm": rms * 1e3, "stated_sigma_mm": stated * 1e3, "in_sigmas": rms / stated,
+        "seed": seed, "status_a": first.verdict.status, "status_b": second.verdict.status,
+        "mean_mm": apart.mean * 1e3, "max_mm": apart.maximum * 1e3, "rms_mm": rms * 1e3,
+        "stated_sigma_mm": stated * 1e3, "in_sigmas": rms / stated,
     }  # fmt: skip
 
 
 def main() -> None:
     """Draws, identifies, writes the rows and prints medians and worst cases."""
-    asked = study_options(__doc__)
+    options = study_options(__doc__)
     with ProcessPoolExecutor(2) as pool:
         table = pd.DataFrame(
-            list(pool.map(robot_row, range(1, asked.robots + 1), [asked.duration] * asked.robots))
+            list(
+                pool.map(
+                    robot_row, range(1, options.robots + 1), [options.duration] * options.robots
+                )
+            )
         )
     write_whole(
         ROOT / "docs" / "studies" / "two_speeds.csv",
@@ -56,8 +62,10 @@ def main() -> None:
     )
     print(table.to_string(index=False))
     print(
-        f"difference of the predictions: median {table.mean_mm.median():.4f} mm, worst {table.mean_mm.max():.4f} mm (mean over the grid); "
-        f"rms over what both state: median {table.in_sigmas.median():.2f}, worst {table.in_sigmas.max():.2f}"
+        "difference of the predictions, mean over the grid: "
+        f"median {table.mean_mm.median():.4f} mm, worst {table.mean_mm.max():.4f} mm; "
+        f"rms over what both state: median {table.in_sigmas.median():.2f}, "
+        f"worst {table.in_sigmas.max():.2f}"
     )
 
 

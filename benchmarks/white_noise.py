@@ -1,10 +1,11 @@
-"""Efficiency and honesty under white noise: error against the Cramer-Rao bound, coverage of the stated intervals.
+"""White noise: error against the Cramer-Rao bound, coverage of the stated intervals.
 
-    python -m benchmarks.white_noise                # 200 seeds for each encoder set, about three minutes
+    python -m benchmarks.white_noise    # 200 seeds for each encoder set, about three minutes
 
-Kinematic plant, thesis Table 3.1 errors, 10 urad on every logged angle, 1500 samples, clock as parameter. The bound is the inverse
-of the normal equations at the true parameters with the true noise; the TCP error is that of the kinematic robot over the accuracy
-grid, base aligned, root mean square over poses and seeds.
+Kinematic plant, thesis Table 3.1 errors, 10 urad on every logged angle, 1500 samples, clock as
+parameter. The bound is the inverse of the normal equations at the true parameters with the true
+noise; the TCP error is that of the kinematic robot over the accuracy grid, base aligned, root mean
+square over poses and seeds.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def scenario_of(fitted: tuple[int, ...]) -> Scenario:
 
 
 def one(fitted: tuple[int, ...], seed: int) -> tuple[float, float, float]:
-    """Mean square TCP error [m^2], its bound [m^2], and the share of 95 % intervals that hold the truth."""
+    """Mean square TCP error [m^2], its bound [m^2], and coverage of the 95 % intervals."""
     scenario = scenario_of(fitted)
     samples, rng = trial_samples(scenario, SCENARIOS), np.random.default_rng([seed, len(fitted)])
     q, b = (angles + NOISE * rng.standard_normal(angles.shape) for angles in (samples.q, samples.b))
@@ -104,8 +105,10 @@ def main() -> None:
                 list(pool.map(one, [fitted] * len(seeds), seeds, chunksize=10))
             ).T
             print(
-                f"{len(fitted)} encoders, {len(seeds)} seeds: rms TCP error {np.sqrt(errors.mean()) * 1e6:.2f} um, "
-                f"Cramer-Rao {np.sqrt(bounds.mean()) * 1e6:.2f} um, ratio {np.sqrt(errors.mean() / bounds.mean()):.3f}; "
+                f"{len(fitted)} encoders, {len(seeds)} seeds: "
+                f"rms TCP error {np.sqrt(errors.mean()) * 1e6:.2f} um, "
+                f"Cramer-Rao {np.sqrt(bounds.mean()) * 1e6:.2f} um, "
+                f"ratio {np.sqrt(errors.mean() / bounds.mean()):.3f}; "
                 f"95 % intervals hold the truth in {covered.mean():.1%}"
             )
 

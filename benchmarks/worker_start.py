@@ -34,7 +34,7 @@ print(json.dumps([seconds, len(sys.modules), heavy]))
 def worker_start(checkout: Path) -> tuple[float, int, list[str]]:
     """Seconds of the import, number of loaded modules, and those of HEAVY among them.
 
-    checkout : folder of the project, with `run_trial` in ballbar/trial/trial.py or ballbar/trial.py.
+    checkout : folder of the project, `run_trial` in ballbar/trial/trial.py or ballbar/trial.py.
     """
     module = "ballbar.trial.trial" if (checkout / "ballbar/trial").is_dir() else "ballbar.trial"
     environment = os.environ | dict.fromkeys(ONE_THREAD, "1") | {"PYTHONPATH": str(checkout)}

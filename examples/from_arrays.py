@@ -9,6 +9,7 @@ import numpy as np
 
 from ballbar import (
     BallBarLog,
+    FitOptions,
     RobotLog,
     accuracy_grid,
     identify,
@@ -31,14 +32,15 @@ b = simulation.motion.at(t_ballbar + 0.2)[1] + rng.normal(0.0, 1e-5, (t_ballbar.
 # From here on as in a real cell. `joints` says which ball-bar joints have an encoder.
 robot_log = RobotLog(t_robot, q)
 ballbar_log = BallBarLog(t_ballbar, b, joints=(1, 2, 3, 4, 5))
-result = identify(simulation.cell, robot_log, ballbar_log, model="dh")
+result = identify(simulation.cell, robot_log, ballbar_log, options=FitOptions(model="dh"))
 
 print(result.verdict.sentence)
 for name in ("ra2", "rd4", "ralpha3", "rtheta5"):  # DH parameters of the robot, in mm and mrad
-    print(f"{name:8} {result.geometry[name] * 1e3:+10.4f} +- {result.sigma[name] * 1e3:.4f}")
+    value, sigma = result.robot.geometry[name] * 1e3, result.robot.sigma[name] * 1e3
+    print(f"{name:8} {value:+10.4f} +- {sigma:.4f}")
 
 grid = accuracy_grid(simulation.cell.robot)  # (G, 6) [rad] poses over the workspace
-error = tcp_error(result.geometry, simulation.truth.geometry, grid)
+error = tcp_error(result.robot.geometry, simulation.truth.geometry, grid)
 print(
     f"TCP error over the workspace: {error.mean * 1e3:.4f} mm, largest {error.maximum * 1e3:.4f} mm"
 )

@@ -1,27 +1,24 @@
-"""Identify a robot from a recording folder and write its calibration.
+"""Identify a robot from one or several recording folders and write its calibration.
 
     ballbar simulate irb2400 --out logs
-    python examples/from_recording.py logs calibration.yaml
+    python examples/from_recording.py calibration.yaml logs
 
-A recording folder holds recording.yaml and the device logs; `ballbar new` makes one from your files.
+A recording folder holds recording.yaml and the device logs; `ballbar new` makes one of your files.
 """
 
 import sys
 from pathlib import Path
 
-from ballbar import identify, load_calibration, load_cell, read_recording, write_calibration
+from ballbar import identify_recordings, load_calibration, write_calibration
 
-folder, output = Path(sys.argv[1]), Path(sys.argv[2])
+output, *folders = map(Path, sys.argv[1:])
+data = identify_recordings(folders)
 
-recording = read_recording(folder)
-for finding in recording.report.findings:  # what the reader repaired or left out
-    print(f"{finding.file}: {finding.kind} ({finding.count} rows)")
+for name, _, recording in data.read:
+    for finding in recording.report.findings:  # what the reader repaired or left out
+        print(f"{name}, {finding.file}: {finding.kind} ({finding.count} rows)")
+print(data.identification.verdict.sentence)
 
-names = {key: getattr(recording.description, key) for key in ("robot", "ballbar", "plate")}
-cell = load_cell(**names, relative_to=folder)
-result = identify(cell, recording.robot_log, recording.ballbar_log, recording.force_log)
-print(result.verdict.sentence)
-
-write_calibration(output, result, **names)
+write_calibration(output, data)
 calibrated = load_calibration(output).geometry
 print(f"{output}: joint 2 to joint 3 is {calibrated['ra2'] * 1e3:.3f} mm long")

@@ -2,7 +2,8 @@
 
     python -m generators.identifiability_page
 
-Every entry that differs from a printed one must have its reason in REASON_OF; without one the page is not written.
+Every entry that differs from a printed one must have its reason in REASON_OF; without one the page
+is not written.
 """
 
 from __future__ import annotations
@@ -61,21 +62,23 @@ TURN_DEG = 20.0
 THESIS_LIMIT = 1e-6  # absolute, thesis sec. 3.2
 THESIS_SAMPLES = 1500  # thesis sec. 3.5; an absolute limit depends on how many there are
 
-INTRODUCTION = """# Identifiability: what each cost can tell, beside thesis Tables 3.2 to 3.5
+INTRODUCTION = """# Identifiability: what each cost determines, beside thesis Tables 3.2 to 3.5
 
-Written by `python -m generators.identifiability_page`. The same for one cost, any scenario and encoder set:
-`ballbar identifiability scenarios/irb2400.yaml --cost transform` (`--cost all`, `--encoders 1,2,4,5`, `--complete`, `--json`).
+Written by `python -m generators.identifiability_page`; do not edit. The same for one cost, any
+scenario and encoder set: `ballbar identifiability scenarios/irb2400.yaml --cost transform`
+(`--cost all`, `--encoders 1,2,4,5`, `--complete`, `--json`).
 
-How it is judged here: signed components of each cost, on the nominal mechanism closed exactly along the scenario's path. Columns are
-compared at unit length; a direction is missing when its singular value is below 1e-6 of the largest. Nothing lies near that limit:
-the weakest direction counted has {weakest:.0e}, none that is ignored reaches {strongest:.0e} (all robots, costs and encoder sets below).
+**Criterion.** Signed components of each cost, on the nominal mechanism closed exactly along the
+scenario's path. Columns are compared at unit length. A direction is missing when its singular value
+is below 1e-6 of the largest. Nothing lies near that limit: the weakest direction counted has
+{weakest:.0e}, none that is ignored reaches {strongest:.0e} (all robots, costs and encoder sets
+below). The thesis (sec. 3.2) took the printed scalar costs with 10 urad of noise on the angles and
+1e-6 as absolute limit: see "The thesis's recipe" below.
 
-The thesis (sec. 3.2) took the printed scalar costs with 10 urad of noise on the angles and 1e-6 as absolute limit: see "The thesis's
-recipe" below.
-
-Notation: `a | b`, one of them can be identified, the others must be given; `a + b`, they move together. A null vector says what
-does the same as a unit change of its left side, in m and rad. Robot: IRB 2400, `scenarios/irb2400.yaml` (path
-`scenarios/paths/irb2400_a.yaml`), unless said otherwise. Numbers in brackets: differences, explained below the tables.
+**Notation.** `a | b`: one of them can be identified, the others must be given. `a + b`: they move
+together. A null vector states what has the same effect as a unit change of its left side, in m and
+rad. Robot: IRB 2400, `scenarios/irb2400.yaml` (path `scenarios/paths/irb2400_a.yaml`), unless
+stated otherwise. Numbers in brackets: differences, explained below the tables.
 """
 
 REASON_OF = {  # (table, parameter, parameter that it moves or ""): key of _reasons
@@ -115,7 +118,7 @@ class Footnotes:
 def page_text() -> str:
     """The page. Raises ValueError for a difference from the thesis that nobody has explained."""
     loops = {name: _loop(name) for name in ROBOTS}
-    found = {
+    studies = {
         name: {cost: study(loop, cost, ALL_ENCODERS, complete=False) for cost in THESIS_COSTS}
         for name, loop in loops.items()
     }
@@ -123,7 +126,7 @@ def page_text() -> str:
         (name, joints): _ml(loop, joints) for name, loop in loops.items() for joints in ENCODER_SETS
     }
     every = [
-        *(s for studies in found.values() for s in studies.values()),
+        *(s for by_cost in studies.values() for s in by_cost.values()),
         *(s for pair in ml.values() for s in pair),
     ]
     if max(s.spectrum.largest_ignored for s in every) > ROUNDING:
@@ -131,7 +134,7 @@ def page_text() -> str:
             "a direction that is ignored is no rounding error; look before the page says so"
         )
     weakest = min(s.spectrum.smallest_counted for s in every)
-    irb = found["irb2400"]
+    irb = studies["irb2400"]
     moved = {cost: influences(loops["irb2400"], s) for cost, s in irb.items()}
     notes = Footnotes(_reasons(loops["irb2400"], irb))
     lines = [INTRODUCTION.format(weakest=weakest, strongest=ROUNDING)]
@@ -148,7 +151,7 @@ def page_text() -> str:
         "",
         *_recipe(_loop("irb2400", THESIS_SAMPLES), irb),
     ]
-    lines += [*_other_robot(found), *_maximum_likelihood(ml)]
+    lines += [*_other_robot(studies), *_maximum_likelihood(ml)]
     return "\n".join(lines) + "\n"
 
 
@@ -165,7 +168,10 @@ def turned(loop: KinematicLoop, angle: float) -> KinematicLoop:
 def missing_and_extra(
     ours: Sequence[Group], printed: Sequence[str]
 ) -> list[tuple[str, str, list[str]]]:
-    """Each group as found and as printed, with the parameters that are in one of them only; "" where there is no counterpart."""
+    """Each group as found and as printed, with the parameters that are in one of them only.
+
+    A group without counterpart stands beside an empty text.
+    """
     theirs = {text: _names(text) for text in printed}
     rows = []
     for group in ours:
@@ -193,36 +199,45 @@ def _ml(loop: KinematicLoop, joints: tuple[int, ...]) -> tuple[Study, Study]:
     return study(loop, ML, joints, complete=False), study(loop, ML, joints, complete=True)
 
 
-def _reasons(loop: KinematicLoop, found: Mapping[str, Study]) -> dict[str, str]:
+def _reasons(loop: KinematicLoop, studies: Mapping[str, Study]) -> dict[str, str]:
     carried = turned(loop, np.radians(TURN_DEG))
     columns = cost_columns(carried, "transform", ALL_ENCODERS, THESIS_PARAMETERS)
     about_axis_1 = next(
         g for g in groups(columns, THESIS_PARAMETERS, carried.geometry) if "rtheta1" in str(g)
     )
-    position = found["position"].selection
+    position = studies["position"].selection
     ba2 = next(vector_text(d) for d in position.dependent if d.name == "ba2")
     moved = reidentified(loop, "position", (1, 2), position.kept, "balpha2")
+    vector = vector_text(about_axis_1.vectors[0])
     return {
-        "origin": "The ball-bar of this scenario stands at y = 0, so turning it about axis 1 moves it along y alone; in general the null "
-        f"vector is `rtheta1 = -btheta1 + oy ox - ox oy`, with the position of the ball-bar as coefficients. With everything carried "
-        f"{TURN_DEG:.0f} deg about axis 1 it is `{about_axis_1}`, `{vector_text(about_axis_1.vectors[0])}`.",
-        "btheta1": "`btheta1` belongs to the group wherever b1 is measured: a ball-bar carried about axis 1 turns its own zero along. "
-        "Table 3.2 leaves it out; Table 3.4 and its text have it.",
-        "ba2": f"Not printed, and exact whatever the path: `ba2` shifts the rod along x2, `btheta2` turns it about z1, and with balpha2 at "
-        f"90 deg both move its end along x2, by 1 m per m and by bd3 = {loop.geometry['bd3']:g} m per rad: `{ba2}`. The costs "
-        "that measure b4 and b5 see the rod turn as well and tell them apart. The list of removed parameters in sec. 3.3 lacks `ba2` "
-        "too, though the thesis's recipe finds it (below); the damping of Levenberg-Marquardt lets such a direction pass.",
-        "scale": f"The {_scaled(position)} kept lengths that are not zero, each in proportion to itself, of {len(position.kept)} "
-        "parameters kept with C_P. Angles and lengths of zero stay, so it is not most of them.",
-        "balpha2": f"With `balpha2` off by 1 mrad, `bd2` moves by {moved['bd2']:+.3f} mm and `bd3` by {moved['bd3']:+.4f} mm: second "
-        "order, as Table 3.2 has it (`bd2 | balpha2`, no `bd3`).",
+        "origin": "The ball-bar of this scenario stands at y = 0, so turning it about axis 1 moves "
+        "it along y alone. In general the null vector is `rtheta1 = -btheta1 + oy ox - ox oy`, "
+        "with the position of the ball-bar as coefficients. With everything turned "
+        f"{TURN_DEG:.0f} deg about axis 1 it is `{about_axis_1}`, `{vector}`.",
+        "btheta1": "`btheta1` belongs to the group wherever b1 is measured: a ball-bar turned "
+        "about axis 1 turns its own encoder offset along. Table 3.2 leaves it out; Table 3.4 and "
+        "its text have it.",
+        "ba2": "Not printed, and exact whatever the path: `ba2` shifts the rod along x2, `btheta2` "
+        "turns it about z1. With balpha2 at 90 deg both move its end along x2, by 1 m per m and by "
+        f"bd3 = {loop.geometry['bd3']:g} m per rad: `{ba2}`. The costs that measure b4 and b5 "
+        "observe the turn of the rod as well and distinguish them. The list of removed parameters "
+        "in sec. 3.3 lacks `ba2` too, though the thesis's recipe finds it (below); the damping of "
+        "Levenberg-Marquardt lets such a direction pass.",
+        "scale": f"The {_scaled(position)} kept lengths that are not zero, each in proportion to "
+        f"itself, of {len(position.kept)} parameters kept with C_P. Angles and lengths of zero "
+        "stay, so it is not most of them.",
+        "balpha2": f"With `balpha2` off by 1 mrad, `bd2` moves by {moved['bd2']:+.3f} mm and `bd3` "
+        f"by {moved['bd3']:+.4f} mm: second order, as Table 3.2 has it (`bd2 | balpha2`, no "
+        "`bd3`).",
     }
 
 
 def by_thesis_recipe(
     loop: KinematicLoop, cost: CostName, *, errors: Mapping[str, float]
 ) -> dict[str, float]:
-    """Diagonal of R for each parameter, last in priority last: printed scalar, nominal parameters, noisy angles (thesis sec. 3.2).
+    """Diagonal of R for each parameter, last in priority last, by the thesis's recipe (sec. 3.2).
+
+    The recipe takes the printed scalar with nominal parameters and noisy angles.
 
     errors : [m, rad] of the mechanism that the angles close, by parameter.
     """
@@ -246,34 +261,56 @@ def by_thesis_recipe(
     return dict(zip(order, diagonal.tolist(), strict=True))
 
 
-def _recipe(loop: KinematicLoop, found: Mapping[str, Study]) -> Iterator[str]:
+def _recipe(loop: KinematicLoop, studies: Mapping[str, Study]) -> Iterator[str]:
     yield from ("## The thesis's recipe", "")
-    yield "Printed scalar, nominal parameters, 10 urad of noise on the angles; what has less than 1e-6 on the diagonal of R is left out."
-    yield f"{THESIS_SAMPLES} samples. Angles of the nominal mechanism, then of one with the errors of Table 3.1. Against the list above:"
+    yield (
+        "Printed scalar, nominal parameters, 10 urad of noise on the angles; what has less than "
+        "1e-6 on the diagonal of R is left out."
+    )
+    yield (
+        f"{THESIS_SAMPLES} samples. Angles of the nominal mechanism, then of one with the errors "
+        "of Table 3.1. Against the list above:"
+    )
     yield from (
         "",
-        "| cost | nominal | Table 3.1 | largest R of those left out above, nominal | smallest R of those kept |",
+        "| cost | nominal | Table 3.1 | largest R of those left out above, nominal | smallest R of "
+        "those kept |",
         "|---|---|---|---|---|",
     )
     table_3_1 = {name: value * 1e-3 for name, value in THESIS_3_1.items()}
     for cost in ENCODERS_NEEDED:
-        s = found[cost].selection
+        s = studies[cost].selection
         left_out = {*s.without_effect, *(d.name for d in s.dependent)}
         nominal, erroneous = (
             by_thesis_recipe(loop, cost, errors={}),
             by_thesis_recipe(loop, cost, errors=table_3_1),
         )
         verdicts = [
-            _more_or_less({name for name, r in found.items() if r < THESIS_LIMIT}, left_out)
-            for found in (nominal, erroneous)
+            _more_or_less({name for name, r in diagonal.items() if r < THESIS_LIMIT}, left_out)
+            for diagonal in (nominal, erroneous)
         ]
-        sizes = f"{max(nominal[name] for name in left_out):.0e} | {min(nominal[name] for name in s.kept):.0e}"
+        sizes = (
+            f"{max(nominal[name] for name in left_out):.0e} | "
+            f"{min(nominal[name] for name in s.kept):.0e}"
+        )
         yield f"| {THESIS_COSTS[cost]} | {' | '.join(verdicts)} | {sizes} |"
     yield ""
-    yield "The scalars of C_P, C_Ptheta and C_T have the Jacobian `2 e de`, which vanishes where the loop closes. Noise in e makes it about"
-    yield "1e-5 of the columns of the signed components, and the absolute limit a loose relative one, some thousandths: so the recipe finds"
-    yield "what is exact here. C_l has no such factor, and its scale direction stays above the limit. With the errors of Table 3.1 in the"
-    yield "angles e is of the order of 1 mm, and what holds only where the loop closes (scale, `ba5`, `bd5`) is not found. `ba2`, which the"
+    yield (
+        "The scalars of C_P, C_Ptheta and C_T have the Jacobian `2 e de`, which vanishes where the "
+        "loop closes. Noise in e makes it about"
+    )
+    yield (
+        "1e-5 of the columns of the signed components, and the absolute limit a loose relative "
+        "one, some thousandths: so the recipe finds"
+    )
+    yield (
+        "what is exact here. C_l has no such factor, and its scale direction stays above the "
+        "limit. With the errors of Table 3.1 in the"
+    )
+    yield (
+        "angles e is of the order of 1 mm, and what holds only where the loop closes (scale, "
+        "`ba5`, `bd5`) is not found. `ba2`, which the"
+    )
     yield "thesis does not print, is found with C_P in both cases."
     yield ""
 
@@ -282,23 +319,27 @@ def _reason(table: str, name: str, moved: str = "") -> str:
     key = REASON_OF.get((table, name, moved))
     if key is None:
         raise ValueError(
-            f"Table {table}: {name} {moved}differs from the thesis and nobody has said why; add it to REASON_OF"
+            f"Table {table}: {name} {moved}differs from the thesis and nobody has said why; add it "
+            "to REASON_OF"
         )
     return key
 
 
-def _zero_jacobians(found: Mapping[str, Study]) -> Iterator[str]:
+def _zero_jacobians(studies: Mapping[str, Study]) -> Iterator[str]:
     yield from ("## Zero Jacobian (Table 3.3)", "", "| cost | here | thesis |", "|---|---|---|")
     for cost, title in THESIS_COSTS.items():
-        ours = found[cost].selection.without_effect
+        ours = studies[cost].selection.without_effect
         if set(ours) != TABLE_3_3[cost]:
             raise ValueError(f"Table 3.3: {cost} differs from the thesis and nobody has said why")
         yield f"| {title} | {_code(shortened(ours)) or 'none'} | the same |"
     yield ""
 
 
-def dependency_lines(found: Mapping[str, Study], notes: Footnotes) -> Iterator[str]:
-    """Table 3.2 as found and as printed. Raises ValueError for a difference that nobody has explained."""
+def dependency_lines(studies: Mapping[str, Study], notes: Footnotes) -> Iterator[str]:
+    """Table 3.2 as found and as printed.
+
+    Raises ValueError for a difference without an entry in REASON_OF.
+    """
     yield from (
         "## Dependencies (Table 3.2)",
         "",
@@ -307,28 +348,37 @@ def dependency_lines(found: Mapping[str, Study], notes: Footnotes) -> Iterator[s
     )
     for cost, title in THESIS_COSTS.items():
         vectors = {
-            str(group): "; ".join(map(vector_text, group.vectors)) for group in found[cost].groups
+            str(group): "; ".join(map(vector_text, group.vectors)) for group in studies[cost].groups
         }
-        for ours, theirs, different in missing_and_extra(found[cost].groups, TABLE_3_2[cost]):
+        for ours, theirs, different in missing_and_extra(studies[cost].groups, TABLE_3_2[cost]):
             printed = "the same" if not different else _cell(theirs) or "not printed"
             mark = notes.mark([_reason("3.2", name) for name in different])
-            yield f"| {title} | {_cell(ours) or 'not found'} | {_cell(vectors.get(ours, ''))} | {printed}{mark} |"
+            yield (
+                f"| {title} | {_cell(ours) or 'not found'} | {_cell(vectors.get(ours, ''))} | "
+                f"{printed}{mark} |"
+            )
     yield ""
-    yield "The thesis does not print the inverse kinematics in C_Ptheta; `ident/thesis/universal_joint.py` has the reading that gives its row."
+    yield (
+        "The thesis does not print the inverse kinematics in C_Ptheta; "
+        "`ident/thesis/universal_joint.py` has the reading that gives its row."
+    )
     yield ""
 
 
 def _influences(
-    found: Mapping[str, Study], moved: Mapping[str, Influences], notes: Footnotes
+    studies: Mapping[str, Study], moved: Mapping[str, Influences], notes: Footnotes
 ) -> Iterator[str]:
     yield from ("## Influence of what is left out (Table 3.4)", "")
-    yield "Each left-out parameter off by 1 mm|mrad, the kept ones identified again from nominal; those moved by more than 0.05 mm|mrad."
+    yield (
+        "Each left-out parameter off by 1 mm|mrad, the kept ones identified again from nominal; "
+        "those moved by more than 0.05 mm|mrad."
+    )
     yield from ("", "| left out | cost | moves here, mm\\|mrad | thesis |", "|---|---|---|---|")
     rows: dict[tuple[str, str, str], list[str]] = {}
     for cost, title in THESIS_COSTS.items():
         for name, moves in moved[cost].items():
             text = ", ".join(f"{other} {x:+.3f}" for other, x in moves.items())
-            rows.setdefault((name, text, _printed(name, moves, found[cost], notes)), []).append(
+            rows.setdefault((name, text, _printed(name, moves, studies[cost], notes)), []).append(
                 title
             )
     for (name, text, printed), costs in sorted(
@@ -338,11 +388,11 @@ def _influences(
     yield ""
 
 
-def _printed(name: str, moves: Mapping[str, float], found: Study, notes: Footnotes) -> str:
+def _printed(name: str, moves: Mapping[str, float], result: Study, notes: Footnotes) -> str:
     printed = TABLE_3_4.get(name, ())
     if printed == (MOST,):
         return MOST + notes.mark(["scale"])
-    applicable = set(printed) - set(found.selection.without_effect)
+    applicable = set(printed) - set(result.selection.without_effect)
     different = sorted(moves.keys() ^ applicable)
     text = (
         "the same"
@@ -352,7 +402,7 @@ def _printed(name: str, moves: Mapping[str, float], found: Study, notes: Footnot
     return text + notes.mark([_reason("3.4", name, other) for other in different])
 
 
-def _kept(found: Mapping[str, Study]) -> Iterator[str]:
+def _kept(studies: Mapping[str, Study]) -> Iterator[str]:
     yield from (
         "## What is kept (sec. 3.3)",
         "",
@@ -360,13 +410,22 @@ def _kept(found: Mapping[str, Study]) -> Iterator[str]:
         "|---|---|---|---|",
     )
     for cost, title in THESIS_COSTS.items():
-        s = found[cost].selection
-        yield f"| {title} | {len(s.kept)} | {_code(shortened(s.kept))} | {_code(d.name for d in s.dependent)} |"
-    removed = {d.name for f in found.values() for d in f.selection.dependent}
+        s = studies[cost].selection
+        yield (
+            f"| {title} | {len(s.kept)} | {_code(shortened(s.kept))} | "
+            f"{_code(d.name for d in s.dependent)} |"
+        )
+    removed = {d.name for f in studies.values() for d in f.selection.dependent}
     yield ""
-    same = set(found["length"].selection.kept) == TABLE_3_5_IDENTIFIED
-    yield f"Table 3.5 gives numbers for {len(TABLE_3_5_IDENTIFIED)} parameters: {'exactly' if same else 'not'} those kept for C_l."
-    yield f"Removed in the thesis, all costs together: {_code(REMOVED)}. Here: {_more_or_less(removed, set(REMOVED))}."
+    same = set(studies["length"].selection.kept) == TABLE_3_5_IDENTIFIED
+    yield (
+        f"Table 3.5 gives numbers for {len(TABLE_3_5_IDENTIFIED)} parameters: "
+        f"{'exactly' if same else 'not'} those kept for C_l."
+    )
+    yield (
+        f"Removed in the thesis, all costs together: {_code(REMOVED)}. Here: "
+        f"{_more_or_less(removed, set(REMOVED))}."
+    )
     yield ""
 
 
@@ -383,32 +442,36 @@ def _scaled(selection: Selection) -> int:
     return next(len(d.partners) for d in selection.dependent if d.name == PLATE)
 
 
-def _other_robot(found: Mapping[str, Mapping[str, Study]]) -> Iterator[str]:
+def _other_robot(by_robot: Mapping[str, Mapping[str, Study]]) -> Iterator[str]:
     yield from ("## NJ 220", "", "`ballbar identifiability scenarios/nj220.yaml --cost all`", "")
+    pairs = [tuple(studies[cost] for studies in by_robot.values()) for cost in THESIS_COSTS]
     same = all(
-        list(map(str, found["nj220"][cost].groups)) == list(map(str, found["irb2400"][cost].groups))
-        and found["nj220"][cost].selection.kept == found["irb2400"][cost].selection.kept
-        for cost in THESIS_COSTS
+        list(map(str, nj220.groups)) == list(map(str, irb2400.groups))
+        and nj220.selection.kept == irb2400.selection.kept
+        for irb2400, nj220 in pairs
     )
-    yield f"{'The same' if same else 'Other'} zero Jacobians, groups and kept parameters with all four costs. What follows its lengths:"
+    yield (
+        f"{'The same' if same else 'Other'} zero Jacobians, groups and kept parameters with all "
+        "four costs. What follows its lengths:"
+    )
     yield from ("", "| | IRB 2400 | NJ 220 |", "|---|---|---|")
     vectors = {
         name: {
             v.name: vector_text(v) for f in studies.values() for g in f.groups for v in g.vectors
         }
-        for name, studies in found.items()
+        for name, studies in by_robot.items()
     }
     for name, text in vectors["nj220"].items():
         if text != vectors["irb2400"].get(name):
             yield f"| `{name}` | `{vectors['irb2400'][name]}` | `{text}` |"
     for cost, title in THESIS_COSTS.items():
-        conditions = [f"{found[robot][cost].spectrum.condition:.0f}" for robot in ROBOTS]
+        conditions = [f"{by_robot[robot][cost].spectrum.condition:.0f}" for robot in ROBOTS]
         yield f"| condition, {title} | {conditions[0]} | {conditions[1]} |"
     yield ""
 
 
 def _maximum_likelihood(
-    found: Mapping[tuple[str, tuple[int, ...]], tuple[Study, Study]],
+    pairs: Mapping[tuple[str, tuple[int, ...]], tuple[Study, Study]],
 ) -> Iterator[str]:
     yield from (
         "## The default cost, ml, with fewer encoders",
@@ -416,14 +479,20 @@ def _maximum_likelihood(
         "`ballbar identifiability SCENARIO --cost ml --encoders LIST [--complete]`",
     )
     yield ""
-    yield "Directions of the thesis's 47 parameters, and of the complete 51: Hayati angles `rbeta2`, `rbeta6` and base tilt `otx,y` added."
+    yield (
+        "Directions of the thesis's 47 parameters, and of the complete 51: Hayati angles `rbeta2`, "
+        "`rbeta6` and base tilt `otx,y` added."
+    )
     yield from (
         "",
         "| robot | encoders | equations a sample | of 47 | of 51 | condition (51) |",
         "|---|---|---|---|---|---|",
     )
-    for (name, joints), (thesis, complete) in found.items():
-        counts = f"{EQUATIONS[len(joints)]} | {thesis.spectrum.rank} | {complete.spectrum.rank} | {complete.spectrum.condition:.0f}"
+    for (name, joints), (thesis, complete) in pairs.items():
+        counts = (
+            f"{EQUATIONS[len(joints)]} | {thesis.spectrum.rank} | {complete.spectrum.rank} | "
+            f"{complete.spectrum.condition:.0f}"
+        )
         yield f"| {ROBOTS[name]} | {_encoders(joints)} | {counts} |"
     yield from (
         "",
@@ -433,9 +502,12 @@ def _maximum_likelihood(
         "|---|---|---|",
     )
     for joints in ENCODER_SETS:
-        complete = found["irb2400", joints][1]
+        complete = pairs["irb2400", joints][1]
         none = _code(shortened(complete.selection.without_effect)) or "none"
-        yield f"| {_encoders(joints)} | {none} | {', '.join(_cell(str(group)) for group in complete.groups)} |"
+        yield (
+            f"| {_encoders(joints)} | {none} | "
+            f"{', '.join(_cell(str(group)) for group in complete.groups)} |"
+        )
 
 
 def _encoders(joints: Sequence[int]) -> str:

@@ -1,6 +1,6 @@
 """The pictures of the front page and the tutorial, from runs made for them.
 
-python -m generators.readme_picture          # docs/images/readme.png and tutorial.png, half a minute
+python -m generators.readme_picture      # docs/images/readme.png, tutorial.png: half a minute
 """
 
 from __future__ import annotations
@@ -32,11 +32,12 @@ ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "irb2400.yaml"
 IMAGES = ROOT / "docs" / "images"
 TUTORIAL = ROOT / "docs" / "tutorial.md"
+TUTORIAL_RUNS = "runs/tutorial"
 INSTANT = 0.3  # of the run, at which the mechanism is drawn
 
 
 def picture(data: RunData) -> bytes:
-    """PNG: the identified mechanism on its sphere with the path so far, and the tool's error before and after."""
+    """PNG: the identified mechanism on its sphere, and the TCP error before and after."""
     tcp = tcp_view(data)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 4.4))
@@ -82,11 +83,15 @@ def tutorial_picture() -> bytes:
         work = Path(folder)
         (work / "scenarios").symlink_to(ROOT / "scenarios")
         for name, content in re.findall(r"```\w+\n# (\S+\.(?:yaml|py))\n(.*?)```", text, re.DOTALL):
+            (work / name).parent.mkdir(parents=True, exist_ok=True)
             (work / name).write_text(content)
         environment = os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
-        for command in (["-m", "ballbar", "sweep", "my_sweep.yaml"], ["plot.py"]):
+        for command in (
+            ["-m", "ballbar", "sweep", f"{TUTORIAL_RUNS}/my_sweep.yaml"],
+            [f"{TUTORIAL_RUNS}/plot.py"],
+        ):
             subprocess.run([sys.executable, *command], cwd=work, env=environment, check=True)
-        return (work / "eccentricity.png").read_bytes()
+        return (work / TUTORIAL_RUNS / "eccentricity.png").read_bytes()
 
 
 def _draw_cell(axes: Axes3D, data: RunData) -> None:

@@ -1,4 +1,4 @@
-"""What mkdocs must be told about pages that are written for a repository's viewer too: Markdown inside of HTML tables."""
+"""Hook of mkdocs for pages that a repository's viewer shows too: Markdown inside HTML tables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """The page with tables of HTML marked, so that Markdown in their cells is read (extension md_in_html)."""
+    """The page with HTML tables marked, so that md_in_html reads the Markdown in their cells."""
     return re.sub(
         r"^<(table|tbody|tr|td)\b(?=[ >])", r'<\1 markdown="block"', markdown, flags=re.MULTILINE
     )

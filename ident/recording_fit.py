@@ -114,6 +114,7 @@ def smoothed(logs: Logs) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
         logs.robot.q,
         widest_knot_spacing=WIDEST_KNOT_SPACING,
         starts=segment_starts(logs.robot.segment),
+        checked=logs.robot.flags is not None,
     )
     if logs.ballbar is None:
         return robot, None, ()
@@ -122,6 +123,7 @@ def smoothed(logs: Logs) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
         logs.ballbar.angles,
         widest_knot_spacing=WIDEST_KNOT_SPACING,
         starts=segment_starts(logs.ballbar.segment),
+        checked=logs.ballbar.flags is not None,
     )
     return robot, ballbar, logs.ballbar.joints
 

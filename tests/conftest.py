@@ -1,4 +1,4 @@
-"""One short simulated run for all tests that need a recording: MuJoCo plant, 60 s, every encoder."""
+"""One short recording for all tests that need one: MuJoCo plant, 60 s, every encoder."""
 
 from __future__ import annotations
 

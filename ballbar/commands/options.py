@@ -24,7 +24,7 @@ def _scenario(name: Path) -> Path:
 ScenarioFile = Annotated[
     Path,
     typer.Argument(
-        help="Scenario: a file, or the name of a shipped one such as irb2400.",
+        help="A scenario file, or the name of a shipped scenario such as irb2400.",
         metavar="SCENARIO",
         callback=_scenario,
     ),

@@ -109,10 +109,8 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
     if reference.name.endswith(".truth.yaml"):
         truth = load_truth(reference)
         clock = file.recordings[0].clock
-        estimate = (clock.offset_s, clock.skew) if clock else None
-        return compare_with_truth(
-            model.unloaded_robot(cell), model.nominal, truth, identified, estimate
-        )
+        at = (clock.offset_s, clock.skew) if clock else None
+        return compare_with_truth(model.unloaded_robot(cell), model.nominal, truth, identified, at)
     other = load_calibration(reference)
     if other.file.robot != file.robot:
         raise InputError(

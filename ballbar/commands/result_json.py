@@ -12,7 +12,7 @@ import yaml
 
 from ballbar.result.calibration import load_calibration
 from ballbar.result.names import CALIBRATION, OUTPUTS
-from sim.simulate import truth_path
+from sim.recording_files import truth_path
 
 if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.claims.run import Judged

@@ -44,7 +44,7 @@ def export_data(result: Result) -> dict[str, object]:
             "ballbar": version("ballbar-bench"),
             "source": result.file.name,
             "sha256": result.sha256,
-            "recordings": [recording.name for recording in file.recordings],
+            "recordings": [entry.name for entry in file.recordings],
             "fit": fit | {"warnings": list(file.fit.warnings)},
         },
     }

@@ -20,8 +20,8 @@ from ballbar.replay.motion import GAP_PERIODS, CellMotion, on_robot_clock
 from ballbar.result.run_data import RunData
 from cell.arrays import Array
 from cell.logs import segment_starts
+from cell.neighbours import damaged_bursts
 from ident.identify import Identification
-from ident.signals.outliers import outliers
 
 STILL = np.radians(0.05)  # [rad/s] of the fastest joint: below it the robot dwells
 JOIN = 0.5  # [s] outliers and gaps closer than that are one remark
@@ -142,7 +142,7 @@ def _log_lane(
         )
         for i in wide
     ]
-    bad = outliers(t, values).any(axis=1)
+    bad = damaged_bursts(t, values).any(axis=1)
     if flags is not None:
         bad |= (flags & np.uint32(EXCLUDED)) != 0
     for group in _groups(shown[bad]):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition import stillness
+from acquisition import find_dwells
 from ballbar.replay.motion import CellMotion, cell_motion
 from ballbar.result.run_data import RunData
 from cell.arrays import Array
@@ -36,7 +36,7 @@ def marks(data: RunData, motion: CellMotion | None = None) -> Marks:
     """The marks of the recording that was identified; motion : of `cell_motion`, if it is at hand."""
     motion = motion or cell_motion(data)
     log = data.recording.robot_log
-    rests = log.t[stillness(log.t, log.q).intervals].reshape(-1, 2)
+    rests = log.t[find_dwells(log.t, log.q).intervals].reshape(-1, 2)
     distance = singular_angles(data.identification, motion)
     near = {name: stretches(motion.t, np.abs(angle) < NEAR) for name, angle in distance.items()}
     crossings = {name: _crossings(motion.t, angle) for name, angle in distance.items()}

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acquisition import stillness
+from acquisition import find_dwells
 from ballbar.figure_style import QUIET
 from ballbar.replay.marks import Marks, mark_sentences, marks
 from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles
@@ -69,7 +69,7 @@ def jitter_at_rest(data: RunData) -> str:
 
 
 def _longest_rest(t: Array, angles: Array) -> tuple[int, int] | None:
-    intervals = stillness(t, angles).intervals
+    intervals = find_dwells(t, angles).intervals
     if not len(intervals):
         return None
     first, last = intervals[int(np.argmax(t[intervals[:, 1]] - t[intervals[:, 0]]))]
@@ -85,7 +85,7 @@ def stillness_of_both(data: RunData) -> str:
     )
     if bar is None or clock is None:
         return ""
-    still = stillness(robot.t, robot.q).still, stillness(bar.t, bar.angles).still
+    still = find_dwells(robot.t, robot.q).standing, find_dwells(bar.t, bar.angles).standing
     inner = robot.t[still[0] & (robot.t > 0.1 * robot.t[-1]) & (robot.t < 0.9 * robot.t[-1])]
     middle = (
         float(inner[np.abs(inner - inner.mean()).argmin()])

@@ -1,13 +1,17 @@
 """A log as a smooth function of time: values, speeds, and the noise left over.
 
-Least-squares splines of degree five on uniform knots. They are symmetric in time, so they delay neither log against the
-other, and they are linear, so white noise comes out known: a log with `n` rows and `k` coefficients keeps k/n of its noise
-variance at the samples, and the residual gives the noise level itself without a dwell.
+Least-squares splines of degree five on uniform knots. They are symmetric in time, so they delay
+neither log against the other, and they are linear, so white noise comes out known: a log with `n`
+rows and `k` coefficients keeps k/n of its noise variance at the samples, and the residual gives the
+noise level itself without a dwell.
 
-The knot spacing is the widest one whose residual is white: a coarser one would bend the motion, a finer one keep noise.
+The knot spacing is the widest one whose residual is white: a coarser one would bend the motion, a
+finer one keep noise.
 
-Before that the log is made continuous (ident.signals.steps) and rows that its neighbours contradict are left out (ident.signals.outliers);
-then those that stand out of the spline's residual, until no more do. All of it is kept with the result, to be reported.
+Before that the log is made continuous (ident.signals.steps). Damaged values are left out by the
+reader (acquisition.faults.damaged_values); of a log that comes without its flags they are left out
+here. Then values that stand out of the spline's residual are left out, until no more do. What was
+left out is kept with the result, to be reported.
 """
 
 from __future__ import annotations
@@ -21,18 +25,26 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from cell.arrays import Array
+from cell.neighbours import SMALLEST, damaged_bursts, robust_sigma
 from cell.splines import DEGREE, smoothing_spline
-from ident.signals.outliers import FAR_OUT, SIDE_ROWS, SMALLEST, outliers, robust_sigma
 from ident.signals.steps import Break, find_breaks, without_breaks
 
-_WHITE = 0.1  # lag-one autocorrelation of the residual above which motion is left in it (smoothing alone makes it negative)
-GAP_PERIODS = 3.0  # a longer stretch without rows is not interpolated (notes/notes/log_formats sec. H.5: missing samples)
+# Lag-one autocorrelation of the residual above which motion is left in it; smoothing makes it
+# negative.
+_WHITE = 0.1
+# A longer stretch without rows is not interpolated (notes/log_formats sec. H.5: missing
+# samples).
+GAP_PERIODS = 3.0
 ARM_KNOT_SPACING = 0.25  # [s] keeps motion below 2 Hz
 _GRID = 10  # instants a knot of the arm's motion
 _ROWS_PER_KNOT = 3  # least-squares needs more rows than coefficients
 _UPPER_QUARTILE = 1.1503  # of |x| over its standard deviation, for normal x
 _WIDE = 2.0  # times the noise
-STRIKE = 1e-4  # [rad] a joint that falls through its play moves by that within a row or two; no outlier where there are no others
+_AROUND = 8  # rows on either side, which show whether the motion is too quick for the knots
+STANDING_OUT = 5.0  # sigma of the spline's residual: 0.6 of a million values of white noise
+# [rad] a joint that crosses its backlash moves by that within a row or two; where nothing else is
+# damaged it is no outlier.
+STRIKE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +71,14 @@ class SmoothLog:
     gaps: Array  # (G, 2) [s] stretches without rows, where the spline says nothing
     stamps: Array  # (N,) [s] of all rows
     outliers: Outliers
-    breaks: tuple[Break, ...]  # jumps that were taken out
+    breaks: tuple[Break, ...]  # steps that were taken out
 
     @cached_property
     def arm(self) -> BSpline:
-        """(channels,) [rad] the motion that the arm's inertia feels, without the ripple that gears and resolvers add to the log.
+        """(channels,) [rad] the motion of the arm as a rigid body: the log, low-pass filtered.
 
-        Ripple of 10 urad at 15 Hz is 0.1 rad/s^2, and on a large arm 100 N m that nothing carries.
+        Gears and resolvers add ripple to the log that the inertia does not feel: 10 urad at 15 Hz
+        are 0.1 rad/s^2, on a large arm 100 N m.
         """
         t = np.linspace(
             self.start,
@@ -84,7 +97,8 @@ class SmoothLog:
     def sample_sigma(self, spacing: float) -> Array:
         """(channels,) [rad] standard deviation of the spline at samples `spacing` [s] apart.
 
-        Samples closer than a knot interval share noise; their deviation is counted so that they may pass for independent.
+        Samples closer than a knot interval share noise; theirs is stated as if they were
+        independent.
         """
         return np.asarray(
             self.noise * np.sqrt(min(1.0, self.row_period / min(spacing, self.knot_spacing)))
@@ -119,13 +133,22 @@ def interpolating_log(t: Array, angles: Array, noise: Array) -> SmoothLog:
 
 
 def smooth_log(
-    t: Array, values: Array, *, widest_knot_spacing: float, starts: Sequence[int] = ()
+    t: Array,
+    values: Array,
+    *,
+    widest_knot_spacing: float,
+    starts: Sequence[int] = (),
+    checked: bool = False,
 ) -> SmoothLog:
-    """Spline of one log without its jumps and outliers; t (N,) [s], values (N, channels) [rad].
+    """Spline of one log without its steps and outliers.
 
+    t : (N,) [s]. values : (N, channels) [rad].
     starts : rows at which a segment begins (cell.logs.segment_starts).
+    checked : whether damaged values have been left out already, as from a log that has flags: only
+        a
+        reader sets them.
 
-    Where the clock jumped, the spline's time is that of the clock before its first step.
+    Where the clock was set, the spline's time is that of the clock before its first step.
     Raises ValueError when the log has fewer rows than a spline needs.
     """
     if t.size < 4 * DEGREE:
@@ -133,44 +156,39 @@ def smooth_log(
             f"a log of {t.size} rows is too short to be smoothed; at least {4 * DEGREE} are needed"
         )
     logged = t
-    breaks = find_breaks(t, values, starts)
+    breaks = find_breaks(t, values, starts, checked=checked)
     t, values = without_breaks(t, values, breaks)
     period = float(np.median(np.diff(t)))
     spacing = max(widest_knot_spacing, _ROWS_PER_KNOT * period)
-    contradicted = outliers(t, values)
-    smallest = SMALLEST if contradicted.any() else STRIKE
+    damaged = np.zeros(values.shape, dtype=bool) if checked else damaged_bursts(t, values)
+    smallest = SMALLEST if damaged.any() else STRIKE
     while True:
         finest = spacing * 0.5 < _ROWS_PER_KNOT * period
-        fit = _fit_rows(t, values, spacing, contradicted)
+        fit = _fit_rows(t, values, spacing, damaged)
         if finest or _is_white(np.where(_standing_out(fit.residual, smallest), 0.0, fit.residual)):
             fit = _trimmed(t, values, spacing, fit, smallest)
             if finest or _is_white(fit.residual):
                 break
         spacing *= 0.5
     rows = ~fit.out.any(axis=1)
-    kept = t[rows]
-    noise = np.sqrt(
-        (fit.residual * fit.residual).sum(axis=0) / max(1, kept.size - fit.coefficients)
-    )
+    remaining = t[rows]
+    freedom = max(1, remaining.size - fit.coefficients)
     missing = _stretches(t, GAP_PERIODS * period)
-    left = _stretches(
-        kept, max(GAP_PERIODS * period, spacing)
-    )  # where outliers lie, up to a knot interval is bridged
-    found, channels = np.nonzero(fit.out)
-    left_out = Outliers(logged[found], channels, t.size - kept.size, t.size)
-    spline = fit.spline
+    # Where outliers lie, up to a knot interval is bridged.
+    bridged = _stretches(remaining, max(GAP_PERIODS * period, spacing))
+    outlier_rows, channels = np.nonzero(fit.out)
     return SmoothLog(
-        spline,
-        spline.derivative(),
-        float(kept[0]),
-        float(kept[-1]),
-        noise,
-        period,
-        spacing,
-        np.unique(np.concatenate((missing, left)), axis=0),
-        t,
-        left_out,
-        breaks,
+        spline=fit.spline,
+        speed=fit.spline.derivative(),
+        start=float(remaining[0]),
+        end=float(remaining[-1]),
+        noise=np.sqrt((fit.residual * fit.residual).sum(axis=0) / freedom),
+        row_period=period,
+        knot_spacing=spacing,
+        gaps=np.unique(np.concatenate((missing, bridged)), axis=0),
+        stamps=t,
+        outliers=Outliers(logged[outlier_rows], channels, t.size - remaining.size, t.size),
+        breaks=breaks,
     )
 
 
@@ -185,7 +203,7 @@ class _Fit:
     """A spline of the rows without outliers."""
 
     spline: BSpline
-    residual: Array  # (rows kept, channels) [rad]
+    residual: Array  # (remaining rows, channels) [rad]
     coefficients: int
     out: NDArray[np.bool_]  # (N, channels) the outliers
 
@@ -198,19 +216,20 @@ def _fit_rows(t: Array, values: Array, spacing: float, out: NDArray[np.bool_]) -
 
 
 def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit, smallest: float) -> _Fit:
-    """The fit without the values that stand out of its residual, and so on until none does.
+    """The fit without the values that stand out of its residual, repeated until none does.
 
-    What was left out comes back for good where the residual around it stays wide: motion too quick for the knots is no outlier.
+    Values around which the residual stays wide come back for good: motion too quick for the knots
+    is no outlier.
     """
     motion, given = np.zeros(values.shape, dtype=bool), fit.out
     while True:
         rows = ~fit.out.any(axis=1)
-        found = np.zeros(values.shape, dtype=bool)
-        found[rows] = _standing_out(fit.residual, smallest)
-        found &= ~motion
-        if not found.any():
+        outlier = np.zeros(values.shape, dtype=bool)
+        outlier[rows] = _standing_out(fit.residual, smallest)
+        outlier &= ~motion
+        if not outlier.any():
             return fit
-        trial = _fit_rows(t, values, spacing, fit.out | found)
+        trial = _fit_rows(t, values, spacing, fit.out | outlier)
         back = trial.out & ~given & _in_motion(values - trial.spline(t), trial.out)
         motion |= back
         out = trial.out & ~back
@@ -219,15 +238,15 @@ def _trimmed(t: Array, values: Array, spacing: float, fit: _Fit, smallest: float
 
 
 def _standing_out(residual: Array, smallest: float) -> NDArray[np.bool_]:
-    """(N, channels) what is far out of the residual, and by no less than `smallest` [rad]."""
-    size = np.abs(residual)
-    return np.asarray(size > np.maximum(FAR_OUT * robust_sigma(residual), smallest))
+    """(N, channels) residuals [rad] that are far out, and no smaller than `smallest` [rad]."""
+    far = np.maximum(STANDING_OUT * robust_sigma(residual), smallest)
+    return np.asarray(np.abs(residual) > far)
 
 
 def _in_motion(residual: Array, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N, channels) the outliers around which the residual of the other rows is wide."""
+    """(N, channels) the outliers around which the residual [rad] of the other rows is wide."""
     sigma = robust_sigma(np.where(out, 0.0, residual))
-    offsets = np.concatenate((np.arange(-SIDE_ROWS, 0), np.arange(1, SIDE_ROWS + 1)))
+    offsets = np.concatenate((np.arange(-_AROUND, 0), np.arange(1, _AROUND + 1)))
     rows, channels = np.nonzero(out)
     around = np.clip(rows[:, None] + offsets, 0, residual.shape[0] - 1), channels[:, None]
     size = np.where(out[around], 0.0, np.abs(residual[around]))

@@ -1,8 +1,9 @@
-"""Jumps of a log between two rows: of its clock, or of one channel.
+"""Steps of a log between two rows: of its clock, or of one channel.
 
-Found in the log alone, so that alignment and fits start from a continuous one. A clock that was set leaves an irregular
-stamp, and the motion goes on smoothly only if time is set back. A channel that jumped leaves sound rows before and behind
-(ident.signals.outliers) on one cubic and a step. What is too slow or too small for that is left to the complete model (ident.estimator.events).
+They are found in the log alone, so that alignment and fits start from a continuous one. A clock
+that was set leaves an irregular stamp, and the motion goes on smoothly only if time is set back. A
+channel that stepped leaves the rows before and behind (cell.neighbours) on one cubic and a step.
+What is too slow or too small for that is left to the complete model (ident.estimator.events).
 """
 
 from __future__ import annotations
@@ -11,33 +12,39 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cell.arrays import Array
-from ident.signals.outliers import (
+from cell.neighbours import (
     CUBIC,
-    FAR_OUT,
+    LONGEST_BURST,
     NORMAL_MEDIAN,
     SIDE_ROWS,
-    Stretches,
-    least_squares,
-    outliers,
+    STEP,
+    Mask,
+    Rows,
+    damaged_bursts,
+    local_fits,
     powers,
     stretches,
     suspects,
 )
 
-SMALLEST_JUMP = 6e-4  # [rad] a third of a signal period of 3600 lines; a joint that strikes in its play moves by less
+# [rad] a third of a signal period of 3600 lines; a joint that strikes in its backlash moves by
+# less.
+SMALLEST_JUMP = 6e-4
 SMALLEST_STEP = 2e-3  # [s] half a row of the quicker log
-EXPLAINED = 3.0  # times: by so much a jump must shrink the spread of the rows beside it
-LONG = 1.0  # [s] a cubic bridges anything across a longer gap, so only that the motion goes on as if there were none tells of a step
-CLOSE = 10.0  # times the noise of all channels: so well it does by chance only at standstill, which tells nothing of time
+EXPLAINED = 3.0  # times: by so much a step must shrink the spread of the rows beside it
+# [s] a cubic bridges anything across a longer gap, so there only CLOSE shows a step.
+LONG = 1.0
+# Times the noise of all channels: with less left, the motion goes on as if there were no gap. So
+# well it does by chance only in a dwell, where the angles say nothing of time.
+CLOSE = 10.0
 REFINEMENTS = 3  # of a clock step; they converge quadratically
 
 
 @dataclass(frozen=True)
 class Break:
-    """One jump."""
+    """One step of a log."""
 
     row: int  # the first one behind
     time: float  # [s] between that row and the one before, on the log's clock without its steps
@@ -45,184 +52,194 @@ class Break:
     size: float  # [rad] or [s]: behind minus before
 
 
-def find_breaks(t: Array, values: Array, starts: Sequence[int] = ()) -> tuple[Break, ...]:
-    """The jumps of a log with rows t (N,) [s], values (N, C) [rad], in order of time.
+def find_breaks(
+    t: Array, values: Array, starts: Sequence[int] = (), *, checked: bool = False
+) -> tuple[Break, ...]:
+    """The steps of a log in order of time.
 
-    starts : rows at which the reader has joined two segments, whose stamps may be off though they look regular.
+    t : (N,) [s]. values : (N, C) [rad].
+    starts : rows at which the reader has joined two segments, whose stamps may be off though they
+        look
+        regular.
+    checked : whether damaged values have been left out already.
     """
     period = float(np.median(np.diff(t)))
-    out = outliers(t, values)
-    steps = _clock_steps(t, values, out, period, starts)
+    damaged = np.zeros(values.shape, dtype=bool) if checked else damaged_bursts(t, values)
+    steps = _clock_steps(t, values, damaged, period, starts)
     clock = continuous_clock(t, steps)
-    found = [(row, None, size) for row, size in steps] + _channel_jumps(clock, values, out, period)
     middle = 0.5 * (clock[1:] + clock[:-1])
+    breaks: list[tuple[int, int | None, float]] = [(row, None, size) for row, size in steps]
+    for channel in range(values.shape[1]):
+        rows = np.flatnonzero(~damaged[:, channel])
+        jumps = _jumps(clock[rows], values[rows, channel], period)
+        breaks += [(int(rows[row]), channel, size) for row, size in jumps]
     return tuple(
         Break(row, float(middle[row - 1]), channel, size)
-        for row, channel, size in sorted(found, key=lambda one: one[0])
+        for row, channel, size in sorted(breaks, key=lambda entry: entry[0])
     )
 
 
 def without_breaks(t: Array, values: Array, breaks: tuple[Break, ...]) -> tuple[Array, Array]:
-    """Stamps (N,) [s] and values (N, C) [rad] of the log as they would be had nothing jumped."""
+    """(N,) [s] stamps and (N, C) [rad] values of a log as they would be without its steps.
+
+    t : (N,) [s]. values : (N, C) [rad].
+    """
     if not breaks:
         return t, values
     values = values.copy()
-    for one in breaks:
-        if one.channel is not None:
-            values[one.row :, one.channel] -= one.size
-    return continuous_clock(
-        t, [(one.row, one.size) for one in breaks if one.channel is None]
-    ), values
+    for step in breaks:
+        if step.channel is not None:
+            values[step.row :, step.channel] -= step.size
+    steps = [(step.row, step.size) for step in breaks if step.channel is None]
+    return continuous_clock(t, steps), values
 
 
 def continuous_clock(t: Array, steps: list[tuple[int, float]]) -> Array:
-    """(N,) [s] stamps (N,) without the clock's steps: (first row behind, size [s]) each."""
+    """(N,) [s] stamps t (N,) [s] without the steps of the clock.
+
+    steps : first row behind and size [s] of each.
+    """
     out = t.copy()
     for row, size in steps:
         out[row:] -= size
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class _Log:
+    """The rows of a log among which clock steps are looked for."""
+
+    t: Array  # (N,) [s]
+    values: Array  # (N, C) [rad]
+    damaged: Mask  # (N, C) values that do not count
+    sigma: Array  # (C,) [rad] noise
+    period: float  # [s]
+
+
 def _clock_steps(
-    t: Array, values: Array, out: NDArray[np.bool_], period: float, starts: Sequence[int]
+    t: Array, values: Array, damaged: Mask, period: float, starts: Sequence[int]
 ) -> list[tuple[int, float]]:
-    """First row behind and size [s] of each step of the clock; out (N, C) values that must not speak."""
-    irregular = np.union1d(
-        np.flatnonzero(np.abs(np.diff(t) - period) > SMALLEST_STEP) + 1,
-        np.asarray(starts, dtype=np.intp),
-    )
+    """First row behind and size [s] of each step of the clock."""
+    irregular = np.flatnonzero(np.abs(np.diff(t) - period) > SMALLEST_STEP) + 1
+    irregular = np.union1d(irregular, np.asarray(starts, dtype=np.intp))
     if irregular.size == 0:
         return []
-    suspect, sigma = suspects(t, values)
+    suspect, sigma = suspects(t, values, sigmas=STEP)
+    log = _Log(t, values, damaged, sigma, period)
     steps: list[tuple[int, float]] = []
     for row in irregular:
         noticed = suspect[max(0, row - 2) : row + 2].any() or t[row] - t[row - 1] > LONG
-        if noticed and (size := _clock_step(t, values, out, sigma, int(row), period)) is not None:
+        if noticed and (size := _clock_step(log, int(row))) is not None:
             steps.append((int(row), size))
     return steps
 
 
-def _clock_step(
-    t: Array, values: Array, out: NDArray[np.bool_], sigma: Array, row: int, period: float
-) -> float | None:
-    """[s] by how much the rows behind must be set back for the motion to go on; None if that does not explain them."""
-    beside = slice(max(0, row - SIDE_ROWS - 2), min(t.size, row + SIDE_ROWS + 2))
-    behind = (np.arange(t.size)[beside] >= row).astype(np.float64)
-    stamps, angles, sound = t[beside], values[beside], ~out[beside]
-    guess = step = float(t[row] - t[row - 1] - period)  # as though no row were missing or late
+def _clock_step(log: _Log, row: int) -> float | None:
+    """[s] by how much the rows behind must be set back for the motion to go on.
+
+    None if no step explains them.
+    """
+    around = np.arange(max(0, row - SIDE_ROWS - 2), min(log.t.size, row + SIDE_ROWS + 2))
+    known = ~log.damaged[around]
+    guess = step = float(
+        log.t[row] - log.t[row - 1] - log.period
+    )  # as if no row were missing or late
     for _ in range(REFINEMENTS):
-        after = _misfit(stamps, angles, sound, sigma, behind, period, step)
+        after = _misfit(log, around, known, row, step)
         step += after.correction
-        # an outlier beside a step is not seen before, since the rows around it agree on nothing
-        sound = sound & (
-            after.left < FAR_OUT * max(1.0, float(np.median(after.left[sound])) / NORMAL_MEDIAN)
-        )
-    if abs(step - guess) > period or abs(step) < SMALLEST_STEP:
+        # An outlier beside a step is not seen before, since the rows around it agree on nothing.
+        usual = max(1.0, float(np.median(after.left[known])) / NORMAL_MEDIAN)
+        known = known & (after.left < STEP * usual)
+    # Up to a burst of damaged rows may have been left out between the two, and the row behind may
+    # be late.
+    missing = (guess - step) / log.period
+    if not -1.0 <= missing <= LONGEST_BURST + 1.0 or abs(step) < SMALLEST_STEP:
         return None
-    after = _misfit(stamps, angles, sound, sigma, behind, period, step)
-    if FAR_OUT * after.sigma > SMALLEST_STEP:
+    after = _misfit(log, around, known, row, step)
+    if STEP * after.sigma > SMALLEST_STEP:
         return None
     if guess > LONG:
         return step if after.spread < CLOSE else None
-    before = _misfit(stamps, angles, sound, sigma, behind, period, 0.0).spread
-    return step if before > max(FAR_OUT, EXPLAINED * after.spread) else None
+    before = _misfit(log, around, known, row, 0.0).spread
+    return step if before > max(STEP, EXPLAINED * after.spread) else None
 
 
 @dataclass(frozen=True)
 class _Misfit:
-    """What one cubic a channel leaves of the rows beside a clock step."""
+    """What one cubic for each channel leaves of the rows beside a clock step."""
 
     left: Array  # (n, C) size in units of the noise
-    spread: float  # its rms where sound
+    spread: float  # its rms over the known values
     correction: float  # [s] of the step that would leave least
     sigma: float  # [s] of that correction
 
 
-def _misfit(
-    t: Array,
-    values: Array,
-    sound: NDArray[np.bool_],
-    sigma: Array,
-    behind: Array,
-    period: float,
-    step: float,
-) -> _Misfit:
-    """Of some rows, those `behind` set back by a step [s]."""
-    t = t - step * behind
-    x = (t - t.mean()) / (SIDE_ROWS * period)
-    basis = powers(x, CUBIC) * sound.T[:, :, None]
-    known = values.T * sound.T
-    coefficients, inverse = least_squares(basis, known)
-    slopes = coefficients[:, 1:] * np.arange(1, CUBIC) / (SIDE_ROWS * period)
-    speed = np.einsum("zk,rk->zr", slopes, powers(x, CUBIC - 1)) * behind * sound.T
-    left = (known - np.einsum("zrk,zk->zr", basis, coefficients)) / sigma[:, None]
-    moved = (speed - np.einsum("zrk,zkl,zsl,zs->zr", basis, inverse, basis, speed)) / sigma[:, None]
-    # the angle behind is that of an earlier time: value(t) = P(t - step), so more step means less angle
+def _misfit(log: _Log, around: Rows, known: Mask, row: int, step: float) -> _Misfit:
+    """Misfit of the rows `around` (n,) if those from `row` on are set back by a step [s].
+
+    known : (n, C) values that are fitted.
+    """
+    behind = (around >= row).astype(np.float64)
+    t = log.t[around] - step * behind
+    x = (t - t.mean()) / (SIDE_ROWS * log.period)
+    values = log.values[around].T  # (C, n)
+    columns = np.broadcast_to(powers(x, CUBIC)[:, None], (CUBIC, *values.shape))
+    fits = local_fits(columns, known.T)
+    slopes = fits.coefficients(values)[:, 1:] * np.arange(1, CUBIC) / (SIDE_ROWS * log.period)
+    speed = slopes @ powers(x, CUBIC - 1) * behind  # (C, n) [rad/s]
+    residual, sigma = fits.residual(values), log.sigma[:, None]
+    left = residual * fits.known / sigma
+    moved = fits.residual(speed) * fits.known / sigma
+    # The angle behind is that of an earlier time: value(t) = P(t - step), so more step means less
+    # angle.
     energy = float((moved * moved).sum())
     correction = -float((moved * left).sum()) / energy if energy > 0.0 else 0.0
-    spread = float(np.sqrt((left * left).sum() / max(1.0, sound.sum() - CUBIC * sigma.size)))
-    everywhere = np.abs(values - powers(x, CUBIC) @ coefficients.T) / sigma
-    return _Misfit(
-        everywhere, spread, correction, 1.0 / np.sqrt(energy) if energy > 0.0 else np.inf
-    )
-
-
-def _channel_jumps(
-    t: Array, values: Array, out: NDArray[np.bool_], period: float
-) -> list[tuple[int, int | None, float]]:
-    """First row behind, channel and size [rad] of each jump of one channel; out (N, C) values that must not speak."""
-    jumps: list[tuple[int, int | None, float]] = []
-    for channel in range(values.shape[1]):
-        rows = np.flatnonzero(~out[:, channel])
-        jumps += [
-            (int(rows[row]), channel, size)
-            for row, size in _jumps(t[rows], values[rows, channel], period)
-        ]
-    return jumps
+    spread = float(np.sqrt((left * left).sum() / max(1.0, known.sum() - CUBIC * len(values))))
+    uncertainty = 1.0 / np.sqrt(energy) if energy > 0.0 else np.inf
+    return _Misfit(np.abs(residual / sigma).T, spread, correction, uncertainty)
 
 
 def _jumps(t: Array, values: Array, period: float) -> list[tuple[int, float]]:
-    """First row behind and size [rad] of each jump of one channel (N,)."""
-    suspect, _ = suspects(t, values[:, None])
-    where = stretches(t, suspect[:, 0], period)
+    """First row behind and size [rad] of each step of one channel.
+
+    t : (N,) [s]. values : (N,) [rad].
+    """
+    where = stretches(t, suspects(t, values[:, None], sigmas=STEP)[0][:, 0], period)
     behind = np.repeat([False, True], SIDE_ROWS)
-    enough = (where.counts[:, ~behind].sum(axis=1) >= CUBIC) & (
-        where.counts[:, behind].sum(axis=1) >= CUBIC
+    before_count, behind_count = (
+        where.known[:, ~behind].sum(axis=1),
+        where.known[:, behind].sum(axis=1),
     )
-    where = where.take(enough)
+    where = where.take((before_count >= CUBIC) & (behind_count >= CUBIC))
     if where.first.size == 0:
         return []
-    smooth = powers(where.clock(t, where.beside, period), CUBIC)
-    stepped = np.concatenate(
-        (smooth, np.broadcast_to(behind[:, None], (*smooth.shape[:2], 1))), axis=2
+    stretch, real = where.rows()
+    rows = np.concatenate((where.beside, stretch), axis=1)
+    known = np.concatenate((where.known, np.zeros(stretch.shape, dtype=bool)), axis=1)
+    smooth = where.cubic(t, rows, period)
+    step = np.broadcast_to(np.append(behind, np.zeros(stretch.shape[1], dtype=bool)), rows.shape)
+    plain, stepped = (
+        local_fits(smooth, known),
+        local_fits(np.concatenate((smooth, step[None])), known),
     )
-    without, _, _ = _spread(smooth, values, where)
-    spread, coefficients, inverse = _spread(stepped, values, where)
-    size = coefficients[:, -1]
-    clear = np.abs(size) > np.maximum(SMALLEST_JUMP, FAR_OUT * spread * np.sqrt(inverse[:, -1, -1]))
+    without = plain.spread(plain.residual(values[rows]))
+    residual = stepped.residual(values[rows])
+    spread, size = stepped.spread(residual), stepped.coefficients(values[rows])[:, -1]
+    sigma = spread / stepped.triangle[:, -1, -1]  # the last column's own part is not shared
+    clear = np.abs(size) > np.maximum(SMALLEST_JUMP, STEP * sigma)
     jumps = []
     for k in np.flatnonzero(clear & (without > EXPLAINED * spread)):
-        rows = np.arange(where.first[k], where.last[k] + 1)
-        x = where.take(np.array([k])).clock(t, rows[None], period)[0]
-        error = values[rows] - powers(x, CUBIC) @ coefficients[k, :-1]
-        jumps.append(
-            (int(rows[0]) + _split(np.abs(error), np.abs(error - size[k])), float(size[k]))
-        )
+        error = residual[k, where.beside.shape[1] :][real[k]]
+        split = _split(np.abs(error), np.abs(error - size[k]))
+        jumps.append((int(where.first[k]) + split, float(size[k])))
     return jumps
 
 
-def _spread(basis: Array, column: Array, where: Stretches) -> tuple[Array, Array, Array]:
-    """(Z,) [rad] rms of the sound rows beside each stretch about their fit; coefficients (Z, k) and inverse normal matrix (Z, k, k)."""
-    basis, known = basis * where.counts[:, :, None], column[where.beside] * where.counts
-    coefficients, inverse = least_squares(basis, known)
-    left = known - np.einsum("zrk,zk->zr", basis, coefficients)
-    degrees = np.maximum(1, where.counts.sum(axis=1) - basis.shape[2])
-    return np.sqrt((left * left).sum(axis=1) / degrees), coefficients, inverse
-
-
 def _split(before: Array, behind: Array) -> int:
-    """How many of the rows of a stretch lie before the jump, from how far each is from either side's motion."""
-    cost = np.concatenate(([0.0], np.cumsum(before))) + np.concatenate(
-        (np.cumsum(behind[::-1])[::-1], [0.0])
-    )
+    """How many of the rows of a stretch lie before the step.
+
+    before, behind : (L,) [rad] distance of each row from the motion on either side.
+    """
+    cost = np.concatenate(([0.0], np.cumsum(before)))
+    cost += np.concatenate((np.cumsum(behind[::-1])[::-1], [0.0]))
     return int(cost.argmin())

@@ -41,7 +41,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Branch:
-    """One way to read a pair: sign and zeros, and what it leaves unexplained."""
+    """One way to read a pair: sign and offsets, and what it leaves unexplained."""
 
     sign: int  # of the turning encoder
     turning_offset: float  # [rad]
@@ -71,8 +71,8 @@ class _Correlation:
         sample = slice(index, index + 1)
         return _Correlation(self.a1[sample], self.a2[sample], self.b1[sample], self.b2[sample])
 
-    def gain(self, zero: float | Array) -> Array:
-        c, s = np.cos(zero), np.sin(zero)
+    def gain(self, offset: float | Array) -> Array:
+        c, s = np.cos(offset), np.sin(offset)
         return np.asarray(np.abs(c * self.a1 + s * self.a2) + c * self.b1 - s * self.b2)
 
 
@@ -94,11 +94,11 @@ class PairScan:
         return np.asarray(np.maximum(0.0, 1.0 - (mean * mean).sum(axis=1)))
 
     def residual_variance(self) -> Array:
-        """(L,) least variance over sign and zeros, on the grid of z2."""
+        """(L,) least variance over sign and offsets, on the grid of z2."""
         best = np.full(self.lags.size, -np.inf)
         for correlation in self._correlations.values():
-            for zero in _grid():
-                np.maximum(best, correlation.gain(zero), out=best)
+            for offset in _grid():
+                np.maximum(best, correlation.gain(offset), out=best)
         return self._variance(best)
 
     def _variance(self, gain: Array) -> Array:
@@ -168,15 +168,15 @@ def _grid() -> Array:
     return np.linspace(0.0, 2.0 * np.pi, OFFSETS, endpoint=False)
 
 
-def _peak(correlation: _Correlation, zero: float) -> float:
+def _peak(correlation: _Correlation, offset: float) -> float:
     width = 2.0 * np.pi / OFFSETS
     for _ in range(3):
-        left, centre, right = correlation.gain(np.array([zero - width, zero, zero + width]))
+        left, centre, right = correlation.gain(np.array([offset - width, offset, offset + width]))
         curvature = left - 2.0 * centre + right
         if curvature < 0.0:
-            zero += width * float(np.clip(0.5 * (left - right) / curvature, -1.0, 1.0))
+            offset += width * float(np.clip(0.5 * (left - right) / curvature, -1.0, 1.0))
         width *= 0.2
-    return zero
+    return offset
 
 
 def _correlate(pair: Pair, sign: int) -> _Correlation:

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytcs
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
@@ -20,10 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from acquisition.formats.dialect import load_dialect
 from acquisition.formats.egm import FILE_START, frame, read_frames
 from acquisition.formats.registry import read_file
-from acquisition.formats.scope import Channel, read_channels
 from acquisition.recording import read_ballbar, read_robot
-from acquisition.report import Finding
-from acquisition.sources import Ledger
 from acquisition.table.header import Layout
 from acquisition.table.table import Table
 from cell.errors import DescriptionError, InputError, LogError
@@ -34,7 +30,6 @@ from cell.robot_angles import joints_to_axes
 from tests.helpers.container_files import (
     AXES,
     EPOCH_NS,
-    FILETIME,
     JOINTS,
     ROWS,
     Written,
@@ -50,10 +45,9 @@ from tests.helpers.container_files import (
     scope,
 )
 from tests.helpers.damaged_files import campaign, families
+from tests.helpers.scope_exports import FILETIME
 
 ROBOT = load_robot("irb2400")
-SAMPLES = Path(__file__).parents[1] / "data/twincat_scope"
-START_NS = (FILETIME - 116_444_736_000_000_000) * 100  # of the sample exports too
 
 
 def read(
@@ -62,15 +56,15 @@ def read(
     """The table of a file with that content, and kind and severity of each finding."""
     path = folder / ("log" + written.suffix)
     path.write_bytes(written.content if content is None else content)
-    dialect, findings = load_dialect(written.dialect), list[Finding]()
+    dialect = load_dialect(written.dialect)
     time = dialect.time.column
     columns = {
         time: dialect.time.type,
         **dict.fromkeys(dialect.axes, "float"),
         **dict.fromkeys(written.integers, "integer"),
     }
-    table, _ = read_file(path, path.name, dialect, Layout((), columns), findings)
-    return table, [(one.kind, one.severity) for one in findings]
+    table, _ = read_file(path, path.name, dialect, Layout((), columns))
+    return table, [(entry.kind, entry.severity) for entry in table.findings]
 
 
 def equal(table: Table, written: Written, rows: slice = slice(None)) -> bool:
@@ -146,49 +140,7 @@ def between_records(written: Written, stop: int) -> bool:
     return False
 
 
-# ---- TwinCAT Scope: real exports
-
-
-def channels(name: str) -> list[Channel]:
-    findings = list[Finding]()
-    found = read_channels(SAMPLES / name, name, findings)
-    assert findings == []
-    return found
-
-
-@pytest.mark.parametrize("name", sorted(path.name for path in SAMPLES.glob("tc3*")))
-def test_scope_exports_read_as_pytcs_reads_them(name: str) -> None:
-    found, other = channels(name), pytcs.ScopeFile(str(SAMPLES / name))
-    other.load()
-    assert [channel.name for channel in found if channel.name] == list(other)
-    for channel in found:
-        theirs = other[channel.name]
-        assert np.array_equal(channel.values.astype(np.float64), theirs.values)
-        assert np.array_equal(
-            channel.time_ns - START_NS, np.rint(theirs.time * 1e6).astype(np.int64)
-        )
-
-
-@pytest.mark.parametrize("name", sorted(path.name for path in SAMPLES.glob("tc3*")))
-def test_scope_channels_are_what_the_recorded_program_counted(name: str) -> None:
-    """The PLC counted its cycles from 0 into variables of every type, and the Scope scaled some as `1 - x`, which one export left out."""
-    found = {channel.name: channel for channel in channels(name)}
-    cycles = np.arange(1000)
-    for bits in (8, 16, 32, 64):
-        whole, signed = found[f"var_UINT{bits}"], found[f"var_INT{bits}"]
-        assert np.array_equal(whole.values, cycles % 2**bits if bits < 16 else cycles)
-        assert np.array_equal(signed.values, (cycles + 128) % 256 - 128 if bits == 8 else cycles)
-        assert whole.values.dtype == signed.values.dtype == np.int64
-    assert np.array_equal(found["var_UINT32"].time_ns, START_NS + 1_000_000 * cycles)
-    assert np.array_equal(found["var_BIT"].values, np.minimum(cycles, 1))
-    assert np.array_equal(
-        found["func_scaled_int"].values, cycles if "default" in name else 1 - cycles
-    )
-    assert found["func_scaled_int"].scaled
-    assert not found["var_INT32"].scaled
-    if "func_OS" in found:
-        assert np.array_equal(found["func_OS"].time_ns, START_NS + 200_000 * np.arange(4996))
-        assert np.array_equal(found["func_OS"].values, np.arange(4996) / 5)
+# ---- TwinCAT Scope
 
 
 def test_scope_times_may_be_filetimes(tmp_path: Path) -> None:
@@ -377,9 +329,9 @@ def test_a_big_endian_joint_state_is_read_as_well(tmp_path: Path) -> None:
     body = struct.pack(">iI", 5, 6) + struct.pack(">I", 1) + b"\0" + bytes(3)
     body += struct.pack(">II", 1, 3) + b"j1\0" + bytes(1) + struct.pack(">I", 1)
     body += bytes(-len(body) % 8) + struct.pack(">d", 0.25) + struct.pack(">II", 0, 0)
-    from acquisition.formats.joint_state import decode_joint_state  # noqa: PLC0415
+    from acquisition.formats.joint_state import JointStateDecoder  # noqa: PLC0415
 
-    state = decode_joint_state(b"\0\0\0\0" + body, [])
+    state = JointStateDecoder().decode(b"\0\0\0\0" + body)
     assert (state.stamp_ns, state.positions) == (5_000_000_006, {"j1": 0.25})
 
 
@@ -662,10 +614,11 @@ def in_folder(
     folder: Path, written: Written, content: bytes | None = None
 ) -> tuple[RobotLog, list[tuple[str, str]]]:
     """A robot's file behind all checks of the recording's reader."""
-    name, ledger = "log" + written.suffix, Ledger([], [])
+    name = "log" + written.suffix
     (folder / name).write_bytes(written.content if content is None else content)
-    log = read_robot(folder, SourceFile(files=(name,), dialect=written.dialect), ROBOT, ledger)
-    return log, [(one.kind, one.severity) for one in ledger.findings]
+    source = SourceFile(files=(name,), dialect=written.dialect)
+    log, imported = read_robot(folder, source, ROBOT)
+    return log, [(entry.kind, entry.severity) for entry in imported.findings]
 
 
 ROBOTS = [kind for kind in ALL if not kind.startswith("scope")]
@@ -737,13 +690,8 @@ def test_angles_in_another_unit_than_the_container_has_are_refused(
 def test_scope_counters_become_encoder_angles(tmp_path: Path) -> None:
     (tmp_path / "bar.csv").write_bytes(scope().content)
     fitted = {name: EncoderFitting(column=name, lines=3600, bits=12) for name in ("b1", "b2")}
-    log = read_ballbar(
-        tmp_path,
-        SourceFile(files=("bar.csv",), dialect="twincat-scope"),
-        fitted,
-        Ledger([], []),
-        robot_moves=True,
-    )
+    source = SourceFile(files=("bar.csv",), dialect="twincat-scope")
+    log, _ = read_ballbar(tmp_path, source, fitted, robot_moves=True)
     course = (counts() + 2**31) % 2**32 - 2**31
     assert np.allclose(
         np.diff(log.angles, axis=0),
@@ -775,5 +723,4 @@ def test_a_dialect_with_another_unit_of_time_is_refused(tmp_path: Path) -> None:
             "log.egm",
             wrong,
             Layout((), dict.fromkeys(("time", *AXES), "float")),
-            [],
         )

@@ -1,6 +1,6 @@
 """What goes wrong in the field, fault by fault: each is repaired and reported, or refused in words; nothing wrong gets through.
 
-The order is that of notes/notes/log_formats sec. H.5.
+The order is that of notes/log_formats sec. H.5.
 """
 
 import bz2

@@ -1,4 +1,4 @@
-"""Small device files of every container, written from their documented forms, with the columns that a reader must find in them."""
+"""Small device files of every container, with the columns that a reader must find in them."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from acquisition.formats.egm import FILE_START, frame
+from tests.helpers.scope_exports import START_NS, Series, export
 
 ROWS = 80
 EPOCH_NS = 1_650_000_000_000_000_000  # 2022-04-15, UTC
-FILETIME = 132_959_733_843_760_000  # 2022-05-02, UTC [100 ns since 1601]
 JOINTS = tuple(f"joint_{axis}" for axis in range(1, 7))
 AXES = tuple(f"J{axis}" for axis in range(1, 7))
 
@@ -62,58 +62,16 @@ def scope(
     rows: int = ROWS,
 ) -> Written:
     """Two counters at 10 ms and a fast channel at 2.5 ms, which goes on for longer."""
-    slow, values = 10.0 * np.arange(rows), counts(rows)
-    fast = 2.5 * np.arange(rows + 7)
-    blocks = (
-        [["time", "b1"], ["time", "b2"], ["time", "fast"]]
-        if own_times
-        else [["time", "b1", "b2"], ["time", "fast"]]
+    values, fast = counts(rows), 2.5 * np.arange(rows + 7)
+    channels = (
+        Series("b1", "UINT32", values[:, 0], step_ms=10.0),
+        Series("b2", "UINT32", values[:, 1], step_ms=10.0),
+        Series("fast", "REAL64", 0.25 * fast, step_ms=2.5),
     )
-    types = {"b1": "UINT32", "b2": "UINT32", "fast": "REAL64"}
-    steps = {"b1": "10", "b2": "10", "fast": "2,5" if decimal == "," else "2.5"}
-    end = FILETIME + int(10_000 * slow[-1])
-    lines = [
-        f"Name{separator}bench",
-        f"File{separator}bench.csv",
-        separator.join(
-            ("Starttime of export", str(FILETIME), "Montag, 2. Mai 2022", "15:56:24.376")
-        ),
-        separator.join(("Endtime of export", str(end), "Montag, 2. Mai 2022", "15:56:25.375")),
-        "",
-        "",
-    ]
-    metadata: dict[str, dict[str, str]] = {
-        "Name": {name: name for name in types},
-        "SymbolComment": dict.fromkeys(types, ""),
-        "Data-Type": types,
-        "SampleTime[ms]": steps,
-        "Offset": dict.fromkeys(types, "0"),
-        "ScaleFactor": dict.fromkeys(types, "1"),
-        "Unit": dict.fromkeys(types, "(None)"),
-        "Unit ScaleFactor": dict.fromkeys(types, "1"),
-        "Unit Offset": dict.fromkeys(types, "0"),
-    }
-    lines += [
-        separator.join(key if name == "time" else of[name] for block in blocks for name in block)
-        for key, of in metadata.items()
-    ]
-    lines.append("")
-    series = {"b1": (slow, values[:, 0]), "b2": (slow, values[:, 1]), "fast": (fast, 0.25 * fast)}
-    for row in range(len(fast)):
-        cells = []
-        for block in blocks:
-            times = series[block[1]][0]
-            here = row < len(times)
-            cells += [f"{times[row]:g}" if here else " "]
-            cells += [(repr(series[name][1][row].item()) if here else " ") for name in block[1:]]
-        lines.append(separator.join(cell.replace(".", decimal) for cell in cells))
-    if eof:
-        lines.append("EOF")
-    time = (FILETIME - 116_444_736_000_000_000) * 100 + np.rint(slow * 1e6).astype(np.int64)
+    content = export(channels, separator=separator, decimal=decimal, own_times=own_times, eof=eof)
+    time = START_NS + 10_000_000 * np.arange(rows)
     columns = {"time": time, "b1": values[:, 0], "b2": values[:, 1]}
-    return Written(
-        "twincat-scope", ".csv", ("\n".join(lines) + "\n").encode(), columns, ("b1", "b2")
-    )
+    return Written("twincat-scope", ".csv", content, columns, ("b1", "b2"))
 
 
 # ---- JSON lines
@@ -168,7 +126,7 @@ def dbl(number: int, value: float) -> bytes:
 
 
 def egm_message(seqno: int, time_ns: int, joints: list[float]) -> bytes:
-    """An EgmRobot message with header, feedback, a pose that nobody reads, and the state of the motors."""
+    """An EgmRobot message: header, feedback, a pose that nobody reads, state of the motors."""
     angles = b"".join(dbl(1, angle) for angle in joints)
     pose = sub(1, dbl(1, 900.0) + dbl(2, 1.5) + dbl(3, 1200.0))
     clock = num(1, time_ns // 10**9) + num(2, time_ns % 10**9 // 1000)
@@ -221,17 +179,19 @@ def _joint_states(rows: int, scale: float) -> tuple[list[bytes], Columns]:
 
 
 def db3(folder: Path, rows: int = ROWS, scale: float = 1.0) -> Written:
-    """A bag in SQLite, as rosbag2 of ROS 2 Humble writes it; `folder` holds it while it is being made."""
+    """A bag in SQLite as rosbag2 of ROS 2 Humble writes it; folder : for the file meanwhile."""
     messages, columns = _joint_states(rows, scale)
     path = folder / "making.db3"
     path.unlink(missing_ok=True)
     connection = sqlite3.connect(path)
     connection.execute(
-        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL, "
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
+        "serialization_format TEXT NOT NULL, "
         "offered_qos_profiles TEXT NOT NULL)"
     )
     connection.execute(
-        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL)"
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, "
+        "timestamp INTEGER NOT NULL, data BLOB NOT NULL)"
     )
     connection.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
     connection.execute(

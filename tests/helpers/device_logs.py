@@ -1,4 +1,4 @@
-"""Lines of device logs whose angles are known, recording folders made of them, and what the reader reported about them."""
+"""Lines of device logs whose angles are known, and recording folders made of them."""
 
 from collections.abc import Callable
 from pathlib import Path

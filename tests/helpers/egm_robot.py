@@ -1,4 +1,4 @@
-"""A robot that speaks EGM: its messages are put together by Google's protobuf, from the published message description."""
+"""A robot that speaks EGM: Google's protobuf makes its messages from the published description."""
 
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
-"""What the device files of one recording tell about forces, gears and what gives way: statics and inverse kinematics only.
+"""Forces, gear errors and elastic deflections from the device files of one recording.
 
-Known beside the files, as after a calibration: clocks, encoder zeros, kinematic parameters and the rod's stiffness; from the
-descriptions masses. Nothing is shared with the plant but the kinematics of `cell`. Paths are slow: inertia is left out.
+Only statics and inverse kinematics are used, as an oracle for the plant, with which nothing is
+shared but the kinematics of `cell`. Known beside the files, as after a calibration: clocks, encoder
+offsets, kinematic parameters and the rod's stiffness; masses come from the descriptions. Inertia is
+left out: the paths are slow.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from cell.inverse import refine
 from cell.load import load_cell
 from sim.logging.load_logs import ForceSensor
 from sim.motion import Motion
-from sim.simulate import truth_path
+from sim.recording_files import truth_path
 from sim.truth import load_truth
 
 RIDERS = slice(2, 5)  # links of the ball-bar that the rod's stretch carries along
@@ -54,7 +56,7 @@ class Logs:
 
     @cached_property
     def on_bar(self) -> Array:
-        """(6, N) [N, N m] force and moment about the tip that the tool exerts on the ball-bar's end, base coordinates."""
+        """(6, N) [N, N m] force and moment about the tip from tool on ball-bar, base frame."""
         plate, rotation = self.cell.plate, self.bar.rotation()
         weight = plate.mass * np.einsum("jin,j->ni", rotation, self.cell.robot.gravity)
         force = self.wrench[:, :3] - weight
@@ -65,7 +67,7 @@ class Logs:
 
     @cached_property
     def on_tool(self) -> Array:
-        """(6, N) [N, N m] force and moment about the tip that the ball-bar exerts on the tool, tool frame."""
+        """(6, N) [N, N m] force and moment about the tip from ball-bar on tool, tool frame."""
         rotation = self.bar.rotation()
         return np.concatenate(
             [
@@ -76,7 +78,7 @@ class Logs:
 
     @cached_property
     def rod_force(self) -> Array:
-        """(N,) [N] tension positive: what the tool exerts along the rod, and the weight of what rides on it."""
+        """(N,) [N] rod force, tension positive: of the tool, and of the weight that rides on it."""
         riding = sum(link.mass for link in self.cell.ballbar.links[RIDERS])
         return np.asarray(
             np.sum(
@@ -92,7 +94,7 @@ class Logs:
 
     @cached_property
     def joints(self) -> Array:
-        """(N, 6) [rad] true joint angles of a rigid robot and plate: inverse kinematics of the pose that the ball-bar holds."""
+        """(N, 6) [rad] joint angles of a rigid robot and plate at the ball-bar's pose."""
         poses = self.bar.poses()
         poses[:, :3, 3] = self.tip.T
         return refine(self.geometry.robot, self.shown, poses)
@@ -109,7 +111,7 @@ class Logs:
 
     @cached_property
     def load(self) -> Array:
-        """(N, 6) [N m] torque at the gears' outputs that holds the links and what hangs on the flange at rest."""
+        """(N, 6) [N m] static torque at the gears' outputs under links and flange load."""
         frames = robot_frames(self.geometry, self.joints)
         rotation = frames.rotation()
         flange = frames.tip - np.einsum("ijn,j->in", rotation, self._tip)
@@ -136,7 +138,10 @@ class Logs:
 
 
 def read_logs(folder: Path) -> Logs:
-    """The files of a recording with torques and force sensor; its truth is opened for clocks, zeros and kinematic parameters."""
+    """The files of a recording with torques and force sensor.
+
+    The truth is opened for clocks, encoder offsets and kinematic parameters.
+    """
     recording, truth = read_recording(folder), load_truth(truth_path(folder))
     told, first_rows, robot, bar = (
         recording.description,
@@ -180,13 +185,13 @@ def rate(t: Array, values: Array) -> Array:
 
 
 def harmonics(angle: Array, error: Array, orders: list[float]) -> NDArray[np.complex128]:
-    """(K,) A exp(i phi) of each `A sin(order * angle + phi)` in an error (N,) without other parts."""
+    """(K,) A exp(i phi) of each `A sin(order * angle + phi)` in an error (N,) of these alone."""
     waves = fit([wave(order * angle) for order in orders for wave in (np.sin, np.cos)], error)
     return np.asarray(waves[0::2] + 1j * waves[1::2])
 
 
 def settled_direction(values: Array, travel: float) -> Array:
-    """(N,) +1 or -1 where `values` (N,) has risen or fallen by `travel` since its last reversal and goes on; 0 elsewhere."""
+    """(N,) +1 or -1 where `values` (N,) went on by `travel` since its last reversal, else 0."""
     out, low, high = np.zeros(values.size), float(values[0]), float(values[0])
     for k, value in enumerate(values.tolist()):
         if value >= high and value - low >= travel:
@@ -200,7 +205,8 @@ def settled_direction(values: Array, travel: float) -> Array:
 def there_and_back(t: Array, values: Array, end: float) -> Array:
     """(K, C) half the difference of (N, C) between the way out and the way back at the same place.
 
-    For a run of `end` seconds whose way back is its way out in reverse. Weight, elastic load and inertia cancel: friction stays.
+    For a run of `end` seconds whose way back is its way out in reverse. Weight, elastic load and
+    inertia cancel: friction stays.
     """
     spline = CubicSpline(t, values)
     out = t[(t > t[0] + 2.0) & (t < 0.5 * end)]
@@ -208,7 +214,7 @@ def there_and_back(t: Array, values: Array, end: float) -> Array:
 
 
 def _work(frames: Frames, joint: int, point: Array, force: Array, moment: Array) -> Array:
-    """(N,) [N m] work on one joint of a force at `point` and a moment, (3, N) each, for a unit turn."""
+    """(N,) [N m] torque about one joint of a force at `point` and a moment, (3, N) each."""
     axis = frames.z[joint]
     return np.asarray(
         np.sum(cross(axis, point - frames.origin[joint]) * force + axis * moment, axis=0)
@@ -216,7 +222,7 @@ def _work(frames: Frames, joint: int, point: Array, force: Array, moment: Array)
 
 
 def _link_centres(cell: Cell, frames: Frames) -> list[tuple[float, Array]]:
-    """Mass [kg] and centre of mass (3, N) [m] of links 1 to 6; link i is fixed in the frame of row i."""
+    """Mass [kg] and centre of mass (3, N) [m] of links 1 to 6; link i moves with frame i."""
     zero = robot_frames(nominal_geometry(cell, np.zeros(3)), np.zeros((1, 6)))
     out = []
     for i, link in enumerate(cell.robot.links[1:], start=1):

@@ -1,4 +1,4 @@
-"""The true robot of a scenario, without ball-bar, held in the plant: what corrected targets reach."""
+"""The true robot of a scenario, unloaded, held in the plant: what corrected targets reach."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
 from sim.errors.sensor_effects import ResolverEffects, resolver_effects
 from sim.errors.static_errors import true_geometry
+from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.held_poses import HeldPoses, hold_poses
 from sim.settings import SimulationSettings
@@ -47,24 +48,24 @@ class PlantRobot:
             seed=scenario.seed,
         )
         self.effects: PlantEffects = plant_effects(scenario.errors, self.cell, scenario.seed)
-        asked = scenario.errors.resolver_error
-        self.resolvers: ResolverEffects | None = (
-            resolver_effects(asked, seed=scenario.seed) if asked else None
+        self.resolvers: ResolverEffects | None = resolver_effects(
+            scenario.errors.resolver_error, seed=scenario.seed
         )
 
     def hold(self, targets: Array) -> HeldPoses:
         """Targets (N, 6) [rad] held."""
-        return hold_poses(self.cell, self.true, self.effects, targets, resolvers=self.resolvers)
+        plant = Plant(self.cell, self.true, self.effects, self.cell.robot.servo["stiff"])
+        return hold_poses(plant, targets, resolvers=self.resolvers)
 
 
 def known_robot(plant: PlantRobot) -> UnloadedRobot:
-    """What a perfect identification would find: the plant's own numbers as coefficients of the corrections."""
+    """The robot of a perfect identification: the plant's numbers as coefficients."""
     effects, robot = plant.effects, plant.cell.robot
     assert effects.gear_stiffness is not None
     waves = {(r.gear, r.order): r.amplitude * np.exp(1j * r.phase) for r in effects.ripples}
     for i, harmonics in enumerate(plant.resolvers.motors if plant.resolvers else ()):
         share = float(robot.transmission[i, i])
-        for h in harmonics:  # the controller reads too much by it, so the gear stands that much behind, in gear angles
+        for h in harmonics:  # what the controller reads too much, the gear stands behind
             order = h.order / abs(share)
             phase = h.phase_rad if share > 0.0 else np.pi - h.phase_rad
             waves[i, order] = waves.get((i, order), 0j) - share * h.amplitude_rad * np.exp(

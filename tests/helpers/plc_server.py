@@ -1,6 +1,6 @@
-"""A PLC on loopback: the program of docs/recorder.md in Python, behind the ADS test server of pyads.
+"""A PLC on loopback: the program of docs/recorder.md in Python, behind pyads' ADS test server.
 
-Sample n is known to everyone who knows n, so that a recording can be compared with what the PLC made byte by byte.
+Sample n follows from n alone, so that a recording can be compared with the PLC byte by byte.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ JOINTS = (1, 2, 4, 5)
 
 
 def plc_samples(first: int, count: int, period_ns: int) -> NDArray[np.void]:
-    """Samples `first` .. of a PLC: counters that wrap, run backwards and forwards, status words with toggle and rare faults."""
+    """Samples `first` .. of a PLC.
+
+    Counters wrap and run both ways; status words have a toggle bit and rare faults.
+    """
     n = np.arange(first, first + count, dtype=np.int64)
     samples = np.zeros(count, dtype=SAMPLE)
     samples["sequence"] = n + 1
@@ -146,7 +149,7 @@ class Plc:
             self._header[name] = value
 
     def _cycle(self) -> None:
-        """All samples that are due, about every millisecond: a cycle that comes late writes several."""
+        """Writes all samples that are due, one a millisecond; a late cycle writes several."""
         begin = time.monotonic_ns()
         while not self._stop.wait(0.001):
             due = (time.monotonic_ns() - begin) // self.period_ns

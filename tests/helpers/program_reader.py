@@ -1,4 +1,4 @@
-"""Reads back what planning.export writes: as little of RAPID and PDL2 as a ball-bar path needs, and no more than that is accepted."""
+"""Reads back what planning.export writes: the RAPID and PDL2 of a ball-bar path, nothing else."""
 
 from __future__ import annotations
 
@@ -43,9 +43,10 @@ def read_rapid(text: str) -> Program:
         for key in ("seconds", "rest")
     }
     known = (
-        r"MODULE \w+", r"ENDMODULE", r"CONST .*", r"\[\[.*", r"\];", r"PROC \w+\(\)", r"ENDPROC", r"MoveAbsJ .*;", r"Stop;",
-        r"WaitTime rest\{\w+\};",         r"SoftAct \d,\d+\\Ramp:=\d+;", r"SoftDeact;", rf"FOR i FROM 2 TO {len(axes)} DO", r"ENDFOR",
-        r"IF rest\{i\}>0 THEN", r"ELSE", r"ENDIF",
+        r"MODULE \w+", r"ENDMODULE", r"PROC \w+\(\)", r"ENDPROC", r"CONST .*", r"\[\[.*", r"\];",
+        r"MoveAbsJ .*;", r"Stop;", r"WaitTime rest\{\w+\};", r"SoftAct \d,\d+\\Ramp:=\d+;",
+        r"SoftDeact;", rf"FOR i FROM 2 TO {len(axes)} DO", r"ENDFOR", r"IF rest\{i\}>0 THEN",
+        r"ELSE", r"ENDIF",
     )  # fmt: skip
     for line in code:
         if not any(re.fullmatch(pattern, line) for pattern in known):

@@ -23,7 +23,7 @@ def figures(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
 
 
 def figures_with_failures(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
-    """As `figures`; seeds 2 to 5 fail in three ways, and seed 6 has a figure that the others lack."""
+    """As `figures`; seeds 2 to 5 fail in three ways, and seed 6 has one figure more."""
     if scenario.seed == 2:
         raise InputError(
             f"{folder / scenario.path.file}: no motion\nin {scenario.path.duration_s:g} s"
@@ -50,6 +50,6 @@ def path_text(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
 
 
 def no_such_file(scenario: Scenario, folder: Path) -> dict[str, float | int | str]:
-    """Fails with a sentence that names the path file in two ways, both through folders of this machine."""
+    """Fails with a sentence that names the path file twice, through folders of this machine."""
     file = folder / scenario.path.file
     raise DescriptionError(f"{file} and {file.resolve()}: no such file.")

@@ -9,8 +9,8 @@ import pytest
 
 from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import load_scenario
+from cell.neighbours import damaged_bursts
 from ident.identify import Identification, identify_together
-from ident.signals.outliers import outliers
 from sim.errors.outliers import Outliers
 from sim.truth import Truth
 from tests.helpers.drawn_robots import SCENARIOS, SLIP_S, STEP_S, faulty, recorded
@@ -60,9 +60,9 @@ def motion(rows: int = 4000) -> tuple[np.ndarray, np.ndarray]:
 
 def test_outliers_are_told_from_motion() -> None:
     t, angles = motion()
-    assert not outliers(t, angles).any()
+    assert not damaged_bursts(t, angles).any()
     thrown = Outliers().on_robot(t.size, 3)[:, :2]
-    found = outliers(t, angles + thrown)
+    found = damaged_bursts(t, angles + thrown)
     large = np.abs(thrown) > 1e-3
     assert found[large].mean() > 0.98
     assert found[thrown == 0.0].mean() < 1e-3
@@ -72,7 +72,7 @@ def test_a_jerk_of_the_motion_is_no_outlier() -> None:
     """Where a joint strikes in its play its angle bends within a few rows; none of them is to be thrown away."""
     t, angles = motion()
     angles[:, 1] += 1.25e-4 * np.tanh((t - 8.0) / 0.012)
-    assert not outliers(t, angles).any()
+    assert not damaged_bursts(t, angles).any()
 
 
 def test_outliers_have_the_asked_share_and_size() -> None:

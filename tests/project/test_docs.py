@@ -1,4 +1,4 @@
-"""The documentation does what it says: its commands parse or run, its links lead somewhere, its generated pages are fresh."""
+"""The documentation is true: commands run, links lead somewhere, generated pages are fresh."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,13 +15,14 @@ import pytest
 import typer
 import yaml
 
+import ballbar as ballbar_package
 from ballbar.commands import cli
-from generators import scenario_reference
+from generators import command_line, schema_pages
 from tests.helpers.command_line import ballbar
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 TUTORIAL = DOCS / "tutorial.md"
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"!?\[[^\]]*\]\(([^)#\s]+)(#[^)]*)?\)")
@@ -33,7 +34,10 @@ def _without_comment(command: str) -> str:
 
 
 def commands(page: Path) -> Iterator[str]:
-    """Commands of the project on a page: lines of blocks without language or of sh, indented lines, words in backticks."""
+    """Commands of the project on a page.
+
+    They stand in blocks without language or of sh, in indented lines and in backticks.
+    """
     text = page.read_text()
     lines = [
         line
@@ -59,9 +63,9 @@ def test_the_pages_show_commands_of_every_kind() -> None:
     assert {name for name, _ in EVERY} >= {
         "README.md",
         "tutorial.md",
-        "sweeps.md",
-        "use_of_results.md",
-        "recorder.md",
+        "run_a_sweep.md",
+        "export_and_correct.md",
+        "record_live.md",
         "command_line.md",
     }
 
@@ -89,7 +93,7 @@ def _sources(module: str) -> list[Path]:
 
 
 def _parse_ballbar(words: list[str]) -> None:
-    """Fails for a command or an option that there is not; what the arguments name need not be there."""
+    """Fails for a command or an option that does not exist; files need not be there."""
     group = typer.main.get_command(cli.app)
     if not words:
         return
@@ -126,9 +130,9 @@ def test_every_page_is_in_the_navigation_and_nothing_else() -> None:
             for value in entry.values():
                 yield from files(value) if isinstance(value, list) else [str(value)]
 
-    found = list(files(site["nav"]))
-    assert len(found) == len(set(found))
-    assert set(found) == {page.name for page in PAGES if page.parent == DOCS}
+    listed = list(files(site["nav"]))
+    assert len(listed) == len(set(listed))
+    assert set(listed) == {str(page.relative_to(DOCS)) for page in PAGES if DOCS in page.parents}
 
 
 def test_the_site_asks_nothing_of_other_servers() -> None:
@@ -137,19 +141,50 @@ def test_the_site_asks_nothing_of_other_servers() -> None:
     assert not {"extra_javascript", "extra_css", "google_analytics"} & set(site)
 
 
-def test_the_scenario_reference_is_that_of_the_schema() -> None:
-    text = scenario_reference.reference()
-    assert scenario_reference.PAGE.read_text() == text, (
-        "run: python -m generators.scenario_reference"
-    )
-    for words in (
-        "| `duration_s` | number > 0, ≤ 3600 | needed |",
-        "### errors.rod_strain",
-        "| `cost` | `ml`, `length`,",
-        "| `fitted` | list of (whole number ≥ 1, ≤ 5) |",
-    ):
-        assert words in text, words
-    assert not re.search(r"Annotated|NoneType|typing\.|<class", text)
+def threshold_faults(page: str) -> list[str]:
+    """Thresholds of the table of faults that are not those of their modules."""
+    faults = []
+    table = page.split("## Faults and thresholds")[1]
+    for module, cell in re.findall(r"^\| [^|]+ \| `([a-z._]+)` \| ([^|]+) \|", table, re.MULTILINE):
+        for name, number in re.findall(r"`([A-Z_]+)` ([\d.e-]+)", cell):
+            value = getattr(import_module(module), name, None)
+            if value != float(number):
+                faults.append(f"{module}.{name} is {value}, not {number}")
+    return faults
+
+
+def test_thresholds_on_the_page_of_recordings_are_those_of_the_modules() -> None:
+    page = (DOCS / "recordings.md").read_text()
+    assert page.count("`acquisition.faults.") > 5
+    assert not threshold_faults(page)
+    wrong = page.replace("`PAUSE` 0.5 s", "`PAUSE` 0.7 s")
+    assert threshold_faults(wrong) == ["acquisition.faults.segments.PAUSE is 0.5, not 0.7"]
+
+
+@pytest.mark.parametrize(
+    ("page", "text"),
+    [
+        ("command_line.md", command_line.page_text),
+        *((page.name, page.text) for page in schema_pages.PAGES),
+    ],
+    ids=lambda part: part if isinstance(part, str) else "",
+)
+def test_a_generated_page_is_what_its_generator_writes(page: str, text: Callable[[], str]) -> None:
+    head = (DOCS / page).read_text()
+    generator = re.search(r"python -m generators\.\w+", head)
+    assert generator is not None
+    assert head == text(), f"run: {generator[0]}"
+
+
+def test_every_table_of_measured_figures_has_command_commit_and_date() -> None:
+    page = (DOCS / "validation.md").read_text()
+    sections = re.split(r"^#{2,3} ", page, flags=re.MULTILINE)[1:]
+    for section in sections:
+        title, _, text = section.partition("\n")
+        if title.startswith(("A million", "Every error", "Planned paths", "Plant", "Reading")):
+            continue  # their parts have, or the section before
+        line = r"`(?:python -m benchmarks\.|ballbar )[^\n]+ · commit [0-9a-f]{7} · 20\d\d-\d\d-\d\d"
+        assert re.search(line, " ".join(text.split())), title
 
 
 def test_everything_on_the_api_page_is_there_and_has_a_docstring() -> None:
@@ -158,21 +193,24 @@ def test_everything_on_the_api_page_is_there_and_has_a_docstring() -> None:
     for name in names:
         module, _, attribute = name.rpartition(".")
         assert getattr(import_module(module), attribute).__doc__, name
+    shown = {name.rpartition(".")[2] for name in names}
+    assert set(getattr(ballbar_package, "__all__", ())) <= shown
     (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "api.md").read_text(), re.DOTALL)
     exec(compile(code, "api.md", "exec"), {})
 
 
 @pytest.mark.slow
 def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In a folder with nothing but the scenarios; left out is what opens a viewer, and of other pages what takes minutes."""
+    """In a folder with nothing but the scenarios; without the viewer and what takes minutes."""
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
     monkeypatch.chdir(tmp_path)
     said: dict[str, str] = {}
     for language, block in _FENCE.findall(TUTORIAL.read_text()):
         head = re.match(r"# (\S+\.(?:yaml|py))\n", block)
         if head:
+            (tmp_path / head[1]).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / head[1]).write_text(block)
             continue
         assert language == "sh", block
@@ -186,16 +224,16 @@ def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
                 )
     assert (tmp_path / "runs/irb2400/report.html").is_file()
     assert (tmp_path / "runs/irb2400/run.rrd").is_file()
-    assert said["ballbar run my_cell.yaml"].startswith("Good fit")
-    assert "met    TCP error, mean" in said["ballbar run my_cell.yaml"]
-    assert said["ballbar run my_cell_worse.yaml"].startswith("Misfit")
-    assert "missed TCP error, mean" in said["ballbar run my_cell_worse.yaml"]
+    assert said["ballbar run runs/tutorial/my_cell.yaml"].startswith("Good fit")
+    assert "met    TCP error, mean" in said["ballbar run runs/tutorial/my_cell.yaml"]
+    assert said["ballbar run runs/tutorial/my_cell_worse.yaml"].startswith("Misfit")
+    assert "missed TCP error, mean" in said["ballbar run runs/tutorial/my_cell_worse.yaml"]
     subprocess.run(
-        [sys.executable, "plot.py"],
+        [sys.executable, "runs/tutorial/plot.py"],
         check=True,
         env={"MPLBACKEND": "Agg", "PATH": "", "HOME": str(tmp_path)},
     )
-    assert (tmp_path / "eccentricity.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "runs/tutorial/eccentricity.png").read_bytes().startswith(b"\x89PNG")
 
     (tmp_path / "targets.csv").write_text("q1,q2,q3,q4,q5,q6\n0.1,0.1,0.1,0.1,0.5,0.1\n")
     cheap = {
@@ -203,7 +241,7 @@ def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
         for _, command in EVERY
         if re.match(r"ballbar (export|correct|check|compare) .*runs/irb2400", command)
     }
-    assert {command.split()[1] for command in cheap} == {"export", "correct", "compare"}
+    assert {command.split()[1] for command in cheap} == {"check", "compare", "correct", "export"}
     for command in sorted(cheap):
         code, _, told = ballbar(*shlex.split(command)[1:])
         assert code == 0, f"{command}: {told}"
@@ -228,15 +266,16 @@ def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_pa
         if "no such anchor" in line or line.startswith("WARNING")
     ]
     assert not faults
-    for page in (tmp_path / "site").glob("*.html"):
+    for page in (tmp_path / "site").rglob("*.html"):
         loaded = re.findall(
-            r'<(?:script|img|iframe)[^>]* src="([^"]+)"|<link[^>]* rel="(?:stylesheet|icon|preconnect)"[^>]* href="([^"]+)"',
+            r'<(?:script|img|iframe)[^>]* src="([^"]+)"|'
+            r'<link[^>]* rel="(?:stylesheet|icon|preconnect)"[^>]* href="([^"]+)"',
             page.read_text(),
         )
         assert not [
             address for pair in loaded for address in pair if address.startswith(("http", "//"))
         ], page.name
-    assert ">errors.rod_backlash<" in (tmp_path / "site/effects.html").read_text(), (
+    assert ">errors.rod_backlash<" in (tmp_path / "site/scenario_reference.html").read_text(), (
         "Markdown in its table is read"
     )
     assert 'id="ident.identify.identify"' in (tmp_path / "site/api.html").read_text()

@@ -71,7 +71,7 @@ def test_the_example_from_a_recording_writes_its_calibration(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     file = tmp_path / "calibration.yaml"
-    monkeypatch.setattr(sys, "argv", ["from_recording.py", str(recorded.folder), str(file)])
+    monkeypatch.setattr(sys, "argv", ["from_recording.py", str(file), str(recorded.folder)])
     runpy.run_path(str(ROOT / "examples/from_recording.py"), run_name="__main__")
     assert "raw/ballbar.csv: overrun (" in capsys.readouterr().out
     length = ballbar.load_calibration(file).geometry["ra2"]

@@ -40,7 +40,7 @@ def run(*command: object, cwd: Path) -> str:
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built from a copy: setuptools leaves its build folder beside the sources.
 
-    Without build isolation, so that nothing is downloaded; setuptools is a requirement of the tests.
+    Without build isolation nothing is downloaded; setuptools is a requirement of the tests.
     """
     folder = tmp_path_factory.mktemp("wheel")
     for name in SHIPPED:
@@ -59,8 +59,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Interpreter of a fresh environment that holds the wheel alone.
 
-    The dependencies are those of this environment, by a .pth file with its site-packages: that is
-    quick and needs no network. Python does not read the .pth files of a folder named in a .pth file,
+    The dependencies are those of this environment, by a .pth file with its site-packages: this is
+    quick and needs no network. The .pth files within a folder that a .pth file names are not read,
     so an editable install there, which would lead to the source tree, has no effect;
     --system-site-packages would give it one.
     """

@@ -1,0 +1,21 @@
+"""Every error source of a scenario, in the order of the page."""
+
+from generators.scenario_reference.sources.geometry import GEOMETRY
+from generators.scenario_reference.sources.logs import CLOCKS, LOADS, LOGGERS
+from generators.scenario_reference.sources.pairs import PAIRS
+from generators.scenario_reference.sources.plant import BAR, GEARS
+from generators.scenario_reference.sources.sensors import ENCODERS, OUTLIERS, ROBOT_SENSORS
+from generators.scenario_reference.sources.source import Source as Source
+
+GROUPS: dict[str, tuple[Source, ...]] = {
+    "Plant: gears and servo": GEARS,
+    "Plant: ball-bar and offset plate": BAR,
+    "Geometry": GEOMETRY,
+    "Robot's angle sensors": ROBOT_SENSORS,
+    "Ball-bar encoders": ENCODERS,
+    "Clocks and stamps": CLOCKS,
+    "Loggers: what stands in the file": (*LOGGERS, OUTLIERS),
+    "Logged loads": LOADS,
+    "Paired samples": PAIRS,
+}
+SOURCES = tuple(source for group in GROUPS.values() for source in group)

@@ -1,0 +1,62 @@
+"""Sources in the geometry: robot and ball-bar stand otherwise than their descriptions say."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from generators.scenario_reference import signals
+from generators.scenario_reference.plots import KINEMATIC, Plot, T, error, residual_plot
+from generators.scenario_reference.runs import Changes, merged
+from generators.scenario_reference.sources.source import Source
+from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS
+
+STATIC_OFF: Changes = {"errors": {"static": None}, "plant": {"kind": "kinematic"}}
+GEOMETRY = (
+    Source(
+        "errors.static",
+        "`true = nominal + deviation`; of the table, or `sigma z` with z normal, one draw a "
+        "parameter.",
+        "Geometry: DH rows of robot and ball-bar, base position; encoder zeros are drawn anyhow.",
+        "Table: thesis Table 3.1. Drawn: no default; thesis sec. 3.1 draws 1 mm and 1 mrad.",
+        "What calibration is for: millimetres that follow the pose. Drawn: 1 mm, 1 mrad.",
+        Plot(
+            signals.time,
+            lambda view: 1e3 * np.linalg.norm(view.residual, axis=1),
+            (T, "tool, bar - robot [mm]"),
+            {
+                "Table 3.1": KINEMATIC,
+                "drawn": merged(KINEMATIC, error("static", sigma_m=1e-3, sigma_rad=1e-3)),
+                "drawn, all": merged(
+                    KINEMATIC, error("static", sigma_m=1e-3, sigma_rad=1e-3, parameters="all")
+                ),
+            },
+            STATIC_OFF,
+        ),
+    ),
+    Source(
+        "errors.ballbar_axes",
+        f"`sigma_m z` on {', '.join(AXIS_OFFSETS)}; `sigma_rad z` on {', '.join(AXIS_ANGLES)}.",
+        "Geometry: ball-bar rows.",
+        "Assumed.",
+        "Residual of the order of rod length times squareness error.",
+        residual_plot(merged(KINEMATIC, error("ballbar_axes")), off=KINEMATIC, um=True),
+    ),
+    Source(
+        "errors.base_tilt",
+        "`otx, oty = sigma_rad z`, about x, then y.",
+        "Geometry: base of the ball-bar.",
+        "Assumed; the thesis's model has no base tilt.",
+        "Residual of rod length times tilt, smooth over the sphere.",
+        residual_plot(merged(KINEMATIC, error("base_tilt")), off=KINEMATIC),
+    ),
+    Source(
+        "errors.plate_length",
+        "`ra6 = nominal + sigma_m z`, one draw.",
+        "Geometry: the one known length.",
+        "Plate file, assumed: what a coordinate measuring machine gives.",
+        "Its own size in the residual; a fit takes it for scale and gets all lengths wrong by the "
+        "same share.",
+        residual_plot(merged(KINEMATIC, error("plate_length")), off=KINEMATIC, um=True),
+        of_machine=("m, standard deviation", lambda cell: cell.plate.length_sigma),
+    ),
+)

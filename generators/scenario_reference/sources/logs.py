@@ -1,0 +1,186 @@
+"""Sources in the logs: clocks and stamps, which rows stand in the files, logged loads."""
+
+from __future__ import annotations
+
+from generators.scenario_reference import signals
+from generators.scenario_reference.plots import KINEMATIC, Plot, T, clock_plot, rows_plot
+from generators.scenario_reference.runs import merged
+from generators.scenario_reference.sources.source import Source
+from sim.logging.clocks import ROBOT_PERIOD, SAMPLE_TASKS, TASK_NS
+
+PERIOD_MS, TASK_MS = 1e3 * ROBOT_PERIOD, 1e-6 * TASK_NS
+CLOCKS = (
+    Source(
+        "clocks.offset_s",
+        "`t_robot = offset + (1 + skew) t_bar`, both from the first row of their log.",
+        "Instants of the rows: the ball-bar's log begins later.",
+        "None: both logs begin together.",
+        "All ball-bar angles are shifted in time. Plotted: 0.137 s.",
+        clock_plot({"offset_s": 0.137}, "ms", 1e3),
+        what="One log begins later than the other.",
+    ),
+    Source(
+        "clocks.skew",
+        "As above: the ball-bar's clock runs slow by 1 + skew.",
+        "Instants of the rows.",
+        "None; quartz clocks differ by 20 to 100 ppm.",
+        "The shift grows along the run. Plotted: 5.0e-5.",
+        clock_plot({"skew": 5e-5}, "ms", 1e3),
+        what="The two clocks run at different rates.",
+    ),
+    Source(
+        "clocks.wander",
+        "`rate = r w(t) + c exp(-t / T)`, w a random walk of unit RMS; its integral less the best "
+        "straight line is added to t_robot.",
+        "Instants of the rows.",
+        "Usual for quartz oscillators without an oven.",
+        "Microseconds that no straight line takes out.",
+        Plot(
+            signals.bar_row_time,
+            signals.clock_difference(1e6),
+            (T, "t_robot - t_bar [us]"),
+            {
+                "default": merged(KINEMATIC, {"clocks": {"wander": {}}}),
+                "warm_up_ppm: 5": merged(KINEMATIC, {"clocks": {"wander": {"warm_up_ppm": 5.0}}}),
+            },
+            KINEMATIC,
+            minus_off=False,
+            rows=True,
+        ),
+    ),
+    Source(
+        "clocks.step",
+        "`stamp + step_s` from at_s.",
+        "Ball-bar stamps; the rows are taken as ever.",
+        "NTP's step threshold, 128 ms.",
+        "A gap in the stamps, or stamps that go back.",
+        clock_plot({"step": {"at_s": 20.0}}, "ms", 1e3),
+    ),
+    Source(
+        "clocks.quantum",
+        "`rint(stamp / quantum) quantum`, from the first row.",
+        "Stamps of both logs.",
+        "EGM headers and SYSTEMTIME count whole ms.",
+        f"The robot's {PERIOD_MS:.3f} ms period becomes 4, 4, .., 5 ms; the ball-bar's stamps, "
+        f"multiples of {TASK_MS:g} ms, do not change.",
+        rows_plot(
+            signals.robot_row_time,
+            signals.stamp_error(1e3),
+            "robot stamp - true [ms]",
+            {"quantum": {}},
+            window=(5.0, 6.5),
+        ),
+    ),
+    Source(
+        "clocks.jitter",
+        "`stamp + sigma_s z`.",
+        "Stamps of the robot's log.",
+        "Assumed.",
+        "White noise of the stamps: at 50 deg/s 0.2 ms is 175 urad.",
+        rows_plot(
+            signals.robot_row_time,
+            signals.stamp_error(1e3),
+            "robot stamp - true [ms]",
+            {"jitter": {}},
+            window=(5.0, 6.0),
+            marks=True,
+        ),
+    ),
+)
+
+LOGGERS = (
+    Source(
+        "clocks.overrun_probability",
+        f"A row takes {SAMPLE_TASKS} tasks of {TASK_MS:g} ms, or one more.",
+        "Instants and stamps of the ball-bar's rows.",
+        "None; thesis sec. 4.6 reports overruns, the scenarios assume 0.005.",
+        "Intervals of 15 ms among those of 10 ms; the stamps are right. Plotted: 0.005.",
+        rows_plot(
+            signals.bar_file_time,
+            signals.bar_file_interval_ms,
+            "ball-bar interval [ms]",
+            {"overrun_probability": 0.005},
+            marks=True,
+        ),
+        what="A line of the ball-bar's log takes one task more.",
+    ),
+    Source(
+        "clocks.dropped_rows",
+        "Each row but the first is lost with the stated probability.",
+        "Files of both logs.",
+        "Assumed.",
+        "Intervals of twice the period.",
+        rows_plot(
+            signals.robot_file_time,
+            signals.robot_file_interval_ms,
+            "robot interval [ms]",
+            {"dropped_rows": {}},
+            marks=True,
+        ),
+    ),
+    Source(
+        "clocks.duplicated_rows",
+        "Each row but the first is written twice with the stated probability.",
+        "Files of both logs.",
+        "Assumed.",
+        "Intervals of zero, all columns equal.",
+        rows_plot(
+            signals.robot_file_time,
+            signals.robot_file_interval_ms,
+            "robot interval [ms]",
+            {"duplicated_rows": {}},
+            marks=True,
+        ),
+    ),
+    Source(
+        "clocks.restart",
+        "No rows from at_s to at_s + gap_s.",
+        "Files of the ball-bar's log: two of them.",
+        "Assumed.",
+        "One long interval between ballbarOld.csv and ballbar.csv.",
+        rows_plot(
+            signals.bar_file_time,
+            signals.bar_file_interval_ms,
+            "ball-bar interval [ms]",
+            {"restart": {"at_s": 20.0}},
+            marks=True,
+        ),
+    ),
+)
+
+LOADS = (
+    Source(
+        "logs.torque",
+        "`(tau (1 + gain z_i) + noise z) / ratio`: columns tau1..tau6, N m at the motor.",
+        "Robot's log.",
+        "Assumed.",
+        "Here axis 1: gravity does not load it, friction is off, so it shows servo and rod.",
+        Plot(
+            signals.time,
+            signals.logged_and_true_torque,
+            (T, "tau1 at the motor [N m]"),
+            {"": {"logs": {"torque": {}}}},
+            minus_off=False,
+            columns=("logged", "true"),
+            window=(10.0, 16.0),
+        ),
+    ),
+    Source(
+        "logs.force_sensor",
+        "`load (1 + gain z_c) + bias z_c + noise z`: force and torque of plate and ball-bar on the "
+        "flange, in its frame, about its origin.",
+        "A third log, with its own rate, and a clock that begins offset_s after the robot's.",
+        "Assumed, for a sensor like the JR3 of thesis sec. 5.3.",
+        "The plate's weight turns with the wrist; the rod's force comes on top.",
+        Plot(
+            signals.sensor_time,
+            signals.sensor_force_and_truth,
+            (T, "fx [N]"),
+            {"": {"logs": {"force_sensor": {}}}},
+            minus_off=False,
+            rows=True,
+            columns=("logged", "true"),
+            window=(10.0, 16.0),
+        ),
+    ),
+)

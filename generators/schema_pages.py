@@ -1,0 +1,115 @@
+"""Reference pages from schemas: docs/calibration_file.md and docs/plan_request.md.
+
+python -m generators.schema_pages
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from ballbar.result.calibration import CalibrationFile
+from cell.files import write_whole
+from generators.scenario_reference.keys import default_text, first_paragraph, models_in, values_text
+from planning.request import PlanRequest
+
+DOCS = Path(__file__).parents[1] / "docs"
+CALIBRATION = """# calibration.yaml
+
+What an identification leaves, in SI units: lengths in m, angles in rad, times in s. Written by
+`python -m generators.schema_pages` from the schema; do not edit.
+
+A parameter that was not identified stands at its nominal value with `identified: false`, and
+`dropped` says why. Names of parameters: [Conventions](conventions.md). A file of another schema
+number is refused.
+"""
+REQUEST = """# Plan request
+
+The file of `ballbar plan REQUEST`; `scenarios/plans/irb2400.yaml` is a short one. Only `name` and
+`cell` are needed. Written by `python -m generators.schema_pages` from the schema; do not edit.
+Steps: [Plan a path](how_to/plan_a_path.md). Method: [Planning](planning.md).
+
+A plan keeps a reserve inside the limits (1 deg, 10 mm, a tenth of rates, a fifth of the force), so
+that the run on soft servo keeps the limits themselves. A request that allows nothing is refused
+with the limit that excludes most and the nearest miss. Clearance is that of MuJoCo's
+`mj_geomDistance` between capsules of robot and rod, the box of the plate, floor, pedestal and the
+boxes of `keep_out`; radii are assumed shares of the length of the upper arm.
+"""
+
+
+@dataclass(frozen=True)
+class SchemaPage:
+    """One page: file name, text at its head, schema, and whether people write the file."""
+
+    name: str
+    head: str
+    schema: type[BaseModel]
+    written_by_people: bool
+
+    @property
+    def path(self) -> Path:
+        return DOCS / self.name
+
+    def text(self) -> str:
+        """The page: the keys at the top, then each model that stands below them."""
+        models: dict[type[BaseModel], None] = {}
+        _collect(self.schema, models)
+        sections = (self._section(_title(model), model) for model in models)
+        return self.head + self._section("Keys", self.schema) + "".join(sections)
+
+    def _section(self, title: str, model: type[BaseModel]) -> str:
+        """Heading, meaning and keys of a model; defaults in a file that people write."""
+        fields = {field.alias or name: field for name, field in model.model_fields.items()}
+        columns = ["key", "values"]
+        columns += ["default"] if self.written_by_people else []
+        columns += ["meaning"] if any(field.description for field in fields.values()) else []
+        lines = [columns, ["---"] * len(columns)]
+        for key, field in fields.items():
+            cells = {
+                "key": f"`{key}`",
+                "values": _values(field),
+                "default": f"`{default_text(field)}`" if not models_in(field.annotation) else "",
+                "meaning": field.description or "",
+            }
+            lines.append([cells[column] for column in columns])
+        table = "".join(f"| {' | '.join(line)} |\n" for line in lines)
+        return f"\n## {title}\n\n{first_paragraph(model)}\n\n{table}"
+
+
+PAGES = (
+    SchemaPage("calibration_file.md", CALIBRATION, CalibrationFile, written_by_people=False),
+    SchemaPage("plan_request.md", REQUEST, PlanRequest, written_by_people=True),
+)
+
+
+def _collect(model: type[BaseModel], models: dict[type[BaseModel], None]) -> None:
+    """Adds the models that a model holds, at any depth, each once."""
+    for field in model.model_fields.values():
+        for inner in models_in(field.annotation):
+            if inner not in models:
+                models[inner] = None
+                _collect(inner, models)
+
+
+def _values(field: FieldInfo) -> str:
+    text = values_text(field)
+    for inner in models_in(field.annotation):
+        title = _title(inner)
+        text = text.replace(inner.__name__, f"[{title}](#{title.lower().replace(' ', '-')})")
+    return text
+
+
+def _title(model: type[BaseModel]) -> str:
+    """`StepFaultEntry` as Step fault, `PlanCell` as Cell."""
+    name = model.__name__.removesuffix("Entry").removeprefix("Plan")
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).capitalize()
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        write_whole(page.path, page.text().encode())
+        print(f"Wrote {page.path}")

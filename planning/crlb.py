@@ -1,0 +1,246 @@
+"""Cramer-Rao prediction of a trajectory: standard deviations of all parameters and of the tool.
+
+The bound is that of the complete model that `ballbar identify` fits (ident.estimator.joint_fit:
+geometry, clock, corrections with their priors, the rod's tension as a spline), at samples of a
+noise-free run. The information of a sample does not depend on how many are computed, so some
+hundreds represent the 1500 that are fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from cell.arrays import Array
+from cell.clock import Clock
+from cell.descriptions import Cell
+from cell.geometry import BAR_ROWS, Geometry
+from ident.complete_fit import FIRST_EXCESS
+from ident.corrections import CORRECTIONS
+from ident.corrections.base import Correction
+from ident.estimator.gauss_newton import inverse
+from ident.estimator.model import Evaluation, Model, gearing
+from ident.estimator.noise import ExcessNoise
+from ident.estimator.normal_equations import normal_equations
+from ident.estimator.samples import DWELL_KEPT, Samples
+from ident.estimator.unknowns import RecordingStart, Unknowns, complete_unknowns
+from ident.loads.gear_loads import MassModel, mass_model
+from ident.loads.logged_tension import tension_splines
+from ident.options import DEFAULT_SAMPLES
+from ident.recording_fit import WIDEST_KNOT_SPACING
+from ident.robot.accuracy import accuracy_grid, position_sigma
+from ident.robot.unloaded_robot import UnloadedRobot
+from ident.signals.smooth_log import interpolating_log
+from planning.request import PlanSensors, PlanTiming, Workspace
+from planning.trajectory import Trajectory
+
+EXACT = 1e-9  # [m] prior of a length taken as exact
+# Computed, of DEFAULT_SAMPLES fitted; sigma is then a few percent above that of all.
+SAMPLES = 240
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """What does not depend on the trajectory."""
+
+    cell: Cell
+    masses: MassModel
+    sensors: PlanSensors
+    timing: PlanTiming
+    corrections: tuple[Correction, ...]
+    grid: Array  # (G, 6) [rad] poses over which the TCP error counts
+    samples: int = SAMPLES
+
+    @property
+    def instants(self) -> Array:
+        """(N,) [s] times of the samples, from just before the robot moves to just after."""
+        margin = self.timing.dwell_s - DWELL_KEPT
+        return np.linspace(margin, self.timing.duration_s - margin, self.samples)
+
+    @cached_property
+    def knots(self) -> csr_array:
+        """(K, N) values of the tension's splines at the samples."""
+        return tension_splines(self.instants)
+
+    @cached_property
+    def to_knots(self) -> Array:
+        """(K, N) map of a tension at the samples to its least-squares spline."""
+        return np.asarray(np.linalg.pinv(self.knots.toarray().T))
+
+    @property
+    def dilution(self) -> float:
+        """Factor on noise that gives the computed samples the information of the fitted ones."""
+        return float(np.sqrt(self.samples / DEFAULT_SAMPLES))
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Predicted information of one trajectory about one robot."""
+
+    layout: Unknowns
+    model: Model
+    normal: Array  # (P, P) information matrix
+    points: tuple[Evaluation, ...]
+    geometry: Geometry
+    unloaded: UnloadedRobot
+    grid: Array
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(P, P) [SI] Cramer-Rao bound of the covariance."""
+        return inverse(self.normal)
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """[SI] standard deviation of every unknown but the tension's knots."""
+        spread = np.sqrt(np.diag(self.covariance))
+        return {
+            n: float(v)
+            for n, v in zip(self.layout.names, spread, strict=True)
+            if not n.startswith("tension")
+        }
+
+    @cached_property
+    def tcp_sigma(self) -> Array:
+        """(G,) [m] of the unloaded robot's tool over the grid, base aligned."""
+        moved = moving(self.layout)
+        moves = self.unloaded.jacobian(self.grid, self.layout.shared)
+        covariance = self.covariance[np.ix_(moved, moved)]
+        return position_sigma(self.unloaded.tool(self.grid), moves, covariance)
+
+
+def moving(layout: Unknowns) -> NDArray[np.intp]:
+    """(K,) indices of the unknowns that `UnloadedRobot.jacobian` has columns for."""
+    return np.asarray(np.r_[0 : layout.shared.size, layout.coefficients], dtype=np.intp)
+
+
+def predictor(
+    cell: Cell,
+    sensors: PlanSensors,
+    timing: PlanTiming,
+    workspace: Workspace | None,
+    *,
+    samples: int = SAMPLES,
+) -> Predictor:
+    """The predictor of a cell with its sensors over a workspace."""
+    grid = accuracy_grid(cell.robot)
+    if workspace is not None:
+        box = replace(
+            cell.robot,
+            accuracy_lower=np.radians(workspace.lower_deg),
+            accuracy_upper=np.radians(workspace.upper_deg),
+        )
+        grid = accuracy_grid(box)
+    return Predictor(
+        cell=cell,
+        masses=mass_model(cell),
+        sensors=sensors,
+        timing=timing,
+        corrections=tuple(make(cell, sensors.encoders) for make in CORRECTIONS.values()),
+        grid=grid,
+        samples=samples,
+    )
+
+
+def planned_unknowns(
+    on: Predictor, nominal: Geometry, recordings: Sequence[RecordingStart]
+) -> tuple[Unknowns, Array]:
+    """Unknowns of the complete model with the plate's length taken as exact, and start (P,) [SI].
+
+    `ba5` is equivalent to that length (ra6 against it): 5 um are 20 ppm of scale on any path, which
+    a plan states apart (planning.plan).
+    """
+    layout, x = complete_unknowns(
+        on.cell,
+        nominal,
+        recordings,
+        on.corrections,
+        measured_force=False,
+        rod_sigma=on.sensors.rod_sigma_m,
+    )
+    sigma = layout.sigma.copy()
+    sigma[layout.names.index("ba5")] = EXACT
+    return replace(layout, sigma=sigma), x
+
+
+def predict(
+    on: Predictor, trajectory: Trajectory, tension: Array, previous: Prediction | None = None
+) -> Prediction:
+    """The prediction of a trajectory.
+
+    tension : (N,) [N] of the rod at the trajectory's times. previous : prediction of the same
+        trajectory with another tension, whose loads per newton are reused.
+    """
+    samples = _samples(on, trajectory)
+    begin = RecordingStart(
+        samples.encoders, trajectory.nominal, Clock(0.0, 0.0), samples.splines.shape[0]
+    )
+    layout, x = planned_unknowns(on, trajectory.nominal, [begin])
+    knots, t = layout.own[0].knots, samples.times
+    if knots is not None:
+        x[knots] = on.to_knots @ np.interp(t, trajectory.t, tension)
+    model = Model(gearing(on.cell), on.masses, on.corrections, layout, (samples,))
+    bar = np.stack([np.interp(t, trajectory.t, angle) for angle in trajectory.b.T], axis=1)
+    points = previous.points if previous else ()
+    linear = normal_equations(model, x, [bar], _excess(on), previous=points)
+    return Prediction(
+        layout=layout,
+        model=model,
+        normal=linear.normal,
+        points=linear.evaluations,
+        geometry=trajectory.nominal,
+        unloaded=UnloadedRobot(on.cell, trajectory.nominal, on.corrections, x[layout.coefficients]),
+        grid=on.grid,
+    )
+
+
+def predictions(on: Predictor, trajectory: Trajectory, tensions: Array) -> tuple[Prediction, ...]:
+    """Predictions of a trajectory with each of R rod tensions (R, N) [N]."""
+    out: list[Prediction] = []
+    for tension in tensions:
+        out.append(predict(on, trajectory, tension, out[0] if out else None))
+    return tuple(out)
+
+
+def _excess(on: Predictor) -> ExcessNoise:
+    f, s = on.dilution, on.sensors
+    return ExcessNoise(
+        f * s.robot_sigma_rad,
+        2.0 * f * s.robot_sigma_rad,
+        f * s.encoder_sigma_rad,
+        f * FIRST_EXCESS.rod,
+    )
+
+
+def _samples(on: Predictor, trajectory: Trajectory) -> Samples:
+    """The samples of a noise-free run along a trajectory, with the noise of the sensors."""
+    s, f = on.sensors, on.dilution
+    fitted = [j - 1 for j in s.encoders]
+    moving = on.timing.duration_s - 2.0 * on.timing.dwell_s
+    spacing = min(moving / DEFAULT_SAMPLES, WIDEST_KNOT_SPACING)
+    robot_noise, bar_noise = (
+        f * sigma * np.sqrt(min(1.0, 1.0 / (rate * spacing)))
+        for sigma, rate in (
+            (s.robot_noise_sigma_rad, s.robot_rate_hz),
+            (s.encoder_noise_sigma_rad, s.ballbar_rate_hz),
+        )
+    )
+    noise = np.zeros(BAR_ROWS)
+    noise[fitted] = bar_noise
+    t, b = trajectory.t, trajectory.b[:, fitted]
+    return Samples(
+        robot=interpolating_log(t, trajectory.q, np.zeros(trajectory.q.shape[1])),
+        ballbar=interpolating_log(t, b, np.zeros(len(fitted))),
+        encoders=s.encoders,
+        directions=np.ones(len(fitted)),
+        times=on.instants,
+        joint_noise=np.full(6, robot_noise),
+        encoder_noise=noise,
+        tension=np.zeros(on.instants.size),
+        splines=on.knots,
+    )
