@@ -126,7 +126,7 @@ def influences(loop: KinematicLoop, result: Study) -> Influences:
 def cost_columns(
     loop: KinematicLoop, cost: str, encoders: tuple[int, ...], names: Sequence[str]
 ) -> Array:
-    """(P, M) Jacobian of a cost on a loop, one row for each of `names`."""
+    """(P, M) [per m, rad] Jacobian of a cost on a loop, one row for each of `names`."""
     return _linearised(loop, cost, encoders, names)[1]
 
 
