@@ -22,6 +22,7 @@ from ballbar.result.run_data import RunData
 from cell.geometry import INDEX, PARAMETERS, robot_frames
 from ident.identify import identify
 from ident.verdict import Verdict
+from sim.recording_files import write_recording
 from sim.settings import (
     CellSettings,
     ClockSettings,
@@ -33,7 +34,7 @@ from sim.settings import (
     SimulationSettings,
     StaticErrors,
 )
-from sim.simulate import simulate, write_recording
+from sim.simulate import simulate
 from tests.helpers.page_cells import Cells
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

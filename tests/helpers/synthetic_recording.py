@@ -37,9 +37,7 @@ SHAPE = Lissajous(  # scenarios/paths/irb2400_a.yaml
 @lru_cache(maxsize=4)
 def minute(step: float = ROW_PERIOD) -> ReferencePath:
     """Sixty seconds of the nominal mechanism, 2 s of dwell at both ends; step : [s] of its rows."""
-    return reference_path(
-        CELL.robot, NOMINAL, SHAPE, duration=60.0, dwell=2.0, stops=0, step=step
-    )
+    return reference_path(CELL.robot, NOMINAL, SHAPE, duration=60.0, dwell=2.0, stops=0, step=step)
 
 
 def exact_log(t: Array, angles: Array, sigma: float = 2e-6) -> SmoothLog:

@@ -99,11 +99,7 @@ def machine_fit(machine: CompleteModel) -> Fit:
 def rigid(machine: CompleteModel) -> CompleteModel:
     """The same recording without corrections, clock step and tension; x at its prior."""
     (samples,) = machine.model.recordings
-    samples = replace(
-        samples, tension=np.zeros(200), splines=samples.splines[:0], clock_steps=()
-    )
+    samples = replace(samples, tension=np.zeros(200), splines=samples.splines[:0], clock_steps=())
     start = RecordingStart(UNIVERSAL_AND_GIMBAL, NOMINAL, NO_CLOCK_ERROR)
-    layout, x = complete_unknowns(
-        CELL, NOMINAL, [start], (), measured_force=False, rod_sigma=None
-    )
+    layout, x = complete_unknowns(CELL, NOMINAL, [start], (), measured_force=False, rod_sigma=None)
     return CompleteModel(Model(gearing(CELL), None, (), layout, (samples,)), x, machine.ballbar)

@@ -107,9 +107,7 @@ def test_a_prior_of_no_width_holds_its_parameter_at_the_start(planted: Samples) 
     sigma = np.full(PARAMETERS.size, np.inf)
     held = [NAMES[i] for i in PARAMETERS].index("ra2")
     sigma[held] = 1e-12
-    result = fit_kinematics(
-        planted, NOMINAL, NO_CLOCK_ERROR, PARAMETERS, ROD, prior_sigma=sigma
-    )
+    result = fit_kinematics(planted, NOMINAL, NO_CLOCK_ERROR, PARAMETERS, ROD, prior_sigma=sigma)
     assert result.geometry()["ra2"] == pytest.approx(NOMINAL["ra2"], abs=1e-11)
     # What the prior determines is no degree of freedom that the data lose.
     data = 5 * planted.times.size
@@ -129,7 +127,9 @@ def test_joints_without_encoder_are_solved_for_along_with_the_fit(
     assert result.converged
     assert ("offset" in result.model.unknowns.names) == bool(encoders)
     off = np.array([result.geometry()[name] - true[name] for name in names])
-    sigma = np.sqrt(np.diag(result.covariance))[[result.model.unknowns.names.index(n) for n in names]]
+    sigma = np.sqrt(np.diag(result.covariance))[
+        [result.model.unknowns.names.index(n) for n in names]
+    ]
     assert (np.abs(off) < 4.0 * sigma).all()
     assert result.linear.residuals[0].shape[0] == {(): 1, (1, 2): 3}[encoders]
 
@@ -146,17 +146,13 @@ def test_iterations_are_reported_from_the_start_to_the_end(planted: Samples) -> 
     assert seen[-1].clock == result.clock()
     assert seen[-1].error.shape == (6, planted.times.size)
     assert np.array_equal(seen[-1].times, planted.times)
-    assert seen[-1].chi2_per_sample == pytest.approx(
-        result.linear.cost / result.linear.equations
-    )
+    assert seen[-1].chi2_per_sample == pytest.approx(result.linear.cost / result.linear.equations)
     # errors of millimetres against 10 urad
     assert seen[0].chi2_per_sample > 100.0 * seen[-1].chi2_per_sample
 
 
 def test_the_search_stops_after_the_iterations_it_was_given(planted: Samples) -> None:
-    result = fit_kinematics(
-        planted, NOMINAL, NO_CLOCK_ERROR, PARAMETERS, ROD, max_iterations=1
-    )
+    result = fit_kinematics(planted, NOMINAL, NO_CLOCK_ERROR, PARAMETERS, ROD, max_iterations=1)
     assert not result.converged
     assert result.iterations == 1
 

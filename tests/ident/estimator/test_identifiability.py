@@ -15,13 +15,7 @@ from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
 from ident.estimator.unknowns import kinematic_unknowns
 from sim.errors.static_errors import THESIS_3_1
-from tests.helpers.synthetic_recording import (
-    NO_CLOCK_ERROR,
-    NOMINAL,
-    exact_log,
-    minute,
-    recording,
-)
+from tests.helpers.synthetic_recording import NO_CLOCK_ERROR, NOMINAL, exact_log, minute, recording
 
 FIVE = (1, 2, 3, 4, 5)
 TRUE = NOMINAL.replaced({name: NOMINAL[name] + e * 1e-3 for name, e in THESIS_3_1.items()})

@@ -148,8 +148,7 @@ def test_parameters_of_kinematics_alone_need_no_prior(rigid: CompleteModel) -> N
     free = replace(
         rigid,
         model=replace(
-            rigid.model,
-            unknowns=replace(rigid.model.unknowns, sigma=np.full(rigid.x.size, np.inf)),
+            rigid.model, unknowns=replace(rigid.model.unknowns, sigma=np.full(rigid.x.size, np.inf))
         ),
     )
     equations = free.equations()

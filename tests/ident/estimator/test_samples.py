@@ -11,14 +11,7 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import robot_frames
 from ident.estimator.closure import close_loop
-from ident.estimator.samples import (
-    DWELL_KEPT,
-    MARGIN,
-    Samples,
-    overlap,
-    sample_times,
-    samples_of,
-)
+from ident.estimator.samples import DWELL_KEPT, MARGIN, Samples, overlap, sample_times, samples_of
 from ident.signals.smooth_log import smooth_log
 from tests.helpers.synthetic_recording import NO_CLOCK_ERROR, NOMINAL, exact_log, recording
 
@@ -141,9 +134,7 @@ def test_the_noise_of_a_sample_is_that_of_the_smoothed_log() -> None:
     t, rng = np.arange(0.0, 30.0, 0.004), np.random.default_rng(7)
     angles = np.tile(motion(t), 3)
     robot = smooth_log(t, angles + rng.normal(0, 2e-5, angles.shape), widest_knot_spacing=0.08)
-    bar = smooth_log(
-        t, angles[:, :2] + rng.normal(0, 4e-5, (t.size, 2)), widest_knot_spacing=0.08
-    )
+    bar = smooth_log(t, angles[:, :2] + rng.normal(0, 4e-5, (t.size, 2)), widest_knot_spacing=0.08)
     samples = samples_of(robot, bar, (4, 5), (1.0, 1.0), np.arange(1.0, 29.0, 0.2))
     averaged = np.sqrt(0.004 / 0.08)  # one row in twenty's worth of coefficients
     assert samples.joint_noise == pytest.approx(np.full(6, 2e-5 * averaged), rel=0.03)

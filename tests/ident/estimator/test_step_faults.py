@@ -95,13 +95,13 @@ def fitted(ballbar: Array, faults: tuple[StepFault, ...] = ()) -> Fit:
 
 def slipped(joint: int, at: float, size: float, seed: int = 41) -> Array:
     exact, noise = angles(TIMES, seed)
-    exact[TIMES >= at, joint - 1] += size
+    exact[at <= TIMES, joint - 1] += size
     return exact + noise
 
 
 def clock_set(at: float, step: float, seed: int = 41) -> Array:
     """The ball-bar's clock is set forward by `step` [s]: it shows what was `step` earlier."""
-    exact, noise = angles(TIMES - step * (TIMES >= at), seed)
+    exact, noise = angles(TIMES - step * (at <= TIMES), seed)
     return exact + noise
 
 

@@ -38,13 +38,9 @@ FEW = np.array([INDEX[name] for name in ("btheta1", "ox", "oy", "oz", "bd3", "ra
 ALIKE = 5
 
 
-def fitted(
-    samples: Samples, sigma: Array | None = None, parameters: Array = PARAMETERS
-) -> Fit:
+def fitted(samples: Samples, sigma: Array | None = None, parameters: Array = PARAMETERS) -> Fit:
     rod = ExcessNoise(rod=1e-7)
-    return fit_kinematics(
-        samples, NOMINAL, NO_CLOCK_ERROR, parameters, rod, prior_sigma=sigma
-    )
+    return fit_kinematics(samples, NOMINAL, NO_CLOCK_ERROR, parameters, rod, prior_sigma=sigma)
 
 
 @pytest.fixture(scope="module")
@@ -240,6 +236,4 @@ def test_observability_is_counted_with_all_other_unknowns_unknown() -> None:
         }
     )
     every = observability(normal, sigma, np.arange(5), 60)
-    assert every["O3"] == pytest.approx(
-        np.linalg.svd(columns * sigma, compute_uv=False)[-1]
-    )
+    assert every["O3"] == pytest.approx(np.linalg.svd(columns * sigma, compute_uv=False)[-1])

@@ -140,9 +140,7 @@ def test_priors_are_of_physical_size_and_centred_on_the_catalogue() -> None:
 
 
 def test_a_measured_rod_length_replaces_the_catalogues_tolerance() -> None:
-    layout, _ = complete_unknowns(
-        CELL, NOMINAL, [FIRST], (), measured_force=False, rod_sigma=2e-6
-    )
+    layout, _ = complete_unknowns(CELL, NOMINAL, [FIRST], (), measured_force=False, rod_sigma=2e-6)
     assert layout.sigma[layout.names.index("bd3")] == 2e-6
     assert layout.gain is None
 

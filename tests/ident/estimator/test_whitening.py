@@ -15,13 +15,7 @@ from ident.estimator.closure import (
     robot_joint_jacobian,
     rod_jacobian,
 )
-from ident.estimator.whitening import (
-    FLOOR_SIGMA,
-    cholesky,
-    covariance,
-    solve_lower,
-    whitening,
-)
+from ident.estimator.whitening import FLOOR_SIGMA, cholesky, covariance, solve_lower, whitening
 from tests.ident.conftest import Loop
 
 UNMEASURED = [[], [2], [2, 3, 4], [0, 1, 2, 3, 4]]
@@ -88,9 +82,10 @@ def test_what_the_unmeasured_joints_move_vanishes(
     weights = whitening(spread, columns[unmeasured])
     white = np.abs(weights(columns))
     measured = [j for j in range(5) if j not in unmeasured]
-    assert white[unmeasured].max() < 1e-7 * np.linalg.norm(
-        solve_lower(cholesky(spread), columns), axis=1
-    ).max()
+    assert (
+        white[unmeasured].max()
+        < 1e-7 * np.linalg.norm(solve_lower(cholesky(spread), columns), axis=1).max()
+    )
     assert (white[measured].max(axis=(1, 2)) > 1.0).all()
 
 

@@ -143,7 +143,9 @@ def test_a_hypothesis_that_cannot_be_linearised_leads_nowhere(
     assert fit_hypothesis(hypothesis(LATE), robot, ballbar, (1, 2), EXCESS, SPACING) is None
 
 
-def test_base_and_encoder_offsets_are_free_in_the_start_the_rest_is_held_near_the_catalogue() -> None:
+def test_base_and_encoder_offsets_are_free_in_the_start_the_rest_is_held_near_the_catalogue() -> (
+    None
+):
     parameters, sigma = start_parameters((1, 2))
     priors = dict(zip((NAMES[i] for i in parameters), sigma, strict=True))
     assert {name for name, s in priors.items() if np.isinf(s)} == {

@@ -57,7 +57,11 @@ def gimbal(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Both angles (N,) [rad] of a gimbal at t (N,) [s], and the direction (N, 3) that it holds."""
     t1 = 1.3 * np.sin(0.31 * t) + 0.5 * np.sin(0.83 * t + 1)
     t2 = -0.9 + 0.5 * np.sin(0.23 * t + 2)
-    return t1, t2, np.stack((-np.sin(t2) * np.cos(t1), -np.sin(t2) * np.sin(t1), np.cos(t2)), axis=1)
+    return (
+        t1,
+        t2,
+        np.stack((-np.sin(t2) * np.cos(t1), -np.sin(t2) * np.sin(t1), np.cos(t2)), axis=1),
+    )
 
 
 def test_a_gimbal_has_two_readings_that_hold_the_same_direction() -> None:

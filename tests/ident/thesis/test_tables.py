@@ -22,7 +22,7 @@ from ballbar.identifiability.study import (
 from ballbar.identifiability.tables import vector_text
 from ballbar.scenario import load_scenario
 from cell.errors import InputError
-from cell.geometry import INDEX, Geometry, bar_frames
+from cell.geometry import INDEX, bar_frames
 from cell.inverse import refine
 from generators import identifiability_page
 from generators.identifiability_page import (
@@ -71,6 +71,7 @@ BEYOND_TABLE_3_2 = {
     "position_angles": [("rtheta1 | ox,y + btheta1", "rtheta1 | ox,y", ["btheta1"])],
     "transform": [("rtheta1 | ox,y + btheta1", "rtheta1 | ox,y", ["btheta1"])],
 }
+
 
 @pytest.fixture(scope="module")
 def loops() -> dict[str, KinematicLoop]:
