@@ -1,11 +1,13 @@
-"""Coarse clock offset between two logs, from when things move; no geometry, no start value, any size of offset.
+"""Coarse clock offset of any size between two logs, from when things move, without geometry.
 
-Both mechanisms move and rest together. On one time grid each side gives two signals: liveliness, ln(1 + speed / slow), where
-speed is summed over the side's channels and slow is a tenth of its median moving speed, so that rests stand out and a fast
-wrist does not drown the rest; and stillness. At every lag the two sides are compared inside their overlap only. The score
-is the overlap times the explained variance rho^2, mean of the two signals: seconds in which one side tells what the other
-does. With the variance taken inside the overlap, rest against rest scores nothing; with rho^2 and not the likelihood
--ln(1 - rho^2), one rest that fits perfectly in a short overlap does not beat the whole course that fits well.
+Both mechanisms move and dwell together. On one time grid each log gives two signals: activity,
+ln(1 + speed / slow), where speed is summed over the log's channels and slow is a tenth of its
+median moving speed, so that dwells stand out and a fast wrist does not drown the rest; and whether
+it dwells. At every lag the two logs are compared inside their overlap only. The score is the
+overlap times the explained variance rho^2, mean of the two signals: seconds in which one log
+predicts the other. With the variance taken inside the overlap, dwell against dwell scores nothing;
+with rho^2 and not the likelihood -ln(1 - rho^2), one dwell that fits perfectly in a short overlap
+does not beat the whole trajectory that fits well.
 
 This is a cross-check for people. Identification finds the offset from geometry, and finer.
 """
@@ -17,11 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.stillness import speeds, stillness
+from acquisition.dwells import find_dwells, speeds
+from cell.arrays import Array
 from cell.errors import LogError
 from cell.logs import BallBarLog, RobotLog
-
-Array = NDArray[np.float64]
 
 STEP = 0.05  # [s] of the common grid: the speeds are smooth over 0.2 s
 MIN_OVERLAP = 10.0  # [s] less cannot tell one motion from another
@@ -33,10 +34,11 @@ _FLAT = 1e-9  # variance below which a signal is constant up to rounding
 
 @dataclass(frozen=True)
 class CoarseAlignment:
-    """`t_robot = offset_s + t_bar`, both counted from the first row of their own log, and the second best offset."""
+    """`t_robot = offset_s + t_bar`, both from the first row of their log, and the second best."""
 
     offset_s: float
-    score: float  # [s] overlap times explained variance; compare it with the overlap and with the runner-up's
+    # [s] overlap times explained variance; compare it with the overlap and with the runner-up's.
+    score: float
     overlap_s: float
     runner_up_offset_s: float | None  # none if there is no other peak
     runner_up_score: float
@@ -62,7 +64,8 @@ def coarse_alignment(robot: RobotLog, ballbar: BallBarLog) -> CoarseAlignment:
     best = int(np.argmax(lags.score))
     if lags.score[best] <= 0.0:
         raise LogError(
-            "robot and ball-bar log move at different times whatever the clock offset. Are they of the same run?"
+            "robot and ball-bar log move at different times whatever the clock offset. Are they "
+            "of the same run?"
         )
     runner_up = _runner_up(lags, best)
     return CoarseAlignment(
@@ -74,28 +77,30 @@ def coarse_alignment(robot: RobotLog, ballbar: BallBarLog) -> CoarseAlignment:
     )
 
 
-def _signals(side: str, t: Array, angles: Array) -> Array:
-    """(2, n) liveliness and stillness of one side on a grid of STEP from its first row."""
+def _signals(name: str, t: Array, angles: Array) -> Array:
+    """(2, n) activity and dwells of one log on a grid of STEP from its first row.
+
+    t : (N,) [s]. angles : (N, C) [rad].
+    """
     if t[-1] - t[0] < MIN_OVERLAP:
         raise LogError(
-            f"the {side} log lasts {t[-1] - t[0]:.3g} s; aligning two clocks needs {MIN_OVERLAP:g} s in common."
+            f"the {name} log lasts {t[-1] - t[0]:.3g} s; aligning two clocks needs {MIN_OVERLAP:g} "
+            "s in common."
         )
     speed = np.abs(speeds(t, angles)).sum(axis=1)
     moving = speed[speed > MOVING]
     if not moving.size:
         raise LogError(
-            f"nothing moves in the {side} log, so its clock cannot be compared with the other."
+            f"nothing moves in the {name} log, so its clock cannot be compared with the other."
         )
-    slow = SLOW * float(np.median(moving))
+    activity = np.log1p(speed / (SLOW * float(np.median(moving))))
+    standing = find_dwells(t, angles).standing.astype(np.float64)
     grid = np.arange(0.0, t[-1] - t[0], STEP)
-    still = stillness(t, angles).still.astype(np.float64)
-    return np.stack(
-        [np.interp(grid, t - t[0], signal) for signal in (np.log1p(speed / slow), still)]
-    )
+    return np.stack([np.interp(grid, t - t[0], signal) for signal in (activity, standing)])
 
 
 def _compare(robot: Array, ballbar: Array) -> _Lags:
-    """Score of every lag at which (2, n) signals of both sides overlap enough."""
+    """Score of every lag at which the signals (2, n) of both logs overlap enough."""
     ones_r, ones_b = np.ones(robot.shape[1]), np.ones(ballbar.shape[1])
     samples = np.rint(_cross(ones_r, ones_b))
     enough = samples >= MIN_OVERLAP / STEP
@@ -107,9 +112,12 @@ def _compare(robot: Array, ballbar: Array) -> _Lags:
 
 
 def overlap_correlation(r: Array, b: Array, samples: Array, enough: NDArray[np.bool_]) -> Array:
-    """(L,) correlation of two signals inside their overlap at each lag, by FFT; 0 where it is negative or one is constant.
+    """(L,) correlation of two signals inside their overlap at each lag, by FFT.
 
-    r, b : (n,), (m,) signals. samples : (L,) of overlap at each lag that counts. enough : (n+m-1,) those lags among all.
+    r, b : (n,), (m,) signals. samples : (L,) of overlap at each lag that counts. enough : (n+m-1,)
+        those
+        lags among all.
+    It is 0 where it is negative or one of the signals is constant.
     """
     r, b = r - r.mean(), b - b.mean()  # smaller numbers, less rounding in the differences below
     ones_r, ones_b = np.ones_like(r), np.ones_like(b)
@@ -119,9 +127,8 @@ def overlap_correlation(r: Array, b: Array, samples: Array, enough: NDArray[np.b
     )
     variance_r, variance_b = square_r - mean_r**2, square_b - mean_b**2
     varies = (variance_r > _FLAT) & (variance_b > _FLAT)
-    rho = np.where(varies, product - mean_r * mean_b, 0.0) / np.sqrt(
-        np.where(varies, variance_r * variance_b, 1.0)
-    )
+    deviations = np.sqrt(np.where(varies, variance_r * variance_b, 1.0))
+    rho = np.where(varies, product - mean_r * mean_b, 0.0) / deviations
     return np.clip(rho, 0.0, 1.0)
 
 

@@ -1,4 +1,4 @@
-"""How a recording would be read, with the reasons, from the head of each file: nothing is converted yet."""
+"""How a recording would be read and why, from the head of each file: nothing is converted yet."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from acquisition.formats.dialect import Dialect
 from acquisition.sources import (
+    LogSource,
     ballbar_layout,
     dialect_of,
     force_layout,
@@ -15,8 +16,9 @@ from acquisition.sources import (
     robot_layout,
     time_form,
 )
-from acquisition.table.header import SEPARATORS, Layout, read_header
-from acquisition.table.rows import plain_rows
+from acquisition.table.fields import SEPARATORS
+from acquisition.table.header import Header, Layout, read_header
+from acquisition.table.rows import PlainRows, plain_rows
 from acquisition.table.text import read_text
 from acquisition.times import TimeCells, stamps_ns, words
 from cell.recording import (
@@ -41,31 +43,33 @@ def explain_lines(folder: Path) -> list[str]:
     """
     description = load_recording_file(folder)
     lines = [
-        f"recording of robot {description.robot}, ball-bar {description.ballbar}, plate {description.plate} (recording.yaml)"
+        f"recording of robot {description.robot}, ball-bar {description.ballbar}, plate "
+        f"{description.plate} (recording.yaml)"
     ]
-    sources: list[tuple[SourceName, SourceFile | None]] = [
-        ("robot", description.sources.robot),
-        ("ballbar", description.sources.ballbar),
-        ("force", description.sources.force),
-    ]
-    for name, source in sources:
+    declared: dict[SourceName, SourceFile | None] = {
+        "robot": description.sources.robot,
+        "ballbar": description.sources.ballbar,
+        "force": description.sources.force,
+    }
+    for name, source in declared.items():
         if source is None:
             continue
         dialect = dialect_of(folder, name, source)
+        count = len(source.files)
         lines.append(
-            f"{name}: dialect {source.dialect}, as recording.yaml declares; {len(source.files)} file(s)"
+            f"{name}: dialect {source.dialect}, as recording.yaml declares; {count} file(s)"
         )
         lines += [f"  {line}" for line in _meaning(dialect, description)]
         if source.quantised:
             lines.append(
-                "  stamps step by more than can be neglected, the rows were taken evenly (recording.yaml): put between the steps"
+                "  stamps step by more than can be neglected, the rows were taken evenly "
+                "(recording.yaml): put between the steps"
             )
         layout = _layout(name, source, dialect, description)
+        log = LogSource(folder, name, source, dialect, layout)
         for file in source.files:
             if dialect.container == "text":
-                lines += [
-                    f"  {line}" for line in _file(folder, file, name, source, dialect, layout)
-                ]
+                lines += [f"  {line}" for line in _file(log, file)]
             else:
                 lines.append(f"  {file}: {dialect.container}")
     return lines
@@ -84,85 +88,75 @@ def _layout(
 
 
 def _meaning(dialect: Dialect, description: RecordingFile) -> list[str]:
+    """What the numbers of a log mean."""
     if dialect.source == "robot":
         unit = "degrees" if dialect.angle_unit == "deg" else "rad"
-        told = [
-            f"{_ANGLES[dialect.side]}, in {unit}: the dialect says so; numbers that contradict it are refused"
-        ]
-        return told + ["torques in N m at the motor, where they are logged"] * bool(
-            dialect.torque_columns
-        )
+        why = "the dialect says so; numbers that contradict it are refused"
+        angles = [f"{_ANGLES[dialect.angle_kind]}, in {unit}: {why}"]
+        torques = ["torques in N m at the motor, where they are logged"]
+        return angles + (torques if dialect.torque_columns else [])
     if dialect.source == "ballbar":
         return [
-            _encoder(name, one, dialect.status.get(name))
-            for name, one in sorted(description.encoders.items())
+            _encoder(name, encoder, dialect.status.get(name))
+            for name, encoder in sorted(description.encoders.items())
         ]
     return ["forces in N, torques in N m: what the flange feels, in its own frame"]
 
 
-def _encoder(name: str, one: EncoderFitting, status: str | None) -> str:
-    count = 2.0 * np.pi / (one.lines << one.bits) * 1e6
-    sense = "as counted" if one.sign > 0 else "against the count"
+def _encoder(name: str, encoder: EncoderFitting, status: str | None) -> str:
+    count = 2.0 * np.pi / (encoder.lines << encoder.bits) * 1e6
+    direction = "as counted" if encoder.sign > 0 else "against the count"
     faults = f"; status word {status} where there is such a column" if status else ""
     return (
-        f"encoder {name}: counter in column {one.column}, {one.lines} lines at {one.bits} bits (recording.yaml): "
-        f"{count:.3g} urad a count, {sense}{faults}"
+        f"encoder {name}: counter in column {encoder.column}, {encoder.lines} lines at "
+        f"{encoder.bits} bits (recording.yaml): {count:.3g} urad a count, {direction}{faults}"
     )
 
 
-def _file(
-    folder: Path, file: str, name: SourceName, source: SourceFile, dialect: Dialect, layout: Layout
-) -> list[str]:
-    text = read_text(inside(folder, file), file, [])
-    header = read_header(text, layout, [])
-    where = (
-        "no header, columns as declared"
-        if header.without_header()
-        else f"header in line {text.number[header.row - 1]}"
-    )
+def _file(source: LogSource, file: str) -> list[str]:
+    """How one table would be read."""
+    text = read_text(inside(source.folder, file), file)
+    header = read_header(text, source.layout)
+    where = f"header in line {text.number[header.row - 1]}"
+    if header.without_header():
+        where = "no header, columns as declared"
     lines = [
-        f"{file}: {text.encoding}, {SEPARATORS[header.separator]} between the fields (most wanted names are found with it), {where}, "
-        f"{len(header.names)} columns"
+        f"{file}: {text.encoding}, {SEPARATORS[header.separator]} between the fields (most wanted "
+        f"names are found with it), {where}, {len(header.names)} columns",
+        f"  columns: {', '.join(_columns(header))}",
     ]
-    pairs = [
-        (position + 1, header.names[position], selector)
-        for selector, position in zip(header.columns, header.positions, strict=True)
-    ]
-    shown = [
-        f"{k} {name}" if name == selector else f"{k} {name} (found by {selector})"
-        for k, name, selector in pairs
-    ]
-    lines.append(f"  columns: {', '.join(shown)}")
-    absent = [selector for selector in layout.optional if selector not in header.columns]
+    absent = [selector for selector in source.layout.optional if selector not in header.columns]
     if absent:
         lines.append(f"  not there, and not needed: {', '.join(absent)}")
-    rows = plain_rows(text, header, layout, [])
-    if dialect.time.column in header.columns:
-        position = dict(zip(header.columns, header.positions, strict=True))[dialect.time.column]
-        cells = [
-            rows.plain[k].split(rows.separator)[position].strip()
-            for k in (0, len(rows.plain) // 2, -1)
-        ]
-        stamps = TimeCells(
-            file, dialect.time.column, cells, rows.number[[0, len(rows.plain) // 2, -1]]
-        )
-        lines.append(f"  time: {_time(name, source, dialect, stamps)}")
+    rows = plain_rows(text, header, source.layout)
+    if source.dialect.time.column in header.columns:
+        lines.append(f"  time: {_time(source, rows, header)}")
     return lines
 
 
-def _time(name: SourceName, source: SourceFile, dialect: Dialect, stamps: TimeCells) -> str:
-    form = time_form(name, source, dialect, stamps)
-    why = (
-        "recording.yaml declares it"
-        if source.time
-        else "the dialect declares it"
-        if not dialect.time.forms
-        else "the stamps show it"
-    )
-    ns = stamps_ns(stamps, form, [])
-    first = (
-        f"; first row at {np.datetime64(int(ns[0]) // 1_000_000, 'ms')} UTC or local"
-        if form == "date" or form.startswith(("unix", "dc", "file"))
-        else ""
-    )
+def _columns(header: Header) -> list[str]:
+    """Number and name of each wanted column, with its selector where that is another."""
+    shown = []
+    for selector, position in zip(header.columns, header.positions, strict=True):
+        name = header.names[position]
+        how = "" if name == selector else f" (found by {selector})"
+        shown.append(f"{position + 1} {name}{how}")
+    return shown
+
+
+def _time(source: LogSource, rows: PlainRows, header: Header) -> str:
+    """Form of the time stamps, by the first, the middle and the last row."""
+    dialect, shown = source.dialect, [0, len(rows.plain) // 2, -1]
+    column = dialect.time.column
+    position = dict(zip(header.columns, header.positions, strict=True))[column]
+    cells = [rows.plain[k].split(rows.separator)[position].strip() for k in shown]
+    stamps = TimeCells(rows.file, column, cells, rows.number[shown])
+    form = time_form(source.name, source.declared, dialect, stamps)
+    why = "the stamps show it" if dialect.time.forms else "the dialect declares it"
+    if source.declared.time:
+        why = "recording.yaml declares it"
+    first = ""
+    if form == "date" or form.startswith(("unix", "dc", "file")):
+        ns = int(stamps_ns(stamps, form)[0][0])
+        first = f"; first row at {np.datetime64(ns // 1_000_000, 'ms')} UTC or local"
     return f"{words(form)}, since {why}{first}"

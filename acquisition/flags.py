@@ -1,4 +1,4 @@
-"""Row flags: what is known against a row of a log, as bits of one word (uint32) that goes with the row."""
+"""Row flags: what is wrong or special with a row of a log, as bits of one word."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Flags = NDArray[np.uint32]
 
 
 class RowFlag(IntFlag):
-    """The bits."""
+    """The bits of a row's flags."""
 
     DUPLICATE = 1  # other rows had the same stamp and were left out
     REORDERED = 2  # put in order by its sequence number
@@ -25,14 +25,12 @@ class RowFlag(IntFlag):
     PRESET = 512  # counter set or reset here
     IMPLAUSIBLE = 1024  # no motion leads to this value
     REPAIRED = 2048  # line read with a repair
-    SENTINEL = 4096  # rows before it held a number that stands for none and were left out
+    SENTINEL = 4096  # rows before it had a number that stands for no value, and were left out
 
 
-EXCLUDED = (
-    RowFlag.AMPLITUDE | RowFlag.FREQUENCY | RowFlag.INVALID | RowFlag.IMPLAUSIBLE
-)  # not for fits
+EXCLUDED = RowFlag.AMPLITUDE | RowFlag.FREQUENCY | RowFlag.INVALID | RowFlag.IMPLAUSIBLE
 
 
 def usable(flags: Flags) -> NDArray[np.bool_]:
-    """(N,) whether a fit may use the row."""
+    """(N,) whether a fit may use the row; flags : (N,) bits of RowFlag."""
     return np.asarray((flags & np.uint32(EXCLUDED)) == 0)

@@ -1,7 +1,8 @@
-"""Import report: everything the reader found or mended in the files of a recording, counted by kind, with file and lines.
+"""Import report: what the reader found or repaired in the files of a recording, and where.
 
-A finding is either `repaired` (the reader changed or left out something, and says what) or a `warning` (nothing was
-changed, but the engineer should know). What cannot be repaired is no finding: it is an error, and reading stops.
+A finding is `repaired` where the reader changed or left out something, and a `warning` where
+nothing was changed but the engineer should know. What cannot be repaired is an error, and reading
+stops.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from cell.recording import SourceName
 
 Severity = Literal["repaired", "warning"]
-LINES_SHOWN = 5  # line numbers kept with a finding; enough to open the file at the place
+LINES_SHOWN = 5  # line numbers stored with a finding; enough to open the file there
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,7 @@ class Finding:
     kind: str
     severity: Severity
     file: str
-    lines: tuple[
-        int, ...
-    ]  # the first few, counted from 1; empty where the finding concerns the whole file
+    lines: tuple[int, ...]  # the first few, counted from 1; empty for findings about the whole file
     count: int
     sentence: str
 
@@ -43,14 +42,14 @@ class FileSummary:
     encoding: str
     separator: str
     decimal: str
-    rows_read: int  # below the header, blank lines not counted
+    rows_read: int  # below the header, without blank lines
     rows_kept: int
     time: str  # form of the time stamps, and their column
 
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What was read, and every repair and warning."""
+    """The files that were read, with all repairs and warnings."""
 
     files: tuple[FileSummary, ...]
     findings: tuple[Finding, ...]
@@ -58,11 +57,8 @@ class ImportReport:
     def to_dict(self) -> dict[str, Any]:
         """The report as plain lists, dicts, numbers and text, ready for JSON."""
         plain = asdict(self)
-        plain["files"] = list(plain["files"])
-        plain["findings"] = [
-            {**finding, "lines": list(finding["lines"])} for finding in plain["findings"]
-        ]
-        return plain
+        findings = [{**entry, "lines": list(entry["lines"])} for entry in plain["findings"]]
+        return {"files": list(plain["files"]), "findings": findings}
 
 
 def finding(
@@ -74,47 +70,34 @@ def finding(
     lines: Sequence[int] | NDArray[np.int64] = (),
     count: int | None = None,
 ) -> Finding:
-    """A finding at some lines; `count` defaults to their number."""
-    return Finding(
-        kind,
-        severity,
-        file,
-        tuple(int(n) for n in lines[:LINES_SHOWN]),
-        len(lines) if count is None else count,
-        sentence,
-    )
+    """A finding at some line numbers; `count` defaults to how many they are."""
+    first = tuple(int(line) for line in lines[:LINES_SHOWN])
+    return Finding(kind, severity, file, first, len(lines) if count is None else count, sentence)
 
 
 def report_lines(report: ImportReport) -> list[str]:
-    """The report as lines of text: how each file was read, what was repaired, what else to know; headings are not indented."""
+    """The report as lines of text: files, repairs, warnings; only headings are not indented."""
     lines = ["FILES"]
     for file in report.files:
         lines += [
             f"  {file.file}: {file.rows_kept} of {file.rows_read} rows used",
-            f"    {file.source}, dialect {file.dialect}; {file.encoding}, separator {file.separator}, decimal {file.decimal}; {file.time}",
+            f"    {file.source}, dialect {file.dialect}; {file.encoding}, "
+            f"separator {file.separator}, decimal {file.decimal}; {file.time}",
         ]
     headings: tuple[tuple[str, Severity], ...] = (("REPAIRED", "repaired"), ("WARNINGS", "warning"))
     for heading, severity in headings:
-        found = [one for one in report.findings if one.severity == severity]
+        entries = [finding_line(f) for f in report.findings if f.severity == severity]
         lines += (
-            [heading, *(f"  {finding_line(one)}" for one in found)]
-            if found
-            else [f"{heading}: none"]
+            [heading, *(f"  {entry}" for entry in entries)] if entries else [f"{heading}: none"]
         )
     return lines
 
 
-def finding_line(one: Finding) -> str:
-    """A finding with its place, as a line of text."""
-    return f"{_place(one)}: {one.kind}{_times(one)}: {one.sentence}"
-
-
-def _place(one: Finding) -> str:
-    if not one.lines:
-        return one.file
-    more = ",..." if one.count > len(one.lines) else ""
-    return f"{one.file}:{','.join(map(str, one.lines))}{more}"
-
-
-def _times(one: Finding) -> str:
-    return f" ({one.count} times)" if one.lines and one.count > 1 else ""
+def finding_line(entry: Finding) -> str:
+    """A finding with its location as a line of text: `file:lines: kind (count): sentence`."""
+    location, times = entry.file, ""
+    if entry.lines:
+        more = ",..." if entry.count > len(entry.lines) else ""
+        location += f":{','.join(map(str, entry.lines))}{more}"
+        times = f" ({entry.count} times)" if entry.count > 1 else ""
+    return f"{location}: {entry.kind}{times}: {entry.sentence}"

@@ -1,10 +1,11 @@
-"""The device files of one side of a recording as one table: dialect, columns, stamps in ns and in order."""
+"""The device files of one source of a recording as one table, with stamps in ns and in order."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PureWindowsPath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,55 +19,56 @@ from acquisition.stamps.quantised import spread
 from acquisition.table.header import Kind, Layout
 from acquisition.table.table import Table
 from acquisition.times import TIME_FORMS, TimeCells, TimeForm, recognised, stamps_ns, words
+from cell.arrays import Array
 from cell.errors import DescriptionError, LogError
+from cell.neighbours import Mask
 from cell.recording import EncoderFitting, EncoderName, SourceFile, SourceName
 from cell.schema_errors import nearest
 
-MINIMUM_ROWS = 50  # the complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix nothing
+# The complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix
+# nothing.
+MINIMUM_ROWS = 50
 _DEVICES: dict[SourceName, str] = {"robot": "robot", "ballbar": "ballbar", "force": "force sensor"}
 
 
 @dataclass(frozen=True, eq=False)
 class LogRows:
-    """Every row of one side that was read, also those that no fit uses."""
+    """Every row of one source that was read, also those that no fit uses."""
 
-    t: NDArray[np.float64]  # (N,) [s] from the first row that is used
+    t: Array  # (N,) [s] from the first row that is used
     flags: Flags  # (N,)
     segment: NDArray[np.uint16]  # (N,)
-    used: NDArray[np.bool_]  # (N,) whether the row is in the log
+    used: Mask  # (N,) whether the row is in the log
+
+
+@dataclass(frozen=True, eq=False)
+class ImportLog:
+    """What was read of one source."""
+
+    files: tuple[FileSummary, ...]
+    findings: tuple[Finding, ...]
+    rows: LogRows
 
 
 @dataclass(frozen=True)
-class Side:
-    """One side of the recording, and how its files are written."""
+class LogSource:
+    """One source of a recording, and how its files are written."""
 
     folder: Path
     name: SourceName
-    source: SourceFile
+    declared: SourceFile
     dialect: Dialect
     layout: Layout
-    status: dict[EncoderName, str] = field(
-        default_factory=dict
-    )  # status column of each fitted encoder
-
-
-@dataclass
-class Ledger:
-    """What the report will say, while files are being read."""
-
-    files: list[FileSummary]
-    findings: list[Finding]
-    rows: dict[SourceName, LogRows] = field(default_factory=dict)
+    # Status column of each fitted encoder.
+    status: dict[EncoderName, str] = field(default_factory=dict)
 
 
 def robot_layout(source: SourceFile, dialect: Dialect) -> Layout:
     """The columns of a robot's log."""
-    return _layout(
-        source,
-        dialect,
-        _all(dialect.angles, "float"),
-        _all(dialect.torque_columns, "float") | _sequence(dialect),
-        dialect.torque_columns,
+    torques = dialect.torque_columns
+    optional = _all(torques, "float") | _sequence(dialect)
+    return replace(
+        _layout(source, dialect, _all(dialect.angles, "float"), optional), together=torques
     )
 
 
@@ -76,9 +78,8 @@ def ballbar_layout(
     """The columns of a ball-bar's log."""
     status = [dialect.status[name] for name in fitted if name in dialect.status]
     counters = [encoder.column for encoder in fitted.values()]
-    return _layout(
-        source, dialect, _all(counters, "integer"), _all(status, "integer") | _sequence(dialect)
-    )
+    optional = _all(status, "integer") | _sequence(dialect)
+    return _layout(source, dialect, _all(counters, "integer"), optional)
 
 
 def force_layout(source: SourceFile, dialect: Dialect) -> Layout:
@@ -95,11 +96,7 @@ def _all(columns: Sequence[str], kind: Kind) -> dict[str, Kind]:
 
 
 def _layout(
-    source: SourceFile,
-    dialect: Dialect,
-    required: dict[str, Kind],
-    optional: dict[str, Kind],
-    together: tuple[str, ...] = (),
+    source: SourceFile, dialect: Dialect, required: dict[str, Kind], optional: dict[str, Kind]
 ) -> Layout:
     time = dialect.time
     if time.column in required:
@@ -111,7 +108,6 @@ def _layout(
         separators=dialect.separators,
         required={time.column: stamps, **required},
         optional=optional,
-        together=together,
         instead={time.column: time.halves} if time.halves else {},
         names=source.columns,
         headerless=dialect.headerless,
@@ -119,115 +115,118 @@ def _layout(
     )
 
 
-def dialect_of(folder: Path, side: SourceName, source: SourceFile) -> Dialect:
-    """The dialect of one side: a shipped one, or a file of the recording folder.
+def dialect_of(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
+    """The dialect of one source: a shipped one, or a file of the recording folder.
 
-    Raises DescriptionError if there is none, or it is of another side.
+    Raises DescriptionError if there is none, or it is of another source.
     """
-    place = f"{folder / 'recording.yaml'}: sources.{side}"
+    location = f"{folder / 'recording.yaml'}: sources.{name}"
     try:
-        own = source.dialect.endswith(".yaml")
-        dialect = (
-            dialect_file(inside(folder, source.dialect)) if own else load_dialect(source.dialect)
-        )
+        if source.dialect.endswith(".yaml"):
+            dialect = dialect_file(inside(folder, source.dialect))
+        else:
+            dialect = load_dialect(source.dialect)
     except DescriptionError as error:
-        raise DescriptionError(f"{place}.dialect: {error}") from None
-    if dialect.source != side:
+        raise DescriptionError(f"{location}.dialect: {error}") from None
+    if dialect.source != name:
         raise DescriptionError(
-            f"{place}.dialect: {source.dialect} describes logs of the {_DEVICES[dialect.source]}, not of the {_DEVICES[side]}. "
-            "Are the files swapped?"
+            f"{location}.dialect: {source.dialect} describes logs of the "
+            f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped?"
         )
     if source.time is not None and source.time not in TIME_FORMS:
-        raise DescriptionError(
-            f"{place}.time: unknown form of time {source.time!r}.{nearest(source.time, list(TIME_FORMS), noun='form')}"
-        )
+        choices = nearest(source.time, list(TIME_FORMS), noun="form")
+        raise DescriptionError(f"{location}.time: unknown form of time {source.time!r}.{choices}")
     return dialect
 
 
-def read_files(side: Side, ledger: Ledger) -> list[Table]:
-    """All files of one side, each with stamps in order."""
-    tables = [_read_file(side, file, ledger) for file in side.source.files]
-    _refuse_differing(tables, side.layout.together)
-    return tables
+def read_files(source: LogSource) -> tuple[list[Table], list[FileSummary]]:
+    """All files of one source, each with stamps in order, and how each was read."""
+    read = [_read_file(source, file) for file in source.declared.files]
+    tables = [table for table, _ in read]
+    _refuse_differing(tables, source.layout.together)
+    return tables, [summary for _, summary in read]
 
 
 def joined(tables: list[Table]) -> Table:
-    """All files of one side as one table.
+    """All files of one source as one table.
 
     Raises LogError if they overlap, or hold too few rows.
     """
     table = join(tables)
-    if len(table) < MINIMUM_ROWS:
-        raise LogError(
-            f"{', '.join(table.files)}: {len(table)} usable rows; at least {MINIMUM_ROWS} are needed."
-        )
+    refuse_few(table, len(table))
     return table
+
+
+def refuse_few(table: Table, rows: int) -> None:
+    """Raises LogError if so many rows of a table are too few for a fit."""
+    if rows < MINIMUM_ROWS:
+        files = ", ".join(table.files)
+        raise LogError(f"{files}: {rows} usable rows; at least {MINIMUM_ROWS} are needed.")
 
 
 def _refuse_differing(tables: list[Table], together: tuple[str, ...]) -> None:
-    """Columns that only some files have would be lost to all when they are joined."""
+    """Raises LogError for columns that only some files have: joining would lose them to all."""
     without = [table.files[0] for table in tables if not table.columns.keys() >= set(together)]
     if without and len(without) < len(tables):
         raise LogError(
-            f"{without[0]}: columns {', '.join(together)} missing, and other files of this source have them. "
-            "Log them in every file, or remove them from all."
+            f"{without[0]}: columns {', '.join(together)} missing, and other files of this source "
+            "have them. Log them in every file, or remove them from all."
         )
 
 
-def _read_file(side: Side, file: str, ledger: Ledger) -> Table:
-    findings = ledger.findings
-    table, form = read_file(inside(side.folder, file), file, side.dialect, side.layout, findings)
-    shown, column, table = _with_stamps(side, table, findings)
-    table = in_sequence(table, side.dialect.sequence, findings)
-    table = in_order(spread(table, findings) if side.source.quantised else table, findings)
-    ledger.files.append(
-        FileSummary(
-            file, side.name, side.source.dialect, form.encoding, form.separator, form.decimal, form.rows_read, len(table),
-            f"{column} in {words(shown)}",
-        )
-    )  # fmt: skip
-    return table
-
-
-def _with_stamps(side: Side, table: Table, findings: list[Finding]) -> tuple[TimeForm, str, Table]:
-    """The table of one file with its stamps in ns, the form they were in and their column."""
-    time, columns = side.dialect.time, dict(table.columns)
-    if time.column in columns:
-        column, cells = time.column, columns.pop(time.column)
-    else:
-        assert time.halves is not None
-        low, high = time.halves
-        column, cells = (
-            f"{low} and {high}",
-            _put_together(table, columns.pop(low), columns.pop(high), time.halves),
-        )
-    stamps = TimeCells(table.files[0], column, cells, table.line)
-    form = time_form(side.name, side.source, side.dialect, stamps)
-    columns[STAMP] = stamps_ns(stamps, form, findings)
-    return (
-        form,
-        column,
-        Table(columns, table.files, table.file, table.line, table.flags, table.begins),
+def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
+    table, form = read_file(inside(source.folder, file), file, source.dialect, source.layout)
+    table, time = _with_stamps(source, table)
+    table = in_sequence(table, source.dialect.sequence)
+    table = in_order(spread(table) if source.declared.quantised else table)
+    summary = FileSummary(
+        file=file,
+        source=source.name,
+        dialect=source.declared.dialect,
+        encoding=form.encoding,
+        separator=form.separator,
+        decimal=form.decimal,
+        rows_read=form.rows_read,
+        rows_kept=len(table),
+        time=time,
     )
+    return table, summary
 
 
-def _put_together(
-    table: Table, low: NDArray[np.int64], high: NDArray[np.int64], names: tuple[str, str]
-) -> NDArray[np.int64]:
-    """(N,) 64-bit counts of their 32-bit halves."""
-    for name, half, most in ((names[0], low, 2**32), (names[1], high, 2**31)):
-        outside = np.flatnonzero((half < 0) | (half >= most))
-        if outside.size:
-            raise LogError(
-                f"{table.place(outside[0])}: column {name}: {half[outside[0]]} is no half of a 64-bit time."
-            )
-    return np.asarray((high << 32) | low)
+def _with_stamps(source: LogSource, table: Table) -> tuple[Table, str]:
+    """The table of one file with its stamps in ns, and their column and form in words."""
+    time, columns = source.dialect.time, dict(table.columns)
+    if time.column not in columns and time.halves is not None:
+        column = " and ".join(time.halves)
+        low, high = (_half(table, name, columns.pop(name), k) for k, name in enumerate(time.halves))
+        cells: NDArray[Any] = (high << 32) | low
+    else:
+        column, cells = time.column, columns.pop(time.column)
+    stamps = TimeCells(table.files[0], column, cells, table.line)
+    form = time_form(source.name, source.declared, source.dialect, stamps)
+    columns[STAMP], findings = stamps_ns(stamps, form)
+    table = replace(table, columns=columns, findings=(*table.findings, *findings))
+    return table, f"{column} in {words(form)}"
+
+
+def _half(table: Table, name: str, half: NDArray[np.int64], k: int) -> NDArray[np.int64]:
+    """(N,) the lower (k = 0) or upper (k = 1) 32 bits of 64-bit counts.
+
+    Raises LogError for a number that is neither.
+    """
+    outside = np.flatnonzero((half < 0) | (half >= 2 ** (32 - k)))
+    if outside.size:
+        raise LogError(
+            f"{table.location(outside[0])}: column {name}: {half[outside[0]]} is no half of a "
+            "64-bit time."
+        )
+    return half
 
 
 def time_form(
     name: SourceName, source: SourceFile, dialect: Dialect, stamps: TimeCells
 ) -> TimeForm:
-    """The form of the stamps of one file: declared by the recording or by the dialect, or the one that they show.
+    """The form of the stamps of one file: declared by recording or dialect, or the one they show.
 
     Raises LogError if they show none.
     """
@@ -235,17 +234,15 @@ def time_form(
         return next(form for form in TIME_FORMS if form == source.time)
     if not dialect.time.forms:
         return dialect.time.possible[0]
-    shown = {
-        recognised(str(stamps.cells[row]), dialect.time.forms)
-        for row in {0, len(stamps.cells) // 2, len(stamps.cells) - 1}
-    }
-    shown.discard(None)
+    rows = {0, len(stamps.cells) // 2, len(stamps.cells) - 1}
+    shown = {recognised(str(stamps.cells[row]), dialect.time.forms) for row in rows} - {None}
     if len(shown) == 1:
         return next(form for form in TIME_FORMS if form in shown)
+    forms = "; ".join(words(form) for form in dialect.time.forms)
     raise LogError(
-        f"{stamps.place(0)}: the form of the time stamps does not show: of {'; '.join(words(form) for form in dialect.time.forms)} it is "
-        f"{'more than one' if shown else 'none'}. Declare it in recording.yaml, such as `sources.{name}.time: ms`; "
-        f"forms: {', '.join(TIME_FORMS)}."
+        f"{stamps.location(0)}: the form of the time stamps does not show: of {forms} it is "
+        f"{'more than one' if shown else 'none'}. Declare it in recording.yaml, such as "
+        f"`sources.{name}.time: ms`; forms: {', '.join(TIME_FORMS)}."
     )
 
 
@@ -253,15 +250,13 @@ def inside(folder: Path, file: str) -> Path:
     """The path of a device file, which must lie inside the recording folder, links followed."""
     named = PureWindowsPath(file)  # splits at both kinds of slash
     try:
-        inside = (
-            not named.anchor
-            and ".." not in named.parts
-            and (folder / file).resolve().is_relative_to(folder.resolve())
-        )
+        relative = not named.anchor and ".." not in named.parts
+        within = relative and (folder / file).resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError, ValueError):  # a link to itself, a NUL in the name
-        inside = False
-    if not inside:
+        within = False
+    if not within:
         raise DescriptionError(
-            f"{folder / 'recording.yaml'}: file {file!r} lies outside the recording folder. Move or copy it into the folder."
+            f"{folder / 'recording.yaml'}: file {file!r} lies outside the recording folder. Move "
+            "or copy it into the folder."
         )
     return folder / file

@@ -1,11 +1,14 @@
-"""Time stamps of device logs to integer nanoseconds, exactly: clock counts of several epochs and units, dates, IEC times.
+"""Time stamps of device logs to integer nanoseconds, exactly.
 
-A clock that counts from an epoch shows which one by its size: from 2016 to 2036 the counts of Windows (100 ns since 1601),
-of the distributed clock (ns since 2000) and of Unix (since 1970) lie in ranges that do not overlap. Counts without epoch
-(up-time, CPU counter) show nothing of the kind: their unit is declared, never guessed.
+They are clock counts of several epochs and units, dates, or IEC times. A clock that counts from an
+epoch shows which one by its size: from 2016 to 2036 the counts of Windows (100 ns since 1601), of
+the distributed clock (ns since 2000) and of Unix (since 1970) lie in ranges that do not overlap.
+Counts without epoch (up-time, CPU counter) show nothing of the kind: their unit is declared, never
+guessed.
 
 Stamps with an epoch become ns since 1970, others ns since wherever the clock began.
-Sources: Beckhoff, time sources of TwinCAT; FILETIME, DCTIME64 and TIME conversions of its libraries.
+Sources: Beckhoff, time sources of TwinCAT; FILETIME, DCTIME64 and TIME conversions of its
+libraries.
 """
 
 from __future__ import annotations
@@ -31,14 +34,16 @@ TimeForm = Literal[
 ]  # fmt: skip
 
 TIME_FORMS: tuple[TimeForm, ...] = get_args(TimeForm)
-COARSEST = 1_000_000  # [ns] a stamp that a spreadsheet rounded is still a stamp if it is no coarser
+COARSEST = 1_000_000  # [ns] a stamp that a spreadsheet rounded to no worse is still a stamp
 EARLIEST, LATEST = 1980, 2100  # years; a controller that has lost its battery starts in 1980
 _WHOLE, _DECIMAL = re.compile(r"[+-]?[0-9]{1,20}"), re.compile(r"([+-]?)([0-9]*)\.?([0-9]*)")
 _EXPONENT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][+-]?[0-9]{1,3}")
+# SYSTEMTIME_TO_STRING and DCTIME64_TO_STRING put a dash between date and time.
 _DATE = re.compile(
-    r"(?:DT#|DATE_AND_TIME#|LDT#)?(\d{4}-\d\d-\d\d)[- T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|\+00:00)?",
+    r"(?:DT#|DATE_AND_TIME#|LDT#)?(\d{4}-\d\d-\d\d)[- T](\d\d:\d\d:\d\d)"
+    r"(?:\.(\d{1,9}))?(Z|\+00:00)?",
     re.IGNORECASE,
-)  # SYSTEMTIME_TO_STRING and DCTIME64_TO_STRING put a dash between date and time
+)
 _IEC = re.compile(
     r"L?T(?:IME)?#(-?)(?:(\d+)d)?_?(?:(\d+)h)?_?(?:(\d+)m(?!s))?_?(?:(\d+)s)?_?(?:(\d+)ms)?",
     re.IGNORECASE,
@@ -55,9 +60,8 @@ class _Count:
 
     tick: int  # [ns]
     start: int = 0  # [ticks] count at 1970
-    between: tuple[float, float] | None = (
-        None  # counts from 2016 to 2036, which tell the form; None if nothing does
-    )
+    # Counts from 2016 to 2036, by which the form is recognised; None if they do not show it.
+    between: tuple[float, float] | None = None
     wraps: bool = False  # after 32 bits
     words: str = ""
 
@@ -91,17 +95,18 @@ class TimeCells:
     cells: Sequence[str] | NDArray[Any]  # (N,) text; int64 or float64 where the file holds numbers
     line: NDArray[np.int64]  # (N,)
 
-    def place(self, row: int) -> str:
+    def location(self, row: int) -> str:
+        """`file:line: column name: cell` of a row."""
         return f"{self.file}:{self.line[row]}: column {self.column}: {str(self.cells[row])!r}"
 
 
 def words(form: TimeForm) -> str:
-    """A form in words."""
+    """A form of time stamps in words."""
     return _COUNTS[form].words if form in _COUNTS else _WORDS[form]
 
 
 def recognised(cell: str, forms: Sequence[TimeForm]) -> TimeForm | None:
-    """The only one of some forms that a stamp may be of; None if none or several."""
+    """The only one of several forms that a stamp may have; None if none or several fit."""
     if _DATE.fullmatch(cell):
         return "date" if "date" in forms else None
     if _is_iec(cell):
@@ -118,70 +123,75 @@ def recognised(cell: str, forms: Sequence[TimeForm]) -> TimeForm | None:
     return fits[0] if len(fits) == 1 else None
 
 
-def stamps_ns(time: TimeCells, form: TimeForm, findings: list[Finding]) -> Stamps:
-    """(N,) [ns] of the stamps of one file; what was rounded in the file is appended to `findings`.
+def stamps_ns(time: TimeCells, form: TimeForm) -> tuple[Stamps, tuple[Finding, ...]]:
+    """(N,) [ns] stamps of one file, and findings about what was rounded in the file.
 
     Raises LogError for a stamp that is not of that form.
     """
     if form == "date":
-        return _dates(time)
+        return _dates(time), ()
     if form == "iec-time":
-        return unwrapped(_iec_times(time), 10**6)
+        return unwrapped(_iec_times(time), 10**6), ()
     count = _COUNTS[form]
-    ns = _counts(time, count, findings)
+    ns, findings = _counts(time, count)
     if ns.size and count.between is not None:
-        _refuse_other_epoch(time, ns, count)
-    return unwrapped(ns, count.tick) if count.wraps else ns
+        _refuse_other_epoch(time, ns, count, count.between)
+    return unwrapped(ns, count.tick) if count.wraps else ns, findings
 
 
 def unwrapped(ns: Stamps, tick: int) -> Stamps:
-    """Stamps (N,) [ns] of a clock of 32 bits of `tick` [ns] without its wraps; one that goes back by half of that has wrapped."""
+    """(N,) [ns] stamps (N,) [ns] of a 32-bit clock, ticks of `tick` [ns], without its wraps.
+
+    A stamp that goes back by half the clock's range or more has wrapped.
+    """
     span = _WRAP * tick
     back = np.diff(ns, prepend=ns[:1])
     return np.asarray(ns + span * np.cumsum(back < -(span // 2)))
 
 
 def _is_iec(cell: str) -> bool:
-    return bool((found := _IEC.fullmatch(cell)) and any(found.groups()[1:]))
+    return bool((match := _IEC.fullmatch(cell)) and any(match.groups()[1:]))
 
 
-def _counts(time: TimeCells, count: _Count, findings: list[Finding]) -> Stamps:
-    """(N,) [ns since 1970, or since the clock began] of numbers of ticks."""
+def _counts(time: TimeCells, count: _Count) -> tuple[Stamps, tuple[Finding, ...]]:
+    """(N,) [ns] since 1970, or since the clock began, of numbers of ticks."""
     cells = time.cells
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "iu":
-        return _scaled(time, cells.astype(np.int64), count)
+        return _scaled(time, cells.astype(np.int64), count), ()
     if isinstance(cells, np.ndarray) and cells.dtype.kind == "f":
         ns = np.rint((cells - count.start) * count.tick)
-        far = np.flatnonzero(np.abs(ns) > _MOST_NS)
-        if far.size:
-            raise LogError(f"{time.place(far[0])} is no time stamp in {count.words}.")
-        return np.asarray(ns, dtype=np.int64)
+        _refuse_far(time, ns, count)
+        return np.asarray(ns, dtype=np.int64), ()
     try:
         whole = np.array(cells, dtype=np.int64) if all(map(_WHOLE.fullmatch, cells)) else None
     except (OverflowError, ValueError):
         whole = None
-    return _scaled(time, whole, count) if whole is not None else _decimals(time, count, findings)
+    return _decimals(time, count) if whole is None else (_scaled(time, whole, count), ())
 
 
 def _scaled(time: TimeCells, whole: Stamps, count: _Count) -> Stamps:
     from_start = whole - count.start
-    far = np.flatnonzero(np.abs(from_start.astype(np.float64)) * count.tick > _MOST_NS)
-    if far.size:
-        raise LogError(f"{time.place(far[0])} is no time stamp in {count.words}.")
+    _refuse_far(time, from_start.astype(np.float64) * count.tick, count)
     return np.asarray(from_start * count.tick)
 
 
-def _decimals(time: TimeCells, count: _Count, findings: list[Finding]) -> Stamps:
-    """Decimal by decimal: a float64 resolves today's time to 0.2 us only."""
+def _refuse_far(time: TimeCells, ns: NDArray[np.float64], count: _Count) -> None:
+    """Raises LogError for a stamp (N,) [ns] that 64 bits do not hold."""
+    far = np.flatnonzero(np.abs(ns) > _MOST_NS)
+    if far.size:
+        raise LogError(f"{time.location(far[0])} is no time stamp in {count.words}.")
+
+
+def _decimals(time: TimeCells, count: _Count) -> tuple[Stamps, tuple[Finding, ...]]:
+    """(N,) [ns] of decimal text, exactly: a float64 resolves today's time to 0.2 us only."""
     digits = len(str(count.tick)) - 1  # decimals that a nanosecond needs
     out, rounded = np.empty(len(time.cells), dtype=np.int64), []
     for row, cell in enumerate(time.cells):
-        found = _DECIMAL.fullmatch(cell)
-        if found and (found[2] or found[3]) and len(found[2]) < 20:
-            sign, whole, fraction = found.groups()
-            ticks = int(whole or 0) * count.tick + (
-                _fraction(fraction, digits) if digits else _no_fraction(time, row, fraction)
-            )
+        match = _DECIMAL.fullmatch(cell)
+        if match and (match[2] or match[3]) and len(match[2]) < 20:
+            sign, whole, fraction = match.groups()
+            part = _fraction(fraction, digits) if digits else _no_fraction(time, row, fraction)
+            ticks = int(whole or 0) * count.tick + part
             value = (-ticks if sign == "-" else ticks) - count.start * count.tick
         elif _EXPONENT.fullmatch(cell):
             exact = Decimal(cell)
@@ -189,34 +199,33 @@ def _decimals(time: TimeCells, count: _Count, findings: list[Finding]) -> Stamps
             quantum = Decimal(10) ** (exponent if isinstance(exponent, int) else 0) * count.tick
             if quantum > COARSEST or abs(exact) * count.tick > 10**20:
                 raise LogError(
-                    f"{time.place(row)} is in exponent form: a spreadsheet has rounded it and digits are lost. "
-                    "Use the file as the logger wrote it."
+                    f"{time.location(row)} is in exponent form: a spreadsheet has rounded it and "
+                    "digits are lost. Use the file as the logger wrote it."
                 )
             if quantum > 1:
                 rounded.append(row)
             value = int((exact * count.tick).to_integral_value()) - count.start * count.tick
         else:
-            raise LogError(f"{time.place(row)} {_why_not(cell)}")
+            raise LogError(f"{time.location(row)} {_why_not(cell)}")
         if not -(2**63) <= value < 2**63:
-            raise LogError(f"{time.place(row)} is no time stamp in {count.words}.")
+            raise LogError(f"{time.location(row)} is no time stamp in {count.words}.")
         out[row] = value
-    if rounded:
-        sentence = "in exponent form, rounded to no worse than 1 ms by a spreadsheet."
-        findings.append(
-            finding("rounded stamp", "repaired", time.file, sentence, lines=time.line[rounded])
-        )
-    return out
+    if not rounded:
+        return out, ()
+    sentence = "in exponent form, rounded to no worse than 1 ms by a spreadsheet."
+    lines = time.line[rounded]
+    return out, (finding("rounded stamp", "repaired", time.file, sentence, lines=lines),)
 
 
 def _fraction(fraction: str, digits: int) -> int:
-    """Nanoseconds of the decimals of a tick; beyond them is rounded."""
-    kept = int(fraction[:digits].ljust(digits, "0"))
-    return kept + (1 if fraction[digits : digits + 1] >= "5" else 0)
+    """[ns] of the decimals of a tick; what is beyond them is rounded."""
+    whole = int(fraction[:digits].ljust(digits, "0"))
+    return whole + (1 if fraction[digits : digits + 1] >= "5" else 0)
 
 
 def _no_fraction(time: TimeCells, row: int, fraction: str) -> int:
     if fraction.strip("0"):
-        raise LogError(f"{time.place(row)} is not a whole number of nanoseconds.")
+        raise LogError(f"{time.location(row)} is not a whole number of nanoseconds.")
     return 0
 
 
@@ -230,34 +239,37 @@ def _why_not(cell: str) -> str:
     return "is not a number."
 
 
-def _refuse_other_epoch(time: TimeCells, ns: Stamps, count: _Count) -> None:
-    assert count.between is not None
+def _refuse_other_epoch(
+    time: TimeCells, ns: Stamps, count: _Count, between: tuple[float, float]
+) -> None:
+    """Raises LogError if the first or last stamp (N,) [ns] is far from our time."""
     ticks = ns[[0, -1]].astype(np.float64) / count.tick + count.start
     for row, value in zip((0, -1), ticks, strict=True):
         if value < 0:
-            raise LogError(f"{time.place(row)}: time stamp is negative.")
-        if not 0.5 * count.between[0] <= value <= 2.0 * count.between[1]:
+            raise LogError(f"{time.location(row)}: time stamp is negative.")
+        if not 0.5 * between[0] <= value <= 2.0 * between[1]:
+            year = 1970 + ns[row] / 3.156e16
             raise LogError(
-                f"{time.place(row)} is no {count.words}: that would be the year {1970 + ns[row] / 3.156e16:.0f}. Another form?"
+                f"{time.location(row)} is no {count.words}: that would be the year {year:.0f}. "
+                "Another form? Declare it in recording.yaml under `time`."
             )
 
 
 def _dates(time: TimeCells) -> Stamps:
     texts = []
     for row, cell in enumerate(time.cells):
-        found = _DATE.fullmatch(str(cell))
-        if not found:
-            raise LogError(
-                f"{time.place(row)} is no date with time of day, such as 2016-04-20-13:45:10.123."
-            )
-        if not EARLIEST <= int(found[1][:4]) <= LATEST:
-            raise LogError(f"{time.place(row)} is no date of our time.")
-        texts.append(f"{found[1]}T{found[2]}.{(found[3] or '').ljust(9, '0')}")
+        match = _DATE.fullmatch(str(cell))
+        if not match:
+            example = "2016-04-20-13:45:10.123"
+            raise LogError(f"{time.location(row)} is no date with time of day, such as {example}.")
+        if not EARLIEST <= int(match[1][:4]) <= LATEST:
+            raise LogError(f"{time.location(row)} is no date of our time.")
+        texts.append(f"{match[1]}T{match[2]}.{(match[3] or '').ljust(9, '0')}")
     try:
         return np.array(texts, dtype="datetime64[ns]").astype(np.int64)
     except ValueError:
         row = next(i for i, text in enumerate(texts) if not _is_date(text))
-        raise LogError(f"{time.place(row)} is no date of the calendar.") from None
+        raise LogError(f"{time.location(row)} is no date of the calendar.") from None
 
 
 def _is_date(text: str) -> bool:
@@ -271,14 +283,11 @@ def _is_date(text: str) -> bool:
 def _iec_times(time: TimeCells) -> Stamps:
     out = np.empty(len(time.cells), dtype=np.int64)
     for row, cell in enumerate(time.cells):
-        found = _IEC.fullmatch(str(cell))
-        parts = (
-            [int(part or 0) for part in found.groups()[1:]]
-            if found and any(found.groups()[1:])
-            else []
-        )
-        if not parts or found is None or found[1] or max(parts) >= _WRAP:
-            raise LogError(f"{time.place(row)} is no IEC time, such as T#1h2m3s4ms.")
+        match = _IEC.fullmatch(str(cell))
+        parts = [int(part or 0) for part in match.groups()[1:]] if match else []
+        given = match is not None and any(match.groups()[1:])
+        if match is None or not given or match[1] or max(parts) >= _WRAP:
+            raise LogError(f"{time.location(row)} is no IEC time, such as T#1h2m3s4ms.")
         days, hours, minutes, seconds, ms = parts
         out[row] = ((((days * 24 + hours) * 60 + minutes) * 60 + seconds) * 1000 + ms) * 10**6
     return out

@@ -25,7 +25,8 @@ _PUBLIC = {
     "ident.robot.accuracy": "TcpError accuracy_grid position_error tcp_error",
     "ident.robot.inverse_calibration": "CorrectedTargets corrected_targets",
     "ident.robot.unloaded_robot": "UnloadedRobot",
-    "sim.simulate": "Simulation simulate write_recording",
+    "sim.recording_files": "write_recording",
+    "sim.simulate": "Simulation simulate",
     "sim.truth": "Truth load_truth",
     "ballbar.scenario": "Scenario load_scenario scenario_file",
     "ballbar.result.calibration": "Calibration load_calibration write_calibration",
@@ -74,9 +75,9 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from ident.robot.inverse_calibration import CorrectedTargets as CorrectedTargets
     from ident.robot.inverse_calibration import corrected_targets as corrected_targets
     from ident.robot.unloaded_robot import UnloadedRobot as UnloadedRobot
+    from sim.recording_files import write_recording as write_recording
     from sim.simulate import Simulation as Simulation
     from sim.simulate import simulate as simulate
-    from sim.simulate import write_recording as write_recording
     from sim.truth import Truth as Truth
     from sim.truth import load_truth as load_truth
 else:

@@ -8,13 +8,12 @@ from pathlib import Path
 
 from ballbar.recordings.check import import_reports
 from ballbar.replay.live import LiveRun
-from ballbar.replay.show import REPLAY
 from ballbar.replay.write import write_replay
 from ballbar.report.page import write_report
-from ballbar.result.calibration import CALIBRATION, write_calibration
+from ballbar.result.calibration import write_calibration
 from ballbar.result.compare import identification_against_truth, limits_of
 from ballbar.result.iterations import IterationLog
-from ballbar.result.names import IMPORT_REPORT, RECORDING, REPORT
+from ballbar.result.names import CALIBRATION, IMPORT_REPORT, OUTPUTS, RECORDING, REPLAY, REPORT
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario
@@ -22,10 +21,10 @@ from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from cell.recording import load_recording_file
-from sim.simulate import Simulation, simulate, truth_path, write_recording
+from sim.recording_files import truth_path, write_recording
+from sim.simulate import Simulation, simulate
 
 Progress = Callable[[str], None]
-OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY}
 
 
 def simulate_scenario(
@@ -77,7 +76,7 @@ def claim_recording(folder: Path) -> None:
 def write_outputs(
     out: Path, data: RunData, *, command: str, replay: bool, progress: Progress
 ) -> None:
-    """Writes calibration.yaml, import_report.json, report.html and, if asked for, run.rrd."""
+    """Writes calibration.yaml, import_report.json, report.html and, with `replay`, run.rrd."""
     reports = {name: recording for name, _, recording in data.read}
     write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
     write_calibration(out / CALIBRATION, data)

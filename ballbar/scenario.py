@@ -137,9 +137,7 @@ class Scenario(SimulationSettings):
             raise wrong_key("identify", "cost", message=message)
         for key in ("rod_sign", "shift_rounds"):
             if getattr(identify, key) and (identify.cost == "ml" or identify.data == "files"):
-                message = (
-                    "is for the thesis's costs on samples; set identify.cost and identify.data"
-                )
+                message = "is of the thesis's costs on samples; set cost and data = samples"
                 raise wrong_key("identify", key, message=message)
         if identify.rod_sign and identify.form != "vector":
             message = "the rod's deviation is linear in the vector form only; set form = vector"

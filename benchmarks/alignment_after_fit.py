@@ -17,8 +17,9 @@ import numpy as np
 
 from acquisition import read_recording
 from ident.identify import identify
+from sim.recording_files import write_recording
 from sim.settings import SimulationSettings
-from sim.simulate import simulate, write_recording
+from sim.simulate import simulate
 from tests.helpers.clock_truth import clock_error
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"

@@ -27,8 +27,9 @@ from cell.inverse import UnreachableError
 from cell.logs import BallBarLog
 from ident.identify import identify
 from ident.start.automatic import StartError
+from sim.recording_files import write_recording
 from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate, write_recording
+from sim.simulate import Simulation, simulate
 
 FITTED = ((1, 2, 3, 4, 5), (1, 2, 4, 5), (1, 2), ())
 BASE = np.array([0.70, 0.0, 0.54])  # [m] ball-bar position of scenarios/irb2400.yaml

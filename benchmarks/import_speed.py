@@ -89,7 +89,7 @@ def with_read_table(folder: Path) -> None:
     ]
     layouts = robot_layout(sources[0], dialects[0]), ballbar_layout(sources[1], dialects[1], fitted)
     for source, dialect, layout in zip(sources, dialects, layouts, strict=True):
-        read_file(folder / source.files[0], source.files[0], dialect, layout, [])
+        read_file(folder / source.files[0], source.files[0], dialect, layout)
 
 
 def seconds(jobs: list[Callable[[Path], object]], folder: Path) -> list[tuple[float, float]]:

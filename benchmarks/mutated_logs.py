@@ -35,7 +35,6 @@ import numpy as np
 import yaml
 
 from acquisition.recording import read_ballbar, read_robot
-from acquisition.sources import Ledger
 from cell.errors import InputError
 from cell.load import load_robot
 from cell.recording import EncoderFitting, EncoderName, SourceFile
@@ -387,14 +386,14 @@ MUTATIONS: tuple[Callable[[File, Rng], bytes], ...] = (
 def outcome(family: Family, folder: Path, raw: bytes) -> str:
     """What became of one file."""
     (folder / "log.csv").write_bytes(raw)
-    source, ledger = SourceFile(files=("log.csv",), dialect=family.dialect), Ledger([], [])
+    source = SourceFile(files=("log.csv",), dialect=family.dialect)
     start = time.process_time()
     try:
         if family.of_bar:
-            log = read_ballbar(folder, source, FITTED, ledger, robot_moves=True)
+            log, imported = read_ballbar(folder, source, FITTED, robot_moves=True)
             t, angles = log.t, log.angles
         else:
-            robot = read_robot(folder, source, ROBOT, ledger)
+            robot, imported = read_robot(folder, source, ROBOT)
             t, angles = robot.t, robot.q
     except InputError:
         return "slow" if time.process_time() - start > 5.0 else "refused"
@@ -403,7 +402,7 @@ def outcome(family: Family, folder: Path, raw: bytes) -> str:
         return "crashed"
     if time.process_time() - start > 5.0:
         return "slow"
-    remarked = any(one.kind not in USUAL for one in ledger.findings)
+    remarked = any(one.kind not in USUAL for one in imported.findings)
     right = is_right(t, angles, bar if family.of_bar else joints, free_zero=family.of_bar)
     if right:
         return "repaired" if remarked else "equal"

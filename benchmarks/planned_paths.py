@@ -28,15 +28,15 @@ from cell.geometry import BAR_ROWS
 from ident.identify import identify_together
 from ident.options import FitOptions
 from planning.candidate import Candidate, rounded, space_of
-from planning.course import course_over
+from planning.crlb import predict
+from planning.evaluation import Evaluator, evaluators, tcp_rms
 from planning.files import path_data
 from planning.force import predicted_forces
-from planning.judge import Judge, judges, tcp_rms
 from planning.limits import violations
-from planning.predict import predict
 from planning.request import load_request
-from planning.sample import sampled
-from sim.simulate import load_lissajous
+from planning.sample import sample
+from planning.trajectory import trajectories
+from sim.path_files import load_lissajous
 from tests.helpers.drawn_robots import ROOT, SCENARIOS, recorded
 
 ROBOTS = ("irb2400", "nj220")
@@ -47,12 +47,14 @@ STUDIES = ROOT / "docs" / "studies"
 
 
 def random_paths(robot: str) -> list[dict[str, object]]:
-    """RANDOM paths that can be run: predicted TCP sigma, numbers of the file, base position."""
-    judge = _judge(robot)
-    found = sampled(judge, seed=judge.request.seed + 1000, seconds=3600.0, wanted=RANDOM)
-    paths = [rounded(space_of(judge.request).candidate(z)) for z in found.z]
+    """RANDOM random paths that can be run: predicted TCP sigma, numbers of the path file, place of the ball-bar."""
+    evaluator = _evaluator(robot)
+    seed = evaluator.request.seed + 1000
+    samples = sample(evaluator, seed=seed, seconds=3600.0, count=RANDOM)
+    space = space_of(evaluator.request)
+    paths = [rounded(space.candidate(genome)) for genome in samples.genomes]
     return [
-        {"random_path": k + 1, "tcp_sigma_um": predicted_at(judge, path) * 1e6} | _numbers(path)
+        {"random_path": k + 1, "tcp_sigma_um": predicted_at(evaluator, path) * 1e6} | _numbers(path)
         for k, path in enumerate(paths)
     ]
 
@@ -87,20 +89,23 @@ def predicted_of(robot: str, path: str) -> float:
     """[m] predicted TCP sigma of a path of scenarios/paths in its scenario, limits aside."""
     scenario = _scenario(robot, path)
     shape = load_lissajous(SCENARIOS / scenario.path.file)
-    return predicted_at(_judge(robot), Candidate(shape, np.array(scenario.cell.ballbar_position_m)))
-
-
-def predicted_at(judge: Judge, candidate: Candidate) -> float:
-    """[m] predicted TCP sigma, median of the robots of planning.force."""
-    courses = course_over(judge.cell, candidate, judge.request.timing)
-    course = min(
-        courses, key=lambda c: sum(v.excess for v in violations(judge.cell, judge.limits, c))
+    return predicted_at(
+        _evaluator(robot), Candidate(shape, np.array(scenario.cell.ballbar_position_m))
     )
-    figures = [
-        tcp_rms(judge, predict(judge.predictor, course, tension))
-        for tension in predicted_forces(judge.forces, course).tension
+
+
+def predicted_at(evaluator: Evaluator, candidate: Candidate) -> float:
+    """[m] predicted TCP sigma, median of the robots of planning.force."""
+    cell, limits = evaluator.cell, evaluator.limits
+    trajectory = min(
+        trajectories(cell, candidate, evaluator.request.timing),
+        key=lambda t: sum(v.excess for v in violations(cell, limits, t)),
+    )
+    sigmas = [
+        tcp_rms(evaluator, predict(evaluator.predictor, trajectory, tension))
+        for tension in predicted_forces(evaluator.force_model, trajectory).tension
     ]
-    return float(np.median(figures))
+    return float(np.median(sigmas))
 
 
 def identified(robot: str, path: str, seed: int) -> dict[str, object]:
@@ -134,9 +139,9 @@ def kept(robot: str, paths: set[str]) -> list[dict[str, object]]:
     ]
 
 
-def _judge(robot: str) -> Judge:
+def _evaluator(robot: str) -> Evaluator:
     request = load_request(SCENARIOS / "plans" / f"{robot}.yaml")
-    return judges(request)[request.cell.ballbar]
+    return evaluators(request)[request.cell.ballbar]
 
 
 def _scenario(robot: str, path: str) -> Scenario:

@@ -14,10 +14,12 @@ import numpy as np
 
 from cell.geometry import nominal_geometry
 from cell.load import load_cell
+from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import reference_path
-from sim.plant.effects import PlantErrors, plant_effects
-from sim.simulate import load_lissajous
+from sim.path_files import load_lissajous
+from sim.plant.description import Plant
+from sim.plant.effects import plant_effects
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
 
 
@@ -40,9 +42,9 @@ def main() -> None:
         )
         for name, keys in EFFECTS.items():
             effects = plant_effects(PlantErrors.model_validate(keys), cell, seed=1)
+            plant = Plant(cell, true, effects, cell.robot.servo["soft"])
             poses = [
-                held_against_oracle(cell, true, effects, path, k)
-                for k in np.linspace(300, 11700, 20).astype(int)
+                held_against_oracle(plant, path, k) for k in np.linspace(300, 11700, 20).astype(int)
             ]
             worst = [
                 max(getattr(p, field) for p in poses)

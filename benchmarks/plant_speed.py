@@ -20,15 +20,15 @@ import numpy as np
 from mujoco import rollout
 
 from ballbar.scenario import load_scenario
-from cell.descriptions import Cell
-from cell.geometry import Geometry, nominal_geometry
+from cell.geometry import nominal_geometry
 from cell.load import load_cell
 from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import ReferencePath, reference_path
-from sim.plant.effects import PlantEffects, plant_effects
+from sim.path_files import load_lissajous
+from sim.plant.description import Plant
+from sim.plant.effects import plant_effects
 from sim.plant.mujoco_plant import prepare, run_plant
-from sim.simulate import load_lissajous
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 ROUNDS = 5
@@ -43,14 +43,12 @@ REST: dict[str, object] = {
 class Job:
     """One scenario's run, everything on."""
 
-    cell: Cell
-    true: Geometry
-    effects: PlantEffects
+    plant: Plant
     path: ReferencePath
 
     def whole(self) -> None:
         """What a user runs: preparation, rollout, checks."""
-        run_plant(self.cell, self.true, self.effects, self.path, servo="soft", timestep=TIMESTEP)
+        run_plant(self.plant, self.path, timestep=TIMESTEP)
 
     def two(self) -> None:
         """Two of them, a thread each; the rollout runs without the interpreter's lock."""
@@ -81,23 +79,16 @@ def job_of(name: str) -> Job:
         stops=timing.stops,
         step=0.01,
     )
-    return Job(cell, true, plant_effects(errors, cell, scenario.seed), path)
+    effects = plant_effects(errors, cell, scenario.seed)
+    return Job(Plant(cell, true, effects, cell.robot.servo["soft"]), path)
 
 
 def main() -> None:
     """Prints the speed, the overhead over the bare rollout, and the gain of a second core."""
     for name in ("irb2400_full", "nj220_full"):
         job = job_of(name)
-        run = prepare(
-            job.cell,
-            job.true,
-            job.effects,
-            job.path,
-            servo="soft",
-            timestep=TIMESTEP,
-            gravity_compensation=True,
-        )
-        model, seconds = run.plant.model, float(job.path.t[-1])
+        run = prepare(job.plant, job.path, timestep=TIMESTEP, gravity_compensation=True)
+        model, seconds = run.compiled.model, float(job.path.t[-1])
         bare = partial(
             rollout.rollout, model, mujoco.MjData(model), run.start[None], run.command[None, 1:]
         )
@@ -106,7 +97,7 @@ def main() -> None:
         )
         bare_rate, whole_rate = seconds / times[:, 0], seconds / times[:, 1]
         print(
-            f"{name}: {model.nv} degrees of freedom, {len(job.effects.ripples)} ripple terms, "
+            f"{name}: {model.nv} degrees of freedom, {len(job.plant.effects.ripples)} ripple terms, "
             f"{seconds:.0f} s at 1 ms"
         )
         print(

@@ -27,7 +27,8 @@ from ident.options import FitOptions
 from ident.recording_fit import ROD_SIGMA_START, WIDEST_KNOT_SPACING, Logs, fit_recording
 from ident.robot.accuracy import accuracy_grid, tcp_sigma
 from ident.thesis.paired_samples import SampleFit
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 
 COUNTS = (75, 150, 300)
 DURATION = 60.0  # [s]

@@ -13,7 +13,8 @@ import numpy as np
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, load_scenario
 from ident import Identification
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 STEPS = (1e-3, 5e-4, 2.5e-4)  # [s]

@@ -1,1 +1,1 @@
-"""What stands in the cell: descriptions, kinematics, what recordings are; and what all packages share. Imports none of them."""
+"""The cell: descriptions, kinematics, logs, and what all packages share."""

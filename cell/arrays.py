@@ -64,4 +64,4 @@ def _shapes(description: type) -> dict[str, tuple[int, ...]]:
     """Shape by field name of the annotated fields of a dataclass."""
     hints = get_type_hints(description, include_extras=True)
     marks = {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
-    return {n: tuple(m) for n, found in marks.items() for m in found if isinstance(m, Shape)}
+    return {name: tuple(m) for name, ms in marks.items() for m in ms if isinstance(m, Shape)}

@@ -1,7 +1,7 @@
-"""Mass properties in the frames that turn with their joints: what a plant or a dynamic model needs.
+"""Mass properties of the links in the frames that turn with their joints, for dynamic models.
 
-Descriptions give centres of mass and inertias in a base frame with all joints at zero. Body i turns with joint i, so its
-frame is that of DH row i-1 at zero.
+Descriptions state centres of mass and inertias in a base frame with all joint angles zero. Body i
+turns with joint i, so its frame is that of DH row i-1 at zero.
 """
 
 from __future__ import annotations
@@ -19,12 +19,11 @@ def robot_bodies(cell: Cell) -> list[Link]:
 
 
 def carried_bodies(cell: Cell) -> list[list[Link]]:
-    """Links 1..6 of the robot and, on the sixth, the plate; each in the frame that turns with its joint."""
+    """Links of each robot joint, the plate with the sixth, in frames that turn with the joints."""
     rotation, flange = flange_on_link6(cell)
     plate = cell.plate.body
-    on_link6 = Link(
-        plate.mass, flange + rotation @ plate.com, rotation @ plate.inertia @ rotation.T
-    )
+    inertia = rotation @ plate.inertia @ rotation.T
+    on_link6 = Link(plate.mass, flange + rotation @ plate.com, inertia)
     bodies = [[link] for link in robot_bodies(cell)]
     bodies[5].append(on_link6)
     return bodies
@@ -37,12 +36,14 @@ def bar_bodies(cell: Cell) -> list[Link]:
 
 
 def flange_on_link6(cell: Cell) -> tuple[Array, Array]:
-    """(rotation (3, 3), translation (3,) [m]) of the nominal flange in the frame that turns with joint 6."""
+    """Pose of the nominal flange in the frame that turns with joint 6.
+
+    Returns its rotation (3, 3) and translation (3,) [m].
+    """
     frames = forward(_robot_chain(cell), np.zeros((1, 6)))
     turned = frames.rotation(5)[:, :, 0].T
-    return turned @ frames.rotation(6)[:, :, 0], turned @ (
-        frames.origin[6, :, 0] - frames.origin[5, :, 0]
-    )
+    offset = frames.origin[6, :, 0] - frames.origin[5, :, 0]
+    return turned @ frames.rotation(6)[:, :, 0], turned @ offset
 
 
 def _robot_chain(cell: Cell) -> Chain:
@@ -55,11 +56,6 @@ def _local(chain: Chain, links: tuple[Link, ...]) -> list[Link]:
     out = []
     for i, link in enumerate(links):
         rotation = frames.rotation(i)[:, :, 0].T
-        out.append(
-            Link(
-                link.mass,
-                rotation @ (link.com - frames.origin[i, :, 0]),
-                rotation @ link.inertia @ rotation.T,
-            )
-        )
+        com = rotation @ (link.com - frames.origin[i, :, 0])
+        out.append(Link(link.mass, com, rotation @ link.inertia @ rotation.T))
     return out

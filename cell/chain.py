@@ -1,13 +1,16 @@
-"""A chain of Denavit-Hartenberg rows: its frames, and the motion that each parameter causes at its end.
+"""Forward kinematics of a chain of Denavit-Hartenberg rows, and the screws of its parameters.
 
-Standard DH with a Hayati angle: `A_i = Rz(theta_i + q_i) Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i)` (thesis sec. 2.1;
-Hayati & Mirmirani 1985; beta is zero except at near-parallel axes, where it takes the place of d).
+Standard DH with a Hayati angle: `A_i = Rz(theta_i + q_i) Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i)`
+(thesis sec. 2.1; Hayati & Mirmirani 1985). beta is zero except at nearly parallel axes, where it
+replaces d.
 
-Every parameter moves the rest of the chain as a screw: `theta_i` turns and `d_i` shifts along z_{i-1} through O_{i-1};
-`a_i` shifts and `alpha_i` turns along x_i through O_i; `beta_i` turns about y_i through O_i. So the derivative of the end
-pose with respect to all parameters is read off the frames, without symbolic or numeric differentiation.
+Every parameter moves the rest of the chain as a screw: `theta_i` turns and `d_i` shifts along
+z_{i-1} through O_{i-1}; `a_i` shifts and `alpha_i` turns along x_i through O_i; `beta_i` turns
+about y_i through O_i. The derivative of the end pose with respect to all parameters therefore
+follows from the frames, without symbolic or numeric differentiation.
 
-Layout: sample index last, (3, N), because eleven rows over thousands of samples are then a few long vector operations.
+The sample index comes last, (3, N), so that eleven rows over thousands of samples are a few long
+vector operations.
 """
 
 from __future__ import annotations
@@ -24,12 +27,12 @@ KINDS = ("a", "d", "alpha", "theta", "beta")
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """DH parameters of J rows; a, d in m, angles in rad. `theta` is the offset added to the joint angle."""
+    """DH parameters of J rows."""
 
     a: Array  # (J,) [m] link lengths along x_i
     d: Array  # (J,) [m] link offsets along z_{i-1}
     alpha: Array  # (J,) [rad] link twists about x_i
-    theta: Array  # (J,) [rad] joint offsets about z_{i-1}
+    theta: Array  # (J,) [rad] joint offsets about z_{i-1}, added to the joint angles
     beta: Array  # (J,) [rad] Hayati angles about y_i
 
     def __post_init__(self) -> None:
@@ -57,7 +60,7 @@ class Frames:
     x_link: Array  # (J, 3, N) x axis of row i before its Hayati angle: the axis of a_i and alpha_i
 
     def part(self, samples: slice) -> Frames:
-        """Some of the samples."""
+        """The frames at a slice of the samples."""
         return Frames(*(getattr(self, field.name)[..., samples] for field in fields(self)))
 
     @property
@@ -83,8 +86,8 @@ def forward(
 ) -> Frames:
     """Frames of the chain at every sample.
 
-    q : (N, J) [rad] joint angles.
-    base_rotation, base_origin : (3, 3), (3,) [m] pose of the chain's base; default identity.
+    q : (N, J) [rad] joint angles. base_rotation, base_origin : (3, 3), (3,) [m] pose of the chain's
+        base; by default the identity.
 
     Raises ValueError if `q` has not one column per row.
     """
@@ -117,7 +120,7 @@ def forward(
 
 
 def cross(u: Array, v: Array) -> Array:
-    """Cross product along the first axis of (3, N) arrays; several times faster than np.cross."""
+    """Cross product of (3, N) arrays along their first axis; several times as fast as np.cross."""
     out = np.empty(np.broadcast_shapes(u.shape, v.shape))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         np.multiply(u[j], v[k], out=out[i])
@@ -128,8 +131,10 @@ def cross(u: Array, v: Array) -> Array:
 def screw(frames: Frames, kind: str, row: int, out: Array | None = None) -> Array:
     """(6, N) motion of the last frame for a unit change of one parameter, in base coordinates.
 
-    Components 0..2 [m per unit]: velocity of the tip; 3..5 [rad per unit]: angular velocity. `kind` is one of KINDS,
-    `row` counts from 0; the joint angle q_i moves the end as `theta` of the same row does. out : (6, N) to write to.
+    Components 0..2 are the velocity of the tip [m per unit], 3..5 the angular velocity [rad per
+    unit]. The joint angle q_i has the screw of `theta` of its row.
+
+    kind : one of KINDS. row : from 0. out : (6, N) array to write to.
     """
     if kind in ("theta", "d"):
         axis, point = frames.z[row], frames.origin[row]
@@ -145,7 +150,7 @@ def screw(frames: Frames, kind: str, row: int, out: Array | None = None) -> Arra
 
 
 def _write_screw(out: Array, axis: Array, arm: Array | None) -> None:
-    """A shift along an axis (3, N), or a turn about it of a tip at `arm` (3, N) from it, into out (6, N)."""
+    """Write the screw of an axis (3, N) to out (6, N): a shift, or a turn of a tip at `arm`."""
     if arm is None:
         out[:3], out[3:] = axis, 0.0
         return
@@ -156,7 +161,7 @@ def _write_screw(out: Array, axis: Array, arm: Array | None) -> None:
 
 
 def joint_screws(frames: Frames) -> Array:
-    """(J, 6, N) motion of the last frame for a unit speed of each joint."""
+    """(J, 6, N) motion [m/rad, 1] of the last frame for a unit speed of each joint."""
     rows = frames.x_link.shape[0]
     out = np.empty((rows, 6, frames.tip.shape[1]))
     for i in range(rows):

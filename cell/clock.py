@@ -29,7 +29,7 @@ class Clock:
         return self.offset + (1.0 + self.skew) * t_ballbar
 
     def ballbar_time(self, t_robot: Time) -> Time:
-        """Time [s] on the ball-bar's clock, in the shape of `t_robot` [s]; inverse of `robot_time`."""
+        """Time [s] on the ball-bar's clock, in the shape of `t_robot` [s]."""
         return (t_robot - self.offset) / (1.0 + self.skew)
 
     def alike(self, other: Clock) -> bool:

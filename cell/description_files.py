@@ -1,7 +1,7 @@
-"""What may stand in the YAML files of cell/robots, cell/ballbars and cell/plates, and what makes them wrong.
+"""Schemas of the YAML files of cell/robots, cell/ballbars and cell/plates.
 
-Keys carry their unit; angles stand in degrees, as data sheets print them. Matrices act on row vectors (thesis App. A:
-`joints = motors @ T`). A ratio may be written as a fraction in quotes, "-5/648".
+Keys carry their unit; angles are in degrees, as data sheets print them. Matrices act on row vectors
+(thesis App. A: `joints = motors @ T`). A ratio may be a fraction in quotes, "-5/648".
 """
 
 from __future__ import annotations
@@ -22,17 +22,18 @@ SMALLEST_TWIST_DEG = 7.0  # [deg] a nominal angle between 0 and 2 pi in number, 
 
 def _ratio(value: Any) -> Any:
     """A fraction in text as its float; anything else is left to the number check."""
-    if isinstance(value, str) and (found := re.fullmatch(r"([-+]?\d{1,15})/(\d{1,15})", value)):
-        if int(found[2]) == 0:
+    if isinstance(value, str) and (parts := re.fullmatch(r"([-+]?\d{1,15})/(\d{1,15})", value)):
+        if int(parts[2]) == 0:
             raise ValueError("a fraction cannot have denominator 0")
-        return float(Fraction(int(found[1]), int(found[2])))
+        return float(Fraction(int(parts[1]), int(parts[2])))
     return value
 
 
 def _metres(value: float) -> float:
     if abs(value) > MAX_DH_LENGTH_M:
         raise ValueError(
-            f"longer than {MAX_DH_LENGTH_M:g} m. Lengths are metres: for {value:g} mm write {value / 1000:g}"
+            f"longer than {MAX_DH_LENGTH_M:g} m. Lengths are metres: for {value:g} mm write "
+            f"{value / 1000:g}"
         )
     return value
 
@@ -40,7 +41,8 @@ def _metres(value: float) -> float:
 def _degrees(value: float) -> float:
     if 0.0 < abs(value) < SMALLEST_TWIST_DEG:
         raise ValueError(
-            f"looks like radians. Angles here are degrees: {value:g} rad is {np.rad2deg(value):g} deg"
+            f"looks like radians. Angles here are degrees: {value:g} rad is "
+            f"{np.rad2deg(value):g} deg"
         )
     return value
 
@@ -79,23 +81,18 @@ class LinkFile(Strict):
     def _inertia_is_that_of_a_body(self) -> Self:
         xx, yy, zz, xy, xz, yz = self.inertia_kg_m2
         moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        told = ", ".join(f"{m:.4g}" for m in moments)
+        values = f"principal moments {', '.join(f'{m:.4g}' for m in moments)} kg m^2"
         if moments[0] <= 0.0:
-            raise wrong_key(
-                "inertia_kg_m2", message=f"principal moments {told} kg m^2 must all be positive"
-            )
-        if moments[2] > (moments[0] + moments[1]) * (
-            1.0 + 1e-9
-        ):  # rounding: a flat plate has equality
-            raise wrong_key(
-                "inertia_kg_m2",
-                message=f"principal moments {told} kg m^2: the largest exceeds the sum of the others",
-            )
+            raise wrong_key("inertia_kg_m2", message=f"{values} must all be positive")
+        rounding = 1.0 + 1e-9  # a flat plate has equality
+        if moments[2] > (moments[0] + moments[1]) * rounding:
+            message = f"{values}: the largest exceeds the sum of the others"
+            raise wrong_key("inertia_kg_m2", message=message)
         return self
 
 
 class RobotLinksFile(Strict):
-    """Bodies of the robot; com in the robot base frame and axes parallel to it, all DH joint angles zero."""
+    """Bodies of the robot with all DH joint angles zero; com and axes in the robot base frame."""
 
     base: LinkFile
     link1: LinkFile
@@ -107,7 +104,7 @@ class RobotLinksFile(Strict):
 
 
 class ServoFile(Strict):
-    """Gains of the proportional joint servos, at the joints."""
+    """Gains of the proportional joint servos, referred to the joints."""
 
     kp_N_m_per_rad: Positive6
     kv_N_m_s_per_rad: NotNegative6
@@ -123,7 +120,7 @@ class FrictionFile(Strict):
 
 
 class TransmissionErrorFile(Strict):
-    """Harmonics of the gears of some axes, over the turn of their output and of their motor."""
+    """Harmonic errors of the gears of some axes, over turns of their outputs and motors."""
 
     axes: tuple[Annotated[int, Field(ge=1, le=6)], ...]
     cycles_per_turn: tuple[Positive, ...]
@@ -135,13 +132,14 @@ class TransmissionErrorFile(Strict):
         if len(self.amplitude_rad) != len(self.cycles_per_turn):
             raise wrong_key(
                 "amplitude_rad",
-                message=f"expected {len(self.cycles_per_turn)} values, one for each of cycles_per_turn",
+                message=f"expected {len(self.cycles_per_turn)} values, one for each of "
+                "cycles_per_turn",
             )
         return self
 
 
 class GearsFile(Strict):
-    """What the gears do beyond turning, at their output."""
+    """Elasticity, friction and ripple of the gears, at their outputs."""
 
     stiffness_N_m_per_rad: Positive6
     damping_N_m_s_per_rad: NotNegative6
@@ -151,7 +149,7 @@ class GearsFile(Strict):
 
 
 class RobotFile(Strict):
-    """cell/robots/*.yaml"""
+    """Description of a robot, cell/robots/*.yaml."""
 
     schema_: Annotated[Literal["ballbar-robot/1"], Field(alias="schema")]
     title: str
@@ -184,32 +182,22 @@ class RobotFile(Strict):
     @model_validator(mode="after")
     def _boxes_have_lower_below_upper(self) -> Self:
         for i in range(6):
-            low, high, first, last = (
-                getattr(self, f"{box}_{end}_deg")[i]
-                for box in ("axis", "accuracy")
-                for end in ("lower", "upper")
-            )
+            low, high = self.axis_lower_deg[i], self.axis_upper_deg[i]
+            first, last = self.accuracy_lower_deg[i], self.accuracy_upper_deg[i]
             if not low < high:
-                raise wrong_key(
-                    "axis_upper_deg", i, message=f"expected more than the lower limit {low:g}"
-                )
+                message = f"expected more than the lower limit {low:g}"
+                raise wrong_key("axis_upper_deg", i, message=message)
             if not low <= first <= high:
-                raise wrong_key(
-                    "accuracy_lower_deg",
-                    i,
-                    message=f"expected a value within the axis limits {low:g} to {high:g}",
-                )
+                message = f"expected a value within the axis limits {low:g} to {high:g}"
+                raise wrong_key("accuracy_lower_deg", i, message=message)
             if not first < last <= high:
-                raise wrong_key(
-                    "accuracy_upper_deg",
-                    i,
-                    message=f"expected a value above {first:g} and up to the axis limit {high:g}",
-                )
+                message = f"expected a value above {first:g} and up to the axis limit {high:g}"
+                raise wrong_key("accuracy_upper_deg", i, message=message)
         return self
 
 
 class BallBarLinksFile(Strict):
-    """Bodies of the ball-bar; com in its base frame and axes parallel to it, all angles zero (rod straight up)."""
+    """Bodies of the ball-bar with all angles zero (rod upright); com and axes in its base frame."""
 
     link1: LinkFile
     link2: LinkFile
@@ -219,7 +207,7 @@ class BallBarLinksFile(Strict):
 
 
 class EncoderFile(Strict):
-    """What the ball-bar's encoders are."""
+    """Resolution and noise of the ball-bar's encoders."""
 
     lines: Annotated[int, Field(gt=0)]
     bits: Annotated[int, Field(ge=8, le=13)]  # EL5021 object 8001:11
@@ -227,7 +215,7 @@ class EncoderFile(Strict):
 
 
 class BallBarFile(Strict):
-    """cell/ballbars/*.yaml"""
+    """Description of a ball-bar, cell/ballbars/*.yaml."""
 
     schema_: Annotated[Literal["ballbar-bar/1"], Field(alias="schema")]
     title: str
@@ -249,7 +237,7 @@ class BallBarFile(Strict):
 
 
 class PlateFile(Strict):
-    """cell/plates/*.yaml"""
+    """Description of an offset plate, cell/plates/*.yaml."""
 
     schema_: Annotated[Literal["ballbar-plate/1"], Field(alias="schema")]
     title: str

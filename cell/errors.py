@@ -1,6 +1,7 @@
-"""The exceptions that reach the user as a message: the input is at fault (exit code 2), or the work cannot be done (1).
+"""Exceptions that reach the user as a message.
 
-Their text says what was found, where, and how to mend it.
+Wrong input ends a command with exit code 2, work that fails with 1. The text names the value, its
+place, and the remedy.
 """
 
 
@@ -13,8 +14,8 @@ class DescriptionError(InputError):
 
 
 class LogError(InputError):
-    """A device log is wrong: torn, in another unit, running backwards, not what was declared."""
+    """A device log is wrong: torn, in another unit, with stamps that go back, not as declared."""
 
 
 class FailureError(RuntimeError):
-    """Begun with input in good order, the work came to no result."""
+    """The input is valid, but the work came to no result."""

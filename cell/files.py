@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Output files that appear whole or not at all, and output folders."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cell.errors import InputError
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Writes a file beside its place, then renames it there. Folders are made as needed."""
+    """Write a file beside its place, then rename it. Folders are made as needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     aside = path.with_name(f".{path.name}.part")
     try:
@@ -34,19 +34,22 @@ def write_new(path: Path, content: bytes) -> None:
 
 
 def write_yaml(path: Path, data: dict[str, object]) -> None:
-    """Writes plain data as YAML, keys in their order."""
+    """Write plain data as YAML, keys in their order."""
     write_whole(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120).encode())
 
 
 def claim_folder(path: Path, known: set[str], what: str) -> None:
-    """Makes sure that output may go to `path`: absent, empty, or holding nothing but `known` names, an earlier output.
+    """Check that output may go to a folder: absent, empty, or with an earlier output only.
 
-    Raises InputError when something else is there.
+    known : names of an earlier output. what : the kind of output, for the message.
+
+    Raises InputError when the folder holds anything else.
     """
     if path.is_file():
         raise InputError(f"{path}: is a file; {what} needs a folder. Choose another with --out.")
     foreign = sorted({entry.name for entry in path.iterdir()} - known) if path.is_dir() else []
     if foreign:
         raise InputError(
-            f"{path}: exists and holds something else ({', '.join(foreign[:3])}); nothing was written. Choose another folder with --out."
+            f"{path}: exists and holds something else ({', '.join(foreign[:3])}); nothing was "
+            "written. Choose another folder with --out."
         )

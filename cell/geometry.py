@@ -1,8 +1,9 @@
-"""The kinematic parameters of robot and ball-bar together: one vector, the thesis's names.
+"""Kinematic parameters of robot and ball-bar as one vector, with the thesis's names.
 
-`ra1..ra6 rd1.. ralpha1.. rtheta1.. rbeta2 rbeta6` robot rows (the tool sits in row 6), `ba1..ba5 bd1.. balpha1.. btheta1..`
-ball-bar rows, `ox oy oz` its base in the robot's base frame, `otx oty` the tilt of that base (turn about x, then y).
-Source: thesis sec. 2.1-2.2; design of the parameter names: thesis Tables 3.1-3.4.
+`ra1..ra6 rd1.. ralpha1.. rtheta1.. rbeta2 rbeta6` are the robot's rows, the tool in row 6;
+`ba1..ba5 bd1.. balpha1.. btheta1..` those of the ball-bar. Its base pose in the robot's base frame
+is the position `ox oy oz` and the tilt `otx oty`, a turn about x, then y. Source: thesis secs.
+2.1-2.2; names of the parameters: thesis Tables 3.1-3.4.
 """
 
 from __future__ import annotations
@@ -18,21 +19,19 @@ from cell.chain import Chain, Frames, forward, screw
 if TYPE_CHECKING:
     from cell.descriptions import Cell
 
-ROBOT_ROWS = 6
-BAR_ROWS = 5
-HAYATI_ROWS = (
-    1,
-    5,
-)  # axes nearly parallel to the next one: joint 2 to joint 3, and joint 6 to b5 across the plate
+ROBOT_ROWS, BAR_ROWS = 6, 5  # one per joint
+# Rows whose axis is nearly parallel to the next one: joint 2 to joint 3, and joint 6 to b5 across
+# the plate.
+HAYATI_ROWS = (1, 5)
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """Where one named number sits in the mechanism."""
+    """One kinematic parameter and its place in the mechanism."""
 
     name: str
     side: str  # "robot", "bar" or "base"
-    kind: str  # DH kind, or "origin" / "tilt" for the ball-bar's base
+    kind: str  # DH kind, or "origin" / "tilt" of the ball-bar's base
     row: int  # from 0
 
     @property
@@ -64,6 +63,7 @@ def _parameters() -> tuple[Parameter, ...]:
 PARAMETERS = _parameters()
 NAMES = tuple(p.name for p in PARAMETERS)
 INDEX = {name: i for i, name in enumerate(NAMES)}
+ORIGIN, TILT = slice(INDEX["ox"], INDEX["oz"] + 1), slice(INDEX["otx"], INDEX["oty"] + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class Geometry:
         return float(self.values[INDEX[name]])
 
     def replaced(self, changes: dict[str, float]) -> Geometry:
-        """The same geometry with some parameters set; KeyError for an unknown name."""
+        """The geometry with the named parameters changed. Raises KeyError for an unknown name."""
         values = self.values.copy()
         for name, value in changes.items():
             values[INDEX[name]] = value
@@ -104,25 +104,28 @@ class Geometry:
 
     @property
     def origin(self) -> Array:
-        """(3,) [m] ball-bar base in the robot's base frame."""
-        return self.values[-5:-2]
+        """(3,) [m] position of the ball-bar's base in the robot's base frame."""
+        return self.values[ORIGIN]
 
     @property
     def bar_base_rotation(self) -> Array:
-        """(3, 3) orientation of the ball-bar base: Rx(otx) Ry(oty)."""
-        (cx, cy), (sx, sy) = np.cos(self.values[-2:]), np.sin(self.values[-2:])
+        """(3, 3) orientation of the ball-bar's base: Rx(otx) Ry(oty)."""
+        (cx, cy), (sx, sy) = np.cos(self.values[TILT]), np.sin(self.values[TILT])
         return np.array([[cy, 0.0, sy], [sx * sy, cx, -sx * cy], [-cx * sy, sx, cx * cy]])
 
 
 def mirrored(geometry: Geometry, joint: int) -> Geometry:
-    """The same mechanism read with encoder b2 or b4 counting the other way: `joint` is 2 or 4.
+    """The geometry of the same mechanism whose encoder b2 or b4 counts in the other direction.
 
-    The directions of b2 and b4 are one gauge with the configuration of gimbal and cardan: for every reading
-    `(-e_j, e_others)` of the mirrored geometry gives the pose that `(e_j, e_others)` gave before, exactly, for an imperfect
-    ball-bar too (notes/start, "Signs and configuration").
+    joint : 2 or 4. The directions of b2 and b4 and the configurations of gimbal and universal joint
+        are one gauge: readings `(-e_j, e_others)` of the mirrored geometry give the pose that
+        `(e_j, e_others)` gave before, exactly, for an imperfect ball-bar too (notes/start, "Signs
+        and configuration").
+
+    Raises ValueError for another joint.
     """
     if joint not in (2, 4):
-        raise ValueError(f"joint {joint}: only b2 and b4 have a sense that cannot be seen")
+        raise ValueError(f"joint {joint}: only b2 and b4 have a direction that cannot be observed")
     i, j, k = joint - 1, joint, joint + 1
     changes = {f"b{kind}{joint}": -geometry[f"b{kind}{joint}"] for kind in ("a", "d", "theta")}
     changes |= {
@@ -135,9 +138,9 @@ def mirrored(geometry: Geometry, joint: int) -> Geometry:
 
 
 def nominal_geometry(cell: Cell, origin: Array) -> Geometry:
-    """Catalogue geometry of a cell with the ball-bar at `origin` (3,) [m]; encoder zeros 0.
+    """Catalogue geometry of a cell with the ball-bar at `origin` (3,) [m] and encoder offsets 0.
 
-    The offset plate is `ra6`; tool changer and cardan part add to the flange's `rd6` (design: tool sits in row 6).
+    The offset plate is `ra6`; tool changer and universal joint add to the flange's `rd6`.
     """
     robot, bar, plate = cell.robot, cell.ballbar, cell.plate
     a, d = robot.a.copy(), robot.d.copy()
@@ -160,12 +163,15 @@ def nominal_geometry(cell: Cell, origin: Array) -> Geometry:
 
 
 def robot_frames(geometry: Geometry, q: Array) -> Frames:
-    """Frames of the robot at joint angles q (N, 6) [rad]; the last one is the tool (ball-bar end) frame."""
+    """Frames of the robot at joint angles q (N, 6) [rad]; the last is that of the tool."""
     return forward(geometry.robot, q)
 
 
 def bar_frames(geometry: Geometry, b: Array) -> Frames:
-    """Frames of the ball-bar at encoder angles b (N, 5) [rad] (zeros are in btheta); the last one is the tool frame."""
+    """Frames of the ball-bar at encoder angles b (N, 5) [rad]; the last is that of the tool.
+
+    The encoder offsets are part of btheta.
+    """
     return forward(
         geometry.bar, b, base_rotation=geometry.bar_base_rotation, base_origin=geometry.origin
     )
@@ -174,21 +180,21 @@ def bar_frames(geometry: Geometry, b: Array) -> Frames:
 def parameter_screw(
     geometry: Geometry, robot: Frames, bar: Frames, parameter: Parameter, out: Array | None = None
 ) -> Array:
-    """(6, N) motion of that side's tool frame for a unit change of one parameter, base coordinates (see chain.screw)."""
+    """(6, N) motion of the tool frame of robot or ball-bar for a unit change of one parameter.
+
+    Components [m, rad per unit] are those of cell.chain.screw. out : (6, N) array to write to.
+    """
     if parameter.side != "base":
-        return screw(
-            robot if parameter.side == "robot" else bar, parameter.kind, parameter.row, out
-        )
+        frames = robot if parameter.side == "robot" else bar
+        return screw(frames, parameter.kind, parameter.row, out)
     out = np.empty((6, bar.tip.shape[1])) if out is None else out
     out[:] = 0.0
     if parameter.kind == "origin":
         out[parameter.row] = 1.0
         return out
-    axis = (
-        np.array([1.0, 0.0, 0.0])
-        if parameter.row == 0
-        else np.array([0.0, np.cos(geometry["otx"]), np.sin(geometry["otx"])])
-    )
+    axis = np.array([1.0, 0.0, 0.0])
+    if parameter.row == 1:
+        axis = np.array([0.0, np.cos(geometry["otx"]), np.sin(geometry["otx"])])
     out[:3] = np.cross(axis, (bar.tip - bar.origin[0]).T).T
     out[3:] = axis[:, None]
     return out

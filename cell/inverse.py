@@ -1,12 +1,15 @@
-"""Inverse kinematics of robot and ball-bar: closed form for the nominal mechanism, Newton for an imperfect one.
+"""Inverse kinematics in closed form for nominal machines, by Newton's method for imperfect ones.
 
-Robot: both machines have an offset shoulder, a parallel upper arm and a spherical wrist, `alpha = (-pi/2, 0, -pi/2,
-s*pi/2, -s*pi/2, 0)` with s = +1 (IRB 2400) or -1 (NJ 220); Pieper's decoupling, wrist as ZYZ.
-Ball-bar: rod direction u in the base and v in the tool frame are `u_x + i u_y = -sin(b2) exp(i b1)`, `u_z = cos(b2)`
-and `-v_x + i v_y = -sin(b4) exp(i b5)`, `v_z = cos(b4)`.
+Robot: both machines have an offset shoulder, a parallel upper arm and a spherical wrist, `alpha =
+(-pi/2, 0, -pi/2, s*pi/2, -s*pi/2, 0)` with s = +1 (IRB 2400) or -1 (NJ 220). The wrist is decoupled
+(Pieper's method) and solved as ZYZ angles.
+Ball-bar: the rod's direction u in the base and v in the tool frame are `u_x + i u_y = -sin(b2)
+exp(i b1)`, `u_z = cos(b2)` and `-v_x + i v_y = -sin(b4) exp(i b5)`, `v_z = cos(b4)`.
 """
 
 from __future__ import annotations
+
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +27,12 @@ class UnreachableError(FailureError):
 
 
 def robot_branches(chain: Chain, poses: Array) -> Array:
-    """Joint angles of the nominal robot for each pose, arm in front, both elbows and both wrists.
+    """Joint angles of the nominal robot in its four configurations with the arm in front.
 
     poses : (N, 4, 4) tool frames in the base frame.
 
-    Returns (4, N, 6) [rad] in the order elbow up / wrist +, up / -, down / +, down / -; NaN where out of reach.
+    Returns (4, N, 6) [rad] in the order elbow up and wrist +, up and -, down and +, down and -; NaN
+    where a pose is out of reach.
     """
     rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
     wrist = tip - chain.a[5] * rotation[:, :, 0] - chain.d[5] * rotation[:, :, 2]
@@ -40,14 +44,11 @@ def robot_branches(chain: Chain, poses: Array) -> Array:
     cosine = (forward_reach**2 + up**2 - upper**2 - fore**2) / (2.0 * upper * fore)
     cosine[np.abs(cosine) > 1.0] = np.nan
     solutions = []
-    for elbow in (
-        1.0,
-        -1.0,
-    ):  # + folds the forearm forward (arm angles are measured downwards from horizontal)
+    # + folds the forearm forward: the angles of the arm are measured downwards from the horizontal.
+    for elbow in (1.0, -1.0):
         bend = elbow * np.arccos(cosine)
-        theta2 = np.arctan2(-up, forward_reach) - np.arctan2(
-            fore * np.sin(bend), upper + fore * np.cos(bend)
-        )
+        inner = np.arctan2(fore * np.sin(bend), upper + fore * np.cos(bend))
+        theta2 = np.arctan2(-up, forward_reach) - inner
         theta3 = bend - fore_angle
         arm = np.stack((shoulder, theta2, theta3), axis=1) - chain.theta[:3]
         solutions += _wrists(chain, rotation, arm)
@@ -55,18 +56,16 @@ def robot_branches(chain: Chain, poses: Array) -> Array:
 
 
 def _wrists(chain: Chain, rotation: Array, arm: Array) -> list[Array]:
-    first = Chain(
-        *(values[:3] for values in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta))
-    )
+    first = Chain(*(getattr(chain, field.name)[:3] for field in fields(chain)))
     forearm = forward(first, arm).rotation().transpose(2, 0, 1)
     rest = forearm.transpose(0, 2, 1) @ rotation  # Rz(t4) Ry(-s t5) Rz(t6)
-    sense = np.sign(chain.alpha[3])
+    s = np.sign(chain.alpha[3])
     out = []
     for side in (1.0, -1.0):
         tilt = side * np.arctan2(np.hypot(rest[:, 0, 2], rest[:, 1, 2]), rest[:, 2, 2])
         theta4 = np.arctan2(side * rest[:, 1, 2], side * rest[:, 0, 2])
         theta6 = np.arctan2(side * rest[:, 2, 1], -side * rest[:, 2, 0])
-        wrist = np.stack((theta4, -sense * tilt, theta6), axis=1) - chain.theta[3:]
+        wrist = np.stack((theta4, -s * tilt, theta6), axis=1) - chain.theta[3:]
         out.append(np.concatenate((arm, np.arctan2(np.sin(wrist), np.cos(wrist))), axis=1))
     return out
 
@@ -74,12 +73,10 @@ def _wrists(chain: Chain, rotation: Array, arm: Array) -> list[Array]:
 def bar_angles(
     poses: Array, origin: Array, *, flipped: tuple[bool, bool] = (False, False)
 ) -> Array:
-    """Angles of an ideal ball-bar that holds the tool at each pose.
+    """(N, 5) [rad] angles, not unwrapped, of an ideal ball-bar that holds the tool at each pose.
 
-    poses : (N, 4, 4) tool frames; origin : (3,) [m]. `flipped` takes b2, b4 negative instead of positive: the four
-    configurations of the gimbal and the cardan.
-
-    Returns (N, 5) [rad], not unwrapped.
+    poses : (N, 4, 4) tool frames. origin : (3,) [m] centre of the sphere. flipped : whether b2 and
+        b4 are negative, which gives the four configurations of gimbal and universal joint.
     """
     rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
     rod = tip - origin
@@ -96,29 +93,27 @@ def _pair(x: Array, y: Array, z: Array, flipped: bool) -> tuple[Array, Array]:
 
 
 def bar_roll(rotation: Array, b1: Array, b2: Array, b4: Array, b5: Array) -> Array:
-    """(N,) [rad] turn b3 about the rod of an ideal ball-bar, from R = G(b1, b2) Rz(b3) K(b4, b5).
+    """(N,) [rad] angle b3 about the rod of an ideal ball-bar, from R = G(b1, b2) Rz(b3) K(b4, b5).
 
-    rotation : (N, 3, 3) tool frame in the base; b1, b2, b4, b5 : (N,) [rad].
+    rotation : (N, 3, 3) of the tool frame in the base. b1, b2, b4, b5 : (N,) [rad].
     """
     gimbal = _turned(_ALPHA[:2], b1, b2)
-    cardan = _turned(_ALPHA[2:], np.zeros_like(b4), b4, b5)
-    about_rod = gimbal.transpose(0, 2, 1) @ rotation @ cardan.transpose(0, 2, 1)
+    universal = _turned(_ALPHA[2:], np.zeros_like(b4), b4, b5)
+    about_rod = gimbal.transpose(0, 2, 1) @ rotation @ universal.transpose(0, 2, 1)
     return np.arctan2(about_rod[:, 1, 0], about_rod[:, 0, 0])
 
 
 def _turned(alpha: Array, *angles: Array) -> Array:
     zero = np.zeros(alpha.size)
-    return (
-        forward(Chain(zero, zero, alpha, zero, zero), np.stack(angles, axis=1))
-        .rotation()
-        .transpose(2, 0, 1)
-    )
+    frames = forward(Chain(zero, zero, alpha, zero, zero), np.stack(angles, axis=1))
+    return frames.rotation().transpose(2, 0, 1)
 
 
 def refine(
     chain: Chain, q: Array, poses: Array, *, iterations: int = 20, tolerance: float = 1e-13
 ) -> Array:
-    """Joint angles that bring a six-joint chain exactly to each pose, by Newton steps from a start close by.
+    """Joint angles that bring a six-joint chain exactly to each pose, by Newton steps from a start
+    close by.
 
     q : (N, 6) [rad] start; poses : (N, 4, 4) tool frames in the base frame.
 
@@ -167,14 +162,17 @@ def refine_reachable(
         reached, angles = np.zeros(len(q), dtype=bool), np.empty((0, chain.rows))
         for k in range(len(q)):
             try:
-                found = refine(chain, q[k : k + 1], poses[k : k + 1], tolerance=tolerance)
+                refined = refine(chain, q[k : k + 1], poses[k : k + 1], tolerance=tolerance)
             except UnreachableError:
                 continue
-            reached[k], angles = True, np.concatenate((angles, found))
+            reached[k], angles = True, np.concatenate((angles, refined))
         return angles, reached
 
 
-def pose_error(rotation: Array, tip: Array, frames: Frames) -> NDArray[np.float64]:
-    """(6, N) signed mismatch: (tip minus that of `frames` [m], rotation vector that turns `frames` onto it [rad])."""
+def pose_error(rotation: Array, tip: Array, frames: Frames) -> Array:
+    """(6, N) [m, rad] pose error of the last frame: target tip minus its tip, and rotation vector.
+
+    rotation : (3, 3, N), tip : (3, N) [m] target pose. The rotation vector turns the frame onto it.
+    """
     turned = np.einsum("ikn,jkn->ijn", rotation, frames.rotation())
     return np.concatenate((tip - frames.tip, rotvec_from_matrix(turned)))

@@ -3,9 +3,9 @@
 Acquisition makes these logs and identification takes them. Times are float64 seconds counted from
 the first row of their own log; cell.clock relates the two clocks.
 
-The logs hold the rows that a fit may use. `segment` numbers the stretches of a log between which the
-clock was set, a counter was reset or rows were lost; angles and times continue across them as far
-as the log itself can tell. The arrays of a log are write-protected copies of the caller's.
+The logs hold the rows that a fit may use. `segment` numbers the stretches of a log between which
+the clock was set, a counter was reset or rows were lost; angles and times continue across them as
+far as the log itself can tell. The arrays of a log are write-protected copies of the caller's.
 """
 
 from __future__ import annotations

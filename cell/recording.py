@@ -1,6 +1,7 @@
 """recording.yaml: how to read the device files of one run (schema `ballbar-recording/1`).
 
-Written by the simulator, or by hand for a real run; read by acquisition. It never holds a true parameter.
+The simulator writes it, or a person for a real run; acquisition reads it. It holds no true
+parameter.
 """
 
 from __future__ import annotations
@@ -19,29 +20,27 @@ SourceName = Literal["robot", "ballbar", "force"]  # the sources of a recording
 
 
 class SourceFile(Strict):
-    """The device files of one side, and the dialect they are written in."""
+    """The device files of one source, and the dialect they are written in."""
 
-    files: Annotated[
-        tuple[str, ...], Field(min_length=1)
-    ]  # relative to recording.yaml; .gz, .bz2 and .xz are unpacked
+    # relative to recording.yaml; .gz, .bz2 and .xz are unpacked
+    files: Annotated[tuple[str, ...], Field(min_length=1)]
     dialect: str  # a shipped one, or a file of the recording folder that ends in .yaml
-    time: str | None = (
-        None  # form of the time stamps (acquisition.times), where they do not tell it themselves
-    )
+    time: str | None = None  # form of the time stamps, where the stamps do not show it themselves
     columns: tuple[str, ...] | None = None  # names of all columns, for files without header
-    quantised: bool = False  # the rows were taken evenly, but the clock of the stamps steps by more than can be neglected
+    # whether evenly taken rows have stamps of a clock with coarse steps
+    quantised: bool = False
 
 
 class Sources(Strict):
-    """Both sides of a recording."""
+    """The sources of a recording."""
 
     robot: SourceFile
-    ballbar: SourceFile | None = None  # none for a sensor-less ball-bar
+    ballbar: SourceFile | None = None  # none for a ball-bar without encoders
     force: SourceFile | None = None  # six-axis sensor at the flange, on a clock of its own
 
 
 class EncoderFitting(Strict):
-    """One ball-bar encoder: counter column, resolution and declared sense of rotation."""
+    """One ball-bar encoder: counter column, resolution and declared direction."""
 
     column: str
     lines: Annotated[int, Field(gt=0)]

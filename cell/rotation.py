@@ -1,6 +1,7 @@
-"""Rotations over many samples: logarithm, exponential and the Jacobian that ties them. Sample index last.
+"""Rotations over many samples: logarithm, exponential, Jacobian; quaternions. Sample index last.
 
-Source: Murray, Li & Sastry 1994, sec. 2.2 (exponential, logarithm); Barfoot 2017, eq. 7.76 (inverse left Jacobian).
+Sources: Murray, Li & Sastry 1994, sec. 2.2 (exponential, logarithm); Barfoot 2017, eq. 7.76
+(inverse left Jacobian).
 """
 
 from __future__ import annotations
@@ -41,12 +42,10 @@ def matrix_from_rotvec(rotvec: Array) -> Array:
 
 
 def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
-    """Change of the rotation vector when its rotation is turned on the left: J_l(phi)^-1 w.
+    """Rate (..., 3, N) of rotation vectors whose rotations are turned on the left: J_l(phi)^-1 w.
 
-    rotvec : (3, N) [rad]; vectors : (..., 3, N) angular velocities w in base coordinates. Turned on the right it is
-    J_l(-phi)^-1 w, so the caller passes `-rotvec`.
-
-    Returns (..., 3, N).
+    rotvec : (3, N) [rad] phi. vectors : (..., 3, N) angular velocities w in base coordinates. For
+        rotations turned on the right, J_l(-phi)^-1 w, pass `-rotvec`.
     """
     square = (rotvec * rotvec).sum(axis=0)
     angle = np.sqrt(square)
@@ -60,9 +59,9 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
     xx, yy, zz = factor * x * x, factor * y * y, factor * z * z
     xy, xz, yz = factor * x * y, factor * x * z, factor * y * z
     a, b, c = 0.5 * x, 0.5 * y, 0.5 * z
-    one = 1.0 - (xx + yy + zz)
+    rest = 1.0 - (xx + yy + zz)
     matrix = np.array(
-        ((one + xx, xy + c, xz - b), (xy - c, one + yy, yz + a), (xz + b, yz - a, one + zz))
+        ((rest + xx, xy + c, xz - b), (xy - c, rest + yy, yz + a), (xz + b, yz - a, rest + zz))
     )
     return np.asarray(np.einsum("ijn,...jn->...in", matrix, vectors))
 
@@ -70,8 +69,8 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
 def quat_wxyz(rotation: Array) -> Array:
     """(4,) unit quaternion of a rotation matrix (3, 3), scalar part first as MuJoCo wants it.
 
-    Its largest component comes first (Shepperd 1978); the result is to the last digit that of
-    MuJoCo's `mju_mat2Quat`.
+    Its largest component is computed first (Shepperd's method); the result is to the last digit
+    that of MuJoCo's `mju_mat2Quat`.
     """
     x, y, z = np.diag(rotation)
     product = rotation + rotation.T  # becomes 4 q q' of q = x y z, then of w x y z

@@ -1,4 +1,4 @@
-"""Base of the schemas of scenarios, truth and results."""
+"""Base of the schemas of all YAML files."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Strict(BaseModel):
-    """Unknown keys and infinities are refused, values do not change."""
+    """A frozen model that refuses unknown keys, infinities and NaN."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

@@ -1,6 +1,7 @@
-"""Validation errors of a YAML description in plain words: key, value, what was expected, the nearest valid key.
+"""Validation errors of YAML files as sentences: key, value, what was expected, nearest valid key.
 
-pydantic knows what is wrong and where in the data; this module says it to the person who wrote the file.
+pydantic reports what is wrong and where in the data; this module words it for the person who wrote
+the file.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ Loc = tuple[str | int, ...]  # keys and list indices from the top of a file
 
 MAX_LISTED = 30  # valid keys; more would hide the message
 
-RENAMED = {  # keys of files that earlier releases wrote or read, and their names today
+RENAMED = {  # keys of earlier releases, and their names today
     "errors.lost_motion": "errors.gear_backlash",
     "encoders.senses": "encoders.directions",
 }
@@ -49,26 +50,26 @@ _EXPECTED = {
 
 
 def wrong_key(*loc: str | int, message: str) -> PydanticCustomError:
-    """What a model's own check raises when one key below that model is at fault, so that the error names its line."""
+    """Error of a model's own check that names the key at fault, below that model, and its line."""
     return PydanticCustomError("wrong_key", "{message}", {"message": message, "loc": loc})
 
 
 def explain(
     errors: Iterable[ErrorDetails], model: type[BaseModel], data: Any
 ) -> list[tuple[Loc, str]]:
-    """For each validation error its place in the data, and its sentence: `key.path = value: what was expected.`"""
-    return [_explain_one(error, model, data) for error in errors if not _is_echo(error, data)]
+    """Place in the data and sentence, `key.path = value: what was expected.`, of each error."""
+    return [_sentence(error, model, data) for error in errors if not _is_echo(error, data)]
 
 
 def _is_echo(error: ErrorDetails, data: Any) -> bool:
-    """Whether a list is called too short only because pydantic does not count items that are wrong themselves."""
+    """Whether a list counts as too short only because pydantic omits items that are wrong."""
     if error["type"] != "too_short":
         return False
-    found = _value_at(data, _place(error["loc"], data, missing=False))
-    return bool(len(found) >= error["ctx"]["min_length"])
+    items = _value_at(data, _place(error["loc"], data, missing=False))
+    return bool(len(items) >= error["ctx"]["min_length"])
 
 
-def _explain_one(error: ErrorDetails, model: type[BaseModel], data: Any) -> tuple[Loc, str]:
+def _sentence(error: ErrorDetails, model: type[BaseModel], data: Any) -> tuple[Loc, str]:
     kind, context = error["type"], error.get("ctx", {})
     raw = error["loc"]
     if kind in ("wrong_key", "union_tag_invalid", "union_tag_not_found"):
@@ -87,7 +88,7 @@ def _explain_one(error: ErrorDetails, model: type[BaseModel], data: Any) -> tupl
 
 
 def nearest(word: str, choices: Iterable[str], *, noun: str) -> str:
-    """` Did you mean x? Valid keys: x, y.` for a word that is none of the choices; empty without choices."""
+    """Hint for a word that is none of the choices: ` Did you mean x? Valid keys: x, y.`"""
     known = sorted(choices)
     close = difflib.get_close_matches(word, known, n=1)
     meant = f" Did you mean {close[0]}?" if close else ""
@@ -121,7 +122,7 @@ def _expectation(error: ErrorDetails, context: Mapping[str, Any], value: Any) ->
 
 
 def _place(raw: Loc, data: Any, *, missing: bool) -> Loc:
-    """The part of pydantic's location that exists in the data: names of union members and `[key]` are left out."""
+    """Part of pydantic's location that exists in the data, without names of union members."""
     loc: Loc = ()
     for i, part in enumerate(raw):
         if _has(data, part):
@@ -168,7 +169,7 @@ def _add_it(loc: Loc) -> str:
 
 
 def _valid_keys(annotation: Any, raw: Loc) -> set[str]:
-    """Keys that may stand at a location, by walking the model's annotations; empty where that is open."""
+    """Valid keys at a location, from the model's annotations; empty where any key is valid."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         fields = {field.alias or name: field for name, field in annotation.model_fields.items()}
@@ -193,7 +194,7 @@ def _valid_keys(annotation: Any, raw: Loc) -> set[str]:
 
 
 def _is_named(member: Any, part: str | int) -> bool:
-    """Whether pydantic's location calls a union's member by this name: its class name, or its discriminator's value."""
+    """Whether pydantic calls a union's member by this name: its class, or its discriminator."""
     while get_origin(member) is Annotated:
         member = get_args(member)[0]
     if not (isinstance(member, type) and issubclass(member, BaseModel)):

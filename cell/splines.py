@@ -1,4 +1,4 @@
-"""Least-squares splines of logs, whose rows may be missing for a while."""
+"""Least-squares splines of logs with gaps."""
 
 from __future__ import annotations
 
@@ -8,27 +8,28 @@ from scipy.interpolate import BSpline, make_lsq_spline
 
 from cell.arrays import Array
 
-DEGREE = 5
+DEGREE = 5  # continuous acceleration and jerk; used for logs and recorded paths alike
 
 
 def smoothing_spline(t: Array, values: Array, inner: Array, *, rows: int = 2) -> BSpline:
-    """Spline of degree DEGREE through values (N, C) at times t (N,) [s], with those of the `inner` knots (K,) [s] that rows carry.
+    """Least-squares spline of degree DEGREE through values (N, C) at times t (N,) [s].
 
-    rows : that each knot interval holds at least. With a single one (beside a gap, say) Schoenberg and Whitney's condition may
-    hold, and yet the spline be anywhere.
+    inner : (K,) [s] inner knots; those with too few rows between them are left out. rows : least
+        number of rows in each knot interval. With a single row, beside a gap for instance, the
+        Schoenberg-Whitney condition may hold and the spline still oscillate without bound.
     """
-    kept = inner[_carried(np.searchsorted(t, inner), t.size, rows)]
-    knots = np.concatenate((np.repeat(t[0], DEGREE + 1), kept, np.repeat(t[-1], DEGREE + 1)))
-    return make_lsq_spline(
-        t, values, knots, k=DEGREE, method="norm-eq"
-    )  # to 1e-13 the answer of "qr", in a tenth of its time
+    supported = inner[_supported(np.searchsorted(t, inner), t.size, rows)]
+    ends = np.repeat(t[0], DEGREE + 1), np.repeat(t[-1], DEGREE + 1)
+    knots = np.concatenate((ends[0], supported, ends[1]))
+    # Normal equations agree with "qr" to 1e-13 and take a tenth of its time.
+    return make_lsq_spline(t, values, knots, k=DEGREE, method="norm-eq")
 
 
-def _carried(before: NDArray[np.intp], total: int, rows: int) -> list[int]:
-    """Those of the knots with `before` (K,) rows before them that leave `rows` or more in each interval."""
-    kept, last = [], 0
+def _supported(before: NDArray[np.intp], total: int, rows: int) -> list[int]:
+    """Indices of knots with at least `rows` rows between them; before : (K,) rows before each."""
+    knots, last = [], 0
     for knot, count in enumerate(before.tolist()):
         if count - last >= rows and total - count >= rows:
-            kept.append(knot)
+            knots.append(knot)
             last = count
-    return kept
+    return knots

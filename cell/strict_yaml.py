@@ -1,9 +1,9 @@
-"""YAML descriptions, read strictly: a wrong file is refused with its line, never half understood.
+"""Strict reading of YAML files: a wrong file is refused with its line.
 
-YAML 1.2 core schema, where PyYAML itself still follows 1.1: `1e-5` and `1e4` are numbers, `no`, `on` and `2016-05-30`
-are text, `1:30` is no sexagesimal, octal is `0o17`. Refused: duplicate keys, anchors and aliases (a few lines of them
-grow to gigabytes), tags of other types, keys that are not text, files above 10 MB.
-Source: YAML 1.2.2, section 10.3 (core schema).
+The YAML 1.2 core schema holds, where PyYAML itself still follows 1.1: `1e-5` and `1e4` are numbers,
+`no`, `on` and `2016-05-30` are text, `1:30` is not sexagesimal, octal is `0o17`. Refused are
+duplicate keys, anchors and aliases (a few lines of them expand to gigabytes), tags of other types,
+keys that are not text, and files above 10 MB. Source: YAML 1.2.2, section 10.3 (core schema).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ _SCALARS: dict[str, _Scalar] = {
 
 @dataclass(frozen=True, eq=False)
 class YamlDocument:
-    """The content of one YAML file, and where each part of it stands."""
+    """Content of one YAML file, and the line of each part."""
 
     path: Path
     data: dict[str, Any]  # dicts, lists, str, int, float, bool, None
@@ -77,7 +77,7 @@ class YamlDocument:
 
 
 class _Core(yaml.composer.Composer, yaml.resolver.Resolver):
-    """The nodes of a parser's events with the core schema's scalars; constructs nothing."""
+    """Composer of nodes with the scalars of the core schema; constructs no objects."""
 
     depth = 0
 
@@ -123,8 +123,8 @@ if yaml.__with_libyaml__:
 def _root(text: str) -> yaml.Node | None:
     """The root node of a text.
 
-    Where libyaml refuses something, PyYAML says what. A tab, a `?` and a `!` stand for libyaml in places where PyYAML refuses them;
-    texts without those are the same to both.
+    Where libyaml refuses a text, PyYAML gives the reason. libyaml accepts a tab, a `?` and a `!` in
+    places where PyYAML does not; both read a text without these alike.
     """
     if yaml.__with_libyaml__ and text.isascii() and not any(mark in text for mark in "\t?!"):
         try:
@@ -137,8 +137,8 @@ def _root(text: str) -> yaml.Node | None:
 def load_yaml(path: Path) -> YamlDocument:
     """The mapping in a YAML file.
 
-    Raises DescriptionError naming file and line if the file cannot be read, is not UTF-8, not YAML as described above, or
-    holds no mapping.
+    Raises DescriptionError naming file and line if the file cannot be read, is not UTF-8, is not
+    YAML as described above, or holds no mapping.
     """
     text = _read_text(path)
     try:
@@ -148,7 +148,8 @@ def load_yaml(path: Path) -> YamlDocument:
         _refuse(
             path,
             line,
-            f"character U+{ord(text[error.position]):04X} is not allowed in YAML. Save the file as plain text.",
+            f"character U+{ord(text[error.position]):04X} is not allowed in YAML. "
+            "Save the file as plain text.",
         )
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -156,10 +157,9 @@ def load_yaml(path: Path) -> YamlDocument:
     if root is None:
         raise DescriptionError(f"{path}: the file is empty; expected `key: value` lines.")
     if not isinstance(root, yaml.MappingNode):
-        found = "a list" if isinstance(root, yaml.SequenceNode) else "a single value"
-        _refuse(
-            path, root.start_mark.line + 1, f"the file holds {found}; expected `key: value` lines."
-        )
+        kind = "a list" if isinstance(root, yaml.SequenceNode) else "a single value"
+        message = f"the file holds {kind}; expected `key: value` lines."
+        _refuse(path, root.start_mark.line + 1, message)
     lines: dict[Loc, int] = {(): root.start_mark.line + 1}
     return YamlDocument(path, _build(path, root, (), lines), lines)
 
@@ -167,24 +167,25 @@ def load_yaml(path: Path) -> YamlDocument:
 def load_model(path: Path, model: type[M]) -> M:
     """The content of a YAML file, checked against a pydantic model.
 
-    Raises DescriptionError with one line for each thing that is wrong: file, line, key, value, what was expected.
+    Raises DescriptionError with one line per error: file, line, key, value and what was expected.
     """
     return parse_model(load_yaml(path), model)
 
 
 def parse_model(document: YamlDocument, model: type[M]) -> M:
-    """A YAML document checked against a pydantic model; raises as `load_model` does.
+    """The content of a YAML document, checked against a pydantic model; raises as `load_model`.
 
-    Validation is strict: the text "3" is no number and `yes` no truth value, but a list may become a tuple.
+    Validation is strict: the text "3" is not a number and `yes` not a truth value, but a list may
+    become a tuple.
     """
     try:
-        # JSON mode, since pydantic's strict Python mode would also refuse a list where a tuple is declared.
+        # In JSON mode, since pydantic's strict Python mode also refuses a list in place of a tuple.
         return model.model_validate_json(json.dumps(document.data), strict=True)
     except ValidationError as error:
-        found = explain(error.errors(include_url=False), model, document.data)
-        told = sorted((document.line_of(loc), text) for loc, text in found)
+        sentences = explain(error.errors(include_url=False), model, document.data)
+        by_line = sorted((document.line_of(loc), text) for loc, text in sentences)
         raise DescriptionError(
-            "\n".join(f"{document.path}:{line}: {text}" for line, text in told)
+            "\n".join(f"{document.path}:{line}: {text}" for line, text in by_line)
         ) from None
 
 
@@ -217,7 +218,8 @@ def _read_text(path: Path) -> str:
         raise DescriptionError(f"{path}: cannot be read: {error}.") from None
     if len(raw) > MAX_BYTES:
         raise DescriptionError(
-            f"{path}: larger than {MAX_BYTES // 1_000_000} MB, so it is no description. Was a log meant?"
+            f"{path}: larger than {MAX_BYTES // 1_000_000} MB, so it is no description. "
+            "Was a log meant?"
         )
     try:
         return raw.decode("utf-8")
@@ -242,7 +244,7 @@ def _syntax_error(error: yaml.MarkedYAMLError) -> str:
 
 
 def _build(path: Path, node: yaml.Node, loc: Loc, lines: dict[Loc, int]) -> Any:
-    """Plain data of a node; enters the line of every key and item below it into `lines`."""
+    """Plain data of a node; adds the line of every key and item below it to `lines`."""
     if isinstance(node, yaml.MappingNode) and node.tag == _TAG + "map":
         return _build_mapping(path, node, loc, lines)
     if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":

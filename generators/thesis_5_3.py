@@ -2,8 +2,8 @@
 
     python -m generators.thesis_5_3
 
-The thesis looked at base, joints and rod with an optical system (90 um) and a force sensor; here the plant's own coordinates
-stand for the optical system.
+The thesis looked at base, joints and rod with an optical system (90 um) and a force sensor; here
+the plant's own coordinates stand for the optical system.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Written by `python -m generators.thesis_5_3` from `scenarios/irb2400_push_pull.y
 | what | thesis | here |
 |---|---|---|
 | rod and joints at 150 N (Fig. 5.8) | 2.7 + 2.8 um | {strain:.2f} um |
-| backlash at force reversal (Fig. 5.9) | below 5 um a joint | {backlash:.2f} um, as the scenario sets it ({asked:.1f} um) |
+| backlash at force reversal (Fig. 5.9) | below 5 um a joint | {backlash:.2f} um, as the scenario sets it ({scenario:.1f} um) |
 | force along a path, soft servo, Table 3.1 errors (Fig. 5.7) | about 100 to 150 N | {low:.0f} to {high:.0f} N |
 | the same, everything on | - | {full_low:.0f} to {full_high:.0f} N |
 | deviation from a sphere along the path, everything on | 8.3 um computed, 25 um measured | {sphere_low:.1f} to {sphere_high:.1f} um |
@@ -62,7 +62,7 @@ Force in the rod along the path of the main scenario (Fig. 5.7).
 
 Distance of the universal joint from the seat of the ball-bar, minus the rod's length: strain, backlash and base movement
 together.
-"""
+"""  # noqa: E501  rows of a table
 
 
 def simulated(name: str) -> Simulation:
@@ -71,7 +71,7 @@ def simulated(name: str) -> Simulation:
 
 
 def sphere_deviation(motion: Motion) -> Array:
-    """(K,) [m] how much further the ball-bar's end is from its nominal seat than the rod is long."""
+    """(K,) [m] distance of the ball-bar's end from its nominal seat, less the rod's length."""
     n = motion.t.size
     base, plate = np.broadcast_to(motion.base, (n, 3)), np.zeros(n)
     bar = deflect(
@@ -111,7 +111,7 @@ def main() -> None:
     page = PAGE.format(
         strain=strain * 1e6,
         backlash=backlash * 1e6,
-        asked=2e6 * pushed.truth.plant.rod_backlash_half_width_m,
+        scenario=2e6 * pushed.truth.plant.rod_backlash_half_width_m,
         low=path.truth.rod_force_min,
         high=path.truth.rod_force_max,
         full_low=full.truth.rod_force_min,

@@ -1,1 +1,3 @@
-"""Paths for the cell: found, judged before anyone goes there, checked, and written for the controller."""
+"""Paths for the cell: found, judged before anyone goes there, checked, and written for the
+controller.
+"""

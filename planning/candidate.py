@@ -1,7 +1,9 @@
-"""A candidate: Lissajous parameters of the five ball-bar angles and where the ball-bar stands; as numbers from 0 to 1 for a search.
+"""Candidates: Lissajous parameters of the five ball-bar angles and the position of the ball-bar.
 
-Of each angle: middle, swing and phase are continuous, whole cycles a run are one of 1 to `cycles_max`. b2 and b4 stay on one side
-of their singularities by construction: the swing is a share of the room on either side of the middle.
+For a search, a candidate is a genome of numbers from 0 to 1. Centre, amplitude and phase of each
+angle are continuous; the cycles per run are one of 1 to `cycles_max`. b2 and b4 stay on one side of
+their singularities by construction: the amplitude is a share of the room on either side of the
+centre.
 """
 
 from __future__ import annotations
@@ -17,12 +19,12 @@ from sim.path import Lissajous
 
 SIDED = (1, 3)  # b2 and b4: negative, as in the path files of this project
 DECIMALS, POSITION_DECIMALS = 2, 3  # of degrees and of metres in files
-WIDEST = np.pi  # swing of b1, b3 and b5, where the cables allow it
+WIDEST = np.pi  # [rad] largest amplitude of b1, b3 and b5, where the cables allow it
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One path and the place of the ball-bar."""
+    """One path and the position of the ball-bar."""
 
     shape: Lissajous
     position: Array  # (3,) [m] sphere centre, robot base frame
@@ -30,33 +32,33 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """Where candidates come from."""
+    """The search space of candidates."""
 
-    lower: Array  # (3,) [m] of the ball-bar's place
+    lower: Array  # (3,) [m] of the ball-bar's position
     upper: Array  # (3,) [m]
     margin: float  # [rad] of b2, b4
-    widest: float  # [rad] largest swing, cables counted
+    widest: float  # [rad] largest amplitude that the cables allow
     cycles: int
 
     @property
     def size(self) -> int:
-        """Numbers of a candidate: middle, swing, phase, cycles of five angles, and the place."""
+        """Length S of a genome: centre, amplitude, phase and cycles of five angles; position."""
         return 4 * BAR_ROWS + 3
 
-    def candidate(self, z: Array) -> Candidate:
-        """Of numbers z (size,), each folded into 0 to 1."""
-        lissajous, position = self.many(z[None])
+    def candidate(self, genome: Array) -> Candidate:
+        """The candidate of a genome (S,) [1], each number folded into 0 to 1."""
+        shape, position = self.many(genome[None])
         return Candidate(
-            Lissajous(
-                lissajous.centre[0], lissajous.amplitude[0], lissajous.cycles[0], lissajous.phase[0]
-            ),
+            Lissajous(shape.centre[0], shape.amplitude[0], shape.cycles[0], shape.phase[0]),
             position[0],
         )
 
-    def many(self, z: Array) -> tuple[Lissajous, Array]:
-        """Lissajous parameters (M, 5) and positions (M, 3) of M rows z (M, size)."""
-        z = folded(z)
-        middle, swing, phase, cycles = (z[:, BAR_ROWS * k : BAR_ROWS * (k + 1)] for k in range(4))
+    def many(self, genomes: Array) -> tuple[Lissajous, Array]:
+        """Lissajous parameters (M, 5) and positions (M, 3) [m] of genomes (M, S) [1]."""
+        genomes = folded(genomes)
+        middle, share, phase, cycles = (
+            genomes[:, BAR_ROWS * k : BAR_ROWS * (k + 1)] for k in range(4)
+        )
         centre = np.pi * (2.0 * middle - 1.0)
         room = np.full_like(centre, self.widest)
         for k in SIDED:
@@ -64,12 +66,12 @@ class Space:
             centre[:, k] = low + (high - low) * middle[:, k]
             room[:, k] = np.minimum(centre[:, k] - low, high - centre[:, k])
         whole = 1.0 + np.floor(np.clip(cycles, 0.0, 1.0 - 1e-9) * self.cycles)
-        position = self.lower + (self.upper - self.lower) * z[:, 4 * BAR_ROWS :]
-        return Lissajous(centre, swing * room, whole, 2.0 * np.pi * phase), position
+        position = self.lower + (self.upper - self.lower) * genomes[:, 4 * BAR_ROWS :]
+        return Lissajous(centre, share * room, whole, 2.0 * np.pi * phase), position
 
 
-def numbers_of(space: Space, candidate: Candidate) -> Array:
-    """The numbers (size,) that give a candidate, or the nearest to it that the space holds."""
+def genome_of(space: Space, candidate: Candidate) -> Array:
+    """(S,) [1] genome of a candidate, or of the nearest one that the space holds."""
     shape = candidate.shape
     flip = shape.amplitude < 0.0
     centre = np.remainder(shape.centre + np.pi, 2.0 * np.pi) - np.pi
@@ -78,21 +80,18 @@ def numbers_of(space: Space, candidate: Candidate) -> Array:
         low, high = -np.pi + space.margin, -space.margin
         middle[k] = (centre[k] - low) / (high - low)
         room[k] = min(centre[k] - low, high - centre[k])
+    share = np.abs(shape.amplitude) / np.maximum(room, 1e-9)
     phase = np.remainder(shape.phase + np.pi * flip, 2.0 * np.pi) / (2.0 * np.pi)
-    wide = np.where(space.upper > space.lower, space.upper - space.lower, 1.0)
-    place = np.where(space.upper > space.lower, (candidate.position - space.lower) / wide, 0.0)
-    swing = np.abs(shape.amplitude) / np.maximum(room, 1e-9)
-    return np.asarray(
-        np.clip(
-            np.concatenate((middle, swing, phase, (shape.cycles - 0.5) / space.cycles, place)),
-            0.0,
-            1.0,
-        )
-    )
+    cycles = (shape.cycles - 0.5) / space.cycles
+    free = space.upper > space.lower
+    extent = np.where(free, space.upper - space.lower, 1.0)
+    position = np.where(free, (candidate.position - space.lower) / extent, 0.0)
+    genome = np.concatenate((middle, share, phase, cycles, position))
+    return np.asarray(np.clip(genome, 0.0, 1.0))
 
 
 def rounded(candidate: Candidate) -> Candidate:
-    """As it will stand in the files, so that what is judged, checked and exported is what is written."""
+    """The candidate as files will state it, so that what is evaluated is what is written."""
     shape = candidate.shape
     centre, amplitude, phase = (
         np.radians(np.degrees(v).round(DECIMALS))
@@ -108,16 +107,16 @@ def space_of(request: PlanRequest) -> Space:
     """The search space of a request."""
     low, high = request.cell.region
     limits = tightened(request.limits)
-    cable = np.pi * limits.cable_turns  # half of the end-to-end range
+    cable = float(np.pi * limits.cable_turns)  # half of the range from end to end
     return Space(
-        np.array(low),
-        np.array(high),
-        np.radians(limits.ballbar_margin_deg),
-        min(WIDEST, float(cable)),
-        request.cycles_max,
+        lower=np.array(low),
+        upper=np.array(high),
+        margin=np.radians(limits.ballbar_margin_deg),
+        widest=min(WIDEST, cable),
+        cycles=request.cycles_max,
     )
 
 
-def folded(z: Array) -> Array:
-    """Numbers reflected at 0 and 1, so that a search knows no edge."""
-    return np.asarray(1.0 - np.abs(np.mod(z, 2.0) - 1.0))
+def folded(genomes: Array) -> Array:
+    """Genomes (..., S) [1] reflected at 0 and 1, so that a search has no boundary."""
+    return np.asarray(1.0 - np.abs(np.mod(genomes, 2.0) - 1.0))

@@ -1,7 +1,8 @@
-"""Distances between robot, plate, rod and what stands around them: capsules and boxes, measured by MuJoCo's `mj_geomDistance`.
+"""Distances between robot, plate, rod and their surroundings as capsules and boxes.
 
-The bodies are stretched between frames of the kinematic chains, so nothing is simulated; only where they are is told to MuJoCo. Radii
-are shares of the upper arm's length, assumed: neither maker publishes hulls. Neighbours touch and are not compared.
+MuJoCo's `mj_geomDistance` measures them. The bodies connect frames of the kinematic chains, so
+nothing is simulated; MuJoCo only gets their poses. Radii are assumed shares of the upper arm's
+length, since neither maker publishes hulls. Neighbours touch and are not compared.
 """
 
 from __future__ import annotations
@@ -20,14 +21,11 @@ from planning.request import PlanCell
 
 COLUMN, ARM, FOREARM, WRIST = 0.38, 0.14, 0.11, 0.09  # radii, shares of the upper arm's length
 ROD, PEDESTAL = 0.02, 0.0525  # [m] radii: tube assumed, adapter of thesis sec. 4.5
-PLATE_WIDTH, PLATE_THICKNESS, PLATE_OVERHANG = (
-    0.10,
-    0.045,
-    0.05,
-)  # [m] cell/plates; beyond flange axis and cardan, assumed
-GIMBAL = 0.10  # [m] between a ball's centre and where rod or pedestal begin
-FAR = 0.5  # [m] beyond which distances are not told apart
-TIME_STEP = 1.0  # [s] between poses looked at in a plan; the check looks closer
+# [m] cell/plates; the overhang beyond flange axis and universal joint is assumed
+PLATE_WIDTH, PLATE_THICKNESS, PLATE_OVERHANG = 0.10, 0.045, 0.05
+GIMBAL = 0.10  # [m] between a ball's centre and the beginning of rod or pedestal; assumed
+FAR = 0.5  # [m] beyond which distances are not distinguished
+TIME_STEP = 1.0  # [s] between the poses of a plan; planning.verify takes smaller steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +43,9 @@ class Clearance:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The smallest distance found."""
+    """The smallest distance along a motion."""
 
-    distance: float  # [m] FAR where nothing is near
+    distance: float  # [m] FAR where nothing is closer
     pair: str
     t: float
 
@@ -55,42 +53,33 @@ class Nearest:
 CAPSULES = ("column", "upper arm", "forearm", "wrist", "rod", "pedestal")
 MOVING = (*CAPSULES, "plate")
 NEIGHBOURS = {
-    ("column", "upper arm"), ("upper arm", "forearm"), ("forearm", "wrist"), ("wrist", "plate"), ("rod", "plate"), ("rod", "pedestal"),
+    ("column", "upper arm"),
+    ("upper arm", "forearm"),
+    ("forearm", "wrist"),
+    ("wrist", "plate"),
+    ("rod", "plate"),
+    ("rod", "pedestal"),
     ("column", "pedestal"),
-}  # fmt: skip
+}
 ON_FLOOR = ("column", "pedestal")
 
 
 def clearance(cell: Cell, around: PlanCell) -> Clearance:
     """Bodies of a cell, with floor and keep-out boxes."""
-    spec, arm = mujoco.MjSpec(), float(cell.robot.a[1])
-    radii = dict(
-        zip(
-            CAPSULES,
-            (COLUMN * arm, ARM * arm, FOREARM * arm, WRIST * arm, ROD, PEDESTAL),
-            strict=True,
-        )
-    )
+    spec, arm, kind = mujoco.MjSpec(), float(cell.robot.a[1]), mujoco.mjtGeom
+    world = spec.worldbody
+    sizes = (COLUMN * arm, ARM * arm, FOREARM * arm, WRIST * arm, ROD, PEDESTAL)
+    radii = dict(zip(CAPSULES, sizes, strict=True))
     for name, radius in radii.items():
-        spec.worldbody.add_geom(
-            name=name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[radius, 0.1, 0.0]
-        )
+        world.add_geom(name=name, type=kind.mjGEOM_CAPSULE, size=[radius, 0.1, 0.0])
     plate = [0.5 * cell.plate.length + PLATE_OVERHANG, 0.5 * PLATE_WIDTH, 0.5 * PLATE_THICKNESS]
-    spec.worldbody.add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_BOX, size=plate)
-    spec.worldbody.add_geom(
-        name="floor",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[5.0, 5.0, 0.1],
-        pos=[0.0, 0.0, around.floor_m],
-    )
+    world.add_geom(name="plate", type=kind.mjGEOM_BOX, size=plate)
+    floor = [0.0, 0.0, around.floor_m]
+    world.add_geom(name="floor", type=kind.mjGEOM_PLANE, size=[5.0, 5.0, 0.1], pos=floor)
     for box in around.keep_out:
         low, high = np.array(box.lower_m), np.array(box.upper_m)
-        spec.worldbody.add_geom(
-            name=f"box {box.name}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=0.5 * (high - low),
-            pos=0.5 * (high + low),
-        )
+        half, centre = 0.5 * (high - low), 0.5 * (high + low)
+        world.add_geom(name=f"box {box.name}", type=kind.mjGEOM_BOX, size=half, pos=centre)
     model = spec.compile()
     names = tuple(model.geom(i).name for i in range(model.ngeom))
     pairs = tuple(
@@ -99,18 +88,28 @@ def clearance(cell: Cell, around: PlanCell) -> Clearance:
         for j in range(i + 1, len(names))
         if names[i] in MOVING and _compared(names[i], names[j])
     )
-    height = float(cell.plate.body.com[2])
-    return Clearance(model, radii, pairs, names, around.floor_m, height, cell.plate.tool_offset)
+    return Clearance(
+        model=model,
+        radii=radii,
+        pairs=pairs,
+        names=names,
+        floor=around.floor_m,
+        plate_height=float(cell.plate.body.com[2]),
+        tool_height=cell.plate.tool_offset,
+    )
 
 
-def _compared(one: str, other: str) -> bool:
+def _compared(body: str, other: str) -> bool:
     if other in MOVING:
-        return (one, other) not in NEIGHBOURS
-    return not (other == "floor" and one in ON_FLOOR) and not (other != "floor" and one == "column")
+        return (body, other) not in NEIGHBOURS
+    return body not in ON_FLOOR if other == "floor" else body != "column"
 
 
 def nearest(of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array) -> Nearest:
-    """The smallest distance along a motion q (N, 6), b (N, 5) [rad] at times t (N,) [s], looked at every TIME_STEP seconds."""
+    """The smallest distance along a motion, every TIME_STEP seconds.
+
+    q, b : (N, 6), (N, 5) [rad] joint angles at times t (N,) [s].
+    """
     best = Nearest(FAR, "nothing", 0.0)
     for at, i, j, distance in _distances(of, geometry, q, b, t, TIME_STEP):
         if distance < best.distance:
@@ -121,7 +120,7 @@ def nearest(of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array) -> 
 def distances_along(
     of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, *, step: float
 ) -> Array:
-    """(K,) [m] the smallest distance of each pose, every `step` seconds; FAR where nothing is near."""
+    """(K,) [m] smallest distance every `step` seconds; FAR where nothing is closer."""
     smallest: dict[float, float] = {}
     for at, _, _, distance in _distances(of, geometry, q, b, t, step):
         smallest[at] = min(smallest.get(at, FAR), distance)
@@ -131,14 +130,14 @@ def distances_along(
 def _distances(
     of: Clearance, geometry: Geometry, q: Array, b: Array, t: Array, step: float
 ) -> Iterator[tuple[float, int, int, float]]:
-    """Time [s], two geoms and their distance [m], of all pairs at all poses `step` seconds apart."""
-    some = slice(None, None, max(1, round(step / float(t[1] - t[0]))))
-    robot, bar = robot_frames(geometry, q[some]), bar_frames(geometry, b[some])
+    """Time [s], two geoms and their distance [m], of all pairs every `step` seconds."""
+    rows = slice(None, None, max(1, round(step / float(t[1] - t[0]))))
+    robot, bar = robot_frames(geometry, q[rows]), bar_frames(geometry, b[rows])
     half, centres, turned = _placed(of, robot, bar)
     bodies = centres.shape[1]
     data = mujoco.MjData(of.model)
-    mujoco.mj_kinematics(of.model, data)  # puts floor and boxes where they stand
-    for k, at in enumerate(t[some]):
+    mujoco.mj_kinematics(of.model, data)  # places floor and boxes
+    for k, at in enumerate(t[rows]):
         of.model.geom_size[: bodies - 1, 1] = half[k]
         data.geom_xpos[:bodies], data.geom_xmat[:bodies] = centres[k], turned[k]
         for i, j in of.pairs:
@@ -154,9 +153,8 @@ def _segments(of: Clearance, robot: Frames, bar: Frames) -> Array:
     along = (tip - ball) / np.linalg.norm(tip - ball, axis=0)
     fore = (o[4] - o[2]) / np.linalg.norm(o[4] - o[2], axis=0)
     foot = np.broadcast_to(np.array([[0.0], [0.0], [of.floor]]), (3, n))
-    column_top = np.array([[0.0], [0.0], [1.0]]) * np.maximum(
-        o[1][2] - of.radii["column"], of.floor
-    )
+    top = np.maximum(o[1][2] - of.radii["column"], of.floor)
+    column_top = np.array([[0.0], [0.0], [1.0]]) * top
     base = np.stack([ball[0], ball[1], np.full(n, of.floor)])
     ends: Sequence[tuple[Array, Array]] = (
         (foot, column_top),
@@ -176,7 +174,10 @@ def _flange(of: Clearance, robot: Frames) -> Array:
 
 
 def _placed(of: Clearance, robot: Frames, bar: Frames) -> tuple[Array, Array, Array]:
-    """Half lengths (N, capsules) [m]; centres (N, bodies, 3) [m] and axes (N, bodies, 9) of the capsules, then of the plate."""
+    """Half lengths (N, capsules) [m], centres (N, bodies, 3) [m] and axes (N, bodies, 9).
+
+    The bodies are the capsules, then the plate.
+    """
     ends = _segments(of, robot, bar)
     axis = ends[:, :, 1] - ends[:, :, 0]
     length = np.linalg.norm(axis, axis=2)

@@ -1,4 +1,4 @@
-"""CMA-ES (Hansen, arXiv:1604.00772; library `cma`) as both searches use it."""
+"""CMA-ES (Hansen, arXiv:1604.00772; library `cma`) with the settings of both searches."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from typing import Any
 
 from cell.arrays import Array
 
-SPREAD = 0.08  # first step, of each number's range
+SPREAD = 0.08  # first step size, relative to the range of each number
 
 
 def evolution(start: Array, *, seed: int) -> Any:
-    """A `cma.CMAEvolutionStrategy` that begins at `start` and prints and writes nothing."""
+    """A `cma.CMAEvolutionStrategy` that begins at `start` (K,) [1] and prints nothing."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # cma looks for plotting when it is imported
-        from cma import CMAEvolutionStrategy  # noqa: PLC0415  and loads it: only who searches waits for that
+        # imported here, since loading it takes long and only a search needs it
+        from cma import CMAEvolutionStrategy  # noqa: PLC0415
     return CMAEvolutionStrategy(start, SPREAD, {"seed": seed + 1, "verbose": -9, "verb_log": 0})

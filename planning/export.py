@@ -1,10 +1,13 @@
-"""A path for the controller: RAPID module for ABB, PDL2 program for Comau, and a table that anything reads.
+"""A path for the controller: RAPID module for ABB, PDL2 program for Comau, and a CSV table.
 
-RAPID: MoveAbsJ with the time of each segment (`\\T`), soft servo on all axes (SoftAct, Technical reference manual RAPID instructions,
-3HAC050917). PDL2: MOVEFLY JOINT with a speed override a segment (PDL2 Programming Language manual, CR00757508); the soft servo is an
-option of the controller whose call depends on its release, so the program pauses where it has to be switched on and off.
+RAPID: MoveAbsJ with the time of each segment (`\\T`), soft servo on all axes (SoftAct, Technical
+reference manual RAPID instructions, 3HAC050917). PDL2: MOVEFLY JOINT with a speed override per
+segment (PDL2 Programming Language manual, CR00757508). The soft servo is an option of the
+controller whose call depends on its release, so the program pauses where it has to be switched on
+and off.
 
-Both begin with the limits they were planned within, and ask to be run slowly first.
+Both begin with the limits that the path was planned within, and with the advice to run it slowly
+first.
 """
 
 from __future__ import annotations
@@ -18,21 +21,23 @@ from cell.descriptions import Robot
 from planning.targets import Targets
 
 SOFTNESS = 80  # [%] thesis sec. 5.3
-FAR = "9E9"  # RAPID's word for an external axis that is not there
-ZONE = "z5"  # [mm] within which a target is passed: less than the distance between two
+FAR = "9E9"  # RAPID's value of an external axis that does not exist
+ZONE = "z5"  # [mm] within which a target is passed: less than the distance of two targets
 APPROACH = "v20"  # mm/s and deg/s to the first target
 APPROACH_OVERRIDE = 3  # [%]
 
 
 def header(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> list[str]:
-    """Lines that say what the program is and what it keeps; without comment marks."""
+    """Lines that describe a program and its limits, without comment marks."""
     low, high = targets.axes.min(axis=0), targets.axes.max(axis=0)
     ranges = ", ".join(
         f"{i + 1}: {a:.1f} to {b:.1f}" for i, (a, b) in enumerate(zip(low, high, strict=True))
     )
     return [
-        f"{name}: ball-bar path for {robot.title}, {targets.t[-1]:.0f} s, {len(targets.t)} targets in axis angles [deg]",
-        "RUN SLOWLY FIRST: without ball-bar, in manual mode at reduced speed, hand on the enabling device.",
+        f"{name}: ball-bar path for {robot.title}, {targets.t[-1]:.0f} s, {len(targets.t)} targets "
+        "in axis angles [deg]",
+        "RUN SLOWLY FIRST: without ball-bar, in manual mode at reduced speed, "
+        "hand on the enabling device.",
         "Planned on nominal geometry; mount the ball-bar only at the first target, at rest.",
         f"Axis ranges used [deg]: {ranges}",
         *limits,
@@ -40,7 +45,11 @@ def header(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> 
 
 
 def rapid(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> str:
-    """RAPID module. name : of module and procedure, letters, digits and underscores."""
+    """RAPID module of a path.
+
+    name : of module and procedure, of letters, digits and underscores. limits : lines of the
+        header.
+    """
     count = len(targets.t)
     lines = [f"MODULE {name}", *(f"  ! {line}" for line in header(name, robot, targets, limits))]
     lines += [f"  CONST jointtarget path{{{count}}}:=["]
@@ -49,7 +58,7 @@ def rapid(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> s
         lines.append(f"    [[{numbers}],[{','.join([FAR] * 6)}]]{',' if k < count - 1 else ''}")
     lines += ["  ];", f"  CONST num seconds{{{count}}}:=[{_numbers(_segments(targets))}];"]
     lines += [
-        f"  CONST num rest{{{count}}}:=[{_numbers(targets.rests)}];",
+        f"  CONST num rest{{{count}}}:=[{_numbers(targets.dwells)}];",
         "",
         f"  PROC {name}_run()",
     ]
@@ -77,7 +86,10 @@ def rapid(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> s
 
 
 def pdl2(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> str:
-    """PDL2 program. Joint moves take the time that the override gives them, so the run lasts about as long as planned."""
+    """PDL2 program of a path; arguments as of `rapid`.
+
+    Joint moves take the time that the override gives them, so a run lasts about as long as planned.
+    """
     overrides = _overrides(robot, targets)
     lines = [f"PROGRAM {name} PROG_ARM = 1, STACK = 2048"]
     lines += [f"-- {line}" for line in header(name, robot, targets, limits)]
@@ -86,36 +98,36 @@ def pdl2(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> st
         f"  MOVE JOINT TO {_joints(targets.axes[0])}",
         "  PAUSE -- mount the ball-bar, start both logs, switch the soft servo on",
     ]
-    lines += [f"  DELAY {targets.rests[0] * 1e3:.0f}"]
-    for axes, rest, override in zip(targets.axes[1:], targets.rests[1:], overrides, strict=True):
+    lines += [f"  DELAY {targets.dwells[0] * 1e3:.0f}"]
+    for axes, dwell, override in zip(targets.axes[1:], targets.dwells[1:], overrides, strict=True):
         lines.append(f"  $PROG_SPD_OVR := {override}")
         lines.append(
             f"  MOVE JOINT TO {_joints(axes)}"
-            if rest > 0.0
+            if dwell > 0.0
             else f"  MOVEFLY JOINT TO {_joints(axes)} ADVANCE"
         )
-        if rest > 0.0:
-            lines.append(f"  DELAY {rest * 1e3:.0f}")
+        if dwell > 0.0:
+            lines.append(f"  DELAY {dwell * 1e3:.0f}")
     lines += ["  PAUSE -- take the ball-bar off, switch the soft servo off", f"END {name}"]
     return "\r\n".join(lines) + "\r\n"
 
 
 def table(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> str:
-    """CSV: time, six axis angles, rest; comments start with #."""
+    """CSV table of a path with columns time, six axis angles and dwell; comments start with #."""
     lines = [f"# {line}" for line in header(name, robot, targets, limits)]
     lines.append("time_s," + ",".join(f"axis{i}_deg" for i in range(1, 7)) + ",rest_s")
-    for t, axes, rest in zip(targets.t, targets.axes, targets.rests, strict=True):
-        lines.append(f"{t:.4f}," + ",".join(f"{angle:.4f}" for angle in axes) + f",{rest:g}")
+    for t, axes, dwell in zip(targets.t, targets.axes, targets.dwells, strict=True):
+        lines.append(f"{t:.4f}," + ",".join(f"{angle:.4f}" for angle in axes) + f",{dwell:g}")
     return "\n".join(lines) + "\n"
 
 
 def _segments(targets: Targets) -> Array:
-    """(K,) [s] from the target before, without the rest there."""
-    return np.concatenate(([0.0], np.diff(targets.t) - targets.rests[:-1]))
+    """(K,) [s] from the previous target to each one, without the dwell there."""
+    return np.concatenate(([0.0], np.diff(targets.t) - targets.dwells[:-1]))
 
 
 def _overrides(robot: Robot, targets: Targets) -> list[int]:
-    """[%] of the axes' top speeds on the way to each target but the first."""
+    """Share [%] of the axes' top speeds on the way to each target but the first."""
     speed = np.radians(np.abs(np.diff(targets.axes, axis=0))) / _segments(targets)[1:, None]
     share = (speed / robot.axis_speed_max).max(axis=1)
     return [max(1, round(100.0 * float(s))) for s in share]

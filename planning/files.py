@@ -1,4 +1,4 @@
-"""What a plan leaves behind, as plain data and text: path file, scenario, numbers."""
+"""Files of a plan: path file, scenario, predicted numbers, and programs of the controller."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PATH, SCENARIO, NUMBERS, TABLE = "path.yaml", "scenario.yaml", "plan.yaml", "pat
 OUTPUTS = frozenset(
     {PATH, SCENARIO, NUMBERS, TABLE, "plan.svg", "what_if.csv", "what_if.svg", "plate.svg"}
 )
-EVERYTHING_ON: dict[str, object] = {
+EVERYTHING_ON: dict[str, object] = {  # as in scenarios/irb2400_full.yaml
     "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
     "joint_compliance": {"spread": 0.3},
     "gear_backlash": {"spread": 0.3},
@@ -39,7 +39,7 @@ EVERYTHING_ON: dict[str, object] = {
             "subdivisional_error",
         )
     },
-}  # fmt: skip  as in scenarios/irb2400_full.yaml
+}
 
 
 def path_data(candidate: Candidate) -> dict[str, object]:
@@ -56,9 +56,8 @@ def path_data(candidate: Candidate) -> dict[str, object]:
 
 
 def scenario_data(plan: Plan) -> dict[str, object]:
-    """A scenario that runs the path with every error source on."""
-    request = plan.request
-    sensors = request.sensors
+    """A scenario that runs the path with all error sources."""
+    request, sensors = plan.request, plan.request.sensors
     return {
         "name": f"{request.name}_planned",
         "cell": cell_data(plan),
@@ -76,22 +75,20 @@ def scenario_data(plan: Plan) -> dict[str, object]:
 
 
 def cell_data(plan: Plan) -> dict[str, object]:
-    """What stands in the cell, as a scenario says it."""
+    """The cell of the plan, as a scenario states it."""
     chosen = plan.request.cell
     return {
         "robot": chosen.robot,
         "ballbar": plan.rod,
         "plate": chosen.plate,
-        "ballbar_position_m": plan.found.candidate.position.tolist(),
+        "ballbar_position_m": plan.evaluation.candidate.position.tolist(),
     }
 
 
 def numbers_data(plan: Plan, targets: Targets) -> dict[str, object]:
-    """Everything predicted, SI units."""
-    typical = plan.typical
+    """All predictions of the plan in SI units."""
+    typical, tension = plan.typical, plan.forces.tension
     priors = dict(zip(typical.layout.names, typical.layout.sigma.tolist(), strict=True))
-    forces = plan.found.forces
-    assert forces is not None
     return {
         "schema": "ballbar-plan-result/1",
         "name": plan.request.name,
@@ -106,7 +103,7 @@ def numbers_data(plan: Plan, targets: Targets) -> dict[str, object]:
         "observability": plan.indices(),
         "sphere_covered": plan.coverage,
         "load_sign_changes": [int(n) for n in plan.reversals],
-        "rod_force_N": [float(forces.tension.min()), float(forces.tension.max())],
+        "rod_force_N": [float(tension.min()), float(tension.max())],
         "sag_between_targets_m": targets.sag,
         "search": {
             "evaluated": plan.evaluated,
@@ -125,16 +122,18 @@ def limit_lines(request: PlanRequest) -> list[str]:
     """The limits that a program's header states."""
     limit = request.limits
     return [
-        f"Planned within: {limit.axis_margin_deg:g} deg inside each axis range, {limit.axis_speed_share:.0%} of axis speed, "
-        f"tool {limit.tcp_speed_m_per_s:g} m/s, rod force {limit.force_N:g} N on soft servo, clearance {limit.clearance_m * 1e3:g} mm."
+        f"Planned within: {limit.axis_margin_deg:g} deg inside each axis range, "
+        f"{limit.axis_speed_share:.0%} of axis speed, tool {limit.tcp_speed_m_per_s:g} m/s, "
+        f"rod force {limit.force_N:g} N on soft servo, clearance {limit.clearance_m * 1e3:g} mm."
     ]
 
 
 def write_plan(plan: Plan, folder: Path) -> list[str]:
-    """Writes all files but the pictures; returns their names."""
-    targets = targets_of(plan.judge.cell, plan.course, plan.request.timing)
-    name, robot, limits = plan.request.name, plan.judge.cell.robot, limit_lines(plan.request)
-    write_yaml(folder / PATH, path_data(plan.found.candidate))
+    """Write all files but the pictures. Returns their names."""
+    robot, request = plan.evaluator.cell.robot, plan.request
+    targets = targets_of(plan.evaluator.cell, plan.trajectory, request.timing)
+    name, limits = request.name, limit_lines(request)
+    write_yaml(folder / PATH, path_data(plan.evaluation.candidate))
     write_yaml(folder / SCENARIO, scenario_data(plan))
     texts = {TABLE: table, f"{name}.mod": rapid, f"{name}.pdl": pdl2}
     for file, write in texts.items():

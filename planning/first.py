@@ -1,4 +1,4 @@
-"""The first path that can be run: the random candidate that violates least, led by CMA-ES to where nothing is violated."""
+"""The first path that can be run: CMA-ES from the random candidate that violates least."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from cell.arrays import Array
 from cell.errors import InputError
 from planning.candidate import Space, folded, space_of
+from planning.evaluation import INFEASIBLE, SCREENED_OUT, Evaluator, check, objective
 from planning.evolution import evolution
-from planning.judge import Judge, checked
-from planning.sample import BATCH, OFF, VIOLATES, figure
+from planning.sample import BATCH
 from planning.screen import screen, tally
 from planning.search import Start, free_numbers
 
@@ -22,55 +22,55 @@ GENERATIONS = 20  # of one descent
 SHOWN = 3  # limits that the nearest miss violates, worst first
 
 
-def first_path(given: dict[str, Judge], *, seconds: float = SECONDS) -> tuple[Start, int]:
-    """A candidate that can be run, and how many were tried.
+def first_path(given: dict[str, Evaluator], *, seconds: float = SECONDS) -> tuple[Start, int]:
+    """A candidate that can be run, and the number of candidates tried.
 
-    given : judges by rod. Raises InputError that says what stands in the way.
+    given : evaluators by rod. Raises InputError that says which limits stand in the way.
     """
     since, tried, rods = time.monotonic(), 0, list(given)
     rng = np.random.default_rng(next(iter(given.values())).request.seed)
     reasons: Counter[str] = Counter()
-    near = (np.inf, "")
+    nearest = (np.inf, "")
     while time.monotonic() - since < seconds:
         rod = rods[tried // (BATCH * BATCHES) % len(rods)]
-        judge, space = given[rod], space_of(given[rod].request)
-        z = rng.random((BATCH * BATCHES, space.size))
-        screened = screen(judge.cell, space, judge.limits, z)
-        tried += len(z)
+        evaluator, space = given[rod], space_of(given[rod].request)
+        genomes = rng.random((BATCH * BATCHES, space.size))
+        screened = screen(evaluator.cell, space, evaluator.limits, genomes)
+        tried += len(genomes)
         reasons.update(screened.reason[screened.excess > 0.0].tolist())
-        best, least = descent(
-            judge, space, z[int(screened.excess.argmin())], int(rng.integers(2**31))
-        )
-        if least < VIOLATES:
-            return Start(rod, best, least), tried
-        if least < min(near[0], OFF):
-            near = (
-                least,
-                "; ".join(
-                    v.sentence for v in checked(judge, space.candidate(best)).violations[:SHOWN]
-                ),
-            )
-    miss = f" The nearest miss (limits with their reserve): {near[1]}." if near[1] else ""
+        start = genomes[int(screened.excess.argmin())]
+        genome, least = descent(evaluator, space, start, int(rng.integers(2**31)))
+        if least < INFEASIBLE:
+            return Start(rod, genome, least), tried
+        if least < min(nearest[0], SCREENED_OUT):
+            violated = check(evaluator, space.candidate(genome)).violations[:SHOWN]
+            nearest = (least, "; ".join(v.sentence for v in violated))
+    miss = f" The nearest miss (limits with their reserve): {nearest[1]}." if nearest[1] else ""
     raise InputError(
-        f"no path found: {tried} random paths and descents from the best of them failed, the random ones by: {tally(reasons)}.{miss} "
-        "Move the ball-bar (cell.ballbar_region_m), take another rod, or widen the limit that stands in the way."
+        f"no path found: {tried} random paths and descents from the best of them failed, "
+        f"the random ones by: {tally(reasons)}.{miss} "
+        "Move the ball-bar (cell.ballbar_region_m), take another rod, or widen the limit that "
+        "stands in the way."
     )
 
 
-def descent(judge: Judge, space: Space, z: Array, seed: int) -> tuple[Array, float]:
-    """The first candidate that violates nothing, or the one that violates least, and its figure."""
+def descent(evaluator: Evaluator, space: Space, start: Array, seed: int) -> tuple[Array, float]:
+    """The first genome (S,) [1] that violates nothing, or the one that violates least.
+
+    start : (S,) [1] genome. Returns the genome and its objective.
+    """
     free = free_numbers(space)
-    search = evolution(z[free], seed=seed)
-    best, least = z, figure(judge, z)
+    search = evolution(start[free], seed=seed)
+    best, least = start, objective(evaluator, start)
     for _ in range(GENERATIONS):
-        asked, figures = search.ask(), []
-        for x in asked:
-            whole = z.copy()
-            whole[free] = x
-            figures.append(figure(judge, whole))
-            if figures[-1] < least:
-                best, least = folded(whole), figures[-1]
-            if least < VIOLATES:
+        points, values = search.ask(), []
+        for x in points:
+            genome = start.copy()
+            genome[free] = x
+            values.append(objective(evaluator, genome))
+            if values[-1] < least:
+                best, least = folded(genome), values[-1]
+            if least < INFEASIBLE:
                 return best, least
-        search.tell(asked, figures)
+        search.tell(points, values)
     return best, least

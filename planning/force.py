@@ -1,12 +1,13 @@
-"""The force in the rod that a soft servo will let arise on a course, before anything is simulated.
+"""Predicted force in the rod along a trajectory under soft servo.
 
-Robots of the size of error that is expected (thesis sec. 5.4) would hold the tool beside the sphere by `g`; servo and gears give way
-along the rod until the rod is as long as it is. With tau_1 the torque at each gear per newton of tension, tau_0 what the gears
-carry anyway, tau_b the part of it that no feed-forward takes (the ball-bar, the motion, friction),
+Robots with errors of the expected size (thesis sec. 5.4) would hold the tool beside the sphere by a
+gap `g`. The compliance of servo, gears and rod along the rod closes it. With tau_1 the torque at
+each gear per newton of tension, tau_0 the other torques of the gears, and tau_b the part of them
+that no feed-forward carries (ball-bar, motion, friction),
 
     F (1/k_rod + sum tau_1^2 (1/k_gear + 1/kp)) = g - sum tau_1 (tau_0 / k_gear + tau_b / kp)
 
-Quasi-static, without play: what a plan needs, and what the check in MuJoCo then measures.
+The prediction is quasi-static and without backlash; planning.verify simulates the rest.
 """
 
 from __future__ import annotations
@@ -17,104 +18,104 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.bodies import carried_bodies
+from cell.chain import Frames
 from cell.descriptions import Cell, ServoGains
 from cell.dynamics import joint_torques
-from cell.geometry import INDEX, PARAMETERS, bar_frames, parameter_screw, robot_frames
+from cell.geometry import INDEX, PARAMETERS, Geometry, bar_frames, parameter_screw, robot_frames
 from ident.loads.gear_loads import Loads, MassModel, loads, on_ballbar
-from planning.course import Course
+from planning.trajectory import Trajectory
 from sim.errors.static_errors import THESIS_3_1
 
-CREEP = 1e-3  # [rad/s] speed at which friction has most of its size
+CREEP = 1e-3  # [rad/s] speed at which Coulomb friction has most of its size; assumed
 DRAWS = 8  # robots whose force is predicted
-ERROR = (
-    1e-3  # [m, rad] standard deviation of each parameter (notes/parameters, geometric_error_prior)
-)
+# [m, rad] standard deviation of each parameter (notes/parameters, geometric_error_prior)
+ERROR = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """Of DRAWS robots on one course."""
+    """Loads and rod tensions of DRAWS robots on one trajectory."""
 
     carried: Loads
     tension: Array  # (DRAWS, N) [N]
 
     @property
     def largest(self) -> float:
-        """[N] over robots and time."""
+        """[N] largest magnitude over robots and time."""
         return float(np.abs(self.tension).max())
 
 
 @dataclass(frozen=True, eq=False)
 class ForceModel:
-    """What does not depend on the course."""
+    """What does not depend on the trajectory."""
 
     cell: Cell
     masses: MassModel
     gains: ServoGains
-    errors: Array  # (P, DRAWS) [m, rad] deviations of robot, rod and the ball-bar's place, as in thesis Table 3.1
+    errors: Array  # (P, DRAWS) [m, rad] deviations of the parameters of thesis Table 3.1
     drawn: tuple[int, ...]  # (P,) indices into PARAMETERS
 
 
 def force_model(cell: Cell, masses: MassModel, gains: ServoGains, *, seed: int) -> ForceModel:
-    """Draws the robots."""
+    """The force model of a cell with drawn robots."""
     drawn = tuple(INDEX[name] for name in THESIS_3_1)
     errors = ERROR * np.random.default_rng(seed).standard_normal((len(drawn), DRAWS))
     return ForceModel(cell, masses, gains, errors, drawn)
 
 
-def predicted_forces(model: ForceModel, course: Course) -> Forces:
-    """Tension of the rod along a course."""
-    geometry, cell = course.nominal, model.cell
-    carried = loads(model.masses, geometry, course.q, course.b, course.speed, course.acceleration)
-    robot, bar = robot_frames(geometry, course.q), bar_frames(geometry, course.b)
-    _, wrench = on_ballbar(model.masses, bar, course.b)  # (6, N) per newton
-    away = [
-        1.0 if PARAMETERS[i].side == "robot" else -1.0 for i in model.drawn
-    ]  # the tool moves out, or the rod's end after it
-    levers = np.stack(
-        [
-            s * (wrench * parameter_screw(geometry, robot, bar, PARAMETERS[i])).sum(axis=0)
-            for i, s in zip(model.drawn, away, strict=True)
-        ]
-    )
-    gap = model.errors.T @ levers
-    rod = bar.z[2]
-    gap -= gap[:, :1] * (rod * rod[:, :1]).sum(
-        axis=0
-    )  # the base was set without strain at the first target: along the rod there
+def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
+    """Tension of the rod along a trajectory."""
+    geometry, cell, q, b = trajectory.nominal, model.cell, trajectory.q, trajectory.b
+    carried = loads(model.masses, geometry, q, b, trajectory.speed, trajectory.acceleration)
+    robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
+    gap = _gaps(model, geometry, robot, bar, on_ballbar(model.masses, bar, b)[1])
     per_newton = carried.gear_per_newton
-    to_gear = cell.robot.gear_to_joint
-    weight = to_gear @ joint_torques(
-        robot, carried_bodies(cell), course.q, gravity=cell.robot.gravity
-    )
+    weight = joint_torques(robot, carried_bodies(cell), q, gravity=cell.robot.gravity)
     gear, servo = 1.0 / cell.robot.gears.stiffness[:, None], 1.0 / model.gains.kp[:, None]
     compliance = 1.0 / cell.ballbar.axial_stiffness + (per_newton**2 * (gear + servo)).sum(axis=0)
-    rubbing = _friction(cell, (course.speed @ cell.robot.joint_to_gear).T)
-    sag = (per_newton * (carried.gear * gear + (carried.gear - weight + rubbing) * servo)).sum(
-        axis=0
-    )
+    friction = _friction(cell, (trajectory.speed @ cell.robot.joint_to_gear).T)
+    uncompensated = carried.gear - cell.robot.gear_to_joint @ weight + friction
+    sag = (per_newton * (carried.gear * gear + uncompensated * servo)).sum(axis=0)
     return Forces(carried, np.asarray((gap - sag) / compliance))
 
 
+def _gaps(
+    model: ForceModel, geometry: Geometry, robot: Frames, bar: Frames, wrench: Array
+) -> Array:
+    """(DRAWS, N) [m] distance along the rod between tool and rod's end of the drawn robots.
+
+    wrench : (6, N) on the ball-bar per newton of tension. The base was set without force at the
+        first target, which removes the gap along the rod there.
+    """
+    levers = []
+    for i in model.drawn:
+        parameter = PARAMETERS[i]
+        away = 1.0 if parameter.side == "robot" else -1.0  # the tool moves out, or the rod's end
+        moved = parameter_screw(geometry, robot, bar, parameter)
+        levers.append(away * (wrench * moved).sum(axis=0))
+    gap = model.errors.T @ np.stack(levers)
+    rod = bar.z[2]
+    return np.asarray(gap - gap[:, :1] * (rod * rod[:, :1]).sum(axis=0))
+
+
 def _friction(cell: Cell, speed: Array) -> Array:
-    """(6, N) [N m] of the gears at speeds (6, N) [rad/s], Coulomb and viscous."""
+    """(6, N) [N m] Coulomb and viscous friction of the gears at speeds (6, N) [rad/s]."""
     gears = cell.robot.gears
-    return np.asarray(
-        gears.coulomb[:, None] * np.tanh(speed / CREEP) + gears.viscous[:, None] * speed
-    )
+    coulomb = gears.coulomb[:, None] * np.tanh(speed / CREEP)
+    return np.asarray(coulomb + gears.viscous[:, None] * speed)
 
 
 def load_reversals(forces: Forces, width: Array) -> Array:
-    """(DRAWS, 6) how often each gear's load changes sides of its play: passes from beyond +width to beyond -width or back.
+    """(DRAWS, 6) number of times that each gear's load changes the flank of its backlash.
 
-    width : (6,) [N m] (ident.corrections.base.backlash_transition).
+    A load does so where it passes from beyond +width to beyond -width, or back. width : (6,) [N m]
+    (ident.corrections.base.backlash_transition).
     """
-    load = (
-        forces.carried.gear + forces.tension[:, None, :] * forces.carried.gear_per_newton
-    )  # (DRAWS, 6, N)
+    # (DRAWS, 6, N)
+    load = forces.carried.gear + forces.tension[:, None, :] * forces.carried.gear_per_newton
     side = np.where(load > width[:, None], 1, np.where(load < -width[:, None], -1, 0))
     out = np.zeros(side.shape[:2])
     for k, gear in np.ndindex(side.shape[:2]):
-        decided = side[k, gear][side[k, gear] != 0]
-        out[k, gear] = np.count_nonzero(np.diff(decided))
+        flanks = side[k, gear][side[k, gear] != 0]
+        out[k, gear] = np.count_nonzero(np.diff(flanks))
     return out

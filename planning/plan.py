@@ -1,4 +1,4 @@
-"""A plan: the path found, what it is predicted to tell, and the files that a cell and a scenario need."""
+"""Plans: the best paths of a search, evaluated in full."""
 
 from __future__ import annotations
 
@@ -15,76 +15,72 @@ from cell.geometry import PARAMETERS, bar_frames, nominal_geometry, robot_frames
 from cell.strict_yaml import load_model
 from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
-from planning.candidate import Candidate, numbers_of, rounded, space_of
-from planning.course import Course
+from planning.candidate import Candidate, genome_of, rounded, space_of
+from planning.crlb import Prediction, predictions
+from planning.evaluation import INFEASIBLE, Evaluation, Evaluator, evaluate, evaluators
 from planning.first import first_path
-from planning.force import load_reversals
-from planning.judge import Judge, Judgement, judged, judges
-from planning.predict import Prediction, predictions
+from planning.force import Forces, load_reversals
 from planning.request import PlanRequest
-from planning.sample import VIOLATES
 from planning.search import Progress, Start, ranked, search
-from planning.workers import judging_processes
+from planning.trajectory import Trajectory
+from planning.workers import evaluating_processes
 from sim.path import Lissajous
-from sim.settings import LissajousFile
-from sim.simulate import lissajous
+from sim.path_files import LissajousFile, lissajous
 
-COVERED_WITHIN = np.radians(
-    10.0
-)  # of the path, by which a point of the sphere counts as covered (notes/mujoco sec. 10)
-SPHERE_POINTS = 2000
+# [rad] distance from the path within which a point of the sphere counts as covered (notes/mujoco
+# sec. 10)
+COVERED_WITHIN = np.radians(10.0)
+SPHERE_POINTS = 2000  # 2.6 deg apart
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
     """A path that can be run."""
 
-    request: PlanRequest
-    judge: Judge
-    found: Judgement
+    evaluator: Evaluator
+    evaluation: Evaluation
+    trajectory: Trajectory  # in the configuration of the arm that was chosen
+    forces: Forces
     predictions: tuple[Prediction, ...]  # of each robot of planning.force
     evaluated: int
     seconds: float
     stopped: bool = False
 
     @property
-    def course(self) -> Course:
-        """Over time, in the configuration of the arm that was chosen."""
-        assert self.found.course is not None
-        return self.found.course
+    def request(self) -> PlanRequest:
+        """The request that the plan answers."""
+        return self.evaluator.request
 
     @property
     def rod(self) -> str:
         """Name of the ball-bar as the request has it."""
-        return self.judge.rod
+        return self.evaluator.rod
 
     @property
     def plate_adds(self) -> float:
-        """[m] root mean square TCP error that the plate's own length adds: pure scale, which no data show."""
-        return scale_error(self.judge.predictor.grid, self.judge.cell)
+        """[m] root mean square TCP error from the plate's length: scale, which no data show."""
+        return scale_error(self.evaluator.predictor.grid, self.evaluator.cell)
 
     @property
     def tcp(self) -> Array:
-        """(R,) [m] root mean square of the predicted TCP sigma over the workspace, of each robot."""
+        """(R,) [m] root mean square over the workspace of each robot's predicted TCP sigma."""
         return np.array([float(np.sqrt(np.mean(p.tcp_sigma**2))) for p in self.predictions])
 
     @property
     def typical(self) -> Prediction:
-        """Of the robot in the middle."""
+        """The prediction of the robot with the median TCP sigma."""
         return self.predictions[int(np.argsort(self.tcp)[len(self.predictions) // 2])]
 
     @property
     def reversals(self) -> Array:
         """(6,) sign changes of each gear's load, median over the robots."""
-        assert self.found.forces is not None
-        return np.median(
-            load_reversals(self.found.forces, backlash_transition(self.judge.cell)), axis=0
-        )
+        width = backlash_transition(self.evaluator.cell)
+        return np.median(load_reversals(self.forces, width), axis=0)
 
     @property
     def coverage(self) -> float:
         """Share of the sphere within COVERED_WITHIN of the path."""
-        return covered(bar_frames(self.course.nominal, self.course.b).z[2])
+        return covered(bar_frames(self.trajectory.nominal, self.trajectory.b).z[2])
 
     def indices(self) -> dict[str, float]:
         """Observability indices O1 to O5 of the robot's parameters."""
@@ -95,21 +91,22 @@ class Plan:
 
 
 def scale_error(grid: Array, cell: Cell) -> float:
-    """[m] root mean square TCP error over poses grid (G, 6) [rad] of a plate that is one deviation longer than it is said to be."""
+    """[m] root mean square TCP error of a plate that is one standard deviation too long.
+
+    grid : (G, 6) [rad] joint angles of the poses.
+    """
     positions = robot_frames(nominal_geometry(cell, np.zeros(3)), grid).tip
-    spread = float(
-        np.sqrt(((positions - positions.mean(axis=1, keepdims=True)) ** 2).sum(axis=0).mean())
-    )
+    centred = positions - positions.mean(axis=1, keepdims=True)
+    spread = float(np.sqrt((centred**2).sum(axis=0).mean()))
     return spread * cell.plate.length_sigma / cell.plate.length
 
 
 def covered(directions: Array) -> float:
-    """Share of the unit sphere within COVERED_WITHIN of directions (3, N)."""
+    """Share of the unit sphere within COVERED_WITHIN of unit vectors (3, N) [1]."""
     k = np.arange(SPHERE_POINTS) + 0.5
     z, turn = 1.0 - 2.0 * k / SPHERE_POINTS, np.pi * (1.0 + np.sqrt(5.0)) * k  # Fibonacci lattice
-    points = np.stack(
-        (np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z), axis=1
-    )
+    radius = np.sqrt(1.0 - z * z)
+    points = np.stack((radius * np.cos(turn), radius * np.sin(turn), z), axis=1)
     return float(((points @ directions).max(axis=1) > np.cos(COVERED_WITHIN)).mean())
 
 
@@ -123,18 +120,22 @@ def plans(
     show: Callable[[Progress], None] = lambda _: None,
     since: Callable[[], float],
 ) -> Iterator[Plan]:
-    """The best path within `seconds` and `evaluations`, then the next best; with 0 seconds the first that can be run.
+    """The best path within `seconds` and `evaluations`, then the next best ones.
 
-    relative_to : folder of the request, for paths it names. since : seconds since planning began. Raises InputError where there is none.
+    With 0 seconds, the first path that can be run. relative_to : folder of the request, for the
+        paths that it names. show : called with the progress of the search. since : returns the
+        seconds since planning began.
+
+    Raises InputError where no path can be run.
     """
-    given = judges(request)
+    given = evaluators(request)
     first, tried = first_path(given)
     progress = Progress()
     progress.add(first)
     show(progress)
     best = [first]
     if seconds > 0.0:
-        with judging_processes(request, workers) as pool:
+        with evaluating_processes(request, workers) as pool:
             progress = search(
                 request,
                 pool,
@@ -145,12 +146,12 @@ def plans(
                 hints=hints(request, relative_to),
                 show=show,
             )
-            best = ranked(progress.leaders, pool)
+            best = ranked(progress.incumbents, pool)
     took = since()
-    for one in best:
-        candidate = rounded(space_of(request).candidate(one.z))
-        yield assessed(
-            given[one.rod],
+    for start in best:
+        candidate = rounded(space_of(request).candidate(start.genome))
+        yield assess(
+            given[start.rod],
             candidate,
             evaluated=tried + progress.evaluated,
             seconds=took,
@@ -159,38 +160,53 @@ def plans(
 
 
 def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
-    """Paths that the request names, as starts that may yet violate limits. Raises DescriptionError for a bad file."""
+    """Paths that the request names as starts of islands, which may violate limits.
+
+    Raises DescriptionError for a bad file.
+    """
     space = space_of(request)
     middle = 0.5 * (space.lower + space.upper)
+    rods = (request.cell.ballbar, *request.cell.ballbar_choices)
     starts = []
     for file in (relative_to / name for name in request.start_from):
-        shape, place = known_path(file)
-        z = numbers_of(space, Candidate(shape, middle if place is None else np.array(place)))
-        starts += [
-            Start(rod, z, VIOLATES) for rod in (request.cell.ballbar, *request.cell.ballbar_choices)
-        ]
+        shape, position = known_path(file)
+        candidate = Candidate(shape, middle if position is None else np.array(position))
+        genome = genome_of(space, candidate)
+        starts += [Start(rod, genome, INFEASIBLE) for rod in rods]
     return starts
 
 
 def known_path(file: Path) -> tuple[Lissajous, tuple[float, ...] | None]:
-    """A path file, and where its ball-bar stood [m], should it say so. Raises DescriptionError for a bad file."""
-    read = load_model(file, LissajousFile)
-    return lissajous(read), read.ballbar_position_m
+    """The shape of a path file, and the ball-bar's position [m] if the file states it.
+
+    Raises DescriptionError for a bad file.
+    """
+    content = load_model(file, LissajousFile)
+    return lissajous(content), content.ballbar_position_m
 
 
-def assessed(
-    judge: Judge,
+def assess(
+    evaluator: Evaluator,
     candidate: Candidate,
     *,
     evaluated: int = 0,
     seconds: float = 0.0,
     stopped: bool = False,
 ) -> Plan:
-    """A candidate with all predictions. Raises InputError where it cannot be run."""
-    found = judged(judge, candidate)
-    if found.violations or found.course is None or found.forces is None:
+    """The plan of a candidate, with all predictions. Raises InputError where it cannot be run."""
+    outcome = evaluate(evaluator, candidate)
+    trajectory, forces = outcome.trajectory, outcome.forces
+    if outcome.violations or trajectory is None or forces is None:
         raise InputError(
-            f"the path cannot be run: {'; '.join(v.sentence for v in found.violations)}"
+            f"the path cannot be run: {'; '.join(v.sentence for v in outcome.violations)}"
         )
-    expected = predictions(judge.predictor, found.course, found.forces.tension)
-    return Plan(judge.request, judge, found, expected, evaluated, seconds, stopped)
+    return Plan(
+        evaluator=evaluator,
+        evaluation=outcome,
+        trajectory=trajectory,
+        forces=forces,
+        predictions=predictions(evaluator.predictor, trajectory, forces.tension),
+        evaluated=evaluated,
+        seconds=seconds,
+        stopped=stopped,
+    )

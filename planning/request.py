@@ -1,6 +1,6 @@
-"""What a path is asked for: cell, where the ball-bar may stand, encoders, time, limits. One YAML file, `ballbar-plan/1`.
+"""Plan request: cell, region of the ball-bar, encoders, time and limits (`ballbar-plan/1`).
 
-Every limit has a default with its source beside it; what is assumed says so.
+Every limit has a default with its source beside it; assumed ones say so.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Region(Strict):
 
 
 class KeepOut(Strict):
-    """A box that nothing may come near: fence, table, cabinet."""
+    """A box to stay clear of: fence, table, cabinet."""
 
     name: str
     lower_m: Vector3 = Field(description="Corner, robot base frame.")
@@ -47,18 +47,18 @@ class KeepOut(Strict):
 
 
 class PlanCell(Strict):
-    """What stands in the cell, and where the ball-bar may stand."""
+    """What stands in the cell, and the region of the ball-bar."""
 
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
     ballbar: str = Field(description="A file of cell/ballbars, or a path.")
-    ballbar_choices: tuple[str, ...] = Field(
-        (), description="Other rods that may be taken instead."
-    )
+    ballbar_choices: tuple[str, ...] = Field((), description="Ball-bars that may be used instead.")
     plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
     ballbar_position_m: Vector3 | None = Field(
-        None, description="Sphere centre in the robot's base frame, where it is given."
+        None, description="Centre of the sphere in the robot's base frame, if it is fixed."
     )
-    ballbar_region_m: Region | None = Field(None, description="Where it may be, when it is free.")
+    ballbar_region_m: Region | None = Field(
+        None, description="Region of the centre of the sphere, if it is free."
+    )
     keep_out: tuple[KeepOut, ...] = Field((), description="Boxes to stay clear of.")
     floor_m: float = Field(0.0, description="Height of the floor in the robot's base frame.")
 
@@ -72,85 +72,112 @@ class PlanCell(Strict):
 
     @property
     def region(self) -> tuple[Vector3, Vector3]:
-        """Lowest and highest corner of where the ball-bar may stand; equal where the position is given."""
-        if self.ballbar_region_m is not None:
-            return self.ballbar_region_m.lower, self.ballbar_region_m.upper
-        assert self.ballbar_position_m is not None
-        return self.ballbar_position_m, self.ballbar_position_m
+        """Lowest and highest corner of the ball-bar's region; equal where the position is fixed."""
+        if self.ballbar_position_m is not None:
+            return self.ballbar_position_m, self.ballbar_position_m
+        if self.ballbar_region_m is None:
+            raise ValueError("neither ballbar_position_m nor ballbar_region_m is given")
+        return self.ballbar_region_m.lower, self.ballbar_region_m.upper
 
 
 class PlanTiming(Strict):
-    """How long the run is, and where it rests."""
+    """Duration of the run and its dwells."""
 
-    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 120.0
+    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(
+        120.0, description="Duration of the whole run with its dwells."
+    )
     dwell_s: Annotated[float, Field(ge=1.0)] = Field(
-        4.0, description="Standstill at both ends and each stop: the clocks are matched there."
+        4.0,
+        description="Duration of the dwell at both ends and at each stop, in which the clocks are "
+        "matched.",
     )
     stops: Annotated[int, Field(ge=0, le=50)] = Field(
-        2, description="Standstills between the ends."
+        2, description="Number of dwells between the ends."
     )
 
 
 class PlanSensors(Strict):
-    """What is measured and how well: what the prediction weighs."""
+    """Sensors and their standard deviations, on which the prediction is based."""
 
     encoders: tuple[EncoderNumber, ...] = Field(
         (1, 2, 4, 5), min_length=2, description="Ball-bar joints with an encoder."
     )
     encoder_sigma_rad: Positive = Field(
-        1.0e-5, description="Of a sample: sub-divisional error, noise (notes/parameters, 12 urad)."
+        1.0e-5,
+        description="Standard deviation of an encoder sample: sub-divisional error and noise "
+        "(notes/parameters, 12 urad).",
     )
-    encoder_noise_sigma_rad: Positive = Field(2.0e-6, description="White, of a row.")
-    ballbar_rate_hz: Positive = Field(100.0, description="Thesis sec. 4.6.")
+    encoder_noise_sigma_rad: Positive = Field(
+        2.0e-6, description="Standard deviation of the encoders' white noise per row."
+    )
+    ballbar_rate_hz: Positive = Field(
+        100.0, description="Rows of the ball-bar per second (thesis sec. 4.6)."
+    )
     robot_sigma_rad: Positive = Field(
         5.0e-6,
-        description="Of a sample of axes 1-3; twice that in the wrist: what ripple models leave.",
+        description="Standard deviation of a sample of axes 1-3, which ripple models leave; twice "
+        "that in the wrist.",
     )
-    robot_noise_sigma_rad: Positive = Field(2.0e-6, description="White, of a row.")
-    robot_rate_hz: Positive = Field(250.0, description="ABB external log.")
+    robot_noise_sigma_rad: Positive = Field(
+        2.0e-6, description="Standard deviation of the robot's white noise per row."
+    )
+    robot_rate_hz: Positive = Field(
+        250.0, description="Rows of the robot per second; ABB external log."
+    )
     rod_sigma_m: Positive | None = Field(
-        None, description="Of a measured rod length; without it, the catalogue's tolerance."
+        None,
+        description="Standard deviation of a measured rod length; by default the catalogue's "
+        "tolerance.",
     )
 
 
 class PlanLimits(Strict):
-    """What a path must keep."""
+    """Limits that a path must keep."""
 
     axis_margin_deg: Annotated[float, Field(ge=0.0)] = Field(
-        3.0, description="Inside each axis range."
+        3.0, description="Distance from the ends of each axis range."
     )
     axis_speed_share: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        0.25, description="Of each axis's top speed."
+        0.25, description="Share of each axis's top speed."
     )
     axis_acceleration_deg_per_s2: Positive = Field(
-        60.0, description="Assumed: inertia stays below a tenth of the weight."
+        60.0,
+        description="Acceleration of each axis; assumed, so that inertia stays below a tenth of "
+        "the weight.",
     )
-    tcp_speed_m_per_s: Positive = Field(0.25, description="Reduced speed of ISO 10218-1.")
-    wrist_margin_deg: Positive = Field(10.0, description="Of axis 5 from its singularity.")
-    elbow_margin_deg: Positive = Field(15.0, description="Of the arm from being stretched out.")
-    shoulder_margin_m: Positive = Field(0.15, description="Of the wrist's centre from axis 1.")
+    tcp_speed_m_per_s: Positive = Field(
+        0.25, description="Speed of the tool; reduced speed of ISO 10218-1."
+    )
+    wrist_margin_deg: Positive = Field(10.0, description="Distance of axis 5 from its singularity.")
+    elbow_margin_deg: Positive = Field(15.0, description="Distance of the elbow from stretched.")
+    shoulder_margin_m: Positive = Field(
+        0.15, description="Distance of the wrist's centre from axis 1."
+    )
     ballbar_margin_deg: Positive = Field(
-        15.0, description="Of b2 and b4 from their singularities (thesis sec. 5.1)."
+        15.0, description="Distance of b2 and b4 from their singularities (thesis sec. 5.1)."
     )
     cable_turns: Positive = Field(
         1.0,
-        description="Of each ball-bar joint, end to end; the thesis's cables allowed 2 and were in the way.",
+        description="Range of each ball-bar joint from end to end; the thesis's cables allowed 2 "
+        "and were in the way.",
     )
     force_N: Positive = Field(
         200.0,
-        description="In the rod under soft servo, for robots of 1 mm, 1 mrad (notes/parameters: peaks of 226 N in the thesis).",
+        description="Force in the rod under soft servo, for robots with errors of 1 mm and 1 mrad "
+        "(notes/parameters: peaks of 226 N in the thesis).",
     )
     clearance_m: Positive = Field(
-        0.03, description="Between capsules of robot, plate, rod and everything else."
+        0.03, description="Distance of robot, plate and rod from each other and everything else."
     )
 
 
-# What the soft servo may add to a plan: added to margins, a share of rates and forces. Measured by planning.verify.
+# Reserve for the motion under soft servo: added to margins, factor on rates and forces; measured by
+# planning.verify.
 RESERVE_DEG, RESERVE_M, RESERVE_RATE, RESERVE_FORCE = 1.0, 0.01, 0.9, 0.8
 
 
 def tightened(limits: PlanLimits) -> PlanLimits:
-    """Limits that a plan keeps so that the run on soft servo keeps those given."""
+    """Limits that a plan keeps so that the run under soft servo keeps the given ones."""
     changed = {
         f"{name}_margin_deg": getattr(limits, f"{name}_margin_deg") + RESERVE_DEG
         for name in ("axis", "wrist", "elbow", "ballbar")
@@ -167,37 +194,40 @@ def tightened(limits: PlanLimits) -> PlanLimits:
 
 
 class Workspace(Strict):
-    """Axis angles over which the TCP error counts."""
+    """Box of axis angles over which the TCP error counts."""
 
     lower_deg: Vector6
     upper_deg: Vector6
 
 
 class PlanRequest(Strict):
-    """One file of scenarios/plans."""
+    """A plan request, such as the files of scenarios/plans."""
 
     schema_: Annotated[Literal["ballbar-plan/1"], Field(alias="schema")]
     name: Annotated[
         str,
         Field(
             pattern=r"^[A-Za-z][A-Za-z0-9_]{0,23}$",
-            description="Also names the controller's module.",
+            description="Name of the plan and of the controller's module.",
         ),
     ]
     cell: PlanCell
     timing: PlanTiming = PlanTiming()
     sensors: PlanSensors = PlanSensors()
     limits: PlanLimits = PlanLimits()
-    workspace: Workspace | None = Field(None, description="Default: the robot file's accuracy box.")
+    workspace: Workspace | None = Field(
+        None, description="Workspace; by default the accuracy box of the robot file."
+    )
     servo: str = Field("soft", description="A gain set of the robot's file.")
     start_from: tuple[str, ...] = Field(
         (),
-        description="Path files to begin the search with, relative to this one; its ball-bar in the middle where the file does not say.",
+        description="Path files with which the search begins, relative to this file. Where a file "
+        "states no position of the ball-bar, the middle of the region is taken.",
     )
     cycles_max: Annotated[int, Field(ge=1, le=12)] = Field(
-        5, description="Of a ball-bar joint in one run."
+        5, description="Largest number of cycles of a ball-bar joint in one run."
     )
-    seed: Annotated[int, Field(ge=0)] = 1
+    seed: Annotated[int, Field(ge=0)] = Field(1, description="Seed of all drawn values.")
 
 
 def load_request(path: Path) -> PlanRequest:

@@ -1,6 +1,7 @@
-"""Screening: which of many candidates are worth a closer look, at a few phases each and without time.
+"""Screening of many candidates at a few phases each, without time.
 
-Reach, ranges of the arm and of axis 5, singularities; what needs turns counted or speeds is left to planning.limits.
+Reach, ranges of the arm and of axis 5, and singularities are checked. Limits that require turns or
+speeds are left to planning.limits.
 """
 
 from __future__ import annotations
@@ -20,18 +21,17 @@ from planning.candidate import Space
 from planning.limits import from_singular
 from planning.request import PlanLimits
 
-PHASES = 24
-UNREACHED = (
-    10.0  # excess of a candidate that the robot does not reach at all; less, the more it reaches
-)
-ARM = (0, 1, 2, 4)  # axes whose angle needs no turns counted
+PHASES = 24  # per candidate: enough to reject most of those that planning.limits would
+# Excess of a candidate that the robot does not reach at all; less, the more of it it reaches.
+UNREACHED = 10.0
+ARM = (0, 1, 2, 4)  # axes whose range is less than a turn
 
 
 @dataclass(frozen=True, eq=False)
 class Screened:
     """Outcome of M candidates."""
 
-    excess: Array  # (M,) zero or less where all is kept; of the best configuration of the arm
+    excess: Array  # (M,) of the best configuration of the arm; zero or less if limits are kept
     reason: NDArray[np.str_]  # (M,) the limit that is violated most
 
 
@@ -42,10 +42,10 @@ REASONS = (
 )
 
 
-def screen(cell: Cell, space: Space, limits: PlanLimits, z: Array) -> Screened:
-    """Candidates z (M, size) at PHASES phases."""
-    shapes, positions = space.many(z)
-    m = z.shape[0]
+def screen(cell: Cell, space: Space, limits: PlanLimits, genomes: Array) -> Screened:
+    """Screening of the candidates of genomes (M, S) [1] at PHASES phases."""
+    shapes, positions = space.many(genomes)
+    m = genomes.shape[0]
     s = np.arange(PHASES) / PHASES
     turn = 2.0 * np.pi * shapes.cycles[:, None, :] * s[None, :, None] + shapes.phase[:, None, :]
     b = shapes.centre[:, None, :] + shapes.amplitude[:, None, :] * np.sin(turn)  # (M, S, 5)
@@ -75,10 +75,8 @@ def screen(cell: Cell, space: Space, limits: PlanLimits, z: Array) -> Screened:
 
 
 def tally(reasons: Counter[str]) -> str:
-    """What stood in the way, most frequent first, in one sentence."""
+    """The most frequent reasons with their shares, as part of a sentence."""
     total = sum(reasons.values())
-    return (
-        ", ".join(f"{reason} {count / total:.0%}" for reason, count in reasons.most_common(4))
-        if total
-        else "nothing was tried"
-    )
+    if not total:
+        return "nothing was tried"
+    return ", ".join(f"{reason} {count / total:.0%}" for reason, count in reasons.most_common(4))

@@ -1,8 +1,9 @@
-"""The search for the best path: random candidates first, then races of CMA-ES islands from the best of them, until time is up.
+"""Search for the best path: random candidates, then races of CMA-ES islands until time is up.
 
-CMA-ES (Hansen, arXiv:1604.00772; library `cma`) moves swings, middles, phases and place; each island keeps the cycles and the rod that
-it began with. Where an island will end shows only on the way, so several set out and the better half goes on (successive halving;
-Jamieson and Talwalkar, arXiv:1502.07943).
+CMA-ES (Hansen, arXiv:1604.00772; library `cma`) varies centres, amplitudes, phases and position;
+each island keeps the cycles and the rod that it began with. How far an island descends shows only
+on the way, so several set out and the better half continues (successive halving; Jamieson &
+Talwalkar, arXiv:1502.07943).
 """
 
 from __future__ import annotations
@@ -20,40 +21,40 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.geometry import BAR_ROWS
 from planning.candidate import Space, folded, space_of
+from planning.evaluation import INFEASIBLE
 from planning.evolution import evolution
 from planning.force import DRAWS
 from planning.request import PlanRequest
-from planning.sample import VIOLATES, Sampled
-from planning.workers import figure_there, sampled_there
+from planning.sample import Samples
+from planning.workers import worker_objective, worker_sample
 
 SLICE = 1.5  # [s] of random candidates between two looks at the clock
-RANDOM_SHARE = 0.15  # of the time goes into random candidates, at most
+RANDOM_SHARE = 0.15  # of the time, at most, for random candidates
 STARTS = 80  # random candidates that can be run are enough
-ENTRANTS, FINALISTS = (
-    8,
-    2,
-)  # islands of a race: half of them go on after each round, until two are left
+# Islands of a race: half of them continue after each round, until two are left.
+ENTRANTS, FINALISTS = 8, 2
 ROUND = 12  # generations
 STALLED = 25  # generations without a gain of GAIN end an island
-LEADERS = 24  # the last of them are weighed with all robots
+INCUMBENTS = 24  # the last of them are evaluated with all robots
 STEP = 0.01  # of the natural logarithm of the TCP sigma
 GAIN = 0.003  # of the natural logarithm of the TCP sigma
+CYCLES = slice(3 * BAR_ROWS, 4 * BAR_ROWS)  # of a genome
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """One candidate that can be run."""
+    """One candidate from which islands may begin."""
 
     rod: str
-    z: Array
-    figure: float
+    genome: Array
+    objective: float
 
 
 @dataclass(eq=False)
 class Progress:
-    """How far a search is. Lives as long as the search."""
+    """Progress of a search, updated while it runs."""
 
-    leaders: list[Start] = field(default_factory=list)  # each was the best when it was found
+    incumbents: list[Start] = field(default_factory=list)  # each was the best when it was found
     evaluated: int = 0
     feasible: int = 0
     reasons: Counter[str] = field(default_factory=Counter)
@@ -62,18 +63,18 @@ class Progress:
 
     @property
     def best(self) -> Start | None:
-        """The last of the leaders."""
-        return self.leaders[-1] if self.leaders else None
+        """The last incumbent."""
+        return self.incumbents[-1] if self.incumbents else None
 
     @property
     def tcp(self) -> float:
-        """[m] of the best so far."""
-        return float(np.exp(self.best.figure)) * 1e-6 if self.best else np.inf
+        """[m] predicted TCP sigma of the best so far."""
+        return float(np.exp(self.best.objective)) * 1e-6 if self.best else np.inf
 
-    def add(self, one: Start) -> None:
+    def add(self, start: Start) -> None:
         self.feasible += 1
-        if self.best is None or one.figure < self.best.figure:
-            self.leaders.append(one)
+        if self.best is None or start.objective < self.best.objective:
+            self.incumbents.append(start)
 
 
 def search(
@@ -87,161 +88,161 @@ def search(
     hints: list[Start],
     show: Callable[[Progress], None] = lambda _: None,
 ) -> Progress:
-    """The best candidate found within `seconds` and about `evaluations` of CMA-ES; Ctrl-C ends the search and keeps the best so far.
+    """Search for `seconds`, with about `evaluations` of CMA-ES; Ctrl-C ends it with the best so
+    far.
 
-    first : candidates that are known to be runnable. hints : where else islands may begin, runnable or not.
+    first : candidates that can be run. hints : further starts of islands, feasible or not.
     """
-    progress, since = Progress(), time.monotonic()
+    since = time.monotonic()
+    running = _Search(request, pool, show)
     starts = list(first)
     for start in first:
-        progress.add(start)
-    rods = (request.cell.ballbar, *request.cell.ballbar_choices)
+        running.progress.add(start)
     try:
-        starts += _random(
-            request, pool, rods, workers, since + RANDOM_SHARE * seconds, progress, show
-        )
-        starts = hints + _apart(sorted(starts, key=lambda s: s.figure))
-        _races(request, pool, since + seconds, evaluations, starts, progress, show)
+        starts += running.draw(workers, since + RANDOM_SHARE * seconds)
+        starts = hints + _distinct_first(sorted(starts, key=lambda s: s.objective))
+        running.race(starts, since + seconds, evaluations)
     except KeyboardInterrupt:
-        progress.stopped = True
-    return progress
+        running.progress.stopped = True
+    return running.progress
 
 
-def ranked(leaders: list[Start], pool: ProcessPoolExecutor) -> list[Start]:
-    """The last LEADERS by what they do over all robots of planning.force, best first; those that follow differ by STEP or more."""
-    figures = [pool.submit(figure_there, one.rod, one.z, DRAWS) for one in leaders[-LEADERS:]]
-    weighed = [
-        replace(one, figure=future.result())
-        for one, future in zip(leaders[-LEADERS:], figures, strict=True)
+def ranked(incumbents: list[Start], pool: ProcessPoolExecutor) -> list[Start]:
+    """The last INCUMBENTS by their objective over all robots of planning.force, best first.
+
+    Those that follow one another differ by STEP or more.
+    """
+    last = incumbents[-INCUMBENTS:]
+    futures = [pool.submit(worker_objective, s.rod, s.genome, DRAWS) for s in last]
+    evaluated = [
+        replace(start, objective=future.result())
+        for start, future in zip(last, futures, strict=True)
     ]
     apart: list[Start] = []
-    for one in sorted(weighed, key=lambda one: one.figure):
-        if not apart or one.figure > apart[-1].figure + STEP:
-            apart.append(one)
+    for start in sorted(evaluated, key=lambda s: s.objective):
+        if not apart or start.objective > apart[-1].objective + STEP:
+            apart.append(start)
     return apart
 
 
-def _random(
-    request: PlanRequest,
-    pool: ProcessPoolExecutor,
-    rods: tuple[str, ...],
-    workers: int,
-    until: float,
-    progress: Progress,
-    show: Callable[[Progress], None],
-) -> list[Start]:
-    starts: list[Start] = []
-    seed = request.seed + 1  # the first feasible path was drawn with the seed itself
-    while time.monotonic() < until and len(starts) < STARTS:
-        jobs = [(rods[(seed + k) % len(rods)], seed + k) for k in range(workers)]
-        futures = [pool.submit(sampled_there, rod, s, SLICE) for rod, s in jobs]
-        seed += workers
-        for (rod, _), future in zip(jobs, futures, strict=True):
-            found: Sampled = future.result()
-            progress.evaluated += found.tried
-            progress.reasons += found.reasons
-            progress.nearest = min(progress.nearest, found.nearest)
-            for z, tcp in zip(found.z, found.tcp, strict=True):
-                starts.append(Start(rod, z, float(np.log(tcp * 1e6))))
-                progress.add(starts[-1])
-        show(progress)
-    return starts
+class _Search:
+    """A running search."""
 
+    def __init__(
+        self, request: PlanRequest, pool: ProcessPoolExecutor, show: Callable[[Progress], None]
+    ) -> None:
+        self.progress = Progress()
+        self._request, self._pool, self._show = request, pool, show
 
-def _races(
-    request: PlanRequest,
-    pool: ProcessPoolExecutor,
-    until: float,
-    evaluations: int,
-    starts: list[Start],
-    progress: Progress,
-    show: Callable[[Progress], None],
-) -> None:
-    """Race after race: the next starts, and from the second race on the best so far; after each round the worse half is left behind."""
-    space, last = space_of(request), progress.evaluated + evaluations
+    def draw(self, workers: int, until: float) -> list[Start]:
+        """Random candidates that can be run, drawn until a monotonic time [s]."""
+        starts: list[Start] = []
+        rods = (self._request.cell.ballbar, *self._request.cell.ballbar_choices)
+        seed = self._request.seed + 1  # the first feasible path was drawn with the seed itself
+        while time.monotonic() < until and len(starts) < STARTS:
+            jobs = [(rods[(seed + k) % len(rods)], seed + k) for k in range(workers)]
+            futures = [self._pool.submit(worker_sample, rod, s, SLICE) for rod, s in jobs]
+            seed += workers
+            for (rod, _), future in zip(jobs, futures, strict=True):
+                starts += self._add(rod, future.result())
+            self._show(self.progress)
+        return starts
 
-    def going() -> bool:
-        return time.monotonic() < until and progress.evaluated < last
-
-    entrants = starts[:ENTRANTS]
-    while entrants and going():
-        islands = [
-            Island(space, start, request.seed + progress.evaluated + k)
-            for k, start in enumerate(entrants)
+    def _add(self, rod: str, samples: Samples) -> list[Start]:
+        progress = self.progress
+        progress.evaluated += samples.tried
+        progress.reasons += samples.reasons
+        progress.nearest = min(progress.nearest, samples.nearest)
+        starts = [
+            Start(rod, genome, float(np.log(tcp * 1e6)))
+            for genome, tcp in zip(samples.genomes, samples.tcp, strict=True)
         ]
-        for generation in count(1):
-            asked = [island.ask(pool) for island in islands]
-            for island, figures in zip(islands, asked, strict=True):
-                island.tell([future.result() for future in figures], progress)
-            show(progress)
-            if generation % ROUND == 0:
-                islands = sorted(islands, key=lambda island: island.best)[
-                    : max(FINALISTS, len(islands) // 2)
-                ]
-            islands = [island for island in islands if not island.done]
-            if not islands or not going():
-                break
-        starts = starts[ENTRANTS:]
-        entrants = [*([progress.best] if progress.best else []), *starts[: ENTRANTS - 1]]
+        for start in starts:
+            progress.add(start)
+        return starts
+
+    def race(self, starts: list[Start], until: float, evaluations: int) -> None:
+        """Races of islands until a monotonic time [s] or a number of evaluations.
+
+        Each race takes the next starts and, from the second on, the best so far. After each round
+        the worse half of its islands ends.
+        """
+        progress, space = self.progress, space_of(self._request)
+        last = progress.evaluated + evaluations
+
+        def time_left() -> bool:
+            return time.monotonic() < until and progress.evaluated < last
+
+        entrants = starts[:ENTRANTS]
+        while entrants and time_left():
+            seed = self._request.seed + progress.evaluated
+            islands = [Island(space, start, seed + k) for k, start in enumerate(entrants)]
+            for generation in count(1):
+                pending = [island.submit(self._pool) for island in islands]
+                for island, futures in zip(islands, pending, strict=True):
+                    island.update([future.result() for future in futures], progress)
+                self._show(progress)
+                if generation % ROUND == 0:
+                    islands = sorted(islands, key=lambda island: island.best)
+                    islands = islands[: max(FINALISTS, len(islands) // 2)]
+                islands = [island for island in islands if not island.done]
+                if not islands or not time_left():
+                    break
+            starts = starts[ENTRANTS:]
+            entrants = [*([progress.best] if progress.best else []), *starts[: ENTRANTS - 1]]
 
 
-def _apart(starts: list[Start]) -> list[Start]:
+def _distinct_first(starts: list[Start]) -> list[Start]:
     """The best start of each set of cycles first, then the others."""
     seen: set[object] = set()
-    one: list[Start] = []
-    more: list[Start] = []
+    distinct: list[Start] = []
+    others: list[Start] = []
     for start in starts:
-        key = (start.rod, tuple(start.z[CYCLES].round(1)))
-        (more if key in seen else one).append(start)
+        key = (start.rod, tuple(start.genome[CYCLES].round(1)))
+        (others if key in seen else distinct).append(start)
         seen.add(key)
-    return one + more
-
-
-CYCLES = slice(3 * BAR_ROWS, 4 * BAR_ROWS)
+    return distinct + others
 
 
 class Island:
-    """One CMA-ES run; lives from its start until it gains no more."""
+    """One run of CMA-ES, from its start until it gains no more."""
 
     def __init__(self, space: Space, start: Start, seed: int) -> None:
-        self.rod, self._whole = start.rod, start.z.copy()
+        self.rod, self._start = start.rod, start.genome.copy()
         self._free = free_numbers(space)
-        self._search = evolution(start.z[self._free], seed=seed % 2**31)
-        self._asked: list[Array] = []
-        self.best = start.figure
-        self._stands, self._since = (
-            np.inf,
-            0,
-        )  # the best since it set out, and for how many generations
+        self._search = evolution(start.genome[self._free], seed=seed % 2**31)
+        self._points: list[Array] = []
+        self.best = start.objective
+        self._lowest, self._stalled = np.inf, 0  # since the start; generations without a gain
 
-    def ask(self, pool: ProcessPoolExecutor) -> list[Future[float]]:
-        """One generation, on its way to the workers."""
-        self._asked = self._search.ask()
-        return [pool.submit(figure_there, self.rod, self._full(x)) for x in self._asked]
+    def submit(self, pool: ProcessPoolExecutor) -> list[Future[float]]:
+        """Objectives of the next generation, computed by the workers."""
+        self._points = self._search.ask()
+        return [pool.submit(worker_objective, self.rod, self._genome(x)) for x in self._points]
 
-    def tell(self, figures: list[float], progress: Progress) -> None:
-        """What the generation came to."""
-        self._search.tell(self._asked, figures)
-        progress.evaluated += len(figures)
-        for x, figure in zip(self._asked, figures, strict=True):
-            if figure < VIOLATES:
-                progress.add(Start(self.rod, folded(self._full(x)), figure))
-        gained = min(figures) < self._stands - GAIN
-        self._since = 0 if gained else self._since + 1
-        self._stands = min(self._stands, *figures)
-        self.best = min(self.best, self._stands)
+    def update(self, values: list[float], progress: Progress) -> None:
+        """Take over the objectives of the generation."""
+        self._search.tell(self._points, values)
+        progress.evaluated += len(values)
+        for x, value in zip(self._points, values, strict=True):
+            if value < INFEASIBLE:
+                progress.add(Start(self.rod, folded(self._genome(x)), value))
+        gained = min(values) < self._lowest - GAIN
+        self._stalled = 0 if gained else self._stalled + 1
+        self._lowest = min(self._lowest, *values)
+        self.best = min(self.best, self._lowest)
 
     @property
     def done(self) -> bool:
-        return self._since >= STALLED or bool(self._search.stop())
+        return self._stalled >= STALLED or bool(self._search.stop())
 
-    def _full(self, x: Array) -> Array:
-        whole = self._whole.copy()
-        whole[self._free] = x
-        return whole
+    def _genome(self, x: Array) -> Array:
+        genome = self._start.copy()
+        genome[self._free] = x
+        return genome
 
 
 def free_numbers(space: Space) -> NDArray[np.intp]:
-    """Numbers that an island moves: all but the cycles, and the place where it is given."""
-    place = 4 * BAR_ROWS + np.flatnonzero(space.upper > space.lower)
-    return np.concatenate((np.arange(3 * BAR_ROWS), place)).astype(np.intp)
+    """(K,) indices that an island varies: all but the cycles and a fixed position."""
+    position = 4 * BAR_ROWS + np.flatnonzero(space.upper > space.lower)
+    return np.concatenate((np.arange(3 * BAR_ROWS), position)).astype(np.intp)

@@ -1,7 +1,7 @@
-"""A course as axis targets for a controller that moves straight between them in axis angles.
+"""Axis targets of a trajectory, for a controller that moves linearly between them in axis angles.
 
-Close enough together that the tool leaves the sphere by no more than SAG between two of them: the soft servo takes that up with a few
-newtons.
+They are so close that the tool leaves the sphere by at most SAG between two of them, which the soft
+servo takes up with a few newtons.
 """
 
 from __future__ import annotations
@@ -9,74 +9,76 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import robot_frames
 from cell.robot_angles import joints_to_axes
-from planning.course import Course
 from planning.request import PlanTiming
+from planning.trajectory import Trajectory
 
-SAG = 1.0e-4  # [m] 1 mm between robot and bar is some 50 N under soft servo
+SAG = 1.0e-4  # [m] about 5 N under soft servo, of which 1 mm makes some 50 N
 SPACINGS = (0.5, 0.25, 0.2, 0.1, 0.05)  # [s] between targets
 
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """What the controller is told."""
+    """Targets of the controller."""
 
     t: Array  # (K,) [s] at which each is to be reached
     axes: Array  # (K, 6) [deg] as the controller shows them
-    rests: Array  # (K,) [s] of standstill there; 0 where the robot passes
+    dwells: Array  # (K,) [s] at the targets; 0 where the robot passes
     sag: float  # [m] by which the tool leaves the sphere between them
 
 
-def targets_of(cell: Cell, course: Course, timing: PlanTiming) -> Targets:
-    """The fewest evenly spaced targets that keep SAG, or as many as SPACINGS gives."""
-    spline = CubicSpline(course.t, course.q)
+def targets_of(cell: Cell, trajectory: Trajectory, timing: PlanTiming) -> Targets:
+    """The fewest evenly spaced targets that keep SAG, or as many as SPACINGS allows."""
+    spline = CubicSpline(trajectory.t, trajectory.q)
     for spacing in SPACINGS:
         t = _times(timing, spacing)
-        sag = _sag(course, np.asarray(spline(t)))
+        sag = _sag(trajectory, np.asarray(spline(t)))
         if sag <= SAG:
             break
-    moving, rests = _rests(t, timing)
-    axes = np.degrees(joints_to_axes(cell.robot, spline(t[moving])))
-    reached = t[moving]
-    reached[0] = 0.0  # the run begins with the first rest
-    return Targets(reached, np.asarray(axes), rests, sag)
+    targets, dwells = _dwells(t, timing)
+    axes = np.degrees(joints_to_axes(cell.robot, spline(t[targets])))
+    reached = t[targets]
+    reached[0] = 0.0  # the run begins with the first dwell
+    return Targets(reached, np.asarray(axes), dwells, sag)
 
 
 def _times(timing: PlanTiming, spacing: float) -> Array:
-    """Evenly spaced within each piece of motion, its ends among them."""
+    """(K,) [s] times, evenly spaced within each piece of motion, with its ends."""
     ends = _piece_ends(timing)
     pieces = [np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ends]
     return np.concatenate(pieces)
 
 
 def _piece_ends(timing: PlanTiming) -> list[tuple[float, float]]:
+    """Start and end [s] of each piece of motion between two dwells."""
     pieces = timing.stops + 1
     moving = (timing.duration_s - (timing.stops + 2) * timing.dwell_s) / pieces
     starts = [timing.dwell_s + k * (moving + timing.dwell_s) for k in range(pieces)]
     return [(start, start + moving) for start in starts]
 
 
-def _rests(t: Array, timing: PlanTiming) -> tuple[Array, Array]:
-    """Which times are targets of their own, and the rest at each: where a piece ends and the next begins, one is enough."""
-    ends = np.array([end for _, end in _piece_ends(timing)])
-    begins = np.array([begin for begin, _ in _piece_ends(timing)])
-    rest = np.where(np.isclose(t[:, None], ends).any(axis=1), timing.dwell_s, 0.0)
-    rest[0] = timing.dwell_s
-    kept = (
-        ~np.isclose(t[:, None], begins[1:]).any(axis=1)
-        if begins.size > 1
-        else np.ones(t.size, dtype=bool)
-    )
-    return kept, rest[kept]
+def _dwells(t: Array, timing: PlanTiming) -> tuple[NDArray[np.bool_], Array]:
+    """Mask (K,) of the times that are targets of their own, and the dwell [s] at each of those.
+
+    The end of a piece and the beginning of the next one are a single target.
+    """
+    pieces = _piece_ends(timing)
+    ends = np.array([end for _, end in pieces])
+    later_starts = np.array([start for start, _ in pieces[1:]])
+    dwell = np.where(np.isclose(t[:, None], ends).any(axis=1), timing.dwell_s, 0.0)
+    dwell[0] = timing.dwell_s
+    targets = ~np.isclose(t[:, None], later_starts).any(axis=1)
+    return targets, dwell[targets]
 
 
-def _sag(course: Course, q: Array) -> float:
-    """[m] how far from the sphere the tool is half way between targets q (K, 6) [rad]."""
+def _sag(trajectory: Trajectory, q: Array) -> float:
+    """[m] largest distance of the tool from the sphere half way between targets q (K, 6) [rad]."""
     between = 0.5 * (q[1:] + q[:-1])
-    out = robot_frames(course.nominal, between).tip.T - course.nominal.origin
-    return float(np.abs(np.linalg.norm(out, axis=1) - course.nominal["bd3"]).max())
+    out = robot_frames(trajectory.nominal, between).tip.T - trajectory.nominal.origin
+    return float(np.abs(np.linalg.norm(out, axis=1) - trajectory.nominal["bd3"]).max())

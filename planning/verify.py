@@ -1,7 +1,7 @@
-"""A planned path run in MuJoCo on soft servo: every millisecond held against the limits.
+"""Verification of a planned path in MuJoCo under soft servo, every millisecond against the limits.
 
-The robots have errors of the size that is expected (thesis Table 3.1, and drawn ones), elastic gears, play and friction. What is
-counted are instants that violate a limit; a plan that is any good has none.
+The robots have errors of the expected size (thesis Table 3.1, and drawn ones), elastic gears,
+backlash and friction. The result counts the instants that violate a limit; a valid plan has none.
 """
 
 from __future__ import annotations
@@ -30,13 +30,16 @@ from sim.errors.plant_errors import (
 from sim.errors.static_errors import true_geometry
 from sim.motion import Motion
 from sim.path import reference_path
+from sim.path_files import PATH_STEP
+from sim.plant.description import Plant, servo_gains
 from sim.plant.effects import plant_effects
 from sim.plant.mujoco_plant import run_plant
 from sim.settings import ErrorSettings, StaticErrors
-from sim.simulate import PATH_STEP
 
-TIMESTEP = 1e-3  # [s]
-RATE_STEP = 0.05  # [s] over which speeds and accelerations are taken: a gear that falls through its play is no motion of the arm
+TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
+# [s] over which speeds and accelerations are taken: a gear that crosses its backlash is no motion
+# of the arm
+RATE_STEP = 0.05
 CLEARANCE_STEP = 0.05  # [s] between poses whose distances are measured: 12 mm at the highest speed
 
 
@@ -49,11 +52,11 @@ class Check:
     allowed: float
     unit: str
     instants: int  # that violate it
-    looked_at: int
+    looked_at: int  # instants examined
 
 
 def plant_errors(*, table: bool) -> ErrorSettings:
-    """Errors of a real robot that move it or load it."""
+    """Errors of a real robot that move or load it; of thesis Table 3.1, or drawn."""
     static = (
         StaticErrors(table="thesis_3_1") if table else StaticErrors(sigma_m=1e-3, sigma_rad=1e-3)
     )
@@ -70,7 +73,10 @@ def plant_errors(*, table: bool) -> ErrorSettings:
 
 
 def run_in_plant(cell: Cell, request: PlanRequest, candidate: Candidate, *, seed: int) -> Motion:
-    """One robot on the path; seed 0 is that of thesis Table 3.1. Raises PlantError where it does not get through."""
+    """Motion of one robot on the path; seed 0 is the robot of thesis Table 3.1.
+
+    Raises PlantError where the simulation fails.
+    """
     nominal, timing = nominal_geometry(cell, candidate.position), request.timing
     path = reference_path(
         cell.robot,
@@ -82,29 +88,26 @@ def run_in_plant(cell: Cell, request: PlanRequest, candidate: Candidate, *, seed
         step=PATH_STEP,
     )
     errors = plant_errors(table=seed == 0)
-    true = set_without_strain(
-        true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed), path.q[:1]
-    )
-    return run_plant(
-        cell, true, plant_effects(errors, cell, seed), path, servo=request.servo, timestep=TIMESTEP
-    )
+    true = true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed)
+    true = set_without_strain(true, path.q[:1])
+    gains = servo_gains(cell.robot, request.servo, key="servo")
+    plant = Plant(cell, true, plant_effects(errors, cell, seed), gains)
+    return run_plant(plant, path, timestep=TIMESTEP)
 
 
 def set_without_strain(true: Geometry, q: Array) -> Geometry:
-    """The cell with the ball-bar's base moved along the rod, as one sets it with the robot at rest at the first target q (1, 6) [rad]."""
+    """The geometry with the ball-bar's base moved along the rod so that the rod is not strained.
+
+    q : (1, 6) [rad] first target, at which the base is set with the robot at rest.
+    """
     tool = robot_frames(true, q).tip[:, 0]
     out = tool - true.origin
-    moved = out * (1.0 - true["bd3"] / np.linalg.norm(out))
-    return true.replaced(
-        {
-            f"o{axis}": true[f"o{axis}"] + float(step)
-            for axis, step in zip("xyz", moved, strict=True)
-        }
-    )
+    moved = true.origin + out * (1.0 - true["bd3"] / np.linalg.norm(out))
+    return true.replaced({f"o{axis}": float(v) for axis, v in zip("xyz", moved, strict=True)})
 
 
 def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) -> list[Check]:
-    """Every limit at every millisecond of a run (distances every CLEARANCE_STEP)."""
+    """Every limit at every millisecond of a run, distances every CLEARANCE_STEP."""
     axes, rates, accelerations = _axis_motion(cell, motion)
     inside = np.minimum(axes - cell.robot.axis_lower, cell.robot.axis_upper - axes).min(axis=1)
     fastest = (np.abs(rates) / cell.robot.axis_speed_max).max(axis=1)
@@ -113,45 +116,38 @@ def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) ->
     tip = bar_frames(motion.geometry, motion.b).tip
     speed = np.linalg.norm(_rate(tip.T, motion.t), axis=1)
     swept = np.degrees(np.ptp(motion.b, axis=0)).max(keepdims=True)
+    hardest = np.degrees(np.abs(accelerations)).max(axis=1)
+    wrist = np.degrees(from_singular(motion.q[:, 4]))
+    acceleration = limits.axis_acceleration_deg_per_s2
     return [
         _at_least("axis_margin_deg", np.degrees(inside), limits.axis_margin_deg, "deg"),
         _at_most("axis_speed_share", fastest, limits.axis_speed_share, ""),
-        _at_most(
-            "axis_acceleration_deg_per_s2",
-            np.degrees(np.abs(accelerations)).max(axis=1),
-            limits.axis_acceleration_deg_per_s2,
-            "deg/s^2",
-        ),
+        _at_most("axis_acceleration_deg_per_s2", hardest, acceleration, "deg/s^2"),
         _at_most("tcp_speed_m_per_s", speed, limits.tcp_speed_m_per_s, "m/s"),
-        _at_least(
-            "wrist_margin_deg",
-            np.degrees(from_singular(motion.q[:, 4])),
-            limits.wrist_margin_deg,
-            "deg",
-        ),
+        _at_least("wrist_margin_deg", wrist, limits.wrist_margin_deg, "deg"),
         _at_least("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg"),
         _at_least("shoulder_margin_m", shoulder, limits.shoulder_margin_m, "m"),
         _at_least("ballbar_margin_deg", np.degrees(singular), limits.ballbar_margin_deg, "deg"),
         _at_most("cable_turns", swept / 360.0, limits.cable_turns, "turns"),
         _at_most("force_N", np.abs(motion.rod_force), limits.force_N, "N"),
-        _near(limits, around, motion),
+        _clearance(limits, around, motion),
     ]
 
 
-def violations_in(found: list[Check]) -> int:
-    """Instants that violate a limit, over all limits."""
-    return sum(check.instants for check in found)
+def violations_in(run: list[Check]) -> int:
+    """Number of instants that violate a limit, over all limits of a run."""
+    return sum(check.instants for check in run)
 
 
 def _axis_motion(cell: Cell, motion: Motion) -> tuple[Array, Array, Array]:
-    """Axis angles, speeds and accelerations (K, 6)."""
+    """Axis angles, speeds and accelerations (K, 6) [rad, rad/s, rad/s^2]."""
     axes = joints_to_axes(cell.robot, motion.q)
     rates = _rate(axes, motion.t)
     return axes, rates, _rate(rates, motion.t)
 
 
 def _rate(values: Array, t: Array) -> Array:
-    """Central differences over RATE_STEP of (K, n)."""
+    """Central differences (K, n) over RATE_STEP of values (K, n) at times t (K,) [s]."""
     half = max(1, round(0.5 * RATE_STEP / float(t[1] - t[0])))
     out = np.zeros_like(values)
     out[half:-half] = (values[2 * half :] - values[: -2 * half]) / (2 * half * float(t[1] - t[0]))
@@ -159,28 +155,16 @@ def _rate(values: Array, t: Array) -> Array:
 
 
 def _at_least(limit: str, values: Array, allowed: float, unit: str) -> Check:
-    return Check(
-        limit,
-        float(values.min()),
-        allowed,
-        unit,
-        int(np.count_nonzero(values < allowed)),
-        values.size,
-    )
+    below = int(np.count_nonzero(values < allowed))
+    return Check(limit, float(values.min()), allowed, unit, below, values.size)
 
 
 def _at_most(limit: str, values: Array, allowed: float, unit: str) -> Check:
-    return Check(
-        limit,
-        float(values.max()),
-        allowed,
-        unit,
-        int(np.count_nonzero(values > allowed)),
-        values.size,
-    )
+    above = int(np.count_nonzero(values > allowed))
+    return Check(limit, float(values.max()), allowed, unit, above, values.size)
 
 
-def _near(limits: PlanLimits, around: Clearance, motion: Motion) -> Check:
+def _clearance(limits: PlanLimits, around: Clearance, motion: Motion) -> Check:
     distances = distances_along(
         around, motion.geometry, motion.q, motion.b, motion.t, step=CLEARANCE_STEP
     )

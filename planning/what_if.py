@@ -1,7 +1,8 @@
-"""What if the rig were another: expected TCP error with one thing changed at a time, on the same path.
+"""What-if analysis: predicted TCP error on the same path with one property of the rig changed.
 
-A path that the changed rig cannot run (another rod, another plate) is adapted: the nearest one that it can, the ball-bar moved if need
-be. A plate is a cantilever, so its tip stiffness goes with thickness^3 / length^3 (derivation in docs/planning.md).
+A path that the changed rig cannot run (another rod, another plate) is adapted: the nearest path
+that it can run, with the ball-bar moved if necessary. A plate is a cantilever, so its tip stiffness
+is proportional to thickness^3 / length^3 (derivation in docs/planning.md).
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,21 +18,20 @@ from cell.arrays import Array
 from cell.descriptions import BallBar, Cell, Link, Plate
 from cell.errors import InputError
 from cell.schema_errors import nearest
-from planning.candidate import Candidate, numbers_of, space_of
+from planning.candidate import Candidate, genome_of, space_of
+from planning.evaluation import INFEASIBLE, Evaluator, evaluate, evaluator_of
 from planning.first import descent
-from planning.judge import Judge, judge_of, judged
 from planning.plan import Plan, scale_error
 from planning.request import PlanRequest, Region
-from planning.sample import VIOLATES
 
 THICKNESS = 0.045  # [m] of the plates in cell/plates (thesis sec. 4.5)
 ROOM = 0.3  # [m] by which the ball-bar may move when a path is adapted
-ADAPTING_SEED = 1
+ADAPTING_SEED = 1  # any; fixed, so that an answer can be repeated
 
 
 @dataclass(frozen=True)
 class Question:
-    """One thing to vary."""
+    """One property to vary."""
 
     key: str
     unit: str
@@ -39,19 +40,17 @@ class Question:
 
 @dataclass(frozen=True)
 class Answer:
-    """What one value would come to."""
+    """Predicted error for one value of a property."""
 
     key: str
     value: str
-    tcp: (
-        float | None
-    )  # [m] root mean square of the predicted TCP sigma; None where no path was found
-    scale: float  # [m] what the plate's own length adds
+    tcp: float | None  # [m] root mean square of the predicted TCP sigma; None: no path was found
+    scale: float  # [m] error from the plate's length
     note: str
 
     @property
     def total(self) -> float | None:
-        """[m] both together."""
+        """[m] root sum of squares of both."""
         return None if self.tcp is None else float(np.hypot(self.tcp, self.scale))
 
 
@@ -60,17 +59,15 @@ Change = Callable[[PlanRequest, Cell, float], tuple[PlanRequest, Cell]]
 
 def _sensor(name: str) -> Change:
     def change(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
-        return request.model_copy(
-            update={"sensors": request.sensors.model_copy(update={name: value})}
-        ), cell
+        sensors = request.sensors.model_copy(update={name: value})
+        return request.model_copy(update={"sensors": sensors}), cell
 
     return change
 
 
 def _duration(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
-    return request.model_copy(
-        update={"timing": request.timing.model_copy(update={"duration_s": value})}
-    ), cell
+    timing = request.timing.model_copy(update={"duration_s": value})
+    return request.model_copy(update={"timing": timing}), cell
 
 
 def _rod_length(request: PlanRequest, cell: Cell, value: float) -> tuple[PlanRequest, Cell]:
@@ -85,32 +82,42 @@ def _plate_thickness(request: PlanRequest, cell: Cell, value: float) -> tuple[Pl
     return request, replace(cell, plate=_other_plate(cell.plate, cell.plate.length, value))
 
 
-CHANGES: dict[str, tuple[str, float, float, Change]] = {  # unit, least and largest value
-    "encoder": ("rad", 1e-8, 1e-2, _sensor("encoder_sigma_rad")),
-    "plate_length": ("m", 0.05, 1.0, _plate_length),
-    "plate_thickness": ("m", 0.005, 0.2, _plate_thickness),
-    "rod_length": ("m", 0.2, 3.0, _rod_length),
-    "rate": ("Hz", 1.0, 1e5, _sensor("ballbar_rate_hz")),
-    "duration": ("s", 20.0, 3600.0, _duration),
+class Property(NamedTuple):
+    """One property of the rig that can be changed."""
+
+    unit: str
+    smallest: float
+    largest: float
+    change: Change
+
+
+CHANGES = {
+    "encoder": Property("rad", 1e-8, 1e-2, _sensor("encoder_sigma_rad")),
+    "plate_length": Property("m", 0.05, 1.0, _plate_length),
+    "plate_thickness": Property("m", 0.005, 0.2, _plate_thickness),
+    "rod_length": Property("m", 0.2, 3.0, _rod_length),
+    "rate": Property("Hz", 1.0, 1e5, _sensor("ballbar_rate_hz")),
+    "duration": Property("s", 20.0, 3600.0, _duration),
 }
 ENCODERS = "encoders"
 
 
 def question(text: str) -> Question:
-    """`encoder=5e-6,1e-5` or `encoders=1245,12345`. Raises InputError."""
+    """The question of a text such as `encoder=5e-6,1e-5` or `encoders=1245,12345`.
+
+    Raises InputError for an unknown property or a value out of its range.
+    """
     key, _, listed = text.partition("=")
     if key not in (*CHANGES, ENCODERS):
-        raise InputError(
-            f"--what-if {text}: there is no {key!r}.{nearest(key, [*CHANGES, ENCODERS], noun='name')}"
-        )
+        hint = nearest(key, [*CHANGES, ENCODERS], noun="name")
+        raise InputError(f"--what-if {text}: there is no {key!r}.{hint}")
     if key == ENCODERS:
         if not re.fullmatch(r"[1-5]{2,5}(,[1-5]{2,5})*", listed):
             raise InputError(
                 f"--what-if {text}: give sets of at least two encoders, such as 1245,12345"
             )
-        return Question(
-            key, "", tuple(tuple(sorted({int(c) for c in part})) for part in listed.split(","))
-        )
+        sets = (tuple(sorted({int(c) for c in part})) for part in listed.split(","))
+        return Question(key, "", tuple(sets))
     unit, low, high, _ = CHANGES[key]
     try:
         values = tuple(float(part) for part in listed.split(","))
@@ -126,70 +133,60 @@ def question(text: str) -> Question:
 
 
 def answers(plan: Plan, questions: Sequence[Question]) -> Iterator[Answer]:
-    """One for each value of each question, in their order."""
-    request, cell = plan.request, plan.judge.cell
-    for asked in questions:
-        for value in asked.values:
+    """The answer for each value of each question, in their order."""
+    request, cell = plan.request, plan.evaluator.cell
+    for item in questions:
+        for value in item.values:
+            changed, other = request, cell
             if isinstance(value, tuple):
                 sensors = request.sensors.model_copy(update={"encoders": value})
-                changed, other, shown = (
-                    request.model_copy(update={"sensors": sensors}),
-                    cell,
-                    " ".join(f"b{j}" for j in value),
-                )
+                changed = request.model_copy(update={"sensors": sensors})
+                shown = " ".join(f"b{j}" for j in value)
             else:
-                changed, other = CHANGES[asked.key][3](request, cell, value)
-                shown = f"{value:g} {asked.unit}"
-            yield _answer(
-                asked.key, shown, judge_of(changed, plan.rod, other), plan.found.candidate
-            )
+                changed, other = CHANGES[item.key].change(request, cell, value)
+                shown = f"{value:g} {item.unit}"
+            evaluator = evaluator_of(changed, plan.rod, other)
+            yield _answer(item.key, shown, evaluator, plan.evaluation.candidate)
 
 
-def _answer(key: str, shown: str, judge: Judge, candidate: Candidate) -> Answer:
-    scale, note = scale_error(judge.predictor.grid, judge.cell), ""
-    found = judged(judge, candidate)
-    if found.violations:
-        first = found.violations[0].sentence
-        adapted = _adapted(judge, candidate)
+def _answer(key: str, shown: str, evaluator: Evaluator, candidate: Candidate) -> Answer:
+    scale, note = scale_error(evaluator.predictor.grid, evaluator.cell), ""
+    outcome = evaluate(evaluator, candidate)
+    if outcome.violations:
+        first = outcome.violations[0].sentence
+        adapted = _adapted(evaluator, candidate)
         if adapted is None:
             return Answer(key, shown, None, scale, f"no path: {first}")
-        found, note = judged(judge, adapted), "path adapted"
-    return Answer(key, shown, found.tcp, scale, note)
+        outcome, note = evaluate(evaluator, adapted), "path adapted"
+    return Answer(key, shown, outcome.tcp, scale, note)
 
 
-def _adapted(judge: Judge, candidate: Candidate) -> Candidate | None:
-    """The nearest candidate that the rig of `judge` can run."""
-    here = candidate.position
-    region = Region(lower=tuple((here - ROOM).tolist()), upper=tuple((here + ROOM).tolist()))
-    around = judge.request.cell.model_copy(
-        update={"ballbar_position_m": None, "ballbar_region_m": region}
-    )
-    freed = replace(judge, request=judge.request.model_copy(update={"cell": around}))
+def _adapted(evaluator: Evaluator, candidate: Candidate) -> Candidate | None:
+    """The nearest candidate that the evaluator's rig can run; None if none was found."""
+    centre, request = candidate.position, evaluator.request
+    region = Region(lower=tuple((centre - ROOM).tolist()), upper=tuple((centre + ROOM).tolist()))
+    cell = request.cell.model_copy(update={"ballbar_position_m": None, "ballbar_region_m": region})
+    freed = replace(evaluator, request=request.model_copy(update={"cell": cell}))
     space = space_of(freed.request)
-    best, least = descent(freed, space, numbers_of(space, candidate), ADAPTING_SEED)
-    return space.candidate(best) if least < VIOLATES else None
+    best, least = descent(freed, space, genome_of(space, candidate), ADAPTING_SEED)
+    return space.candidate(best) if least < INFEASIBLE else None
 
 
 def _longer(bar: BallBar, length: float) -> BallBar:
-    """The same ball-bar with another rod: tube and cardan are that much further out."""
+    """The ball-bar with another rod, which moves tube and universal joint outwards."""
     d, more = bar.d.copy(), length - bar.length
     d[2] = length
     shift = np.array([0.0, 0.0, 1.0])
-    rod = bar.links[2]
-    links = [
-        *bar.links[:2],
-        Link(
-            rod.mass * length / bar.length,
-            rod.com + 0.5 * more * shift,
-            rod.inertia * (length / bar.length) ** 3,
-        ),
-    ]
-    links += [Link(link.mass, link.com + more * shift, link.inertia) for link in bar.links[3:]]
-    return replace(bar, d=d, links=tuple(links))
+    rod, ratio = bar.links[2], length / bar.length
+    tube = Link(
+        rod.mass * length / bar.length, rod.com + 0.5 * more * shift, rod.inertia * ratio**3
+    )
+    outer = [Link(link.mass, link.com + more * shift, link.inertia) for link in bar.links[3:]]
+    return replace(bar, d=d, links=(*bar.links[:2], tube, *outer))
 
 
 def _other_plate(plate: Plate, length: float, thickness: float) -> Plate:
-    """Cantilever of the same width and material."""
+    """The plate as a cantilever of the same width and material."""
     longer, thicker = length / plate.length, thickness / THICKNESS
     body = plate.body
     com: Array = body.com * np.array([longer, 1.0, 1.0])

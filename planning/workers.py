@@ -1,4 +1,8 @@
-"""Processes that judge candidates: each builds its judges once, computes with one thread, and leaves Ctrl-C to the one who asked."""
+"""Processes that evaluate candidates.
+
+Each builds its evaluators once, computes with one thread, and leaves Ctrl-C to the process that
+started it.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +17,16 @@ from multiprocessing.process import BaseProcess
 
 from cell.arrays import Array
 from cell.threads import one_thread_each
-from planning.judge import Judge, judges
+from planning.evaluation import SEARCH_ROBOTS, Evaluator, evaluators, objective
 from planning.request import PlanRequest
-from planning.sample import SEARCHED, Sampled, figure, sampled
+from planning.sample import Samples, sample
 
-_judges: dict[str, Judge] = {}
+_evaluators: dict[str, Evaluator] = {}
 
 
 @contextmanager
-def judging_processes(request: PlanRequest, count: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool for `figure_there` and `sampled_there`. Its processes end with this one."""
+def evaluating_processes(request: PlanRequest, count: int) -> Iterator[ProcessPoolExecutor]:
+    """A pool for `worker_objective` and `worker_sample`, whose processes end with this one."""
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(request,))
     with one_thread_each():
@@ -32,25 +36,25 @@ def judging_processes(request: PlanRequest, count: int) -> Iterator[ProcessPoolE
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def figure_there(rod: str, z: Array, robots: int = SEARCHED) -> float:
-    """`planning.sample.figure` in a worker."""
-    return figure(_judges[rod], z, robots=robots)
+def worker_objective(rod: str, genome: Array, robots: int = SEARCH_ROBOTS) -> float:
+    """`planning.evaluation.objective` of a genome (S,) [1] in a worker."""
+    return objective(_evaluators[rod], genome, robots=robots)
 
 
-def sampled_there(rod: str, seed: int, seconds: float) -> Sampled:
-    """`planning.sample.sampled` in a worker."""
-    return sampled(_judges[rod], seed=seed, seconds=seconds)
+def worker_sample(rod: str, seed: int, seconds: float) -> Samples:
+    """`planning.sample.sample` in a worker."""
+    return sample(_evaluators[rod], seed=seed, seconds=seconds)
 
 
 def _begin(request: PlanRequest) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _judges.update(judges(request))
-    asked = multiprocessing.parent_process()
-    if asked is not None:
-        threading.Thread(target=_leave_with, args=(asked,), daemon=True).start()
+    _evaluators.update(evaluators(request))
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_exit_with, args=(parent,), daemon=True).start()
 
 
-def _leave_with(asked: BaseProcess) -> None:
-    """Ends this process when the one that asked is gone, were it killed."""
-    asked.join()
+def _exit_with(parent: BaseProcess) -> None:
+    """End this process when its parent is gone, even if that was killed."""
+    parent.join()
     os._exit(1)

@@ -1,1 +1,1 @@
-"""Makes recordings: plant, error sources, encoders, clocks, device files; and the truth beside them."""
+"""Simulated recordings of a cell. Acquisition and identification do not import this package."""

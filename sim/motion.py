@@ -1,4 +1,4 @@
-"""What the mechanism really did, over true time: the common output of all plants and the input of all encoders."""
+"""The motion of the mechanism over true time: output of all plants, input of all encoders."""
 
 from __future__ import annotations
 
@@ -14,60 +14,56 @@ from cell.geometry import Geometry
 from cell.rotation import rotvec_from_matrix
 from sim.plant.deflection import deflect
 
-# Told of each stretch while it is simulated: cell, true parameters, instants (K,) [s], robot (K, 6) and ball-bar angles (K, 5) [rad].
-# A stretch begins where the one before ended.
+# Called with each stretch of the motion once it is simulated: cell, true parameters, times (K,)
+# [s], robot angles (K, 6) and ball-bar angles (K, 5) [rad]. A stretch begins where the one before
+# ended.
 MotionCallback = Callable[[Cell, Geometry, Array, Array, Array], None]
 
-CLOSURE_STRIDE = 10  # the loop's error changes with the motion, over tenths of seconds; every tenth millisecond shows its maximum
+CLOSURE_STRIDE = 10  # the loop-closure error changes over tenths of seconds, steps last 1 ms
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """One run on a uniform grid of true time. Before its start and after its end everything stands still."""
+    """One run on a uniform grid of true time; before and after it the mechanism does not move."""
 
     t: Array  # (K,) [s]
     q: Array  # (K, 6) [rad] robot joint angles
-    shown: Array  # (K, 6) [rad] joint angles that the motors show: without what the gears add
-    b: Array  # (K, 5) [rad] ball-bar joint angles, mechanical (encoder zeros and errors not in them)
+    shown: Array  # (K, 6) [rad] joint angles that the motors show, without effects of the gears
+    b: Array  # (K, 5) [rad] ball-bar joint angles, without encoder offsets and errors
     rod_stretch: Array  # (K,) [m]
     rod_force: Array  # (K,) [N] tension positive
     geometry: Geometry  # true parameters; btheta holds the mechanical errors only
-    torque: Array | None = (
-        None  # (K, 6) [N m] of the servos, at the gears' outputs, in the step that ends at t
-    )
-    wrench: Array | None = (
-        None  # (K, 6) [N, N m] that plate and ball-bar exert on the flange, flange frame, where measured
-    )
-    plate: Array = field(
-        default_factory=lambda: np.zeros(1)
-    )  # (K,) or (1,) [rad] bending of the offset plate
-    base: Array = field(
-        default_factory=lambda: np.zeros((1, 3))
-    )  # (K, 3) or (1, 3) [m] shift of the ball-bar's base
+    # (K, 6) [N m] of the servos at the gears' outputs, in the step that ends at t
+    torque: Array | None = None
+    # (K, 6) [N, N m] that plate and ball-bar exert on the flange, in its frame, where measured
+    wrench: Array | None = None
+    # (K,) or (1,) [rad] bending of the offset plate
+    plate: Array = field(default_factory=lambda: np.zeros(1))
+    # (K, 3) or (1, 3) [m] shift of the ball-bar's base
+    base: Array = field(default_factory=lambda: np.zeros((1, 3)))
 
     def at(self, times: Array) -> tuple[Array, Array]:
-        """Shown joint angles (N, 6) and ball-bar angles (N, 5) [rad] at any true times (N,) [s]."""
+        """Shown joint angles (N, 6) and ball-bar angles (N, 5) [rad] at true times (N,) [s]."""
         inside = np.clip(times, self.t[0], self.t[-1])
         both = CubicSpline(self.t, np.concatenate((self.shown, self.b), axis=1))(inside)
         return both[:, :6], both[:, 6:]
 
     def closure(self) -> tuple[Array, Array]:
-        """Loop-closure error over the run from the angles alone, by DH: (K / CLOSURE_STRIDE,) [m] and [rad].
+        """Loop-closure errors (K / CLOSURE_STRIDE,) [m] and [rad], from the angles by DH alone.
 
-        What rod, plate and base give way is taken into account; independent of the plant that made the motion.
+        Elongation of the rod, bending of the plate and shift of the base are included. The result
+        does not depend on the plant that made the motion.
         """
-        some = slice(None, None, CLOSURE_STRIDE)
-        n = self.t[some].size
-        plate, base = np.broadcast_to(self.plate[some], n), np.broadcast_to(self.base[some], (n, 3))
+        rows = slice(None, None, CLOSURE_STRIDE)
+        n = self.t[rows].size
         ends = deflect(
             self.geometry,
-            self.q[some],
-            self.b[some],
-            stretch=self.rod_stretch[some],
-            plate=plate,
-            base=base,
+            self.q[rows],
+            self.b[rows],
+            stretch=self.rod_stretch[rows],
+            plate=np.broadcast_to(self.plate[rows], n),
+            base=np.broadcast_to(self.base[rows], (n, 3)),
         )
+        position = np.linalg.norm(ends.bar.tip - ends.tool, axis=0)
         turned = np.einsum("ikn,jkn->ijn", ends.bar.rotation(), ends.tool_rotation)
-        return np.linalg.norm(ends.bar.tip - ends.tool, axis=0), np.linalg.norm(
-            rotvec_from_matrix(turned), axis=0
-        )
+        return position, np.linalg.norm(rotvec_from_matrix(turned), axis=0)

@@ -1,9 +1,10 @@
-"""Reference paths: ball-bar angles as smooth functions of time, the robot's command from inverse kinematics.
+"""Reference paths: ball-bar angles over time, and the robot's command from inverse kinematics.
 
-The five ball-bar angles are the five degrees of freedom of the closed mechanism, so a path written in them stays on the
-sphere and away from the ball-bar's singularities by construction: `b_k = c_k + A_k sin(2 pi n_k s + phi_k)` with the phase
-s running from 0 to 1 (notes/mujoco sec. 10). The phase rests at the start, at the end and at every dwell between, and
-changes speed with a continuous acceleration, so the run starts and ends at rest and both logs see the same standstills.
+The five ball-bar angles are the five degrees of freedom of the closed mechanism, so a path written
+in them stays on the sphere and away from the ball-bar's singularities by construction: `b_k = c_k +
+A_k sin(2 pi n_k s + phi_k)`, with the phase s running from 0 to 1 (notes/mujoco sec. 10). The phase
+is constant at the start, at the end and in every dwell between, and its acceleration is continuous,
+so that both logs see the same dwells.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from cell.geometry import Geometry, bar_frames
 from cell.inverse import robot_branches
 from cell.robot_angles import joints_to_axes
 
-RAMP = 2.0  # [s] from rest to the phase's cruising speed and back
+RAMP = 2.0  # [s] from a dwell to the cruising speed of the phase, and back: below 1 Hz
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +40,13 @@ class Lissajous:
         )
 
     def lengthening(self, s: Array) -> Array:
-        """(N,) [m] of the commanded rod: none, the path stays on the sphere."""
+        """(N,) [m] elongation of the commanded rod: 0, since the path stays on the sphere."""
         return np.zeros_like(s)
 
 
 @dataclass(frozen=True, eq=False)
 class ReferencePath:
-    """What the controller is told to do."""
+    """The command of the controller."""
 
     t: Array  # (K,) [s] uniform, from 0
     b: Array  # (K, 5) [rad] ball-bar angles the nominal mechanism would take
@@ -55,34 +56,37 @@ class ReferencePath:
 
 @dataclass(frozen=True, eq=False)
 class PushPull:
-    """One held pose; the command goes to and fro along the rod, so the soft servo pulls and pushes on it (thesis Fig. 5.8)."""
+    """One held pose, from which the command moves to and fro along the rod (thesis Fig. 5.8).
+
+    The soft servo then pulls and pushes on the rod.
+    """
 
     held: Array  # (5,) [rad] ball-bar angles
-    travel: (
-        float  # [m] amplitude of the commanded length; the force that results is the servo's affair
-    )
-    cycles: int  # whole numbers per run
+    travel: float  # [m] amplitude of the commanded length; the servo makes a force of it
+    cycles: int  # per run
 
     def angles(self, s: Array) -> Array:
-        """(N, 5) [rad] at phases s (N,): always the same."""
+        """(N, 5) [rad] at phases s (N,): those of the held pose."""
         return np.tile(self.held, (s.size, 1))
 
     def lengthening(self, s: Array) -> Array:
-        """(N,) [m] at phases s (N,)."""
+        """(N,) [m] elongation of the commanded rod at phases s (N,)."""
         return np.asarray(self.travel * np.sin(2.0 * np.pi * self.cycles * s))
 
 
 def phase_over_time(t: Array, *, duration: float, dwell: float, stops: int) -> Array:
-    """(N,) phase 0..1: rest of `dwell` seconds at both ends and at `stops` places between, equal pieces of phase.
+    """(N,) phase 0..1 at times t (N,) [s] of a run of `duration` seconds.
 
-    Raises InputError when the dwells leave no time to move.
+    The phase dwells for `dwell` seconds at both ends and at `stops` places between, which divide it
+    into equal pieces. Raises InputError when the dwells leave no time to move.
     """
     pieces = stops + 1
     moving = (duration - (stops + 2) * dwell) / pieces
     if moving <= 2.0 * RAMP:
         raise InputError(
-            f"path.duration_s = {duration}: with {stops + 2} rests of {dwell} s {moving:.1f} s are left for each piece of the path, and "
-            f"{2 * RAMP} s go into its ramps. Take more than {(stops + 2) * dwell + pieces * 2.0 * RAMP:g} s, or a shorter path.dwell_s."
+            f"path.duration_s = {duration}: with {stops + 2} dwells of {dwell} s {moving:.1f} s "
+            f"are left for each piece of the path, and {2 * RAMP} s go into its ramps. Take more "
+            f"than {(stops + 2) * dwell + pieces * 2.0 * RAMP:g} s, or a shorter path.dwell_s."
         )
     phase = np.zeros_like(t)
     for k in range(pieces):
@@ -91,17 +95,20 @@ def phase_over_time(t: Array, *, duration: float, dwell: float, stops: int) -> A
 
 
 def _piece(t: Array, length: float) -> Array:
-    """0 to 1 over `length` seconds: speed rises and falls over RAMP with the smooth step 10x^3 - 15x^4 + 6x^5."""
+    """(N,) 0 to 1 over `length` seconds at times t (N,) [s] from its start.
+
+    The speed rises and falls over RAMP with the smooth step 10x^3 - 15x^4 + 6x^5.
+    """
     cruise = 1.0 / (length - RAMP)
     t = np.clip(t, 0.0, length)
     rising, falling = np.minimum(t, RAMP) / RAMP, np.maximum(0.0, t - (length - RAMP)) / RAMP
     between = np.clip(t, RAMP, length - RAMP) - RAMP
-    return cruise * (
-        RAMP * _ramp_integral(rising) + between + RAMP * (falling - _ramp_integral(falling))
-    )
+    ramps = RAMP * _ramp_integral(rising) + between + RAMP * (falling - _ramp_integral(falling))
+    return cruise * ramps
 
 
 def _ramp_integral(x: Array) -> Array:
+    """Integral of the smooth step from 0 to x."""
     return np.asarray(2.5 * x**4 - 3.0 * x**5 + x**6)
 
 
@@ -115,9 +122,10 @@ def reference_path(
     stops: int,
     step: float,
 ) -> ReferencePath:
-    """The command of one run, sampled every `step` seconds.
+    """The command of one run, sampled every `step` seconds; other times as in `phase_over_time`.
 
-    Raises InputError naming time, joint and value where the path leaves the robot's reach, an axis range or a speed limit.
+    Raises InputError naming time, joint and value where the path leaves the robot's reach, an axis
+    range or a speed limit.
     """
     t: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
     phase = phase_over_time(t, duration=duration, dwell=dwell, stops=stops)
@@ -137,7 +145,8 @@ def _continuous_branch(robot: Robot, nominal: Geometry, t: Array, b: Array, pose
     if lost.any():
         first = int(lost.argmax())
         raise InputError(
-            f"path: out of reach at t = {t[first]:.2f} s (ball-bar angles {np.degrees(b[first]).round(1)} deg); "
+            f"path: out of reach at t = {t[first]:.2f} s (ball-bar angles "
+            f"{np.degrees(b[first]).round(1)} deg); "
             "move the ball-bar (cell.ballbar_position_m, metres) or shrink the path"
         )
     faults = []
@@ -150,12 +159,16 @@ def _continuous_branch(robot: Robot, nominal: Geometry, t: Array, b: Array, pose
             return np.asarray(q)
         faults.append(fault)
     raise InputError(
-        f"path: every configuration of the arm leaves an axis range; the nearest to feasible: {min(faults)[1]}"
+        "path: every configuration of the arm leaves an axis range; "
+        f"the nearest to feasible: {min(faults)[1]}"
     )
 
 
 def axis_range_fault(robot: Robot, t: Array, q: Array) -> tuple[float, str] | None:
-    """How far [rad] the worst sample of joint angles q (N, 6) [rad] leaves an axis range, and axis, time and value in words."""
+    """How far [rad] the worst sample leaves an axis range, and a sentence that says where.
+
+    t : (N,) [s]. q : (N, 6) [rad] joint angles. Returns None where all axes stay in their ranges.
+    """
     axes = joints_to_axes(robot, q)
     excess = np.maximum(robot.axis_lower - axes, axes - robot.axis_upper)
     if excess.max() <= 0.0:
@@ -164,19 +177,18 @@ def axis_range_fault(robot: Robot, t: Array, q: Array) -> tuple[float, str] | No
     limits = f"{np.degrees(robot.axis_lower[axis]):.0f}..{np.degrees(robot.axis_upper[axis]):.0f}"
     return (
         float(excess.max()),
-        f"axis {axis + 1} at t = {t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg outside {limits} deg",
+        f"axis {axis + 1} at t = {t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg "
+        f"outside {limits} deg",
     )
 
 
 def check_speeds(robot: Robot, t: Array, speed: Array) -> None:
-    """Raises InputError where joint speeds (N, 6) [rad/s] pass what an axis can do."""
+    """Raise InputError where joint speeds (N, 6) [rad/s] at times (N,) [s] exceed a limit."""
     ratio = np.abs(speed @ robot.joint_to_axis) / robot.axis_speed_max
     if ratio.max() > 1.0:
         k, axis = (int(i) for i in np.unravel_index(int(ratio.argmax()), ratio.shape))
-        value, limit = (
-            np.degrees(ratio[k, axis] * robot.axis_speed_max[axis]),
-            np.degrees(robot.axis_speed_max[axis]),
-        )
+        limit = np.degrees(robot.axis_speed_max[axis])
         raise InputError(
-            f"path: axis {axis + 1} at t = {t[k]:.2f} s turns at {value:.0f} deg/s, limit {limit:.0f} deg/s; run it slower"
+            f"path: axis {axis + 1} at t = {t[k]:.2f} s turns at "
+            f"{ratio[k, axis] * limit:.0f} deg/s, limit {limit:.0f} deg/s; run it slower"
         )

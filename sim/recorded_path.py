@@ -1,8 +1,10 @@
-"""A measured path: where a recorded robot went, as the reference of another run (thesis sec. 3.1, steps 1 and 2).
+"""Measured path: the motion of a recorded robot as reference of another run (thesis sec. 3.1).
 
-The nominal robot's tool at the logged angles lies near the sphere, not on it: the robot is not nominal, and the angles are noisy. So
-the ball-bar's angles are read off the tool's pose as an ideal ball-bar would hold it, smoothed over time, and the mechanism that
-takes them is on the sphere. Path and timing stay those of the real run to within its errors, and with them how the samples spread.
+The nominal robot's tool at the logged angles lies near the sphere but not on it, since the robot is
+not nominal and the angles are noisy. The ball-bar angles are therefore those of an ideal ball-bar
+that holds the tool's pose, smoothed over time; the mechanism that takes them is on the sphere.
+Path, timing and the distribution of samples are those of the real run to within its errors (steps
+1, 2).
 """
 
 from __future__ import annotations
@@ -21,10 +23,8 @@ from sim.path import ReferencePath, axis_range_fault, check_speeds
 
 OFF_SPHERE = 0.020  # [m] ten times what an uncalibrated robot leaves (thesis sec. 5.4: 2 mm)
 KNOT_SPACING = 0.1  # [s] keeps motion below 3 Hz, and a fifth of the noise of 4 ms rows
-BRANCH = (
-    True,
-    True,
-)  # b2 and b4 negative, as in the path files of this project; the log cannot tell
+# b2 and b4 negative, as in the path files of this project; the log does not determine their signs.
+BRANCH = (True, True)
 
 
 def recorded_path(
@@ -32,7 +32,8 @@ def recorded_path(
 ) -> ReferencePath:
     """The first `duration` seconds of a robot's log as a command, every `step` seconds.
 
-    Raises InputError when the log is shorter, the tool is not on the ball-bar's sphere, or a range or speed limit is passed.
+    Raises InputError when the log is shorter, the tool is not on the ball-bar's sphere, or the
+    motion exceeds an axis range or a speed limit.
     """
     if duration > log.t[-1]:
         raise InputError(
@@ -43,8 +44,8 @@ def recorded_path(
     smooth = _smoothed(log.t, np.unwrap(bar_angles(poses, nominal.origin, flipped=BRANCH), axis=0))
     t: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
     b = np.asarray(smooth(np.minimum(t, log.t[-1])))
-    near = np.stack([np.interp(t, log.t, angle) for angle in log.q.T], axis=1)
-    q = refine(nominal.robot, near, bar_frames(nominal, b).poses())
+    logged = np.stack([np.interp(t, log.t, angle) for angle in log.q.T], axis=1)
+    q = refine(nominal.robot, logged, bar_frames(nominal, b).poses())
     if fault := axis_range_fault(robot, t, q):
         raise InputError(f"path: {fault[1]}")
     speed = CubicSpline(t, q).derivative()(t)
@@ -57,12 +58,13 @@ def _check_sphere(nominal: Geometry, t: Array, poses: Array) -> None:
     k = int(np.abs(off).argmax())
     if abs(off[k]) > OFF_SPHERE:
         raise InputError(
-            f"path.recording: at t = {t[k]:.1f} s the nominal tool is {off[k] * 1e3:+.0f} mm off the ball-bar's sphere. "
+            f"path.recording: at t = {t[k]:.1f} s the nominal tool is {off[k] * 1e3:+.0f} mm off "
+            "the ball-bar's sphere. "
             "Were robot, ballbar, plate and ballbar_position_m those of the recording?"
         )
 
 
 def _smoothed(t: Array, angles: Array) -> BSpline:
-    """Least-squares spline of (N, K) angles; stretches without rows carry no knots."""
+    """Least-squares spline of angles (N, K) [rad]; stretches without rows carry no knots."""
     inner = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / KNOT_SPACING)) + 1)[1:-1]
     return smoothing_spline(t, angles, inner, rows=DEGREE + 1)

@@ -1,6 +1,7 @@
-"""The simulated half of a scenario: what stands in the cell, how it moves, what is wrong with it, how it is logged.
+"""The simulated half of a scenario: the cell, its motion, its errors and its logs.
 
-Every key carries its unit. Every error source is absent by default.
+Every key carries its unit. Every error source is absent by default. The docstrings and descriptions
+are printed in the scenario reference.
 """
 
 from __future__ import annotations
@@ -29,11 +30,8 @@ from sim.errors.sensor_errors import EncoderNumber, SensorErrors
 from sim.logging.load_logs import LoadLogs
 
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
-Place = Annotated[
-    tuple[Annotated[float, Field(ge=-20.0, le=20.0)], ...], Field(min_length=3, max_length=3)
-]
-Vector5 = Annotated[tuple[float, ...], Field(min_length=5, max_length=5)]
-Whole5 = Annotated[tuple[int, ...], Field(min_length=5, max_length=5)]
+Coordinate = Annotated[float, Field(ge=-20.0, le=20.0)]
+Position = Annotated[tuple[Coordinate, ...], Field(min_length=3, max_length=3)]
 
 
 class CellSettings(Strict):
@@ -42,34 +40,37 @@ class CellSettings(Strict):
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
     ballbar: str = Field(description="A file of cell/ballbars, or a path.")
     plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
-    ballbar_position_m: Place = Field(description="Sphere centre in the robot's base frame.")
+    ballbar_position_m: Position = Field(
+        description="Centre of the sphere in the robot's base frame."
+    )
 
 
 class PathSettings(Strict):
     """The reference path and its timing."""
 
     kind: Literal["lissajous", "push_pull", "recorded"] = Field(
-        description="A motion over the sphere, pull and push on the rod at one pose, or where the robot of a recording went."
+        description="A motion over the sphere, pull and push on the rod at one pose, or the motion "
+        "of the robot of a recording."
     )
     file: str = Field(
-        "", description="Path file of lissajous and push_pull, relative to the scenario."
+        "", description="Path file for lissajous and push_pull, relative to the scenario."
     )
     recording: str = Field(
-        "", description="Folder of the recording, relative to the scenario; of recorded only."
+        "", description="Folder of the recording for recorded, relative to the scenario."
     )
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = Field(
-        description="Of the whole run, standstills included; of a recording, from its first row."
+        description="Duration of the whole run with its dwells; for recorded, from the first row."
     )
     dwell_s: Annotated[float, Field(ge=1.0)] = Field(
-        4.0, description="Standstill at both ends and at each stop; a recording has its own."
+        4.0, description="Duration of the dwell at both ends and at each stop; not for recorded."
     )
     stops: Annotated[int, Field(ge=0, le=50)] = Field(
-        2, description="Standstills between the ends; a recording has its own."
+        2, description="Number of dwells between the ends; not for recorded."
     )
 
     @model_validator(mode="after")
     def _of_its_kind(self) -> PathSettings:
-        """What the kind needs is given, and nothing that it would not look at."""
+        """The keys of the kind are given, and no others."""
         recorded = self.kind == "recorded"
         needed, unused = (
             ("recording", ("file", "dwell_s", "stops")) if recorded else ("file", ("recording",))
@@ -82,35 +83,15 @@ class PathSettings(Strict):
         return self
 
 
-class LissajousFile(Strict):
-    """Path file: five ball-bar angles as centre + amplitude * sin(2 pi cycles s + phase), s from 0 to 1."""
-
-    schema_: Annotated[Literal["ballbar-path/1"], Field(alias="schema")]
-    centre_deg: Vector5
-    amplitude_deg: Vector5
-    cycles: Whole5
-    phase_deg: Vector5
-    ballbar_position_m: Place | None = Field(
-        None, description="Where the path was planned for; only `ballbar plan` looks at it."
-    )
-
-
-class PushPullFile(Strict):
-    """Path file: one pose of the ball-bar, and how far the command goes to and fro along the rod."""
-
-    schema_: Annotated[Literal["ballbar-push/1"], Field(alias="schema")]
-    angles_deg: Vector5
-    travel_m: Annotated[float, Field(gt=0.0, le=0.1)]
-    cycles: Annotated[int, Field(gt=0)]
-
-
 class PlantSettings(Strict):
-    """What turns the command into motion."""
+    """The model that turns the command into motion."""
 
     kind: Literal["mujoco", "kinematic"] = Field(
         "mujoco", description="MuJoCo, or exact inverse kinematics without forces."
     )
-    timestep_s: Annotated[float, Field(gt=0.0, le=5e-3)] = Field(1e-3, description="MuJoCo step.")
+    timestep_s: Annotated[float, Field(gt=0.0, le=5e-3)] = Field(
+        1e-3, description="Time step of MuJoCo."
+    )
     servo: str = Field("soft", description="A gain set of the robot's file.")
     gravity_compensation: bool = Field(
         True, description="Whether the servo command carries the robot's nominal weight."
@@ -118,9 +99,11 @@ class PlantSettings(Strict):
 
 
 class StaticErrors(Strict):
-    """Deviations of the true geometry from the nominal one: a table, or drawn."""
+    """Deviations of the true geometry from the nominal one, from a table or drawn."""
 
-    table: Literal["thesis_3_1"] | None = Field(None, description="Thesis Table 3.1.")
+    table: Literal["thesis_3_1"] | None = Field(
+        None, description="Deviations of thesis Table 3.1; none to draw them."
+    )
     sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(
         None, description="Standard deviation of drawn lengths."
     )
@@ -129,7 +112,8 @@ class StaticErrors(Strict):
     )
     parameters: Literal["thesis", "all"] = Field(
         "thesis",
-        description="Drawn: those of Table 3.1, or every one of robot, ball-bar and base but the plate's length.",
+        description="Which parameters are drawn: those of Table 3.1, or all of robot, ball-bar and "
+        "base except the plate's length.",
     )
 
     @model_validator(mode="after")
@@ -140,13 +124,16 @@ class StaticErrors(Strict):
         if self.table and self.parameters == "all":
             raise wrong_key(
                 "parameters",
-                message="Table 3.1 has its own; to draw all, give sigma_m and sigma_rad instead of table",
+                message="Table 3.1 has its own; to draw all, give sigma_m and sigma_rad "
+                "instead of table",
             )
         return self
 
 
 class BallbarAxes(Strict):
-    """Axes of gimbal and cardan that pass each other and are not square: drawn (notes/parameters, joints_mechanical)."""
+    """The axes of gimbal and universal joint do not intersect and are not square; both are drawn
+    (notes/parameters, joints_mechanical).
+    """
 
     sigma_m: Annotated[float, Field(ge=0.0)] = Field(
         5.0e-6, description="Standard deviation of the intersection offsets."
@@ -157,29 +144,33 @@ class BallbarAxes(Strict):
 
 
 class BaseTilt(Strict):
-    """The ball-bar's base does not stand parallel to the robot's: two drawn angles (notes/parameters, base)."""
+    """The base of the ball-bar is not parallel to the robot's (notes/parameters, base).
+    Two angles are drawn.
+    """
 
     sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
-        1.0e-3, description="Standard deviation about x and about y."
+        1.0e-3, description="Standard deviation of the tilt about x and about y."
     )
 
 
 class PlateLength(Strict):
-    """The known length that fixes the scale is not quite known: drawn."""
+    """The plate's length, which fixes the scale, deviates from its nominal value; it is drawn."""
 
     sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(
-        None, description="Standard deviation; default of the plate file."
+        None, description="Standard deviation; by default that of the plate file."
     )
 
 
 class JointNoise(Strict):
-    """White noise of the logged robot angles."""
+    """The logged robot angles have white noise."""
 
-    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(description="At the joint.")
+    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
+        description="Standard deviation at the joint."
+    )
 
 
 class ErrorSettings(PlantErrors, SensorErrors, SampleErrors):
-    """Error sources; each absent unless named."""
+    """Error sources; each is absent unless named."""
 
     static: StaticErrors | None = None
     ballbar_axes: BallbarAxes | None = None
@@ -190,20 +181,20 @@ class ErrorSettings(PlantErrors, SensorErrors, SampleErrors):
 
 
 class EncoderSettings(Strict):
-    """Ball-bar encoders. Their zeros are wherever power-up left them: always drawn."""
+    """Encoders of the ball-bar. Their offsets depend on the pose at power-up and are drawn."""
 
     fitted: tuple[EncoderNumber, ...] = Field(
-        (1, 2, 3, 4, 5), description="Joints with an encoder; [] for a sensor-less bar."
+        (1, 2, 3, 4, 5), description="Joints with an encoder; [] for a ball-bar without encoders."
     )
     bits: Annotated[int, Field(ge=8, le=13)] = Field(
         12, description="Interpolation of one line (EL5021 8001:11)."
     )
     noise_sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
-        0.0, description="White, before quantisation."
+        0.0, description="Standard deviation of white noise, before quantisation."
     )
     directions: Literal["declared", "unknown"] = Field(
         "declared",
-        description="Senses of rotation are drawn; recording.yaml says which, or says +1 for all.",
+        description="Encoder directions are drawn; recording.yaml states them, or +1 for all.",
     )
 
     @model_validator(mode="after")
@@ -214,17 +205,20 @@ class EncoderSettings(Strict):
 
 
 class ClockSettings(Strict):
-    """The two clocks: t_robot = offset + (1 + skew) * t_bar, both from the first row of their log."""
+    """The two clocks: t_robot = offset + (1 + skew) * t_ballbar.
+    Both times count from the first row of their own log.
+    """
 
     offset_s: Annotated[float, Field(ge=-3600.0, le=3600.0)] = Field(
-        0.0, description="Robot time at the first ball-bar row."
+        0.0, description="Clock offset: robot time at the first row of the ball-bar."
     )
     skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(
         0.0,
-        description="Seconds the robot's clock gains in each of the ball-bar's: 30 ppm is 3.0e-5.",
+        description="Clock rate error: seconds that the robot's clock gains in each second of the "
+        "ball-bar's; 30 ppm is 3.0e-5.",
     )
     overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = Field(
-        0.0, description="Chance that a ball-bar row comes one 5 ms task late."
+        0.0, description="Share of the ball-bar's rows that come one 5 ms task late."
     )
     wander: ClockWander | None = None
     step: ClockStep | None = None
@@ -235,7 +229,7 @@ class ClockSettings(Strict):
     restart: LoggerRestart | None = None
 
     def fault_times(self) -> Iterator[tuple[tuple[str, ...], float]]:
-        """Place in the scenario and time of every fault that happens at a stated time."""
+        """Scenario key and time [s] of every fault that happens at a stated time."""
         if self.step:
             yield ("clocks", "step", "at_s"), self.step.at_s
         if self.restart:
@@ -244,7 +238,7 @@ class ClockSettings(Strict):
 
 
 class SimulationSettings(Strict):
-    """Everything that makes a recording."""
+    """Everything that a simulated recording is made from."""
 
     cell: CellSettings
     path: PathSettings
@@ -254,25 +248,20 @@ class SimulationSettings(Strict):
     clocks: ClockSettings = ClockSettings()
     logs: LoadLogs = LoadLogs()
     seed: Annotated[int, Field(ge=0)] = Field(
-        0, description="Of every drawn value; each error source draws from its own stream."
+        0, description="Seed of all drawn values; each error source has its own stream."
     )
 
     @model_validator(mode="after")
     def _faults_happen(self) -> SimulationSettings:
         """Each fault that is stated happens: its encoder is fitted, and its time is logged."""
         first, last = LEAD, self.path.duration_s - LEAD
-        for place, time in (*self.errors.fault_times(), *self.clocks.fault_times()):
+        for key, time in (*self.errors.fault_times(), *self.clocks.fault_times()):
             if not first < time < last:
-                raise wrong_key(
-                    *place,
-                    message=f"t = {time:g} s is not logged; the logs run from {first:g} to {last:g} s of the path",
-                )
-        for place, encoder in self.errors.fault_encoders():
+                logged = f"the logs run from {first:g} to {last:g} s of the path"
+                raise wrong_key(*key, message=f"t = {time:g} s is not logged; {logged}")
+        for key, encoder in self.errors.fault_encoders():
             if encoder not in self.encoders.fitted:
                 fitted = ", ".join(map(str, self.encoders.fitted)) or "none"
-                raise wrong_key(
-                    *place,
-                    "encoder",
-                    message=f"joint {encoder} has no encoder; encoders.fitted are: {fitted}",
-                )
+                message = f"joint {encoder} has no encoder; encoders.fitted are: {fitted}"
+                raise wrong_key(*key, "encoder", message=message)
         return self

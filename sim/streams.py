@@ -1,4 +1,7 @@
-"""Random numbers: one stream per error source, so that switching one on leaves all others bit-identical."""
+"""Random numbers: one stream per error source.
+
+Switching a source on leaves the draws of all others bit-identical.
+"""
 
 from __future__ import annotations
 

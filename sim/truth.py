@@ -1,4 +1,7 @@
-"""What a simulated recording was made from. Opened by tests, claims and the report; by nothing that reads or identifies."""
+"""The truth of a simulated recording: true parameters and drawn errors, in a file of their own.
+
+Tests, claims and the report open it; acquisition and identification do not.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,13 @@ from cell.geometry import NAMES, Geometry
 from cell.schema import Strict
 from cell.strict_yaml import check_schema, load_yaml, parse_model
 from sim.logging.log_truth import LogTruth
-from sim.plant.effects import RIGID_ROD, PlantEffects
+from sim.plant.effects import RIGID_ROD, PlantEffects, Ripple
 
 SCHEMA = "ballbar-truth/2"
 
 
 class RippleTruth(Strict):
-    """One harmonic of one gear: amplitude_rad * sin(cycles_per_turn * g + phase_rad)."""
+    """Harmonic error of a gear at output angle g: amplitude * sin(cycles * g + phase)."""
 
     axis: int
     cycles_per_turn: float
@@ -29,7 +32,7 @@ class RippleTruth(Strict):
 
 
 class PlantTruth(Strict):
-    """What gave way, turned unevenly or had play, and by how much; null and 0 where an effect was off."""
+    """Compliance, backlash, ripple and friction of the plant; null or 0 where an effect was off."""
 
     gear_stiffness_N_m_per_rad: tuple[float, ...] | None
     gear_backlash_half_width_rad: tuple[float, ...]
@@ -50,15 +53,7 @@ def plant_truth(effects: PlantEffects) -> PlantTruth:
         gear_stiffness_N_m_per_rad=None if stiffness is None else tuple(stiffness.tolist()),
         gear_backlash_half_width_rad=tuple(effects.gear_backlash.tolist()),
         gear_hysteresis_half_width_rad=tuple(effects.gear_hysteresis.tolist()),
-        transmission_error=tuple(
-            RippleTruth(
-                axis=r.gear + 1,
-                cycles_per_turn=r.order,
-                amplitude_rad=r.amplitude,
-                phase_rad=r.phase,
-            )
-            for r in effects.ripples
-        ),
+        transmission_error=tuple(_ripple_truth(ripple) for ripple in effects.ripples),
         gear_friction_scale=effects.friction_scale,
         rod_stiffness_N_per_m=None if effects.rod_stiffness == RIGID_ROD else effects.rod_stiffness,
         rod_backlash_half_width_m=effects.rod_backlash,
@@ -68,16 +63,25 @@ def plant_truth(effects: PlantEffects) -> PlantTruth:
     )
 
 
+def _ripple_truth(ripple: Ripple) -> RippleTruth:
+    return RippleTruth(
+        axis=ripple.gear + 1,
+        cycles_per_turn=ripple.order,
+        amplitude_rad=ripple.amplitude,
+        phase_rad=ripple.phase,
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Truth:
     """True parameters of one recording.
 
-    `geometry` holds the encoder zeros in btheta: `b = sense * angle + btheta`, where `angle` is the logged one with the sense
-    that recording.yaml declares, and `directions` says which of those were wrong (-1).
+    The encoder offsets stand in btheta of `geometry`: `b = direction * angle + btheta`, where
+    `angle` is the logged one with the declared direction applied.
     """
 
     geometry: Geometry
-    directions: dict[str, int]
+    directions: dict[str, int]  # -1 where the direction that recording.yaml declares is wrong
     offset: float  # [s]
     skew: float  # [1]
     seed: int
@@ -89,24 +93,19 @@ class Truth:
     logs: LogTruth
 
     def write(self, path: Path) -> None:
-        """Writes the truth file, whole or not at all."""
-        write_yaml(
-            path,
-            {
-                "schema": SCHEMA,
-                "seed": self.seed,
-                "parameters": {
-                    name: float(value)
-                    for name, value in zip(NAMES, self.geometry.values, strict=True)
-                },
-                "directions": dict(self.directions),
-                "clock": {"offset_s": self.offset, "skew": self.skew},
-                "closure": {"position_m": self.closure_position, "angle_rad": self.closure_angle},
-                "rod_force": {"min_N": self.rod_force_min, "max_N": self.rod_force_max},
-                "plant": self.plant.model_dump(mode="json"),
-                "logs": self.logs.stated(),
-            },
-        )
+        """Write the truth file, whole or not at all."""
+        content: dict[str, object] = {
+            "schema": SCHEMA,
+            "seed": self.seed,
+            "parameters": dict(zip(NAMES, self.geometry.values.tolist(), strict=True)),
+            "directions": dict(self.directions),
+            "clock": {"offset_s": self.offset, "skew": self.skew},
+            "closure": {"position_m": self.closure_position, "angle_rad": self.closure_angle},
+            "rod_force": {"min_N": self.rod_force_min, "max_N": self.rod_force_max},
+            "plant": self.plant.model_dump(mode="json"),
+            "logs": self.logs.stated(),
+        }
+        write_yaml(path, content)
 
 
 class _Clock(Strict):

@@ -1,38 +1,50 @@
-"""Segments of a log: stretches of one clock and one counter reference, and what can be used of them together.
+"""Segments of a log: stretches of one clock and one counter reference, and which can be joined.
 
-A segment begins where the logger ran anew, where the clock was set, where a counter was reset, and after a pause. Two of
-them can be used as one log if nothing of what joins them is lost:
+A segment begins where the logger ran anew, where the clock was set, where a counter was reset, and
+after a pause. Two of them can be used as one log if nothing of what joins them is lost:
 
-- The clock was set back and the motion goes on: the rows behind are put one period after the last. What that is off by is
-  at most a late row, and identification measures steps of the clock (ident.signals.steps, ident.estimator.events).
-- The clock goes on, forth or after a pause, and so do the counters: nothing to be done. Whether a pause was one, or the clock
-  jumped, is told by the motion, in identification.
-- A counter was reset between two neighbouring rows: the motion on both sides tells by how much, in identification.
+- The clock was set back and the motion goes on: the rows behind are put one period after the last.
+What that
+  is off by is at most a late row, and identification measures steps of the clock
+  (ident.signals.steps).
+- The clock goes on, forth or after a pause, and so do the counters: nothing to be done. Whether a
+pause was
+  one, or the clock jumped, is seen from the motion, in identification.
+- A counter was reset between two neighbouring rows: the motion on both sides shows by how much, in
+  identification.
 
-Elsewhere the time between them or the encoders' zeros are unknown: the longest part is used, and the others are reported.
+Elsewhere the time between them or the encoder offsets are unknown: the longest part is used, and
+the others are reported.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.report import Finding, finding
+from acquisition.flags import usable
+from acquisition.report import Severity
 from acquisition.stamps.order import GAP, STAMP, amount
 from acquisition.table.table import Table
 from acquisition.times import Stamps
+from cell.arrays import Array
 from cell.errors import LogError
+from cell.neighbours import Mask, Rows
 
-Array = NDArray[np.float64]
+# Whether all counters started anew between two rows, each of which may be missing.
+PoweredUp = Callable[[int | None, int | None], bool]
 
 PAUSE = 0.5  # [s] without rows: a new segment
 MOST = 50  # segments; a log of more has another fault
-HELD = 5e-3  # [rad] by which a mechanism may go on between two rows beyond what its speed explains: its start or stop
-STANDING = 2e-3  # [rad/s] below it the angles do not tell how much time has passed
-_LOOK = 6  # rows on either side that tell its speed
+# [rad] by which a mechanism may move on between two rows beyond what its speed explains: its
+# start or stop.
+HELD = 5e-3
+STANDING = 2e-3  # [rad/s] below it the angles do not show how much time has passed
+_LOOK = 6  # rows on either side that show its speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,28 +53,47 @@ class Segments:
 
     stamps: Stamps  # (N,) [ns] continuous within each part
     segment: NDArray[np.uint16]  # (N,) number of the segment
-    used: NDArray[np.bool_]  # (N,) rows of the part that is used
+    used: Mask  # (N,) rows of the part that is used
+
+
+@dataclass(frozen=True, eq=False)
+class _Log:
+    """What the boundaries between segments are judged by."""
+
+    angles: Array  # (N, C) [rad]
+    valid: Mask  # (N,) rows whose angles mean something
+    begins: Mask  # (N,) rows from which the logger ran anew
+    reset: Rows  # rows at which a counter was preset or jumped
+    powered_up: PoweredUp | None
+    period: float  # [ns]
+    pause: float  # [ns]
+
+
+class _Boundary(NamedTuple):
+    """What happened between two rows."""
+
+    kind: str  # empty for nothing that is reported
+    severity: Severity = "warning"
+    sentence: str = ""
+    separates: bool = False  # the rows behind cannot be used together with those before
+    shift: int = 0  # [ns] to be added to the stamps behind
 
 
 def find_segments(
-    table: Table,
-    angles: Array,
-    sound: NDArray[np.bool_],
-    findings: list[Finding],
-    *,
-    reset: NDArray[np.intp] = np.zeros(0, dtype=np.intp),  # noqa: B008
-    powered_up: Any = None,
-) -> Segments:
-    """Segments of a log whose rows may be cut anywhere.
+    table: Table, angles: Array, *, reset: Rows | None = None, powered_up: PoweredUp | None = None
+) -> tuple[Table, Segments]:
+    """The table with findings about its segments, and the segments.
 
-    angles : (N, C) [rad] as they go on across everything. sound : (N,) rows whose angles mean something.
-    reset : rows at which a counter was preset or jumped. powered_up : of two rows, whether all counters started anew between them.
+    angles : (N, C) [rad] as they go on across everything; those of rows with excluding flags do not
+        count.
+    reset : rows at which a counter was preset or jumped.
     Raises LogError for more segments than a log has.
     """
     stamps = table.columns[STAMP].copy()
     step = np.diff(stamps)
     period = float(np.median(step[step > 0])) if (step > 0).any() else 1e6
     pause = max(PAUSE * 1e9, GAP * period)
+    reset = np.zeros(0, dtype=np.intp) if reset is None else reset
     boundary = table.begins.copy()
     boundary[1:] |= (step <= 0) | (step > pause)
     boundary[reset] = True
@@ -70,109 +101,105 @@ def find_segments(
     rows = np.flatnonzero(boundary)
     if rows.size > MOST:
         raise LogError(
-            f"{table.place(rows[0])}: the log falls into {rows.size + 1} segments, since stamps go back, rows are missing for more than "
-            f"{PAUSE:g} s or counters jump. Is it a log of one run, and its clock the one that is declared?"
+            f"{table.location(rows[0])}: the log falls into {rows.size + 1} segments, since stamps "
+            f"go back, rows are missing for more than {PAUSE:g} s or counters jump. Is it a log of "
+            "one run, and its clock the one that is declared?"
         )
+    log = _Log(angles, usable(table.flags), table.begins, reset, powered_up, period, pause)
     parts = np.zeros(stamps.size, dtype=np.int64)
     for row in rows:
-        before, behind = _neighbours(sound, int(row))
-        elapsed = float(stamps[row] - stamps[row - 1])
-        place = [int(table.line[row])]
-        file = table.files[table.file[row]]
-        if elapsed <= 0:
-            anew = bool(table.begins[row])
-            if (
-                before is not None
-                and behind is not None
-                and _goes_on(stamps, angles, sound, int(row), before, behind, period, anew=anew)
-            ):
-                stamps[row:] += round(period - elapsed)
-                sentence = (
-                    f"the clock was set back by {amount(-elapsed * 1e-9)} while the motion went on; the rows behind are put one period "
-                    "after the last, and identification measures the rest."
-                )
-                findings.append(finding("clock set back", "repaired", file, sentence, lines=place))
-            else:
-                parts[row:] += 1
-                sentence = f"the stamp goes back by {amount(-elapsed * 1e-9)} and the motion does not go on: the time between is unknown."
-                findings.append(finding("logger restarted", "warning", file, sentence, lines=place))
-        elif row in reset and elapsed > GAP * period:
-            parts[row:] += 1
-            sentence = f"a counter was reset while rows are missing for {amount(elapsed * 1e-9)}: its zero is another."
-            findings.append(finding("counter reset", "warning", file, sentence, lines=place))
-        elif (
-            row not in reset
-            and powered_up is not None
-            and elapsed > pause
-            and powered_up(before, behind)
-        ):
-            parts[row:] += 1
-            sentence = f"all counters start near zero after {amount(elapsed * 1e-9)} without rows: switched off and on, their zeros are others."
-            findings.append(finding("counter reset", "warning", file, sentence, lines=place))
-        elif elapsed > pause:
-            sentence = f"{amount(elapsed * 1e-9)} without rows: a pause, or the clock was set; a new segment."
-            findings.append(finding("pause or clock jump", "warning", file, sentence, lines=place))
+        found = _boundary(log, stamps, int(row))
+        parts[row:] += found.separates
+        stamps[row:] += found.shift
+        if found.kind:
+            at = np.array([row])
+            table = table.remarked(found.kind, found.severity, found.sentence, rows=at)
     segment = np.cumsum(boundary).astype(np.uint16)
-    return Segments(stamps, segment, _longest(table, stamps, parts, findings))
+    table, used = _longest(table, stamps, parts)
+    return table, Segments(stamps, segment, used)
 
 
-def _neighbours(sound: NDArray[np.bool_], row: int) -> tuple[int | None, int | None]:
-    """The last sound row before `row`, and the first from it on."""
-    before, behind = np.flatnonzero(sound[:row]), np.flatnonzero(sound[row:])
-    return (int(before[-1]) if before.size else None), (
-        int(behind[0]) + row if behind.size else None
-    )
-
-
-def _goes_on(
-    stamps: Stamps,
-    angles: Array,
-    sound: NDArray[np.bool_],
-    row: int,
-    before: int,
-    behind: int,
-    period: float,
-    *,
-    anew: bool,
-) -> bool:
-    """Whether the angles behind a boundary are where a few periods of motion lead; anew : the logger ran anew."""
-    speed = np.zeros(angles.shape[1])
-    for start, stop in ((max(0, row - _LOOK), row), (row, min(row + _LOOK, stamps.size))):
-        rows = np.arange(start, stop)[sound[start:stop]]
-        if rows.size > 1 and stamps[rows[-1]] > stamps[rows[0]]:
-            speed = np.maximum(
-                speed,
-                np.abs(angles[rows[-1]] - angles[rows[0]])
-                / float(stamps[rows[-1]] - stamps[rows[0]]),
+def _boundary(log: _Log, stamps: Stamps, row: int) -> _Boundary:
+    """What happened between `row` and the row before; stamps (N,) [ns], joined up to there."""
+    before, behind = _neighbours(log.valid, row)
+    elapsed = float(stamps[row] - stamps[row - 1])
+    duration = amount(abs(elapsed) * 1e-9)
+    if elapsed <= 0:
+        if before is not None and behind is not None and _goes_on(log, stamps, row, before, behind):
+            sentence = (
+                f"the clock was set back by {duration} while the motion went on; the rows behind "
+                "are put one period after the last, and identification measures the rest."
             )
-    apart = (GAP + behind - row + row - 1 - before) * period
+            shift = round(log.period - elapsed)
+            return _Boundary("clock set back", "repaired", sentence, shift=shift)
+        sentence = (
+            f"the stamp goes back by {duration} and the motion does not go on: the time between is "
+            "unknown."
+        )
+        return _Boundary("logger restarted", "warning", sentence, separates=True)
+    if row in log.reset:
+        if elapsed <= GAP * log.period:
+            return _Boundary("")
+        sentence = (
+            f"a counter was reset while rows are missing for {duration}: its zero is another."
+        )
+        return _Boundary("counter reset", "warning", sentence, separates=True)
+    if elapsed <= log.pause:
+        return _Boundary("")
+    if log.powered_up is not None and log.powered_up(before, behind):
+        sentence = (
+            f"all counters start near zero after {duration} without rows: switched off and on, "
+            "their zeros are others."
+        )
+        return _Boundary("counter reset", "warning", sentence, separates=True)
+    sentence = f"{duration} without rows: a pause, or the clock was set; a new segment."
+    return _Boundary("pause or clock jump", "warning", sentence)
+
+
+def _neighbours(valid: Mask, row: int) -> tuple[int | None, int | None]:
+    """The last valid row before `row`, and the first from it on."""
+    before, behind = np.flatnonzero(valid[:row]), np.flatnonzero(valid[row:])
+    first = int(behind[0]) + row if behind.size else None
+    return (int(before[-1]) if before.size else None), first
+
+
+def _goes_on(log: _Log, stamps: Stamps, row: int, before: int, behind: int) -> bool:
+    """Whether the angles behind a boundary are where a few periods of motion lead.
+
+    before, behind : valid rows on either side. stamps : (N,) [ns].
+    """
+    angles, speed = log.angles, np.zeros(log.angles.shape[1])
+    for start, stop in ((max(0, row - _LOOK), row), (row, min(row + _LOOK, stamps.size))):
+        rows = np.arange(start, stop)[log.valid[start:stop]]
+        if rows.size > 1 and stamps[rows[-1]] > stamps[rows[0]]:
+            time = float(stamps[rows[-1]] - stamps[rows[0]])
+            speed = np.maximum(speed, np.abs(angles[rows[-1]] - angles[rows[0]]) / time)
+    apart = (GAP + behind - 1 - before) * log.period
     on = bool((np.abs(angles[behind] - angles[before]) <= HELD + 2.0 * speed * apart).all())
     standing = speed.max() * 1e9 < STANDING  # then any time may have passed
-    return on and not (standing and (anew or stamps[row - 1] - stamps[row] > PAUSE * 1e9))
+    far_back = stamps[row - 1] - stamps[row] > PAUSE * 1e9
+    return on and not (standing and (bool(log.begins[row]) or far_back))
 
 
-def _longest(
-    table: Table, stamps: Stamps, parts: NDArray[np.int64], findings: list[Finding]
-) -> NDArray[np.bool_]:
-    """(N,) the rows of the longest part; the others are reported."""
+def _longest(table: Table, stamps: Stamps, parts: NDArray[np.int64]) -> tuple[Table, Mask]:
+    """The table with findings about unused parts, and (N,) the rows of the longest part.
+
+    stamps : (N,) [ns]. parts : (N,) number of the part of each row.
+    """
     firsts = np.flatnonzero(np.diff(parts, prepend=-1))
     lasts = np.append(firsts[1:], parts.size) - 1
     chosen = int(np.argmax(stamps[lasts] - stamps[firsts]))
     for k, (first, last) in enumerate(zip(firsts, lasts, strict=True)):
         if k != chosen:
+            count, lasting = (
+                int(last - first + 1),
+                amount(float(stamps[last] - stamps[first]) * 1e-9),
+            )
             sentence = (
-                f"{last - first + 1} rows over {amount(float(stamps[last] - stamps[first]) * 1e-9)} are not used: they cannot be joined "
-                f"to the longest part, which starts at {table.place(firsts[chosen])}. To use them, make a recording of their own."
+                f"{count} rows over {lasting} are not used: they cannot be joined to the longest "
+                f"part, which starts at {table.location(firsts[chosen])}. To use them, make a "
+                "recording of their own."
             )
-            file = table.files[table.file[first]]
-            findings.append(
-                finding(
-                    "part not used",
-                    "repaired",
-                    file,
-                    sentence,
-                    lines=[int(table.line[first])],
-                    count=int(last - first + 1),
-                )
-            )
-    return np.asarray(parts == parts[firsts[chosen]])
+            at = np.array([first])
+            table = table.remarked("part not used", "repaired", sentence, rows=at, count=count)
+    return table, np.asarray(parts == parts[firsts[chosen]])

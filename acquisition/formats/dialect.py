@@ -1,6 +1,7 @@
-"""Dialects: how one kind of logger writes its table, as data in `acquisition/dialects/*.yaml` or in a file of the user's.
+"""Dialects: how one kind of logger writes its table, as data in a file.
 
-The table reader is one; a dialect tells it the separators, the time column and its forms, and which columns hold what. A
+They stand in `acquisition/dialects/*.yaml`, or in a file of the user's. There is one table reader;
+a dialect gives it the separators, the time column and its forms, and which columns hold what. A
 column is named, found by a regular expression, or counted (acquisition.table.selectors).
 """
 
@@ -10,37 +11,36 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from acquisition.table.selectors import by_position, checked, spread
 from acquisition.times import TimeForm
 from cell.errors import DescriptionError
 from cell.recording import EncoderName, SourceName
+from cell.schema import Strict
 from cell.schema_errors import nearest
 from cell.strict_yaml import load_model
 
 _FOLDER = Path(__file__).parents[1] / "dialects"
 
-Side = Literal["motors", "axes", "joints"]
+AngleKind = Literal["motors", "axes", "joints"]
 Container = Literal["text", "twincat-scope", "json-lines", "egm", "rosbag", "abb-mpe"]
 Separator = Literal[",", ";", "\t", " "]  # blank: any run of blanks
 Selector = Annotated[str, AfterValidator(checked)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+class TimeColumn(Strict):
+    """The time stamps: one declared unit, counted from any start, or several forms.
 
-
-class TimeColumn(_Strict):
-    """The time stamps: one declared unit, counted from any start, or several forms among which the stamps themselves tell."""
+    Of several forms the stamps themselves show which one they have.
+    """
 
     column: Selector
     type: Literal["integer", "float"] | None = None
     unit: Literal["s", "ms", "us", "100ns", "ns"] | None = None
     forms: tuple[TimeForm, ...] = ()
-    halves: tuple[Selector, Selector] | None = (
-        None  # low and high 32 bits, read where `column` is absent
-    )
+    # Low and high 32 bits, read where `column` is absent.
+    halves: tuple[Selector, Selector] | None = None
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -54,8 +54,8 @@ class TimeColumn(_Strict):
         return self.forms or ((self.unit,) if self.unit else ())
 
 
-class Dialect(_Strict):
-    """One kind of device log. Encoder counters are named by the recording, the rest by the dialect."""
+class Dialect(Strict):
+    """One kind of device log. The recording names encoder counters, the dialect the rest."""
 
     schema_: Annotated[Literal["ballbar-dialect/1"], Field(alias="schema")]
     source: SourceName
@@ -63,43 +63,39 @@ class Dialect(_Strict):
     separators: tuple[Separator, ...] = ()
     decimal: Literal["either", "point", "comma"] = "either"  # of numbers that are no integers
     time: TimeColumn
-    motors: tuple[Selector, ...] = ()  # robot: the six motor angles, in order of the joints,
-    axes: tuple[Selector, ...] = ()  # or the six angles that the controller shows,
-    joints: tuple[Selector, ...] = ()  # or the six angles of the DH model
+    # Robot: the six motor angles, the six angles that the controller shows, or the six of the DH
+    # model.
+    motors: tuple[Selector, ...] = ()
+    axes: tuple[Selector, ...] = ()
+    joints: tuple[Selector, ...] = ()
     angle_unit: Literal["rad", "deg"] = "rad"
-    torques: tuple[
-        Selector, ...
-    ] = ()  # robot: what each motor exerts [N m at the motor], positive along its angle; all six or none
-    sequence: Selector | None = (
-        None  # number that grows with each row taken; the column may be absent
-    )
-    status: dict[
-        EncoderName, Selector
-    ] = {}  # ballbar: EL5021 status word of each encoder; columns may be absent
-    wrench: tuple[
-        Selector, ...
-    ] = ()  # force: forces x y z [N], torques x y z [N m], what the flange feels in its own frame
+    # Robot: what each motor exerts [N m at the motor], positive along its angle; all six or none.
+    torques: tuple[Selector, ...] = ()
+    # Number that grows with each row taken; the column may be absent.
+    sequence: Selector | None = None
+    # Ball-bar: EL5021 status word of each encoder; columns may be absent.
+    status: dict[EncoderName, Selector] = Field(default_factory=dict)
+    # Force: forces x y z [N], torques x y z [N m], what the flange feels in its own frame.
+    wrench: tuple[Selector, ...] = ()
     period_s: tuple[float, float]  # a median period outside this range is reported
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.container == "text" and not self.separators:
             raise ValueError("separators: name at least one of ',', ';', tab and blank")
-        sides = [side for side in ("motors", "axes", "joints") if getattr(self, side)]
-        if self.source == "robot" and len(sides) != 1:
+        kinds = [kind for kind in ("motors", "axes", "joints") if getattr(self, kind)]
+        if self.source == "robot" and len(kinds) != 1:
             raise ValueError("a robot's dialect names one of motors, axes and joints")
-        if self.source != "robot" and (sides or self.torques):
+        if self.source != "robot" and (kinds or self.torques):
             raise ValueError(
                 f"motors, axes, joints and torques are a robot's, not of a {self.source} log"
             )
         if (self.source == "force") != bool(self.wrench):
             raise ValueError("wrench: six columns, of a force sensor's log only")
-        for what, columns in (
-            *((side, self._selectors(side)) for side in sides),
-            ("torques", self._selectors("torques")),
-        ):
+        for key in (*kinds, "torques"):
+            columns = self._selectors(key)
             if columns and len(columns) != 6:
-                raise ValueError(f"{what}: six columns, or one `re:` that finds six")
+                raise ValueError(f"{key}: six columns, or one `re:` that finds six")
         if self.wrench and len(self.wrench) != 6:
             raise ValueError("wrench: six columns")
         if not 0.0 < self.period_s[0] < self.period_s[1]:
@@ -107,31 +103,28 @@ class Dialect(_Strict):
         return self
 
     @property
-    def side(self) -> Side:
+    def angle_kind(self) -> AngleKind:
         """Which angles a robot's log holds."""
         return "motors" if self.motors else "axes" if self.axes else "joints"
 
     @property
     def angles(self) -> tuple[str, ...]:
         """The six columns of a robot's log that hold angles."""
-        return self._selectors(self.side)
+        return self._selectors(self.angle_kind)
 
     @property
     def torque_columns(self) -> tuple[str, ...]:
         """The six columns of motor torques; empty where the dialect has none."""
         return self._selectors("torques")
 
-    def _selectors(self, what: str) -> tuple[str, ...]:
-        return spread(getattr(self, what), 6)
+    def _selectors(self, key: str) -> tuple[str, ...]:
+        return spread(getattr(self, key), 6)
 
     @property
     def headerless(self) -> bool:
         """Whether all columns that it names are counted, so that no header is needed."""
-        return (
-            by_position((self.time.column, *self.angles, *self.wrench))
-            if self.source != "ballbar"
-            else by_position((self.time.column,))
-        )
+        columns = () if self.source == "ballbar" else (*self.angles, *self.wrench)
+        return by_position((self.time.column, *columns))
 
 
 def dialect_names() -> list[str]:
@@ -147,8 +140,8 @@ def load_dialect(name: str) -> Dialect:
     """
     if name not in dialect_names():
         raise DescriptionError(
-            f"unknown dialect {name!r}.{nearest(name, dialect_names(), noun='dialect')} A dialect of your own is a file in the recording "
-            "folder whose name ends in .yaml."
+            f"unknown dialect {name!r}.{nearest(name, dialect_names(), noun='dialect')} A dialect "
+            "of your own is a file in the recording folder whose name ends in .yaml."
         )
     return load_model(_FOLDER / f"{name}.yaml", Dialect)
 

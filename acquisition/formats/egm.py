@@ -1,6 +1,7 @@
-"""ABB EGM feedback: EgmRobot messages decoded from the wire, and the file in which they are kept as they came.
+"""ABB EGM feedback: EgmRobot messages decoded from the wire, and the file in which they are stored.
 
-EGM (externally guided motion) sends one protobuf message a UDP datagram, each 4.032 ms or a multiple. Read are, by field number:
+EGM (externally guided motion) sends one protobuf message a UDP datagram, each 4.032 ms or a
+multiple. Read are, by field number:
 
     EgmRobot     1 header, 2 feedBack
     EgmHeader    1 seqno, 2 tm [ms]
@@ -8,12 +9,15 @@ EGM (externally guided motion) sends one protobuf message a UDP datagram, each 4
     EgmJoints    1 joints [deg], axis angles of the controller
     EgmClock     1 sec, 2 usec;  EgmTimestamp  1 sec, 2 nsec
 
-Everything else is skipped, known or not. The clock starts where the controller likes: it is not always Unix time.
+Everything else is skipped, known or not. The clock starts where the controller likes: it is not
+always Unix time.
 
-File: FILE_START, then one frame a message: length (uint32), CRC-32 of length and message (uint32), message; little-endian.
-The sum is there because a flipped bit in a double is a joint angle like any other.
+File: FILE_START, then one frame a message: length (uint32), CRC-32 of length and message (uint32),
+message; little-endian. The sum is there because a flipped bit in a double is a joint angle like any
+other.
 
-Source: egm.proto in ros-industrial/abb_libegm (V1.1), the RobotWare 7 fields in ABBRobotEGM 1.0.7; protobuf wire format.
+Source: egm.proto in ros-industrial/abb_libegm (V1.1), the RobotWare 7 fields in ABBRobotEGM 1.0.7;
+protobuf wire format.
 """
 
 from __future__ import annotations
@@ -30,18 +34,14 @@ FILE_START = b"EGM-RAW/1\r\n"  # the line end shows a copy in text mode
 LONGEST_MESSAGE = 65_507  # bytes that fit a UDP datagram; a real message has about a hundred
 
 _FRAME = struct.Struct("<II")
-_VARINT, _FIXED64, _BYTES, _FIXED32 = (
-    0,
-    1,
-    2,
-    5,
-)  # wire types; 3 and 4 are groups, which EGM never had
+# Wire types; 3 and 4 are groups, which EGM never had.
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _LONGEST_VARINT = 10  # bytes of a 64-bit varint
 
 
 @dataclass(frozen=True)
 class EgmFeedback:
-    """What one message says about the robot."""
+    """The robot's state in one message."""
 
     seqno: int | None
     tm_ms: int | None  # controller's time of sending, whole ms
@@ -56,15 +56,15 @@ class Frames:
     messages: list[bytes]
     numbers: list[int]  # number in the file of each message, counted from 1
     damaged: list[int] = field(default_factory=list)  # numbers of the frames whose sum is wrong
-    torn: tuple[int, int] | None = (
-        None  # first and last byte of a frame or NUL block that ends the file
-    )
+    # First and last byte of an incomplete frame or a NUL block that ends the file.
+    torn: tuple[int, int] | None = None
 
 
 def decode(message: bytes) -> EgmFeedback:
     """The feedback in one EgmRobot message; absent fields are None, or empty.
 
-    Raises LogError if the bytes are no such message, or hold a joint angle or a time that cannot be.
+    Raises LogError if the bytes are no such message, or hold a joint angle or a time that cannot
+    be.
     """
     if len(message) > LONGEST_MESSAGE:
         raise LogError(
@@ -94,9 +94,12 @@ def frame(message: bytes) -> bytes:
 
 
 def read_frames(raw: bytes) -> Frames:
-    """The messages of a file, in order. A frame whose sum is wrong is left out; an incomplete one ends the file.
+    """The messages of a file, in order.
 
-    Raises LogError if the file does not begin with FILE_START, or a frame claims a length that no message has.
+    A frame whose sum is wrong is left out; an incomplete one ends the file.
+
+    Raises LogError if the file does not begin with FILE_START, or a frame claims a length that no
+    message has.
     """
     if not raw.startswith(FILE_START):
         copied = raw.startswith(FILE_START.replace(b"\r\n", b"\n"))
@@ -104,32 +107,29 @@ def read_frames(raw: bytes) -> Frames:
         raise LogError(
             f"the file does not begin with {FILE_START!r}: no file of raw EGM messages.{hint}"
         )
-    found = Frames([], [])
-    at = len(FILE_START)
-    end = len(raw.rstrip(b"\0"))
+    messages, numbers, damaged = list[bytes](), list[int](), list[int]()
+    at, end = len(FILE_START), len(raw.rstrip(b"\0"))
     while at < len(raw):
+        torn = Frames(messages, numbers, damaged, (at, len(raw) - 1))
         if end <= at or len(raw) - at < _FRAME.size:  # NUL to the end, or half a frame's head
-            return _torn(found, at, len(raw))
+            return torn
         length, checksum = _FRAME.unpack_from(raw, at)
-        number = len(found.numbers) + len(found.damaged) + 1
+        number = len(numbers) + len(damaged) + 1
         if not 0 < length <= LONGEST_MESSAGE:
             raise LogError(
-                f"message {number} (byte {at}) claims {length} bytes; a datagram has 1 to {LONGEST_MESSAGE}. Damaged here."
+                f"message {number} (byte {at}) claims {length} bytes; a datagram has 1 to "
+                f"{LONGEST_MESSAGE}. Damaged here: cut the file before it."
             )
         message = raw[at + _FRAME.size : at + _FRAME.size + length]
         if len(message) < length:
-            return _torn(found, at, len(raw))
+            return torn
         if zlib.crc32(message, zlib.crc32(raw[at : at + 4])) == checksum:
-            found.messages.append(message)
-            found.numbers.append(number)
+            messages.append(message)
+            numbers.append(number)
         else:
-            found.damaged.append(number)
+            damaged.append(number)
         at += _FRAME.size + length
-    return found
-
-
-def _torn(found: Frames, first: int, size: int) -> Frames:
-    return Frames(found.messages, found.numbers, found.damaged, (first, size - 1))
+    return Frames(messages, numbers, damaged)
 
 
 def _time_ns(parts: dict[int, bytes]) -> int | None:
@@ -137,9 +137,8 @@ def _time_ns(parts: dict[int, bytes]) -> int | None:
     for field_number, ticks_per_second in ((5, 1_000_000_000), (4, 1_000_000)):
         if field_number not in parts:
             continue
-        clock = {
-            number: value for number, wire, value in _fields(parts[field_number]) if wire == _VARINT
-        }
+        fields = _fields(parts[field_number])
+        clock = {number: value for number, wire, value in fields if wire == _VARINT}
         seconds, ticks = clock.get(1), clock.get(2)
         if not isinstance(seconds, int) or not isinstance(ticks, int):
             raise LogError("EGM message: a time without seconds, or without its fraction.")
@@ -168,7 +167,7 @@ def _doubles(message: bytes) -> tuple[float, ...]:
 
 
 def _submessages(message: bytes) -> dict[int, bytes]:
-    """Length-delimited fields by number; one that stands several times is joined, as protobuf merges messages."""
+    """Length-delimited fields by number; repeated ones are joined, as protobuf merges messages."""
     parts: dict[int, bytes] = {}
     for number, wire, value in _fields(message):
         if wire == _BYTES and isinstance(value, bytes):

@@ -1,9 +1,11 @@
-"""One ROS 2 JointState message (sensor_msgs/msg/JointState) from CDR, the wire format of DDS; nothing in a bag is executed.
+"""One ROS 2 JointState message (sensor_msgs/msg/JointState) from CDR, the wire format of DDS.
 
-    encapsulation (4 bytes: 00 01 = little-endian) | stamp sec int32, nanosec uint32 | frame_id | name[] | position[] | ...
+    encapsulation (4 bytes: 00 01 = little-endian) | stamp sec int32, nanosec uint32 | frame_id |
+    name[] | position[] | ...
 
-Every number is aligned to its own size, counted from behind the encapsulation; strings and sequences begin with a uint32 count.
-Bags bring the definitions of their messages along, from which general readers make code; this message is always the same.
+Every number is aligned to its own size, counted from behind the encapsulation; strings and
+sequences begin with a uint32 count. Bags bring the definitions of their messages along, from which
+general readers make code; this message is always the same, and nothing in a bag is executed.
 Source: OMG DDS-XTypes 1.3, section 7.4.3 (plain CDR); sensor_msgs/msg/JointState.msg.
 """
 
@@ -28,7 +30,7 @@ class JointState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Form:
+class MessageForm:
     """What messages of one publisher have in common: all but the numbers."""
 
     size: int  # [bytes]
@@ -37,9 +39,8 @@ class Form:
     stamp: struct.Struct
     values: struct.Struct  # of the positions
     names: tuple[str, ...]  # of the joints; () where there are no positions
-    counts: tuple[
-        tuple[bytes, int, int], ...
-    ]  # the counts of velocities and efforts, and where they stand
+    # The counts of velocities and efforts, and where they stand.
+    counts: tuple[tuple[bytes, int, int], ...]
 
     def read(self, message: bytes) -> JointState | None:
         """A message of this form; None if it is of another, or its numbers cannot be."""
@@ -58,29 +59,31 @@ class Form:
 
 
 class _Cdr:
-    """Where the reading of a message stands."""
+    """A message that is read from its beginning to its end."""
 
     def __init__(self, message: bytes) -> None:
         if not 4 < len(message) <= _LARGEST or message[0] or message[1] not in {0, 1}:
             raise LogError(
-                f"JointState: {len(message)} bytes that begin with {message[:4].hex()!r} are no plain CDR message."
+                f"JointState: {len(message)} bytes that begin with {message[:4].hex()!r} are no "
+                "plain CDR message."
             )
         self.order = "<" if message[1] else ">"
         self._body = message[4:]
         self._at = 0
 
     @property
-    def place(self) -> int:
-        """Byte of the message at which the next field begins, but for its alignment."""
+    def position(self) -> int:
+        """Byte of the message at which the next field begins, before its alignment."""
         return 4 + self._at
 
     def numbers(self, code: str, count: int = 1) -> tuple[float, ...]:
-        """So many numbers of the struct module's code."""
+        """The next `count` numbers of a type code of the struct module."""
         size = struct.calcsize(code)
         at = self._at + -self._at % size if count else self._at
         if count * size > len(self._body) - at:
             raise LogError(
-                f"JointState: {count} numbers of {size} bytes claimed at byte {at + 4}, {len(self._body) - at} bytes are left."
+                f"JointState: {count} numbers of {size} bytes claimed at byte {at + 4}, "
+                f"{len(self._body) - at} bytes are left."
             )
         self._at = at + count * size
         return struct.unpack_from(f"{self.order}{count}{code}", self._body, at)
@@ -105,16 +108,30 @@ class _Cdr:
             raise LogError(f"JointState: {text[:30]!r} is no UTF-8.") from None
 
 
-def decode_joint_state(message: bytes, known: list[Form]) -> JointState:
-    """Stamp and positions of one message.
+class JointStateDecoder:
+    """Decodes the messages of a topic; it reads those of a known form without looking closer."""
 
-    known : forms of the messages before, which are read faster; a new one is added.
-    Raises LogError if the bytes are no such message, a joint stands twice, or a position is not finite.
-    """
-    for form in known:
-        state = form.read(message)
-        if state is not None:
-            return state
+    def __init__(self) -> None:
+        self._forms: list[MessageForm] = []
+
+    def decode(self, message: bytes) -> JointState:
+        """Stamp and positions of one message.
+
+        Raises LogError if the bytes are no such message, a joint stands twice, or a position is not
+        finite.
+        """
+        for form in self._forms:
+            state = form.read(message)
+            if state is not None:
+                return state
+        state, form = _decoded(message)
+        if len(self._forms) < _FORMS:
+            self._forms.append(form)
+        return state
+
+
+def _decoded(message: bytes) -> tuple[JointState, MessageForm]:
+    """The content of a message, and its form."""
     cdr = _Cdr(message)
     (seconds,), (nanoseconds,) = cdr.numbers("i"), cdr.numbers("I")
     if seconds < 0 or nanoseconds >= 1_000_000_000:
@@ -122,7 +139,7 @@ def decode_joint_state(message: bytes, known: list[Form]) -> JointState:
     cdr.text()
     names = [cdr.text() for _ in range(_at_most(cdr.count(), len(message)))]
     positions = cdr.numbers("d", _at_most(cdr.count(), len(message)))
-    begin, counts = cdr.place - 8 * len(positions), []
+    begin, counts = cdr.position - 8 * len(positions), []
     if len(set(names)) < len(names) or len(positions) not in {0, len(names)}:
         raise LogError(
             f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}."
@@ -131,20 +148,19 @@ def decode_joint_state(message: bytes, known: list[Form]) -> JointState:
         raise LogError("JointState: a position is not finite.")
     for _ in range(2):  # velocity and effort, often empty: only the end of the message is checked
         count = cdr.count()
-        counts.append((message[cdr.place - 4 : cdr.place], cdr.place - 4, cdr.place))
+        counts.append((message[cdr.position - 4 : cdr.position], cdr.position - 4, cdr.position))
         cdr.numbers("d", _at_most(count, len(message)))
-    if len(known) < _FORMS:
-        stamp, values = (
-            struct.Struct(f"{cdr.order}iI"),
-            struct.Struct(f"{cdr.order}{len(positions)}d"),
-        )
-        named = tuple(names) if positions else ()
-        known.append(
-            Form(len(message), message[:4], message[12:begin], stamp, values, named, tuple(counts))
-        )
-    return JointState(
-        int(seconds) * 1_000_000_000 + int(nanoseconds), dict(zip(names, positions, strict=False))
+    form = MessageForm(
+        size=len(message),
+        start=message[:4],
+        text=message[12:begin],
+        stamp=struct.Struct(f"{cdr.order}iI"),
+        values=struct.Struct(f"{cdr.order}{len(positions)}d"),
+        names=tuple(names) if positions else (),
+        counts=tuple(counts),
     )
+    stamp_ns = int(seconds) * 1_000_000_000 + int(nanoseconds)
+    return JointState(stamp_ns, dict(zip(names, positions, strict=False))), form
 
 
 def _at_most(count: int, size: int) -> int:

@@ -1,7 +1,7 @@
-"""Messages of an MCAP bag, read as a stream: that recovers all complete chunks of a bag cut off by a crash.
+"""Messages of an MCAP bag, read as a stream: of a bag cut off by a crash, all complete chunks.
 
-Chunks are unpacked here, not by the library: what they claim to unpack to is checked first, and no more is unpacked.
-Needs the extra `ros`. Source: MCAP format specification, version 0.
+Chunks are unpacked here, not by the library: what they claim to unpack to is checked first, and no
+more is unpacked. Needs the extra `ros`. Source: MCAP format specification, version 0.
 """
 
 from __future__ import annotations
@@ -28,6 +28,14 @@ _LARGEST_CHUNK = 100_000_000  # bytes unpacked; recorders make chunks of 1 to 4 
 _MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # what every record begins with: its kind and length
 _MESSAGE_HEAD = 22  # bytes: channel uint16, sequence uint32, two times uint64
+_DAMAGE = (
+    McapError,
+    CRCValidationError,
+    UnicodeDecodeError,
+    struct.error,
+    ValueError,
+    OverflowError,
+)
 
 
 class _Message(NamedTuple):
@@ -42,7 +50,8 @@ def mcap_messages(
 ) -> Iterator[tuple[str, bytes]]:
     """Topic and CDR bytes of each message of one type, as they stand in the bag.
 
-    Raises LogError if the bag is damaged; one that is only cut off is reported.
+    A bag that is cut off is reported in `findings` once its last record is read.
+    Raises LogError if the bag is damaged.
     """
     schemas: dict[int, str] = {}
     topics: dict[int, str] = {}
@@ -61,24 +70,21 @@ def mcap_messages(
                 elif isinstance(record, Channel) and schemas.get(record.schema_id) == kind:
                     if record.message_encoding != "cdr":
                         raise LogError(
-                            f"topic {record.topic} is encoded as {record.message_encoding!r}; ROS 2 writes cdr."
+                            f"topic {record.topic} is encoded as {record.message_encoding!r}; ROS "
+                            "2 writes cdr."
                         )
                     topics[record.id] = record.topic
                 elif isinstance(record, (_Message, Message)) and record.channel_id in topics:
                     yield topics[record.channel_id], record.data
         except LogError as error:
             raise LogError(f"{file}: behind byte {complete}: {error}") from None
-        except (
-            McapError,
-            CRCValidationError,
-            UnicodeDecodeError,
-            struct.error,
-            ValueError,
-            OverflowError,
-        ) as error:
+        except _DAMAGE as error:
             if stream.tell() < size or not isinstance(error, (McapError, struct.error)):
                 raise LogError(f"{file}: damaged behind byte {complete}: {error}") from None
-            sentence = f"the bag is cut off: no whole record behind byte {complete} of {size}; what stands before it is read."
+            sentence = (
+                f"the bag is cut off: no whole record behind byte {complete} of {size}; what "
+                "stands before it is read."
+            )
             findings.append(finding("torn end", "repaired", file, sentence, count=1))
 
 
@@ -94,7 +100,10 @@ def _records(stream: mmap.mmap, size: int) -> Iterator[Any]:
 
 
 def _broken_up(chunk: Chunk) -> Iterator[Any]:
-    """The records of an unpacked chunk. Messages, of which there are many, are taken apart here; the others by the library."""
+    """The records of an unpacked chunk.
+
+    Messages, of which there are many, are taken apart here; the others by the library.
+    """
     data, at, size = chunk.data, 0, len(chunk.data)
     while at < size:
         if size - at < _RECORD.size:
@@ -108,9 +117,8 @@ def _broken_up(chunk: Chunk) -> Iterator[Any]:
         elif length < _MESSAGE_HEAD:
             raise LogError("a message is shorter than its head.")
         else:
-            yield _Message(
-                int.from_bytes(data[begin : begin + 2], "little"), data[begin + _MESSAGE_HEAD : end]
-            )
+            channel = int.from_bytes(data[begin : begin + 2], "little")
+            yield _Message(channel, data[begin + _MESSAGE_HEAD : end])
         at = end
 
 
@@ -133,11 +141,11 @@ def _unpack(chunk: Chunk) -> bytes:
     except (zstandard.ZstdError, RuntimeError) as error:
         raise LogError(f"a chunk cannot be unpacked ({error}). The bag is damaged.") from None
     if len(data) != claimed:
-        raise LogError(
-            f"a chunk that claims {claimed} bytes has {'more' if len(data) > claimed else len(data)}. The bag is damaged."
-        )
+        got = "more" if len(data) > claimed else len(data)
+        raise LogError(f"a chunk that claims {claimed} bytes has {got}. The bag is damaged.")
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise LogError(
-            "the checksum of a chunk is wrong. The bag is damaged: `mcap recover` may save the other chunks."
+            "the checksum of a chunk is wrong. The bag is damaged: `mcap recover` may save the "
+            "other chunks."
         )
     return bytes(data)

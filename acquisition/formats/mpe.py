@@ -1,10 +1,13 @@
 """Logs of abb_motion_program_exec: everything float32, little-endian, as a RAPID task packs it.
 
-    file version | length, text: time stamp | length, text: `timestamp,cmdnum,J1,...,J6` | rows of one float32 a column
+    file version | length, text: time stamp | length, text: `timestamp,cmdnum,J1,...,J6` |
+    rows of one float32 a column
 
-Times are seconds of a RAPID clock, angles are degrees of the axes. A float32 second resolves 61 us after ten minutes; nothing
-better is in the file, and it has no checksum: a changed bit in a number can only be seen if the number becomes implausible.
-Source: rpiRobotics/abb_motion_program_exec, motion_program_logger.mod and its reader, version 10011.
+Times are seconds of a RAPID clock, angles are degrees of the axes. A float32 second resolves 61 us
+after ten minutes; nothing better is in the file, and it has no checksum: a changed bit in a number
+can only be seen if the number becomes implausible.
+Source: rpiRobotics/abb_motion_program_exec, motion_program_logger.mod and its reader, version
+10011.
 """
 
 from __future__ import annotations
@@ -13,12 +16,12 @@ import struct
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquisition.formats.columns import one_file, stored_bytes, wanted_columns
-from acquisition.report import Finding, finding
+from acquisition.report import finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
+from cell.arrays import Array
 from cell.errors import LogError
 
 VERSIONS = range(10_000, 11_000)  # 10011 in 2024; the head has not changed since 10007
@@ -26,18 +29,19 @@ _LONGEST_TEXT = 1000  # bytes; RAPID packs strings of at most 80
 _COMMAND = "cmdnum"
 
 
-def read_mpe(
-    path: Path, file: str, time: str, layout: Layout, findings: list[Finding]
-) -> tuple[Table, Form]:
-    """The wanted columns of a log; float32 as the float64 of the same value. Its lines are row numbers, counted from 1.
+def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, Form]:
+    """The wanted columns of a log, float32 as the float64 of the same value.
 
+    Its lines are row numbers, counted from 1.
     Raises LogError if the head is no such log's, columns are missing, or a number cannot be.
     """
-    raw = stored_bytes(path, file, findings)
+    content = stored_bytes(path, file)
+    raw, findings = content.raw, list(content.findings)
     version = _number(raw, 0, file)
     if version not in VERSIONS:
         raise LogError(
-            f"{file}: begins with {version:g}, not with a file version of abb_motion_program_exec (10011)."
+            f"{file}: begins with {version:g}, not with a file version of abb_motion_program_exec "
+            "(10011)."
         )
     _, at = _text(raw, 4, file)
     header, at = _text(raw, at, file)
@@ -46,28 +50,33 @@ def read_mpe(
         raise LogError(
             f"{file}: the columns are {header!r}; expected {time} and the axes, each once."
         )
-    wanted = wanted_columns(layout, time, names, file)
+    wanted = (time, *wanted_columns(layout, time, names, file))
     width = 4 * len(names)
     rest = (len(raw) - at) % width
     if rest:
-        sentence = f"the last row has {rest} of {width} bytes (bytes {len(raw) - rest} to {len(raw) - 1}); dropped."
+        first, last = len(raw) - rest, len(raw) - 1
+        sentence = f"the last row has {rest} of {width} bytes (bytes {first} to {last}); dropped."
         findings.append(finding("torn row", "repaired", file, sentence, count=1))
     numbers = np.frombuffer(raw, dtype="<f4", offset=at, count=(len(raw) - at - rest) // 4)
     with np.errstate(invalid="ignore"):  # signalling NaNs, refused below
         rows = numbers.reshape(-1, len(names)).astype(np.float64)
-    filled = _without_nul(rows, file, findings)
-    if not filled.size:
+    # A power loss leaves a block of zeros at the end; the first row may be zero.
+    filled = np.flatnonzero(rows.any(axis=1))
+    count = int(filled[-1]) + 1 if filled.size else 0
+    if nul := len(rows) - count:
+        sentence = f"the last {nul} rows are NUL bytes (power loss); left out."
+        findings.append(finding("NUL block at the end", "repaired", file, sentence, count=nul))
+    if not count:
         raise LogError(f"{file}: a head but no complete row behind it.")
-    _check_rows(filled, names, [names.index(name) for name in (time, *wanted)], file)
-    columns = {name: filled[:, names.index(name)].copy() for name in (time, *wanted)}
-    return one_file(columns, file, np.arange(1, len(filled) + 1)), Form(
-        "float32", "none", "none", len(rows)
-    )
+    _check_rows(rows[:count], names, [names.index(name) for name in wanted], file)
+    columns = {name: rows[:count, names.index(name)].copy() for name in wanted}
+    table = one_file(columns, file, np.arange(1, count + 1), findings)
+    return table, Form("float32", "none", "none", len(rows))
 
 
 def _number(raw: bytes, at: int, file: str) -> float:
     if len(raw) < at + 4:
-        raise LogError(f"{file}: ends within its head, at byte {len(raw)}.")
+        raise LogError(f"{file}: ends within its head, at byte {len(raw)}. Copy it again.")
     return float(struct.unpack_from("<f", raw, at)[0])
 
 
@@ -76,7 +85,8 @@ def _text(raw: bytes, at: int, file: str) -> tuple[str, int]:
     length = _number(raw, at, file)
     if not (0 < length <= _LONGEST_TEXT and length == int(length)):
         raise LogError(
-            f"{file}: a text of the head (byte {at}) claims {length:g} bytes: no log of abb_motion_program_exec, or damaged."
+            f"{file}: a text of the head (byte {at}) claims {length:g} bytes: no log of "
+            "abb_motion_program_exec, or damaged."
         )
     stop = at + 4 + int(length)
     text = raw[at + 4 : stop]
@@ -85,38 +95,26 @@ def _text(raw: bytes, at: int, file: str) -> tuple[str, int]:
     return text.decode("ascii"), stop
 
 
-def _without_nul(
-    rows: NDArray[np.float64], file: str, findings: list[Finding]
-) -> NDArray[np.float64]:
-    """Rows without the block of zeros that a power loss leaves at the end; the first row may be zero."""
-    filled = np.flatnonzero(rows.any(axis=1))
-    count = int(filled[-1]) + 1 if filled.size else 0
-    if count < len(rows):
-        sentence = f"the last {len(rows) - count} rows are NUL bytes (power loss); left out."
-        findings.append(
-            finding("NUL block at the end", "repaired", file, sentence, count=len(rows) - count)
-        )
-    return rows[:count]
+def _check_rows(rows: Array, names: list[str], positions: list[int], file: str) -> None:
+    """Raises LogError for rows (N, C) with numbers that no clock and no axis shows.
 
-
-def _check_rows(
-    rows: NDArray[np.float64], names: list[str], positions: list[int], file: str
-) -> None:
+    positions : of the columns that are read.
+    """
     wanted = rows[:, positions]
-    bad = np.argwhere(
-        ~np.isfinite(wanted) | (np.abs(wanted) > 1e6)
-    )  # 9E9 is ABB's mark of an axis that is not there
+    # 9E9 is ABB's mark of an axis that is not there.
+    bad = np.argwhere(~np.isfinite(wanted) | (np.abs(wanted) > 1e6))
     if bad.size:
         row, column = (int(index) for index in bad[0])
         raise LogError(
-            f"{file}:{row + 1}: {names[positions[column]]} is {wanted[row, column]:g}, which no clock and no axis shows."
+            f"{file}:{row + 1}: {names[positions[column]]} is {wanted[row, column]:g}, which no "
+            "clock and no axis shows."
         )
     if _COMMAND in names:
         command = rows[:, names.index(_COMMAND)]
-        odd = np.flatnonzero(
-            (command != np.rint(command)) | (np.diff(command, prepend=command[0]) < 0)
-        )
+        back = np.diff(command, prepend=command[0]) < 0
+        odd = np.flatnonzero((command != np.rint(command)) | back)
         if odd.size:
             raise LogError(
-                f"{file}:{odd[0] + 1}: {_COMMAND} {command[odd[0]]:g} is no number of a command, or goes back. Damaged here."
+                f"{file}:{odd[0] + 1}: {_COMMAND} {command[odd[0]]:g} is no number of a command, "
+                "or goes back. Damaged here."
             )

@@ -13,15 +13,13 @@ from acquisition.formats.json_lines import read_json_lines
 from acquisition.formats.mpe import VERSIONS, read_mpe
 from acquisition.formats.ros_bag import read_ros_bag
 from acquisition.formats.scope import read_scope
-from acquisition.report import Finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table, read_table
 from cell.errors import DescriptionError
 
-_Reader = Callable[[Path, str, str, Layout, list[Finding]], tuple[Table, Form]]
-_READERS: dict[
-    str, tuple[_Reader, str, str]
-] = {  # with the type and unit of the times that it gives
+_Reader = Callable[[Path, str, str, Layout], tuple[Table, Form]]
+# Reader of each container, with the type and unit of the times that it gives.
+_READERS: dict[str, tuple[_Reader, str, str]] = {
     "twincat-scope": (read_scope, "integer", "ns"),
     "json-lines": (read_json_lines, "integer", "us"),
     "egm": (read_egm, "integer", "ns"),
@@ -31,7 +29,7 @@ _READERS: dict[
 
 
 def container_of(raw: bytes) -> Container:
-    """The kind of container that the content of a device file begins like; text if it is like none of the others."""
+    """The kind of container that the content of a device file begins like; else text."""
     begins: dict[bytes, Container] = {
         b"\x89MCAP0\r\n": "rosbag",
         b"SQLite format 3\0": "rosbag",
@@ -46,19 +44,19 @@ def container_of(raw: bytes) -> Container:
     return "twincat-scope" if b"Starttime of export" in raw[:1000] else "text"
 
 
-def read_file(
-    path: Path, file: str, dialect: Dialect, layout: Layout, findings: list[Finding]
-) -> tuple[Table, Form]:
-    """The wanted columns of one device file; repairs and warnings are appended to `findings`.
+def read_file(path: Path, file: str, dialect: Dialect, layout: Layout) -> tuple[Table, Form]:
+    """The wanted columns of one device file, with findings, and how they were written.
 
     file : the name that errors and findings give it.
-    Raises LogError naming file and place if the file cannot be trusted, DescriptionError if the dialect does not fit it.
+    Raises LogError naming file and line if the file cannot be trusted, DescriptionError if the
+    dialect does not fit it.
     """
     if dialect.container == "text":
-        return read_table(path, file, layout, findings)
+        return read_table(path, file, layout)
     reader, kind, unit = _READERS[dialect.container]
     if (dialect.time.type, dialect.time.unit) != (kind, unit):
         raise DescriptionError(
-            f"{file}: times of {dialect.container} have type: {kind}, unit: {unit}; the dialect says otherwise."
+            f"{file}: times of {dialect.container} have type: {kind}, unit: {unit}; the dialect "
+            "says otherwise. Write them so in the dialect."
         )
-    return reader(path, file, dialect.time.column, layout, findings)
+    return reader(path, file, dialect.time.column, layout)

@@ -1,9 +1,13 @@
-"""TwinCAT Scope exports as a table: the wanted channels at the times they share (acquisition.formats.scope_export has the form)."""
+"""TwinCAT Scope exports as a table: the wanted channels at the times they share.
+
+The form of the files: acquisition.formats.scope_export.
+"""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +27,12 @@ from acquisition.formats.scope_export import (
 from acquisition.report import Finding, finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
+from cell.arrays import Array
 from cell.errors import LogError
 
 _UNIX = 116_444_736_000_000_000  # [100 ns] FILETIME of 1970
-_LONGEST_MS = (
-    2**51 // 10**6
-)  # [ms] 26 days: up to there a float of milliseconds rounds to the right nanosecond
+# [ms] 26 days: up to there a float of milliseconds rounds to the right nanosecond.
+_LONGEST_MS = 2**51 // 10**6
 _INTEGERS = {"BIT": (0, 1)} | {
     f"{sign}INT{bits}": ((0, 2**bits - 1) if sign else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1))
     for sign in ("", "U")
@@ -49,117 +53,122 @@ class Channel:
     line: NDArray[np.int64]  # (N,) line number, counted from 1
 
 
-def read_scope(
-    path: Path, file: str, time: str, layout: Layout, findings: list[Finding]
-) -> tuple[Table, Form]:
-    """The wanted channels of an export as one table: the rows at whose times all of them have a value.
+def read_scope(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, Form]:
+    """The wanted channels of an export as one table, at the times at which all have a value.
 
     time : name that the time column gets, [ns] since 1970.
-    Raises LogError if channels are missing, stand twice or are counters that were scaled, or the file is damaged.
+    Raises LogError if channels are missing, stand twice or are counters that were scaled, or the
+    file is damaged.
     """
-    text, export = read_export(path, file, findings)
+    export = read_export(path, file)
     wanted = wanted_columns(layout, time, export.names, file)
     for name in wanted:
-        if export.names.count(name) > 1:
+        if (count := export.names.count(name)) > 1:
             raise LogError(
-                f"{file}: {export.names.count(name)} channels are called {name!r}. Rename them in the Scope."
+                f"{file}: {count} channels are called {name!r}. Rename them in the Scope."
             )
-    channels = _channels(export, findings, only=tuple(wanted))
-    _check_end(export, channels, findings)
+    channels, found = _channels(export, only=tuple(wanted))
+    findings = [*export.findings, *found, *_end_findings(export, channels)]
     unknown = [key for key in _UNSCALED if key not in export.meta]
     if unknown:
-        sentence = f"no line {', '.join(unknown)} in the metadata: whether a channel was scaled is unknown."
+        sentence = (
+            f"no line {', '.join(unknown)} in the metadata: whether a channel was scaled is "
+            "unknown."
+        )
         findings.append(finding("scaling unknown", "warning", file, sentence, count=1))
     for channel in channels:
-        _check_kind(file, channel, wanted[channel.name], findings)
-    first, common = channels[0], channels[0].time_ns
-    for channel in channels[1:]:
-        common = np.intersect1d(common, channel.time_ns)
+        findings += _kind_findings(file, channel, wanted[channel.name])
+    common = reduce(np.intersect1d, [channel.time_ns for channel in channels])
     if not common.size:
         raise LogError(
-            f"{file}: the channels {', '.join(wanted)} have no common times. Record them with one sample time."
+            f"{file}: the channels {', '.join(wanted)} have no common times. Record them with one "
+            "sample time."
         )
-    densest = max(channel.time_ns.size for channel in channels)
-    if common.size < densest:
-        sentence = (
-            f"{densest - common.size} times at which not every channel has a value; left out."
-        )
-        findings.append(
-            finding(
-                "channels of different length",
-                "repaired",
-                file,
-                sentence,
-                count=densest - common.size,
-            )
-        )
+    missing = max(channel.time_ns.size for channel in channels) - common.size
+    if missing:
+        kind = "channels of different length"
+        sentence = f"{missing} times at which not every channel has a value; left out."
+        findings.append(finding(kind, "repaired", file, sentence, count=missing))
     columns: dict[str, NDArray[Any]] = {time: common}
     for channel in channels:
-        kind = np.int64 if wanted[channel.name] == "integer" else np.float64
-        columns[channel.name] = channel.values[np.searchsorted(channel.time_ns, common)].astype(
-            kind
-        )
-    form = Form(text.encoding, SEPARATORS[export.separator], export.decimal, len(export.rows))
-    return one_file(columns, file, first.line[np.searchsorted(first.time_ns, common)]), form
+        dtype = np.int64 if wanted[channel.name] == "integer" else np.float64
+        rows = np.searchsorted(channel.time_ns, common)
+        columns[channel.name] = channel.values[rows].astype(dtype)
+    line = channels[0].line[np.searchsorted(channels[0].time_ns, common)]
+    form = Form(export.encoding, SEPARATORS[export.separator], export.decimal, len(export.rows))
+    return one_file(columns, file, line, findings), form
 
 
-def read_channels(path: Path, file: str, findings: list[Finding]) -> list[Channel]:
-    """All channels of an export in the file's order, names not unique, each with its own times."""
-    return _channels(read_export(path, file, findings)[1], findings)
+def read_channels(path: Path, file: str) -> tuple[list[Channel], list[Finding]]:
+    """All channels of an export in the file's order, each with its own times, and the findings.
+
+    The names are not unique.
+    """
+    export = read_export(path, file)
+    channels, findings = _channels(export)
+    return channels, [*export.findings, *findings]
 
 
 def _channels(
-    export: Export, findings: list[Finding], only: tuple[str, ...] | None = None
-) -> list[Channel]:
+    export: Export, only: tuple[str, ...] | None = None
+) -> tuple[list[Channel], list[Finding]]:
     present, torn = _present(export)
     if torn.size > max(1.0, DAMAGED_LIMIT * len(export.rows)):
-        row = export.rows[int(torn[0])]
-        usual = (
-            " Decimal commas with comma separators? Export again with tabs."
-            if export.separator == ","
-            else ""
-        )
+        got = len(export.rows[int(torn[0])])
+        commas = " Decimal commas with comma separators? Export again with tabs."
         raise LogError(
-            f"{export.file}:{export.number[torn[0]]}: {torn.size} of {len(export.rows)} rows do not fit the groups of columns: "
-            f"expected {export.groups[-1].stop} fields, got {len(row)}.{usual}"
+            f"{export.file}:{export.number[torn[0]]}: {torn.size} of {len(export.rows)} rows do "
+            f"not fit the groups of columns: expected {export.groups[-1].stop} fields, got "
+            f"{got}.{commas if export.separator == ',' else ''}"
         )
+    findings, channels = list[Finding](), list[Channel]()
     if torn.size:
         sentence = "the fields do not fit the groups of columns; treated as torn line and dropped."
-        findings.append(
-            finding("torn line", "repaired", export.file, sentence, lines=export.number[torn])
-        )
-    comma = export.decimal == "comma"
-    channels = []
+        lines = export.number[torn]
+        findings.append(finding("torn line", "repaired", export.file, sentence, lines=lines))
     for group, rows in zip(export.groups, present, strict=True):
         names = export.meta["Name"][group.start + 1 : group.stop]
         if only is not None and not set(names) & set(only):
             continue
         if not rows.size:
-            raise LogError(f"{export.file}: no value of {names[0]!r}.")
+            raise LogError(f"{export.file}: no value of {names[0]!r}. Was it recorded?")
         line = export.number[rows]
-        time_ns = _times(export, _cells(export, rows, group.start, comma=comma), line)
-        _check_grid(export, group, time_ns, line, findings)
+        time_ns = _times(export, _cells(export, rows, group.start), line)
+        findings += _grid_findings(export, group, time_ns, line)
         for position, name in enumerate(names, group.start + 1):
             if only is None or name in only:
-                data_type = export.meta["Data-Type"][position]
-                values = _values(
-                    export,
-                    _cells(export, rows, position, comma=comma),
-                    line,
-                    name,
-                    data_type,
-                    _scaled(export, position),
+                channels.append(_channel(export, name, position, rows, time_ns))
+    return channels, findings
+
+
+def _channel(
+    export: Export, name: str, position: int, rows: NDArray[np.int64], time_ns: NDArray[np.int64]
+) -> Channel:
+    """The channel in one column; rows (N,) with a value, time_ns (N,) [ns] their times."""
+    data_type, scaled = export.meta["Data-Type"][position], _scaled(export, position)
+    cells, line = _cells(export, rows, position), export.number[rows]
+    values: NDArray[Any]
+    if data_type not in _INTEGERS or (scaled and not _all(INTEGER, cells)):
+        values = _floats(export, cells, line, name)
+    else:
+        lower, upper = _INTEGERS[data_type] if not scaled else (-(2**63), 2**63 - 1)
+        for cell, number in zip(cells, line, strict=True):
+            if not (INTEGER.fullmatch(cell) and len(cell) <= 21 and lower <= int(cell) <= upper):
+                raise LogError(
+                    f"{export.file}:{number}: channel {name!r}: {cell[:30]!r} is no {data_type}."
                 )
-                channels.append(
-                    Channel(name, data_type, _scaled(export, position), time_ns, values, line)
-                )
-    return channels
+        whole = [int(cell) for cell in cells]
+        values = np.array(whole, dtype=np.uint64 if max(whole) >= 2**63 else np.int64)
+    return Channel(name, data_type, scaled, time_ns, values, line)
 
 
 def _present(export: Export) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]]:
-    """Rows in which each group has values, and the rows that are torn: a group half there, or back after it had ended."""
+    """Rows in which each group has values, and the rows that are torn.
+
+    In a torn row a group is half there, or back after it had ended.
+    """
     count = len(export.rows)
-    there = np.zeros((count, len(export.groups)), dtype=bool)
+    present = np.zeros((count, len(export.groups)), dtype=bool)
     torn = np.zeros(count, dtype=bool)
     ends = {group.stop for group in export.groups}
     for i, row in enumerate(export.rows):
@@ -169,24 +178,23 @@ def _present(export: Export) -> tuple[list[NDArray[np.int64]], NDArray[np.int64]
             continue
         for j, group in enumerate(export.groups):
             filled = sum(bool(cell.strip()) for cell in row[group.start : group.stop])
-            there[i, j] = filled == group.stop - group.start
+            present[i, j] = filled == group.stop - group.start
             torn[i] |= 0 < filled < group.stop - group.start
-    for j in range(len(export.groups)):
-        last = np.flatnonzero(there[:, j])
-        if last.size:
-            torn[: last[-1]] |= ~there[: last[-1], j]
-    return [np.flatnonzero(there[:, j] & ~torn) for j in range(len(export.groups))], np.flatnonzero(
-        torn
-    )
+    for column in present.T:
+        valued = np.flatnonzero(column)
+        if valued.size:
+            torn[: valued[-1]] |= ~column[: valued[-1]]
+    return [np.flatnonzero(column & ~torn) for column in present.T], np.flatnonzero(torn)
 
 
-def _cells(export: Export, rows: NDArray[np.int64], position: int, *, comma: bool) -> list[str]:
+def _cells(export: Export, rows: NDArray[np.int64], position: int) -> list[str]:
+    """The fields of one column at rows (N,), with decimal points."""
     cells = [export.rows[i][position].strip() for i in rows]
-    return [cell.replace(",", ".") for cell in cells] if comma else cells
+    return [cell.replace(",", ".") for cell in cells] if export.decimal == "comma" else cells
 
 
 def _times(export: Export, cells: list[str], line: NDArray[np.int64]) -> NDArray[np.int64]:
-    """[ns] since 1970; strictly increasing."""
+    """(N,) [ns] since 1970, strictly increasing, of the time fields at lines (N,)."""
     start_ns = (export.start - _UNIX) * 100
     if _all(INTEGER, cells) and all(len(cell) == 18 for cell in cells):
         time_ns = (np.array([int(cell) for cell in cells], dtype=np.int64) - _UNIX) * 100
@@ -195,66 +203,76 @@ def _times(export: Export, cells: list[str], line: NDArray[np.int64]) -> NDArray
         far = np.flatnonzero(np.abs(milliseconds) > _LONGEST_MS)
         if far.size:
             raise LogError(
-                f"{export.file}:{line[far[0]]}: time {cells[far[0]]!r}: a recording has at most {_LONGEST_MS} ms."
+                f"{export.file}:{line[far[0]]}: time {cells[far[0]]!r}: a recording has at most "
+                f"{_LONGEST_MS} ms."
             )
         time_ns = np.rint(milliseconds * 1e6).astype(np.int64) + start_ns
     back = np.flatnonzero(np.diff(time_ns) <= 0)
     if back.size:
+        before, after = cells[back[0]], cells[back[0] + 1]
         raise LogError(
-            f"{export.file}:{line[back[0] + 1]}: time {cells[back[0] + 1]!r} does not lie behind {cells[back[0]]!r}."
+            f"{export.file}:{line[back[0] + 1]}: time {after!r} does not lie behind {before!r}. "
+            "Two exports in one file? Split it."
         )
     return time_ns
 
 
-def _check_grid(
-    export: Export,
-    group: Group,
-    time_ns: NDArray[np.int64],
-    line: NDArray[np.int64],
-    findings: list[Finding],
-) -> None:
-    """Times off the declared sample time are appended to `findings`."""
+def _grid_findings(
+    export: Export, group: Group, time_ns: NDArray[np.int64], line: NDArray[np.int64]
+) -> list[Finding]:
+    """A finding about times (N,) [ns] at lines (N,) that are off the declared sample time."""
     if SAMPLE_TIME not in export.meta:
-        return
+        return []
     cell = export.meta[SAMPLE_TIME][group.start + 1].replace(",", ".")
     step = round(float(cell) * 1e6) if FLOAT.fullmatch(cell) else 0
     if not 0 < step < 2**62:
-        raise LogError(
-            f"{export.file}: {SAMPLE_TIME} {cell!r} of {export.meta['Name'][group.start + 1]!r} is no time."
-        )
+        name = export.meta["Name"][group.start + 1]
+        raise LogError(f"{export.file}: {SAMPLE_TIME} {cell!r} of {name!r} is no time.")
     late = np.flatnonzero(np.diff(time_ns) != step) + 1
-    if late.size:
-        sentence = f"times do not follow at the sample time of {cell} ms: rows are missing, or a time is damaged."
-        findings.append(
-            finding("off the sample time", "warning", export.file, sentence, lines=line[late])
-        )
+    if not late.size:
+        return []
+    sentence = (
+        f"times do not follow at the sample time of {cell} ms: rows are missing, or a time is "
+        "damaged."
+    )
+    kind = "off the sample time"
+    return [finding(kind, "warning", export.file, sentence, lines=line[late])]
 
 
-def _check_end(export: Export, channels: list[Channel], findings: list[Finding]) -> None:
-    """An export whose rows do not reach the end that its preamble states is appended to `findings`."""
+def _end_findings(export: Export, channels: list[Channel]) -> list[Finding]:
+    """A finding about an export whose rows do not reach the end that its preamble states."""
     span = (export.end - export.start) * 100
     last = max(int(channel.time_ns[-1]) for channel in channels) - (export.start - _UNIX) * 100
     step = max(int(np.diff(channel.time_ns).max(initial=1)) for channel in channels)
-    if abs(last - span) > step:
-        sentence = f"the last row is at {last / 1e9:.9g} s, the preamble ends the export at {span / 1e9:.9g} s. Is the file cut?"
-        findings.append(finding("end of export", "warning", export.file, sentence, count=1))
+    if abs(last - span) <= step:
+        return []
+    sentence = (
+        f"the last row is at {last / 1e9:.9g} s, the preamble ends the export at {span / 1e9:.9g} "
+        "s. Is the file cut?"
+    )
+    return [finding("end of export", "warning", export.file, sentence, count=1)]
 
 
-def _check_kind(file: str, channel: Channel, kind: str, findings: list[Finding]) -> None:
-    if kind == "integer" and (
-        channel.scaled or channel.data_type not in _INTEGERS or channel.values.dtype != np.int64
-    ):
-        why = (
-            "scaled in the Scope (offset, scale factor or unit)"
-            if channel.scaled
-            else channel.data_type
-        )
+def _kind_findings(file: str, channel: Channel, kind: str) -> list[Finding]:
+    """A finding about a scaled channel; counters must be whole numbers.
+
+    Raises LogError for a counter that is none.
+    """
+    whole = channel.data_type in _INTEGERS and channel.values.dtype == np.int64
+    if kind == "integer" and (channel.scaled or not whole):
+        scaled = "scaled in the Scope (offset, scale factor or unit)"
         raise LogError(
-            f"{file}: channel {channel.name!r} is {why}; a counter must be a whole number as the PLC has it."
+            f"{file}: channel {channel.name!r} is "
+            f"{scaled if channel.scaled else channel.data_type}; a counter must be a whole number "
+            "as the PLC has it."
         )
-    if kind == "float" and channel.scaled:
-        sentence = f"{channel.name!r} has an offset or scale factor in the Scope; the values are read as they stand."
-        findings.append(finding("scaled channel", "warning", file, sentence, count=1))
+    if kind != "float" or not channel.scaled:
+        return []
+    sentence = (
+        f"{channel.name!r} has an offset or scale factor in the Scope; the values are read as they "
+        "stand."
+    )
+    return [finding("scaled channel", "warning", file, sentence, count=1)]
 
 
 def _scaled(export: Export, position: int) -> bool:
@@ -266,29 +284,8 @@ def _scaled(export: Export, position: int) -> bool:
     return False
 
 
-def _values(
-    export: Export,
-    cells: list[str],
-    line: NDArray[np.int64],
-    name: str,
-    data_type: str,
-    scaled: bool,
-) -> NDArray[Any]:
-    if data_type not in _INTEGERS or (scaled and not _all(INTEGER, cells)):
-        return _floats(export, cells, line, name)
-    lower, upper = _INTEGERS[data_type] if not scaled else (-(2**63), 2**63 - 1)
-    for cell, number in zip(cells, line, strict=True):
-        if not (INTEGER.fullmatch(cell) and len(cell) <= 21 and lower <= int(cell) <= upper):
-            raise LogError(
-                f"{export.file}:{number}: channel {name!r}: {cell[:30]!r} is no {data_type}."
-            )
-    whole = [int(cell) for cell in cells]
-    return np.array(whole, dtype=np.uint64 if max(whole) >= 2**63 else np.int64)
-
-
-def _floats(
-    export: Export, cells: list[str], line: NDArray[np.int64], name: str
-) -> NDArray[np.float64]:
+def _floats(export: Export, cells: list[str], line: NDArray[np.int64], name: str) -> Array:
+    """(N,) numbers of the fields of a channel at lines (N,)."""
     values = np.empty(len(cells))
     for i, cell in enumerate(cells):
         values[i] = float(cell) if FLOAT.fullmatch(cell) else np.nan

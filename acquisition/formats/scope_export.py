@@ -1,16 +1,23 @@
-"""The parts of a TwinCAT Scope export (CSV or TXT): preamble, metadata by channel, and rows of fields.
+"""The parts of a TwinCAT Scope export (CSV or TXT): preamble, metadata by channel, rows of fields.
 
-    Name<TAB>project                                       preamble; the separator is the character behind the first word
-    Starttime of export<TAB>132959733843760000<TAB>...     FILETIME: 100 ns since 1601, UTC; what follows is local and localised
+    Name<TAB>project                                     preamble
+    Starttime of export<TAB>132959733843760000<TAB>...
     Endtime of export<TAB>...
 
-    Name<TAB>b1<TAB>b2<TAB>Name<TAB>fast                   one key a group, in the place of the group's time column
+    Name<TAB>b1<TAB>b2<TAB>Name<TAB>fast                 metadata
     Data-Type<TAB>UINT32<TAB>UINT32<TAB>Data-Type<TAB>REAL32
     ...
-                                                           data: a time [ms from the start, or FILETIME] and the values of each group
-A group that ends early is padded with blanks, or the rows get shorter. Whether offset and scale factor have been applied to
-the values is an option of the export that the file does not show: a counter that has any is refused. Metadata follow the
-decimal mark of Windows, data the one of the export.
+                                                         data
+
+The separator is the character behind the first word. Start and end are FILETIME (100 ns since 1601,
+UTC); what follows them is local and localised. The metadata have one key a group, in the place of
+the group's time column. The data have a time [ms from the start, or FILETIME] and the values of
+each group.
+
+A group that ends early is padded with blanks, or the rows get shorter. Whether offset and scale
+factor have been applied to the values is an option of the export that the file does not show: a
+counter that has any is refused. Metadata follow the decimal mark of Windows, data the one of the
+export.
 Source: exports of TwinCAT 3 Scope 3.4.3145.3 among the test data of pytcs.
 """
 
@@ -24,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.report import Finding
-from acquisition.table.text import LogText, read_text
+from acquisition.table.text import read_text
 from cell.errors import LogError
 
 SEPARATORS = {"\t": "tab", ":": "colon", ";": "semicolon", ",": "comma"}
@@ -34,10 +41,8 @@ FLOAT = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 _FILETIMES = range(10**17, 2 * 10**17)  # [100 ns since 1601] the years 1917 to 2234
 _FREE_TEXT = {"Name", "SymbolComment"}  # a channel may be called as the key is
-_MAY_DIFFER = {
-    SAMPLE_TIME,
-    "SymbolComment",
-}  # 0,2 ms with comma separator has a field too many, empty comments one too few
+# 0,2 ms with comma separator has a field too many, empty comments one too few.
+_MAY_DIFFER = {SAMPLE_TIME, "SymbolComment"}
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,7 @@ class Export:
     """An export, split into fields."""
 
     file: str
+    encoding: str
     separator: str
     start: int  # FILETIME
     end: int
@@ -60,51 +66,59 @@ class Export:
     groups: list[Group]
     decimal: str  # comma or point
     rows: list[list[str]]
-    number: NDArray[np.int64]  # line number of each row
+    number: NDArray[np.int64]  # (N,) line number of each row
+    findings: tuple[Finding, ...] = ()
 
     @property
     def names(self) -> list[str]:
         """Names of the channels; not unique."""
-        return [
-            name
-            for group in self.groups
-            for name in self.meta["Name"][group.start + 1 : group.stop]
-        ]
+        names = self.meta["Name"]
+        return [name for group in self.groups for name in names[group.start + 1 : group.stop]]
 
 
-def read_export(path: Path, file: str, findings: list[Finding]) -> tuple[LogText, Export]:
-    """The text of a file, and its parts.
+def read_export(path: Path, file: str) -> Export:
+    """The parts of a file.
 
     Raises LogError if it is no export, or its parts do not fit each other.
     """
-    told: list[Finding] = []
-    text = read_text(path, file, told)
-    findings += [
-        one for one in told if one.kind != "blank line"
-    ]  # blank lines part preamble, metadata and data
+    text = read_text(path, file)
     lines = text.lines
     separator = lines[0][4:5]
     if not lines[0].startswith("Name") or separator not in {*SEPARATORS, " "}:
         raise LogError(
-            f"{file}:{text.number[0]}: no TwinCAT Scope export: the first line does not begin with `Name` and a separator."
+            f"{file}:{text.number[0]}: no TwinCAT Scope export: the first line does not begin with "
+            "`Name` and a separator."
         )
     if separator == " ":
         raise LogError(
-            f"{file}: fields are separated by blanks, as are the words in them. Export again with tabs."
+            f"{file}: fields are separated by blanks, as are the words in them. Export again with "
+            "tabs."
         )
-    head = next((i for i in range(1, len(lines)) if lines[i].startswith("Name" + separator)), None)
+    named = (i for i in range(1, len(lines)) if lines[i].startswith("Name" + separator))
+    head = next(named, None)
     if head is None:
         raise LogError(
-            f"{file}: no line with the names of the channels (`Name`, name, ...) below the preamble."
+            f"{file}: no line with the names of the channels (`Name`, name, ...) below the "
+            "preamble."
         )
-    body = next(
-        (i for i in range(head, len(lines)) if _is_data(lines[i].split(separator)[0])), len(lines)
-    )
+    data = (i for i in range(head, len(lines)) if _is_data(lines[i].split(separator)[0]))
+    body = next(data, len(lines))
     meta, groups = _metadata(lines[head:body], separator, f"{file}:{text.number[head]}")
     start, end = (_filetime(lines[:head], key, separator, file) for key in ("Starttime", "Endtime"))
     rows, number = _rows(lines[body:], text.number[body:], separator, file)
-    return text, Export(
-        file, separator, start, end, meta, groups, _decimal(rows, number, file), rows, number
+    return Export(
+        file=file,
+        encoding=text.encoding,
+        separator=separator,
+        start=start,
+        end=end,
+        meta=meta,
+        groups=groups,
+        decimal=_decimal(rows, number, file),
+        rows=rows,
+        number=number,
+        # Blank lines part preamble, metadata and data.
+        findings=tuple(entry for entry in text.findings if entry.kind != "blank line"),
     )
 
 
@@ -116,18 +130,16 @@ def _filetime(preamble: list[str], key: str, separator: str, file: str) -> int:
     for line in preamble:
         cells = line.split(separator)
         if cells[0].startswith(key) and len(cells) > 1:
-            if (
-                INTEGER.fullmatch(cells[1])
-                and len(cells[1]) == len(str(_FILETIMES.start))
-                and int(cells[1]) in _FILETIMES
-            ):
-                return int(cells[1])
-            raise LogError(f"{file}: {cells[0]}: {cells[1][:30]!r} is no FILETIME (18 digits).")
+            stamp = cells[1]
+            digits = INTEGER.fullmatch(stamp) and len(stamp) == len(str(_FILETIMES.start))
+            if digits and int(stamp) in _FILETIMES:
+                return int(stamp)
+            raise LogError(f"{file}: {cells[0]}: {stamp[:30]!r} is no FILETIME (18 digits).")
     raise LogError(f"{file}: the preamble has no line `{key} of export`.")
 
 
 def _metadata(
-    lines: list[str], separator: str, place: str
+    lines: list[str], separator: str, location: str
 ) -> tuple[dict[str, list[str]], list[Group]]:
     """Metadata by key, and the groups of columns, on which all lines must agree."""
     names = lines[0].split(separator)
@@ -136,27 +148,30 @@ def _metadata(
     for line in lines:
         cells = line.split(separator)
         if cells[0] in meta:
-            raise LogError(f"{place}: the line {cells[0]!r} of the metadata stands twice.")
+            raise LogError(f"{location}: the line {cells[0]!r} of the metadata stands twice.")
         if cells[width:] in ([], [""]) and len(cells) >= width:
             meta[cells[0]] = cells[:width]
         elif cells[0] not in _MAY_DIFFER:
             raise LogError(
-                f"{place}: the line {cells[0][:30]!r} of the metadata has {len(cells)} fields, `Name` has {width}."
+                f"{location}: the line {cells[0][:30]!r} of the metadata has {len(cells)} fields, "
+                f"`Name` has {width}."
             )
     if "Data-Type" not in meta:
         raise LogError(
-            f"{place}: the metadata have no line `Data-Type` with a field for each column of `Name`."
+            f"{location}: the metadata have no line `Data-Type` with a field for each column of "
+            "`Name`."
         )
     starts = [i for i, cell in enumerate(meta["Data-Type"]) if cell == "Data-Type"]
     for key, cells in meta.items():
-        here = [i for i, cell in enumerate(cells) if cell == key]
-        if not set(starts) <= set(here) or (here != starts and key not in _FREE_TEXT):
+        keys = [i for i, cell in enumerate(cells) if cell == key]
+        if not set(starts) <= set(keys) or (keys != starts and key not in _FREE_TEXT):
             raise LogError(
-                f"{place}: the lines `Data-Type` and {key!r} do not agree on which columns are times. The file is damaged."
+                f"{location}: the lines `Data-Type` and {key!r} do not agree on which columns are "
+                "times. The file is damaged."
             )
     groups = [Group(start, stop) for start, stop in zip(starts, [*starts[1:], width], strict=True)]
     if any(group.stop - group.start < 2 for group in groups):
-        raise LogError(f"{place}: a time column without a channel.")
+        raise LogError(f"{location}: a time column without a channel.")
     return meta, groups
 
 
@@ -165,7 +180,8 @@ def _rows(
 ) -> tuple[list[list[str]], NDArray[np.int64]]:
     if "EOF" in lines[:-1]:
         raise LogError(
-            f"{file}:{number[lines.index('EOF')]}: `EOF` stands here, and lines follow. Two exports in one file? Split it."
+            f"{file}:{number[lines.index('EOF')]}: `EOF` stands here, and lines follow. Two "
+            "exports in one file? Split it."
         )
     rows = [line.split(separator) for line in lines if line != "EOF"]
     if not rows:
@@ -174,7 +190,7 @@ def _rows(
 
 
 def _decimal(rows: list[list[str]], number: NDArray[np.int64], file: str) -> str:
-    """`comma` or `point`, the same in all data.
+    """`comma` or `point`, the same in all data; number (N,) is the line of each row.
 
     Raises LogError if both stand there.
     """
@@ -184,6 +200,7 @@ def _decimal(rows: list[list[str]], number: NDArray[np.int64], file: str) -> str
     )
     if commas is not None and points is not None:
         raise LogError(
-            f"{file}:{number[max(commas, points)]}: decimal commas and decimal points in one file. Export it again."
+            f"{file}:{number[max(commas, points)]}: decimal commas and decimal points in one file. "
+            "Export it again."
         )
     return "comma" if commas is not None else "point"

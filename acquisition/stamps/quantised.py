@@ -1,45 +1,48 @@
-"""Stamps in steps as long as a few rows, or nearly, of rows that were taken evenly: the times between the steps.
+"""Times of evenly taken rows between the steps of a coarse clock.
 
-A stamp of a clock that steps by Q says that the row was taken within one Q. Evenly taken rows lie on a line of time over row number,
-and the line must pass within Q/2 of the middle of every step: after some hundred rows few lines do. The one in the middle of the
-narrowest band around all stamps is taken. Where rows are missing or late, or the clock was set, no line fits any more and the next
-one begins.
+The stamps step by as much as a few rows take, or nearly. A stamp of a clock that steps by Q says
+that the row was taken within one Q. Evenly taken rows lie on a line of time over row number, and
+the line must pass within Q/2 of the middle of every step: after some hundred rows few lines do. The
+one in the middle of the narrowest band around all stamps is taken. Where rows are missing or late,
+or the clock was set, no line fits any more and the next one begins.
 
-How well that does: to microseconds where the period of the rows and Q have no common divisor worth mentioning (4.032 ms and 16 ms), to
-half of that divisor where they have (2 ms for 4 ms and 16 ms), and a few rows beside missing ones to a period.
+Accuracy: microseconds where the period of the rows and Q have no common divisor worth mentioning
+(4.032 ms and 16 ms), half of that divisor where they have (2 ms for 4 ms and 16 ms), and a period
+for a few rows beside missing ones.
 
-That the rows were taken evenly is declared in recording.yaml (`quantised: true`): a logger whose rows come late now and then
-shows the same stamps. A shift common to all rows remains (a clock may show the beginning, the middle or the end of its step); it is
-part of the clock offset.
+That the rows were taken evenly is declared in recording.yaml (`quantised: true`): a logger whose
+rows come late now and then shows the same stamps. A shift common to all rows remains (a clock may
+show the beginning, the middle or the end of its step); it is part of the clock offset.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from acquisition.report import Finding, finding
 from acquisition.stamps.order import STAMP, amount
 from acquisition.table.table import Table
+from cell.arrays import Array
 from cell.errors import LogError
 
-Array = NDArray[np.float64]
-
 ROOM = 1.1  # steps: what a line may leave, a tenth for the jitter of the rows themselves
-SHORTEST = 50  # rows between two places at which rows are missing, on average; with fewer they were not taken evenly
+# Rows between two gaps, on average; with fewer the rows were not taken evenly.
+SHORTEST = 50
 _FLAT = 1e-9  # steps
 
 
-def spread(table: Table, findings: list[Finding]) -> Table:
-    """The rows of one file at the times at which they were taken, as far as their stamps tell; reported in `findings`.
+def spread(table: Table) -> Table:
+    """The rows of one file at the times at which they were taken, as far as their stamps show.
 
-    Rows of the logger's next start, and those behind a stamp that goes back, have a line of their own.
+    Rows of the logger's next start, and those behind a stamp that goes back, have a line of their
+    own.
     Raises LogError if the rows were not taken evenly, or all stamps are the same.
     """
     stamps = table.columns[STAMP]
     step = _step(table)
-    # Seen from the first row, a float64 of steps is exact to a nanosecond.
+    # Counted from the first row, a float64 of steps is exact to a nanosecond.
     shown = (stamps - stamps[0]) / step
     cuts = np.flatnonzero((np.diff(stamps) < 0) | table.begins[1:]) + 1
     lines = [
@@ -49,30 +52,25 @@ def spread(table: Table, findings: list[Finding]) -> Table:
     ]
     if len(lines) > max(2 + cuts.size, stamps.size / SHORTEST):
         raise LogError(
-            f"{table.place(lines[1][0])}: declared as quantised, but the rows do not come evenly: within {stamps.size} rows they are late "
-            f"or missing at {len(lines) - 1 - cuts.size} places. Only evenly taken rows have a place between two stamps; log a finer time."
+            f"{table.location(lines[1][0])}: declared as quantised, but the rows do not come "
+            f"evenly: within {stamps.size} rows they are late or missing at "
+            f"{len(lines) - 1 - cuts.size} places. Only evenly taken rows have a place between two "
+            "stamps; log a finer time."
         )
-    period = _fitted(shown[slice(*max(lines, key=lambda line: line[1] - line[0]))])[1]
+    longest = max(lines, key=lambda line: line[1] - line[0])
+    period = _fitted(shown[slice(*longest)])[1]
     times = np.concatenate([_times(shown[first:stop], period) for first, stop in lines])
     for first, stop in lines[1:]:
         if first not in cuts:  # a row written twice takes no time
             times[first:stop] = np.maximum(times[first:stop], times[first - 1])
     moved = np.rint(times * step).astype(np.int64) + stamps[0]
     sentence = (
-        f"stamps in steps of {amount(step * 1e-9)}, rows put evenly between them, {amount(period * step * 1e-9)} apart, "
-        f"anew at {len(lines) - 1} places; the furthest is moved by {amount(float(np.abs(moved - stamps).max()) * 1e-9)}."
+        f"stamps in steps of {amount(step * 1e-9)}, rows put evenly between them, "
+        f"{amount(period * step * 1e-9)} apart, anew at {len(lines) - 1} places; the furthest is "
+        f"moved by {amount(float(np.abs(moved - stamps).max()) * 1e-9)}."
     )
-    findings.append(
-        finding("quantised stamps", "repaired", table.files[0], sentence, count=stamps.size)
-    )
-    return Table(
-        {**table.columns, STAMP: moved},
-        table.files,
-        table.file,
-        table.line,
-        table.flags,
-        table.begins,
-    )
+    table = table.remarked("quantised stamps", "repaired", sentence, count=stamps.size)
+    return replace(table, columns={**table.columns, STAMP: moved})
 
 
 def _step(table: Table) -> int:
@@ -80,15 +78,17 @@ def _step(table: Table) -> int:
     steps = np.diff(table.columns[STAMP])
     forward = steps[steps > 0]
     if not forward.size:
-        raise LogError(f"{table.place(0)}: all rows have the same stamp.")
-    coarse = (
-        int(np.median(forward)) if (steps == 0).any() else 0
-    )  # rows share stamps: the clock shows each of its steps
+        raise LogError(
+            f"{table.location(0)}: all rows have the same stamp. Log the time at which they were "
+            "taken."
+        )
+    # Where rows share stamps, the clock shows each of its steps.
+    coarse = int(np.median(forward)) if (steps == 0).any() else 0
     return max(coarse, int(np.gcd.reduce(forward)))
 
 
 def _lines(shown: Array, first: int, stop: int) -> list[tuple[int, int]]:
-    """First row of each line, and the row behind its last."""
+    """First row of each line, and the row behind its last; shown (N,) [steps]."""
     out = []
     while first < stop:
         behind = _furthest(shown, first, stop)
@@ -98,7 +98,7 @@ def _lines(shown: Array, first: int, stop: int) -> list[tuple[int, int]]:
 
 
 def _furthest(shown: Array, first: int, stop: int) -> int:
-    """The row up to which one line passes through all steps."""
+    """The row up to which one line passes through all steps; shown (N,) [steps]."""
     good, tried = first + 1, min(first + 64, stop)
     while _fitted(shown[first:tried])[2] <= ROOM:
         good = tried
@@ -115,7 +115,10 @@ def _furthest(shown: Array, first: int, stop: int) -> int:
 
 
 def _times(shown: Array, period: float) -> Array:
-    """(N,) times of the rows of one line, in steps: with the period of the log if that fits, else with their own."""
+    """(N,) [steps] times of the rows of one line, whose stamps are shown (N,) [steps].
+
+    They have the period [steps] of the log if that fits, else their own.
+    """
     rows = np.arange(shown.size)
     left = shown - period * rows
     if np.ptp(left) <= ROOM:
@@ -125,9 +128,10 @@ def _times(shown: Array, period: float) -> Array:
 
 
 def _fitted(shown: Array) -> tuple[float, float, float]:
-    """The narrowest band around stamps (N,) over row number: where its middle starts, its slope, its height.
+    """Start, slope and height [steps] of the narrowest band over row number around shown (N,).
 
-    One side of the narrowest band is an edge of the convex hull of the points, the other touches a corner.
+    Its start is that of its middle. One side of the band is an edge of the convex hull of the
+    points, the other touches a corner.
     """
     rows = np.arange(shown.size, dtype=np.float64)
     slope = float(shown[-1] - shown[0]) / max(shown.size - 1, 1)

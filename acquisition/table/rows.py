@@ -1,12 +1,13 @@
-"""Rows of a device table as plain lines: as many fields as the header, no quotes, decimal points; lost rows are counted.
+"""Rows of a device table as plain lines: as many fields as the header, no quotes, decimal points.
 
-A line torn by a failing recorder has too few fields, or too many where two ran together. Rows that all have another number
-of fields are no torn lines: the worst case is decimal commas with comma separators, which naive readers load with no error.
+A line torn by a failing recorder has too few fields, or too many where two ran together. Rows that
+all have another number of fields are no torn lines: the worst case is decimal commas with comma
+separators, which naive readers load with no error.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import repeat
 from operator import contains
 from typing import NoReturn
@@ -14,12 +15,14 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.report import Finding, finding
-from acquisition.table.header import SEPARATORS, Header, Layout, split_fields
+from acquisition.report import Finding, Severity, finding
+from acquisition.table.fields import SEPARATORS, split_fields
+from acquisition.table.header import Header, Layout
 from acquisition.table.text import LogText
 from cell.errors import LogError
 
-TORN_LIMIT = 0.01  # a recorder that loses more than one line in a hundred is not torn, it writes something else
+# Share of the lines: a recorder that loses more is not torn, it writes something else.
+TORN_LIMIT = 0.01
 _END = "EOF"  # last line of TwinCAT exports
 
 
@@ -33,122 +36,131 @@ class PlainRows:
     separator: str  # of the plain lines
     number: NDArray[np.int64]  # (N,) line number, counted from 1
     begins: NDArray[np.bool_]  # (N,) whether the header stands again before the row
-    repaired: NDArray[np.bool_]  # (N,) whether something in this very line was mended
+    repaired: NDArray[np.bool_]  # (N,) whether something in this very line was repaired
     decimal: str
+    findings: tuple[Finding, ...] = ()
 
 
-def plain_rows(text: LogText, header: Header, layout: Layout, findings: list[Finding]) -> PlainRows:
-    """The complete rows of a text below its header; repairs are appended to `findings`.
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """The lines below the header, on their way to plain rows."""
 
-    Raises LogError if there are none, if more than TORN_LIMIT are torn, or if commas and points are mixed.
+    file: str
+    lines: list[str]
+    number: NDArray[np.int64]  # (N,)
+    begins: NDArray[np.bool_]  # (N,)
+    separator: str
+    width: int  # fields of the header
+    quoted: bool
+    findings: tuple[Finding, ...] = ()
+
+    def take(self, rows: NDArray[np.intp]) -> _Lines:
+        """Those of the lines; a row behind one that is left out begins what that one began."""
+        begins = np.diff(np.cumsum(self.begins)[rows], prepend=0) > 0
+        lines = [self.lines[i] for i in rows]
+        return replace(self, lines=lines, number=self.number[rows], begins=begins)
+
+    def remarked(
+        self,
+        kind: str,
+        severity: Severity,
+        sentence: str,
+        *,
+        lines: NDArray[np.int64] | tuple[int, ...] = (),
+        count: int | None = None,
+    ) -> _Lines:
+        """The same lines with one finding more."""
+        entry = finding(kind, severity, self.file, sentence, lines=lines, count=count)
+        return replace(self, findings=(*self.findings, entry))
+
+
+def plain_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
+    """The complete rows of a text below its header; the findings say what was repaired.
+
+    Raises LogError if there are none, if more than TORN_LIMIT are torn, or if commas and points are
+    mixed.
     """
+    rows = _without_headers(_below_header(text, header), header.line)
+    if not rows.lines:
+        raise LogError(f"{text.file}: a header but no complete row below it. Is the file cut off?")
+    if rows.separator == " ":
+        tabbed = ["\t".join(line.split()) for line in rows.lines]
+        rows = replace(rows, lines=tabbed, separator="\t")
+    rows = _full_rows(_without_end(rows), header)
+    rows, commas = _with_decimal_commas(rows, header, layout)
+    repaired = np.zeros(len(rows.lines), dtype=bool)
+    repaired[0] = bool(header.glued)
+    return PlainRows(
+        file=text.file,
+        lines=rows.lines,
+        plain=_plain_lines(rows, commas=commas),
+        separator=rows.separator,
+        number=rows.number,
+        begins=rows.begins,
+        repaired=repaired,
+        decimal="comma" if commas else "point",
+        findings=rows.findings,
+    )
+
+
+def _below_header(text: LogText, header: Header) -> _Lines:
     lines, number = text.lines[header.row :], text.number[header.row :]
     if header.glued:
-        lines, number = (
-            [header.glued, *lines],
-            np.concatenate(([text.number[header.row - 1]], number)),
-        )
+        lines = [header.glued, *lines]
+        number = np.concatenate(([text.number[header.row - 1]], number))
     if lines and lines[-1].strip() == _END:
         lines, number = lines[:-1], number[:-1]
     begins = np.zeros(len(lines), dtype=bool)
-    if header.line and header.line in lines:
-        lines, number, begins = _without_headers(lines, number, header.line, text.file, findings)
-    if not lines:
-        raise LogError(f"{text.file}: a header but no complete row below it.")
-    separator = header.separator
-    if separator == " ":
-        lines, separator = ["\t".join(line.split()) for line in lines], "\t"
-    lines = _without_end(lines, separator, len(header.names), text.file, findings)
-    full = _full_rows(lines, number, header, separator, text, findings)
-    if not full.size:
-        raise LogError(f"{text.file}: the only row below the header is torn.")
-    if full.size < len(lines):
-        begins = _carried(begins, full)
-        lines, number = [lines[i] for i in full], number[full]
-    commas = _decimal_commas(lines, header, separator, layout, text.file, findings)
-    plain = _plain_lines(lines, separator, quoted=text.quoted, commas=bool(commas))
-    repaired = np.zeros(len(lines), dtype=bool)
-    repaired[0] = bool(header.glued)
-    return PlainRows(
-        text.file, lines, plain, separator, number, begins, repaired, "comma" if commas else "point"
-    )
+    width = len(header.names)
+    return _Lines(text.file, lines, number, begins, header.separator, width, text.quoted)
 
 
-def _without_headers(
-    lines: list[str], number: NDArray[np.int64], header: str, file: str, findings: list[Finding]
-) -> tuple[list[str], NDArray[np.int64], NDArray[np.bool_]]:
-    again = np.array([line == header for line in lines], dtype=bool)
+def _without_headers(rows: _Lines, header: str) -> _Lines:
+    """The lines without headers that stand there again; a new stretch begins behind each."""
+    if not header or header not in rows.lines:
+        return rows
+    again = np.array([line == header for line in rows.lines], dtype=bool)
     sentence = "the header stands here again: the logger was restarted; a new segment."
-    findings.append(finding("header again", "repaired", file, sentence, lines=number[again]))
-    rows = np.flatnonzero(~again)
-    return (
-        [lines[i] for i in rows],
-        number[rows],
-        _carried(np.concatenate(([False], again[:-1])) & ~again, rows, again),
-    )
+    number = rows.number[again]
+    rows = replace(rows, begins=again).take(np.flatnonzero(~again))
+    return rows.remarked("header again", "repaired", sentence, lines=number)
 
 
-def _carried(
-    begins: NDArray[np.bool_], kept: NDArray[np.intp], also: NDArray[np.bool_] | None = None
-) -> NDArray[np.bool_]:
-    """(K,) for each kept row whether it, or a row left out before it, begins something."""
-    total = np.cumsum(begins if also is None else also)
-    return np.diff(total[kept], prepend=0) > 0
-
-
-def _without_end(
-    lines: list[str], separator: str, width: int, file: str, findings: list[Finding]
-) -> list[str]:
+def _without_end(rows: _Lines) -> _Lines:
     """The lines without a separator at their end, if they have one."""
-    closed = [
-        line.endswith(separator) and _width(line, separator) == width + 1 for line in lines[:20]
-    ]
-    if not all(closed):
-        return lines
-    findings.append(
-        finding("separator at the line end", "repaired", file, "left out.", count=len(lines))
-    )
-    return [
-        line[:-1] if line.endswith(separator) and _width(line, separator) == width + 1 else line
-        for line in lines
-    ]
+
+    def closed(line: str) -> bool:
+        return line.endswith(rows.separator) and _width(line, rows.separator) == rows.width + 1
+
+    if not all(map(closed, rows.lines[:20])):
+        return rows
+    lines = [line[:-1] if closed(line) else line for line in rows.lines]
+    rows = replace(rows, lines=lines)
+    return rows.remarked("separator at the line end", "repaired", "left out.", count=len(lines))
 
 
-def _full_rows(
-    lines: list[str],
-    number: NDArray[np.int64],
-    header: Header,
-    separator: str,
-    text: LogText,
-    findings: list[Finding],
-) -> NDArray[np.int64]:
-    """Indices of the rows that have as many fields as the header; the torn ones are reported."""
-    expected = len(header.names)
-    width, file = _widths(lines, separator, quoted=text.quoted), text.file
-    torn = np.flatnonzero(width != expected)
+def _full_rows(rows: _Lines, header: Header) -> _Lines:
+    """The rows that have as many fields as the header."""
+    width = _widths(rows)
+    torn = np.flatnonzero(width != rows.width)
     if torn.size > max(1.0, TORN_LIMIT * width.size):
-        _refuse_widths(
-            [lines[i] for i in torn],
-            width[torn],
-            number[torn],
-            header,
-            f"{file}:{number[torn[0]]}",
-            total=width.size,
-        )
-    if torn.size:
-        sentence = (
-            f"expected {expected} fields, got {width[torn[0]]}; treated as torn line and dropped."
-        )
-        findings.append(finding("torn line", "repaired", file, sentence, lines=number[torn]))
-    return np.flatnonzero(width == expected)
+        _refuse_widths(rows.take(torn), width[torn], header, total=width.size)
+    if torn.size == width.size:
+        raise LogError(f"{rows.file}: the only row below the header is torn. Is the file cut off?")
+    if not torn.size:
+        return rows
+    got = f"expected {rows.width} fields, got {width[torn[0]]}"
+    full = rows.take(np.flatnonzero(width == rows.width))
+    sentence = f"{got}; treated as torn line and dropped."
+    return full.remarked("torn line", "repaired", sentence, lines=rows.number[torn])
 
 
-def _widths(lines: list[str], separator: str, *, quoted: bool) -> NDArray[np.int64]:
-    if quoted:
-        return np.array([_width(line, separator) for line in lines], dtype=np.int64)
-    return (
-        np.fromiter(map(str.count, lines, repeat(separator)), dtype=np.int64, count=len(lines)) + 1
-    )
+def _widths(rows: _Lines) -> NDArray[np.int64]:
+    """(N,) number of fields of each line."""
+    if rows.quoted:
+        return np.array([_width(line, rows.separator) for line in rows.lines], dtype=np.int64)
+    counts = map(str.count, rows.lines, repeat(rows.separator))
+    return np.fromiter(counts, dtype=np.int64, count=len(rows.lines)) + 1
 
 
 def _width(line: str, separator: str) -> int:
@@ -156,81 +168,73 @@ def _width(line: str, separator: str) -> int:
 
 
 def _refuse_widths(
-    lines: list[str],
-    width: NDArray[np.int64],
-    number: NDArray[np.int64],
-    header: Header,
-    place: str,
-    *,
-    total: int,
+    torn: _Lines, width: NDArray[np.int64], header: Header, *, total: int
 ) -> NoReturn:
-    expected, usual = len(header.names), int(np.median(width))
+    """Raises LogError for rows with another number of fields (K,) than the header."""
+    location = f"{torn.file}:{torn.number[0]}"
+    expected, usual = torn.width, int(np.median(width))
     if header.separator == "," and 1.5 * expected <= usual <= 2 * expected:
         raise LogError(
-            f"{place}: rows have {usual} fields, the header {expected}: decimal comma with comma separator. "
-            "Export again with decimal points, or with semicolons between the fields."
+            f"{location}: rows have {usual} fields, the header {expected}: decimal comma with "
+            "comma separator. Export again with decimal points, or with semicolons between the "
+            "fields."
         )
     for other, name in SEPARATORS.items():
-        if other not in (header.separator, " ") and _width(lines[0], other) == expected:
+        if other not in (header.separator, " ") and _width(torn.lines[0], other) == expected:
             raise LogError(
-                f"{place}: the header is separated by {SEPARATORS[header.separator]}, the rows by {name}. Use one of them."
+                f"{location}: the header is separated by {SEPARATORS[header.separator]}, the rows "
+                f"by {name}. Use one of them."
             )
     raise LogError(
-        f"{place}: {number.size} of {total} rows do not have the header's number of fields: expected {expected} fields, "
-        f"got {width[0]}. More than {TORN_LIMIT:.0%} cannot be torn lines: is this the file that the dialect describes?"
+        f"{location}: {width.size} of {total} rows do not have the header's number of fields: "
+        f"expected {expected} fields, got {width[0]}. More than {TORN_LIMIT:.0%} cannot be torn "
+        "lines: is this the file that the dialect describes?"
     )
 
 
-def _decimal_commas(
-    lines: list[str],
-    header: Header,
-    separator: str,
-    layout: Layout,
-    file: str,
-    findings: list[Finding],
-) -> list[str]:
-    """The float columns written with decimal commas, which only another separator allows.
+def _with_decimal_commas(rows: _Lines, header: Header, layout: Layout) -> tuple[_Lines, bool]:
+    """The rows, and whether they have decimal commas, which only another separator allows.
 
     Raises LogError if one column has both commas and points.
     """
-    if separator == "," or layout.decimal == "point" or not any(map(contains, lines, repeat(","))):
-        return []
-    cells = [split_fields(line, separator) for line in lines]
-    found = []
+    plain = rows.separator == "," or layout.decimal == "point"
+    if plain or not any(map(contains, rows.lines, repeat(","))):
+        return rows, False
+    cells = [split_fields(line, rows.separator) for line in rows.lines]
+    commas = []
     for (name, kind), position in zip(header.columns.items(), header.positions, strict=True):
         comma = next((row[position] for row in cells if "," in row[position]), None)
         point = next((row[position] for row in cells if "." in row[position]), None)
         if comma and point:
             raise LogError(
-                f"{file}: column {name} has decimal commas and decimal points: {comma!r} and {point!r}. Export it again."
+                f"{rows.file}: column {name} has decimal commas and decimal points: {comma!r} and "
+                f"{point!r}. Export it again."
             )
         if comma and kind != "integer":
-            found.append(name)
+            commas.append(name)
         if point and kind != "integer" and layout.decimal == "comma":
             raise LogError(
-                f"{file}: column {name} has decimal points ({point!r}), the dialect declares decimal commas."
+                f"{rows.file}: column {name} has decimal points ({point!r}), the dialect declares "
+                "decimal commas. Name the dialect of this file."
             )
-    if found and layout.decimal == "either":
-        findings.append(
-            finding(
-                "decimal comma",
-                "repaired",
-                file,
-                f"read as decimal point in {', '.join(found)}.",
-                count=len(lines),
-            )
-        )
-    return found
+    if commas and layout.decimal == "either":
+        sentence = f"read as decimal point in {', '.join(commas)}."
+        rows = rows.remarked("decimal comma", "repaired", sentence, count=len(rows.lines))
+    return rows, bool(commas)
 
 
-def _plain_lines(lines: list[str], separator: str, *, quoted: bool, commas: bool) -> list[str]:
-    """Lines without quotes and decimal commas. A quoted separator becomes `?`, which no number contains."""
-    if not commas and not quoted:
-        return lines
-    plain = [
-        line
-        if '"' not in line
-        else separator.join(cell.replace(separator, "?") for cell in split_fields(line, separator))
-        for line in lines
-    ]
+def _plain_lines(rows: _Lines, *, commas: bool) -> list[str]:
+    """Lines without quotes and decimal commas.
+
+    A quoted separator becomes `?`, which no number contains.
+    """
+    plain = rows.lines
+    if rows.quoted:
+        plain = [_unquoted(line, rows.separator) for line in plain]
     return [line.replace(",", ".") for line in plain] if commas else plain
+
+
+def _unquoted(line: str, separator: str) -> str:
+    if '"' not in line:
+        return line
+    return separator.join(cell.replace(separator, "?") for cell in split_fields(line, separator))

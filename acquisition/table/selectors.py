@@ -1,11 +1,12 @@
-"""How a dialect finds a column in a header: by name, by regular expression (`re:robot_0.*posRawAbs`), by number (`#3`, from 1).
+"""How a dialect finds a column in a header: by name, by regular expression, or by number.
 
-One expression may stand for several columns, such as the six joints: their names are alike but for one number, which counts
-on from one to the next and gives the order (joint 2 before joint 10). Names that do not are refused: a damaged header would
-otherwise change the order unseen.
+`re:robot_0.*posRawAbs` is an expression, `#3` the third column. One expression may stand for
+several columns, such as the six joints: their names are alike but for one number that counts on
+from one to the next and gives the order (joint 2 before joint 10). Names that do not are refused: a
+damaged header would otherwise change the order unseen.
 
-Expressions come from files of users. An unlucky one can take forever (nested repetition), so repeated groups are refused
-and the rest is bounded.
+Expressions come from files of users. An unlucky one can take forever (nested repetition), so
+repeated groups are refused and the rest is bounded.
 """
 
 from __future__ import annotations
@@ -16,9 +17,8 @@ from collections.abc import Sequence
 from cell.errors import DescriptionError
 
 _REGEX, _NUMBER = "re:", re.compile(r"#([1-9][0-9]{0,3})")
-_PICK = re.compile(
-    r"(re:.*)\[(\d)/(\d)\]", re.DOTALL
-)  # k-th of n columns that one expression finds
+# The k-th of n columns that one expression finds.
+_PICK = re.compile(r"(re:.*)\[(\d)/(\d)\]", re.DOTALL)
 LONGEST_NAME = 300  # characters; the lines of a PLC have at most 255
 _MOST_REPEATS = 3  # unbounded ones in one expression
 
@@ -35,13 +35,12 @@ def checked(selector: str) -> str:
     if selector.startswith(_REGEX):
         pattern = selector[len(_REGEX) :]
         bare = re.sub(r"\\.|\[\^?\]?[^\]]*\]", "c", pattern)
-        if (
-            re.search(r"\)[*+?{]", bare)
-            or len(re.findall(r"[*+]|\{\d+,\}", bare)) > _MOST_REPEATS
-            or len(pattern) > LONGEST_NAME
-        ):
+        repeats = len(re.findall(r"[*+]|\{\d+,\}", bare))
+        nested = re.search(r"\)[*+?{]", bare)
+        if nested or repeats > _MOST_REPEATS or len(pattern) > LONGEST_NAME:
             raise ValueError(
-                f"{selector!r}: repeated groups and more than {_MOST_REPEATS} of `*` and `+` are refused: they can take forever"
+                f"{selector!r}: repeated groups and more than {_MOST_REPEATS} of `*` and `+` are "
+                "refused: they can take forever"
             )
         try:
             re.compile(pattern)
@@ -51,30 +50,24 @@ def checked(selector: str) -> str:
 
 
 def spread(selectors: Sequence[str], count: int) -> tuple[str, ...]:
-    """`count` selectors: those given, or the columns that one expression finds."""
+    """`count` selectors: those given, or one for each column that a single expression finds."""
     if len(selectors) == 1 and selectors[0].startswith(_REGEX):
         return tuple(f"{selectors[0]}[{k}/{count}]" for k in range(count))
     return tuple(selectors)
 
 
 def find(selector: str, names: Sequence[str]) -> list[int]:
-    """Positions in the header that a selector means: none, one, or the several among which it cannot choose."""
+    """Positions in the header that a selector means: none, one, or all that it finds."""
     if number := _NUMBER.fullmatch(selector):
         return [int(number[1]) - 1] if int(number[1]) <= len(names) else []
     if not selector.startswith(_REGEX):
         return [i for i, name in enumerate(names) if name == selector]
     pick = _PICK.fullmatch(selector)
-    pattern = re.compile((pick[1] if pick else selector)[len(_REGEX) :])
-    found = [
-        i for i, name in enumerate(names) if len(name) <= LONGEST_NAME and pattern.search(name)
-    ]
+    positions = _matching(pick[1] if pick else selector, names)
     if pick is None:
-        return found
-    return (
-        [_counted(found, names)[int(pick[2])]]
-        if len(found) == int(pick[3]) and _counted(found, names)
-        else []
-    )
+        return positions
+    counted = _counted(positions, names) if len(positions) == int(pick[3]) else []
+    return [counted[int(pick[2])]] if counted else []
 
 
 def why_not(selector: str, names: Sequence[str]) -> str:
@@ -82,39 +75,42 @@ def why_not(selector: str, names: Sequence[str]) -> str:
     pick = _PICK.fullmatch(selector)
     if pick is None:
         return ""
-    found = [
-        name
-        for name in names
-        if len(name) <= LONGEST_NAME and re.search(pick[1][len(_REGEX) :], name)
-    ]
-    if len(found) != int(pick[3]):
-        return f" {pick[1]} finds {len(found)} columns, not {pick[3]}."
-    return f" {pick[1]} finds columns that are not alike but for one number that counts on: {', '.join(found)}."
+    matching = [names[i] for i in _matching(pick[1], names)]
+    if len(matching) != int(pick[3]):
+        return f" {pick[1]} finds {len(matching)} columns, not {pick[3]}."
+    unlike = "columns that are not alike but for one number that counts on"
+    return f" {pick[1]} finds {unlike}: {', '.join(matching)}."
 
 
-def _counted(found: Sequence[int], names: Sequence[str]) -> list[int]:
-    """Positions in the order of the one number by which their names differ; empty if they differ otherwise."""
-    parts = [re.split(r"([0-9]+)", names[i]) for i in found]
-    if len({len(one) for one in parts}) != 1:
+def _matching(selector: str, names: Sequence[str]) -> list[int]:
+    """Positions of the names that an expression matches."""
+    pattern = re.compile(selector[len(_REGEX) :])
+    return [i for i, n in enumerate(names) if len(n) <= LONGEST_NAME and pattern.search(n)]
+
+
+def _counted(positions: Sequence[int], names: Sequence[str]) -> list[int]:
+    """Positions in the order of the one number by which their names differ, if they do so."""
+    parts = [re.split(r"([0-9]+)", names[i]) for i in positions]
+    if len({len(part) for part in parts}) != 1:
         return []
-    differing = [k for k in range(len(parts[0])) if len({one[k] for one in parts}) > 1]
+    differing = [k for k in range(len(parts[0])) if len({part[k] for part in parts}) > 1]
     if len(differing) != 1 or differing[0] % 2 == 0:
         return []
-    numbers = [int(one[differing[0]]) for one in parts]
-    order = sorted(range(len(found)), key=lambda k: numbers[k])
-    counts_on = sorted(numbers) == list(range(min(numbers), min(numbers) + len(numbers)))
-    return [found[k] for k in order] if counts_on else []
+    numbers = [int(part[differing[0]]) for part in parts]
+    if sorted(numbers) != list(range(min(numbers), min(numbers) + len(numbers))):
+        return []
+    return [positions[k] for k in sorted(range(len(numbers)), key=numbers.__getitem__)]
 
 
 def by_position(selectors: Sequence[str]) -> bool:
     """Whether all selectors are numbers, so that no header is needed."""
-    return all(_NUMBER.fullmatch(one) for one in selectors)
+    return all(_NUMBER.fullmatch(selector) for selector in selectors)
 
 
-def require(selectors: Sequence[str], place: str) -> None:
-    """Raises DescriptionError naming `place` for a selector that cannot be used."""
-    for one in selectors:
+def require(selectors: Sequence[str], location: str) -> None:
+    """Raises DescriptionError naming `location` for a selector that cannot be used."""
+    for selector in selectors:
         try:
-            checked(one)
+            checked(selector)
         except ValueError as error:
-            raise DescriptionError(f"{place}: {error}") from None
+            raise DescriptionError(f"{location}: {error}") from None

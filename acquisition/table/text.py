@@ -1,8 +1,9 @@
 """A device file as lines of text, however it was saved and wherever it was cut off.
 
-A log that stopped with the power ends in half a line or in a block of NUL bytes. A half line can look whole (`2000000049`
-cut to `200000` is a number too), so a last line without line end is never used. Encodings: byte order mark, else UTF-8,
-else Windows-1252, which is what European Windows writes.
+A log that stopped with the power ends in half a line or in a block of NUL bytes. A half line can
+look whole (`2000000049` cut to `200000` is a number too), so a last line without line end is never
+used. Encodings: byte order mark, else UTF-8, else Windows-1252, which is what European Windows
+writes.
 """
 
 from __future__ import annotations
@@ -22,13 +23,22 @@ from numpy.typing import NDArray
 from acquisition.report import Finding, finding
 from cell.errors import LogError
 
-MOST_BYTES = 2_000_000_000  # of one file, unpacked: fifty hours of a robot's log; a packed file may claim anything
+# Bytes of one file, unpacked: fifty hours of a robot's log; a packed file may claim anything.
+MOST_BYTES = 2_000_000_000
 _PACKED: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
-_MARKS = (
+_MARKS = (  # byte order mark, codec, bytes of an ASCII character
     (b"\xef\xbb\xbf", "utf-8", 1),
     (b"\xff\xfe", "utf-16-le", 2),
     (b"\xfe\xff", "utf-16-be", 2),
-)  # mark, codec, bytes per ASCII
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """The bytes of one device file, unpacked."""
+
+    raw: bytes
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +50,7 @@ class LogText:
     lines: list[str]
     number: NDArray[np.int64]  # line number of each, counted from 1
     quoted: bool  # whether there are quotes in it
+    findings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -51,143 +62,48 @@ class _Decoded:
     size: int  # bytes of the file
 
 
-def read_text(path: Path, file: str, findings: list[Finding]) -> LogText:
-    """Complete lines of a device file; what was left out or converted is appended to `findings`.
+def read_text(path: Path, file: str) -> LogText:
+    """Complete lines of a device file; its findings say what was left out or converted.
 
     file : the name that errors and findings give it.
     Raises LogError if the file is missing, unreadable or empty, or has NUL bytes inside a row.
     """
-    return text_of(read_filled(path, file, findings), file, findings)
+    return text_of(read_filled(path, file), file)
 
 
-def read_filled(path: Path, file: str, findings: list[Finding]) -> bytes:
-    """The content of a device file, unpacked, as `read_bytes` gives it; at least one byte.
+def read_filled(path: Path, file: str) -> Content:
+    """The content of a device file as `read_bytes` gives it, at least one byte.
 
     Raises LogError if the file is missing, unreadable or empty.
     """
     if not path.is_file():
         raise LogError(f"{file}: no such file (looked for {path}).")
-    raw = read_bytes(path, file, findings)
-    if not raw:
+    content = read_bytes(path, file)
+    if not content.raw:
         raise LogError(f"{file}: the file is empty.")
-    return raw
+    return content
 
 
-def text_of(raw: bytes, file: str, findings: list[Finding]) -> LogText:
+def text_of(content: Content, file: str) -> LogText:
     """Complete lines of the content of a device file, as `read_text` gives them."""
-    decoded = _decode(raw)
+    decoded, findings = _decode(content.raw), list(content.findings)
     if decoded.encoding != "utf-8":
-        findings.append(
-            finding("encoding", "repaired", file, f"read as {decoded.encoding}.", count=1)
-        )
-    text = _without_nul(decoded, file, findings)
-    return _complete_lines(text, file, decoded.encoding, findings)
-
-
-def read_bytes(path: Path, file: str, findings: list[Finding]) -> bytes:
-    """The content of a device file, unpacked; a packed file that was cut off gives what it holds, and `findings` says so.
-
-    Raises LogError if it cannot be read or unpacked.
-    """
-    if path.suffix.lower() in (".zst", ".zip", ".7z", ".rar"):
-        raise LogError(
-            f"{file}: packed in a way that is not read here. Unpack it first, or use .gz, .bz2 or .xz."
-        )
-    unpack = _PACKED.get(path.suffix.lower())
-    try:
-        if path.stat().st_size > MOST_BYTES:
-            raise LogError(f"{file}: more than {MOST_BYTES:_} bytes. Is it a log?")
-        return path.read_bytes() if unpack is None else _unpacked(unpack(path), file, findings)
-    except (gzip.BadGzipFile, lzma.LZMAError, zlib.error) as error:
-        raise LogError(f"{file}: is no {path.suffix} file, or damaged: {error}.") from None
-    except OSError as error:
-        raise LogError(f"{file}: cannot be read: {error.strerror or error}.") from None
-
-
-def _unpacked(packed: Any, file: str, findings: list[Finding]) -> bytes:
-    parts, size = [], 0
-    with packed:
-        while True:
-            try:
-                part = packed.read1(1 << 20)  # what there is, so that a cut file gives all it holds
-            except EOFError:
-                findings.append(
-                    finding(
-                        "packed file cut off",
-                        "repaired",
-                        file,
-                        "what it holds up to there is read.",
-                        count=1,
-                    )
-                )
-                break
-            if not part:
-                break
-            size += len(part)
-            if size > MOST_BYTES:
-                raise LogError(f"{file}: unpacks to more than {MOST_BYTES:_} bytes. Is it a log?")
-            parts.append(part)
-    return b"".join(parts)
-
-
-def _decode(raw: bytes) -> _Decoded:
-    for mark, codec, width in _MARKS:
-        if raw.startswith(mark):
-            # "replace": an odd byte at a torn end becomes U+FFFD, which no number contains.
-            return _Decoded(
-                raw[len(mark) :].decode(codec, "replace"),
-                f"{codec} with byte order mark",
-                width,
-                len(mark),
-                len(raw),
-            )
-    try:
-        return _Decoded(raw.decode("utf-8"), "utf-8", 1, 0, len(raw))
-    except UnicodeDecodeError:
-        return _Decoded(raw.decode("cp1252", "replace"), "cp1252", 1, 0, len(raw))
-
-
-def _without_nul(decoded: _Decoded, file: str, findings: list[Finding]) -> str:
+        sentence = f"read as {decoded.encoding}."
+        findings.append(finding("encoding", "repaired", file, sentence, count=1))
     text = decoded.text.rstrip("\0")
-    stripped = (len(decoded.text) - len(text)) * decoded.width
-    if stripped:
-        first = decoded.size - stripped
-        findings.append(
-            finding(
-                "NUL block at the end",
-                "repaired",
-                file,
-                f"bytes {first} to {decoded.size - 1} are NUL (power loss); left out.",
-                count=1,
-            )
-        )
+    if stripped := (len(decoded.text) - len(text)) * decoded.width:
+        first, last = decoded.size - stripped, decoded.size - 1
+        sentence = f"bytes {first} to {last} are NUL (power loss); left out."
+        findings.append(finding("NUL block at the end", "repaired", file, sentence, count=1))
     if "\0" in text:
         raise LogError(_nul_inside(text, decoded, file))
     if not text:
-        raise LogError(f"{file}: the file holds nothing but NUL bytes.")
-    return text
-
-
-def _nul_inside(text: str, decoded: _Decoded, file: str) -> str:
-    before = text[: text.index("\0")]
-    line = _universal_newlines(before).count("\n") + 1
-    if "\0" * 100 in (text[0:200:2], text[1:201:2]):
-        return f"{file}:{line}: every other byte is NUL: UTF-16 without byte order mark. Save the file as UTF-8."
-    length = len(text) - len(before) - len(text[len(before) :].lstrip("\0"))
-    # One byte a character is exact up to the first non-ASCII character, which a log has at most in its header.
-    first = decoded.mark + decoded.width * len(before)
-    last = first + decoded.width * length - 1
-    return f"{file}:{line}: NUL bytes inside the row (bytes {first} to {last}). The file is damaged here: split it around this line."
-
-
-def _complete_lines(text: str, file: str, encoding: str, findings: list[Finding]) -> LogText:
+        raise LogError(f"{file}: the file holds nothing but NUL bytes. Copy it again.")
     lines = _split_lines(text)
-    torn = lines.pop()
-    if torn:
+    if lines.pop():
         sentence = "the last line has no line end, so it may be cut inside a number; dropped."
-        findings.append(
-            finding("unterminated last line", "repaired", file, sentence, lines=[len(lines) + 1])
-        )
+        line = [len(lines) + 1]
+        findings.append(finding("unterminated last line", "repaired", file, sentence, lines=line))
     number = np.arange(1, len(lines) + 1, dtype=np.int64)
     if not all(lines) or any(map(str.isspace, lines)):
         filled = np.array([bool(line.strip()) for line in lines], dtype=bool)
@@ -195,8 +111,76 @@ def _complete_lines(text: str, file: str, encoding: str, findings: list[Finding]
         findings.append(finding("blank line", "repaired", file, "skipped.", lines=blank))
         lines, number = [line for line in lines if line.strip()], number[filled]
     if not lines:
-        raise LogError(f"{file}: the file holds no complete line.")
-    return LogText(file, encoding, lines, number, '"' in text)
+        raise LogError(f"{file}: the file holds no complete line. Copy it again.")
+    return LogText(file, decoded.encoding, lines, number, '"' in text, tuple(findings))
+
+
+def read_bytes(path: Path, file: str) -> Content:
+    """The content of a device file, unpacked; of a packed file that was cut off, what it holds.
+
+    Raises LogError if it cannot be read or unpacked.
+    """
+    suffix = path.suffix.lower()
+    if suffix in (".zst", ".zip", ".7z", ".rar"):
+        remedy = "Unpack it first, or use .gz, .bz2 or .xz."
+        raise LogError(f"{file}: packed in a way that is not read here. {remedy}")
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise LogError(f"{file}: more than {MOST_BYTES:_} bytes. Is it a log?")
+        if suffix not in _PACKED:
+            return Content(path.read_bytes())
+        return _unpacked(_PACKED[suffix](path), file)
+    except (gzip.BadGzipFile, lzma.LZMAError, zlib.error) as error:
+        raise LogError(f"{file}: is no {path.suffix} file, or damaged: {error}.") from None
+    except OSError as error:
+        raise LogError(f"{file}: cannot be read: {error.strerror or error}.") from None
+
+
+def _unpacked(packed: Any, file: str) -> Content:
+    parts, size, findings = [], 0, list[Finding]()
+    with packed:
+        while True:
+            try:
+                part = packed.read1(1 << 20)  # what there is, so that a cut file gives all it holds
+            except EOFError:
+                sentence = "what it holds up to there is read."
+                findings.append(finding("packed file cut off", "repaired", file, sentence, count=1))
+                break
+            if not part:
+                break
+            size += len(part)
+            if size > MOST_BYTES:
+                raise LogError(f"{file}: unpacks to more than {MOST_BYTES:_} bytes. Is it a log?")
+            parts.append(part)
+    return Content(b"".join(parts), tuple(findings))
+
+
+def _decode(raw: bytes) -> _Decoded:
+    for mark, codec, width in _MARKS:
+        if raw.startswith(mark):
+            # "replace": an odd byte at a torn end becomes U+FFFD, which no number contains.
+            text = raw[len(mark) :].decode(codec, "replace")
+            return _Decoded(text, f"{codec} with byte order mark", width, len(mark), len(raw))
+    try:
+        return _Decoded(raw.decode("utf-8"), "utf-8", 1, 0, len(raw))
+    except UnicodeDecodeError:
+        return _Decoded(raw.decode("cp1252", "replace"), "cp1252", 1, 0, len(raw))
+
+
+def _nul_inside(text: str, decoded: _Decoded, file: str) -> str:
+    """The error message for NUL bytes that are not at the end."""
+    before = text[: text.index("\0")]
+    location = f"{file}:{_universal_newlines(before).count(chr(10)) + 1}"
+    if "\0" * 100 in (text[0:200:2], text[1:201:2]):
+        why = "every other byte is NUL: UTF-16 without byte order mark"
+        return f"{location}: {why}. Save the file as UTF-8."
+    length = len(text) - len(before) - len(text[len(before) :].lstrip("\0"))
+    # One byte a character is exact up to the first non-ASCII one, which a log has at most in its
+    # header.
+    first = decoded.mark + decoded.width * len(before)
+    last = first + decoded.width * length - 1
+    why = f"NUL bytes inside the row (bytes {first} to {last})"
+    return f"{location}: {why}. The file is damaged here: split it around this line."
 
 
 def _split_lines(text: str) -> list[str]:

@@ -82,7 +82,7 @@ def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = Fals
     from ballbar.report.terminal import say_plant
     from ballbar.run import simulate_scenario
     from ballbar.scenario import load_scenario
-    from sim.simulate import truth_path
+    from sim.recording_files import truth_path
 
     settings = load_scenario(scenario)
     folder = out_dir or Path("runs") / f"{settings.name}-recording"

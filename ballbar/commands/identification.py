@@ -85,8 +85,9 @@ def identify(
     from ballbar.commands.result_json import run_data
     from ballbar.report.terminal import say_identification
     from ballbar.result.iterations import IterationLog
+    from ballbar.result.names import OUTPUTS
     from ballbar.result.run_recordings import identify_recordings
-    from ballbar.run import OUTPUTS, write_outputs
+    from ballbar.run import write_outputs
 
     names = [name.strip() for name in corrections.split(",")]
     settings = _settings(

@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
 
-from ballbar.claims.run import Judged
-from ballbar.result.calibration import CALIBRATION, load_calibration
-from ballbar.result.compare import Comparison
-from ballbar.result.run_data import RunData
-from ballbar.run import OUTPUTS
-from ballbar.sweep.run import Outcome
-from ballbar.sweep.summary import failures_of, grid_points
-from ident.robot.accuracy import TcpError
-from sim.simulate import Simulation, truth_path
+from ballbar.result.calibration import load_calibration
+from ballbar.result.names import CALIBRATION, OUTPUTS
+from sim.recording_files import truth_path
+
+if TYPE_CHECKING:  # each command loads what it shows alone
+    from ballbar.claims.run import Judged
+    from ballbar.result.compare import Comparison
+    from ballbar.result.run_data import RunData
+    from ballbar.sweep.run import Outcome
+    from ident.robot.accuracy import TcpError
+    from sim.simulate import Simulation
 
 
 def run_data(data: RunData, folder: Path) -> dict[str, object]:
@@ -81,6 +84,8 @@ def plan_data(folder: Path, *, feasible: bool) -> dict[str, object]:
 
 def sweep_data(outcome: Outcome) -> dict[str, object]:
     """JSON of `sweep`: the table, and the spread of the main results at each point of the grid."""
+    from ballbar.sweep.summary import failures_of, grid_points
+
     folder = outcome.folder
     data: dict[str, object] = {
         "finished": outcome.finished,

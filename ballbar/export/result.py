@@ -68,8 +68,8 @@ def load_result(path: Path) -> Result:
             "or `ballbar run` wrote."
         )
     calibration = load_calibration(file)
-    named = calibration.file
-    cell = load_cell(named.robot, named.instrument, named.plate, relative_to=file.parent)
+    names = calibration.file
+    cell = load_cell(names.robot, names.instrument, names.plate, relative_to=file.parent)
     return Result(file, hashlib.sha256(file.read_bytes()).hexdigest(), calibration, cell)
 
 

@@ -174,11 +174,9 @@ def _linearised(
         residual = signed.residual(closure).reshape(-1)
         return residual, signed.jacobian(closure, parameters).reshape(len(names), -1), loop.b
     unmeasured = [j for j in range(BAR_ROWS) if j + 1 not in encoders]
-    sigma = np.full(BAR_ROWS, NOISE)
-    sigma[unmeasured] = 0.0
-    ballbar = bar_joint_jacobian(closure)
-    noise = np.concatenate((NOISE * robot_joint_jacobian(closure), sigma[:, None, None] * ballbar))
-    weights = whitening(covariance(noise), ballbar[unmeasured])
+    bar_columns, measured = bar_joint_jacobian(closure), [j - 1 for j in encoders]
+    noise = (NOISE * robot_joint_jacobian(closure), NOISE * bar_columns[measured])
+    weights = whitening(covariance(np.concatenate(noise)), bar_columns[unmeasured])
     b = loop.b.copy()
     b[:, unmeasured] += weights.unmeasured_step(closure.error).T
     columns = weights(parameter_jacobian(closure, parameters)).reshape(len(names), -1)

@@ -69,7 +69,7 @@ def what_if_picture(plan: Plan, answers: Sequence[Answer]) -> bytes:
             total = [np.nan if a.total is None else a.total * UM for a in of_key]
             axes.plot(x, tcp, "o-", color=INK, label="from the path")
             axes.plot(x, total, "o--", color=INK, mfc="white", label="and the plate's length")
-            axes.axhline(plan.found.tcp * UM, color=FAINT, lw=0.8)
+            axes.axhline(plan.evaluation.tcp * UM, color=FAINT, lw=0.8)
             axes.set_xticks(x, [a.value for a in of_key], rotation=30, ha="right")
             axes.set_title(key.replace("_", " "))
         figure.axes[0].set_ylim(bottom=0.0)  # shared by all panels, once all is drawn
@@ -95,7 +95,7 @@ def plate_picture() -> bytes:
 
 def _sphere(axes: Axes, plan: Plan) -> None:
     """The rod's direction from above, in Lambert's azimuthal equal-area projection."""
-    x, y, z = bar_frames(plan.course.nominal, plan.course.b).z[2]
+    x, y, z = bar_frames(plan.trajectory.nominal, plan.trajectory.b).z[2]
     scale = np.sqrt(2.0 / (1.0 + np.clip(z, -0.999, 1.0)))
     axes.plot(scale * x, scale * y, color=INK, lw=1.0)
     turn = np.linspace(0.0, 2.0 * np.pi, 200)
@@ -113,11 +113,11 @@ def _sphere(axes: Axes, plan: Plan) -> None:
 
 def _axes(axes: Axes, plan: Plan) -> None:
     """Axis angles over time, as a share of their ranges."""
-    robot = plan.judge.cell.robot
-    angles = joints_to_axes(robot, plan.course.q)
+    robot, trajectory = plan.evaluator.cell.robot, plan.trajectory
+    angles = joints_to_axes(robot, trajectory.q)
     share = (angles - robot.axis_lower) / (robot.axis_upper - robot.axis_lower)
     for k in range(6):
-        axes.plot(plan.course.t, share[:, k], lw=1.0, label=f"{k + 1}")
+        axes.plot(trajectory.t, share[:, k], lw=1.0, label=f"{k + 1}")
     axes.set_ylim(0.0, 1.0)
     axes.set(xlabel="time [s]", ylabel="axis angle, share of its range")
     axes.legend(ncols=6, loc="upper center", title="axis", fontsize=7, title_fontsize=7)
@@ -125,11 +125,10 @@ def _axes(axes: Axes, plan: Plan) -> None:
 
 def _loads(axes: Axes, plan: Plan) -> None:
     """Expected force in the rod over time: each robot drawn with errors, and the median."""
-    forces = plan.found.forces
-    assert forces is not None
+    forces = plan.forces
     for tension in forces.tension:
-        axes.plot(plan.course.t, tension, color=FAINT, lw=0.7)
-    axes.plot(plan.course.t, np.median(forces.tension, axis=0), color=INK, lw=1.2)
+        axes.plot(plan.trajectory.t, tension, color=FAINT, lw=0.7)
+    axes.plot(plan.trajectory.t, np.median(forces.tension, axis=0), color=INK, lw=1.2)
     axes.axhline(0.0, color=QUIET, lw=0.7)
     axes.set(xlabel="time [s]", ylabel="force in the rod [N]")
     axes.set_title(f"expected on soft servo, {len(forces.tension)} robots with 1 mm, 1 mrad")

@@ -24,9 +24,9 @@ from cell.errors import InputError
 from cell.files import claim_folder, write_whole
 from planning.candidate import Candidate
 from planning.clearance import clearance
+from planning.evaluation import evaluators
 from planning.files import OUTPUTS, write_plan
-from planning.judge import judges
-from planning.plan import Plan, assessed, known_path, plans
+from planning.plan import Plan, assess, known_path, plans
 from planning.request import PlanRequest, load_request
 from planning.search import Progress
 from planning.verify import Check, checks, run_in_plant, violations_in
@@ -131,7 +131,7 @@ def say_answers(out: Console, plan: Plan, results: Sequence[Answer]) -> None:
     lengths = ("TCP sigma [um]", "plate's length adds [um]", "together [um]")
     for heading in ("what if", "value", *lengths, ""):
         table.add_column(escape(heading), justify="left" if heading in ("what if", "") else "right")
-    planned = Answer("as planned", "", plan.found.tcp, plan.plate_adds, "")
+    planned = Answer("as planned", "", plan.evaluation.tcp, plan.plate_adds, "")
     for row in (planned, *results):
         sigma, total = ("-" if v is None else f"{v * UM:.1f}" for v in (row.tcp, row.total))
         table.add_row(row.key, row.value, sigma, f"{row.scale * UM:.1f}", total, escape(row.note))
@@ -178,14 +178,14 @@ def given_path(
             f"--path {path}: the base position of the ball-bar is not known. Give --position "
             "X,Y,Z, or ballbar_position_m in the path file or in the request's cell."
         )
-    judge = judges(request)[request.cell.ballbar]
-    return assessed(judge, Candidate(shape, np.array(base)))
+    evaluator = evaluators(request)[request.cell.ballbar]
+    return assess(evaluator, Candidate(shape, np.array(base)))
 
 
 def check_in_plant(plan: Plan, seed: int) -> list[Check]:
     """All limits, checked over the run of one robot in MuJoCo."""
-    cell, request = plan.judge.cell, plan.request
-    motion = run_in_plant(cell, request, plan.found.candidate, seed=seed)
+    cell, request = plan.evaluator.cell, plan.request
+    motion = run_in_plant(cell, request, plan.evaluation.candidate, seed=seed)
     return checks(cell, request.limits, clearance(cell, request.cell), motion)
 
 
@@ -213,9 +213,8 @@ def search_status(err: Console) -> Iterator[Callable[[Progress], None]]:
 
 def say_plan(out: Console, plan: Plan) -> None:
     """Prints where a plan comes from and what it is predicted to identify."""
-    typical, forces, tcp = plan.typical, plan.found.forces, plan.tcp * UM
-    assert forces is not None
-    position = ", ".join(f"{v:.3f}" for v in plan.found.candidate.position)
+    typical, forces, tcp = plan.typical, plan.forces, plan.tcp * UM
+    position = ", ".join(f"{v:.3f}" for v in plan.evaluation.candidate.position)
     if plan.stopped:
         out.print("[yellow]stopped[/] before its time; this is the best so far")
     searched = f"found in {plan.seconds:.0f} s, {plan.evaluated} tried"

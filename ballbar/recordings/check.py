@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition import CoarseAlignment, Recording, coarse_alignment, report_lines, stillness
+from acquisition import CoarseAlignment, Recording, coarse_alignment, find_dwells, report_lines
 from acquisition.report import Finding
 from ballbar.units import MS
 from cell.arrays import Array
@@ -83,7 +83,7 @@ def _logs(recording: Recording) -> list[tuple[str, Array, tuple[int, ...], list[
 
 def _dwells(t: Array, angles: Array) -> list[tuple[int, int]]:
     """First and last row of each dwell; t (N,) [s], angles (N, J) [rad]."""
-    return [(int(first), int(last)) for first, last in stillness(t, angles).intervals]
+    return [(int(first), int(last)) for first, last in find_dwells(t, angles).intervals]
 
 
 def _log_lines(recording: Recording) -> list[str]:

@@ -23,7 +23,8 @@ from acquisition.formats.dialect import (
 )
 from acquisition.formats.registry import container_of
 from acquisition.sources import MINIMUM_ROWS, force_layout, robot_layout
-from acquisition.table.header import read_header, split_fields
+from acquisition.table.fields import split_fields
+from acquisition.table.header import read_header
 from acquisition.table.text import LogText, read_filled, text_of
 from acquisition.times import TIME_FORMS, recognised, words
 from cell.errors import InputError, LogError
@@ -131,9 +132,9 @@ def _description(
 
 def _preview(log: Path) -> _Preview:
     """What a log shows. Raises LogError if it cannot be opened."""
-    raw = read_filled(log, log.name, [])
-    container = container_of(raw)
-    text = text_of(raw, log.name, []) if container in ("text", "twincat-scope") else None
+    content = read_filled(log, log.name)
+    container = container_of(content.raw)
+    text = text_of(content, log.name) if container in ("text", "twincat-scope") else None
     return _Preview(log.name, container, text)
 
 
@@ -160,9 +161,9 @@ def _fits(dialect: Dialect, log: _Preview) -> bool:
     source = SourceFile(files=(text.file,), dialect="")
     try:
         if dialect.source == "robot":
-            read_header(text, robot_layout(source, dialect), [])
+            read_header(text, robot_layout(source, dialect))
         elif dialect.source == "force":
-            read_header(text, force_layout(source, dialect), [])
+            read_header(text, force_layout(source, dialect))
         else:
             columns, halves = set(log.columns), dialect.time.halves
             return dialect.time.column in columns or bool(halves and set(halves) <= columns)
@@ -174,7 +175,7 @@ def _fits(dialect: Dialect, log: _Preview) -> bool:
 def _meaning(dialect: Dialect) -> str:
     forms = " or ".join(words(form) for form in dialect.time.possible)
     if dialect.source == "robot":
-        return f"{_ANGLES[dialect.side]} in {dialect.angle_unit}, time in {forms}"
+        return f"{_ANGLES[dialect.angle_kind]} in {dialect.angle_unit}, time in {forms}"
     return f"raw counters, time in {forms}"
 
 

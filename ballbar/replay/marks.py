@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition import stillness
+from acquisition import find_dwells
 from ballbar.replay.motion import CellMotion, cell_motion
 from ballbar.result.run_data import FittedRecording
 from cell.arrays import Array
@@ -36,7 +36,7 @@ def marks(fitted: FittedRecording, motion: CellMotion | None = None) -> Marks:
     """The marks of a recording; motion : of `cell_motion`, if it is at hand."""
     motion = motion or cell_motion(fitted)
     log = fitted.recording.robot_log
-    dwells = log.t[stillness(log.t, log.q).intervals].reshape(-1, 2)
+    dwells = log.t[find_dwells(log.t, log.q).intervals].reshape(-1, 2)
     distance = singular_angles(fitted.estimate.geometry, motion)
     return Marks(
         dwells,

@@ -7,9 +7,8 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Literal
 
+from ballbar.result.names import REPLAY
 from cell.errors import InputError
-
-REPLAY = "run.rrd"
 
 Layout = Literal["run", "identify"]
 

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acquisition import stillness
+from acquisition import find_dwells
 from ballbar.figure_style import AFTER, BEFORE, PURPLE, QUIET
 from ballbar.replay.marks import Marks, mark_sentences, marks
 from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles, on_robot_clock
@@ -93,7 +93,7 @@ def jitter_in_dwell(fitted: FittedRecording) -> Markup:
 
 def _longest_dwell(t: Array, angles: Array) -> slice | None:
     """The first rows of the longest dwell of a log, t (N,) [s], angles (N, C) [rad]."""
-    intervals = stillness(t, angles).intervals
+    intervals = find_dwells(t, angles).intervals
     if not len(intervals):
         return None
     first, last = intervals[int(np.argmax(t[intervals[:, 1]] - t[intervals[:, 0]]))]
@@ -106,8 +106,8 @@ def dwells_of_both(fitted: FittedRecording) -> Markup:
     clock = fitted.estimate.clock
     if ballbar is None or clock is None:
         return Markup()
-    robot_dwells = stillness(robot.t, robot.q).still
-    ballbar_dwells = stillness(ballbar.t, ballbar.angles).still
+    robot_dwells = find_dwells(robot.t, robot.q).standing
+    ballbar_dwells = find_dwells(ballbar.t, ballbar.angles).standing
     inner = (robot.t > 0.1 * robot.t[-1]) & (robot.t < 0.9 * robot.t[-1])
     instants, middle = robot.t[robot_dwells & inner], 0.5 * float(robot.t[-1])
     if instants.size:

@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
+from ballbar.result.names import CALIBRATION
 from ballbar.result.run_data import RunData
 from cell.descriptions import Cell
 from cell.files import write_yaml
@@ -33,7 +34,6 @@ from ident.result import (
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 
-CALIBRATION = "calibration.yaml"
 SCHEMA = "ballbar-calibration/2"
 
 

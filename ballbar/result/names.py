@@ -1,5 +1,8 @@
 """Names of what a run writes into its folder."""
 
 RECORDING = "recording"  # folder of the simulated recording
-REPORT = "report.html"
+CALIBRATION = "calibration.yaml"
 IMPORT_REPORT = "import_report.json"
+REPORT = "report.html"
+REPLAY = "run.rrd"
+OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY}  # of `run` and `identify`

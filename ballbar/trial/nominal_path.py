@@ -13,8 +13,8 @@ from cell.geometry import Geometry, nominal_geometry
 from cell.load import load_cell
 from cell.logs import RobotLog
 from sim.path import ReferencePath
+from sim.path_files import scenario_path
 from sim.settings import CellSettings, PathSettings
-from sim.simulate import planned_path
 
 
 def recorded_log(path: PathSettings, folder: Path) -> RobotLog | None:
@@ -39,7 +39,7 @@ def nominal_path(
     loaded = load_cell(cell.robot, cell.ballbar, cell.plate, relative_to=folder)
     nominal = nominal_geometry(loaded, np.array(cell.ballbar_position_m))
     log = recorded_log(path, folder)
-    return loaded, nominal, planned_path(path, loaded, nominal, relative_to=folder, recorded=log)
+    return loaded, nominal, scenario_path(path, loaded, nominal, relative_to=folder, recorded=log)
 
 
 def spread_rows(path: ReferencePath, count: int) -> NDArray[np.intp]:

@@ -38,7 +38,8 @@ from ident.thesis.cost_fit import CostFit, fit_cost
 from ident.thesis.costs import cost_named
 from ident.verdict import Status, noise_status
 from sim.errors.sample_errors import delay_of
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 
 Row = dict[str, float | int | str]
 

@@ -126,7 +126,7 @@ class View:
             np.int32
         )
         return np.asarray(
-            encoder.sign * counts * (2.0 * np.pi / encoder.counts_per_turn) + encoder.zero
+            encoder.direction * counts * (2.0 * np.pi / encoder.counts_per_turn) + encoder.offset
         )
 
     @property

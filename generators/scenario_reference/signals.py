@@ -172,9 +172,9 @@ def logged_and_true_torque(view: View) -> Array:
         robot,
         view.simulation.motion,
         view.t,
-        log,
-        view.simulation.truth.logs.loads,
-        view.run.settings.seed,
+        log=log,
+        drawn=view.simulation.truth.logs.loads,
+        seed=view.run.settings.seed,
     )[:, 0]
     return np.stack((logged, view.torque[:, 0] * robot.transmission[0, 0]), axis=1)
 
@@ -202,7 +202,7 @@ def _sensor(view: View) -> tuple[Array, Array]:
         view.simulation.motion,
         1.0 - sensor.offset_s,
         59.0,
-        sensor,
-        view.simulation.truth.logs.loads,
-        view.run.settings.seed,
+        sensor=sensor,
+        drawn=view.simulation.truth.logs.loads,
+        seed=view.run.settings.seed,
     )

@@ -23,7 +23,7 @@ from cell.arrays import Array
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, bar_frames, robot_frames
 from ident.estimator.closure import Closure
 from ident.estimator.dependencies import select
-from ident.estimator.gauss_newton import Stop, minimise
+from ident.estimator.gauss_newton import Marquardt, Stop, minimise
 from ident.estimator.identifiability import candidates
 from ident.thesis.costs import ENCODERS_NEEDED, ROD, Cost, CostName
 
@@ -150,7 +150,7 @@ def fit_cost(
     if not np.isfinite(problem.start().cost):
         raise ValueError("the cost of the start is not finite: an angle of the samples is missing")
     stop = VECTOR_STOP if cost.form == "vector" else PRINTED_STOP
-    minimum = minimise(problem, stop, max_iterations=max_iterations)
+    minimum = minimise(problem, stop, max_iterations=max_iterations, search=Marquardt())
     end = minimum.equations
     return CostFit(
         geometry=end.closure.geometry,

@@ -27,7 +27,7 @@ PLATE = "ra6"  # the known length: only errors.plate_length changes it
 AXIS_OFFSETS = ("ba1", "ba2", "ba3", "ba4", "bd2", "bd4")
 AXIS_ANGLES = ("balpha1", "balpha2", "balpha3", "balpha4")
 BASE_TILT = ("otx", "oty")
-_MILLI = 1e-3
+_MILLI = 1e-3  # mm and mrad of the table
 # Table 3.1 comes first, so that its parameters are drawn alike for `thesis` and `all`.
 _EVERY = (*THESIS_3_1, *(name for name in NAMES if name not in THESIS_3_1 and name != PLATE))
 

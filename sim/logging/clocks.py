@@ -1,13 +1,15 @@
-"""When each logger takes its samples, in true time and on its own clock.
+"""Sampling times of both loggers, in true time and on their own clocks.
 
-The robot's clock runs true. `t_robot = offset + (1 + skew) * t_bar` with both counted from the first row of their log, so
-the ball-bar's clock runs slow by 1 + skew and its log begins `offset` seconds after the robot's. The later of the two logs
-begins LEAD seconds into the run; whatever the other recorded before is the mechanism at rest.
+The robot's clock runs true. With the clock's map of cell.clock, the ball-bar's clock runs slow by 1
++ skew and its log begins `offset` seconds after the robot's. The later of the two logs begins LEAD
+seconds into the run; the rows that the other one has before that are of the first dwell.
 
-The ball-bar logger is the thesis's (sec. 4.6): a 5 ms task writes a line and waits for the file, 10 ms a sample, and 15 ms
-when the write takes one cycle more. Its stamps are distributed-clock time: ns since 2000-01-01.
+The ball-bar's logger is the thesis's (sec. 4.6): a 5 ms task writes a line and waits for the file,
+which takes 10 ms per row, or 15 ms when the write takes one cycle more. Its stamps are distributed
+clock time, ns since 2000-01-01.
 
-A wandering clock takes its rows at other instants and stamps them as ever. A step, jitter and rounding change stamps only.
+A wandering clock takes its rows at other times and stamps them as before. A step, jitter and
+rounding change the stamps only.
 """
 
 from __future__ import annotations
@@ -26,14 +28,14 @@ from sim.streams import stream
 
 ROBOT_PERIOD = 0.004032  # [s] Lund ExtCtrl interface (notes/log_formats sec. D)
 TASK_NS = 5_000_000  # [ns] PLC task
-SAMPLE_TASKS = 2  # a line is written in one cycle and waited for in the next
+SAMPLE_TASKS = 2  # cycles per row: one writes the line, the next waits for the file
 BAR_EPOCH_NS = 830_000_000_000_000_000  # [ns] a day in April 2026 in time since 2000
 ROBOT_EPOCH = 1234.5  # [s] controller up-time at the first row
 
 
 @dataclass(frozen=True, eq=False)
 class LogTimes:
-    """Instants of the rows of both logs."""
+    """Times of the rows of both logs."""
 
     robot_true: Array  # (N,) [s]
     robot_stamp: Array  # (N,) [s]
@@ -44,22 +46,18 @@ class LogTimes:
 
 
 def log_times(duration: float, clocks: ClockSettings, *, seed: int) -> LogTimes:
-    """Rows of both logs for a run of `duration` seconds of true time."""
+    """Times of the rows of both logs of a run of `duration` seconds of true time."""
     offset, end = clocks.offset_s, duration - LEAD
     robot_start, bar_start = LEAD - max(0.0, offset), LEAD + min(0.0, offset)
-    robot_clock: Array = ROBOT_PERIOD * np.arange(
-        int((end - robot_start) / ROBOT_PERIOD) + 1, dtype=np.float64
-    )
+    rows = int((end - robot_start) / ROBOT_PERIOD) + 1
+    robot_clock: Array = ROBOT_PERIOD * np.arange(rows, dtype=np.float64)
     cycles = task_cycles(end - bar_start, clocks.overrun_probability, stream(seed, "overruns"))
     ticks = TASK_NS * cycles
-    wander = (
-        wander_curve(clocks.wander, end - bar_start, stream(seed, "clock_wander"))
-        if clocks.wander
-        else None
-    )
     bar_clock = ticks.astype(np.float64) * 1e-9
     bar_true = Clock(bar_start, clocks.skew).robot_time(bar_clock)
-    if wander:
+    wander = None
+    if clocks.wander:
+        wander = wander_curve(clocks.wander, end - bar_start, stream(seed, "clock_wander"))
         bar_true += wander.at(bar_clock)
     inside = bar_true <= end
     return LogTimes(
@@ -75,14 +73,14 @@ def log_times(duration: float, clocks: ClockSettings, *, seed: int) -> LogTimes:
 def task_cycles(
     length: float, overrun_probability: float, rng: np.random.Generator
 ) -> NDArray[np.int64]:
-    """(M,) PLC task cycles of the rows of `length` seconds, from 0: every second one, or one later."""
+    """(M,) PLC task cycles of the rows of `length` seconds: 2 apart, or 3 after an overrun."""
     rows = int(length * 1e9 / (SAMPLE_TASKS * TASK_NS)) + 1
     tasks = SAMPLE_TASKS + (rng.random(rows) < overrun_probability)
     return np.asarray(np.cumsum(tasks) - tasks[0])
 
 
 def robot_stamps(clock: Array, clocks: ClockSettings, rng: np.random.Generator) -> Array:
-    """(N,) [s] stamps of rows taken when the robot's clock shows (N,) [s] from the first row."""
+    """(N,) [s] stamps of the robot's rows; clock : (N,) [s] the robot's time from the first row."""
     stamps = clock
     if clocks.jitter:
         jitter = clocks.jitter.sigma_s * rng.standard_normal(clock.size)
@@ -93,7 +91,10 @@ def robot_stamps(clock: Array, clocks: ClockSettings, rng: np.random.Generator) 
 
 
 def bar_stamps(ticks: NDArray[np.int64], t: Array, clocks: ClockSettings) -> NDArray[np.int64]:
-    """(M,) [ns] stamps of rows taken when the ball-bar's clock shows (M,) [ns] from the first row, at run times t (M,) [s]."""
+    """(M,) [ns] stamps of the ball-bar's rows.
+
+    ticks : (M,) [ns] time of the ball-bar's clock from the first row. t : (M,) [s] run time.
+    """
     stamps = ticks + _step_ns(clocks.step, t) if clocks.step else ticks
     quantum = round(clocks.quantum.ballbar_s * 1e9) if clocks.quantum else 0
     return np.asarray((stamps + quantum // 2) // quantum * quantum if quantum else stamps)

@@ -1,8 +1,8 @@
-"""From true angles to what the devices count.
+"""Counter values of the ball-bar's encoders and motor angles of the robot, from true angles.
 
-Ball-bar: incremental encoder, `lines` periods a turn interpolated with `bits`, in a uint32 counter that wraps. Its zero is
-wherever it was at power-up, so a reading means `b = sign * 2 pi counts / (lines 2^bits) + zero`. Robot: motor angles.
-What is wrong with a sensor: sim.errors.sensor_effects.
+An incremental encoder has `lines` periods per turn, interpolated with `bits`, in a uint32 counter
+that wraps. The counter reads 0 at power-up, so that `b = direction * 2 pi counts / (lines 2^bits) +
+offset`. The errors of a sensor stand in sim.errors.sensor_effects.
 """
 
 from __future__ import annotations
@@ -19,19 +19,22 @@ from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
 from sim.settings import ErrorSettings
 from sim.streams import stream
 
-SURE_BITS = 6  # of a signal period are never frozen (notes/log_formats sec. A.3: 12 bits set, 6 left at the highest speed)
+# Bits of a signal period that never freeze: of 12 bits set, 6 are left at the highest speed
+# (notes/log_formats sec. A.3).
+SURE_BITS = 6
 WEAK_SIGNAL = 1 << 4 | 1 << 14  # amplitude error, and data suspect (EL5021 6001:05 and 6000:0F)
 
 
 @dataclass(frozen=True)
 class BarEncoder:
-    """One fitted ball-bar encoder as it really is."""
+    """One fitted ball-bar encoder as it is, and as recording.yaml declares it."""
 
     joint: int  # 1..5
     lines: int
     bits: int
-    sign: int  # of the counts against the DH sense
-    zero: float  # [rad] DH angle at which the counter reads 0
+    direction: int  # +1 if the counter counts up with the DH angle, else -1
+    declared: int  # the direction that recording.yaml states
+    offset: float  # [rad] DH angle at which the counter reads 0
     noise_sigma: float  # [rad] white
     effects: EncoderEffects = field(default_factory=EncoderEffects)
 
@@ -42,48 +45,51 @@ class BarEncoder:
     def counts(self, angle: Array, t: Array, rng: np.random.Generator) -> NDArray[np.uint32]:
         """Counter values at true joint angles (N,) [rad] and run times (N,) [s], increasing."""
         read = self.effects.read_angle(angle, t) + rng.normal(0.0, self.noise_sigma, angle.shape)
-        counted = np.rint(
-            self.sign * (read - self.zero) * (self.counts_per_turn / (2.0 * np.pi))
-        ).astype(np.int64)
+        turned = self.direction * (read - self.offset)
+        counted = np.rint(turned * (self.counts_per_turn / (2.0 * np.pi))).astype(np.int64)
         counted += self.effects.periods(t) << self.bits
         if self.effects.freezing_onset_Hz is not None:
             frequency = np.abs(np.gradient(angle, t)) * (self.lines / (2.0 * np.pi))
-            counted = with_frozen_bits(
-                counted, frozen_bits(frequency, self.effects.freezing_onset_Hz, self.bits)
-            )
+            frozen = frozen_bits(frequency, self.effects.freezing_onset_Hz, self.bits)
+            counted = with_frozen_bits(counted, frozen)
         return counted.astype(np.uint32)
 
     def status(self, cycles: NDArray[np.int64], t: Array) -> NDArray[np.int64]:
         """(N,) EL5021 status words at PLC cycles (N,) and run times (N,) [s]."""
-        return np.asarray(
-            healthy_status(cycles) | np.where(self.effects.weak_signal(t), WEAK_SIGNAL, 0)
-        )
+        weak = np.where(self.effects.weak_signal(t), WEAK_SIGNAL, 0)
+        return np.asarray(healthy_status(cycles) | weak)
 
 
 def frozen_bits(frequency: Array, onset: float, bits: int) -> NDArray[np.int64]:
-    """(N,) number of frozen low bits at signal frequencies (N,) [Hz]: from `onset` [Hz] one, and one more with each octave."""
+    """(N,) number of frozen low bits at signal frequencies (N,) [Hz].
+
+    One bit freezes from `onset` [Hz] on, and one more with each octave.
+    """
     octaves = np.floor(np.log2(np.maximum(frequency, 1e-9) / onset))
     return np.asarray(np.clip(1 + octaves, 0, bits - SURE_BITS), dtype=np.int64)
 
 
 def with_frozen_bits(counts: NDArray[np.int64], frozen: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) counts whose lowest `frozen` (N,) bits are those of the last row at which they were alive."""
+    """(N,) counts whose lowest `frozen` (N,) bits keep the values that they last had unfrozen."""
     held, rows = counts.copy(), np.arange(counts.size)
     for bit in range(int(frozen.max(initial=0))):
-        alive = np.maximum.accumulate(np.where(frozen <= bit, rows, 0))
-        held = held & ~(1 << bit) | counts[alive] & (1 << bit)
+        last = np.maximum.accumulate(np.where(frozen <= bit, rows, 0))
+        held = held & ~(1 << bit) | counts[last] & (1 << bit)
     return held
 
 
 def healthy_status(cycles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) EL5021 status words without a fault: only the toggle, bit 15, flips with each PLC cycle (notes/log_formats sec. A.1)."""
+    """(N,) EL5021 status words without a fault at PLC cycles (N,).
+
+    Only the toggle, bit 15, changes with each cycle (notes/log_formats sec. A.1).
+    """
     return (cycles & 1) << 15
 
 
 def motor_angles(
     robot: Robot, q: Array, errors: ErrorSettings, resolvers: ResolverEffects | None, seed: int
 ) -> Array:
-    """(N, 6) [rad] motor angles of joint angles (N, 6) as the robot logs them."""
+    """(N, 6) [rad] motor angles that the robot logs at joint angles q (N, 6) [rad]."""
     sigma = errors.joint_noise.sigma_rad if errors.joint_noise else 0.0
     logged = q + stream(seed, "joint_noise").normal(0.0, sigma, q.shape)
     if errors.outliers:

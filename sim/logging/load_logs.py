@@ -1,8 +1,9 @@
-"""Logged loads: motor torques beside the motor angles, and a six-axis force sensor at the flange with its own clock.
+"""Logged loads: motor torques of the robot, and a six-axis force sensor at the flange.
 
-Torque is what the motor exerts, N m at the motor, positive along its angle; a robot's gain error is one number an axis. The
-sensor (JR3-like, thesis sec. 5.3) gives the force and torque that plate and ball-bar exert on the flange, in the flange's
-frame about its origin.
+Torques are those that the motors exert, N m at the motor, positive along its angle; the gain error
+is one number per axis. The sensor (such as the JR3 of thesis sec. 5.3) gives force and torque that
+plate and ball-bar exert on the flange, in the flange's frame about its origin, on a clock of its
+own.
 """
 
 from __future__ import annotations
@@ -23,29 +24,35 @@ SENSOR_EPOCH = 17.0  # [s] up-time of the sensor's logger at its first row
 
 
 class TorqueLog(Strict):
-    """Motor torques in the robot log, columns tau1..tau6."""
+    """Motor torques stand in the robot's log, in columns tau1..tau6."""
 
     noise_N_m: NotNegative = Field(
-        2.0, description="White, at the gear's output of axes 1-3 (notes/identification sec. 1)."
+        2.0,
+        description="Standard deviation of white noise at the outputs of gears 1-3 "
+        "(notes/identification sec. 1).",
     )
     wrist_noise_N_m: NotNegative = Field(
-        0.3, description="White, at the gear's output of axes 4-6."
+        0.3, description="Standard deviation of white noise at the outputs of gears 4-6."
     )
     gain_sigma: NotNegative = Field(
-        0.02, description="Standard deviation of the gain error of each axis, drawn once a run."
+        0.02, description="Standard deviation of the gain error of each axis, drawn per run."
     )
 
 
 class ForceSensor(Strict):
-    """Six-axis force sensor at the flange, logged with its own rate and clock."""
+    """A six-axis force sensor at the flange is logged with its own rate and clock."""
 
     rate_hz: Annotated[float, Field(gt=0.0, le=10_000.0)] = Field(
-        500.0, description="Rows a second."
+        500.0, description="Rows per second."
     )
     noise_N: NotNegative = Field(
-        1.0, description="White, each force (notes/identification sec. 1)."
+        1.0,
+        description="Standard deviation of white noise of each force "
+        "(notes/identification sec. 1).",
     )
-    noise_N_m: NotNegative = Field(0.1, description="White, each torque; assumed.")
+    noise_N_m: NotNegative = Field(
+        0.1, description="Standard deviation of white noise of each torque; assumed."
+    )
     bias_N: NotNegative = Field(
         2.0, description="Standard deviation of the constant bias of each force; assumed."
     )
@@ -56,12 +63,12 @@ class ForceSensor(Strict):
         0.01, description="Standard deviation of the gain error of each channel."
     )
     offset_s: float = Field(
-        0.05, description="How long after the robot log the sensor's log begins."
+        0.05, description="Time from the first row of the robot to the first of the sensor."
     )
 
 
 class LoadLogs(Strict):
-    """Extras that a logger may record; each absent unless named."""
+    """Loads that are logged; each is absent unless named."""
 
     torque: TorqueLog | None = None
     force_sensor: ForceSensor | None = None
@@ -77,48 +84,54 @@ class DrawnLoads(Strict):
 
 def drawn_loads(logs: LoadLogs, seed: int) -> DrawnLoads:
     """Gains and biases of the signals that are logged."""
-    drawn = DrawnLoads()
-    if logs.torque:
-        gain = 1.0 + logs.torque.gain_sigma * stream(seed, "torque_gain").standard_normal(6)
-        drawn = drawn.model_copy(update={"torque_gain": tuple(gain.tolist())})
+    torque_gain: tuple[float, ...] = ()
+    force_gain: tuple[float, ...] = ()
+    force_bias: tuple[float, ...] = ()
+    if torque := logs.torque:
+        gain = 1.0 + torque.gain_sigma * stream(seed, "torque_gain").standard_normal(6)
+        torque_gain = tuple(gain.tolist())
     if sensor := logs.force_sensor:
         rng = stream(seed, "force_sensor_mounting")
-        gain = 1.0 + sensor.gain_sigma * rng.standard_normal(6)
-        bias = rng.standard_normal(6) * np.repeat([sensor.bias_N, sensor.bias_N_m], 3)
-        drawn = drawn.model_copy(
-            update={"force_gain": tuple(gain.tolist()), "force_bias": tuple(bias.tolist())}
-        )
-    return drawn
+        force_gain = tuple((1.0 + sensor.gain_sigma * rng.standard_normal(6)).tolist())
+        sigma = np.repeat([sensor.bias_N, sensor.bias_N_m], 3)
+        force_bias = tuple((rng.standard_normal(6) * sigma).tolist())
+    return DrawnLoads(torque_gain=torque_gain, force_gain=force_gain, force_bias=force_bias)
 
 
 def motor_torques(
-    robot: Robot, motion: Motion, times: Array, log: TorqueLog, drawn: DrawnLoads, seed: int
+    robot: Robot, motion: Motion, times: Array, *, log: TorqueLog, drawn: DrawnLoads, seed: int
 ) -> Array:
-    """(N, 6) [N m at the motor] logged torques at true times (N,) [s]; `motion` must carry torques."""
-    assert motion.torque is not None
+    """(N, 6) [N m] logged torques, at the motors, at true times (N,) [s].
+
+    Raises ValueError if the plant of the motion has no torques.
+    """
+    noise = stream(seed, "torque_noise").standard_normal((times.size, 6))
     sigma = np.array([log.noise_N_m] * 3 + [log.wrist_noise_N_m] * 3)
-    seen = _sampled(motion.t, motion.torque, times) * drawn.torque_gain + sigma * stream(
-        seed, "torque_noise"
-    ).standard_normal((times.size, 6))
-    return np.asarray(seen * np.diag(robot.transmission))
+    torque = _sampled(motion.t, motion.torque, times) * drawn.torque_gain + sigma * noise
+    return np.asarray(torque * np.diag(robot.transmission))
 
 
 def sensor_rows(
-    motion: Motion, first: float, last: float, sensor: ForceSensor, drawn: DrawnLoads, seed: int
+    motion: Motion, first: float, last: float, *, sensor: ForceSensor, drawn: DrawnLoads, seed: int
 ) -> tuple[Array, Array]:
-    """Stamps (N,) [s, sensor's clock] and readings (N, 6) [N, N m] between true times `first` and `last` [s]."""
-    assert motion.wrench is not None
-    elapsed = (
-        np.arange(int((last - first - sensor.offset_s) * sensor.rate_hz) + 1, dtype=np.float64)
-        / sensor.rate_hz
-    )
-    noise = stream(seed, "force_sensor_noise").standard_normal((elapsed.size, 6)) * np.repeat(
-        [sensor.noise_N, sensor.noise_N_m], 3
-    )
-    seen = _sampled(motion.t, motion.wrench, first + sensor.offset_s + elapsed)
-    return SENSOR_EPOCH + elapsed, np.asarray(seen * drawn.force_gain + drawn.force_bias + noise)
+    """Rows of the force sensor between true times `first` and `last` [s].
+
+    Returns stamps (N,) [s] on the sensor's clock and readings (N, 6) [N, N m]. Raises ValueError if
+    the flange of the motion has no sensor.
+    """
+    count = int((last - first - sensor.offset_s) * sensor.rate_hz) + 1
+    elapsed = np.arange(count, dtype=np.float64) / sensor.rate_hz
+    noise = stream(seed, "force_sensor_noise").standard_normal((elapsed.size, 6))
+    noise = noise * np.repeat([sensor.noise_N, sensor.noise_N_m], 3)
+    wrench = _sampled(motion.t, motion.wrench, first + sensor.offset_s + elapsed)
+    return SENSOR_EPOCH + elapsed, np.asarray(wrench * drawn.force_gain + drawn.force_bias + noise)
 
 
-def _sampled(t: Array, values: Array, times: Array) -> Array:
-    """Linear between plant steps: loads jump at reversals, and a spline would ring there."""
+def _sampled(t: Array, values: Array | None, times: Array) -> Array:
+    """Loads (N, 6) at times (N,) [s], linear between plant steps t (K,) [s].
+
+    Loads step at reversals, where a spline would ring.
+    """
+    if values is None:
+        raise ValueError("this motion has no loads to log; they need plant.kind = mujoco")
     return np.stack([np.interp(times, t, column) for column in values.T], axis=1)

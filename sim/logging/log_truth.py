@@ -1,4 +1,4 @@
-"""What the log errors of a simulated recording really were: the part of the truth beyond geometry, directions, offset and skew."""
+"""True errors of sensors, clocks and loggers of a simulated recording, as they were drawn."""
 
 from __future__ import annotations
 
@@ -15,17 +15,20 @@ from sim.logging.loggers import RowCounts
 
 
 class FirstRows(Strict):
-    """When the logs began, on the clock of the path."""
+    """Times of the first rows of both logs, from the start of the path."""
 
     robot_s: float
     ballbar_s: float
 
 
 class LogTruth(Strict):
-    """Errors of sensors, clocks and loggers as they were drawn. Angles in the joint's DH sense, times from the start of the path."""
+    """Errors of sensors, clocks and loggers.
+
+    Angles are positive along the DH angle of the joint; times count from the start of the path.
+    """
 
     first_rows: FirstRows
-    encoders: dict[str, EncoderEffects] = Field(default_factory=dict)  # b1.., those with an error
+    encoders: dict[str, EncoderEffects] = Field(default_factory=dict)  # of b1.., if any
     resolvers: ResolverEffects | None = None
     clock_wander: WanderCurve | None = None
     clock_step: ClockStep | None = None
@@ -34,7 +37,7 @@ class LogTruth(Strict):
     loads: DrawnLoads = DrawnLoads()
 
     def stated(self) -> dict[str, object]:
-        """As plain data, without what is absent."""
+        """Plain data without absent entries."""
         filled = {
             key: _filled(value) for key, value in self.model_dump(mode="json").items() if value
         }

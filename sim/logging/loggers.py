@@ -1,6 +1,6 @@
-"""Which of the rows that were taken stand in the files, in what order, and in which file.
+"""Rows of the files: which of the rows taken are written, in what order, and to which file.
 
-Every choice is made for every row taken, so that losing one row changes nothing about the others.
+Every choice is made for every row taken, so that losing a row changes nothing for the others.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.schema import Strict
-from sim.errors.clock_errors import LoggerRestart
+from sim.errors.clock_errors import DroppedRows, DuplicatedRows, LoggerRestart
 from sim.logging.clocks import LogTimes
 from sim.settings import ClockSettings
 from sim.streams import stream
@@ -30,38 +30,27 @@ class RowCounts(Strict):
 
 @dataclass(frozen=True, eq=False)
 class LoggedRows:
-    """Rows of both logs as the files have them."""
+    """Rows of both logs as they stand in the files."""
 
     robot: Rows
-    ballbar: tuple[Rows, ...]  # of each file, the oldest first
+    ballbar: tuple[Rows, ...]  # of each file, oldest first
     counts: dict[str, RowCounts]
 
 
 def logged_rows(times: LogTimes, clocks: ClockSettings, *, seed: int) -> LoggedRows:
     """The rows that a scenario's loggers write."""
     robot, bar = times.robot_true.size, times.bar_true.size
-    dropped, duplicated = clocks.dropped_rows, clocks.duplicated_rows
+    lose = clocks.dropped_rows or DroppedRows(robot_probability=0.0, ballbar_probability=0.0)
+    repeat = clocks.duplicated_rows or DuplicatedRows(
+        robot_probability=0.0, ballbar_probability=0.0
+    )
     lost = {
-        "robot": chosen(
-            robot, dropped.robot_probability if dropped else 0.0, stream(seed, "dropped_rows_robot")
-        ),
-        "ballbar": chosen(
-            bar,
-            dropped.ballbar_probability if dropped else 0.0,
-            stream(seed, "dropped_rows_ballbar"),
-        ),
+        "robot": chosen(robot, lose.robot_probability, stream(seed, "dropped_rows_robot")),
+        "ballbar": chosen(bar, lose.ballbar_probability, stream(seed, "dropped_rows_ballbar")),
     }
     twice = {
-        "robot": chosen(
-            robot,
-            duplicated.robot_probability if duplicated else 0.0,
-            stream(seed, "duplicated_rows_robot"),
-        ),
-        "ballbar": chosen(
-            bar,
-            duplicated.ballbar_probability if duplicated else 0.0,
-            stream(seed, "duplicated_rows_ballbar"),
-        ),
+        "robot": chosen(robot, repeat.robot_probability, stream(seed, "duplicated_rows_robot")),
+        "ballbar": chosen(bar, repeat.ballbar_probability, stream(seed, "duplicated_rows_ballbar")),
     }
     files = {side: written(lost[side], twice[side]) for side in lost}
     return LoggedRows(
@@ -79,19 +68,21 @@ def logged_rows(times: LogTimes, clocks: ClockSettings, *, seed: int) -> LoggedR
 
 
 def chosen(rows: int, probability: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """(rows,) which rows an accident of that probability hits; never the first, from which time counts."""
+    """(rows,) whether each row is hit with that probability; never the first, as time counts from
+    it.
+    """
     hit = rng.random(rows) < probability
     hit[0] = False
     return hit
 
 
 def written(lost: NDArray[np.bool_], twice: NDArray[np.bool_]) -> Rows:
-    """Rows of the file: (N,) masks of those lost and of those written twice."""
+    """Rows of the file in their order; lost, twice : (N,) masks of the rows taken."""
     return np.repeat(np.arange(lost.size), np.where(lost, 0, 1 + twice)).astype(np.int64)
 
 
 def parts(rows: Rows, t: Array, restart: LoggerRestart | None) -> tuple[Rows, ...]:
-    """The rows before and after a restart; t : (N,) [s] run time of the rows taken."""
+    """Rows of each file, before and after a restart; t : (N,) [s] run time of the rows taken."""
     if restart is None:
         return (rows,)
     at = t[rows]

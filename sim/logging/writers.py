@@ -1,4 +1,4 @@
-"""Device logs as the loggers of the cell write them: dialects `twincat-plc` and `abb-motor`.
+"""Device logs as the loggers of the cell write them, in the shipped dialects.
 
 Every file appears whole or not at all: it is written beside its place and renamed.
 """
@@ -22,9 +22,10 @@ def write_twincat_plc(
     counts: Mapping[str, NDArray[np.uint32]],
     status: Mapping[str, NDArray[np.int64]],
 ) -> None:
-    """Ball-bar log: `time;b1;..;s1;..` with DC time in ns and raw uint32 counters, records ending CRLF (notes/log_formats sec. A.6).
+    """Write a ball-bar log: `time;b1;..;s1;..` with lines that end in CRLF.
 
-    stamps : (N,) [ns since 2000-01-01]; counts, status : column name to (N,) counter values and status words.
+    stamps : (N,) [ns] distributed clock time since 2000-01-01. counts, status : (N,) uint32 counter
+        values and status words by column name. Source: notes/log_formats sec. A.6.
     """
     columns: dict[str, NDArray[np.integer[Any]]] = {**counts, **status}
     rows = np.column_stack((stamps, *(c.astype(np.int64) for c in columns.values())))
@@ -33,37 +34,28 @@ def write_twincat_plc(
 
 
 def write_abb_motor(path: Path, stamps: Array, motors: Array, torques: Array | None = None) -> None:
-    """Robot log: `time,m1..m6[,tau1..tau6]`, time in s on the robot's clock, motor angles in rad, torques in N m.
+    """Write a robot log: `time,m1..m6[,tau1..tau6]` in s, rad and N m.
 
-    stamps : (N,) [s]; motors : (N, 6) [rad]; torques : (N, 6) [N m] at the motors, if they are logged.
+    stamps : (N,) [s] on the robot's clock. motors : (N, 6) [rad]. torques : (N, 6) [N m] at the
+        motors, if they are logged.
     """
-    names, forms, columns = (
-        ["time", *(f"m{i + 1}" for i in range(6))],
-        ["%.6f", *["%.9f"] * 6],
-        [stamps, motors],
-    )
-    if (
-        torques is not None
-    ):  # 1e-9 rad of the motor is 1e-11 rad of the joint, 1e-6 N m is 1e-4 N m there
-        names, forms, columns = (
-            [*names, *(f"tau{i + 1}" for i in range(6))],
-            [*forms, *["%.6f"] * 6],
-            [*columns, torques],
-        )
+    # 1e-9 rad of a motor is 1e-11 rad of its joint, 1e-6 N m is 1e-4 N m there.
+    names, forms = ["time", *(f"m{i + 1}" for i in range(6))], ["%.6f", *["%.9f"] * 6]
+    columns = [stamps, motors]
+    if torques is not None:
+        names += [f"tau{i + 1}" for i in range(6)]
+        forms += ["%.6f"] * 6
+        columns.append(torques)
     _write_table(path, names, forms, np.column_stack(columns))
 
 
 def write_force_torque(path: Path, stamps: Array, readings: Array) -> None:
-    """Force sensor log: `time,fx,fy,fz,tx,ty,tz` in s, N and N m.
+    """Write a force sensor log: `time,fx,fy,fz,tx,ty,tz` in s, N and N m.
 
-    stamps : (N,) [s] on the sensor's clock; readings : (N, 6).
+    stamps : (N,) [s] on the sensor's clock. readings : (N, 6) [N, N m].
     """
-    _write_table(
-        path,
-        ["time", "fx", "fy", "fz", "tx", "ty", "tz"],
-        ["%.6f", *["%.5f"] * 6],
-        np.column_stack((stamps, readings)),
-    )
+    names, forms = ["time", "fx", "fy", "fz", "tx", "ty", "tz"], ["%.6f", *["%.5f"] * 6]
+    _write_table(path, names, forms, np.column_stack((stamps, readings)))
 
 
 def _write_table(path: Path, names: list[str], forms: list[str], rows: Array) -> None:

@@ -1,4 +1,4 @@
-"""Where the tool and the ball-bar's end are when plate, rod and base have given way: kinematics of the deflected mechanism."""
+"""Kinematics of the deflected mechanism: bent plate, stretched rod, shifted base."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Deflected:
 def deflect(
     geometry: Geometry, q: Array, b: Array, *, stretch: Array, plate: Array, base: Array
 ) -> Deflected:
-    """Ends of the loop.
+    """Both ends of the loop of a deflected mechanism.
 
-    q : (N, 6), b : (N, 5) [rad]; stretch : (N,) [m] of the rod; plate : (N,) [rad] bending angle about the plate's y;
-    base : (N, 3) [m] shift of the ball-bar's base.
+    q, b : (N, 6), (N, 5) [rad] joint angles. stretch : (N,) [m] elongation of the rod.
+    plate : (N,) [rad] bending angle about the plate's y. base : (N, 3) [m] shift of the base.
     """
     robot, rigid = robot_frames(geometry, q), bar_frames(geometry, b)
     origin = rigid.origin + base.T
@@ -44,10 +44,9 @@ def deflect(
 
 
 def turning(axes: Array, points: Array, end: Array) -> Array:
-    """(K, 6, N) motion of `end` (3, N) for unit turns about axes (K, 3, N) through points (K, 3, N)."""
-    return np.stack(
-        [
-            np.concatenate((cross(axis, end - point), axis))
-            for axis, point in zip(axes, points, strict=True)
-        ]
-    )
+    """(K, 6, N) motion [m/rad, 1] of a point `end` for unit turns about K axes.
+
+    axes : (K, 3, N) unit vectors. points : (K, 3, N) [m] on the axes. end : (3, N) [m].
+    """
+    turns = zip(axes, points, strict=True)
+    return np.stack([np.concatenate((cross(axis, end - point), axis)) for axis, point in turns])

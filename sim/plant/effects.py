@@ -84,7 +84,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
         rng = stream(seed, "joint_compliance")
         stiffness = _spread(gears.stiffness * compliance.scale, compliance.spread, rng)
     if gap is not None:
-        rng = stream(seed, "lost_motion")
+        rng = stream(seed, "lost_motion")  # named as the catalogue figure
         half_width = 0.5 * _spread(gears.lost_motion * gap.scale, gap.spread, rng)
         dead_band, hysteresis = (
             (half_width, none) if gap.kind == "dead_band" else (none, half_width)

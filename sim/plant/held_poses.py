@@ -1,8 +1,10 @@
-"""The free robot in MuJoCo, told joint targets and holding them: where does its tool really stand?
+"""The unloaded robot in MuJoCo holds joint targets: the true poses of its tool.
 
-A position controller with integral action brings the motors' readings to the targets. Here the servo is proportional, so its
-command is moved by what the readings miss, hold after hold, until none is left; what the gears, the resolvers and the robot's
-weight do behind the readings stays. Each pose starts with gears in the middle of their play; the weight presses them to a side.
+A position controller with integral action brings the motors' readings to the targets. The servo
+here is proportional, so its command is corrected by the remaining difference of the readings, one
+hold after another, until none is left. The effects of gears, resolvers and weight behind the
+readings remain. Each pose starts with gears in the middle of their backlash; the weight presses
+them to a flank.
 """
 
 from __future__ import annotations
@@ -14,23 +16,17 @@ import numpy as np
 from mujoco import rollout
 
 from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import Geometry
 from cell.robot_angles import joints_to_motors, motors_to_joints
 from sim.errors.sensor_effects import ResolverEffects
-from sim.plant.effects import PlantEffects
-from sim.plant.mjcf import ROBOT_JOINTS, ROTORS, free_robot_spec
+from sim.plant.description import Plant
+from sim.plant.mjcf import ROBOT_JOINTS, ROTORS, compiled, unloaded_robot_spec
 from sim.plant.mujoco_plant import PlantError
 from sim.plant.statics import gravity_torque
 
-TIMESTEP = 1e-3  # [s]
-HOLDS = (
-    1.0,
-    0.5,
-    0.5,
-    0.5,
-)  # [s] the arm's slowest oscillation dies away by a factor of a thousand in the first
-BATCH = 25  # poses a rollout call: 100 MB of states
+TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
+# [s] the arm's slowest oscillation decays by a factor of a thousand in the first hold
+HOLDS = (1.0, 0.5, 0.5, 0.5)
+BATCH = 25  # poses per rollout call: 100 MB of states
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
@@ -40,65 +36,48 @@ class HeldPoses:
 
     tool: Array  # (N, 4, 4) T_base_tool
     joints: Array  # (N, 6) [rad] of the links
-    miss: Array  # (N, 6) [rad] readings less targets, as joint angles: what the controller did not bring to rest
+    miss: Array  # (N, 6) [rad] readings less targets as joint angles: the controller's remainder
     drift: Array  # (N,) [m/s] speed of the tool at the end
 
 
 def hold_poses(
-    cell: Cell,
-    geometry: Geometry,
-    effects: PlantEffects,
-    targets: Array,
-    *,
-    resolvers: ResolverEffects | None = None,
-    servo: str = "stiff",
+    plant: Plant, targets: Array, *, resolvers: ResolverEffects | None = None
 ) -> HeldPoses:
-    """Poses of the true robot at targets (N, 6) [rad, DH joint angles as the controller reads them].
+    """Poses of the true robot at joint targets.
 
-    geometry : true kinematic parameters. servo : a gain set of the robot's description.
+    targets : (N, 6) [rad] DH joint angles as the controller reads them.
 
     Raises PlantError when the simulation diverges.
     """
-    gains = cell.robot.servo[servo]
-    model = free_robot_spec(cell, geometry, effects, gains, timestep=TIMESTEP).compile()
-    model.site_sameframe[:] = (
-        0  # MuJoCo takes a site within 1e-6 of its body frame for identical (notes/mujoco sec. 7.1)
-    )
-    parts = [
-        _held(model, cell, geometry, effects, targets[k : k + BATCH], resolvers, gains.kp)
+    model = compiled(unloaded_robot_spec(plant, timestep=TIMESTEP))
+    batches = [
+        _held(model, plant, targets[k : k + BATCH], resolvers)
         for k in range(0, len(targets), BATCH)
     ]
     return HeldPoses(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("tool", "joints", "miss", "drift")
-        )
+        tool=np.concatenate([batch.tool for batch in batches]),
+        joints=np.concatenate([batch.joints for batch in batches]),
+        miss=np.concatenate([batch.miss for batch in batches]),
+        drift=np.concatenate([batch.drift for batch in batches]),
     )
 
 
 def _held(
-    model: mujoco.MjModel,
-    cell: Cell,
-    geometry: Geometry,
-    effects: PlantEffects,
-    targets: Array,
-    resolvers: ResolverEffects | None,
-    kp: Array,
+    model: mujoco.MjModel, plant: Plant, targets: Array, resolvers: ResolverEffects | None
 ) -> HeldPoses:
-    robot, data = cell.robot, mujoco.MjData(model)
+    robot, effects, data = plant.cell.robot, plant.effects, mujoco.MjData(model)
     links = [int(model.joint(name).qposadr[0]) for name in ROBOT_JOINTS]
     elastic = effects.gear_stiffness is not None
     outputs = [int(model.joint(name).qposadr[0]) for name in ROTORS] if elastic else []
-    wanted = targets @ robot.joint_to_gear
-    weight = gravity_torque(cell, geometry, targets) @ robot.gear_to_joint.T
-    command = wanted + weight / kp
+    gears = targets @ robot.joint_to_gear
+    weight = gravity_torque(plant.cell, plant.geometry, targets) @ robot.gear_to_joint.T
+    command = gears + weight / plant.gains.kp
     positions = np.zeros((len(targets), model.nq))
     positions[:, links] = targets
-    positions[:, outputs] = wanted + effects.transmission_error(wanted) if elastic else 0.0
+    positions[:, outputs] = gears + effects.transmission_error(gears) if elastic else 0.0
     states = np.stack([_state(model, data, x) for x in positions])
     for seconds in HOLDS:
-        steps = round(seconds / TIMESTEP)
-        control = np.repeat(command[:, None], steps, axis=1)
+        control = np.repeat(command[:, None], round(seconds / TIMESTEP), axis=1)
         states = rollout.rollout(model, data, states, control)[0][:, -1]
         if not np.isfinite(states).all():
             raise PlantError("simulation of held poses diverged; a softer servo may help")
@@ -123,6 +102,7 @@ def _state(model: mujoco.MjModel, data: mujoco.MjData, position: Array) -> Array
 
 
 def _tool(model: mujoco.MjModel, data: mujoco.MjData, state: Array) -> tuple[Array, float]:
+    """Pose (4, 4) and speed [m/s] of the tool in a full physics state."""
     mujoco.mj_setState(model, data, state, _PHYSICS)
     mujoco.mj_forward(model, data)
     site = data.site("tool")

@@ -1,7 +1,7 @@
-"""The kinematic plant: the true mechanism follows the path without forces (thesis sec. 3.1, steps 1-4).
+"""Kinematic plant: the true mechanism follows the path without forces (thesis sec. 3.1, steps 1-4).
 
-The ball-bar takes the path's angles, the robot follows by exact inverse kinematics of its true geometry; gears turn with
-their harmonic errors, nothing gives way.
+The ball-bar takes the path's angles and the robot follows by exact inverse kinematics of its true
+geometry. Gears have their harmonic errors; nothing is elastic.
 """
 
 from __future__ import annotations
@@ -30,28 +30,30 @@ WITH_FORCES = (
 
 
 def refuse_forces(settings: SimulationSettings) -> None:
-    """Raises InputError when a path, an error source or a log needs forces, which this plant has not."""
-    asked = ["path.kind = push_pull"] * (settings.path.kind == "push_pull")
-    asked += [
-        f"errors.{name}" for name in WITH_FORCES if getattr(settings.errors, name) is not None
+    """Raise InputError when a path, an error source or a log requires forces."""
+    stated = ["path.kind = push_pull"] * (settings.path.kind == "push_pull")
+    stated += [f"errors.{name}" for name in WITH_FORCES if getattr(settings.errors, name)]
+    stated += [
+        f"logs.{name}" for name in ("torque", "force_sensor") if getattr(settings.logs, name)
     ]
-    asked += [
-        f"logs.{name}"
-        for name in ("torque", "force_sensor")
-        if getattr(settings.logs, name) is not None
-    ]
-    if asked:
+    if stated:
         raise InputError(
-            f"{asked[0]}: needs forces, and plant.kind = kinematic has none. Use plant.kind = mujoco, or leave it out."
+            f"{stated[0]}: needs forces, and plant.kind = kinematic has none. "
+            "Use plant.kind = mujoco, or leave it out."
         )
 
 
 def run_kinematic(
     robot: Robot, geometry: Geometry, effects: PlantEffects, path: ReferencePath
 ) -> Motion:
-    """Motion of a rigid, force-free mechanism. Raises UnreachableError near a singularity of the robot."""
+    """Motion of a rigid mechanism without forces.
+
+    Raises UnreachableError near a singularity of the robot.
+    """
     q = refine(geometry.robot, path.q, bar_frames(geometry, path.b).poses())
     gears = q @ robot.joint_to_gear
     shown = (gears - effects.transmission_error(gears)) @ robot.gear_to_joint
     rigid = np.zeros(path.t.size)
-    return Motion(path.t, q, shown, path.b, rigid, rigid, geometry)
+    return Motion(
+        t=path.t, q=q, shown=shown, b=path.b, rod_stretch=rigid, rod_force=rigid, geometry=geometry
+    )

@@ -3,9 +3,10 @@
     python -m sim.plant.model_files        writes them anew
     python -m mujoco.viewer --mjcf sim/models/irb2400.xml
 
-The files hold the plant's kinematics, masses and loop closure with shapes to look at. They differ from the plant in what a
-viewer needs: joints are held near a closed pose by springs instead of servos, weights are balanced, and the weld is soft
-enough to be pulled at with the mouse. Joint values are DH angles: the bodies stand in the closed pose, `ref` says its angles.
+The files hold the plant's kinematics, masses and loop closure, with shapes to look at. For a
+viewer, springs instead of servos hold the joints near a closed pose, weights are balanced, and the
+weld is soft enough to be pulled at with the mouse. Joint values are DH angles: the bodies stand in
+the closed pose, whose angles are `ref`.
 """
 
 from __future__ import annotations
@@ -22,11 +23,13 @@ from cell.files import write_whole
 from cell.geometry import bar_frames, nominal_geometry
 from cell.inverse import robot_branches
 from cell.load import load_cell
+from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import BAR_JOINTS, ROBOT_JOINTS, ROD_JOINT, plant_spec
 
 MODELS = Path(__file__).parents[1] / "models"
-# robot: (ball-bar, its position [m], a pose in the middle of the path as ball-bar angles [rad])
+# Of each robot: ball-bar, its position [m], and a pose in the middle of the path as ball-bar
+# angles [rad].
 VIEWS = {
     "irb2400": ("lund_600", (0.70, 0.0, 0.54), (-0.4, -0.95, 0.36, -2.26, 2.4)),
     "nj220": ("lund_900", (1.50, 0.0, 0.70), (-0.4, -0.80, 0.36, -2.26, 2.4)),
@@ -52,7 +55,8 @@ def model_xml(robot: str) -> str:
     geometry = nominal_geometry(cell, np.array(position))
     b = np.array(pose)
     q = robot_branches(geometry.robot, bar_frames(geometry, b[None]).poses())[0, 0]
-    spec = plant_spec(cell, geometry, PlantEffects(), cell.robot.servo["soft"], timestep=_TIMESTEP)
+    plant = Plant(cell, geometry, PlantEffects(), cell.robot.servo["soft"])
+    spec = plant_spec(plant, timestep=_TIMESTEP)
     _hold_at(spec, cell, q, b)
     _add_shapes(spec, cell)
     spec.compile()
@@ -71,9 +75,8 @@ def _hold_at(spec: mujoco.MjSpec, cell: Cell, q: Array, b: Array) -> None:
         body.quat = _turned(np.array(body.quat), float(angle))
         joint.ref, joint.springref = float(angle), float(angle)
         joint.stiffness[0] = float(spring)
-        joint.damping[0] = max(
-            float(joint.damping[0]), float(spring) * 0.5
-        )  # half a second to come to rest
+        # half a second to settle
+        joint.damping[0] = max(float(joint.damping[0]), float(spring) * 0.5)
     for body in spec.bodies[1:]:
         body.gravcomp = 1.0
     spec.equalities[0].solref = (2.0 * _TIMESTEP, 1.0)
@@ -136,7 +139,7 @@ def _ball(body: mujoco.MjsBody, radius: float, colour: tuple[float, ...]) -> Non
 
 
 def _with_full_precision(spec: mujoco.MjSpec) -> str:
-    """MuJoCo writes six digits, 1 urad of frame error; the numbers that carry kinematics are written out in full."""
+    """XML of a model with poses and angles in full; MuJoCo writes six digits, 1 urad of error."""
     root = ET.fromstring(spec.to_xml())
     for element in root.iter("body"):
         body = spec.body(element.get("name", ""))

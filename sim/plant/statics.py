@@ -1,10 +1,13 @@
-"""Statics of the closed mechanism without MuJoCo: where it comes to rest, and the force in the rod.
+"""Static equilibrium of the closed mechanism without MuJoCo, and the force in the rod.
 
-Minimises servo, gear, plate, base, rod and gravity energy over motor angles m, gear deflections e (joints are m + e), plate
-bending, base shift, ball-bar angles b and rod stretch s, subject to the closed loop, by Newton steps on the Lagrangian. The
-curvature of the loop and of gravity is left out of the Hessian; it is a few hundredths of the servo stiffness, so each step
-gains one to two digits. Play is piecewise linear; inside it a spring a ten-thousandth as stiff keeps the step defined.
-Friction and hysteresis have no energy and are not here. Nothing is shared with the MuJoCo model but the descriptions.
+Minimises the energy of servo, gears, plate, base, rod and gravity over motor angles m, gear
+deflections e (joints are m + e), plate bending, base shift, ball-bar angles b and rod elongation s,
+subject to the closed loop, by Newton steps on the Lagrangian. The Hessian omits the curvature of
+the loop and of gravity, a few hundredths of the servo stiffness, so each step gains one to two
+digits. Backlash is piecewise linear; within it a spring of a ten-thousandth of the stiffness keeps
+the step defined. Friction and hysteresis have no energy and are not included. The MuJoCo model
+shares nothing with this one but the descriptions, so that each can check the other (notes/mujoco
+sec. 5).
 """
 
 from __future__ import annotations
@@ -16,30 +19,30 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames, cross, forward, joint_screws
-from cell.descriptions import Cell, Link, ServoGains
+from cell.descriptions import Cell, Link
 from cell.errors import FailureError
 from cell.geometry import Geometry, robot_frames
 from cell.rotation import rotvec_from_matrix
 from sim.plant.deflection import Deflected, deflect, turning
-from sim.plant.effects import PlantEffects
+from sim.plant.description import Plant
 
 MOTOR, GEAR, BAR = slice(0, 6), slice(6, 12), slice(12, 17)
 ROD, PLATE, BASE = 17, 18, slice(19, 22)
 COORDINATES = 22
-INSIDE_BACKLASH = 1e-4  # stiffness inside a dead band, of that outside
+INSIDE_BACKLASH = 1e-4  # stiffness inside a dead band, relative to that outside
 _MAX_STEPS = 400
-_PATIENCE = 12  # full Newton steps; without play ten suffice
-_BEYOND = 1e-3  # of half a play, by which a step ends behind the end of one
+_PATIENCE = 12  # full Newton steps; without backlash ten suffice
+_BEYOND = 1e-3  # of the half width of a dead band, by which a step ends beyond its end
 _FORCE_TOLERANCE = 1e-8  # [N m, N] remaining generalised force
 _CLOSURE_TOLERANCE = 1e-13  # [m, rad]
 
 
 class NoEquilibriumError(FailureError):
-    """The mechanism found no rest near the start."""
+    """No equilibrium was found near the start."""
 
 
 @dataclass(frozen=True, eq=False)
-class Rest:
+class Equilibrium:
     """One held pose."""
 
     motor: Array  # (6,) [rad] m
@@ -49,7 +52,7 @@ class Rest:
     plate: float  # [rad] bending
     base: Array  # (3,) [m] shift
     rod_force: float  # [N] tension positive
-    in_backlash: bool  # whether a gear or the rod hangs inside its dead band
+    in_backlash: bool  # whether a gear or the rod is inside its dead band
 
     @property
     def q(self) -> Array:
@@ -61,31 +64,27 @@ class Rest:
 class _Machine:
     """What does not change during the search."""
 
-    geometry: Geometry
-    effects: PlantEffects
-    gains: ServoGains
+    plant: Plant
     joint_to_gear: Array  # (6, 6)
     command: Array  # (6,) [rad] of the gears
-    robot: list[list[Link]]  # per joint, in the frame that turns with it
+    robot: list[list[Link]]  # of each joint, in the frame that turns with it
     bar: list[list[Link]]
-    gravity: Array
     active: NDArray[np.intp]  # coordinates that can move
 
+    @property
+    def gravity(self) -> Array:
+        """(3,) [m/s^2] in the base frame."""
+        return self.plant.cell.robot.gravity
 
-def rest(
-    cell: Cell,
-    geometry: Geometry,
-    effects: PlantEffects,
-    gains: ServoGains,
-    command: Array,
-    q: Array,
-    b: Array,
-) -> Rest:
-    """Where the mechanism rests when the servos are told `command` (6,) [rad of the gears]; q (6,), b (5,) [rad] start close by.
+
+def equilibrium(plant: Plant, command: Array, q: Array, b: Array) -> Equilibrium:
+    """The equilibrium of the mechanism whose servos hold a command.
+
+    command : (6,) [rad] of the gears. q, b : (6,), (5,) [rad] joint angles to start from, close by.
 
     Raises NoEquilibriumError when the steps do not converge.
     """
-    machine = _machine(cell, geometry, effects, gains, command)
+    machine = _machine(plant, command)
     x = np.zeros(COORDINATES)
     x[MOTOR], x[BAR] = q, b
     multipliers = np.zeros(6)
@@ -96,7 +95,7 @@ def rest(
         force, hessian = _forces(machine, ends, x)
         imbalance = force[active] + columns.T @ multipliers
         if np.abs(closed).max() < _CLOSURE_TOLERANCE and np.abs(imbalance).max() < _FORCE_TOLERANCE:
-            return _as_rest(machine, x, float(force[ROD] - _rod_weight(machine, ends)))
+            return _as_equilibrium(machine, x, float(force[ROD] - _rod_weight(machine, ends)))
         system = np.block(
             [[hessian[np.ix_(active, active)], columns.T], [columns, np.zeros((6, 6))]]
         )
@@ -112,30 +111,28 @@ def rest(
 
 
 def gravity_torque(cell: Cell, geometry: Geometry, q: Array) -> Array:
-    """(N, 6) [N m] torque that holds the free robot with its plate against gravity at joint angles q (N, 6) [rad]."""
-    return _weight(
-        geometry.robot, q, robot_frames(geometry, q), _robot_links(cell), cell.robot.gravity
-    ).T
+    """(N, 6) [N m] torque that holds the unloaded robot with its plate against gravity.
+
+    q : (N, 6) [rad] joint angles.
+    """
+    frames = robot_frames(geometry, q)
+    return _weight(geometry.robot, q, frames, _robot_links(cell), cell.robot.gravity).T
 
 
-def _machine(
-    cell: Cell, geometry: Geometry, effects: PlantEffects, gains: ServoGains, command: Array
-) -> _Machine:
+def _machine(plant: Plant, command: Array) -> _Machine:
+    effects, bar = plant.effects, plant.cell.ballbar
     movable = np.ones(COORDINATES, dtype=bool)
     movable[GEAR] = effects.gear_stiffness is not None
     movable[PLATE] = effects.plate_stiffness is not None
     movable[BASE] = effects.base_stiffness is not None
-    bar = cell.ballbar
+    bar_chain = Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5))
     return _Machine(
-        geometry,
-        effects,
-        gains,
-        cell.robot.joint_to_gear,
-        command,
-        _robot_links(cell),
-        _turning_links(Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5)), bar.links),
-        cell.robot.gravity,
-        np.flatnonzero(movable),
+        plant=plant,
+        joint_to_gear=plant.cell.robot.joint_to_gear,
+        command=command,
+        robot=_robot_links(plant.cell),
+        bar=_turning_links(bar_chain, bar.links),
+        active=np.flatnonzero(movable),
     )
 
 
@@ -144,29 +141,27 @@ def _robot_links(cell: Cell) -> list[list[Link]]:
     chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(6))
     links = _turning_links(chain, robot.links[1:])
     flange = forward(chain, np.zeros((1, 6)))
-    on_base = flange.tip[:, 0] + flange.rotation()[:, :, 0] @ plate.com
-    links[5] += _turning_links(
-        chain, (*robot.links[1:6], Link(plate.mass, on_base, plate.inertia))
-    )[5]
+    on_base = Link(
+        plate.mass, flange.tip[:, 0] + flange.rotation()[:, :, 0] @ plate.com, plate.inertia
+    )
+    links[5] += _turning_links(chain, (*robot.links[1:6], on_base))[5]
     return links
 
 
 def _turning_links(chain: Chain, links: tuple[Link, ...]) -> list[list[Link]]:
-    """Links given in base coordinates at zero angles, each in the frame that turns with its joint (frame i-1 at zero)."""
-    zero = forward(chain, np.zeros((1, chain.rows)))
+    """Links given in base coordinates at zero angles, in the frames that turn with their joints."""
+    frames = forward(chain, np.zeros((1, chain.rows)))
     turned = []
     for i, link in enumerate(links):
-        rotation = zero.rotation(i)[:, :, 0]
-        turned.append(
-            [Link(link.mass, rotation.T @ (link.com - zero.origin[i, :, 0]), link.inertia)]
-        )
+        com = frames.rotation(i)[:, :, 0].T @ (link.com - frames.origin[i, :, 0])
+        turned.append([Link(link.mass, com, link.inertia)])
     return turned
 
 
 def _ends(machine: _Machine, x: Array) -> Deflected:
     q = (x[MOTOR] + x[GEAR])[None]
     return deflect(
-        machine.geometry,
+        machine.plant.geometry,
         q,
         x[None, BAR],
         stretch=x[ROD : ROD + 1],
@@ -176,13 +171,13 @@ def _ends(machine: _Machine, x: Array) -> Deflected:
 
 
 def _closure(ends: Deflected) -> Array:
-    """(6,) mismatch of ball-bar end and tool."""
+    """(6,) [m, rad] loop-closure error: pose of the ball-bar's end relative to the tool."""
     turned = np.einsum("ikn,jkn->ijn", ends.bar.rotation(), ends.tool_rotation)
     return np.concatenate((ends.bar.tip - ends.tool, rotvec_from_matrix(turned)))[:, 0]
 
 
 def _closure_columns(ends: Deflected) -> Array:
-    """(6, 22) derivative of the mismatch, exact where the loop is closed."""
+    """(6, 22) derivative of the loop-closure error, exact where the loop is closed."""
     columns = np.zeros((COORDINATES, 6))
     joints = turning(ends.robot.z[:6], ends.robot.origin[:6], ends.tool)[:, :, 0]
     columns[MOTOR] = columns[GEAR] = -joints
@@ -194,9 +189,9 @@ def _closure_columns(ends: Deflected) -> Array:
 
 
 def _forces(machine: _Machine, ends: Deflected, x: Array) -> tuple[Array, Array]:
-    """(22,) derivative of the energy, and its stiffness (22, 22) without the curvature of gravity."""
+    """(22,) derivative of the energy, and stiffness (22, 22) without the curvature of gravity."""
     force, stiffness = np.zeros(COORDINATES), np.zeros((COORDINATES, COORDINATES))
-    to_gear, gains, effects = machine.joint_to_gear, machine.gains, machine.effects
+    to_gear, gains, effects = machine.joint_to_gear, machine.plant.gains, machine.plant.effects
     motor = x[MOTOR] @ to_gear
     servo = gains.kp * (motor - effects.transmission_error(motor[None])[0] - machine.command)
     force[MOTOR], stiffness[MOTOR, MOTOR] = to_gear @ servo, to_gear @ np.diag(gains.kp) @ to_gear.T
@@ -206,18 +201,14 @@ def _forces(machine: _Machine, ends: Deflected, x: Array) -> tuple[Array, Array]
         )
         force[GEAR], stiffness[GEAR, GEAR] = to_gear @ torque, to_gear @ np.diag(slope) @ to_gear.T
     if effects.plate_stiffness is not None:
-        # cantilever under a tip load F: deflection F / k, tilt 3 F / (2 k L); the load's lever about the hinge is 2 L / 3
-        bending = (
-            (2.0 / 3.0 * machine.geometry["ra6"])
-            * effects.plate_stiffness
-            / (1.5 / machine.geometry["ra6"])
-        )
+        # A cantilever under a tip load F deflects by F / k and tilts by 3 F / (2 k L); the lever of
+        # the load about the hinge is 2 L / 3.
+        length = machine.plant.geometry["ra6"]
+        bending = (2.0 / 3.0 * length) * effects.plate_stiffness / (1.5 / length)
         force[PLATE], stiffness[PLATE, PLATE] = bending * x[PLATE], bending
     if effects.base_stiffness is not None:
-        force[BASE], stiffness[BASE, BASE] = (
-            effects.base_stiffness * x[BASE],
-            effects.base_stiffness * np.eye(3),
-        )
+        force[BASE] = effects.base_stiffness * x[BASE]
+        stiffness[BASE, BASE] = effects.base_stiffness * np.eye(3)
     rod, slope = _with_backlash(
         x[ROD : ROD + 1], np.array([effects.rod_stiffness]), np.array([effects.rod_backlash])
     )
@@ -225,32 +216,28 @@ def _forces(machine: _Machine, ends: Deflected, x: Array) -> tuple[Array, Array]
     return force + _weights(machine, ends, x), stiffness
 
 
-def _with_backlash(deflection: Array, stiffness: Array, slack: Array) -> tuple[Array, Array]:
-    """Force and slope of springs with a dead band of half width `slack`."""
-    inside = np.clip(deflection, -slack, slack)
-    share = np.where((np.abs(deflection) < slack), INSIDE_BACKLASH, 1.0)
-    return stiffness * (
-        deflection - inside + INSIDE_BACKLASH * inside * (slack > 0.0)
-    ), stiffness * share
+def _with_backlash(deflection: Array, stiffness: Array, backlash: Array) -> tuple[Array, Array]:
+    """Force and slope of springs with dead bands of half width `backlash`; arrays of one shape."""
+    inside = np.clip(deflection, -backlash, backlash)
+    share = np.where((np.abs(deflection) < backlash), INSIDE_BACKLASH, 1.0)
+    force = stiffness * (deflection - inside + INSIDE_BACKLASH * inside * (backlash > 0.0))
+    return force, stiffness * share
 
 
 def _weights(machine: _Machine, ends: Deflected, x: Array) -> Array:
     """(22,) derivative of the potential energy of all masses."""
     load = np.zeros(COORDINATES)
-    q = (x[MOTOR] + x[GEAR])[None]
-    load[MOTOR] = load[GEAR] = _weight(
-        machine.geometry.robot, q, ends.robot, machine.robot, machine.gravity
-    )[:, 0]
-    load[BAR] = _weight(machine.geometry.bar, x[None, BAR], ends.bar, machine.bar, machine.gravity)[
-        :, 0
-    ]
+    geometry, gravity, q = machine.plant.geometry, machine.gravity, (x[MOTOR] + x[GEAR])[None]
+    robot = _weight(geometry.robot, q, ends.robot, machine.robot, gravity)
+    load[MOTOR] = load[GEAR] = robot[:, 0]
+    load[BAR] = _weight(geometry.bar, x[None, BAR], ends.bar, machine.bar, gravity)[:, 0]
     load[ROD] = _rod_weight(machine, ends)
     load[BASE] = -sum(link.mass for links in machine.bar for link in links) * machine.gravity
     return load
 
 
 def _rod_weight(machine: _Machine, ends: Deflected) -> float:
-    """[N] what rides on the rod's slide is lifted as the rod stretches."""
+    """[N] generalised weight of all bodies beyond the rod's slide, which its elongation lifts."""
     mass = sum(link.mass for links in machine.bar[2:] for link in links)
     return float(-mass * machine.gravity @ ends.bar.z[2, :, 0])
 
@@ -258,7 +245,9 @@ def _rod_weight(machine: _Machine, ends: Deflected) -> float:
 def _weight(
     chain: Chain, q: Array, frames: Frames, bodies: list[list[Link]], gravity: Array
 ) -> Array:
-    """(J, N) [N m/rad] derivative of the potential energy with respect to the joint angles of one chain."""
+    """(J, N) [N m/rad] derivative of a chain's potential energy with respect to its angles q (N,
+    J).
+    """
     gradient = np.zeros((chain.rows, q.shape[0]))
     cos, sin = np.cos(q.T), np.sin(q.T)
     for i, links in enumerate(bodies):
@@ -276,24 +265,31 @@ def _weight(
 
 
 def _to_end_of_backlash(machine: _Machine, x: Array, step: Array) -> float:
-    """Share of a step up to just behind the first end of a play on its way.
+    """Share of a step up to just beyond the first end of a dead band on its way.
 
-    Full steps may hop between the ends of a play for ever. Energy falls along each step and its slope changes only there, so
-    stopping there always comes to rest.
+    Full steps may alternate between the ends of a dead band without end. Energy falls along each
+    step and its slope changes only at these ends, so stopping there converges.
     """
-    slack = np.append(machine.effects.gear_backlash, machine.effects.rod_backlash)
-    at, moved = (np.append(v[GEAR] @ machine.joint_to_gear, v[ROD]) for v in (x, step))
-    behind = np.sign(moved) * _BEYOND * slack
+    effects = machine.plant.effects
+    backlash = np.append(effects.gear_backlash, effects.rod_backlash)
+    start, moved = (np.append(v[GEAR] @ machine.joint_to_gear, v[ROD]) for v in (x, step))
+    beyond = np.sign(moved) * _BEYOND * backlash
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.concatenate([(end + behind - at) / moved for end in (-slack, slack)])
-    ahead = shares[(shares > 0.0) & np.tile(slack > 0.0, 2)]
+        shares = np.concatenate([(end + beyond - start) / moved for end in (-backlash, backlash)])
+    ahead = shares[(shares > 0.0) & np.tile(backlash > 0.0, 2)]
     return min(1.0, float(ahead.min(initial=1.0)))
 
 
-def _as_rest(machine: _Machine, x: Array, rod_force: float) -> Rest:
-    effects = machine.effects
-    play = np.abs(x[GEAR] @ machine.joint_to_gear) < effects.gear_backlash
-    in_backlash = bool(play.any() or abs(x[ROD]) < effects.rod_backlash)
-    return Rest(
-        x[MOTOR], x[GEAR], x[BAR], float(x[ROD]), float(x[PLATE]), x[BASE], rod_force, in_backlash
+def _as_equilibrium(machine: _Machine, x: Array, rod_force: float) -> Equilibrium:
+    effects = machine.plant.effects
+    inside = np.abs(x[GEAR] @ machine.joint_to_gear) < effects.gear_backlash
+    return Equilibrium(
+        motor=x[MOTOR],
+        gear=x[GEAR],
+        b=x[BAR],
+        stretch=float(x[ROD]),
+        plate=float(x[PLATE]),
+        base=x[BASE],
+        rod_force=rod_force,
+        in_backlash=bool(inside.any() or abs(x[ROD]) < effects.rod_backlash),
     )

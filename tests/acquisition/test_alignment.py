@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acquisition.alignment import coarse_alignment, overlap_correlation
-from acquisition.stillness import noise_sigma, speeds, stillness
+from acquisition.dwells import find_dwells, noise_sigma, speeds
 from cell.errors import LogError
 from cell.logs import BallBarLog, RobotLog
 
@@ -176,22 +176,22 @@ def test_the_rests_of_a_noisy_log_are_found_and_nothing_else(noise: float, perio
     rests = [(-1.0, 4.0), (20.0, 23.0), (40.0, 41.5), (56.0, 61.0)]
     t = np.arange(0.0, 60.0, period)
     angles = Course(60.0, rests).angles(t, 5, rng) + rng.normal(0.0, noise, (t.size, 5))
-    found = stillness(t, angles)
+    found = find_dwells(t, angles)
     expected = [(0.0, 4.0), (20.0, 23.0), (40.0, 41.5), (56.0, 60.0)]
     # A speed spans 0.1 s to either side, and a ramp begins too slowly to be seen.
     np.testing.assert_allclose(t[found.intervals], expected, atol=0.2)
     np.testing.assert_array_equal(
-        np.flatnonzero(np.diff(found.still.astype(int)) == 1), found.intervals[1:, 0] - 1
+        np.flatnonzero(np.diff(found.standing.astype(int)) == 1), found.intervals[1:, 0] - 1
     )
-    assert found.still.sum() == np.sum(found.intervals[:, 1] - found.intervals[:, 0] + 1)
+    assert found.standing.sum() == np.sum(found.intervals[:, 1] - found.intervals[:, 0] + 1)
 
 
 def test_one_moving_channel_is_motion() -> None:
     t = np.arange(0.0, 20.0, 0.01)
     angles = np.zeros((t.size, 5))
-    assert stillness(t, angles).still.all()
+    assert find_dwells(t, angles).standing.all()
     angles[:, 3] = 0.005 * np.sin(t)
-    assert not stillness(t, angles).still.any()  # reversals are slow for 0.2 s only
+    assert not find_dwells(t, angles).standing.any()  # reversals are slow for 0.2 s only
 
 
 def test_a_log_that_never_rests_has_no_rest() -> None:
@@ -199,8 +199,8 @@ def test_a_log_that_never_rests_has_no_rest() -> None:
     angles = np.stack(
         [np.sin(0.5 * t + 0.7 * i) for i in range(5)], axis=1
     ) + np.random.default_rng(6).normal(0.0, NOISE, (t.size, 5))
-    found = stillness(t, angles)
-    assert not found.still.any()
+    found = find_dwells(t, angles)
+    assert not found.standing.any()
     assert found.intervals.shape == (0, 2)
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import acquisition.table.table
-from acquisition.report import Finding
 from acquisition.table.fast_path import clean_columns
 from acquisition.table.header import Layout
 from acquisition.table.table import read_table
+from acquisition.table.text import Content
 from cell.errors import LogError
 
 BAR = Layout(
@@ -77,13 +77,13 @@ def damaged(raw: bytes, rng: Rng) -> bytes:
 
 
 def outcome(path: Path, layout: Layout) -> object:
-    findings: list[Finding] = []
     try:
-        table, form = read_table(path, "log.csv", layout, findings)
+        table, form = read_table(path, "log.csv", layout)
     except LogError as error:
         return str(error)
     columns = {name: (column.dtype, column.tolist()) for name, column in table.columns.items()}
-    return columns, table.line.tolist(), table.flags.tolist(), table.begins.tolist(), form, findings
+    rows = table.line.tolist(), table.flags.tolist(), table.begins.tolist()
+    return columns, *rows, form, table.findings
 
 
 def files(count: int) -> Iterator[tuple[bytes, Layout]]:
@@ -103,21 +103,20 @@ def test_what_is_read_at_once_is_what_is_read_line_by_line(
         with monkeypatch.context() as patch:
             patch.setattr(acquisition.table.table, "clean_columns", lambda *_: None)
             assert at_once == outcome(path, layout), raw
-        clean += clean_columns(raw, "log.csv", layout, []) is not None
+        clean += clean_columns(Content(raw), "log.csv", layout) is not None
     assert 60 < clean < 540  # both ways were taken
 
 
 def test_a_clean_log_is_read_at_once() -> None:
     raw = b"note;b2;time;b1\r\n1;4294967295;100000000000000001;-7\r\n2;0;100000000000000002;3\r\n"
-    findings: list[Finding] = []
-    read = clean_columns(raw, "log.csv", BAR, findings)
+    read = clean_columns(Content(raw), "log.csv", BAR)
     assert read is not None
     assert {name: column.tolist() for name, column in read[1].items()} == {
         "time": [100000000000000001, 100000000000000002],
         "b1": [-7, 3],
         "b2": [4294967295, 0],
     }
-    assert [one.kind for one in findings] == ["column not used"]
+    assert [entry.kind for entry in read[0].findings] == ["column not used"]
 
 
 @pytest.mark.parametrize(
@@ -135,8 +134,5 @@ def test_a_clean_log_is_read_at_once() -> None:
     ],
 )
 def test_a_row_that_is_not_plain_is_left_to_the_careful_reader(row: bytes) -> None:
-    findings: list[Finding] = []
-    assert (
-        clean_columns(b"time;b1;b2\n1;2;3\n" + row + b"\n4;5;6\n", "log.csv", BAR, findings) is None
-    )
-    assert findings == []
+    content = Content(b"time;b1;b2\n1;2;3\n" + row + b"\n4;5;6\n")
+    assert clean_columns(content, "log.csv", BAR) is None

@@ -20,8 +20,6 @@ from acquisition.formats.dialect import load_dialect
 from acquisition.formats.egm import FILE_START, frame, read_frames
 from acquisition.formats.registry import read_file
 from acquisition.recording import read_ballbar, read_robot
-from acquisition.report import Finding
-from acquisition.sources import Ledger
 from acquisition.table.header import Layout
 from acquisition.table.table import Table
 from cell.errors import DescriptionError, InputError, LogError
@@ -58,15 +56,15 @@ def read(
     """The table of a file with that content, and kind and severity of each finding."""
     path = folder / ("log" + written.suffix)
     path.write_bytes(written.content if content is None else content)
-    dialect, findings = load_dialect(written.dialect), list[Finding]()
+    dialect = load_dialect(written.dialect)
     time = dialect.time.column
     columns = {
         time: dialect.time.type,
         **dict.fromkeys(dialect.axes, "float"),
         **dict.fromkeys(written.integers, "integer"),
     }
-    table, _ = read_file(path, path.name, dialect, Layout((), columns), findings)
-    return table, [(one.kind, one.severity) for one in findings]
+    table, _ = read_file(path, path.name, dialect, Layout((), columns))
+    return table, [(entry.kind, entry.severity) for entry in table.findings]
 
 
 def equal(table: Table, written: Written, rows: slice = slice(None)) -> bool:
@@ -331,9 +329,9 @@ def test_a_big_endian_joint_state_is_read_as_well(tmp_path: Path) -> None:
     body = struct.pack(">iI", 5, 6) + struct.pack(">I", 1) + b"\0" + bytes(3)
     body += struct.pack(">II", 1, 3) + b"j1\0" + bytes(1) + struct.pack(">I", 1)
     body += bytes(-len(body) % 8) + struct.pack(">d", 0.25) + struct.pack(">II", 0, 0)
-    from acquisition.formats.joint_state import decode_joint_state  # noqa: PLC0415
+    from acquisition.formats.joint_state import JointStateDecoder  # noqa: PLC0415
 
-    state = decode_joint_state(b"\0\0\0\0" + body, [])
+    state = JointStateDecoder().decode(b"\0\0\0\0" + body)
     assert (state.stamp_ns, state.positions) == (5_000_000_006, {"j1": 0.25})
 
 
@@ -616,10 +614,11 @@ def in_folder(
     folder: Path, written: Written, content: bytes | None = None
 ) -> tuple[RobotLog, list[tuple[str, str]]]:
     """A robot's file behind all checks of the recording's reader."""
-    name, ledger = "log" + written.suffix, Ledger([], [])
+    name = "log" + written.suffix
     (folder / name).write_bytes(written.content if content is None else content)
-    log = read_robot(folder, SourceFile(files=(name,), dialect=written.dialect), ROBOT, ledger)
-    return log, [(one.kind, one.severity) for one in ledger.findings]
+    source = SourceFile(files=(name,), dialect=written.dialect)
+    log, imported = read_robot(folder, source, ROBOT)
+    return log, [(entry.kind, entry.severity) for entry in imported.findings]
 
 
 ROBOTS = [kind for kind in ALL if not kind.startswith("scope")]
@@ -691,13 +690,8 @@ def test_angles_in_another_unit_than_the_container_has_are_refused(
 def test_scope_counters_become_encoder_angles(tmp_path: Path) -> None:
     (tmp_path / "bar.csv").write_bytes(scope().content)
     fitted = {name: EncoderFitting(column=name, lines=3600, bits=12) for name in ("b1", "b2")}
-    log = read_ballbar(
-        tmp_path,
-        SourceFile(files=("bar.csv",), dialect="twincat-scope"),
-        fitted,
-        Ledger([], []),
-        robot_moves=True,
-    )
+    source = SourceFile(files=("bar.csv",), dialect="twincat-scope")
+    log, _ = read_ballbar(tmp_path, source, fitted, robot_moves=True)
     course = (counts() + 2**31) % 2**32 - 2**31
     assert np.allclose(
         np.diff(log.angles, axis=0),
@@ -729,5 +723,4 @@ def test_a_dialect_with_another_unit_of_time_is_refused(tmp_path: Path) -> None:
             "log.egm",
             wrong,
             Layout((), dict.fromkeys(("time", *AXES), "float")),
-            [],
         )

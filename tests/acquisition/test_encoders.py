@@ -9,14 +9,13 @@ from acquisition.faults import encoders
 from acquisition.faults.encoders import (
     counter_words,
     counts_to_rad,
-    jump_flags,
     powered_up,
     refuse_standing,
-    status_flags,
     unwrap_counter,
+    with_jumps_checked,
+    with_status_checked,
 )
 from acquisition.flags import RowFlag, usable
-from acquisition.report import Finding
 from acquisition.table.table import Table
 from cell.errors import LogError
 from cell.recording import EncoderFitting
@@ -48,19 +47,19 @@ def fitted(*names: str) -> dict:
     return {name: EncoderFitting(column=name, lines=LINES, bits=BITS) for name in names}
 
 
-def encoder_angles(
-    table: Table,
-    t: np.ndarray,
-    names: dict,
-    *,
-    robot_moves: bool,
-    findings: list[Finding] | None = None,
-) -> np.ndarray:
+def encoder_angles(table: Table, t: np.ndarray, names: dict, *, robot_moves: bool) -> np.ndarray:
     """As the reader does: words, jumps, angles, standing columns."""
-    words, sound = counter_words(table, names), usable(table.flags)
-    flags, _ = jump_flags(table, t, words, sound, names, [] if findings is None else findings)
-    refuse_standing(table, words, table.flags | flags, names, robot_moves=robot_moves)
-    return encoders.encoder_angles(words, usable(table.flags | flags), names)
+    return checked(table, t, names, robot_moves=robot_moves)[1]
+
+
+def checked(
+    table: Table, t: np.ndarray, names: dict, *, robot_moves: bool
+) -> tuple[Table, np.ndarray]:
+    """The table with jumps flagged and reported, and the encoder angles."""
+    words = counter_words(table, names)
+    table = with_jumps_checked(table, t, words, names)
+    refuse_standing(table, words, names, robot_moves=robot_moves)
+    return table, encoders.encoder_angles(words, usable(table.flags), names)
 
 
 @given(
@@ -105,15 +104,12 @@ def test_angles_survive_the_wrap_of_the_counter_exactly() -> None:
 def test_a_counter_that_was_reset_is_found_at_its_row_and_its_angle_jumps() -> None:
     t, first, second = turning()
     first[250:] -= first[249] - 4_000_000  # the counter starts anew, 1.7 rad away
-    findings: list[Finding] = []
     table = table_of(b1=first % 2**32, b2=second % 2**32)
     names = fitted("b1", "b2")
-    flags, reset = jump_flags(
-        table, t, counter_words(table, names), usable(table.flags), names, findings
-    )
-    assert reset.tolist() == [250]
-    assert flags[250] == RowFlag.PRESET
-    assert [(one.kind, one.severity, one.lines) for one in findings] == [
+    table = with_jumps_checked(table, t, counter_words(table, names), names)
+    assert np.flatnonzero(table.flags).tolist() == [250]
+    assert table.flags[250] == RowFlag.PRESET
+    assert [(entry.kind, entry.severity, entry.lines) for entry in table.findings] == [
         ("counter jumped", "warning", (252,))
     ]
 
@@ -131,16 +127,13 @@ def test_rows_that_are_off_for_a_moment_are_flagged_and_add_no_wrap(rows: int, a
         else np.arange(at, at + rows)
     )
     words[damaged] = words[120] + 3_000_000_000
-    findings: list[Finding] = []
-    angles = encoder_angles(
-        table_of(b1=words % 2**32), t, fitted("b1"), robot_moves=True, findings=findings
-    )
-    sound = np.delete(np.arange(400), damaged)
+    table, angles = checked(table_of(b1=words % 2**32), t, fitted("b1"), robot_moves=True)
+    valid = np.delete(np.arange(400), damaged)
     expected = counts_to_rad(first, lines=LINES, bits=BITS, sign=1)
     assert (
-        np.ptp(angles[sound, 0] - expected[sound]) < 1e-12
+        np.ptp(angles[valid, 0] - expected[valid]) < 1e-12
     )  # at the start the first word is another, and so is the zero
-    assert [(one.kind, one.lines) for one in findings] == [
+    assert [(entry.kind, entry.lines) for entry in table.findings] == [
         ("implausible value", tuple((damaged + 2).tolist()))
     ]
 
@@ -234,17 +227,13 @@ def test_rows_with_a_faulty_encoder_are_flagged_and_counted(
     status = np.zeros(400, dtype=np.int64)
     faulty = [10, 11, 12, 13, 14, 15, 200]
     status[faulty] = 1 << bit
-    findings: list[Finding] = []
-    flags, preset = status_flags(
-        table_of(b1=first % 2**32, b2=second % 2**32, s1=status + toggle, s2=toggle),
-        STATUS,
-        findings,
-    )
-    assert np.flatnonzero(flags).tolist() == faulty
-    assert set(flags[faulty]) == {flag}
-    assert np.flatnonzero(~usable(flags)).tolist() == faulty
-    assert preset.size == 0
-    assert [(one.kind, one.severity, one.lines, one.count) for one in findings] == [
+    logged = table_of(b1=first % 2**32, b2=second % 2**32, s1=status + toggle, s2=toggle)
+    table = with_status_checked(logged, STATUS)
+    assert np.flatnonzero(table.flags).tolist() == faulty
+    assert set(table.flags[faulty]) == {flag}
+    assert np.flatnonzero(~usable(table.flags)).tolist() == faulty
+    assert not logged.flags.any()
+    assert [(e.kind, e.severity, e.lines, e.count) for e in table.findings] == [
         (kind, "repaired", (12, 13, 14, 15, 16), 7)
     ]
 
@@ -266,11 +255,10 @@ def test_sync_errors_are_reported_and_their_rows_kept() -> None:
     _, first, _ = turning()
     status = np.zeros(400, dtype=np.int64)
     status[5] = 1 << 13
-    findings: list[Finding] = []
-    flags, _ = status_flags(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, findings)
-    assert usable(flags).all()
-    assert flags[5] == RowFlag.SYNC
-    assert [(one.kind, one.severity, one.lines) for one in findings] == [
+    table = with_status_checked(table_of(b1=first % 2**32, s1=status), {"b1": "s1"})
+    assert usable(table.flags).all()
+    assert table.flags[5] == RowFlag.SYNC
+    assert [(entry.kind, entry.severity, entry.lines) for entry in table.findings] == [
         ("sync error", "warning", (7,))
     ]
 
@@ -284,32 +272,31 @@ def test_a_toggle_that_stands_still_tells_of_old_data_only_where_every_cycle_is_
         (np.zeros(400, dtype=np.int64), []),
         (np.arange(400) // 7 % 2, []),
     ):
-        findings: list[Finding] = []
-        flags, _ = status_flags(table_of(b1=first % 2**32, s1=log << 15), {"b1": "s1"}, findings)
-        assert np.flatnonzero(flags == RowFlag.STALE).tolist() == stale
-        assert [one.kind for one in findings] == ["stale process data"] * len(stale)
+        table = with_status_checked(table_of(b1=first % 2**32, s1=log << 15), {"b1": "s1"})
+        assert np.flatnonzero(table.flags == RowFlag.STALE).tolist() == stale
+        assert [entry.kind for entry in table.findings] == ["stale process data"] * len(stale)
 
 
 def test_a_counter_preset_during_the_log_is_found_and_one_before_it_is_not() -> None:
     _, first, _ = turning()
     status = np.full(400, 1 << 2)
-    assert status_flags(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, [])[1].size == 0
+    table = with_status_checked(table_of(b1=first % 2**32, s1=status), {"b1": "s1"})
+    assert not table.flags.any()
     status[:50] = 0
-    flags, preset = status_flags(table_of(b1=first % 2**32, s1=status), {"b1": "s1"}, [])
-    assert preset.tolist() == [50]
-    assert np.flatnonzero(flags == RowFlag.PRESET).tolist() == [50]
+    table = with_status_checked(table_of(b1=first % 2**32, s1=status), {"b1": "s1"})
+    assert np.flatnonzero(table.flags == RowFlag.PRESET).tolist() == [50]
 
 
 def test_a_number_that_is_no_status_word_is_refused() -> None:
     with pytest.raises(LogError, match=r"raw/bar.csv:3: column s1: 65536 is no 16-bit status word"):
-        status_flags(table_of(b1=np.zeros(3), s1=np.array([0, 65536, 0])), {"b1": "s1"}, [])
+        with_status_checked(table_of(b1=np.zeros(3), s1=np.array([0, 65536, 0])), {"b1": "s1"})
 
 
 def test_an_encoder_without_status_column_is_warned_of() -> None:
     _, first, second = turning()
-    findings: list[Finding] = []
-    status_flags(table_of(b1=first % 2**32, b2=second % 2**32, s1=np.zeros(400)), STATUS, findings)
-    assert [(one.kind, one.severity, one.sentence) for one in findings] == [
+    logged = table_of(b1=first % 2**32, b2=second % 2**32, s1=np.zeros(400))
+    table = with_status_checked(logged, STATUS)
+    assert [(entry.kind, entry.severity, entry.sentence) for entry in table.findings] == [
         (
             "no status word",
             "warning",

@@ -13,7 +13,7 @@ from cell.errors import DescriptionError, InputError, LogError
 from cell.load import load_robot
 from cell.logs import ForceLog, RobotLog
 from sim.logging.load_logs import drawn_loads, sensor_rows
-from sim.simulate import write_recording
+from sim.recording_files import write_recording
 from tests.helpers.device_logs import (
     FORCE_T,
     ROBOT,
@@ -97,9 +97,9 @@ def test_a_simulated_force_log_is_read_as_it_was_written(loaded: Recorded) -> No
         simulation.motion,
         float(true[0]),
         float(true[-1]),
-        sensor,
-        simulation.truth.logs.loads,
-        loaded.settings.seed,
+        sensor=sensor,
+        drawn=simulation.truth.logs.loads,
+        seed=loaded.settings.seed,
     )
     # The file has 1e-6 s and 1e-5 N; 2 ms steps are whole microseconds, and 1e-12 s is float64 at an up-time of a minute.
     np.testing.assert_allclose(force_log(recording).t, stamps - stamps[0], rtol=0.0, atol=1e-12)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from acquisition import explain_lines, read_recording
-from acquisition.report import Finding
 from acquisition.stamps.order import STAMP
 from acquisition.stamps.quantised import spread
 from acquisition.table.table import Table
@@ -37,11 +36,11 @@ def off(stamps: Array, t: Array) -> Array:
 )
 def test_the_times_of_even_rows_come_back(period: float, step: float) -> None:
     t = 7.0031 + COMMON * period * np.arange(ROWS)
-    coarse, findings = table(t, step), []
-    fine = spread(coarse, findings)
+    coarse = table(t, step)
+    fine = spread(coarse)
     assert off(coarse.columns[STAMP], t).max() > 0.45 * step
     assert off(fine.columns[STAMP], t).max() < 20e-6
-    assert [(one.kind, one.severity, one.count) for one in findings] == [
+    assert [(one.kind, one.severity, one.count) for one in fine.findings] == [
         ("quantised stamps", "repaired", ROWS)
     ]
 
@@ -55,7 +54,7 @@ def test_commensurable_periods_are_known_to_half_the_common_divisor(
     t = 7.0031 + (1 + 1e-7) * period * np.arange(ROWS)  # rows and steps keep their few phases
     coarse = table(t, step)
     assert (
-        off(spread(coarse, []).columns[STAMP], t).max()
+        off(spread(coarse).columns[STAMP], t).max()
         <= 0.51 * divisor
         < off(coarse.columns[STAMP], t).max()
     )
@@ -66,9 +65,9 @@ def test_behind_lost_and_late_rows_the_line_begins_anew(step: float) -> None:
     t = 7.0031 + COMMON * 0.004032 * np.arange(ROWS)
     t[3000:] += 0.0231
     t = np.delete(t, [1000, 1001, 2000])
-    findings: list[Finding] = []
-    error = off(spread(table(t, step), findings).columns[STAMP], t)
-    assert "anew at 3 places" in findings[0].sentence
+    fine = spread(table(t, step))
+    error = off(fine.columns[STAMP], t)
+    assert "anew at 3 places" in fine.findings[0].sentence
     assert np.quantile(error, 0.95) < 0.03 * step
     assert (
         error.max() <= 2.1 * 0.004032
@@ -79,7 +78,7 @@ def test_a_clock_that_was_set_back_has_a_line_on_either_side() -> None:
     t = 7.0031 + COMMON * 0.004032 * np.arange(ROWS)
     shown = table(t, 0.016)
     shown.columns[STAMP][2000:] -= 1_600_000_000
-    fine = spread(shown, []).columns[STAMP]
+    fine = spread(shown).columns[STAMP]
     assert np.flatnonzero(np.diff(fine) <= 0).tolist() == [1999]
     fine[2000:] += 1_600_000_000
     assert off(fine, t).max() < 100e-6
@@ -92,9 +91,9 @@ def test_rows_of_a_logger_that_comes_late_are_not_even(tmp_path: Path) -> None:
         LogError,
         match=r"log.csv:\d+: declared as quantised, but the rows do not come evenly: .* missing at \d+ places",
     ):
-        spread(table(t, 0.001), [])
+        spread(table(t, 0.001))
     with pytest.raises(LogError, match=r"log\.csv:2: all rows have the same stamp"):
-        spread(table(t, 1000.0), [])
+        spread(table(t, 1000.0))
 
 
 def test_a_log_with_rows_that_share_stamps_is_read_once_it_is_declared_quantised(

@@ -9,7 +9,6 @@ import pytcs
 import pytest
 
 from acquisition.formats.scope import Channel, read_channels
-from acquisition.report import Finding
 from tests.helpers.scope_exports import (
     CYCLES,
     FORMS,
@@ -23,10 +22,9 @@ EXPORTS = Path(__file__).parents[3] / "shared" / "samples" / "twincat_scope"  # 
 
 
 def channels(file: Path) -> list[Channel]:
-    findings = list[Finding]()
-    found = read_channels(file, file.name, findings)
-    assert findings == []
-    return found
+    read, findings = read_channels(file, file.name)
+    assert not findings
+    return read
 
 
 def assert_as_pytcs(file: Path) -> None:

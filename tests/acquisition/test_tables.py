@@ -24,9 +24,8 @@ def read(
 ) -> tuple[Table, Form, list[Finding]]:
     raw = content if isinstance(content, bytes) else content.encode()
     (folder / "log.csv").write_bytes(raw)
-    findings: list[Finding] = []
-    table, form = read_table(folder / "log.csv", "raw/log.csv", layout, findings)
-    return table, form, findings
+    table, form = read_table(folder / "log.csv", "raw/log.csv", layout)
+    return table, form, list(table.findings)
 
 
 def refusal(folder: Path, content: bytes | str, layout: Layout = COUNTERS) -> str:
@@ -129,7 +128,7 @@ def test_utf_16_without_mark_is_named_as_such(tmp_path: Path) -> None:
 def test_blank_lines_are_skipped_and_line_numbers_still_those_of_the_file(tmp_path: Path) -> None:
     table, _, findings = read(tmp_path, "\ntime;b1;b2\n\n1;2;3\n   \n2;3;4\n")
     assert table.line.tolist() == [4, 6]
-    assert table.place(1) == "raw/log.csv:6"
+    assert table.location(1) == "raw/log.csv:6"
     assert kinds(findings) == [("blank line", (1, 3, 5), 3)]
 
 
@@ -269,7 +268,7 @@ def test_points_and_commas_mixed_in_a_column_are_refused(tmp_path: Path) -> None
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"raw/none.csv: no such file"):
-        read_table(tmp_path / "none.csv", "raw/none.csv", COUNTERS, [])
+        read_table(tmp_path / "none.csv", "raw/none.csv", COUNTERS)
 
 
 INT64 = st.integers(-(2**63), 2**63 - 1)

@@ -30,7 +30,8 @@ from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid
 from ident.signals.step_fault import StepFault
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 from tests.helpers.command_line import ballbar
 from tests.helpers.page_cells import Cells
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded

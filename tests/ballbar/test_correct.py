@@ -20,6 +20,7 @@ from cell.robot_angles import controller_to_joints, joints_to_axes
 from ident.robot.accuracy import accuracy_grid
 from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
+from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects
 from sim.plant.held_poses import hold_poses
 from tests.helpers.calibrations import GEARS, corrections_of, write_calibration_of
@@ -104,7 +105,7 @@ def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None
 
 def test_a_held_pose_without_any_error_is_the_nominal_pose(cell: Cell, nominal: Geometry) -> None:
     q = easy_targets(cell, 5)
-    held = hold_poses(cell, nominal, PlantEffects(), q)
+    held = hold_poses(Plant(cell, nominal, PlantEffects(), cell.robot.servo["stiff"]), q)
     position, angle = pose_distance(robot_frames(nominal, q), held)
     assert position.max() < 1e-7
     assert angle.max() < 1e-7

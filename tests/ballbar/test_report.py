@@ -27,6 +27,7 @@ from ident.identify import identify
 from ident.options import FitOptions
 from ident.result import NamedCovariance
 from ident.verdict import Status, Verdict
+from sim.recording_files import write_recording
 from sim.settings import (
     CellSettings,
     ClockSettings,
@@ -38,7 +39,7 @@ from sim.settings import (
     SimulationSettings,
     StaticErrors,
 )
-from sim.simulate import simulate, write_recording
+from sim.simulate import simulate
 from tests.helpers.page_cells import Cells
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

@@ -22,7 +22,8 @@ from cell.load import load_cell
 from ident.estimator.closure import close_loop
 from ident.thesis.paired_samples import fit_samples, noise_of
 from sim.kinematic_samples import KinematicSamples, SampledPath, kinematic_samples, sample_path
-from sim.simulate import planned_path, simulate
+from sim.path_files import scenario_path
+from sim.simulate import simulate
 from sim.streams import stream
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 
@@ -206,7 +207,7 @@ def sampled(asked: Scenario) -> SampledPath:
     cell = load_cell("irb2400", "lund_600", "plate_250")
     nominal = nominal_geometry(cell, np.array(asked.cell.ballbar_position_m))
     return sample_path(
-        cell, nominal, planned_path(asked.path, cell, nominal, relative_to=SCENARIOS), 50
+        cell, nominal, scenario_path(asked.path, cell, nominal, relative_to=SCENARIOS), 50
     )
 
 

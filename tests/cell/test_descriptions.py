@@ -1,4 +1,4 @@
-"""Robots, ball-bars and plates: the shipped numbers against independent computations, and refusals of wrong ones."""
+"""Robots, ball-bars and plates: shipped numbers against independent computations, and refusals."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ Array = NDArray[np.float64]
 SHIPPED = Path(__file__).parents[2] / "cell"
 ROBOTS = ("irb2400", "nj220")
 
-# CNR-STIIMA-IRAS/comau-experimental, comau_nj220foundry.urdf: joint origins (xyz, and rpy in right angles), each joint about z.
+# CNR-STIIMA-IRAS/comau-experimental, comau_nj220foundry.urdf: joint origins (xyz, and rpy in right
+# angles), each joint about z.
 NJ220_URDF_JOINTS = [
     ((0.0, 0.0, 0.235), (2, 0, 2)),
     ((-0.4, 0.0, -0.595), (-1, 1, 0)),
@@ -70,7 +71,7 @@ def turn(axis: int, quarters: float) -> Array:
 
 
 def nj220_urdf_frames(quarters: tuple[float, ...]) -> tuple[list[Array], list[Array]]:
-    """Rotations and origins of base, links 1-6 and flange in the URDF, at joint angles in right angles."""
+    """Rotations and origins of base, links 1-6 and flange in the URDF; angles in right angles."""
     rotations, origins = [np.eye(3)], [np.zeros(3)]
     for (xyz, (roll, pitch, yaw)), angle in zip(NJ220_URDF_JOINTS, (*quarters, 0.0), strict=True):
         origins.append(origins[-1] + rotations[-1] @ xyz)
@@ -166,8 +167,8 @@ def test_axis_3_is_the_angle_of_the_forearm_against_the_horizontal(name: str) ->
     q = np.random.default_rng(2).uniform(-1.0, 1.0, (20, 6)) * [0, 1, 1, 0, 0, 0]
     forearm = flange_frames(robot, q).z[3]
     below = np.arctan2(-forearm[2], forearm[0])
-    sense = robot.controller_to_joint[2, 2]
-    np.testing.assert_allclose(sense * joints_to_axes(robot, q)[:, 2], below, atol=1e-14)
+    direction = robot.controller_to_joint[2, 2]
+    np.testing.assert_allclose(direction * joints_to_axes(robot, q)[:, 2], below, atol=1e-14)
 
 
 def test_the_nj220_logged_angles_map_as_the_thesis_prints() -> None:
@@ -208,9 +209,9 @@ def test_the_urdf_of_the_nj220_and_our_dh_rows_are_the_same_machine() -> None:
         1.0,
         -1.0,
     ]  # thesis App. A: sign of each logged angle against the DH angle
-    for joint, sense in enumerate(directions):
+    for joint, direction in enumerate(directions):
         axis = rotations[joint + 1][:, 2]
-        np.testing.assert_allclose(sense * axis, ours.z[joint, :, 0], atol=1e-15)
+        np.testing.assert_allclose(direction * axis, ours.z[joint, :, 0], atol=1e-15)
         apart = np.cross(origins[joint + 1] - ours.origin[joint, :, 0], axis)
         assert np.linalg.norm(apart) < 3.1e-4  # the two axes are one line
     np.testing.assert_allclose(np.diag(robot.controller_to_joint), directions)
@@ -353,7 +354,8 @@ def test_a_description_of_the_wrong_shape_is_refused() -> None:
 def test_an_unknown_name_lists_the_shipped_ones_and_the_nearest() -> None:
     with pytest.raises(
         DescriptionError,
-        match=r"unknown robot 'irb240'. Did you mean irb2400\? Valid names: irb2400, nj220. A file of your",
+        match=r"unknown robot 'irb240'. Did you mean irb2400\? Valid names: irb2400, nj220. "
+        "A file of your",
     ):
         load_robot("irb240")
     with pytest.raises(DescriptionError, match=r"unknown ballbar '../ballbars/lund_600'"):
@@ -379,7 +381,8 @@ def test_a_path_is_taken_from_the_folder_of_the_file_that_names_it(tmp_path: Pat
             "robots/irb2400.yaml",
             "d_m: 0.615, alpha_deg: -90",
             "d_m: 0.615, alpha_deg: -1.5708",
-            "dh[0].alpha_deg = -1.5708: looks like radians. Angles here are degrees: -1.5708 rad is -90.0002 deg.",
+            "dh[0].alpha_deg = -1.5708: looks like radians. Angles here are degrees: "
+            "-1.5708 rad is -90.0002 deg.",
         ),
         (
             "robots/irb2400.yaml",
@@ -427,19 +430,22 @@ def test_a_path_is_taken_from_the_folder_of_the_file_that_names_it(tmp_path: Pat
             "robots/irb2400.yaml",
             "[9.82, 6.16, 8.30, 0, 0, 0]",
             "[9.82, 6.16, 8.30, 9, 0, 0]",
-            "links.link1.inertia_kg_m2: principal moments -1.194, 8.3, 17.17 kg m^2 must all be positive.",
+            "links.link1.inertia_kg_m2: principal moments -1.194, 8.3, 17.17 kg m^2 "
+            "must all be positive.",
         ),
         (
             "robots/irb2400.yaml",
             "[9.82, 6.16, 8.30, 0, 0, 0]",
             "[98.2, 6.16, 8.30, 0, 0, 0]",
-            "links.link1.inertia_kg_m2: principal moments 6.16, 8.3, 98.2 kg m^2: the largest exceeds the sum of the others.",
+            "links.link1.inertia_kg_m2: principal moments 6.16, 8.3, 98.2 kg m^2: "
+            "the largest exceeds the sum of the others.",
         ),
         (
             "robots/irb2400.yaml",
             "axis_speed_max_deg_per_s",
             "axis_speed_max_rad_per_s",
-            "unknown key axis_speed_max_rad_per_s. Did you mean axis_speed_max_deg_per_s? Valid keys: accuracy_lower_deg,",
+            "unknown key axis_speed_max_rad_per_s. Did you mean axis_speed_max_deg_per_s? "
+            "Valid keys: accuracy_lower_deg,",
         ),
         (
             "ballbars/lund_600.yaml",
@@ -466,12 +472,10 @@ def test_a_wrong_number_is_refused_with_its_line_key_and_value(
 ) -> None:
     text = (SHIPPED / source).read_text(encoding="utf-8")
     path = changed(tmp_path, source, old, new)
-    line = text[: text.index(old)].count("\n") + 1
-    told = refusal(path).split("\n")
-    place = (
-        "mine.yaml:9" if "at least" in message else f"mine.yaml:{line}"
-    )  # of the list, not of the row cut out
-    assert any(one.startswith(f"{place}: {message}") for one in told), told
+    wrong = "\ndh:" if "at least" in message else old  # the list, not the row cut out
+    line = text[: text.index(wrong) + wrong.startswith("\n")].count("\n") + 1
+    sentences = refusal(path).split("\n")
+    assert any(s.startswith(f"mine.yaml:{line}: {message}") for s in sentences), sentences
 
 
 def test_a_file_of_another_kind_is_recognised_by_its_schema(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""DH kinematics against MuJoCo, against central differences, and against itself the other way round."""
+"""DH kinematics against MuJoCo, against central differences, and against its own inverse."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from cell.geometry import (
 from cell.inverse import UnreachableError, bar_angles, refine, robot_branches
 from cell.load import load_cell
 from cell.rotation import inverse_left_jacobian, matrix_from_rotvec, quat_wxyz, rotvec_from_matrix
+from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import PlantModel, plant_model
 from tests.helpers.simulated_recordings import perturbed
@@ -47,7 +48,8 @@ def test_mujoco_and_dh_agree_to_1e_12_on_60_perturbed_models(robot: str) -> None
     worst = 0.0
     for _ in range(60):
         geometry = perturbed(nominal_geometry(cell, rng.uniform(-1, 1, 3)), rng)
-        plant = plant_model(cell, geometry, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
+        perfect = Plant(cell, geometry, PlantEffects(), cell.robot.servo["soft"])
+        plant = plant_model(perfect, timestep=1e-3)
         data = mujoco.MjData(plant.model)
         q, b = rng.uniform(-np.pi, np.pi, (3, 6)), rng.uniform(-np.pi, np.pi, (3, 5))
         robot_poses, bar_poses = robot_frames(geometry, q).poses(), bar_frames(geometry, b).poses()
@@ -104,9 +106,7 @@ def test_the_rotation_vector_survives_the_way_to_the_matrix_and_back(
     assert np.abs(rotvec_from_matrix(matrix_from_rotvec(rotvec)) - rotvec).max() < 1e-14
 
 
-def test_turning_a_rotation_on_the_left_changes_its_rotation_vector_by_the_inverse_left_jacobian() -> (
-    None
-):
+def test_a_turn_on_the_left_changes_the_rotation_vector_by_the_inverse_left_jacobian() -> None:
     rng = np.random.default_rng(3)
     for size in (1e-6, 5e-3, 0.3, 2.5):
         rotvec, turn = rng.normal(0, size, (3, 4)), rng.normal(0, 1, (3, 4))
@@ -172,14 +172,14 @@ def test_ball_bar_angles_hold_the_pose_in_all_four_configurations(
     rng = np.random.default_rng(10)
     b = rng.uniform(0.2, 2.8, (60, 5)) * np.array([-1, 1, 1, -1, 1])
     poses = bar_frames(nominal, b).poses()
-    found = bar_angles(poses, nominal.origin, flipped=flipped)
-    assert np.abs(bar_frames(nominal, found).poses() - poses).max() < 1e-12
-    assert (np.sign(found[:, 1]) == (-1 if flipped[0] else 1)).all()
-    assert (np.sign(found[:, 3]) == (-1 if flipped[1] else 1)).all()
+    angles = bar_angles(poses, nominal.origin, flipped=flipped)
+    assert np.abs(bar_frames(nominal, angles).poses() - poses).max() < 1e-12
+    assert (np.sign(angles[:, 1]) == (-1 if flipped[0] else 1)).all()
+    assert (np.sign(angles[:, 3]) == (-1 if flipped[1] else 1)).all()
 
 
 @pytest.mark.parametrize("joint", [2, 4])
-def test_the_sense_of_b2_and_b4_is_a_gauge_even_of_an_imperfect_ball_bar(
+def test_the_direction_of_b2_and_b4_is_a_gauge_even_of_an_imperfect_ball_bar(
     nominal: Geometry, joint: int
 ) -> None:
     rng = np.random.default_rng(11)
@@ -199,9 +199,13 @@ def test_the_sense_of_b2_and_b4_is_a_gauge_even_of_an_imperfect_ball_bar(
 def test_a_site_that_nearly_coincides_with_its_body_is_not_snapped_onto_it(
     cell: Cell, nominal: Geometry
 ) -> None:
-    """MuJoCo takes a site within 1e-6 of its body for identical: 0.9 urad of silent error (one trial in sixty)."""
+    """Regression: MuJoCo takes a site within 1e-6 of its body for identical.
+
+    One trial in sixty had 0.9 urad of silent error.
+    """
     flat = nominal.replaced({"ra6": 5e-7, "rd6": 0.0})
-    plant = plant_model(cell, flat, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
+    perfect = Plant(cell, flat, PlantEffects(), cell.robot.servo["soft"])
+    plant = plant_model(perfect, timestep=1e-3)
     data = mujoco.MjData(plant.model)
     assert (
         np.abs(

@@ -1,4 +1,4 @@
-"""The strict YAML loader: YAML 1.2 values, and a refusal with file and line for everything doubtful."""
+"""The strict YAML loader: YAML 1.2 values, and refusals with file and line."""
 
 from __future__ import annotations
 
@@ -147,11 +147,13 @@ def test_every_key_and_item_knows_its_line_and_a_missing_one_that_of_its_parent(
         ),
         (
             "1: 2",
-            "file.yaml:1: key 1 is not text. Put keys that look like numbers, true or null in quotes.",
+            "file.yaml:1: key 1 is not text. "
+            "Put keys that look like numbers, true or null in quotes.",
         ),
         (
             "[1, 2]: 3",
-            "file.yaml:1: a key is not text. Put keys that look like numbers, true or null in quotes.",
+            "file.yaml:1: a key is not text. "
+            "Put keys that look like numbers, true or null in quotes.",
         ),
         ("a: !!int x", "file.yaml:1: 'x' is no int, as its tag says."),
         ("a: 1e999", "file.yaml:1: number 1e999 is beyond what can be represented."),
@@ -199,7 +201,7 @@ def test_a_syntax_error_names_its_line_and_the_usual_cause(
     assert hint in message
 
 
-def test_a_missing_file_and_a_directory_are_told_apart(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_directory_are_distinguished(tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match=r"absent\.yaml: no such file\."):
         load_yaml(tmp_path / "absent.yaml")
     with pytest.raises(DescriptionError, match="this is a directory; name the YAML file within it"):
@@ -240,7 +242,7 @@ def test_a_log_given_by_mistake_is_refused_before_it_is_parsed(tmp_path: Path) -
         ("note: [1]", "note: expected text."),
     ],
 )
-def test_a_wrong_value_is_told_with_key_value_and_expectation(
+def test_a_wrong_value_is_reported_with_key_value_and_expectation(
     tmp_path: Path, text: str, message: str
 ) -> None:
     assert refusal(tmp_path, f"# run\n{text}\n", Run) == f"file.yaml:2: {message}"
@@ -251,7 +253,8 @@ def test_a_wrong_value_is_told_with_key_value_and_expectation(
     [
         (
             "smaples: 3",
-            "unknown key smaples. Did you mean samples? Valid keys: cost, dwell, errors, note, path, point_m, samples, stops.",
+            "unknown key smaples. Did you mean samples? "
+            "Valid keys: cost, dwell, errors, note, path, point_m, samples, stops.",
         ),
         (
             "path: {kind: circle, radius_m: 1, radius: 2}",
@@ -273,7 +276,9 @@ def test_an_unknown_key_names_the_nearest_and_the_valid_ones(
     assert refusal(tmp_path, f"# run\n{text}\n", Run) == f"file.yaml:2: {message}"
 
 
-def test_all_errors_of_a_file_are_told_at_once_in_the_order_of_their_lines(tmp_path: Path) -> None:
+def test_all_errors_of_a_file_are_reported_at_once_in_the_order_of_their_lines(
+    tmp_path: Path,
+) -> None:
     message = refusal(
         tmp_path, "wrong: 1\nsamples: x\npath:\n  kind: circle\n  radius_m: -1\n", Run
     )
@@ -293,7 +298,7 @@ def test_a_good_document_becomes_the_model_with_lists_as_tuples(tmp_path: Path) 
     assert run.path == Lissajous(kind="lissajous", duration_s=120.0)
 
 
-def test_a_check_of_the_model_itself_is_told_at_the_key_it_names(tmp_path: Path) -> None:
+def test_a_check_of_the_model_itself_is_reported_at_the_key_it_names(tmp_path: Path) -> None:
     class Limits(Strict):
         lower: float
         upper: float

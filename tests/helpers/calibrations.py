@@ -1,4 +1,4 @@
-"""Calibration files of any geometry, with or without corrections of the gears."""
+"""Calibration files for tests of what is done with a result: any geometry, any corrections."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ballbar.result.calibration import SCHEMA
 from cell.descriptions import Cell
 from cell.files import write_yaml
 from cell.geometry import NAMES, Geometry
 from ident.corrections import CORRECTIONS
+from ident.estimator.unknowns import SHARED
 
 GEARS = ("joint_compliance", "gear_backlash", "gear_ripple")
 
@@ -56,24 +58,34 @@ def write_calibration_of(
         parameters[name] = entry | (
             {"identified": False} if name in left else {"sigma": 2e-6, "identified": True}
         )
+    shared = {name: parameters.pop(name) for name in SHARED}
+    recording = {
+        "name": "made",
+        "encoder_directions": {f"b{j}": 1 for j in (1, 2, 4, 5)},
+        "parameters": parameters,
+        "noise": {"joint_rad": [1e-5] * 6, "encoder_rad": {"b1": 1e-5}},
+        "residuals": {
+            "samples": 500, "equations": 2500, "chi2": 2500.0,
+            "position_rms_m": 1e-5, "angle_rms_rad": 1e-5,
+        },
+    }  # fmt: skip
     fit = {
-        "status": status, "sentence": "Made for a test.", "warnings": [], "iterations": 4,
-        "samples": 500, "chi2_per_dof": 1.0, "autocorrelation": 0.0, "rank": 40, "condition": 100.0,
-        "tcp_sigma_mean_m": 1e-5,
+        "status": status, "verdict": "Made for a test.", "warnings": [], "iterations": 4,
+        "unknowns": 40, "chi2_per_dof": 1.0, "autocorrelation": 0.0, "rank": 40,
+        "condition": 100.0, "rod_sigma_m": 1e-6, "tcp_sigma_mean_m": 1e-5,
     }  # fmt: skip
     write_yaml(
         path,
         {
-            "schema": "ballbar-calibration/1",
+            "schema": SCHEMA,
             "robot": robot,
-            "ballbar": "lund_600",
+            "instrument": "lund_600",
             "plate": "plate_250",
-            "cost": "ml",
-            "parameters": parameters,
+            "model": "complete" if corrections else "dh",
+            "parameters": shared,
             "dropped": [{"name": name, "reason": "gauge -- held"} for name in left],
-            "directions": {f"b{j}": 1 for j in (1, 2, 4, 5)},
             "corrections": dict(corrections or {}),
-            "noise": {"joint_rad": [1e-5] * 6, "encoder_rad": {"b1": 1e-5}, "rod_m": 1e-6},
+            "recordings": [recording],
             "fit": fit,
         },
     )

@@ -13,12 +13,11 @@ from types import FrameType
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.faults.damaged_values import SMALLEST
 from acquisition.recording import read_ballbar, read_robot
 from acquisition.report import Finding
-from acquisition.sources import Ledger
 from cell.errors import InputError
 from cell.load import load_robot
+from cell.neighbours import SMALLEST
 from cell.recording import EncoderFitting, EncoderName, SourceFile
 from tests.helpers.container_files import Written, db3, egm, json_lines, mcap, mpe, scope
 
@@ -169,17 +168,17 @@ class Log:
 
     t: NDArray[np.float64]  # (N,) [s]
     angles: NDArray[np.float64]  # (N, C) [rad]
-    findings: list[Finding]
+    findings: tuple[Finding, ...]
 
 
 def read(folder: Path, name: str, dialect: str) -> Log:
     """The robot's or the ball-bar's log in a file, through all checks of the reader."""
-    ledger, source = Ledger([], []), SourceFile(files=(name,), dialect=dialect)
+    source = SourceFile(files=(name,), dialect=dialect)
     if dialect == "twincat-scope":
-        bar = read_ballbar(folder, source, ENCODERS, ledger, robot_moves=True)
-        return Log(bar.t, bar.angles, ledger.findings)
-    robot = read_robot(folder, source, ROBOT, ledger)
-    return Log(robot.t, robot.q, ledger.findings)
+        bar, imported = read_ballbar(folder, source, ENCODERS, robot_moves=True)
+        return Log(bar.t, bar.angles, imported.findings)
+    robot, imported = read_robot(folder, source, ROBOT)
+    return Log(robot.t, robot.q, imported.findings)
 
 
 def judge(clean: Log, folder: Path, name: str, dialect: str, tally: Tally) -> str:

@@ -9,7 +9,8 @@ from acquisition import read_recording
 from ballbar.scenario import Scenario, load_scenario
 from cell.descriptions import Cell
 from ident.recording_fit import Logs
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 from sim.truth import Truth
 
 ROOT = Path(__file__).parents[2]

@@ -12,7 +12,8 @@ from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.scenario import load_scenario
 from ident.identify import identify
 from ident.options import FitOptions
-from sim.simulate import simulate, write_recording
+from sim.recording_files import write_recording
+from sim.simulate import simulate
 from tests.helpers.simulated_recordings import SCENARIOS
 
 SCENARIO = SCENARIOS / "irb2400.yaml"

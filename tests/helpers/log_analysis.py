@@ -25,7 +25,7 @@ from cell.inverse import refine
 from cell.load import load_cell
 from sim.logging.load_logs import ForceSensor
 from sim.motion import Motion
-from sim.simulate import truth_path
+from sim.recording_files import truth_path
 from sim.truth import load_truth
 
 RIDERS = slice(2, 5)  # links of the ball-bar that the rod's stretch carries along

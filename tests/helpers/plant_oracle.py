@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Cell
 from cell.geometry import Geometry
 from sim.path import ReferencePath
 from sim.plant.deflection import deflect
-from sim.plant.effects import PlantEffects
+from sim.plant.description import Plant
 from sim.plant.mjcf import plant_model
-from sim.plant.mujoco_plant import PlantRun, roll_out, state_at_rest
-from sim.plant.statics import rest
+from sim.plant.mujoco_plant import PlantRun, equilibrium_state, roll_out
+from sim.plant.statics import equilibrium
 
 HOLD, TIMESTEP = 4.0, 1e-3  # [s]
 CELLS = {
@@ -48,22 +47,20 @@ class Deviation:
     in_backlash: bool  # whether a dead band is not taken up: the rest is then not unique
 
 
-def held_against_oracle(
-    cell: Cell, true: Geometry, effects: PlantEffects, path: ReferencePath, k: int
-) -> Deviation:
-    """Sample k of the path, held."""
-    gains = cell.robot.servo["soft"]
-    command = path.q[k] @ cell.robot.joint_to_gear
-    oracle = rest(cell, true, effects, gains, command, path.q[k], path.b[k])
-    plant = plant_model(cell, true, effects, gains, timestep=TIMESTEP)
+def held_against_oracle(plant: Plant, path: ReferencePath, k: int) -> Deviation:
+    """Deviation at sample k of the path, held for HOLD seconds."""
+    true, effects = plant.geometry, plant.effects
+    command = path.q[k] @ plant.cell.robot.joint_to_gear
+    oracle = equilibrium(plant, command, path.q[k], path.b[k])
+    compiled = plant_model(plant, timestep=TIMESTEP)
+    start = equilibrium_state(plant, compiled, oracle)
     commands = np.repeat(command[None], round(HOLD / TIMESTEP), axis=0)
-    x = roll_out(PlantRun(plant, state_at_rest(cell.robot, plant, oracle), commands, TIMESTEP))[0][
-        -1, 1:
-    ]
-    q = x[plant.joints]
-    plate, base = float(x[plant.plate].sum()), x[plant.base] if plant.base.size else np.zeros(3)
-    stretch = float(x[plant.rod])
-    there = _end(true, q, x[plant.bar], stretch, plate, base)
+    x = roll_out(PlantRun(plant, compiled, start, commands, TIMESTEP))[0][-1, 1:]
+    q = x[compiled.joints]
+    plate = float(x[compiled.plate].sum())
+    base = x[compiled.base] if compiled.base.size else np.zeros(3)
+    stretch = float(x[compiled.rod])
+    there = _end(true, q, x[compiled.bar], stretch, plate, base)
     force = effects.rod_stiffness * (
         stretch - np.clip(stretch, -effects.rod_backlash, effects.rod_backlash)
     )

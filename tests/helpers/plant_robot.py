@@ -22,6 +22,7 @@ from ident.robot.inverse_calibration import TargetError, corrected_targets
 from ident.robot.unloaded_robot import UnloadedRobot
 from sim.errors.sensor_effects import ResolverEffects, resolver_effects
 from sim.errors.static_errors import true_geometry
+from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.held_poses import HeldPoses, hold_poses
 from sim.settings import SimulationSettings
@@ -47,14 +48,14 @@ class PlantRobot:
             seed=scenario.seed,
         )
         self.effects: PlantEffects = plant_effects(scenario.errors, self.cell, scenario.seed)
-        asked = scenario.errors.resolver_error
-        self.resolvers: ResolverEffects | None = (
-            resolver_effects(asked, seed=scenario.seed) if asked else None
+        self.resolvers: ResolverEffects | None = resolver_effects(
+            scenario.errors.resolver_error, seed=scenario.seed
         )
 
     def hold(self, targets: Array) -> HeldPoses:
         """Targets (N, 6) [rad] held."""
-        return hold_poses(self.cell, self.true, self.effects, targets, resolvers=self.resolvers)
+        plant = Plant(self.cell, self.true, self.effects, self.cell.robot.servo["stiff"])
+        return hold_poses(plant, targets, resolvers=self.resolvers)
 
 
 def known_robot(plant: PlantRobot) -> UnloadedRobot:

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from cell.geometry import Geometry
+from sim.recording_files import write_recording
 from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate, write_recording
+from sim.simulate import Simulation, simulate
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 

@@ -19,7 +19,12 @@ FILES = {
 
 def imported(file: Path) -> set[str]:
     """First parts of all names that a file imports, also within functions."""
-    return {name.split(".")[0] for name in _names(ast.walk(ast.parse(file.read_text())))}
+    return {name.split(".")[0] for name in full_names(file)}
+
+
+def full_names(file: Path) -> set[str]:
+    """Names of all modules and objects that a file imports, also within functions."""
+    return _names(ast.walk(ast.parse(file.read_text())))
 
 
 def reached(module: str) -> set[str]:

@@ -1,4 +1,4 @@
-"""Sweeps in a folder: read from a text, worked by this process, and their tables as bytes."""
+"""Sweeps in a folder: read from a text, computed by this process, and their tables as bytes."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
-from ballbar.sweep.part import Job, Row, Work, run_part
-
-from ballbar.sweep.check import LoadedSweep, check_points, load
+from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
+from ballbar.sweep.chunk import Row, Task, Trial, run_chunk
 from ballbar.sweep.run import Outcome, run_sweep
 from ballbar.sweep.workers import Workers
 from tests.helpers import sweep_work
@@ -30,17 +29,17 @@ def loaded(folder: Path, text: str) -> LoadedSweep:
     """A sweep file with this text after the head, its points checked."""
     file = folder / "sweep.yaml"
     file.write_text(text if text.startswith("schema") else HEAD + text)
-    sweep = load(file)
+    sweep = load_sweep(file)
     check_points(sweep)
     return sweep
 
 
-def inline(job: Job) -> AbstractContextManager[Workers]:
+def inline(task: Task) -> AbstractContextManager[Workers]:
     """One worker: this process."""
 
-    def submit(part: int) -> Future[list[Row]]:
+    def submit(chunk: int) -> Future[list[Row]]:
         future: Future[list[Row]] = Future()
-        future.set_result(run_part(job.text, part, job.work, job.top))
+        future.set_result(run_chunk(task.text, chunk, task.trial, task.top))
         return future
 
     return nullcontext(Workers(submit, lambda: 1))
@@ -49,11 +48,11 @@ def inline(job: Job) -> AbstractContextManager[Workers]:
 def swept(
     sweep: LoadedSweep,
     folder: Path,
-    workers: Callable[[Job], AbstractContextManager[Workers]],
-    work: Work = sweep_work.figures,
+    workers: Callable[[Task], AbstractContextManager[Workers]],
+    trial: Trial = sweep_work.figures,
     progress: Callable[[int, str], None] = lambda *_: None,
 ) -> Outcome:
-    return run_sweep(sweep, folder, work, workers, progress=progress)
+    return run_sweep(sweep, folder, trial, workers, progress=progress)
 
 
 def table_bytes(outcome: Outcome) -> tuple[bytes, bytes]:

@@ -18,7 +18,7 @@ from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
 from ident import Identification, identify
 from ident.start.automatic import StartError
-from sim.simulate import truth_path
+from sim.recording_files import truth_path
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 
 

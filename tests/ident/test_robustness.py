@@ -9,12 +9,11 @@ import pytest
 
 from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import load_scenario
-from benchmarks.everything_on import SCENARIOS, recorded
-from benchmarks.robustness import SLIP_S, STEP_S, faulty
 from cell.neighbours import damaged_bursts
 from ident.identify import Identification, identify_together
 from sim.errors.outliers import Outliers
 from sim.truth import Truth
+from tests.helpers.drawn_robots import SCENARIOS, SLIP_S, STEP_S, faulty, recorded
 
 FAULTS: dict[str, dict[str, object]] = {
     "errors": {"outliers": {}, "slipped_periods": [{"encoder": 2, "at_s": SLIP_S, "periods": 2}]},

@@ -1,4 +1,4 @@
-"""Planning: what a path may do, what it will tell, and that a program says what was planned."""
+"""Planning: limits of a path, its predicted uncertainty, and programs that match the plan."""
 
 from __future__ import annotations
 
@@ -23,21 +23,20 @@ from cell.load import load_cell
 from cell.robot_angles import joints_to_axes
 from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import position_sigma
-from planning.candidate import Candidate, numbers_of, rounded, space_of
+from planning.candidate import Candidate, genome_of, rounded, space_of
 from planning.clearance import clearance, nearest
-from planning.course import course_over
+from planning.crlb import moving, predict
+from planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
 from planning.export import pdl2, rapid, table
 from planning.files import path_data
 from planning.first import first_path
 from planning.force import DRAWS, predicted_forces
-from planning.judge import Judge, checked, judged, judges, tcp_rms
 from planning.limits import violations
-from planning.plan import assessed, covered, hints, scale_error
-from planning.predict import moving, predict
+from planning.plan import assess, covered, hints, scale_error
 from planning.request import KeepOut, PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
-from planning.sample import figure
 from planning.search import Progress, ranked, search
 from planning.targets import SAG, targets_of
+from planning.trajectory import trajectories
 from planning.verify import (
     Check,
     checks,
@@ -47,31 +46,30 @@ from planning.verify import (
     violations_in,
 )
 from planning.what_if import answers, question
-from planning.workers import judging_processes
+from planning.workers import evaluating_processes
 from sim.errors.static_errors import true_geometry
 from sim.path import Lissajous
-from sim.settings import LissajousFile
-from sim.simulate import load_lissajous
+from sim.path_files import LissajousFile, load_lissajous
 from tests.helpers.program_reader import read_pdl2, read_rapid
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = ROOT / "scenarios"
-BY_HAND = np.array([0.70, 0.0, 0.54])  # where scenarios/irb2400.yaml puts the ball-bar
+MANUAL_POSITION = np.array([0.70, 0.0, 0.54])  # where scenarios/irb2400.yaml puts the ball-bar
 
 
 def request(**limits: float) -> PlanRequest:
-    cell = PlanCell(robot="irb2400", ballbar="lund_600", ballbar_position_m=tuple(BY_HAND))
+    cell = PlanCell(robot="irb2400", ballbar="lund_600", ballbar_position_m=tuple(MANUAL_POSITION))
     return PlanRequest(schema="ballbar-plan/1", name="test", cell=cell, limits=PlanLimits(**limits))
 
 
 @pytest.fixture(scope="module")
-def judge() -> Judge:
-    return judges(request())["lund_600"]
+def evaluator() -> Evaluator:
+    return evaluators(request())["lund_600"]
 
 
 @pytest.fixture(scope="module")
-def by_hand() -> Candidate:
-    return Candidate(load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml"), BY_HAND)
+def manual() -> Candidate:
+    return Candidate(load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml"), MANUAL_POSITION)
 
 
 @given(st.integers(0, 10_000))
@@ -79,7 +77,7 @@ def by_hand() -> Candidate:
 def test_a_candidate_has_the_numbers_that_gave_it(seed: int) -> None:
     space = space_of(load_request(SCENARIOS / "plans" / "irb2400.yaml"))
     z = np.random.default_rng(seed).random(space.size)
-    again = space.candidate(numbers_of(space, space.candidate(z)))
+    again = space.candidate(genome_of(space, space.candidate(z)))
     for one, other in zip(
         path_data(again).values(), path_data(space.candidate(z)).values(), strict=True
     ):
@@ -88,62 +86,72 @@ def test_a_candidate_has_the_numbers_that_gave_it(seed: int) -> None:
     assert again.position == pytest.approx(space.candidate(z).position, abs=1e-9)
 
 
-def test_the_figure_of_a_search_is_the_tcp_sigma_over_the_grid(
-    judge: Judge, by_hand: Candidate
+def test_the_objective_of_a_search_is_the_tcp_sigma_over_the_grid(
+    evaluator: Evaluator, manual: Candidate
 ) -> None:
-    course = checked(judge, by_hand).course
-    assert course is not None
-    found = predict(judge.predictor, course, np.zeros(course.t.size))
-    assert tcp_rms(judge, found) == pytest.approx(np.sqrt(np.mean(found.tcp_sigma**2)), rel=1e-6)
+    trajectory = check(evaluator, manual).trajectory
+    assert trajectory is not None
+    found = predict(evaluator.predictor, trajectory, np.zeros(trajectory.t.size))
+    assert tcp_rms(evaluator, found) == pytest.approx(
+        np.sqrt(np.mean(found.tcp_sigma**2)), rel=1e-6
+    )
     moved = moving(found.layout)
     longhand = position_sigma(
-        found.free.tool(found.grid),
-        found.free.jacobian(found.grid, found.layout.shared),
+        found.unloaded.tool(found.grid),
+        found.unloaded.jacobian(found.grid, found.layout.shared),
         np.linalg.inv(found.normal)[np.ix_(moved, moved)],
     )
     assert found.tcp_sigma == pytest.approx(longhand, rel=1e-4)  # an inverse without scaling
 
 
 def test_the_prediction_is_what_identification_states_afterwards(
-    judge: Judge, by_hand: Candidate
+    evaluator: Evaluator, manual: Candidate
 ) -> None:
     with (ROOT / "docs" / "studies" / "everything_on_irb2400_12.csv").open() as file:
         stated = [
             float(row["tcp_sigma_mm"]) * 1e-3 for row in csv.DictReader(file) if row["paths"] == "a"
         ]
-    course = course_over(judge.cell, by_hand, PlanTiming())[0]
-    found = predict(judge.predictor, course, predicted_forces(judge.forces, course).tension[0])
+    trajectory = trajectories(evaluator.cell, manual, PlanTiming())[0]
+    found = predict(
+        evaluator.predictor,
+        trajectory,
+        predicted_forces(evaluator.force_model, trajectory).tension[0],
+    )
     both = np.hypot(
-        tcp_rms(judge, found), scale_error(judge.predictor.grid, judge.cell)
+        tcp_rms(evaluator, found), scale_error(evaluator.predictor.grid, evaluator.cell)
     )  # the fit counts the plate's length in (ba5)
-    mean_over_rms = found.tcp_sigma.mean() / tcp_rms(judge, found)
+    mean_over_rms = found.tcp_sigma.mean() / tcp_rms(evaluator, found)
     assert both * mean_over_rms == pytest.approx(
         np.median(stated), rel=0.1
     )  # noise levels are estimated there, assumed here
 
 
-def test_better_sensors_and_more_time_never_predict_less(judge: Judge, by_hand: Candidate) -> None:
-    course = course_over(judge.cell, by_hand, PlanTiming())[0]
-    still = np.zeros(course.t.size)
+def test_better_sensors_and_more_time_never_predict_less(
+    evaluator: Evaluator, manual: Candidate
+) -> None:
+    trajectory = trajectories(evaluator.cell, manual, PlanTiming())[0]
+    still = np.zeros(trajectory.t.size)
 
     def sigma(**changed: object) -> float:
-        sensors = judge.request.sensors.model_copy(update=changed)
-        return tcp_rms(judge, predict(replace(judge.predictor, sensors=sensors), course, still))
+        sensors = evaluator.request.sensors.model_copy(update=changed)
+        return tcp_rms(
+            evaluator, predict(replace(evaluator.predictor, sensors=sensors), trajectory, still)
+        )
 
-    here = sigma()
-    assert sigma(encoder_sigma_rad=2e-6) < here < sigma(encoder_sigma_rad=5e-5)
-    assert sigma(rod_sigma_m=5e-6) < here
-    assert sigma(encoders=(1, 2, 4)) > here
+    usual = sigma()
+    assert sigma(encoder_sigma_rad=2e-6) < usual < sigma(encoder_sigma_rad=5e-5)
+    assert sigma(rod_sigma_m=5e-6) < usual
+    assert sigma(encoders=(1, 2, 4)) > usual
 
 
-def test_a_path_run_in_half_the_time_is_too_fast(judge: Judge, by_hand: Candidate) -> None:
+def test_a_path_run_in_half_the_time_is_too_fast(evaluator: Evaluator, manual: Candidate) -> None:
     limits = PlanLimits(axis_speed_share=0.13)
     slow, fast = (
-        course_over(judge.cell, by_hand, PlanTiming(duration_s=d, dwell_s=1.0, stops=0))[0]
+        trajectories(evaluator.cell, manual, PlanTiming(duration_s=d, dwell_s=1.0, stops=0))[0]
         for d in (120.0, 60.0)
     )
-    assert "axis_speed_share" not in {v.limit for v in violations(judge.cell, limits, slow)}
-    worst = {v.limit: v for v in violations(judge.cell, limits, fast)}["axis_speed_share"]
+    assert "axis_speed_share" not in {v.limit for v in violations(evaluator.cell, limits, slow)}
+    worst = {v.limit: v for v in violations(evaluator.cell, limits, fast)}["axis_speed_share"]
     assert "axis 2 at" in worst.sentence
     assert "deg/s, limit 20" in worst.sentence  # 13 % of 150 deg/s
 
@@ -162,53 +170,61 @@ def test_a_path_run_in_half_the_time_is_too_fast(judge: Judge, by_hand: Candidat
     ],
 )
 def test_every_limit_of_motion_can_be_violated(
-    judge: Judge, by_hand: Candidate, limit: str, value: float
+    evaluator: Evaluator, manual: Candidate, limit: str, value: float
 ) -> None:
-    course = course_over(judge.cell, by_hand, PlanTiming())[0]
-    assert limit not in {v.limit for v in violations(judge.cell, PlanLimits(), course)}
-    found = {v.limit: v for v in violations(judge.cell, PlanLimits(**{limit: value}), course)}
+    trajectory = trajectories(evaluator.cell, manual, PlanTiming())[0]
+    assert limit not in {v.limit for v in violations(evaluator.cell, PlanLimits(), trajectory)}
+    found = {
+        v.limit: v for v in violations(evaluator.cell, PlanLimits(**{limit: value}), trajectory)
+    }
     assert found[limit].excess > 0.0
 
 
-def test_a_box_in_the_way_is_named_and_its_distance_is_that_of_the_tool(by_hand: Candidate) -> None:
+def test_a_box_in_the_way_is_named_and_its_distance_is_that_of_the_tool(manual: Candidate) -> None:
     cell = load_cell("irb2400", "lund_600", "plate_250")
-    course = course_over(cell, by_hand, PlanTiming())[0]
-    highest = course.tip[:, 2].max()
+    trajectory = trajectories(cell, manual, PlanTiming())[0]
+    highest = trajectory.tip[:, 2].max()
     low, high = (-5.0, -5.0, highest + 1.0), (5.0, 5.0, highest + 2.0)
-    free = nearest(clearance(cell, request().cell), course.nominal, course.q, course.b, course.t)
+    free = nearest(
+        clearance(cell, request().cell),
+        trajectory.nominal,
+        trajectory.q,
+        trajectory.b,
+        trajectory.t,
+    )
     above = request().cell.model_copy(
         update={"keep_out": (KeepOut(name="lamp", lower_m=low, upper_m=high),)}
     )
     lower = above.keep_out[0].model_copy(update={"lower_m": (-5.0, -5.0, highest - 0.5)})
     found = nearest(
         clearance(cell, above.model_copy(update={"keep_out": (lower,)})),
-        course.nominal,
-        course.q,
-        course.b,
-        course.t,
+        trajectory.nominal,
+        trajectory.q,
+        trajectory.b,
+        trajectory.t,
     )
     assert "box lamp" in found.pair
     assert found.distance < free.distance
 
 
-def test_capsules_are_as_far_apart_as_two_segments(by_hand: Candidate) -> None:
+def test_capsules_are_as_far_apart_as_two_segments(manual: Candidate) -> None:
     """Oracle: the rod against the forearm by brute force over points of both axes."""
     cell = load_cell("irb2400", "lund_600", "plate_250")
     of = clearance(cell, request().cell)
-    course = course_over(cell, by_hand, PlanTiming())[0]
+    trajectory = trajectories(cell, manual, PlanTiming())[0]
     only = replace(
         of,
         pairs=tuple(
             p for p in of.pairs if {of.names[p[0]], of.names[p[1]]} == {"upper arm", "rod"}
         ),
     )
-    found = nearest(only, course.nominal, course.q, course.b, course.t)
-    k = int(np.flatnonzero(np.isclose(course.t, found.t))[0])
+    found = nearest(only, trajectory.nominal, trajectory.q, trajectory.b, trajectory.t)
+    k = int(np.flatnonzero(np.isclose(trajectory.t, found.t))[0])
     from cell.geometry import robot_frames  # noqa: PLC0415  the oracle's own
 
     robot, bar = (
-        robot_frames(course.nominal, course.q[k : k + 1]),
-        bar_frames(course.nominal, course.b[k : k + 1]),
+        robot_frames(trajectory.nominal, trajectory.q[k : k + 1]),
+        bar_frames(trajectory.nominal, trajectory.b[k : k + 1]),
     )
     share = np.linspace(0.0, 1.0, 801)[:, None]
     ball, tip = bar.origin[0][:, 0], bar.tip[:, 0]
@@ -234,16 +250,16 @@ def test_a_request_that_cannot_be_met_says_why() -> None:
     with pytest.raises(
         InputError, match=r"no path found: \d+ random paths .* out of reach 100%.*Move the ball-bar"
     ):
-        first_path(judges(far), seconds=1.0)
+        first_path(evaluators(far), seconds=1.0)
 
 
 @pytest.mark.slow
 def test_another_rod_is_taken_where_the_first_one_allows_nothing() -> None:
-    asked = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    asked = asked.model_copy(
-        update={"cell": asked.cell.model_copy(update={"ballbar_choices": ("lund_900",)})}
+    requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
+    requested = requested.model_copy(
+        update={"cell": requested.cell.model_copy(update={"ballbar_choices": ("lund_900",)})}
     )
-    both = judges(asked)
+    both = evaluators(requested)
     assert [one.cell.ballbar.length for one in both.values()] == [0.6, 0.9]
     both["lund_600"] = replace(
         both["lund_600"],
@@ -251,17 +267,17 @@ def test_another_rod_is_taken_where_the_first_one_allows_nothing() -> None:
     )
     start, _ = first_path(both)
     assert start.rod == "lund_900"
-    assert not checked(both["lund_900"], space_of(asked).candidate(start.z)).violations
+    assert not check(both["lund_900"], space_of(requested).candidate(start.genome)).violations
 
 
 def test_a_search_may_begin_with_a_path_that_exists(tmp_path: Path) -> None:
-    asked = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    cell = asked.cell.model_copy(update={"ballbar_choices": ("lund_900",)})
-    asked = asked.model_copy(update={"cell": cell, "start_from": ("irb2400_a.yaml",)})
-    found = hints(asked, SCENARIOS / "paths")
+    requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
+    cell = requested.cell.model_copy(update={"ballbar_choices": ("lund_900",)})
+    requested = requested.model_copy(update={"cell": cell, "start_from": ("irb2400_a.yaml",)})
+    found = hints(requested, SCENARIOS / "paths")
     assert [hint.rod for hint in found] == ["lund_600", "lund_900"]
     for hint in found:
-        begun = path_data(space_of(asked).candidate(hint.z))
+        begun = path_data(space_of(requested).candidate(hint.genome))
         wanted = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
         there = Lissajous(
             *(
@@ -281,12 +297,14 @@ def test_a_search_may_begin_with_a_path_that_exists(tmp_path: Path) -> None:
             )
     middle = 0.5 * sum(np.array(corner) for corner in cell.region)
     planned = hints(
-        asked.model_copy(update={"start_from": ("irb2400_planned.yaml",)}), SCENARIOS / "paths"
+        requested.model_copy(update={"start_from": ("irb2400_planned.yaml",)}), SCENARIOS / "paths"
     )
-    assert space_of(asked).candidate(found[0].z).position == pytest.approx(middle)
-    assert space_of(asked).candidate(planned[0].z).position == pytest.approx([0.897, -0.195, 0.486])
+    assert space_of(requested).candidate(found[0].genome).position == pytest.approx(middle)
+    assert space_of(requested).candidate(planned[0].genome).position == pytest.approx(
+        [0.897, -0.195, 0.486]
+    )
     with pytest.raises(DescriptionError, match=r"nowhere\.yaml"):
-        hints(asked.model_copy(update={"start_from": ("nowhere.yaml",)}), tmp_path)
+        hints(requested.model_copy(update={"start_from": ("nowhere.yaml",)}), tmp_path)
 
 
 def test_cover_of_the_sphere_is_that_of_a_cap() -> None:
@@ -296,25 +314,25 @@ def test_cover_of_the_sphere_is_that_of_a_cap() -> None:
 
 
 @pytest.fixture(scope="module")
-def runnable() -> tuple[Judge, Candidate]:
-    asked = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    given_judges = judges(asked)
-    start, _ = first_path(given_judges)
-    return given_judges[start.rod], rounded(space_of(asked).candidate(start.z))
+def runnable() -> tuple[Evaluator, Candidate]:
+    requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
+    given = evaluators(requested)
+    start, _ = first_path(given)
+    return given[start.rod], rounded(space_of(requested).candidate(start.genome))
 
 
 @pytest.mark.slow
-def test_programs_read_back_are_the_path(runnable: tuple[Judge, Candidate]) -> None:
-    judge, candidate = runnable
-    course = judged(judge, candidate).course
-    assert course is not None
-    robot, timing = judge.cell.robot, judge.request.timing
-    targets = targets_of(judge.cell, course, timing)
+def test_programs_read_back_are_the_path(runnable: tuple[Evaluator, Candidate]) -> None:
+    evaluator, candidate = runnable
+    trajectory = evaluate(evaluator, candidate).trajectory
+    assert trajectory is not None
+    robot, timing = evaluator.cell.robot, evaluator.request.timing
+    targets = targets_of(evaluator.cell, trajectory, timing)
     assert targets.sag <= SAG
     for text, read in ((rapid, read_rapid), (pdl2, read_pdl2)):
         program = read(text("one", robot, targets, ["limit line"]))
         assert program.axes == pytest.approx(targets.axes, abs=5e-5)
-        assert program.rests == pytest.approx(targets.rests)
+        assert program.rests == pytest.approx(targets.dwells)
         assert any("RUN SLOWLY FIRST" in line for line in program.comments)
         assert "limit line" in program.comments
     moves = read_rapid(rapid("one", robot, targets, []))
@@ -328,21 +346,27 @@ def test_programs_read_back_are_the_path(runnable: tuple[Judge, Candidate]) -> N
     assert np.array([[float(x) for x in row.split(",")] for row in rows[1:]])[
         :, 1:7
     ] == pytest.approx(targets.axes, abs=5e-5)
-    at = np.interp(targets.t[5], course.t, joints_to_axes(robot, course.q)[:, 0])
+    at = np.interp(targets.t[5], trajectory.t, joints_to_axes(robot, trajectory.q)[:, 0])
     assert np.radians(targets.axes[5, 0]) == pytest.approx(at, abs=1e-3)
 
 
 @pytest.mark.slow
-def test_the_expected_force_is_what_mujoco_measures(judge: Judge, by_hand: Candidate) -> None:
-    asked, course = judge.request, course_over(judge.cell, by_hand, PlanTiming())[0]
-    motion = run_in_plant(judge.cell, asked, by_hand, seed=0)
+def test_the_expected_force_is_what_mujoco_measures(
+    evaluator: Evaluator, manual: Candidate
+) -> None:
+    requested, trajectory = evaluator.request, trajectories(evaluator.cell, manual, PlanTiming())[0]
+    motion = run_in_plant(evaluator.cell, requested, manual, seed=0)
     errors = plant_errors(table=True)
     true = set_without_strain(
-        true_geometry(course.nominal, errors, plate_sigma=0.0, seed=0), course.q[:1]
+        true_geometry(trajectory.nominal, errors, plate_sigma=0.0, seed=0), trajectory.q[:1]
     )
-    deviations = np.array([[true.values[i] - course.nominal.values[i]] for i in judge.forces.drawn])
-    expected = predicted_forces(replace(judge.forces, errors=deviations), course).tension[0]
-    measured = np.interp(course.t, motion.t, motion.rod_force)
+    deviations = np.array(
+        [[true.values[i] - trajectory.nominal.values[i]] for i in evaluator.force_model.drawn]
+    )
+    expected = predicted_forces(
+        replace(evaluator.force_model, errors=deviations), trajectory
+    ).tension[0]
+    measured = np.interp(trajectory.t, motion.t, motion.rod_force)
     assert np.std(measured) > 25.0
     assert (
         np.sqrt(np.mean((expected - measured) ** 2)) < 10.0
@@ -352,34 +376,34 @@ def test_the_expected_force_is_what_mujoco_measures(judge: Judge, by_hand: Candi
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["irb2400", "nj220"])
 def test_the_planned_paths_keep_every_limit_in_mujoco(robot: str) -> None:
-    asked = load_request(SCENARIOS / "plans" / f"{robot}.yaml")
+    requested = load_request(SCENARIOS / "plans" / f"{robot}.yaml")
     from ballbar.scenario import load_scenario  # noqa: PLC0415
 
     scenario = load_scenario(SCENARIOS / f"{robot}_planned.yaml")
-    judge = judges(asked)[scenario.cell.ballbar]
+    evaluator = evaluators(requested)[scenario.cell.ballbar]
     shape = load_lissajous(SCENARIOS / scenario.path.file)
     candidate = Candidate(shape, np.array(scenario.cell.ballbar_position_m))
-    motion = run_in_plant(judge.cell, asked, candidate, seed=2)
-    found = checks(judge.cell, asked.limits, judge.clearance, motion)
+    motion = run_in_plant(evaluator.cell, requested, candidate, seed=2)
+    found = checks(evaluator.cell, requested.limits, evaluator.clearance, motion)
     assert violations_in(found) == 0, [c for c in found if c.instants]
-    strict = asked.limits.model_copy(update={"force_N": 1.0})
-    assert violations_in(checks(judge.cell, strict, judge.clearance, motion)) > 0
+    strict = requested.limits.model_copy(update={"force_N": 1.0})
+    assert violations_in(checks(evaluator.cell, strict, evaluator.clearance, motion)) > 0
 
 
 @pytest.mark.slow
 def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
-    asked = load_request(SCENARIOS / "plans" / "irb2400.yaml")
-    start, _ = first_path(judges(asked))
+    requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
+    start, _ = first_path(evaluators(requested))
     seen: list[float] = []
 
     def stop_when_better(progress: Progress) -> None:
         seen.append(progress.tcp)
-        if progress.best is not None and progress.best.figure < start.figure:
+        if progress.best is not None and progress.best.objective < start.objective:
             raise KeyboardInterrupt
 
-    with judging_processes(asked, 2) as pool:
+    with evaluating_processes(requested, 2) as pool:
         found = search(
-            asked,
+            requested,
             pool,
             workers=2,
             seconds=30.0,
@@ -388,14 +412,14 @@ def test_a_search_finds_better_paths_and_ctrl_c_keeps_the_best() -> None:
             hints=[],
             show=stop_when_better,
         )
-        best_for_all = ranked(found.leaders, pool)
+        best_for_all = ranked(found.incumbents, pool)
     assert found.stopped
     assert found.best is not None
-    assert found.best.figure < start.figure
-    judge = judges(asked)[start.rod]
-    assert best_for_all[0].figure <= figure(judge, start.z, robots=DRAWS)
-    assert [one.figure for one in best_for_all] == pytest.approx(
-        sorted(figure(judge, one.z, robots=DRAWS) for one in best_for_all)
+    assert found.best.objective < start.objective
+    evaluator = evaluators(requested)[start.rod]
+    assert best_for_all[0].objective <= objective(evaluator, start.genome, robots=DRAWS)
+    assert [one.objective for one in best_for_all] == pytest.approx(
+        sorted(objective(evaluator, one.genome, robots=DRAWS) for one in best_for_all)
     )
     assert seen == sorted(seen, reverse=True)
 
@@ -406,13 +430,14 @@ def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
     violating: int,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    runnable: tuple[Judge, Candidate],
+    runnable: tuple[Evaluator, Candidate],
 ) -> None:
-    best = assessed(*runnable)
+    best = assess(*runnable)
     moved = Candidate(
-        best.found.candidate.shape, best.found.candidate.position + np.array([1e-3, 0.0, 0.0])
+        best.evaluation.candidate.shape,
+        best.evaluation.candidate.position + np.array([1e-3, 0.0, 0.0]),
     )
-    found = [best, replace(best, found=replace(best.found, candidate=moved))]
+    found = [best, replace(best, evaluation=replace(best.evaluation, candidate=moved))]
     monkeypatch.setattr(command, "searched", lambda *_: iter(found))
     monkeypatch.setattr(command, "plan_picture", lambda _: b"")
     monkeypatch.setattr(
@@ -427,7 +452,7 @@ def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
         file, folder=tmp_path, path=None, position=None, seconds=1.0, what_if=(), out=said, err=said
     )
     assert kept == (violating < 2)
-    taken = found[min(violating, 1)].found.candidate
+    taken = found[min(violating, 1)].evaluation.candidate
     assert load_model(tmp_path / "path.yaml", LissajousFile).ballbar_position_m == pytest.approx(
         taken.position
     )
@@ -436,16 +461,16 @@ def test_the_best_path_that_keeps_all_limits_in_mujoco_is_taken(
 
 
 @pytest.mark.slow
-def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Judge, Candidate]) -> None:
-    judge, candidate = runnable
-    plan = assessed(judge, candidate)
-    asked = [
+def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Evaluator, Candidate]) -> None:
+    evaluator, candidate = runnable
+    plan = assess(evaluator, candidate)
+    requested = [
         question(text)
         for text in ("encoder=5e-6,1e-5,1e-4", "plate_length=0.25,0.5", "encoders=1245,124")
     ]
-    found = list(answers(plan, asked))
+    found = list(answers(plan, requested))
     tcp = [a.tcp for a in found]
-    assert tcp[1] == pytest.approx(plan.found.tcp, rel=1e-9)  # as it is
+    assert tcp[1] == pytest.approx(plan.evaluation.tcp, rel=1e-9)  # as it is
     assert tcp[0] < tcp[1] < tcp[2]
     assert found[4].scale == pytest.approx(
         0.5 * found[3].scale, rel=0.2
@@ -453,11 +478,11 @@ def test_what_if_answers_one_thing_at_a_time(runnable: tuple[Judge, Candidate]) 
     assert tcp[6] > tcp[5]
 
 
-def test_the_table_of_what_if_states_its_units(runnable: tuple[Judge, Candidate]) -> None:
+def test_the_table_of_what_if_states_its_units(runnable: tuple[Evaluator, Candidate]) -> None:
     """Regression: rich took [um] for a style and left it out."""
-    judge, candidate = runnable
+    evaluator, candidate = runnable
     shown = io.StringIO()
-    say_answers(Console(file=shown, width=120), assessed(judge, candidate), [])
+    say_answers(Console(file=shown, width=120), assess(evaluator, candidate), [])
     assert shown.getvalue().count("[um]") == 3
 
 
@@ -477,7 +502,7 @@ def test_a_wrong_what_if_is_refused(text: str, words: str) -> None:
 
 @pytest.mark.slow
 def test_the_command_writes_a_scenario_that_can_be_loaded(
-    tmp_path: Path, runnable: tuple[Judge, Candidate]
+    tmp_path: Path, runnable: tuple[Evaluator, Candidate]
 ) -> None:
     from ballbar.scenario import load_scenario  # noqa: PLC0415
 
@@ -500,13 +525,13 @@ def test_the_command_writes_a_scenario_that_can_be_loaded(
     assert load_scenario(out / "scenario.yaml").path.file == "path.yaml"
     assert "predicted TCP sigma" in result.output
     assert "0 of" in result.output
-    asked = load_request(SCENARIOS / "plans" / "irb2400.yaml")
+    requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
     again = command.given_path(
-        asked, out / "path.yaml", None
+        requested, out / "path.yaml", None
     )  # the file says where the ball-bar stands
-    assert path_data(again.found.candidate) == load_yaml(out / "path.yaml").data
+    assert path_data(again.evaluation.candidate) == load_yaml(out / "path.yaml").data
     (out / "path.yaml").write_text(
         (out / "path.yaml").read_text().partition("ballbar_position_m")[0]
     )
     with pytest.raises(InputError, match="base position of the ball-bar is not known"):
-        command.given_path(asked, out / "path.yaml", None)
+        command.given_path(requested, out / "path.yaml", None)

@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from ballbar import PACKAGES
-from tests.helpers.source_imports import FILES, ROOT, imported, reached
+from tests.helpers.source_imports import FILES, ROOT, full_names, imported, reached
 
 ALLOWED = {
     "cell": {"cell"},
@@ -85,6 +85,24 @@ def test_what_reads_and_identifies_never_speaks_of_the_truth_file(package: str) 
             if isinstance(n, ast.Constant) and isinstance(n.value, str)
         ]
         assert not [s for s in strings if "truth.yaml" in s or "ballbar-truth" in s], file.name
+
+
+def test_nothing_is_imported_from_a_test_or_by_a_test_from_a_benchmark() -> None:
+    """What tests and benchmarks share stands in tests/helpers."""
+    files = [
+        file
+        for folder in ("tests", "benchmarks", "generators")
+        for file in (ROOT / folder).rglob("*.py")
+    ]
+    for file in files:
+        modules = {
+            name for name in full_names(file) if name.split(".")[0] in ("tests", "benchmarks")
+        }
+        tests = {name for name in modules if ".test_" in name or "conftest" in name}
+        assert not tests, f"{file.relative_to(ROOT)} imports {tests}"
+        if file.is_relative_to(ROOT / "tests"):
+            benchmarks = {name for name in modules if name.startswith("benchmarks")}
+            assert not benchmarks, f"{file.relative_to(ROOT)} imports {benchmarks}"
 
 
 def test_what_the_product_imports_is_what_it_declares() -> None:

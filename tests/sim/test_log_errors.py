@@ -1,7 +1,7 @@
-"""Every error between the true motion and the device files comes out of the files as it was put into the scenario.
+"""Every error between the true motion and the device files is in the files as the scenario states.
 
-The files are read here by plain text and numpy, not by acquisition, and compared with the motion of the kinematic plant,
-which is known exactly. Times are on the clock of the path.
+The files are read here by plain text and numpy, not by acquisition, and compared with the motion of
+the kinematic plant, which is known exactly. Times are on the clock of the path.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from cell.strict_yaml import load_model
 from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS, BASE_TILT, THESIS_3_1, true_geometry
 from sim.logging.loggers import chosen
 from sim.motion import Motion
+from sim.recording_files import truth_path
 from sim.settings import ErrorSettings, SimulationSettings
-from sim.simulate import truth_path
 from sim.truth import Truth, load_truth
 from tests.helpers.simulated_recordings import Recorded, record, settings
 
@@ -61,7 +61,7 @@ COUNT = 2.0 * np.pi / (3600 << 12)  # [rad]
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One recording: its files as they are, the motion that was logged, and what the truth file says."""
+    """One recording: its files as they are, the logged motion, and the truth."""
 
     folder: Path
     motion: Motion
@@ -101,11 +101,11 @@ class Run:
         return values - values[0] if name == "time" else values
 
     def encoder(self, joint: int) -> Array:
-        """(M,) [rad] unwrapped angle from the first row, in the joint's sense."""
-        told = self.description["encoders"][f"b{joint}"]
+        """(M,) [rad] unwrapped angle from the first row, positive along the joint's angle."""
+        encoder = self.description["encoders"][f"b{joint}"]
         step = (np.diff(self.ballbar(f"b{joint}")) + 2**31) % 2**32 - 2**31
         return np.concatenate(([0.0], np.cumsum(step))) * (
-            told["sign"] * 2.0 * np.pi / (told["lines"] << told["bits"])
+            encoder["sign"] * 2.0 * np.pi / (encoder["lines"] << encoder["bits"])
         )
 
     def bar_time(self) -> Array:
@@ -113,7 +113,7 @@ class Run:
         return 0.5 + (1.0 + CLOCK["skew"]) * self.ballbar() * 1e-9
 
     def error(self, joint: int) -> tuple[Array, Array]:
-        """(M,) [rad] true angle of a joint at the rows' times, and what its encoder adds, but for a constant."""
+        """(M,) [rad] true angle of a joint at the rows, and its encoder's error without offset."""
         true = self.motion.at(self.bar_time())[1][:, joint - 1]
         return true, self.encoder(joint) - (true - true[0])
 
@@ -150,7 +150,9 @@ def amplitude(angle: Array, error: Array, orders: tuple[int, ...]) -> Array:
 
 
 def taken_at(run: Run) -> tuple[np.ndarray, Array]:
-    """Rows of the ball-bar's log at which it moves, and the (K,) [s] times at which the motion has their angles."""
+    """Rows of the ball-bar's log in motion, and times (K,) [s] at which the motion has their
+    angles.
+    """
     t = run.bar_time()
     angles = np.stack([run.encoder(j) for j in range(1, 6)], axis=1) + run.motion.at(np.zeros(1))[1]
     moving = (t > 3.0) & (t < run.motion.t[-1] - 3.0)
@@ -274,7 +276,7 @@ def test_a_slipped_period_is_a_step_of_2_to_the_bits(tmp_path: Path) -> None:
     assert np.abs(run.error(2)[1]).max() < 1.1 * COUNT * 4
 
 
-def test_a_coupling_slips_by_the_asked_angle_in_the_sense_of_the_joint(tmp_path: Path) -> None:
+def test_a_coupling_slips_by_the_stated_angle_along_that_of_the_joint(tmp_path: Path) -> None:
     run = simulated(
         tmp_path, errors={"coupling_slips": [{"encoder": 4, "at_s": 12.0, "angle_rad": -7e-4}]}
     )
@@ -581,16 +583,18 @@ def test_logs_close_the_loop_only_with_the_deviations_of_each_static_source(
 
 
 def _closure(geometry: Geometry, q: Array, b: Array) -> Array:
-    """(6, K) [m, rad] mismatch of both sides at joint angles (K, 6) and encoder angles (K, 5) [rad]."""
+    """(6, K) [m, rad] loop-closure error at joint angles (K, 6) and encoder angles (K, 5) [rad]."""
     bar = bar_frames(geometry, b)
     return pose_error(bar.rotation(), bar.tip, robot_frames(geometry, q))
 
 
 def _angle(run: Run, joint: int) -> Array:
     """(M,) [rad] `sign 2 pi counts / (lines 2^bits)`, the first word read as signed."""
-    told, first = run.description["encoders"][f"b{joint}"], int(run.ballbar(f"b{joint}")[0])
+    encoder, first = run.description["encoders"][f"b{joint}"], int(run.ballbar(f"b{joint}")[0])
     start = (first + 2**31) % 2**32 - 2**31
-    return run.encoder(joint) + told["sign"] * start * 2.0 * np.pi / (told["lines"] << told["bits"])
+    return run.encoder(joint) + encoder["sign"] * start * 2.0 * np.pi / (
+        encoder["lines"] << encoder["bits"]
+    )
 
 
 # --- one source leaves all others alone
@@ -745,11 +749,11 @@ def test_a_wandering_clock_keeps_overruns_and_encoder_noise(plain: Run, tmp_path
     assert run.truth.logs.clock_wander is not None
     moved = run.truth.logs.clock_wander.at(run.ballbar()[:rows] * 1e-9)
     for joint in range(1, 6):
-        sense = run.truth.directions[f"b{joint}"]
+        direction = run.truth.directions[f"b{joint}"]
         true = run.motion.at(run.bar_time()[:rows] + moved)[1][:, joint - 1]
-        noise = sense * run.encoder(joint)[:rows] - (true - true[0])
+        noise = direction * run.encoder(joint)[:rows] - (true - true[0])
         assert noise == pytest.approx(
-            sense * plain.encoder(joint)[:rows] - (plain.error(joint)[0][:rows] - true[0]),
+            direction * plain.encoder(joint)[:rows] - (plain.error(joint)[0][:rows] - true[0]),
             abs=2.01 * COUNT,
         )
 
@@ -888,7 +892,8 @@ def test_without_errors_the_truth_file_says_when_the_logs_began_and_no_more(plai
                 "encoders": {"fitted": [1, 2, 4, 5]},
                 "errors": {"slipped_periods": [{"encoder": 3, "at_s": 9.0}]},
             },
-            r"errors.slipped_periods\[0\].encoder = 3: joint 3 has no encoder; encoders.fitted are: 1, 2, 4, 5",
+            r"errors.slipped_periods\[0\].encoder = 3: joint 3 has no encoder; "
+            "encoders.fitted are: 1, 2, 4, 5",
         ),
         (
             {
@@ -899,7 +904,8 @@ def test_without_errors_the_truth_file_says_when_the_logs_began_and_no_more(plai
         ),
         (
             {"errors": {"coupling_slips": [{"encoder": 3, "at_s": 59.8}]}},
-            r"errors.coupling_slips\[0\].at_s = 59.8: t = 59.8 s is not logged; the logs run from 0.5 to 59.5 s of the path",
+            r"errors.coupling_slips\[0\].at_s = 59.8: t = 59.8 s is not logged; "
+            "the logs run from 0.5 to 59.5 s of the path",
         ),
         (
             {"errors": {"amplitude_errors": [{"encoder": 3, "start_s": 61.0, "end_s": 62.0}]}},

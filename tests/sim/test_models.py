@@ -1,4 +1,4 @@
-"""The MJCF files of sim/models open, stand still with the loop closed, and are those of the descriptions."""
+"""The MJCF files of sim/models: they open, keep the loop closed, and match the descriptions."""
 
 from __future__ import annotations
 

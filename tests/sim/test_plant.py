@@ -1,4 +1,4 @@
-"""The plant: starts at rest where statics says, closes the loop, and says so when it does not."""
+"""The plant: it starts in equilibrium, keeps the loop closed, and reports when it does not."""
 
 from __future__ import annotations
 
@@ -20,12 +20,14 @@ from sim.errors.plant_errors import PlantErrors
 from sim.errors.static_errors import true_geometry
 from sim.motion import CLOSURE_STRIDE
 from sim.path import Lissajous, ReferencePath, phase_over_time, reference_path
+from sim.path_files import load_lissajous
 from sim.plant import mujoco_plant as plant_module
+from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.mjcf import plant_model
-from sim.plant.mujoco_plant import PlantError, check_course, prepare, roll_out, run_plant
-from sim.plant.statics import gravity_torque, rest
-from sim.simulate import load_lissajous, simulate
+from sim.plant.mujoco_plant import PlantError, check_motion, prepare, roll_out, run_plant
+from sim.plant.statics import equilibrium, gravity_torque
+from sim.simulate import simulate
 from tests.helpers.log_analysis import pull_push
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, perturbed, settings
@@ -56,8 +58,10 @@ def test_the_run_starts_at_rest(recorded: Recorded) -> None:
     assert abs(motion.rod_force[500] - motion.rod_force[0]) < 1e-2
 
 
-def test_a_mechanism_whose_rod_hangs_in_its_play_comes_to_rest() -> None:
-    """Regression: full Newton steps hop between the ends of the play, and steps halved now and then froze on the way.
+def test_a_mechanism_whose_rod_is_within_its_backlash_has_an_equilibrium() -> None:
+    """Regression: full Newton steps alternate between the ends of a dead band.
+
+    Steps that were halved now and then stopped on the way.
 
     The first target of a path of the NJ 220, where the rod without strain carries next to nothing.
     """
@@ -81,12 +85,9 @@ def test_a_mechanism_whose_rod_hangs_in_its_play_comes_to_rest() -> None:
             true_geometry(nominal, errors, plate_sigma=0.0, seed=seed), path.q[:1]
         )
         effects = plant_effects(errors, cell, seed)
-        run = prepare(
-            cell, true, effects, path, servo="soft", timestep=1e-3, gravity_compensation=True
-        )
-        held = rest(
-            cell, true, effects, cell.robot.servo["soft"], run.command[0], path.q[0], path.b[0]
-        )
+        plant = Plant(cell, true, effects, cell.robot.servo["soft"])
+        run = prepare(plant, path, timestep=1e-3, gravity_compensation=True)
+        held = equilibrium(plant, run.command[0], path.q[0], path.b[0])
         assert held.in_backlash
         assert abs(held.stretch) < 1.02 * effects.rod_backlash
         assert abs(held.rod_force) < 2.0
@@ -107,11 +108,15 @@ def machine(robot: str) -> tuple[Cell, Geometry, Geometry, ReferencePath]:
 @pytest.mark.parametrize("robot", list(CELLS))
 @pytest.mark.parametrize("effect", list(EFFECTS))
 def test_a_held_pose_settles_where_the_statics_oracle_says(robot: str, effect: str) -> None:
-    """Four poses here, twenty by benchmarks/plant_oracle.py; 0.1 urad, 0.1 um, 0.02 N. The oracle shares no code with MuJoCo."""
+    """Four poses, 0.1 urad, 0.1 um, 0.02 N; benchmarks/plant_oracle.py compares twenty.
+
+    The oracle shares no code with MuJoCo.
+    """
     cell, _, true, path = machine(robot)
     effects = plant_effects(PlantErrors.model_validate(EFFECTS[effect]), cell, seed=1)
     for k in (1000, 4000, 7000, 10500):
-        deviation = held_against_oracle(cell, true, effects, path, k)
+        plant = Plant(cell, true, effects, cell.robot.servo["soft"])
+        deviation = held_against_oracle(plant, path, k)
         assert deviation.link_angle < 1e-7
         assert deviation.end_point < 1e-7
         assert deviation.rod_force < 0.02
@@ -121,7 +126,8 @@ def test_gravity_torque_is_the_derivative_of_the_potential_energy_in_mujoco(
     cell: Cell, nominal: Geometry
 ) -> None:
     q = np.random.default_rng(6).uniform(-0.7, 0.7, (4, 6))
-    plant = plant_model(cell, nominal, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
+    perfect = Plant(cell, nominal, PlantEffects(), cell.robot.servo["soft"])
+    plant = plant_model(perfect, timestep=1e-3)
     data = mujoco.MjData(plant.model)
     for row, torque in zip(q, gravity_torque(cell, nominal, q), strict=True):
         data.qpos[plant.joints] = row
@@ -177,49 +183,43 @@ def test_a_run_whose_loop_opens_too_far_fails(
     monkeypatch.setattr(plant_module, "CLOSURE_LIMIT", 1e-9)
     path = reference_path(cell.robot, nominal, shape, duration=20.0, dwell=2.0, stops=0, step=0.01)
     with pytest.raises(PlantError, match=r"the loop opens to .* Halve plant\.timestep_s"):
-        run_plant(cell, nominal, PlantEffects(), path, servo="soft", timestep=1e-3)
+        run_plant(
+            Plant(cell, nominal, PlantEffects(), cell.robot.servo["soft"]), path, timestep=1e-3
+        )
 
 
 def test_a_diverging_simulation_ends_with_its_time_and_no_silent_reset(
     cell: Cell, nominal: Geometry, shape: Lissajous
 ) -> None:
     path = reference_path(cell.robot, nominal, shape, duration=20.0, dwell=2.0, stops=0, step=0.01)
-    prepared = prepare(
-        cell, nominal, PlantEffects(), path, servo="soft", timestep=1e-3, gravity_compensation=True
-    )
-    prepared.plant.model.dof_damping[:] = -1e5  # feeds energy in
+    plant = Plant(cell, nominal, PlantEffects(), cell.robot.servo["soft"])
+    prepared = prepare(plant, path, timestep=1e-3, gravity_compensation=True)
+    prepared.compiled.model.dof_damping[:] = -1e5  # feeds energy in
     with pytest.raises(PlantError, match=r"diverged at t = \d+\.\d+ s"):
         roll_out(prepared)
 
 
 @pytest.mark.slow
-def test_stretches_are_told_as_they_come_and_join_to_what_one_call_gives(
+def test_stretches_are_reported_as_they_come_and_join_to_the_motion_of_one_call(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     cell, nominal, true, _ = machine("irb2400")
     shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
     path = reference_path(cell.robot, nominal, shape, duration=50.0, dwell=2.0, stops=0, step=0.01)
     effects = plant_effects(PlantErrors.model_validate(EFFECTS["everything"]), cell, seed=1)
-    told: list[tuple[np.ndarray, ...]] = []
+    stretches: list[tuple[np.ndarray, ...]] = []
+    plant = Plant(cell, true, effects, cell.robot.servo["soft"])
     motion = run_plant(
-        cell,
-        true,
-        effects,
-        path,
-        servo="soft",
-        timestep=1e-3,
-        on_motion=lambda _cell, _geometry, *rows: told.append(rows),
+        plant, path, timestep=1e-3, on_motion=lambda _cell, _geometry, *rows: stretches.append(rows)
     )
-    assert len(told) == 25
-    for one, following in pairwise(told):
-        assert one[0][-1] == following[0][0]
+    assert len(stretches) == 25
+    for stretch, following in pairwise(stretches):
+        assert stretch[0][-1] == following[0][0]
     for k, whole in enumerate((motion.t, motion.q, motion.b)):
-        joined = np.concatenate([told[0][k], *(rows[k][1:] for rows in told[1:])])
+        joined = np.concatenate([stretches[0][k], *(rows[k][1:] for rows in stretches[1:])])
         np.testing.assert_allclose(joined, whole, rtol=0.0, atol=1e-9 if k == 0 else 0.0)
     monkeypatch.setattr(plant_module, "_STRETCH", 1e9)
-    np.testing.assert_array_equal(
-        run_plant(cell, true, effects, path, servo="soft", timestep=1e-3).q, motion.q
-    )
+    np.testing.assert_array_equal(run_plant(plant, path, timestep=1e-3).q, motion.q)
 
 
 def test_everything_on_keeps_the_loop_closed() -> None:
@@ -228,13 +228,14 @@ def test_everything_on_keeps_the_loop_closed() -> None:
     effects = plant_effects(PlantErrors.model_validate(errors), cell, seed=1)
     shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
     short = reference_path(cell.robot, nominal, shape, duration=60.0, dwell=2.0, stops=0, step=0.01)
-    position, angle = run_plant(cell, true, effects, short, servo="soft", timestep=1e-3).closure()
+    plant = Plant(cell, true, effects, cell.robot.servo["soft"])
+    position, angle = run_plant(plant, short, timestep=1e-3).closure()
     assert position.max() < 0.3e-6
     assert angle.max() < 0.3e-6
 
 
 def potential(cell: Cell, geometry: Geometry, b: np.ndarray, stretch: float) -> float:
-    """Energy of the ball-bar's masses [J], from centres of mass that ride on the frames before each joint's DH row."""
+    """Energy of the ball-bar's masses [J], with centres of mass in the frames before each row."""
     zero = bar_frames(nominal_geometry(cell, np.zeros(3)), np.zeros((1, 5)))
     frames = bar_frames(geometry.replaced({"bd3": geometry["bd3"] + stretch}), b[None])
     energy = 0.0
@@ -250,17 +251,13 @@ def potential(cell: Cell, geometry: Geometry, b: np.ndarray, stretch: float) -> 
 
 
 def test_the_force_sensor_shows_what_plate_and_ball_bar_weigh_and_pull() -> None:
-    """At rest the ball-bar's pull on the tool follows from virtual work: rod force, and the weight of its own links."""
+    """Virtual work gives the ball-bar's pull on the tool: rod force and weight of its links."""
     cell, nominal, true, _ = machine("irb2400")
     shape = load_lissajous(SCENARIOS / "paths" / "irb2400_a.yaml")
     short = reference_path(cell.robot, nominal, shape, duration=60.0, dwell=4.0, stops=0, step=0.01)
-    motion = run_plant(
-        cell, true, PlantEffects(force_sensor=True), short, servo="soft", timestep=1e-3
-    )
-    b, rod = (
-        motion.b[100],
-        motion.rod_force[100],
-    )  # a tenth of a second into the rest from which the run starts
+    plant = Plant(cell, true, PlantEffects(force_sensor=True), cell.robot.servo["soft"])
+    motion = run_plant(plant, short, timestep=1e-3)
+    b, rod = motion.b[100], motion.rod_force[100]  # a tenth of a second into the first dwell
     h = 1e-5  # central differences of an energy of joules: 1e-10 / 2e-5
     load = np.array(
         [
@@ -292,8 +289,8 @@ def test_a_flip_of_the_ball_bar_is_named_with_joint_and_time(
     b = motion.b.copy()
     b[30000:, joint] *= -1.0
     with pytest.raises(PlantError, match=rf"{name} passes its singularity at t = 30\.00 s"):
-        check_course(recorded.simulation.cell, replace(motion, b=b))
-    check_course(recorded.simulation.cell, motion)
+        check_motion(recorded.simulation.cell, replace(motion, b=b))
+    check_motion(recorded.simulation.cell, motion)
 
 
 def test_a_robot_pushed_beyond_an_axis_range_ends_with_axis_time_and_value(
@@ -304,7 +301,7 @@ def test_a_robot_pushed_beyond_an_axis_range_ends_with_axis_time_and_value(
     with pytest.raises(
         PlantError, match=r"axis 2 at t = \d+\.\d\d s: \d+\.\d deg outside -100\.\.22 deg"
     ):
-        check_course(replace(recorded.simulation.cell, robot=tight), recorded.simulation.motion)
+        check_motion(replace(recorded.simulation.cell, robot=tight), recorded.simulation.motion)
 
 
 def test_pull_and_push_strains_the_rod_by_5_6_um_at_150_n_and_shows_the_backlash_asked_for() -> (
@@ -344,7 +341,8 @@ def test_both_robots_hang_together_at_zero(robot: str) -> None:
     cell = load_cell(robot, "lund_600", "plate_250")
     geometry = nominal_geometry(cell, np.array([0.7, 0.0, 0.5]))
     frames = robot_frames(geometry, np.zeros((1, 6)))
-    plant = plant_model(cell, geometry, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
+    perfect = Plant(cell, geometry, PlantEffects(), cell.robot.servo["soft"])
+    plant = plant_model(perfect, timestep=1e-3)
     assert plant.model.nv == 12
     assert frames.tip[2, 0] > 0.0
     assert bar_frames(geometry, np.zeros((1, 5))).tip[2, 0] == pytest.approx(
@@ -352,14 +350,14 @@ def test_both_robots_hang_together_at_zero(robot: str) -> None:
     )
 
 
-def test_drawn_static_errors_have_the_asked_size_and_leave_the_other_streams_alone(
+def test_drawn_static_errors_have_the_stated_size_and_leave_the_other_streams_alone(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     drawn = settings(
         plant={"kind": "kinematic"}, errors={"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3}}
     )
     table = settings(plant={"kind": "kinematic"})
-    one, other = (simulate(s, relative_to=SCENARIOS) for s in (drawn, table))
-    assert [e.zero for e in one.encoders] == [e.zero for e in other.encoders]
-    assert np.array_equal(one.times.bar_stamp, other.times.bar_stamp)
-    assert one.motion.geometry["ra2"] != other.motion.geometry["ra2"]
+    first, other = (simulate(s, relative_to=SCENARIOS) for s in (drawn, table))
+    assert [e.offset for e in first.encoders] == [e.offset for e in other.encoders]
+    assert np.array_equal(first.times.bar_stamp, other.times.bar_stamp)
+    assert first.motion.geometry["ra2"] != other.motion.geometry["ra2"]

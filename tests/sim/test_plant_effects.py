@@ -1,7 +1,8 @@
-"""Every plant effect and every load log comes out of the device files as it was put into the scenario.
+"""Every plant effect and load log is in the device files as the scenario states.
 
-One effect is on at a time, noise is off, and the analysis (tests.helpers.log_analysis) knows statics and nothing of the plant. A truth
-file gives clocks, encoder zeros and kinematic parameters; where something is drawn, it says what was drawn.
+One effect is on at a time, noise is off, and the analysis (tests.helpers.log_analysis) knows
+statics and nothing of the plant. A truth file gives clocks, encoder offsets and kinematic
+parameters; where something is drawn, it says what was drawn.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ from sim.logging.load_logs import (
     sensor_rows,
 )
 from sim.plant.effects import plant_effects
+from sim.recording_files import truth_path, write_recording
 from sim.settings import SimulationSettings
-from sim.simulate import Simulation, simulate, truth_path, write_recording
+from sim.simulate import Simulation, simulate
 from sim.truth import PlantTruth, load_truth
 from tests.helpers.log_analysis import (
     Logs,
@@ -74,7 +76,7 @@ AMPLITUDE = np.array([75.9, -19.6, 31.0, -18.2, 87.4])  # [deg]
 def run(
     folder: Path, *, robot: str = "irb2400", duration: float = 60.0, file: str = "", **changes: Any
 ) -> Logs:
-    """The files of a run without any error but those that `changes` switch on, every log perfect."""
+    """The files of a run with perfect logs and the errors of `changes` only."""
     base: dict[str, Any] = {
         "cell": CELLS[robot],
         "path": {
@@ -130,7 +132,10 @@ def test_at_rest_the_logged_torques_carry_the_arm_and_what_the_force_sensor_feel
 
 
 def springs(logs: Logs) -> tuple[Array, Array, Array]:
-    """What lies between the ball-bar's pose and the motors, (N, 6) [rad] at the gears; its rate; acceleration of the motors."""
+    """(N, 6) [rad] deflection between the ball-bar's pose and the motors, at the gears.
+
+    Also its rate and the acceleration of the motors.
+    """
     deflection = logs.gears - logs.shown_gears
     return deflection, rate(logs.t, deflection), rate(logs.t, rate(logs.t, logs.shown_gears))
 
@@ -158,7 +163,7 @@ def test_a_robot_with_a_spread_of_stiffnesses_has_those_that_its_truth_states(
     assert_stiffness(logs, drawn)
 
 
-def test_stiffness_and_lost_motion_spread_as_asked_from_robot_to_robot(cell: Cell) -> None:
+def test_stiffness_and_backlash_spread_as_stated_from_robot_to_robot(cell: Cell) -> None:
     asked = PlantErrors.model_validate(
         {"joint_compliance": {"spread": 0.3}, "gear_backlash": {"spread": 0.2}}
     )
@@ -313,8 +318,9 @@ def test_parallel_rod_and_wrist_carry_the_ripple_of_a_motor_into_the_joints_behi
 
 
 def test_gears_rub_with_the_asked_coulomb_and_viscous_friction(tmp_path: Path) -> None:
-    """Both ways over the same poses. Torque that comes late against the load, and a way back that is not quite the way out in
-    reverse, both look like viscous friction: the load's rate and the accelerations are fitted with it.
+    """Both ways over the same poses. Torque that comes late against the load, and a way back that
+    is not quite the way out in reverse, both look like viscous friction: the load's rate and the
+    accelerations are fitted with it.
     """
     path = path_there_and_back(tmp_path, [5, 2, 3, 3, 4], size=0.94)
     logs = run(
@@ -375,7 +381,7 @@ def break_away(w: Array, excess: float, stribeck: float) -> Array:
 
 
 def rod_stretch(logs: Logs) -> Array:
-    """(N,) [m] distance of the rigid robot's tool from the sphere's centre, less the rod's length."""
+    """(N,) [m] distance of the rigid robot's tool from the sphere."""
     reach = np.linalg.norm(logs.shown_robot.tip - logs.geometry.origin[:, None], axis=0)
     return np.asarray(reach - logs.geometry["bd3"])
 
@@ -400,9 +406,9 @@ def test_the_rods_play_lies_between_push_and_pull(width: float | None, tmp_path:
     slope, half = fit([force[loaded], np.sign(force[loaded])], stretch[loaded])
     assert 2.0 * half == pytest.approx(asked, rel=WITHIN)
     assert 1.0 / slope == pytest.approx(2.7e7, rel=WITHIN)
-    slack = np.abs(stretch) < 0.4 * asked
-    assert slack.any()
-    assert np.abs(force[slack]).max() < 2.0  # no force but that of inertia
+    inside = np.abs(stretch) < 0.4 * asked
+    assert inside.any()
+    assert np.abs(force[inside]).max() < 2.0  # no force but that of inertia
 
 
 @pytest.mark.parametrize(("plate", "stiffness"), [("plate_250", 1.0e7), ("plate_250_thin", 1.67e6)])
@@ -419,8 +425,9 @@ def test_the_plate_bends_under_the_balls_force_by_10_or_60_micrometres_at_100_ne
     bent = np.sum((logs.tip - robot.tip) * robot.z[-1], axis=0)
     tilted = np.sum(pose_error(logs.bar.rotation(), logs.tip, robot)[3:] * robot.y[-1], axis=0)
     assert np.ptp(load[2]) > 80.0
-    # A cantilever of length L under a force F and a moment M at its tip gives way by F / k + 3 M / (2 k L) and tilts by 3 F / (2 k L),
-    # and so does the plant's hinge; the tilt of M alone is the hinge's, 9 M / (4 k L^2), of a moment below 0.3 N m.
+    # A cantilever of length L under a force F and a moment M at its tip deflects by F / k + 3 M /
+    # (2 k L) and tilts by 3 F / (2 k L), and so does the plant's hinge; the tilt of M alone is the
+    # hinge's, 9 M / (4 k L^2), of a moment below 0.3 N m.
     lever = 1.5 / logs.cell.plate.length
     (across,) = fit([load[2] - lever * load[4]], bent)
     assert 1.0 / across == pytest.approx(stiffness, rel=WITHIN)
@@ -437,7 +444,7 @@ def test_a_plate_of_asked_stiffness_is_not_that_of_its_file(tmp_path: Path) -> N
     assert 1.0 / across == pytest.approx(4e6, rel=WITHIN)
 
 
-def test_the_balls_base_gives_way_alike_in_all_directions(tmp_path: Path) -> None:
+def test_the_base_of_the_ball_bar_is_equally_compliant_in_all_directions(tmp_path: Path) -> None:
     logs = run(
         tmp_path,
         duration=120.0,
@@ -595,11 +602,14 @@ def test_gains_and_biases_of_many_runs_scatter_as_asked(loaded: Simulation) -> N
         ],
     )
     read = np.array(
-        [sensor_rows(step, 0.0, 1.0, sensor, each, seed)[1] for seed, each in enumerate(drawn)]
+        [
+            sensor_rows(step, 0.0, 1.0, sensor=sensor, drawn=each, seed=seed)[1]
+            for seed, each in enumerate(drawn)
+        ]
     )
     shown = np.array(
         [
-            motor_torques(robot, step, step.t, torque_log, each, seed)[1]
+            motor_torques(robot, step, step.t, log=torque_log, drawn=each, seed=seed)[1]
             for seed, each in enumerate(drawn)
         ]
     )
@@ -673,7 +683,7 @@ Draws = dict[int, list[Any]]  # all that was drawn, by the number of its stream
 
 
 def draws(folder: Path, errors: dict[str, Any], logs: dict[str, Any]) -> Draws:
-    """What a short noisy run draws with these sources switched on too; each stream is opened once."""
+    """Draws of a short noisy run with these sources; each stream is opened once."""
     drawn: Draws = {}
     genuine, path = np.random.default_rng, path_there_and_back(folder, [1, 1, 1, 1, 1], size=0.05)
 
@@ -770,7 +780,8 @@ def test_a_load_log_changes_nothing_in_the_other_files_and_columns(
 def test_the_kinematic_plant_refuses_an_effect_that_needs_forces(effect: str) -> None:
     with pytest.raises(
         InputError,
-        match=rf"errors.{effect}: needs forces, and plant.kind = kinematic has none. Use plant.kind = mujoco",
+        match=rf"errors.{effect}: needs forces, and plant.kind = kinematic has none. "
+        "Use plant.kind = mujoco",
     ):
         simulate(settings(plant={"kind": "kinematic"}, errors={effect: {}}), relative_to=SCENARIOS)
 
@@ -800,6 +811,6 @@ def test_play_in_rigid_gears_is_refused(kind: str) -> None:
         ({"plate_bending": {"stiffness": 1e7}}, "errors.plate_bending.stiffness"),
     ],
 )
-def test_a_size_or_name_that_makes_no_sense_is_refused(errors: dict[str, Any], words: str) -> None:
+def test_a_size_or_name_that_is_not_valid_is_refused(errors: dict[str, Any], words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         settings(errors=errors)

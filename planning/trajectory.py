@@ -1,7 +1,4 @@
-"""A candidate's course: what ball-bar and nominal robot do over time, in every configuration of the arm.
-
-Screening looks at many candidates at a few phases each; judging at one, over time.
-"""
+"""Trajectories of a candidate: ball-bar and nominal robot over time, one per arm configuration."""
 
 from __future__ import annotations
 
@@ -23,7 +20,7 @@ STEP = 0.2  # [s] of the grid; the motion has no part above 1 Hz
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Trajectory:
     """One candidate over time, in one configuration of the arm."""
 
     nominal: Geometry
@@ -36,38 +33,48 @@ class Course:
     tip_speed: Array  # (N,) [m/s]
 
 
-def course_over(
+def trajectories(
     cell: Cell, candidate: Candidate, timing: PlanTiming, *, step: float = STEP
-) -> list[Course]:
-    """The courses of those configurations that reach every sample; none where the robot does not reach."""
+) -> list[Trajectory]:
+    """Trajectories in all configurations that reach every sample; none where the robot does not.
+
+    step : [s] of the grid.
+    """
     nominal = nominal_geometry(cell, candidate.position)
     t = np.arange(round(timing.duration_s / step) + 1, dtype=np.float64) * step
     phase = phase_over_time(t, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops)
     b = candidate.shape.angles(phase)
     poses = bar_frames(nominal, b).poses()
-    branches = robot_branches(nominal.robot, poses)
     tip = poses[:, :3, 3]
     tip_speed = np.linalg.norm(CubicSpline(t, tip)(t, 1), axis=1)
-    courses = []
-    for branch in branches:
+    out = []
+    for branch in robot_branches(nominal.robot, poses):
         if np.isnan(branch).any():
             continue
-        q = near_middle(cell, np.unwrap(branch, axis=0))
+        q = centred(cell, np.unwrap(branch, axis=0))
         spline = CubicSpline(t, q)
-        courses.append(
-            Course(
-                nominal, t, b, q, np.asarray(spline(t, 1)), np.asarray(spline(t, 2)), tip, tip_speed
+        out.append(
+            Trajectory(
+                nominal=nominal,
+                t=t,
+                b=b,
+                q=q,
+                speed=np.asarray(spline(t, 1)),
+                acceleration=np.asarray(spline(t, 2)),
+                tip=tip,
+                tip_speed=tip_speed,
             )
         )
-    return courses
+    return out
 
 
-def near_middle(cell: Cell, q: Array) -> Array:
-    """Joint angles (N, 6) [rad], whole turns taken off where the middle of an axis's range is nearer then."""
-    middle = joints_to_axes(cell.robot, q)
-    off = 0.5 * (middle.max(axis=0) + middle.min(axis=0)) - 0.5 * (
-        cell.robot.axis_lower + cell.robot.axis_upper
-    )
+def centred(cell: Cell, q: Array) -> Array:
+    """(N, 6) [rad] joint angles q (N, 6) less the whole turns that bring each wrist axis nearest to
+    the centre of its range.
+    """
+    axes = joints_to_axes(cell.robot, q)
+    centre = 0.5 * (cell.robot.axis_lower + cell.robot.axis_upper)
+    off = 0.5 * (axes.max(axis=0) + axes.min(axis=0)) - centre
     turns = 2.0 * np.pi * np.round(off / (2.0 * np.pi))
     turns[:3] = 0.0  # the arm's angles are unique
     return np.asarray(q - turns @ cell.robot.controller_to_joint)

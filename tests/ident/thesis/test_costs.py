@@ -15,8 +15,8 @@ from ident.thesis.cost_fit import fit_cost, identifiable_by
 from ident.thesis.costs import ENCODERS_NEEDED, EQUATIONS, CostName, Form, cost_named
 from sim.errors.static_errors import THESIS_3_1
 from sim.path import ReferencePath
+from sim.path_files import scenario_path
 from sim.settings import PathSettings
-from sim.simulate import planned_path
 from tests.helpers.simulated_recordings import SCENARIOS, perturbed
 
 COSTS = get_args(CostName)
@@ -184,7 +184,7 @@ def path(cell: Cell, nominal: Geometry) -> ReferencePath:
     timing = PathSettings(
         kind="lissajous", file="paths/irb2400_a.yaml", duration_s=60.0, dwell_s=2.0, stops=0
     )
-    return planned_path(timing, cell, nominal, relative_to=SCENARIOS)
+    return scenario_path(timing, cell, nominal, relative_to=SCENARIOS)
 
 
 @pytest.fixture(scope="module")

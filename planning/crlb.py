@@ -1,8 +1,9 @@
-"""What a course will tell: standard deviations of all parameters and of the tool, before anyone goes to the cell.
+"""Cramer-Rao prediction of a trajectory: standard deviations of all parameters and of the tool.
 
-The Cramer-Rao bound of the complete model that `ballbar identify` fits (ident.estimator.joint_fit: geometry, clock, corrections with their
-priors, the rod's tension as a spline), at samples of the course as a noise-free run would give them. The information of a sample
-does not depend on how many are computed, so some hundreds stand for the 1500 that are fitted.
+The bound is that of the complete model that `ballbar identify` fits (ident.estimator.joint_fit:
+geometry, clock, corrections with their priors, the rod's tension as a spline), at samples of a
+noise-free run. The information of a sample does not depend on how many are computed, so some
+hundreds represent the 1500 that are fitted.
 """
 
 from __future__ import annotations
@@ -35,18 +36,17 @@ from ident.recording_fit import WIDEST_KNOT_SPACING
 from ident.robot.accuracy import accuracy_grid, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import interpolating_log
-from planning.course import Course
 from planning.request import PlanSensors, PlanTiming, Workspace
+from planning.trajectory import Trajectory
 
-EXACT = 1e-9  # [m]
-SAMPLES = (
-    240  # computed, of DEFAULT_SAMPLES fitted; sigma comes out a few percent above that of all
-)
+EXACT = 1e-9  # [m] prior of a length taken as exact
+# Computed, of DEFAULT_SAMPLES fitted; sigma is then a few percent above that of all.
+SAMPLES = 240
 
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """What does not depend on the course."""
+    """What does not depend on the trajectory."""
 
     cell: Cell
     masses: MassModel
@@ -58,46 +58,46 @@ class Predictor:
 
     @property
     def instants(self) -> Array:
-        """(N,) [s] of the samples: from just before the robot moves to just after."""
+        """(N,) [s] times of the samples, from just before the robot moves to just after."""
         margin = self.timing.dwell_s - DWELL_KEPT
         return np.linspace(margin, self.timing.duration_s - margin, self.samples)
 
     @cached_property
     def knots(self) -> csr_array:
-        """(K, N) splines of the tension at the samples."""
+        """(K, N) values of the tension's splines at the samples."""
         return tension_splines(self.instants)
 
     @cached_property
     def to_knots(self) -> Array:
-        """(K, N) least-squares spline of a tension at the samples."""
+        """(K, N) map of a tension at the samples to its least-squares spline."""
         return np.asarray(np.linalg.pinv(self.knots.toarray().T))
 
     @property
     def dilution(self) -> float:
-        """Factor on every deviation of noise, so that the samples computed say what those fitted do."""
+        """Factor on noise that gives the computed samples the information of the fitted ones."""
         return float(np.sqrt(self.samples / DEFAULT_SAMPLES))
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What one course tells of one robot."""
+    """Predicted information of one trajectory about one robot."""
 
     layout: Unknowns
     model: Model
-    normal: Array  # (P, P)
+    normal: Array  # (P, P) information matrix
     points: tuple[Evaluation, ...]
     geometry: Geometry
-    free: UnloadedRobot
+    unloaded: UnloadedRobot
     grid: Array
 
     @cached_property
     def covariance(self) -> Array:
-        """(P, P)"""
+        """(P, P) [SI] Cramer-Rao bound of the covariance."""
         return inverse(self.normal)
 
     @property
     def sigma(self) -> dict[str, float]:
-        """[SI] of every unknown but the tension's knots."""
+        """[SI] standard deviation of every unknown but the tension's knots."""
         spread = np.sqrt(np.diag(self.covariance))
         return {
             n: float(v)
@@ -107,16 +107,15 @@ class Prediction:
 
     @cached_property
     def tcp_sigma(self) -> Array:
-        """(G,) [m] of the free robot's tool under its own weight, base aligned."""
+        """(G,) [m] of the unloaded robot's tool over the grid, base aligned."""
         moved = moving(self.layout)
-        moves = self.free.jacobian(self.grid, self.layout.shared)
-        return position_sigma(
-            self.free.tool(self.grid), moves, self.covariance[np.ix_(moved, moved)]
-        )
+        moves = self.unloaded.jacobian(self.grid, self.layout.shared)
+        covariance = self.covariance[np.ix_(moved, moved)]
+        return position_sigma(self.unloaded.tool(self.grid), moves, covariance)
 
 
 def moving(layout: Unknowns) -> NDArray[np.intp]:
-    """Indices of the unknowns that `UnloadedRobot.jacobian` has columns for."""
+    """(K,) indices of the unknowns that `UnloadedRobot.jacobian` has columns for."""
     return np.asarray(np.r_[0 : layout.shared.size, layout.coefficients], dtype=np.intp)
 
 
@@ -128,7 +127,7 @@ def predictor(
     *,
     samples: int = SAMPLES,
 ) -> Predictor:
-    """For a cell, its sensors, and the workspace that counts."""
+    """The predictor of a cell with its sensors over a workspace."""
     grid = accuracy_grid(cell.robot)
     if workspace is not None:
         box = replace(
@@ -137,16 +136,24 @@ def predictor(
             accuracy_upper=np.radians(workspace.upper_deg),
         )
         grid = accuracy_grid(box)
-    made = tuple(make(cell, sensors.encoders) for make in CORRECTIONS.values())
-    return Predictor(cell, mass_model(cell), sensors, timing, made, grid, samples)
+    return Predictor(
+        cell=cell,
+        masses=mass_model(cell),
+        sensors=sensors,
+        timing=timing,
+        corrections=tuple(make(cell, sensors.encoders) for make in CORRECTIONS.values()),
+        grid=grid,
+        samples=samples,
+    )
 
 
 def planned_unknowns(
     on: Predictor, nominal: Geometry, recordings: Sequence[RecordingStart]
 ) -> tuple[Unknowns, Array]:
-    """Those of the complete model, the plate's length taken as exact.
+    """Unknowns of the complete model with the plate's length taken as exact, and start (P,) [SI].
 
-    `ba5` is that length in other words (ra6 against it): 5 um are 20 ppm of scale whatever the path, stated apart (planning.plan).
+    `ba5` is equivalent to that length (ra6 against it): 5 um are 20 ppm of scale on any path, which
+    a plan states apart (planning.plan).
     """
     layout, x = complete_unknowns(
         on.cell,
@@ -162,33 +169,42 @@ def planned_unknowns(
 
 
 def predict(
-    on: Predictor, course: Course, tension: Array, near: Prediction | None = None
+    on: Predictor, trajectory: Trajectory, tension: Array, previous: Prediction | None = None
 ) -> Prediction:
-    """Of a course with a rod tension (N_course,) [N]. near : of the same course with another tension, whose loads per newton are taken."""
-    samples = _samples(on, course)
+    """The prediction of a trajectory.
+
+    tension : (N,) [N] of the rod at the trajectory's times. previous : prediction of the same
+        trajectory with another tension, whose loads per newton are reused.
+    """
+    samples = _samples(on, trajectory)
     begin = RecordingStart(
-        samples.encoders, course.nominal, Clock(0.0, 0.0), samples.splines.shape[0]
+        samples.encoders, trajectory.nominal, Clock(0.0, 0.0), samples.splines.shape[0]
     )
-    layout, x = planned_unknowns(on, course.nominal, [begin])
+    layout, x = planned_unknowns(on, trajectory.nominal, [begin])
     knots, t = layout.own[0].knots, samples.times
     if knots is not None:
-        x[knots] = on.to_knots @ np.interp(t, course.t, tension)
+        x[knots] = on.to_knots @ np.interp(t, trajectory.t, tension)
     model = Model(gearing(on.cell), on.masses, on.corrections, layout, (samples,))
-    bar = np.stack([np.interp(t, course.t, angle) for angle in course.b.T], axis=1)
-    previous = near.points if near else ()
-    linear = normal_equations(model, x, [bar], _excess(on), previous=previous)
-    free = UnloadedRobot(on.cell, course.nominal, on.corrections, x[layout.coefficients])
+    bar = np.stack([np.interp(t, trajectory.t, angle) for angle in trajectory.b.T], axis=1)
+    points = previous.points if previous else ()
+    linear = normal_equations(model, x, [bar], _excess(on), previous=points)
     return Prediction(
-        layout, model, linear.normal, linear.evaluations, course.nominal, free, on.grid
+        layout=layout,
+        model=model,
+        normal=linear.normal,
+        points=linear.evaluations,
+        geometry=trajectory.nominal,
+        unloaded=UnloadedRobot(on.cell, trajectory.nominal, on.corrections, x[layout.coefficients]),
+        grid=on.grid,
     )
 
 
-def predictions(on: Predictor, course: Course, tensions: Array) -> tuple[Prediction, ...]:
-    """Of a course with each of the rod tensions (R, N_course) [N]."""
-    found: list[Prediction] = []
+def predictions(on: Predictor, trajectory: Trajectory, tensions: Array) -> tuple[Prediction, ...]:
+    """Predictions of a trajectory with each of R rod tensions (R, N) [N]."""
+    out: list[Prediction] = []
     for tension in tensions:
-        found.append(predict(on, course, tension, found[0] if found else None))
-    return tuple(found)
+        out.append(predict(on, trajectory, tension, out[0] if out else None))
+    return tuple(out)
 
 
 def _excess(on: Predictor) -> ExcessNoise:
@@ -201,8 +217,8 @@ def _excess(on: Predictor) -> ExcessNoise:
     )
 
 
-def _samples(on: Predictor, course: Course) -> Samples:
-    """The samples of a noise-free run along a course, with the noise of the sensors."""
+def _samples(on: Predictor, trajectory: Trajectory) -> Samples:
+    """The samples of a noise-free run along a trajectory, with the noise of the sensors."""
     s, f = on.sensors, on.dilution
     fitted = [j - 1 for j in s.encoders]
     moving = on.timing.duration_s - 2.0 * on.timing.dwell_s
@@ -216,10 +232,10 @@ def _samples(on: Predictor, course: Course) -> Samples:
     )
     noise = np.zeros(BAR_ROWS)
     noise[fitted] = bar_noise
-    robot = interpolating_log(course.t, course.q, np.zeros(course.q.shape[1]))
+    t, b = trajectory.t, trajectory.b[:, fitted]
     return Samples(
-        robot=robot,
-        ballbar=interpolating_log(course.t, course.b[:, fitted], np.zeros(len(fitted))),
+        robot=interpolating_log(t, trajectory.q, np.zeros(trajectory.q.shape[1])),
+        ballbar=interpolating_log(t, b, np.zeros(len(fitted))),
         encoders=s.encoders,
         directions=np.ones(len(fitted)),
         times=on.instants,

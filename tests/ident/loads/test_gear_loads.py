@@ -12,9 +12,10 @@ from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine, robot_branches
 from cell.load import load_cell
 from ident.loads.gear_loads import loads, mass_model, own_weight
+from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import plant_model
-from sim.plant.statics import gravity_torque, rest
+from sim.plant.statics import equilibrium, gravity_torque
 
 CELLS = {"irb2400": ("lund_600", [0.70, 0.0, 0.54]), "nj220": ("lund_900", [1.50, 0.0, 0.70])}
 
@@ -24,7 +25,8 @@ def test_inverse_dynamics_are_mujocos(robot: str) -> None:
     """The open chain: robot and plate without ball-bar, torque of its own motion."""
     cell = load_cell(robot, CELLS[robot][0], "plate_250")
     geometry = nominal_geometry(cell, np.array(CELLS[robot][1]))
-    plant = plant_model(cell, geometry, PlantEffects(), cell.robot.servo["soft"], timestep=1e-3)
+    perfect = Plant(cell, geometry, PlantEffects(), cell.robot.servo["soft"])
+    plant = plant_model(perfect, timestep=1e-3)
     plant.model.opt.disableflags |= (
         mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
     )
@@ -71,15 +73,8 @@ def test_at_rest_the_servos_give_what_the_loads_ask_for() -> None:
     poses = bar_frames(geometry, b).poses()
     q = refine(geometry.robot, robot_branches(geometry.robot, poses)[0], poses)
     gains = cell.robot.servo["soft"]
-    held = rest(
-        cell,
-        geometry,
-        PlantEffects(rod_stiffness=2.7e7),
-        gains,
-        q[0] @ cell.robot.joint_to_gear,
-        q[0],
-        b[0],
-    )
+    plant = Plant(cell, geometry, PlantEffects(rod_stiffness=2.7e7), gains)
+    held = equilibrium(plant, q[0] @ cell.robot.joint_to_gear, q[0], b[0])
     servo = gains.kp * (q[0] @ cell.robot.joint_to_gear - held.motor @ cell.robot.joint_to_gear)
     still = np.zeros((1, 6))
     carried = loads(mass_model(cell), geometry, held.q[None], held.b[None], still, still)

@@ -1,0 +1,107 @@
+"""Path files and the reference path of a scenario."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from cell.descriptions import Cell
+from cell.errors import InputError
+from cell.geometry import Geometry
+from cell.logs import RobotLog
+from cell.schema import Strict
+from cell.strict_yaml import load_model
+from sim.path import Lissajous, PushPull, ReferencePath, reference_path
+from sim.recorded_path import recorded_path
+from sim.settings import PathSettings, Position
+
+PATH_STEP = 0.01  # [s] grid of the reference path; the command between is a cubic spline
+
+Vector5 = Annotated[tuple[float, ...], Field(min_length=5, max_length=5)]
+Whole5 = Annotated[tuple[int, ...], Field(min_length=5, max_length=5)]
+
+
+class LissajousFile(Strict):
+    """Path file of five ball-bar angles: centre + amplitude * sin(2 pi cycles s + phase).
+
+    The phase s runs from 0 to 1.
+    """
+
+    schema_: Annotated[Literal["ballbar-path/1"], Field(alias="schema")]
+    centre_deg: Vector5
+    amplitude_deg: Vector5
+    cycles: Whole5
+    phase_deg: Vector5
+    ballbar_position_m: Position | None = Field(
+        None, description="Position that the path was planned for; only `ballbar plan` reads it."
+    )
+
+
+class PushPullFile(Strict):
+    """Path file of one pose of the ball-bar, and the travel of the command along the rod."""
+
+    schema_: Annotated[Literal["ballbar-push/1"], Field(alias="schema")]
+    angles_deg: Vector5
+    travel_m: Annotated[float, Field(gt=0.0, le=0.1)]
+    cycles: Annotated[int, Field(gt=0)]
+
+
+def scenario_path(
+    settings: PathSettings,
+    cell: Cell,
+    nominal: Geometry,
+    *,
+    relative_to: Path,
+    recorded: RobotLog | None = None,
+) -> ReferencePath:
+    """The reference path of a scenario.
+
+    relative_to : folder of the scenario, for the files that it names. recorded : the robot's log of
+        path.recording, where there is one.
+
+    Raises InputError when the mechanism cannot follow it, DescriptionError for a bad path file.
+    """
+    if settings.kind == "recorded":
+        if recorded is None:
+            raise InputError(
+                f"path.recording = {settings.recording}: its robot log was not handed to the "
+                "simulation."
+            )
+        return recorded_path(
+            cell.robot, nominal, recorded, duration=settings.duration_s, step=PATH_STEP
+        )
+    file = relative_to / settings.file
+    shape = load_push_pull(file) if settings.kind == "push_pull" else load_lissajous(file)
+    return reference_path(
+        cell.robot,
+        nominal,
+        shape,
+        duration=settings.duration_s,
+        dwell=settings.dwell_s,
+        stops=settings.stops,
+        step=PATH_STEP,
+    )
+
+
+def load_lissajous(path: Path) -> Lissajous:
+    """The shape of a path file. Raises DescriptionError."""
+    return lissajous(load_model(path, LissajousFile))
+
+
+def lissajous(file: LissajousFile) -> Lissajous:
+    """The shape that a path file states, angles in radians."""
+    return Lissajous(
+        centre=np.radians(file.centre_deg),
+        amplitude=np.radians(file.amplitude_deg),
+        cycles=np.array(file.cycles, dtype=float),
+        phase=np.radians(file.phase_deg),
+    )
+
+
+def load_push_pull(path: Path) -> PushPull:
+    """The pose and travel of a path file. Raises DescriptionError."""
+    file = load_model(path, PushPullFile)
+    return PushPull(held=np.radians(file.angles_deg), travel=file.travel_m, cycles=file.cycles)

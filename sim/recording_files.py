@@ -1,0 +1,116 @@
+"""A simulated recording as files: device logs, recording.yaml, and the truth beside the folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cell.files import write_yaml
+from sim.logging.encoders import motor_angles
+from sim.logging.load_logs import motor_torques, sensor_rows
+from sim.logging.loggers import LoggedRows
+from sim.logging.writers import write_abb_motor, write_force_torque, write_twincat_plc
+from sim.settings import SimulationSettings
+from sim.simulate import Simulation
+from sim.streams import stream
+
+# A logger that starts again renames its first file (notes/log_formats sec. A.6).
+BALLBAR_FILES = ("raw/ballbarOld.csv", "raw/ballbar.csv")
+
+
+def truth_path(folder: Path) -> Path:
+    """File of the truth of a simulated recording: beside its folder, never inside."""
+    return folder.with_name(folder.name + ".truth.yaml")
+
+
+def write_recording(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
+    """Write `folder/raw/*`, the truth beside the folder, and `folder/recording.yaml` last."""
+    _write_robot(simulation, settings, folder)
+    if settings.logs.force_sensor:
+        _write_force(simulation, settings, folder)
+    if simulation.encoders:
+        _write_ballbar(simulation, settings, folder)
+    simulation.truth.write(truth_path(folder))
+    write_yaml(folder / "recording.yaml", _recording_yaml(simulation, settings))
+
+
+def _write_robot(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
+    robot, times, seed = simulation.cell.robot, simulation.times, settings.seed
+    rows = simulation.rows.robot
+    q, _ = simulation.motion.at(times.robot_true)
+    motors = motor_angles(robot, q, settings.errors, simulation.resolvers, seed)
+    torques = None
+    if settings.logs.torque:
+        torques = motor_torques(
+            robot,
+            simulation.motion,
+            times.robot_true,
+            log=settings.logs.torque,
+            drawn=simulation.truth.logs.loads,
+            seed=seed,
+        )[rows]
+    write_abb_motor(folder / "raw" / "robot.csv", times.robot_stamp[rows], motors[rows], torques)
+
+
+def _write_force(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
+    if settings.logs.force_sensor is None:
+        return
+    times = simulation.times.robot_true
+    stamps, readings = sensor_rows(
+        simulation.motion,
+        float(times[0]),
+        float(times[-1]),
+        sensor=settings.logs.force_sensor,
+        drawn=simulation.truth.logs.loads,
+        seed=settings.seed,
+    )
+    write_force_torque(folder / "raw" / "force.csv", stamps, readings)
+
+
+def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
+    times, seed = simulation.times, settings.seed
+    _, b = simulation.motion.at(times.bar_true)
+    if outliers := settings.errors.outliers:
+        fitted = [e.joint - 1 for e in simulation.encoders]
+        b[:, fitted] += outliers.on_ballbar(len(b), len(fitted), seed)
+    counts, status = {}, {}
+    for e in simulation.encoders:
+        rng = stream(seed, f"encoder_noise_b{e.joint}")
+        counts[f"b{e.joint}"] = e.counts(b[:, e.joint - 1], times.bar_true, rng)
+        status[f"s{e.joint}"] = e.status(times.bar_task, times.bar_true)
+    for file, rows in zip(_ballbar_files(simulation.rows), simulation.rows.ballbar, strict=True):
+        write_twincat_plc(
+            folder / file,
+            times.bar_stamp[rows],
+            {name: column[rows] for name, column in counts.items()},
+            {name: column[rows] for name, column in status.items()},
+        )
+
+
+def _ballbar_files(rows: LoggedRows) -> list[str]:
+    return list(BALLBAR_FILES[-len(rows.ballbar) :])
+
+
+def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dict[str, object]:
+    sources: dict[str, object] = {"robot": {"files": ["raw/robot.csv"], "dialect": "abb-motor"}}
+    if simulation.encoders:
+        sources["ballbar"] = {"files": _ballbar_files(simulation.rows), "dialect": "twincat-plc"}
+    if settings.logs.force_sensor:
+        sources["force"] = {"files": ["raw/force.csv"], "dialect": "force-torque"}
+    return {
+        "schema": "ballbar-recording/1",
+        "kind": "simulated",
+        "robot": settings.cell.robot,
+        "ballbar": settings.cell.ballbar,
+        "plate": settings.cell.plate,
+        "sources": sources,
+        "encoders": {
+            f"b{e.joint}": {
+                "column": f"b{e.joint}",
+                "lines": e.lines,
+                "bits": e.bits,
+                "sign": e.declared,
+            }
+            for e in simulation.encoders
+        },
+        "notes": "",
+    }

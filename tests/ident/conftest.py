@@ -1,0 +1,44 @@
+"""What several tests of the identification look at: a mechanism that is off, a minute of samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from cell.geometry import Geometry, bar_frames
+from cell.inverse import refine
+from ident.estimator.closure import Closure, close_loop
+from ident.estimator.samples import Samples
+from tests.helpers.simulated_recordings import perturbed
+from tests.helpers.synthetic_recording import recording
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A mechanism that is off by centimetres, and angles that close the nominal one."""
+
+    geometry: Geometry
+    q: Array  # (9, 6) [rad]
+    b: Array  # (9, 5) [rad]
+
+    @property
+    def closure(self) -> Closure:
+        return close_loop(self.geometry, self.q, self.b)
+
+
+@pytest.fixture(scope="session")
+def loop(nominal: Geometry) -> Loop:
+    rng = np.random.default_rng(20)
+    b = rng.uniform(-0.5, 0.5, (9, 5)) + np.array([-0.4, -0.9, 0.3, -2.2, 2.4])
+    start = np.array([-0.13, 0.4, 0.16, -0.17, -1.0, 2.3]) + np.zeros((9, 6))
+    q = refine(nominal.robot, start, bar_frames(nominal, b).poses(), iterations=60)
+    return Loop(perturbed(nominal, rng, 0.02), q, b)
+
+
+@pytest.fixture(scope="session")
+def noisy() -> Samples:
+    """A minute of the nominal mechanism with 10 urad of white noise on every angle."""
+    return recording(noise=1e-5)

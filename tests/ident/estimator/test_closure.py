@@ -1,0 +1,120 @@
+"""The loop-closure error: its derivatives, and where joints without encoder start."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from cell.geometry import NAMES, PARAMETERS, Geometry, robot_frames
+from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from ident.estimator.closure import (
+    bar_joint_jacobian,
+    close_loop,
+    complete_bar_angles,
+    parameter_jacobian,
+    plate_jacobian,
+    robot_joint_jacobian,
+    rod_jacobian,
+    runs_of_one_side,
+)
+from tests.ident.conftest import Loop
+
+STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10
+# The error may be tenths of a radian here, so the third derivatives are of order 10.
+TOLERANCE = 2e-8
+
+
+def central(error: Callable[[float], Array]) -> Array:
+    return (error(STEP) - error(-STEP)) / (2 * STEP)
+
+
+def test_the_error_is_zero_where_both_chains_meet(nominal: Geometry, loop: Loop) -> None:
+    assert np.abs(close_loop(nominal, loop.q, loop.b).error).max() < 1e-12
+
+
+def test_parameter_jacobian_is_the_central_difference_of_the_signed_error(loop: Loop) -> None:
+    columns = parameter_jacobian(loop.closure, PARAMETERS)
+    for column, name in zip(columns, NAMES, strict=True):
+        value = loop.geometry[name]
+        numeric = central(
+            lambda h, name=name, value=value: (
+                close_loop(loop.geometry.replaced({name: value + h}), loop.q, loop.b).error
+            )
+        )
+        assert np.abs(column - numeric).max() < TOLERANCE, name
+
+
+def test_joint_jacobians_are_central_differences_too(loop: Loop) -> None:
+    geometry, q, b = loop.geometry, loop.q, loop.b
+    for j, column in enumerate(robot_joint_jacobian(loop.closure)):
+        numeric = central(lambda h, j=j: close_loop(geometry, q + h * np.eye(6)[j], b).error)
+        assert np.abs(column - numeric).max() < TOLERANCE
+    for j, column in enumerate(bar_joint_jacobian(loop.closure)):
+        numeric = central(lambda h, j=j: close_loop(geometry, q, b + h * np.eye(5)[j]).error)
+        assert np.abs(column - numeric).max() < TOLERANCE
+    numeric = central(
+        lambda h: close_loop(geometry.replaced({"bd3": geometry["bd3"] + h}), q, b).error
+    )
+    assert np.abs(rod_jacobian(loop.closure) - numeric).max() < TOLERANCE
+
+
+def test_the_plate_bends_about_a_hinge_a_third_of_its_length_from_the_sixth_axis(
+    loop: Loop,
+) -> None:
+    closure = loop.closure
+    robot, bar = robot_frames(loop.geometry, loop.q), closure.bar
+    hinge = robot.tip - 2.0 / 3.0 * loop.geometry["ra6"] * robot.x[-1]
+
+    def error(angle: float) -> Array:
+        bend = matrix_from_rotvec(angle * robot.y[-1])
+        tip = hinge + np.einsum("ijn,jn->in", bend, robot.tip - hinge)
+        turned = np.einsum("ijn,jkn->ikn", bend, robot.rotation())
+        relative = np.einsum("ikn,jkn->ijn", bar.rotation(), turned)
+        return np.concatenate((bar.tip - tip, rotvec_from_matrix(relative)))
+
+    # The column neglects that a loop which is open by tenths of a radian turns: closed, it is exact.
+    assert np.abs(plate_jacobian(closure)[:3] - central(error)[:3]).max() < TOLERANCE
+
+
+def test_the_plates_column_is_exact_where_the_loop_is_closed(nominal: Geometry, loop: Loop) -> None:
+    """A bent plate turns the tool by the bending angle about its own y axis."""
+    closure = close_loop(nominal, loop.q, loop.b)
+    assert plate_jacobian(closure)[3:] == pytest.approx(-closure.robot.y[-1], abs=1e-15)
+
+
+def test_neighbours_of_one_side_are_one_run() -> None:
+    names = ["ra1", "rd2", "bd3", "ox", "rtheta1"]
+    parameters = [PARAMETERS[NAMES.index(name)] for name in names]
+    assert list(runs_of_one_side(parameters)) == [(0, 2, True), (2, 4, False), (4, 5, True)]
+    assert list(runs_of_one_side([])) == []
+
+
+def test_part_of_a_closure_is_the_closure_of_those_samples(loop: Loop) -> None:
+    part = loop.closure.part(slice(2, 5))
+    again = close_loop(loop.geometry, loop.q[2:5], loop.b[2:5])
+    assert np.array_equal(part.error, again.error)
+    assert np.array_equal(
+        parameter_jacobian(part, PARAMETERS), parameter_jacobian(again, PARAMETERS)
+    )
+
+
+@pytest.mark.parametrize("joints", [(), (1, 2), (1, 2, 4, 5), (4, 5)])
+def test_unmeasured_joints_of_an_ideal_ball_bar_follow_from_the_robot(
+    nominal: Geometry, loop: Loop, joints: tuple[int, ...]
+) -> None:
+    measured = loop.b[:, [j - 1 for j in joints]]
+    filled = complete_bar_angles(nominal, loop.q, measured, joints)
+    assert np.abs(close_loop(nominal, loop.q, filled).error).max() < 1e-10
+
+
+def test_unmeasured_joints_are_stated_as_their_encoders_would_read(
+    nominal: Geometry, loop: Loop
+) -> None:
+    """The offsets are parameters of the geometry: the angle less its offset closes the loop."""
+    offset = nominal.replaced({"btheta3": 0.4, "btheta5": -1.1})
+    read = loop.b - np.array([0.0, 0.0, 0.4, 0.0, -1.1])
+    filled = complete_bar_angles(offset, loop.q, read[:, :2], (1, 2))
+    assert np.abs(close_loop(offset, loop.q, filled).error).max() < 1e-10

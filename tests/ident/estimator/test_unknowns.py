@@ -1,0 +1,175 @@
+"""The vector of unknowns: names, priors, and where everything stands in it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cell.clock import Clock
+from cell.geometry import INDEX, NAMES, Geometry
+from ident.corrections import CORRECTIONS
+from ident.estimator.unknowns import (
+    ANGLE_PRIOR,
+    AXIS_ANGLE_PRIOR,
+    AXIS_OFFSET_PRIOR,
+    CLOCK_PRIOR,
+    FIXED,
+    GAIN_PRIOR,
+    LENGTH_PRIOR,
+    MAX_OFFSET_STEP,
+    MAX_SKEW,
+    SHARED,
+    TILT_PRIOR,
+    RecordingStart,
+    Unknowns,
+    belongs_to_recording,
+    complete_unknowns,
+    kinematic_unknowns,
+)
+from tests.helpers.synthetic_recording import CELL, NOMINAL
+
+ENCODERS = (1, 2, 4, 5)
+FIRST = RecordingStart(ENCODERS, NOMINAL, Clock(0.3, 1e-5), knots=3, tension_sigma=12.0)
+SECOND = RecordingStart(
+    ENCODERS, NOMINAL.replaced({"ox": 0.8, "btheta1": 0.2}), Clock(-1.0, 0.0), clock_steps=2
+)
+WITHOUT_ENCODERS = RecordingStart((), NOMINAL, None)
+
+
+def complete(*recordings: RecordingStart, force: bool = False) -> tuple[Unknowns, np.ndarray]:
+    corrections = [CORRECTIONS[name](CELL, ENCODERS) for name in ("rod_strain", "gear_backlash")]
+    return complete_unknowns(
+        CELL, NOMINAL, recordings, corrections, measured_force=force, rod_sigma=None
+    )
+
+
+def indices(*names: str) -> np.ndarray:
+    return np.array([INDEX[name] for name in names], dtype=np.intp)
+
+
+def test_encoder_offsets_and_base_pose_belong_to_a_recording_all_else_to_the_machine() -> None:
+    own = [name for name in NAMES if belongs_to_recording(name)]
+    assert own == [f"btheta{j}" for j in range(1, 6)] + ["ox", "oy", "oz", "otx", "oty"]
+    assert set(SHARED) == set(NAMES) - set(own)
+
+
+def test_kinematic_unknowns_are_the_parameters_then_the_clock_without_priors() -> None:
+    parameters = indices("btheta1", "ox", "ra2", "bd3")
+    layout, x = kinematic_unknowns(NOMINAL, Clock(0.2, 1e-6), parameters)
+    assert layout.names == ("ra2", "bd3", "btheta1", "ox", "offset", "skew")
+    assert np.isinf(layout.sigma).all()
+    assert x == pytest.approx([NOMINAL["ra2"], NOMINAL["bd3"], 0.0, 0.70, 0.2, 1e-6])
+    assert layout.clock(x, 0) == Clock(0.2, 1e-6)
+    assert layout.count == 6
+    assert layout.gain is None
+    x[0] += 1e-3
+    assert layout.geometry(x, 0)["ra2"] == pytest.approx(NOMINAL["ra2"] + 1e-3)
+    assert layout.geometry(x, 0)["rd4"] == NOMINAL["rd4"]
+
+
+def test_a_prior_stays_with_its_parameter_though_the_order_changes() -> None:
+    parameters = indices("btheta1", "ra2", "ox", "bd3")
+    sigma = np.array([1.0, 2.0, 3.0, 4.0])
+    layout, _ = kinematic_unknowns(NOMINAL, None, parameters, sigma)
+    assert dict(zip(layout.names, layout.sigma, strict=True)) == {
+        "btheta1": 1.0, "ra2": 2.0, "ox": 3.0, "bd3": 4.0,
+    }  # fmt: skip
+
+
+def test_a_ball_bar_without_encoders_has_no_clock_of_its_own() -> None:
+    layout, x = kinematic_unknowns(NOMINAL, None, indices("ra2"))
+    assert layout.names == ("ra2",)
+    assert layout.own[0].clock is None
+    assert layout.clock(x, 0) == Clock(0.0, 0.0)
+    complete_layout, x = complete(WITHOUT_ENCODERS)
+    assert complete_layout.names[-5:] == ("ox", "oy", "oz", "otx", "oty")
+    assert complete_layout.clock(x, 0) == Clock(0.0, 0.0)
+
+
+def test_the_unknowns_of_one_recording_have_plain_names() -> None:
+    layout, x = complete(FIRST, force=True)
+    shared = len(SHARED) - len(FIXED)
+    assert set(layout.names[:shared]) == set(SHARED) - set(FIXED)
+    coefficients = ("rod_compliance", "rod_backlash", *(f"backlash{i}" for i in range(1, 7)))
+    assert layout.names[layout.coefficients] == coefficients
+    assert layout.names[layout.coefficients.stop :] == (
+        "force_gain", "btheta1", "btheta2", "btheta4", "btheta5", "ox", "oy", "oz", "otx", "oty",
+        "offset", "skew", "tension1", "tension2", "tension3",
+    )  # fmt: skip
+    assert layout.gain == layout.names.index("force_gain")
+    assert len(set(layout.names)) == layout.count == x.size
+    assert np.array_equal(layout.machine, np.arange(layout.coefficients.stop))
+
+
+def test_the_unknowns_of_several_recordings_are_numbered_from_1() -> None:
+    layout, x = complete(FIRST, SECOND)
+    assert len(set(layout.names)) == layout.count == x.size
+    own = layout.names[layout.coefficients.stop :]
+    assert "tension3@1" in own
+    assert own[-4:] == ("offset@2", "skew@2", "clock_step1@2", "clock_step2@2")
+    assert layout.own[0].steps is None
+    assert layout.own[1].knots is None
+    assert layout.clock(x, 1) == Clock(-1.0, 0.0)
+    assert layout.geometry(x, 0)["ox"] == 0.70
+    assert layout.geometry(x, 1)["ox"] == 0.80
+    assert layout.geometry(x, 1)["btheta1"] == 0.2
+    assert layout.geometry(x, 0)["btheta1"] == 0.0
+    x[layout.names.index("ra3")] += 1e-3
+    assert layout.geometry(x, 0)["ra3"] == layout.geometry(x, 1)["ra3"] != NOMINAL["ra3"]
+
+
+def test_priors_are_of_physical_size_and_centred_on_the_catalogue() -> None:
+    layout, x = complete(FIRST, SECOND, force=True)
+    sigma = dict(zip(layout.names, layout.sigma, strict=True))
+    mean = dict(zip(layout.names, layout.mean, strict=True))
+    assert np.array_equal(x, layout.mean)
+    assert x is not layout.mean
+    assert sigma["ra3"] == LENGTH_PRIOR
+    assert sigma["ralpha3"] == sigma["rbeta2"] == ANGLE_PRIOR
+    assert sigma["ba1"] == AXIS_OFFSET_PRIOR
+    assert sigma["balpha1"] == AXIS_ANGLE_PRIOR
+    assert sigma["bd3"] == CELL.ballbar.length_tolerance
+    assert sigma["otx@1"] == TILT_PRIOR
+    assert (sigma["offset@2"], sigma["skew@2"]) == CLOCK_PRIOR
+    assert sigma["force_gain"] == GAIN_PRIOR
+    assert sigma["tension1@1"] == 12.0
+    assert mean["rod_compliance"] == 1.0 / CELL.ballbar.axial_stiffness
+    assert mean["ra3"] == NOMINAL["ra3"]
+    assert mean["offset@1"] == 0.3
+    assert (mean["otx@1"], mean["tension1@1"], mean["force_gain"]) == (0.0, 0.0, 0.0)
+
+
+def test_a_measured_rod_length_replaces_the_catalogues_tolerance() -> None:
+    layout, _ = complete_unknowns(CELL, NOMINAL, [FIRST], (), measured_force=False, rod_sigma=2e-6)
+    assert layout.sigma[layout.names.index("bd3")] == 2e-6
+    assert layout.gain is None
+
+
+def test_a_step_moves_every_unknown_and_keeps_the_clocks_where_the_splines_say_anything() -> None:
+    layout, x = complete(FIRST, SECOND)
+    step = np.full(x.size, 1e-4)
+    assert np.array_equal(layout.moved(x, step)[:-6], (x + step)[:-6])
+    offsets = [i for i, name in enumerate(layout.names) if name.startswith("offset")]
+    skews = [i for i, name in enumerate(layout.names) if name.startswith("skew")]
+    step[offsets], step[skews] = [100.0, -100.0], [1.0, -1.0]
+    moved = layout.moved(x, step)
+    assert moved[offsets] == pytest.approx(x[offsets] + [MAX_OFFSET_STEP, -MAX_OFFSET_STEP])
+    assert moved[skews] == pytest.approx([MAX_SKEW, -MAX_SKEW])
+    others = np.setdiff1d(np.arange(x.size), [*offsets, *skews])
+    assert np.array_equal(moved[others], (x + step)[others])
+
+
+def test_moving_changes_neither_the_vector_nor_the_step() -> None:
+    layout, x = complete(FIRST)
+    before, step = x.copy(), np.full(x.size, 10.0)
+    layout.moved(x, step)
+    assert np.array_equal(x, before)
+    assert (step == 10.0).all()
+
+
+def test_gauge_directions_stay_fixed_at_the_catalogue() -> None:
+    layout, x = complete(FIRST)
+    geometry: Geometry = layout.geometry(x + 1e-3, 0)
+    for name in FIXED:
+        assert name not in layout.names
+        assert geometry[name] == NOMINAL[name]

@@ -1,0 +1,56 @@
+"""Where the ball-bar stands, from points of the tool alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ident.start.sphere import sphere_candidates
+
+
+def test_the_sphere_is_found_from_points_on_a_patch_of_it() -> None:
+    rng = np.random.default_rng(4)
+    u = rng.normal(0, 1, (400, 3)) * np.array([1, 1, 0.4]) + np.array([0, 0, 1.5])
+    points = (
+        np.array([0.7, -0.2, 0.5])
+        + 0.602 * u / np.linalg.norm(u, axis=1)[:, None]
+        + rng.normal(0, 1e-3, (400, 3))
+    )
+    found = sphere_candidates(points, 0.6)
+    assert len(found) == 1
+    assert found[0].centre == pytest.approx([0.7, -0.2, 0.5], abs=2e-3)
+    assert found[0].radius == pytest.approx(0.602, abs=2e-3)
+
+
+def test_points_on_a_circle_leave_two_centres() -> None:
+    angle = np.linspace(0, 2 * np.pi, 200)
+    points = np.stack((0.4 * np.cos(angle), 0.4 * np.sin(angle), np.zeros(200)), axis=1)
+    heights = sorted(s.centre[2] for s in sphere_candidates(points, 0.5))
+    assert heights == pytest.approx([-0.3, 0.3], abs=1e-3)
+
+
+def test_a_standing_tool_shows_no_sphere() -> None:
+    with pytest.raises(ValueError, match="moves less than a hundredth"):
+        sphere_candidates(np.zeros((50, 3)) + 0.001, 0.6)
+
+
+def test_a_rod_shorter_than_the_catalogues_is_found_against_its_prior() -> None:
+    """An octant of a sphere says more about its radius than the prior of 10 mm."""
+    rng = np.random.default_rng(5)
+    u = np.abs(rng.normal(0, 1, (400, 3)))
+    points = np.array([0.1, 0.2, 0.3]) + 0.590 * u / np.linalg.norm(u, axis=1)[:, None]
+    best = sphere_candidates(points, 0.6)[0]
+    # 400 points of 2 mm in an octant: a millimetre of the radius, a hundredth of the prior
+    assert best.radius == pytest.approx(0.590, abs=2e-4)
+    assert best.centre == pytest.approx([0.1, 0.2, 0.3], abs=2e-4)
+    # exact points: the cost is that of the radius, one standard deviation from its prior
+    assert best.cost == pytest.approx(1.0, abs=0.02)
+
+
+def test_moving_the_points_moves_the_centre_with_them() -> None:
+    rng = np.random.default_rng(6)
+    u = rng.normal(0, 1, (200, 3)) + np.array([0, 0, 2.0])
+    points = 0.6 * u / np.linalg.norm(u, axis=1)[:, None]
+    shift = np.array([3.0, -1.0, 0.5])
+    there, here = (sphere_candidates(p, 0.6)[0].centre for p in (points + shift, points))
+    assert there - here == pytest.approx(shift, abs=1e-6)
