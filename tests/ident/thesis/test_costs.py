@@ -7,17 +7,11 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from cell.descriptions import Cell
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, bar_frames, robot_frames
 from cell.inverse import refine
 from ident.estimator.closure import close_loop
-from ident.thesis.cost_fit import fit_cost, identifiable_by
-from ident.thesis.costs import ENCODERS_NEEDED, EQUATIONS, CostName, Form, cost_named
-from sim.errors.static_errors import THESIS_3_1
-from sim.path import ReferencePath
-from sim.path_files import scenario_path
-from sim.settings import PathSettings
-from tests.helpers.simulated_recordings import SCENARIOS, perturbed
+from ident.thesis.costs import EQUATIONS, CostName, Form, cost_named
+from tests.helpers.simulated_recordings import perturbed
 
 COSTS = get_args(CostName)
 FORMS = get_args(Form)
