@@ -152,7 +152,7 @@ def select(
 ) -> Selection:
     """The parameters to identify, by the priority of thesis sec. 3.3.
 
-    columns : (P, M), one row for each of `names`, in any order.
+    columns : (P, M) per [m] or [rad], one row for each of `names`, in any order.
     nominal : its lengths say what the scale direction is.
     known : asked last, so that they are left out where anything depends on them: the plate, whose
     length is known.

@@ -213,7 +213,7 @@ def test_reidentification_ends_where_levenberg_marquardt_ends(
         for c in ("length", "position", "position_angles", "transform")
         if c == cost
     )
-    fit = fit_cost(signed, carried.geometry, q, carried.b, [INDEX[k] for k in kept])
+    fit = fit_cost(signed, carried.geometry, q=q, b=carried.b, parameters=[INDEX[k] for k in kept])
     expected = {k: (fit.geometry[k] - carried.geometry[k]) * 1e3 for k in kept}
     assert reidentified(carried, cost, FIVE, kept, name) == pytest.approx(expected, abs=1e-6)
 
