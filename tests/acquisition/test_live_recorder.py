@@ -379,7 +379,7 @@ def test_a_live_view_that_fails_does_not_end_the_recording(egm: EgmSource, tmp_p
     def fail(source: Source, batch: Batch) -> None:
         raise ConnectionError("no window")
 
-    recording = LiveRecording(RecordingFolder(tmp_path / "r", CELL), [egm], watch=fail)
+    recording = LiveRecording(RecordingFolder(tmp_path / "r", CELL), [egm], on_batch=fail)
     recording.start()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
         for n in range(2):

@@ -68,7 +68,7 @@ class Residuals:
         self.calls.append("trial")
         return self.at(equations.x + step)
 
-    def accept(self, equations: Equations, accepted: Equations, iterations: int) -> Equations:
+    def accept(self, _equations: Equations, accepted: Equations, _iterations: int) -> Equations:
         self.calls.append("accept")
         return accepted
 

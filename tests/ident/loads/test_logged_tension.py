@@ -51,7 +51,9 @@ def moving(samples: Samples) -> Array:
     return speed > 0.1
 
 
-@pytest.mark.parametrize(("duration", "count"), [(60.0, int(60 * KNOTS_PER_SECOND)), (3.0, LEAST_KNOTS)])
+@pytest.mark.parametrize(
+    ("duration", "count"), [(60.0, int(60 * KNOTS_PER_SECOND)), (3.0, LEAST_KNOTS)]
+)
 def test_splines_of_the_tension_add_up_to_one_everywhere(duration: float, count: int) -> None:
     times = np.linspace(5.0, 5.0 + duration, 300)
     splines = tension_splines(times)

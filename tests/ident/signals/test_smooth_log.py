@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ident.signals.smooth_log import smooth_log
-from ident.signals.steps import find_breaks
+from ident.signals.steps import find_steps
 
 
 def motion(t: np.ndarray) -> np.ndarray:
@@ -103,7 +103,7 @@ def test_a_clock_step_beside_rows_that_were_left_out_is_measured(missing: int) -
     values = motion(t) + rng.normal(0, 1e-6, (t.size, 2))
     stamps = t + 0.05 * (t >= 10.0)
     rows = (t < 10.0) | (t >= 10.0 + 0.01 * missing - 1e-9)
-    breaks = find_breaks(stamps[rows], values[rows], checked=True)
-    assert [step.channel for step in breaks] == [None]
+    steps = find_steps(stamps[rows], values[rows], checked=True)
+    assert [step.channel for step in steps] == [None]
     # [s] the motion is no cubic over 25 rows: with five missing it leaves 0.3 ms.
-    assert breaks[0].size == pytest.approx(0.05, abs=5e-4)
+    assert steps[0].size == pytest.approx(0.05, abs=5e-4)
