@@ -26,7 +26,9 @@ def robot(cell: Cell, nominal: Geometry) -> UnloadedRobot:
     corrections = tuple(CORRECTIONS[name](cell, ()) for name in GEARS)
     coefficients = [c for correction in corrections for c in correction.coefficients]
     drawn = np.random.default_rng(102).standard_normal(len(coefficients))
-    values = np.array([c.mean + 0.3 * c.sigma * z for c, z in zip(coefficients, drawn, strict=True)])
+    values = np.array(
+        [c.mean + 0.3 * c.sigma * z for c, z in zip(coefficients, drawn, strict=True)]
+    )
     return UnloadedRobot(cell, nominal, corrections, values)
 
 
@@ -102,9 +104,7 @@ def test_the_tool_moves_as_its_jacobian_says(robot: UnloadedRobot, q: Array) -> 
     assert not columns[3:5].any()
 
 
-def test_values_that_do_not_fit_the_corrections_are_refused(
-    robot: UnloadedRobot, q: Array
-) -> None:
+def test_values_that_do_not_fit_the_corrections_are_refused(robot: UnloadedRobot, q: Array) -> None:
     assert robot.values is not None
     short = UnloadedRobot(robot.cell, robot.geometry, robot.corrections, robot.values[:-1])
     with pytest.raises(ValueError, match="zip"):

@@ -129,9 +129,7 @@ def test_the_deviation_of_a_printed_scalar_is_refused_with_its_reason(
 ) -> None:
     sign = np.ones(400)
     with pytest.raises(ValueError, match="linear in the signed components only"):
-        fit_cost(
-            cost_named("position", "thesis"), nominal, *exact, [INDEX["ra1"]], rod_sign=sign
-        )
+        fit_cost(cost_named("position", "thesis"), nominal, *exact, [INDEX["ra1"]], rod_sign=sign)
 
 
 def test_what_is_left_over_is_stated_as_sum_and_as_rms(exact: Angles, true: Geometry) -> None:

@@ -40,10 +40,7 @@ def test_at_the_true_geometry_the_least_cost_lies_at_the_true_shift(
 
 
 def test_identifying_and_shifting_in_turns_approaches_the_clock_by_a_constant_factor(
-    path: ReferencePath,
-    shifted: tuple[Array, Array, Array],
-    nominal: Geometry,
-    true: Geometry,
+    path: ReferencePath, shifted: tuple[Array, Array, Array], nominal: Geometry, true: Geometry
 ) -> None:
     chosen = identifiable_by(COST, nominal, path.q[::50], path.b[::50])
     left = []

@@ -13,7 +13,7 @@ from cell.inverse import refine
 from ident.estimator.closure import close_loop
 from ident.thesis.costs import EQUATIONS, CostName, Form, cost_named
 from tests.helpers.simulated_recordings import perturbed
-from tests.ident.conftest import Loop
+from tests.helpers.synthetic_recording import Loop
 
 COSTS = get_args(CostName)
 FORMS = get_args(Form)

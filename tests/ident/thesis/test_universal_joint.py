@@ -7,7 +7,7 @@ import numpy as np
 from cell.geometry import PARAMETERS, Geometry, parameter_screw
 from ident.estimator.closure import close_loop
 from ident.thesis.universal_joint import cardan_angles, cardan_columns
-from tests.ident.conftest import Loop
+from tests.helpers.synthetic_recording import Loop
 
 
 def test_where_the_loop_closes_nothing_is_left_of_both_angles(
@@ -42,8 +42,6 @@ def test_rows_behind_the_gimbal_move_only_their_own_angle(nominal: Geometry, loo
     angles = cardan_angles(close_loop(nominal, loop.q, loop.b))
     for name, expected in (("btheta4", [1, 0]), ("btheta5", [0, 1]), ("ba4", [0, 0])):
         parameter = next(p for p in PARAMETERS if p.name == name)
-        motion = parameter_screw(
-            nominal, angles.closure.robot, angles.closure.bar, parameter
-        )
+        motion = parameter_screw(nominal, angles.closure.robot, angles.closure.bar, parameter)
         columns = cardan_columns(angles, parameter, motion)
         assert np.array_equal(columns, np.outer(expected, np.ones(9)))
