@@ -20,7 +20,7 @@ from ident.estimator.closure import (
     rod_jacobian,
     runs_of_one_side,
 )
-from tests.ident.conftest import Loop
+from tests.helpers.synthetic_recording import Loop
 
 STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10
 # The error may be tenths of a radian here, so the third derivatives are of order 10.
