@@ -38,7 +38,8 @@ ROOT = SCENARIOS.parent
 CLAIMS = SCENARIOS / "claims"
 SAMPLED = CLAIMS / "scenarios" / "irb2400.yaml"
 
-# Two costs, two sizes, three seeds; C_l five times C_T, both in proportion to the size; C_P off by a tenth of a percent at the end.
+# Two costs, two sizes, three seeds; C_l five times C_T, both in proportion to the size; C_P off by
+# a tenth of a percent at the end.
 TABLE = pd.DataFrame(
     [
         {

@@ -61,7 +61,8 @@ Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of columns of size 1 with weakest directions of 1e-3
 FIVE = (1, 2, 3, 4, 5)
 
-# What differs from Table 3.2 where the ball-bar does not stand at y = 0; why is on the page (docs/identifiability.md).
+# What differs from Table 3.2 where the ball-bar does not stand at y = 0; why is on the page
+# (docs/identifiability.md).
 BEYOND_TABLE_3_2 = {
     "length": [],
     "position": [
