@@ -61,7 +61,7 @@ def test_backlash_lies_on_the_flank_that_the_weight_presses_it_to(
     decided = np.abs(load) >= UNDECIDED[:, None]
     assert decided.any()
     assert not decided.all()
-    assert gears.T == pytest.approx(np.where(decided, -1e-4 * np.sign(load), 0.0), abs=1e-15)
+    assert pytest.approx(np.where(decided, -1e-4 * np.sign(load), 0.0), abs=1e-15) == gears.T
 
 
 def test_a_load_that_hardly_decides_leaves_a_gear_in_the_middle() -> None:
