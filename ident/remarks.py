@@ -1,4 +1,4 @@
-"""What was repaired in the logs of a recording or left out of them, in words."""
+"""Remarks on what was repaired in the logs of a recording or left out of them."""
 
 from __future__ import annotations
 

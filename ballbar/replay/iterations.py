@@ -1,104 +1,114 @@
-"""The identification as it converged: a second timeline, `iteration`.
+"""The identification as it converges: a second timeline, `iteration`.
 
-Iteration 0 is the nominal robot, its ball-bar placed and its clock set as well as can be.
+Iteration 0 is the nominal robot, its ball-bar placed and its clock set as well as possible. An
+iteration reports the loop-closure error of one recording, the first of the fit.
 
-In the scene: the mismatch of the loop at samples of the run as arrows, one magnification throughout, so they shrink. As
-curves, in powers of ten: size of the mismatch, cost, and how far the tool still is from where the final result puts it.
+In the scene: that error at samples of the run as arrows, with one magnification, so that they
+shrink. As curves, in powers of ten: its size, the cost, and the distance of the tool from where the
+final result puts it.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from ballbar.replay.entities import (
+    AFTER_COLOUR,
+    BEFORE_COLOUR,
+    CLOSURE_ANGLE,
+    CLOSURE_ERROR,
+    CLOSURE_POSITION,
     COST,
-    FROM_RESULT,
-    FROM_TRUTH,
-    GREEN,
     ITERATION,
-    MISMATCH,
-    MISMATCH_ANGLE,
-    MISMATCH_POSITION,
-    RED,
+    LINES,
     STAGE,
-    STEEL_GREY,
+    STEEL,
+    TOOL_FROM_RESULT,
+    TOOL_FROM_TRUTH,
+    TRUE_COLOUR,
+    Branch,
     Colour,
 )
-from ballbar.replay.motion import base_alignment, on_robot_clock
-from ballbar.replay.scene import magnification
+from ballbar.replay.motion import base_alignment, logged_joints, rms_norm
+from ballbar.replay.scene import label, magnification, spaced
 from ballbar.result.iterations import Step
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.units import UM, URAD
 from cell.arrays import Array
 from cell.geometry import Geometry, robot_frames
 from ident.robot.accuracy import accuracy_grid
 
 ARROWS = 150
-_LONGEST = 0.5  # of the rod: the mean arrow at the beginning
-_SMALLEST = 1e-3  # [um, urad] what is drawn for less, as its logarithm
+_LONGEST = 0.5  # of the rod: length of the mean arrow at the beginning
+_SMALLEST = 1e-3  # [um, urad] drawn for smaller values, as its logarithm
 
 
-def log_iterations(stream: rr.RecordingStream, data: RunData) -> None:
-    """Writes the timeline `iteration`; nothing where the iterations were not watched."""
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Loop-closure error at one iteration."""
+
+    t: Array  # (N,) [s] on the ball-bar's clock
+    position: Array  # (N, 3) [m]
+    angle: Array  # (N, 3) [rad]
+
+    @property
+    def rms(self) -> tuple[float, float]:
+        """[um], [urad] of the norms."""
+        return rms_norm(self.position) * UM, rms_norm(self.angle) * URAD
+
+
+def _state(step: Step) -> _State:
+    iteration = step.iteration
+    return _State(iteration.times, iteration.error[:3].T, iteration.error[3:].T)
+
+
+def log_iterations(stream: Branch, data: RunData) -> None:
+    """Writes the timeline `iteration`; nothing where the iterations were not recorded.
+
+    stream : the branch of the first recording.
+    """
     if not data.iterations:
         return
-    result = data.identification
-    states = [(result.before.t, result.before.position, result.before.angle)]
-    states += [
-        (s.iteration.times, s.iteration.error[:3].T, s.iteration.error[3:].T)
-        for s in data.iterations
-    ]
-    rms = np.array([[_rms(position) * 1e6, _rms(angle) * 1e6] for _, position, angle in states])
-    numbers = np.arange(len(states))
-    _log_curve(stream, MISMATCH_POSITION, numbers, rms[:, 0], "position", RED)
-    _log_curve(stream, MISMATCH_ANGLE, numbers, rms[:, 1], "angle", (242, 142, 43))
-    _log_curve(
-        stream,
-        COST,
-        numbers[1:],
-        np.array([s.iteration.chi2_per_sample for s in data.iterations]),
-        "chi-square",
-        STEEL_GREY,
-    )
-    geometries = [result.nominal, *(s.iteration.geometry for s in data.iterations)]
-    grid = accuracy_grid(result.cell.robot)
-    _log_curve(
-        stream,
-        FROM_RESULT,
-        numbers,
-        _tool_distances(geometries, result.geometry, grid),
-        "from the final result",
-        GREEN,
-    )
+    fitted, steps = data.recordings[0], data.iterations  # the recording that an iteration reports
+    estimate, before = fitted.estimate, fitted.estimate.before
+    states = [_State(before.t, before.position, before.angle), *map(_state, steps)]
+    rms = np.array([state.rms for state in states])  # (I + 1, 2)
+    _log_curve(stream, CLOSURE_POSITION, rms[:, 0], "position", BEFORE_COLOUR)
+    _log_curve(stream, CLOSURE_ANGLE, rms[:, 1], "angle", LINES[3])
+    cost = np.array([step.iteration.chi2_per_sample for step in steps])
+    _log_curve(stream, COST, cost, "chi-square", STEEL, first=1)
+    geometries = [estimate.nominal, *(step.iteration.geometry for step in steps)]
+    grid = accuracy_grid(data.identification.robot.cell.robot)
+    distances = _tool_distances(geometries, estimate.geometry, grid)
+    _log_curve(stream, TOOL_FROM_RESULT, distances, "from the final result", AFTER_COLOUR)
     if data.simulation is not None:
         distances = _tool_distances(geometries, data.simulation.truth.geometry, grid)
-        _log_curve(stream, FROM_TRUTH, numbers, distances, "from the truth", (120, 165, 230))
-    _log_arrows(stream, data, states)
-    stages = [
-        "the nominal robot, the ball-bar placed and the clock set as well as can be",
-        *(s.stage for s in data.iterations),
-    ]
-    texts = [_page(i, len(states) - 1, stages[i], rms[i]) for i in range(len(states))]
+        _log_curve(stream, TOOL_FROM_TRUTH, distances, "from the truth", TRUE_COLOUR)
+    _log_arrows(stream, fitted, states)
+    begin = "the nominal robot, the ball-bar placed and the clock set as well as possible"
+    stages, last = [begin, *(step.stage for step in steps)], len(steps)
+    name = f" of {fitted.name}" if data.several else ""
+    pages = [_page(i, stages[i], states[i], last=last, name=name) for i in range(len(states))]
     stream.log(STAGE, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
-    stream.send_columns(STAGE, indexes=_at(numbers), columns=rr.TextDocument.columns(text=texts))
+    columns = rr.TextDocument.columns(text=pages)
+    stream.send_columns(STAGE, indexes=_at(np.arange(len(states))), columns=columns)
 
 
 def log_step(stream: rr.RecordingStream, number: int, step: Step) -> None:
-    """One iteration while it is made, when neither the result nor the best magnification is known."""
-    made = step.iteration
-    rms = np.array([_rms(made.error[:3].T) * 1e6, _rms(made.error[3:].T) * 1e6])
+    """One iteration while it is made, when neither result nor the best magnification is known."""
+    state = _state(step)
     stream.set_time(ITERATION, sequence=number)
-    stream.log(
-        STAGE,
-        rr.TextDocument(_page(number, None, step.stage, rms), media_type=rr.MediaType.MARKDOWN),
-    )
-    for entity, value in (
-        (MISMATCH_POSITION, rms[0]),
-        (MISMATCH_ANGLE, rms[1]),
-        (COST, made.chi2_per_sample),
-    ):
-        stream.log(entity, rr.Scalars(np.log10(max(float(value), _SMALLEST))))
+    page = rr.TextDocument(_page(number, step.stage, state), media_type=rr.MediaType.MARKDOWN)
+    stream.log(STAGE, page)
+    position, angle = state.rms
+    values = (position, angle, step.iteration.chi2_per_sample)
+    for entity, value in zip((CLOSURE_POSITION, CLOSURE_ANGLE, COST), values, strict=True):
+        stream.log(entity, rr.Scalars(np.log10(max(value, _SMALLEST))))
     stream.reset_time()
 
 
@@ -106,69 +116,57 @@ def _at(numbers: NDArray[np.int64]) -> list[rr.TimeColumn]:
     return [rr.TimeColumn(ITERATION, sequence=numbers)]
 
 
-def _rms(values: Array) -> float:
-    """Root mean square length of the rows."""
-    return float(np.sqrt((values * values).sum(axis=1).mean()))
-
-
 def _log_curve(
-    stream: rr.RecordingStream,
-    entity: str,
-    numbers: NDArray[np.int64],
-    values: Array,
-    name: str,
-    colour: Colour,
+    stream: Branch, entity: str, values: Array, name: str, colour: Colour, first: int = 0
 ) -> None:
+    """A curve of values (I,) in powers of ten; first : number of its first iteration."""
     stream.log(entity, rr.SeriesLines(names=[name], colors=[colour], widths=[2.5]), static=True)
-    powers = np.log10(np.maximum(values, _SMALLEST))
-    stream.send_columns(entity, indexes=_at(numbers), columns=rr.Scalars.columns(scalars=powers))
+    columns = rr.Scalars.columns(scalars=np.log10(np.maximum(values, _SMALLEST)))
+    numbers = np.arange(first, first + values.size)
+    stream.send_columns(entity, indexes=_at(numbers), columns=columns)
 
 
-def _tool_distances(geometries: list[Geometry], reference: Geometry, grid: Array) -> Array:
-    """(I,) [um] mean distance of the rigid robot's tool over joint angles grid (G, 6), base frames aligned."""
-    actual = robot_frames(reference, grid).tip.T
-    out = []
+def _tool_distances(geometries: Sequence[Geometry], reference: Geometry, grid: Array) -> Array:
+    """(I,) [um] mean distance of the rigid robot's tool over joint angles grid (G, 6) [rad].
+
+    Base frames aligned.
+    """
+    actual, distances = robot_frames(reference, grid).tip.T, []
     for geometry in geometries:
-        turn, shift = base_alignment(geometry, reference, grid)
-        out.append(
-            np.linalg.norm(
-                robot_frames(geometry, grid).tip.T @ turn.T + shift - actual, axis=1
-            ).mean()
-            * 1e6
-        )
-    return np.array(out)
+        rotation, shift = base_alignment(geometry, reference, grid)
+        tool = robot_frames(geometry, grid).tip.T @ rotation.T + shift
+        distances.append(np.linalg.norm(tool - actual, axis=1).mean() * UM)
+    return np.array(distances)
 
 
-def _log_arrows(
-    stream: rr.RecordingStream, data: RunData, states: list[tuple[Array, Array, Array]]
-) -> None:
-    """At the tool's place, which is drawn as identified: mismatches are too small to be seen otherwise."""
-    result, log = data.identification, data.recording.robot_log
-    length = result.geometry["bd3"]
-    factor = magnification(_rms(states[0][1]), _LONGEST * length)
-    stream.log(MISMATCH, rr.Arrows3D.from_fields(colors=[RED], radii=[0.006 * length]), static=True)
+def _log_arrows(stream: Branch, fitted: FittedRecording, states: Sequence[_State]) -> None:
+    """At the identified tool position: the errors are too small to be seen otherwise."""
+    geometry = fitted.estimate.geometry
+    length = geometry["bd3"]
+    factor = magnification(rms_norm(states[0].position), _LONGEST * length)
+    style = rr.Arrows3D.from_fields(colors=[BEFORE_COLOUR], radii=[0.006 * length])
+    stream.log(CLOSURE_ERROR, style, static=True)
     feet, arrows = [], []
-    for t, position, _ in states:
-        rows = np.arange(0, t.size, max(1, t.size // ARROWS))
-        q = np.stack(
-            [np.interp(on_robot_clock(result, t[rows]), log.t, column) for column in log.q.T],
-            axis=1,
-        )
-        feet.append(robot_frames(result.geometry, q).tip.T)
-        arrows.append(factor * position[rows])
+    for state in states:
+        rows = np.arange(0, state.t.size, max(1, state.t.size // ARROWS))
+        feet.append(robot_frames(geometry, logged_joints(fitted, state.t[rows])).tip.T)
+        arrows.append(factor * state.position[rows])
     columns = rr.Arrows3D.columns(origins=np.concatenate(feet), vectors=np.concatenate(arrows))
-    each = columns.partition([len(one) for one in arrows])
-    stream.send_columns(MISMATCH, indexes=_at(np.arange(len(states))), columns=each)
-    place = result.geometry.origin + np.array([0.0, 0.0, 1.5 * length])
-    label = f"mismatch of robot and ball-bar, arrows x {f'{factor:,}'.replace(',', ' ')}"
-    legend = rr.Points3D([place], colors=[RED], radii=[0.01], labels=[label], show_labels=True)
-    stream.log(f"{MISMATCH}/legend", legend, static=True)
+    partitioned = columns.partition([len(vectors) for vectors in arrows])
+    stream.send_columns(CLOSURE_ERROR, indexes=_at(np.arange(len(states))), columns=partitioned)
+    text = f"loop-closure error, arrows x {spaced(factor)}"
+    position = geometry.origin + np.array([0.0, 0.0, 1.5 * length])
+    stream.log(f"{CLOSURE_ERROR}/legend", label(position, text, BEFORE_COLOUR), static=True)
 
 
-def _page(number: int, last: int | None, stage: str, rms: Array) -> str:
+def _page(
+    number: int, stage: str, state: _State, *, last: int | None = None, name: str = ""
+) -> str:
+    """The text of an iteration; name : ` of NAME`, where there are several."""
+    position, angle = state.rms
     return (
         f"## Iteration {number}{f' of {last}' if last else ''}\n\n{stage}\n\n"
-        f"Root mean square mismatch **{rms[0]:.3g} um**, **{rms[1]:.3g} urad**.\n\n"
-        "Each solver that is started begins with its starting point; where only few samples or wider noise are taken, cost and "
-        f"mismatch may rise from one stage to the next."
+        f"Loop-closure error{name}, rms: **{position:.3g} um**, **{angle:.3g} urad**.\n\n"
+        "Each solver that is started begins with its starting point; where fewer samples or a "
+        "larger noise are taken, cost and error may rise from one stage to the next."
     )

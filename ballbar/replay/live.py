@@ -1,4 +1,4 @@
-"""A run watched while it is made: the cell moves as it is simulated, then the identification converges, then the replay."""
+"""A run shown while it is made: the cell as simulated, then the iterations, then the replay."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from ballbar.replay.arrangements import identify_layout
-from ballbar.replay.entities import CELL, MISMATCH
+from ballbar.replay.entities import CELL, CLOSURE_ERROR, TIMELINE, Branch
 from ballbar.replay.iterations import log_step
 from ballbar.replay.motion import CellMotion, thinning
 from ballbar.replay.scene import log_path_so_far, log_poses, log_shapes
@@ -31,30 +31,24 @@ class LiveRun:
 
     def __init__(self, stream: rr.RecordingStream, address: str = "") -> None:
         """address : of the viewer, for the replay at the end; empty for none."""
-        self._stream, self._address = stream, address
+        self._stream, self._branch, self._address = stream, Branch(stream), address
         self._moved = self._iterated = False
 
     def moved(self, cell: Cell, geometry: Geometry, t: Array, q: Array, b: Array) -> None:
-        """A stretch of the true motion; arguments as of sim.motion.Watch."""
-        rows = np.unique(
-            np.append(np.arange(0, t.size, thinning(t)), t.size - 1)
-        )  # its last row is the next one's first
-        seen = CellMotion(
-            t[rows],
-            q[rows],
-            robot_frames(geometry, q[rows]),
-            b[rows],
-            bar_frames(geometry, b[rows]),
-        )
+        """A stretch of the true motion; arguments as of `sim.motion.MotionCallback`."""
+        # its last row is the first of the next stretch
+        rows = np.unique(np.append(np.arange(0, t.size, thinning(t)), t.size - 1))
+        q, b = q[rows], b[rows]
+        motion = CellMotion(t[rows], q, robot_frames(geometry, q), b, bar_frames(geometry, b))
         if not self._moved:
             self._stream.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            log_shapes(self._stream, cell, geometry, seen)
+            log_shapes(self._branch, cell, geometry, motion)
             self._moved = True
-        log_poses(self._stream, seen)
-        log_path_so_far(self._stream, seen)
+        log_poses(self._branch, motion)
+        log_path_so_far(self._branch, motion)
 
     def iterated(self, number: int, step: Step) -> None:
-        """One iteration of the identifier."""
+        """One iteration of the identification."""
         if not self._iterated:
             self._stream.send_blueprint(identify_layout(), make_active=True)
             self._iterated = True
@@ -68,7 +62,10 @@ class LiveRun:
 
 @contextmanager
 def live_run() -> Iterator[LiveRun]:
-    """A window for a run; it stays open when the run has ended. Raises ViewerError if the viewer does not start."""
+    """A window for a run; it stays open when the run has ended.
+
+    Raises ViewerError if the viewer does not start.
+    """
     address = live_viewer()
     stream = rr.RecordingStream(APPLICATION, send_properties=False)
     stream.connect_grpc(address, default_blueprint=_scene())
@@ -79,11 +76,11 @@ def live_run() -> Iterator[LiveRun]:
 
 def _scene() -> rrb.Blueprint:
     cell = rrb.Spatial3DView(
-        origin=CELL, contents=["$origin/**", f"- {MISMATCH}/**"], name="The cell as simulated"
+        origin=CELL, contents=["$origin/**", f"- {CLOSURE_ERROR}/**"], name="The cell as simulated"
     )
-    panels = rrb.SelectionPanel(state="collapsed"), rrb.BlueprintPanel(state="collapsed")
     return rrb.Blueprint(
         cell,
-        rrb.TimePanel(timeline="robot_time", state="collapsed", play_state="following"),
-        *panels,
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
     )

@@ -1,126 +1,133 @@
-"""The page of text beside the pictures: verdict first, key figures, then every parameter with its uncertainty (markdown)."""
+"""The pages of text beside the pictures, in markdown.
+
+The notes: verdict, key figures, the machine's parameters, then each recording's own. The scenario:
+what was simulated or recorded, and how the files were read.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
 import yaml
 
 from acquisition.report import report_lines
-from ballbar.replay.motion import residual_norms
+from ballbar.replay.motion import rms_norm
+from ballbar.replay.parameters import units_of
 from ballbar.result.compare import Comparison, Limit
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.units import MM, MS, PPM, UM, URAD, US
 from cell.geometry import INDEX, PARAMETERS
-from ident.identify import Identification
+from ident.result import FitStatistics, Identification, RecordingEstimate, RobotEstimate
+
+Rows = list[tuple[str, str]]
 
 
 def replay_notes(data: RunData) -> str:
-    """Markdown: name, verdict sentence, key figures, remarks, what was left at its nominal value, parameters with sigma."""
-    result = data.identification
+    """Verdict, key figures, remarks, dropped parameters; parameters of machine and recordings."""
+    result, comparison = data.identification, data.comparison
+    robot, sigma = result.robot, result.robot.tcp_sigma.mean() * MM
+    rows = [*_truth_rows(comparison), ("TCP uncertainty as stated, mean", f"{sigma:.4f} mm")]
+    if not data.several:
+        rows += _recording_rows(data.recordings[0].estimate)
+    rows += _fit_rows(result.fit)
+    errors = comparison.deviations if comparison else {}
     parts = [
         f"# {data.name}",
-        f"**{result.verdict.sentence}** {_gain(data.comparison)}".strip(),
-        _table(("key figure", "value"), [*_truth_figures(data.comparison), *_figures(result)]),
+        f"**{result.verdict.sentence}** {_gain(comparison)}".strip(),
+        _table(("key figure", "value"), rows),
         _limits(data.limits),
         "\n".join(f"- Note: {warning}" for warning in result.verdict.warnings),
-        f"{_setup(result)}; {'simulated' if data.simulation else 'recorded'}, {data.recording.robot_log.t[-1]:.0f} s.",
+        _setup(data),
         "## Left at the nominal value",
         _dropped(result),
         "## Identified parameters",
-        "Lengths in mm, sigma in um; angles in mrad, sigma in urad. Sigma is one standard deviation.",
-        _parameters(result, data.comparison),
+        "Lengths in mm, sigma in um; angles in mrad, sigma in urad. Sigma is one standard "
+        "deviation.",
+        _parameters(robot, errors),
     ]
+    for fitted in data.recordings:
+        parts.append(f"## {fitted.name if data.several else 'Encoder offsets and base pose'}")
+        if data.several:
+            parts.append(_table(("key figure", "value"), _recording_rows(fitted.estimate)))
+        parts.append(_parameters(fitted.estimate, errors))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def scenario_page(data: RunData) -> str:
-    """Markdown: the scenario of a simulated run, or what the recording says about itself; and how its files were read."""
-    file = data.folder / "recording.yaml"
+def scenario_page(data: RunData, fitted: FittedRecording) -> str:
+    """The scenario of a simulated run, or what the recording says of itself; its import report."""
+    file = fitted.folder / "recording.yaml"
     parts = ["# What was simulated" if data.scenario else "# What was recorded"]
     if data.scenario is not None:
-        parts.append(
-            _code(
-                yaml.safe_dump(
-                    data.scenario.model_dump(mode="json", exclude_unset=True),
-                    sort_keys=False,
-                    width=100,
-                )
-            )
-        )
+        settings = data.scenario.model_dump(mode="json", exclude_unset=True)
+        parts.append(_code(yaml.safe_dump(settings, sort_keys=False, width=100)))
     if file.is_file():
         parts += ["## recording.yaml", _code(file.read_text(encoding="utf-8"))]
-    parts += ["## How the files were read", _code("\n".join(report_lines(data.recording.report)))]
+    lines = report_lines(fitted.recording.report)
+    parts += ["## How the files were read", _code("\n".join(lines))]
     return "\n\n".join(parts) + "\n"
 
 
 def _code(text: str) -> str:
-    """As it stands, whatever it holds: indented, since no fence is safe from what a file may contain."""
+    """A block of text, indented: no fence is safe from what a file may contain."""
     return "\n".join(f"    {line}" for line in text.splitlines())
 
 
 def _gain(comparison: Comparison | None) -> str:
     if comparison is None:
         return ""
-    before, after = comparison.tcp_nominal.mean, comparison.tcp.mean
-    return f"Over the workspace the tool was {before * 1e3:.2f} mm off on average before, and is {after * 1e6:.1f} um off now."
+    before, after = comparison.tcp_nominal.mean * MM, comparison.tcp.mean * UM
+    return (
+        f"Over the workspace the mean TCP error is {before:.2f} mm with the nominal robot and "
+        f"{after:.1f} um with the identified one."
+    )
 
 
-def _setup(result: Identification) -> str:
-    fitted = ", ".join(f"b{joint}" for joint in result.joints)
-    return f"{result.cell.robot.title} on {result.cell.ballbar.title}; {f'encoders {fitted}' if fitted else 'no encoders'}"
+def _setup(data: RunData) -> str:
+    robot = data.identification.robot
+    encoders = ", ".join(f"b{joint}" for joint in robot.encoders)
+    lengths = " + ".join(f"{r.recording.robot_log.t[-1]:.0f} s" for r in data.recordings)
+    return (
+        f"{robot.cell.robot.title} on {robot.cell.ballbar.title}; "
+        f"{f'encoders {encoders}' if encoders else 'no encoders'}; "
+        f"{'simulated' if data.simulation else 'recorded'}, {lengths}."
+    )
 
 
-def _truth_figures(comparison: Comparison | None) -> list[tuple[str, str]]:
+def _truth_rows(comparison: Comparison | None) -> Rows:
     if comparison is None:
         return []
     before, after = comparison.tcp_nominal, comparison.tcp
+    nominal = f"{before.mean * MM:.3f} ({before.maximum * MM:.3f}) mm"
+    identified = f"{after.mean * MM:.4f} ({after.maximum * MM:.4f}) mm"
     rows = [
-        (
-            "TCP error before, mean (largest)",
-            f"{before.mean * 1e3:.3f} ({before.maximum * 1e3:.3f}) mm",
-        ),
-        (
-            "TCP error after, mean (largest)",
-            f"{after.mean * 1e3:.4f} ({after.maximum * 1e3:.4f}) mm",
-        ),
-        ("parameter distance, Euclidean", f"{comparison.distance * 1e3:.4f} mm or mrad"),
+        ("TCP error before, mean (largest)", nominal),
+        ("TCP error after, mean (largest)", identified),
+        ("parameter distance, Euclidean", f"{comparison.distance * MM:.4f} mm or mrad"),
     ]
     if comparison.offset is not None and comparison.skew is not None:
-        rows.append(
-            (
-                "clock error: offset, skew",
-                f"{comparison.offset * 1e6:+.2f} us, {comparison.skew * 1e6:+.3f} ppm",
-            )
-        )
+        error = f"{comparison.offset * US:+.2f} us, {comparison.skew * PPM:+.3f} ppm"
+        rows.append(("clock error: offset, skew", error))
     return rows
 
 
-def _figures(result: Identification) -> list[tuple[str, str]]:
-    rows = [("TCP uncertainty as stated, mean", f"{result.tcp_sigma.mean() * 1e3:.4f} mm")]
-    for what, residuals in (("before", result.before), ("after", result.after)):
-        position, angle = (float(np.sqrt(np.mean(norm**2))) for norm in residual_norms(residuals))
-        rows.append(
-            (
-                f"loop-closure residual {what}, RMS",
-                f"{position * 1e6:.1f} um, {angle * 1e6:.1f} urad",
-            )
-        )
-    if result.clock is not None:
-        offset_sigma, skew_sigma = result.clock_sigma
-        rows.append(
-            ("clock offset", f"{result.clock.offset * 1e3:.4f} ± {offset_sigma * 1e3:.4f} ms")
-        )
-        rows.append(("clock skew", f"{result.clock.skew * 1e6:.3f} ± {skew_sigma * 1e6:.3f} ppm"))
-    rows.append(("iterations", f"{result.iterations}, from the automatic start"))
-    rows.append(("samples; equations each", f"{result.after.t.size}; {result.whitened.shape[0]}"))
-    rows.append(("chi-square per degree of freedom", f"{result.chi2_per_dof:.3f}"))
-    rows.append(
-        (
-            "rank; condition number",
-            f"{result.identifiability.rank}; {result.identifiability.condition:.0f}",
-        )
-    )
+def _fit_rows(fit: FitStatistics) -> Rows:
+    return [
+        ("iterations", f"{fit.iterations}, from the automatic start"),
+        ("chi-square per degree of freedom", f"{fit.chi2_per_dof:.3f}"),
+        ("rank; condition number", f"{fit.rank}; {fit.condition:.0f}"),
+    ]
+
+
+def _recording_rows(estimate: RecordingEstimate) -> Rows:
+    rows = [("samples; equations each", f"{estimate.samples}; {estimate.whitened.shape[0]}")]
+    for when, residuals in (("before", estimate.before), ("after", estimate.after)):
+        position, angle = rms_norm(residuals.position) * UM, rms_norm(residuals.angle) * URAD
+        rows.append((f"loop-closure residual {when}, RMS", f"{position:.1f} um, {angle:.1f} urad"))
+    if estimate.clock is not None:
+        clock, (offset_sigma, skew_sigma) = estimate.clock, estimate.clock_sigma
+        offset = f"{clock.offset * MS:.4f} ± {offset_sigma * MS:.4f} ms"
+        skew = f"{clock.skew * PPM:.3f} ± {skew_sigma * PPM:.3f} ppm"
+        rows += [("clock offset", offset), ("clock skew", skew)]
     return rows
 
 
@@ -129,58 +136,42 @@ def _limits(limits: Sequence[Limit]) -> str:
         return ""
     rows = [
         (
-            one.what,
-            f"{one.measured:.4g} {one.unit}",
-            f"{one.allowed:g} {one.unit}",
-            "yes" if one.met else "NO",
+            limit.what,
+            f"{limit.measured:.4g} {limit.unit}",
+            f"{limit.allowed:g} {limit.unit}",
+            "yes" if limit.met else "NO",
         )
-        for one in limits
+        for limit in limits
     ]
     return _table(("limit of the scenario", "measured", "allowed", "met"), rows)
 
 
 def _dropped(result: Identification) -> str:
-    dropped = result.identifiability.dropped
-    if not dropped:
-        return "Nothing: every parameter asked for was identified."
-    return _table(
-        ("parameter", "why"), [(d.name, f"{d.reason} {', '.join(d.on)}".strip()) for d in dropped]
-    )
+    rows = [(d.name, f"{d.reason} {', '.join(d.on)}".strip()) for d in result.robot.dropped]
+    if not rows:
+        return "Nothing: every requested parameter was identified."
+    return _table(("parameter", "why"), rows)
 
 
-def _parameters(result: Identification, comparison: Comparison | None) -> str:
-    header = (
-        "parameter",
-        "nominal",
-        "identified",
-        "change",
-        "sigma",
-        *(["error"] if comparison else []),
-    )
-    errors = comparison.deviations if comparison else {}
-    return _table(
-        header, [_parameter(result, name, errors)[: len(header)] for name in result.sigma]
-    )
+def _parameters(estimate: RobotEstimate | RecordingEstimate, errors: Mapping[str, float]) -> str:
+    header = ["parameter", "nominal", "identified", "change", "sigma"]
+    header += ["error"] if errors else []
+    rows = [_parameter(estimate, name, errors)[: len(header)] for name in estimate.sigma]
+    return _table(header, rows)
 
 
-def _parameter(result: Identification, name: str, errors: Mapping[str, float]) -> tuple[str, ...]:
-    parameter = PARAMETERS[INDEX[name]]
-    large, small = ("mm", "um") if parameter.is_length else ("mrad", "urad")
-    nominal, value = result.nominal[name] * 1e3, result.geometry[name] * 1e3
-    placed = parameter.kind == "origin" or (parameter.side, parameter.kind) == (
-        "bar",
-        "theta",
-    )  # wherever it was set up: no nominal value
-    known = ("", "") if placed else (f"{nominal:.3f} {large}", f"{value - nominal:+.4f} {large}")
-    error = f"{errors[name] * 1e6:+.2f} {small}" if name in errors else ""
-    return (
-        name,
-        known[0],
-        f"{value:.4f} {large}",
-        known[1],
-        f"{result.sigma[name] * 1e6:.2f} {small}",
-        error,
-    )
+def _parameter(
+    estimate: RobotEstimate | RecordingEstimate, name: str, errors: Mapping[str, float]
+) -> tuple[str, ...]:
+    parameter, (large, small) = PARAMETERS[INDEX[name]], units_of(name)
+    nominal, value = estimate.nominal[name] * MM, estimate.geometry[name] * MM
+    encoder_offset = (parameter.side, parameter.kind) == ("bar", "theta")
+    known = "", ""  # of the base position and encoder offsets the catalogue says nothing
+    if parameter.kind != "origin" and not encoder_offset:
+        known = f"{nominal:.3f} {large}", f"{value - nominal:+.4f} {large}"
+    error = f"{errors[name] * UM:+.2f} {small}" if name in errors else ""
+    sigma = f"{estimate.sigma[name] * UM:.2f} {small}"
+    return name, known[0], f"{value:.4f} {large}", known[1], sigma, error
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -1,7 +1,8 @@
-"""The web viewer's page as this machine serves it: rerun's own, without the outside hosts it names, and forbidden to call any.
+"""The web viewer's page as this machine serves it: rerun's own, forbidden to call any other host.
 
-rerun's page loads a font from outside, and the viewer reports usage and looks for news. The links are taken out of the page, and a
-content security policy makes the browser refuse what the viewer tries by itself.
+rerun's page loads a font from outside, and the viewer reports usage and looks for news. The links
+are removed from the page, and a content security policy makes the browser refuse what the viewer
+tries by itself.
 """
 
 from __future__ import annotations
@@ -23,10 +24,15 @@ _TIMEOUT = 30.0  # [s]
 
 @contextmanager
 def front(host: str, port: int, *, behind: int, data_port: int) -> Iterator[None]:
-    """Serves rerun's web server on port `behind` of the same host at `port`; data_port : where the page may fetch data."""
+    """Serve rerun's web server, on port `behind` of the same host, at `port`.
+
+    data_port : from which the page may fetch data.
+    """
     policy = (
-        f"default-src 'self' data: blob:; connect-src 'self' data: blob: http://{host}:{data_port} http://localhost:{data_port}; "
-        "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; worker-src 'self' blob:"
+        "default-src 'self' data: blob:; "
+        f"connect-src 'self' data: blob: http://{host}:{data_port} http://localhost:{data_port}; "
+        "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; "
+        "style-src 'self' 'unsafe-inline'; worker-src 'self' blob:"
     )
     server = ThreadingHTTPServer((host, port), partial(_Page, f"http://{host}:{behind}", policy))
     server.daemon_threads = True

@@ -1,4 +1,7 @@
-"""The curves of a replay: angles, residuals, TCP error, rod force and strain, clock; each with its unit in the entity's name."""
+"""The curves of a recording: angles, residuals, TCP error, rod force and elongation, clock.
+
+The unit of each stands in the entity's name.
+"""
 
 from __future__ import annotations
 
@@ -8,42 +11,39 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
+from ballbar import figure_style
 from ballbar.replay.entities import (
     AFTER,
+    AFTER_COLOUR,
     ANGLE,
     BEFORE,
+    BEFORE_COLOUR,
     CLOCK_ERROR,
-    CLOCK_FOUND,
+    CLOCK_IDENTIFIED,
     CLOCK_TRUE,
     ENCODERS,
-    FORCE_FOUND,
+    FORCE_IDENTIFIED,
     FORCE_TRUE,
-    GREEN,
     JOINTS,
+    LINES,
     POSITION,
-    RED,
-    STRAIN_FOUND,
+    STRAIN_IDENTIFIED,
     STRAIN_TRUE,
     TCP_AFTER,
     TCP_BEFORE,
+    TRUE_COLOUR,
+    WARNING_COLOUR,
+    Branch,
     Colour,
     at,
+    shades,
 )
 from ballbar.replay.motion import CellMotion, TrueTool, mechanism_angles, on_robot_clock, thinning
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import FittedRecording
+from ballbar.units import MS, UM, URAD, US
 from cell.arrays import Array
-from ident.identify import Identification, Residuals
-
-_REDS = [RED, (242, 142, 43), (214, 120, 160)]
-_GREENS = [GREEN, (118, 183, 178), (170, 205, 90)]
-_SERIES = [
-    (78, 121, 167),
-    (242, 142, 43),
-    (225, 87, 76),
-    (118, 183, 178),
-    (89, 161, 79),
-    (237, 201, 72),
-]  # one colour a joint
+from ident.result import RecordingEstimate, Residuals, RobotEstimate
+from sim.simulate import Simulation
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,100 +56,104 @@ class Series:
     colours: Sequence[Colour]  # (C,)
 
 
-def run_series(data: RunData, motion: CellMotion, truth: TrueTool | None) -> dict[str, Series]:
-    """Every plot of the run, by entity."""
-    result, log = data.identification, data.recording.ballbar_log
-    series = {
-        JOINTS: Series(motion.t, np.degrees(motion.q), [f"q{i}" for i in range(1, 7)], _SERIES)
-    }
+def recording_series(
+    fitted: FittedRecording, motion: CellMotion, robot: RobotEstimate
+) -> dict[str, Series]:
+    """Every plot of a recording that needs no truth, by entity."""
+    estimate, log = fitted.estimate, fitted.recording.ballbar_log
+    joints = [f"q{i}" for i in range(1, 7)]
+    series = {JOINTS: Series(motion.t, np.degrees(motion.q), joints, LINES)}
     if log is not None:
         rows = np.arange(0, log.t.size, thinning(log.t))
-        angles = np.degrees(mechanism_angles(result, log)[rows])
-        colours = [_SERIES[joint - 1] for joint in log.joints]
         series[ENCODERS] = Series(
-            on_robot_clock(result, log.t[rows]),
-            angles,
+            on_robot_clock(estimate, log.t[rows]),
+            np.degrees(mechanism_angles(estimate, log)[rows]),
             [f"b{joint}" for joint in log.joints],
-            colours,
+            [LINES[joint - 1] for joint in log.joints],
         )
-    series |= _residual_series(
-        BEFORE, "before", on_robot_clock(result, result.before.t), result.before, _REDS
-    )
-    series |= _residual_series(
-        AFTER, "after", on_robot_clock(result, result.after.t), result.after, _GREENS
-    )
-    series |= _rod_series(result) | _clock_series(data, motion.t)
-    return series if truth is None else series | _truth_series(truth, motion.t)
+    for entity, residuals, colour in (
+        (BEFORE, estimate.before, figure_style.BEFORE),
+        (AFTER, estimate.after, figure_style.AFTER),
+    ):
+        t = on_robot_clock(estimate, residuals.t)
+        series |= _residual_series(entity, t, residuals, shades(colour))
+    if estimate.clock is not None:
+        offset = motion.t - estimate.clock.ballbar_time(motion.t)
+        series[CLOCK_IDENTIFIED] = _curve(motion.t, offset * MS, "identified", AFTER_COLOUR)
+    return series | _rod_series(estimate, robot)
 
 
-def _residual_series(
-    entity: str, when: str, t: Array, residuals: Residuals, colours: list[Colour]
+def truth_series(
+    simulation: Simulation, estimate: RecordingEstimate, truth: TrueTool, t: Array
 ) -> dict[str, Series]:
-    names = [f"{axis} {when}" for axis in "xyz"]
-    return {
-        f"{entity}/{POSITION}": Series(t, residuals.position * 1e6, names, colours),
-        f"{entity}/{ANGLE}": Series(t, residuals.angle * 1e6, names, colours),
-    }
-
-
-def _truth_series(truth: TrueTool, t: Array) -> dict[str, Series]:
+    """The plots of a simulated recording against the truth, at instants t (N,) [s]."""
     before, after = (
-        np.linalg.norm(error, axis=1)[:, None] * 1e6
+        np.linalg.norm(error, axis=1) * UM
         for error in (truth.nominal_error, truth.identified_error)
     )
     series = {
-        TCP_BEFORE: Series(t, before, ["nominal"], [RED]),
-        TCP_AFTER: Series(t, after, ["identified"], [GREEN]),
+        TCP_BEFORE: _curve(t, before, "nominal", BEFORE_COLOUR),
+        TCP_AFTER: _curve(t, after, "identified", AFTER_COLOUR),
     }
     if truth.rod_force.any():  # a kinematic plant knows no forces
-        series[FORCE_TRUE] = Series(t, truth.rod_force[:, None], ["true"], [_SERIES[0]])
-        series[STRAIN_TRUE] = Series(t, truth.rod_strain[:, None] * 1e6, ["true"], [_SERIES[0]])
-    return series
+        series[FORCE_TRUE] = _curve(t, truth.rod_force, "true", TRUE_COLOUR)
+        series[STRAIN_TRUE] = _curve(t, truth.rod_strain * UM, "true", TRUE_COLOUR)
+    return series | clock_error_series(simulation, estimate, t)
 
 
-def _rod_series(result: Identification) -> dict[str, Series]:
-    """Force and strain as the complete model found them; strain without play."""
-    if not result.tension.any():
+def clock_error_series(
+    simulation: Simulation, estimate: RecordingEstimate, t: Array
+) -> dict[str, Series]:
+    """True clock offset, and the error of the identified one, at instants t (N,) [s].
+
+    The offset is the robot's time minus the ball-bar's, each counted from the first row of its log.
+    """
+    if estimate.clock is None:
         return {}
-    t = on_robot_clock(result, result.after.t)
-    series = {FORCE_FOUND: Series(t, result.tension[:, None], ["identified"], [GREEN])}
-    compliance = [
-        c.value
-        for one in result.corrections
-        for c in one.coefficients
-        if c.name == "rod_compliance"
-    ]
-    if compliance:
-        series[STRAIN_FOUND] = Series(
-            t, compliance[0] * result.tension[:, None] * 1e6, ["identified"], [GREEN]
-        )
-    return series
-
-
-def _clock_series(data: RunData, t: Array) -> dict[str, Series]:
-    """Robot's clock minus ball-bar's, each counted from the first row of its log; and how wrong that is, where the truth is known."""
-    clock = data.identification.clock
-    if clock is None:
-        return {}
-    found = t - clock.ballbar_time(t)
-    series = {CLOCK_FOUND: Series(t, found[:, None] * 1e3, ["identified"], [GREEN])}
-    if data.simulation is None:
-        return series
-    times = data.simulation.times
+    times = simulation.times
     stamps = (times.bar_stamp - times.bar_stamp[0]) * 1e-9
     true_time = np.interp(t, times.robot_stamp - times.robot_stamp[0], times.robot_true)
     inside = (true_time >= times.bar_true[0]) & (true_time <= times.bar_true[-1])
-    true = t[inside] - np.interp(true_time[inside], times.bar_true, stamps)
-    series[CLOCK_TRUE] = Series(t[inside], true[:, None] * 1e3, ["true"], [_SERIES[0]])
-    series[CLOCK_ERROR] = Series(
-        t[inside], (found[inside] - true)[:, None] * 1e6, ["identified minus true"], [RED]
-    )
+    t = t[inside]
+    actual = t - np.interp(true_time[inside], times.bar_true, stamps)
+    error = t - estimate.clock.ballbar_time(t) - actual
+    return {
+        CLOCK_TRUE: _curve(t, actual * MS, "true", TRUE_COLOUR),
+        CLOCK_ERROR: _curve(t, error * US, "identified minus true", WARNING_COLOUR),
+    }
+
+
+def _curve(t: Array, values: Array, name: str, colour: Colour) -> Series:
+    return Series(t, values[:, None], [name], [colour])
+
+
+def _residual_series(
+    entity: str, t: Array, residuals: Residuals, colours: Sequence[Colour]
+) -> dict[str, Series]:
+    names = [f"{axis} {entity.rpartition('/')[2]}" for axis in "xyz"]
+    return {
+        f"{entity}/{POSITION}": Series(t, residuals.position * UM, names, colours),
+        f"{entity}/{ANGLE}": Series(t, residuals.angle * URAD, names, colours),
+    }
+
+
+def _rod_series(estimate: RecordingEstimate, robot: RobotEstimate) -> dict[str, Series]:
+    """Force and elongation of the rod by the complete model; elongation without backlash."""
+    if estimate.tension is None:
+        return {}
+    t, force = on_robot_clock(estimate, estimate.after.t), estimate.tension
+    series = {FORCE_IDENTIFIED: _curve(t, force, "identified", AFTER_COLOUR)}
+    for coefficient in (c for correction in robot.corrections for c in correction.coefficients):
+        if coefficient.name == "rod_compliance":
+            elongation = coefficient.value * force * UM
+            series[STRAIN_IDENTIFIED] = _curve(t, elongation, "identified", AFTER_COLOUR)
     return series
 
 
-def log_series(stream: rr.RecordingStream, entity: str, one: Series) -> None:
-    """Writes one plot's curves."""
-    # zoomed out, the viewer would draw averages by itself, and a single bad sample would not be seen
-    style = rr.SeriesLines(names=one.names, colors=one.colours, aggregation_policy="MinMax")
+def log_series(stream: Branch, entity: str, series: Series) -> None:
+    """Writes the curves of one plot."""
+    # MinMax: zoomed out, the viewer would draw averages, and hide a single bad sample
+    style = rr.SeriesLines(names=series.names, colors=series.colours, aggregation_policy="MinMax")
     stream.log(entity, style, static=True)
-    stream.send_columns(entity, indexes=at(one.t), columns=rr.Scalars.columns(scalars=one.values))
+    columns = rr.Scalars.columns(scalars=series.values)
+    stream.send_columns(entity, indexes=at(series.t), columns=columns)

@@ -1,4 +1,4 @@
-"""Opening a replay, or a window for live data: the native viewer, or the web viewer served on this machine alone.
+"""The viewers for replays and live data: native, or on the web and served on this machine alone.
 
 Both come with the rerun package.
 """
@@ -30,7 +30,7 @@ class ViewerError(FailureError):
 
 
 def open_viewer(path: Path) -> None:
-    """Shows a replay in the native viewer and returns when its window is closed.
+    """Show a replay in the native viewer and return when its window is closed.
 
     Raises InputError if there is no such file, ViewerError if the viewer fails.
     """
@@ -43,16 +43,17 @@ def open_viewer(path: Path) -> None:
         return
     if code != 0:
         raise ViewerError(
-            f"{path}: the viewer ended with code {code}. Without a screen or graphics driver use --web."
+            f"{path}: the viewer ended with code {code}. Without a screen or graphics driver use "
+            "--web."
         )
 
 
 def _check_screen() -> None:
-    if sys.platform == "linux" and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
+    screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+    if sys.platform == "linux" and not screen:
         raise ViewerError(
-            "there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set). Use --web, and a browser on this machine."
+            "there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set). Use --web, and a "
+            "browser on this machine."
         )
 
 
@@ -63,7 +64,9 @@ def serve_web(
     data_port: int = DATA_PORT,
     show: Callable[[str], None] = print,
 ) -> None:
-    """Serves the web viewer with a replay on this machine alone, until interrupted; `show` gets the address.
+    """Serve the web viewer with a replay on this machine alone, until interrupted.
+
+    show : called with a sentence that holds the address.
 
     Raises InputError if there is no such file or a port is taken, ViewerError if the server fails.
     """
@@ -80,7 +83,10 @@ def serve_web(
 def web_server(
     path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT
 ) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """A running web viewer: its address and its process, which ends with the block. Raises as `serve_web`."""
+    """A running web viewer: its address and its process, which ends with the block.
+
+    Raises as `serve_web`.
+    """
     _check_file(path)
     for number in (port, data_port):
         _check_free(number)
@@ -97,23 +103,18 @@ def web_server(
 
 
 def live_viewer() -> str:
-    """Starts a native viewer that waits for data on this machine alone; its address. The window outlives the program.
+    """Start a native viewer that waits for data on this machine alone, and return its address.
+
+    The window outlives the program.
 
     Raises ViewerError if it does not start.
     """
     port = _free_port()
-    # A session of its own, so that the Ctrl-C that ends a recording does not close the window too; silent, so that it does not
-    # write into the caller's terminal.
+    address = ["--bind", LOOPBACK, "--port", str(port)]
+    # A session of its own, so that the Ctrl-C that ends a recording does not close the window too;
+    # silent, so that it does not write into the caller's terminal.
     viewer = subprocess.Popen(
-        [
-            _rerun(),
-            "--bind",
-            LOOPBACK,
-            "--port",
-            str(port),
-            "--hide-welcome-screen",
-            "--expect-data-soon",
-        ],
+        [_rerun(), *address, "--hide-welcome-screen", "--expect-data-soon"],
         start_new_session=True,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -135,21 +136,26 @@ def web_url(port: int, data_port: int) -> str:
 
 
 def _rerun() -> str:
-    """The viewer's own program. Not `python -m rerun_cli`: ending that would leave the program behind it running."""
+    """Path of the viewer's own program.
+
+    Not `python -m rerun_cli`: ending that would leave the program behind it running.
+    """
     spec = importlib.util.find_spec("rerun_cli")
     folders = [Path(folder) for folder in (spec.submodule_search_locations or [])] if spec else []
     for program in (folder / name for folder in folders for name in _BINARIES):
         if program.is_file():
             return str(program)
     raise ViewerError(
-        "the rerun viewer is not installed beside rerun-sdk; reinstall it with `pip install --force-reinstall rerun-sdk`."
+        "the rerun viewer is not installed beside rerun-sdk; reinstall it with "
+        "`pip install --force-reinstall rerun-sdk`."
     )
 
 
 def _check_file(path: Path) -> None:
     if not path.is_file():
         raise InputError(
-            f"{path}: no such replay. `ballbar run` writes run.rrd; for a recording use `ballbar identify --rerun`."
+            f"{path}: no such replay. `ballbar run` writes run.rrd; for a recording use "
+            "`ballbar identify --rerun`."
         )
 
 

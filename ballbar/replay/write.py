@@ -1,7 +1,8 @@
-"""A run as one rerun file: the cell in motion, every signal over time, the verdict in words, and a layout that shows them.
+"""A run as one rerun file: cells in motion, every signal over time, verdict as text, a layout.
 
-Lengths in m in the 3D scene; other units stand in the entity names (rerun has no unit field). Two timelines: `robot_time`,
-seconds on the robot's clock from the first row of its log, and `iteration`, of the identifier. The tree of entities is that of
+Lengths in m in the 3D scene; other units stand in the entity names. Two timelines: `robot_time`,
+seconds on the robot's clock from the first row of its log, and `iteration`. Recordings that were
+fitted together stand side by side, each below its own root, and start together. Paths and roots:
 ballbar.replay.entities.
 """
 
@@ -15,19 +16,19 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
-from ballbar.replay.coverage import coverage, log_coverage
-from ballbar.replay.entities import CELL, NOTES, SCENARIO, layout
-from ballbar.replay.events import log_events, run_events
+from ballbar.replay.blueprint import Shown, layout
+from ballbar.replay.coverage import log_coverage
+from ballbar.replay.entities import CELL, NOTES, SCENARIO, Branch, root_of
+from ballbar.replay.events import log_events, recording_events
 from ballbar.replay.iterations import log_iterations
 from ballbar.replay.motion import CellMotion, TrueTool, cell_motion, true_tool
 from ballbar.replay.notes import replay_notes, scenario_page
 from ballbar.replay.parameters import log_parameters
 from ballbar.replay.scene import log_mechanism, log_tool, log_truth
-from ballbar.replay.series import Series, log_series, run_series
+from ballbar.replay.series import Series, log_series, recording_series, truth_series
 from ballbar.replay.viewer import ViewerError, open_viewer, serve_web
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import FittedRecording, RunData
 
 __all__ = ["ViewerError", "open_viewer", "send_replay", "serve_web", "write_replay"]
 
@@ -35,58 +36,52 @@ APPLICATION = "ballbar"  # fixed: the viewer keeps one layout per application
 
 
 @dataclass(frozen=True, eq=False)
-class _Replay:
-    """One run, ready to be sent somewhere."""
+class _Part:
+    """One recording of a replay, ready to be sent."""
 
-    data: RunData
+    fitted: FittedRecording
+    name: str  # of its tab
+    root: str
     motion: CellMotion
     truth: TrueTool | None
     series: dict[str, Series]
 
-    def blueprint(self) -> rrb.Blueprint:
-        robot, origin = (
-            self.data.identification.cell.robot,
-            self.data.identification.geometry.origin,
-        )
-        reach = float(np.abs(robot.d).sum() + np.abs(robot.a).sum())
-        looking_at = np.array([0.5 * origin[0], 0.5 * origin[1], 0.3 * reach])
-        plots = {
-            entity: float(np.abs(one.values).max(initial=0.0))
-            for entity, one in self.series.items()
-        }
-        return layout(plots, duration=float(self.motion.t[-1]), looking_at=looking_at, reach=reach)
+
+@dataclass(frozen=True, eq=False)
+class _Replay:
+    """One run, ready to be sent."""
+
+    data: RunData
+    parts: tuple[_Part, ...]
 
     def log(self, stream: rr.RecordingStream) -> None:
-        data, motion, result = self.data, self.motion, self.data.identification
+        data, robot = self.data, self.data.identification.robot
         stream.send_recording_name(data.name)
-        for entity, page in ((NOTES, replay_notes(data)), (SCENARIO, scenario_page(data))):
-            stream.log(entity, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
-        stream.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        log_mechanism(stream, result.cell, result.geometry, motion)
-        log_coverage(
-            stream,
-            coverage(motion.t, motion.tool, result.geometry.origin),
-            result.geometry.origin,
-            result.geometry["bd3"],
-        )
-        log_tool(stream, motion)
-        if self.truth is not None:
-            log_truth(stream, self.truth, motion.t, result)
-        log_events(stream, run_events(data, motion))
+        stream.log(NOTES, _page(replay_notes(data)), static=True)
         log_parameters(stream, data)
-        log_iterations(stream, data)
-        for entity, one in self.series.items():
-            log_series(stream, entity, one)
+        for part in self.parts:
+            branch, geometry = Branch(stream, part.root), part.fitted.estimate.geometry
+            branch.log(SCENARIO, _page(scenario_page(data, part.fitted)), static=True)
+            branch.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            log_mechanism(branch, robot.cell, geometry, part.motion)
+            log_coverage(branch, part.motion, geometry)
+            log_tool(branch, part.motion)
+            if part.truth is not None:
+                log_truth(branch, part.truth, part.motion.t, geometry)
+            log_events(branch, recording_events(part.fitted, part.motion))
+            for entity, series in part.series.items():
+                log_series(branch, entity, series)
+        log_iterations(Branch(stream, self.parts[0].root), data)
 
 
 def write_replay(path: Path, data: RunData) -> None:
-    """Writes the replay of one run as an .rrd file, whole or not at all. Folders are made as needed."""
+    """Write the replay of one run as an .rrd file, whole or not at all; folders are made."""
     replay = _replay(data)
     path.parent.mkdir(parents=True, exist_ok=True)
     aside = path.with_name(f".{path.name}.part")
     try:
         with _stream(data) as stream:
-            stream.save(aside, default_blueprint=replay.blueprint())
+            stream.save(aside, default_blueprint=layout(_shown(replay)))
             replay.log(stream)
         aside.replace(path)
     finally:
@@ -94,31 +89,66 @@ def write_replay(path: Path, data: RunData) -> None:
 
 
 def send_replay(address: str, data: RunData) -> None:
-    """The same to a viewer that is open."""
+    """Send the same to a viewer that is open."""
     replay = _replay(data)
     with _stream(data) as stream:
-        stream.connect_grpc(address, default_blueprint=replay.blueprint())
+        stream.connect_grpc(address, default_blueprint=layout(_shown(replay)))
         replay.log(stream)
 
 
 def recording_id(data: RunData) -> str:
-    """The name of the run and a digest of what was measured and found: the same run, the same id."""
-    log = data.recording.robot_log
-    digest = hashlib.sha256(
-        log.t.tobytes() + log.q.tobytes() + data.identification.geometry.values.tobytes()
-    )
+    """The name of the run and a digest of logs and estimates: the same run, the same id."""
+    digest = hashlib.sha256()
+    for fitted in data.recordings:
+        log = fitted.recording.robot_log
+        for values in (log.t, log.q, fitted.estimate.geometry.values):
+            digest.update(values.tobytes())
     return f"{data.name}-{digest.hexdigest()[:12]}"
 
 
 def _replay(data: RunData) -> _Replay:
-    motion = cell_motion(data)
-    truth = true_tool(data.simulation, data.identification, motion.t) if data.simulation else None
-    return _Replay(data, motion, truth, run_series(data, motion, truth))
+    return _Replay(data, tuple(_part(data, fitted) for fitted in data.recordings))
+
+
+def _part(data: RunData, fitted: FittedRecording) -> _Part:
+    motion, estimate, simulation = cell_motion(fitted), fitted.estimate, data.simulation
+    series, truth = recording_series(fitted, motion, data.identification.robot), None
+    if simulation is not None:
+        truth = true_tool(simulation, estimate, motion.t)
+        series |= truth_series(simulation, estimate, truth, motion.t)
+    name = fitted.name if data.several else ""
+    return _Part(fitted, name or "Run", root_of(name), motion, truth, series)
+
+
+def _shown(replay: _Replay) -> list[Shown]:
+    robot = replay.data.identification.robot.cell.robot
+    reach, shown = float(np.abs(robot.d).sum() + np.abs(robot.a).sum()), []
+    for part in replay.parts:
+        x, y, _ = part.fitted.estimate.geometry.origin
+        plots = {
+            entity: float(np.abs(series.values).max(initial=0.0))
+            for entity, series in part.series.items()
+        }
+        shown.append(
+            Shown(
+                name=part.name,
+                root=part.root,
+                plots=plots,
+                duration=float(part.motion.t[-1]),
+                middle=np.array([0.5 * x, 0.5 * y, 0.3 * reach]),
+                reach=reach,
+            )
+        )
+    return shown
+
+
+def _page(text: str) -> rr.TextDocument:
+    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
 
 
 @contextmanager
 def _stream(data: RunData) -> Iterator[rr.RecordingStream]:
-    # without properties: they would hold the time of writing, and no two files of one run would be alike
+    # without properties: they would hold the time of writing, and make the files of one run differ
     stream = rr.RecordingStream(APPLICATION, recording_id=recording_id(data), send_properties=False)
     try:
         with stream:

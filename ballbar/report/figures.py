@@ -1,7 +1,8 @@
 """Figures of the report, each as one SVG element of half a page's width.
 
-Before is orange, after is blue, everywhere (told apart by every kind of colour vision: ColorBrewer PuOr and RdBu ends).
-Text stays text, so that the page's own font is used; nothing depends on the hour or on a random number.
+Before is orange, after is blue, everywhere (distinct in every kind of colour vision: ends of
+ColorBrewer's PuOr and RdBu). Text stays text, so that the page's own font is used; nothing depends
+on the hour or on a random number.
 """
 
 from __future__ import annotations
@@ -13,30 +14,31 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from matplotlib.rcsetup import cycler
 from matplotlib.ticker import MultipleLocator
 
-from ballbar.figure_style import FRAME, INK, QUIET, svg_text
+from ballbar.figure_style import AFTER, BEFORE, DASHED, FRAME, INK, LINES, QUIET, svg_text
 from ballbar.report.numbers import length_scale
+from ballbar.units import MM
 from cell.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
-BEFORE, AFTER = "#d9740b", "#1f66ad"
 BEFORE_SCALE = LinearSegmentedColormap.from_list(
-    "before", ["#fbe3c6", "#f2a65a", "#d9740b", "#7f3b08"]
+    "before", ["#fbe3c6", "#f2a65a", BEFORE, "#7f3b08"]
 )
-AFTER_SCALE = LinearSegmentedColormap.from_list(
-    "after", ["#d6e6f4", "#7fb2dc", "#1f66ad", "#08306b"]
+AFTER_SCALE = LinearSegmentedColormap.from_list("after", ["#d6e6f4", "#7fb2dc", AFTER, "#08306b"])
+CORRELATION_SCALE = LinearSegmentedColormap.from_list(
+    "correlation", [BEFORE, "#fbe3c6", "#ffffff", "#d6e6f4", AFTER]
 )
 WIDTH = 4.6  # [in] 442 px: two figures side by side on a page of 1000 px, one on a phone
-_SCALE_TOP = (
-    0.98  # share of the cells inside the colour scale; a single far pose would pale all others
-)
+SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far pose would pale them
 _CELLS = 14  # across a map, about 0.13 m each for the IRB 2400
 _HISTOGRAM_HALF_WIDTH = 5.0  # standard deviations; wider where the residuals are
 STYLE: dict[RcKeyType, Any] = {
@@ -46,6 +48,7 @@ STYLE: dict[RcKeyType, Any] = {
     "axes.labelsize": 10.0,
     "axes.titlesize": 10.0,
     "axes.unicode_minus": True,
+    "axes.prop_cycle": cycler(color=LINES),
     "grid.linewidth": 0.7,
     "text.color": INK,
     "legend.fontsize": 10.0,
@@ -66,19 +69,19 @@ class Curve:
 
 
 @dataclass(frozen=True, eq=False)
-class Landmarks:
-    """What helps to find one's way on a map of the cell, robot base frame."""
+class Sphere:
+    """The sphere on which the tool was measured, robot base frame."""
 
-    origin: Array  # (3,) [m] centre of the ball-bar's sphere
+    centre: Array  # (3,) [m] base of the ball-bar
     radius: float  # [m]
 
 
-def cumulative(curves: Sequence[Curve], *, label: str) -> str:
-    """Share of the grid's poses with at most so much of what `label` says, over a logarithmic axis in mm."""
+def cumulative(curves: Sequence[Curve], *, label: str) -> Markup:
+    """Share of the poses with at most so much of the quantity `label`, logarithmic axis in mm."""
     with matplotlib.rc_context(STYLE):
-        figure, axes = _one_panel(3.5)
+        figure, axes = one_panel(3.5)
         for curve in curves:
-            ordered = np.sort(curve.values) * 1e3
+            ordered = np.sort(curve.values) * MM
             share = np.arange(1, ordered.size + 1) / ordered.size * 100.0
             axes.step(
                 ordered,
@@ -93,183 +96,174 @@ def cumulative(curves: Sequence[Curve], *, label: str) -> str:
             xscale="log", ylim=(0.0, 101.0), xlabel=f"{label} [mm]", ylabel="share of poses [%]"
         )
         axes.xaxis.set_major_formatter("{x:g}")
-        figure.legend(loc="outside upper left", ncols=1, handlelength=1.6)
+        legend_above(figure, columns=1)
         return as_svg(figure)
 
 
 def workspace_map(
-    position: Array, error: Array, landmarks: Landmarks, *, label: str, before: bool
-) -> str:
-    """Mean error over the workspace in hexagonal cells, seen from the side (x, z) and from above (x, y).
+    position: Array,
+    error: Array,
+    spheres: Sequence[Sphere],
+    *,
+    label: str,
+    colours: LinearSegmentedColormap,
+) -> Markup:
+    """Mean error in hexagonal cells of the workspace, from the side (x, z) and from above (x, y).
 
     position : (G, 3) [m] tool positions, robot base frame. error : (G,) [m].
     """
     factor, unit = length_scale(float(error.max()))
+    views = ((2, "from the side"), (1, "from above"))
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 3.95))
         panels = figure.subplots(1, 2, sharex=True)
-        colours = BEFORE_SCALE if before else AFTER_SCALE
-        cells = [
-            _view(axes, position, error * factor, column, colours)
-            for axes, column in zip(panels, (2, 1), strict=True)
-        ]
-        top = float(
-            np.quantile(np.concatenate([one.get_array().compressed() for one in cells]), _SCALE_TOP)
-        )
-        for axes, one, column, title in zip(
-            panels, cells, (2, 1), ("from the side", "from above"), strict=True
-        ):
-            one.set_clim(0.0, top)
-            axes.set_title(title)
-            _mark(axes, landmarks, column)
-        bar = figure.colorbar(
-            cells[0],
-            ax=panels,
-            location="top",
-            aspect=38,
-            pad=0.02,
-            extend="max",
-            label=f"{label} [{unit}]",
-        )
-        bar.outline.set_visible(False)
+        maps = []
+        for axes, (column, title) in zip(panels, views, strict=True):
+            maps.append(_map(axes, position[:, [0, column]], error * factor, colours))
+            axes.set(xlabel="x [m]", ylabel=f"{'xyz'[column]} [m]", title=title)
+            for sphere in spheres:
+                _mark(axes, sphere, column)
+        means = np.concatenate([cells.get_array().compressed() for cells in maps])
+        for cells in maps:
+            cells.set_clim(0.0, float(np.quantile(means, SCALE_TOP)))
+        colour_bar(figure, maps[0], panels, f"{label} [{unit}]", extend="max")
         return as_svg(figure)
 
 
-def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock: str) -> str:
-    """Norms of (N, 3) residuals on one logarithmic axis; `before` and `after` already in the unit of `label`."""
+def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock: str) -> Markup:
+    """Norms of residuals before and after (N, 3), in the unit of `label`, on a logarithmic axis.
+
+    t : (N,) [s] on the clock named `clock`.
+    """
     with matplotlib.rc_context(STYLE):
-        figure, axes = _one_panel(2.9)
+        figure, axes = one_panel(2.9)
         for values, colour, name in ((before, BEFORE, "before"), (after, AFTER, "after")):
             norm = np.linalg.norm(values, axis=1)
             axes.plot(t, np.where(norm > 0.0, norm, np.nan), color=colour, label=name)
-        axes.set(
-            yscale="log", xlabel=f"time on the {clock} clock [s]", ylabel=label, xlim=(t[0], t[-1])
-        )
+        _time_axis(axes, t, clock)
+        axes.set(yscale="log", ylabel=label)
         axes.set_ylim(bottom=_floor(after))
         axes.yaxis.set_major_formatter("{x:g}")
-        figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
+        legend_above(figure)
         return as_svg(figure)
 
 
-def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> str:
-    """Three residual components (N, 3) after the fit, in the unit of `label`, on one scale."""
+def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> Markup:
+    """Three residual components (N, 3) after the fit, in the unit of `label`, on one scale.
+
+    t : (N,) [s] on the clock named `clock`.
+    """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 3.5))
         panels = figure.subplots(3, 1, sharex=True, sharey=True)
         for axes, column, name in zip(panels, values.T, "xyz", strict=True):
             axes.axhline(0.0, color=QUIET, linewidth=0.6)
             axes.plot(t, column, color=AFTER, linewidth=0.8)
-            axes.set(ylabel=name, xlim=(t[0], t[-1]))
+            axes.set_ylabel(name)
             axes.yaxis.label.set(rotation=0, va="center")
-        panels[2].set_xlabel(f"time on the {clock} clock [s]")
+        _time_axis(panels[2], t, clock)
         panels[0].set_title(label, loc="left")
         return as_svg(figure)
 
 
-def tension_over_time(t: Array, tension: Array, *, clock: str) -> str:
-    """Force in the rod [N], pulling positive."""
+def tension_over_time(t: Array, tension: Array, *, clock: str) -> Markup:
+    """Force in the rod (N,) [N], tension positive, at t (N,) [s] on the clock named `clock`."""
     with matplotlib.rc_context(STYLE):
-        figure, axes = _one_panel(2.4)
+        figure, axes = one_panel(2.4)
         axes.axhline(0.0, color=QUIET, linewidth=0.6)
         axes.plot(t, tension, color=AFTER)
-        axes.set(
-            xlabel=f"time on the {clock} clock [s]",
-            ylabel="force in the rod [N]",
-            xlim=(t[0], t[-1]),
-        )
+        axes.set_ylabel("force in the rod [N]")
+        _time_axis(axes, t, clock)
         return as_svg(figure)
 
 
-def whitened_histogram(whitened: Array) -> str:
-    """Residuals in units of their standard deviation, with the unit normal curve that they should follow."""
+def whitened_histogram(whitened: Array) -> Markup:
+    """Whitened residuals (E, N), with the unit normal curve that they should follow."""
     values = whitened.ravel()
     half = max(_HISTOGRAM_HALF_WIDTH, float(np.ceil(np.quantile(np.abs(values), 0.999))))
-    x = np.linspace(-half, half, 201)
-    outside = int((np.abs(values) > half).sum())
+    x, bins = np.linspace(-half, half, 201), np.linspace(-half, half, 51).tolist()
+    normal = np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)
+    outside = f"{int((np.abs(values) > half).sum())} of {values.size} beyond ±{half:g}"
     with matplotlib.rc_context(STYLE):
-        figure, axes = _one_panel(2.9)
-        axes.hist(
-            values,
-            bins=np.linspace(-half, half, 51).tolist(),
-            density=True,
-            color="#8fb4d9",
-            label="residuals after",
-        )
-        axes.plot(
-            x,
-            np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi),
-            color=INK,
-            linewidth=1.4,
-            label="unit normal",
-        )
+        figure, axes = one_panel(2.9)
+        axes.hist(values, bins=bins, density=True, color="#8fb4d9", label="residuals after")
+        axes.plot(x, normal, color=INK, linewidth=1.4, label="unit normal")
         axes.set(
             xlabel="whitened residual [standard deviations]", ylabel="density", xlim=(-half, half)
         )
-        axes.annotate(
-            f"{outside} of {values.size} beyond ±{half:g}",
-            (1.0, 0.97),
-            xycoords="axes fraction",
-            ha="right",
-            va="top",
-            color=QUIET,
-        )
-        figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
+        axes.text(1.0, 0.97, outside, transform=axes.transAxes, ha="right", va="top", color=QUIET)
+        legend_above(figure)
         return as_svg(figure)
 
 
-def _one_panel(height: float) -> tuple[Figure, Axes]:
+def one_panel(height: float) -> tuple[Figure, Axes]:
+    """A figure of a height [in] with one plot."""
     figure = Figure(figsize=(WIDTH, height))
     return figure, figure.subplots()
 
 
-def _view(
-    axes: Axes, position: Array, error: Array, column: int, colours: LinearSegmentedColormap
-) -> Any:
-    """Cells of one view: x to the right, `column` of the positions upwards."""
-    axes.set(aspect="equal", xlabel="x [m]", ylabel=f"{'xyz'[column]} [m]")
+def legend_above(figure: Figure, *, columns: int = 2) -> None:
+    """The legend above the plots."""
+    figure.legend(loc="outside upper left", ncols=columns, handlelength=1.6)
+
+
+def colour_bar(
+    figure: Figure,
+    cells: Any,
+    axes: Any,
+    label: str,
+    *,
+    aspect: float = 38,
+    extend: Any = "neither",
+) -> None:
+    """The colour scale of `cells`, above their plots."""
+    bar = figure.colorbar(
+        cells, ax=axes, location="top", aspect=aspect, pad=0.02, extend=extend, label=label
+    )
+    bar.outline.set_visible(False)
+
+
+def _time_axis(axes: Axes, t: Array, clock: str) -> None:
+    axes.set(xlabel=f"time on the {clock} clock [s]", xlim=(t[0], t[-1]))
+
+
+def _map(axes: Axes, position: Array, error: Array, colours: LinearSegmentedColormap) -> Any:
+    """Cells of one view; position : (G, 2) [m], error : (G,)."""
+    axes.set_aspect("equal")
     axes.xaxis.set_major_locator(MultipleLocator(0.5))
     axes.yaxis.set_major_locator(MultipleLocator(0.5))
+    x, y = position.T
     return axes.hexbin(
-        position[:, 0],
-        position[:, column],
-        C=error,
-        gridsize=_CELLS,
-        linewidths=0.4,
-        edgecolors="white",
-        cmap=colours,
+        x, y, C=error, gridsize=_CELLS, linewidths=0.4, edgecolors="white", cmap=colours
     )
 
 
-def _mark(axes: Axes, landmarks: Landmarks, column: int) -> None:
-    """Robot base, ball-bar base and the sphere on which the tool was measured."""
-    centre = (float(landmarks.origin[0]), float(landmarks.origin[column]))
-    axes.add_patch(Circle(centre, landmarks.radius, fill=False, edgecolor="white", linewidth=2.0))
-    axes.add_patch(
-        Circle(
-            centre,
-            landmarks.radius,
-            fill=False,
-            edgecolor=INK,
-            linewidth=1.0,
-            linestyle=(0, (4, 3)),
-        )
-    )
+def _mark(axes: Axes, sphere: Sphere, column: int) -> None:
+    """Robot base, ball-bar base and sphere; column : of the positions that points upwards."""
+    centre = float(sphere.centre[0]), float(sphere.centre[column])
+    halo: dict[str, Any] = {"edgecolor": "white", "linewidth": 2.0}
+    line: dict[str, Any] = {"edgecolor": INK, "linewidth": 1.0, "linestyle": DASHED}
+    for style in (halo, line):
+        axes.add_patch(Circle(centre, sphere.radius, fill=False, **style))
     axes.plot(*centre, marker="+", color=INK, markersize=8, linestyle="none")
     axes.plot(0.0, 0.0, marker="s", color=INK, markersize=6, linestyle="none")
 
 
 def _floor(after: Array) -> float | None:
-    """Where the logarithmic axis ends: a norm that passes through zero would stretch it without end."""
+    """End of the logarithmic axis: a norm (N,) that passes through zero would stretch it."""
     norm = np.linalg.norm(after, axis=1)
     positive = norm[norm > 0.0]
     return float(np.quantile(positive, 0.02)) / 2.0 if positive.size else None
 
 
-def as_svg(figure: Figure) -> str:
-    """The bare element: no XML header, no metadata, no namespaces (HTML knows them), no names that would clash in one page."""
+def as_svg(figure: Figure) -> Markup:
+    """The bare element, safe to put into a page: no text from files is in it.
+
+    Without XML header, metadata, namespaces (HTML knows them) and names that would clash in a page.
+    """
     text = svg_text(figure, transparent=True)
     text = text[text.index("<svg") :]
     text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text)
     text = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", text)
     text = re.sub(r"<defs>\s*<style.*?</style>\s*</defs>", "", text, flags=re.DOTALL)
-    return re.sub(r"\n\s*", "\n", text).strip()
+    return Markup(re.sub(r"\n\s*", "\n", text).strip())

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
-import numpy as np
-
-from cell.arrays import Array
+from ballbar.units import MM, UM
 
 MISSING = "\u2013"
-_MOST_DECIMALS = (
-    7  # of a degree: below a hundredth of an encoder step (3600 lines, 12 bits: 2.4e-5 deg)
-)
+# of a degree: below a hundredth of an encoder step (3600 lines, 12 bits: 2.4e-5 deg)
+_MOST_DECIMALS = 7
 
 
 def decimals_for(sigmas: Iterable[float], *, digits: int) -> int:
-    """Decimals that show the smallest of `sigmas` with so many digits; 3 where none of them is usable."""
+    """Decimals that show the smallest of `sigmas` with so many digits; 3 where none is usable."""
     usable = [abs(s) for s in sigmas if math.isfinite(s) and s != 0.0]
     if not usable:
         return 3
@@ -38,9 +35,8 @@ def significant(value: float | None, digits: int = 3, *, sign: bool = False) -> 
         return MISSING
     if value == 0.0:
         return "0"
-    exponent = int(
-        f"{value:.{digits - 1}e}".partition("e")[2]
-    )  # after rounding: 9.996 has two digits before the point
+    # after rounding: 9.996 has two digits before the point
+    exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
     return fixed(value, max(0, digits - 1 - exponent), sign=sign)
 
 
@@ -50,15 +46,20 @@ def to_sigma(value: float, sigma: float) -> str:
 
 
 def length_scale(largest: float) -> tuple[float, str]:
-    """(factor, unit) in which a length [m] up to `largest` is readable: mm, or um below a tenth of a millimetre."""
-    return (1e3, "mm") if largest >= 1e-4 else (1e6, "µm")
+    """(factor, unit) in which a length [m] up to `largest` is readable: mm, or um below 0.1 mm."""
+    return (MM, "mm") if largest >= 1e-4 else (UM, "µm")
 
 
-def rms(values: Array) -> float:
-    """Root mean square of all values."""
-    return float(np.sqrt(np.mean(np.square(values)))) if values.size else math.nan
+def millimetres(length: float) -> str:
+    """A length [m] in mm, to three digits."""
+    return f"{significant(length * MM)} mm"
 
 
-def rms_norm(vectors: Array) -> float:
-    """Root mean square of the norms of (N, 3) vectors."""
-    return float(np.sqrt(np.mean(np.sum(np.square(vectors), axis=1)))) if vectors.size else math.nan
+def listed(names: Sequence[str]) -> str:
+    """`a`, `a and b`, `a, b and c`; empty without names."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""
+
+
+def capitalised(sentence: str) -> str:
+    """A sentence with its first letter large, the others as they are."""
+    return sentence[:1].upper() + sentence[1:]

@@ -1,15 +1,20 @@
-"""Where a report comes from: versions, command, input files with their hashes. Nothing in it names a folder of this computer."""
+"""Where a report comes from: command, versions, input files with their hashes.
+
+Nothing in it names a folder of this computer.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import platform
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from acquisition import Recording
+from ballbar.result.run_data import RunData
 
 _PACKAGES = ("ballbar-bench", "numpy", "scipy", "pydantic", "pyyaml", "matplotlib", "jinja2")
 _SIMULATOR = "mujoco-core"
@@ -17,11 +22,48 @@ _SIMULATOR = "mujoco-core"
 
 @dataclass(frozen=True)
 class InputFile:
-    """A file of the recording."""
+    """An input file of a run."""
 
     name: str  # relative to the recording folder
     size: int  # [bytes]
     sha256: str
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What the page says of its own origin."""
+
+    command: str
+    seed: int | None  # of a simulation
+    versions: list[tuple[str, str]]  # package and version
+    inputs: list[InputFile]
+    written: str
+
+
+def provenance(data: RunData, command: str, written: datetime) -> Provenance:
+    """The origin of a report on a run; command : as the user typed it.
+
+    Raises OSError when an input file is gone.
+    """
+    simulation = data.simulation
+    return Provenance(
+        command=without_folders(command),
+        seed=simulation.truth.seed if simulation else None,
+        versions=versions(simulated=simulation is not None),
+        inputs=_inputs(data),
+        written=f"{written:%Y-%m-%d %H:%M:%S} UTC",
+    )
+
+
+def _inputs(data: RunData) -> list[InputFile]:
+    """The files of every recording; below its name where there are several."""
+    scenario = data.scenario_file
+    files = [] if scenario is None else [hashed(scenario.parent, scenario.name)]
+    for name, folder, recording in data.read:
+        for file in input_files(recording, folder):
+            several = len(data.read) > 1
+            files.append(replace(file, name=f"{name}/{file.name}") if several else file)
+    return files
 
 
 def versions(*, simulated: bool) -> list[tuple[str, str]]:
@@ -31,7 +73,7 @@ def versions(*, simulated: bool) -> list[tuple[str, str]]:
 
 
 def input_files(recording: Recording, folder: Path) -> list[InputFile]:
-    """recording.yaml, the device files, and the cell's own descriptions where they are not the shipped ones.
+    """recording.yaml, the device files, and the descriptions that the recording brings itself.
 
     Raises OSError when one of them is gone.
     """
@@ -43,7 +85,7 @@ def input_files(recording: Recording, folder: Path) -> list[InputFile]:
     ]
     return [
         hashed(folder, name)
-        for name in ("recording.yaml", *(one.file for one in recording.report.files), *own)
+        for name in ("recording.yaml", *(source.file for source in recording.report.files), *own)
     ]
 
 

@@ -1,207 +1,211 @@
-"""Figures about the recording itself, as thesis Figs. 5.2 to 5.5: jitter at rest, stillness of both logs, what is used, clock shift.
-
-Each gives one SVG element; an empty one where the recording has nothing to show (no rest, no encoders).
-"""
+"""The page's section about one recording: everything that it does not share with the others."""
 
 from __future__ import annotations
 
-import matplotlib
+from dataclasses import dataclass
+
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from acquisition import find_dwells
-from ballbar.figure_style import QUIET
-from ballbar.replay.marks import Marks, mark_sentences, marks
-from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles
-from ballbar.report.figures import AFTER, BEFORE, STYLE, WIDTH, as_svg
-from ballbar.result.run_data import RunData
+from acquisition import ImportReport
+from ballbar.replay.motion import rms_norm
+from ballbar.report import figures, sphere
+from ballbar.report.clock import ClockRow, StartRow, clock_rows, direction_sentences, start_rows
+from ballbar.report.log_figures import LogSection, log_section
+from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
+from ballbar.report.parameters import ParameterGroup, parameter_groups, taken_as_nominal
+from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence
+from ballbar.result.compare import Comparison
+from ballbar.result.run_data import FittedRecording, RunData
+from ballbar.units import MS, PPM, UM, URAD
 from cell.arrays import Array
-from cell.geometry import bar_frames, robot_frames
+from cell.recording import RecordingFile
+from cell.statistics import rms
+from ident.result import RecordingEstimate
 
-SHIFTS = np.linspace(-0.3, 0.3, 61)  # [s] of the ball-bar's clock, as in thesis Fig. 5.5
-_POINTS = 600  # of a log that are drawn, and instants of the shift figure
-_JITTER = 150  # rows of the jitter figure
-_SPAN = 20.0  # [s] of the stillness figure: an excerpt, as in the thesis
-_NEAR = "#b3477a"
-
-
-def recording_section(data: RunData) -> dict[str, object]:
-    """Sentences and figures for the report."""
-    motion = cell_motion(data)
-    found = marks(data, motion)
-    figures = {
-        "jitter": jitter_at_rest(data),
-        "stillness": stillness_of_both(data),
-        "angles": angles_with_marks(data, motion, found),
-        "shift": mismatch_over_shift(data),
-    }
-    return {
-        "sentences": mark_sentences(found),
-        "figures": {name: figure for name, figure in figures.items() if figure},
-    }
+OVERVIEW = (
+    "length",
+    "samples",
+    "clock offset",
+    "clock skew",
+    "force in the rod",
+    "position residual, rms",
+    "angle residual, rms",
+    "chi-square per residual",
+    "step faults repaired",
+)
 
 
-def jitter_at_rest(data: RunData) -> str:
-    """Angles of both logs while everything stands still, less their mean over the longest rest (Fig. 5.2)."""
-    robot, bar = data.recording.robot_log, data.recording.ballbar_log
-    sides = [("robot", robot.t, robot.q, BEFORE)]
-    if bar is not None:
-        sides.append(("ball-bar", bar.t, bar.angles, AFTER))
-    rests = [_longest_rest(t, angles) for _, t, angles, _ in sides]
-    if any(rest is None for rest in rests):
-        return ""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 1.5 * len(sides) + 0.4))
-        panels = np.atleast_1d(figure.subplots(len(sides), 1))
-        for axes, (name, t, angles, colour), rest in zip(panels, sides, rests, strict=True):
-            assert rest is not None
-            rows = slice(rest[0], min(rest[1] + 1, rest[0] + _JITTER))
-            axes.plot(
-                t[rows],
-                (angles[rows] - angles[rows].mean(axis=0)) * 1e6,
-                color=colour,
-                linewidth=0.5,
-            )
-            axes.set(ylabel=f"{name} [µrad]", xlim=(t[rows][0], t[rows][-1]))
-        panels[-1].set_xlabel("time on each log's own clock [s]")
-        return as_svg(figure)
+@dataclass(frozen=True)
+class ResidualRow:
+    """One component of the residual."""
+
+    name: str
+    before: str  # rms
+    after: str  # rms
+    largest: str  # after
 
 
-def _longest_rest(t: Array, angles: Array) -> tuple[int, int] | None:
-    intervals = find_dwells(t, angles).intervals
-    if not len(intervals):
-        return None
-    first, last = intervals[int(np.argmax(t[intervals[:, 1]] - t[intervals[:, 0]]))]
-    return int(first), int(last)
+@dataclass(frozen=True)
+class ResidualSection:
+    """Loop-closure residuals: before and after over time and on the sphere, and their sizes."""
+
+    position_norm: str
+    angle_norm: str
+    position: str
+    angle: str
+    sphere_before: str
+    sphere_after: str
+    histogram: str
+    position_rows: list[ResidualRow]  # µm
+    angle_rows: list[ResidualRow]  # µrad
+    chi2: str  # per residual
 
 
-def stillness_of_both(data: RunData) -> str:
-    """When each log stands still, on one clock, around a rest in the middle of the run (Fig. 5.3)."""
-    robot, bar, clock = (
-        data.recording.robot_log,
-        data.recording.ballbar_log,
-        data.identification.clock,
-    )
-    if bar is None or clock is None:
-        return ""
-    still = find_dwells(robot.t, robot.q).standing, find_dwells(bar.t, bar.angles).standing
-    inner = robot.t[still[0] & (robot.t > 0.1 * robot.t[-1]) & (robot.t < 0.9 * robot.t[-1])]
-    middle = (
-        float(inner[np.abs(inner - inner.mean()).argmin()])
-        if inner.size
-        else 0.5 * float(robot.t[-1])
-    )  # within a rest
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 1.9))
-        axes = figure.subplots()
-        axes.step(robot.t, still[0].astype(float), where="mid", color=BEFORE, label="robot")
-        axes.step(
-            clock.robot_time(bar.t),
-            -still[1].astype(float),
-            where="mid",
-            color=AFTER,
-            label="ball-bar",
-        )
-        axes.set(
-            xlim=(middle - _SPAN / 2, middle + _SPAN / 2),
-            ylim=(-1.2, 1.2),
-            xlabel="time on the robot's clock [s]",
-        )
-        axes.set_yticks([-1, 0, 1], ["still", "moving", "still"])
-        figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
-        return as_svg(figure)
+@dataclass(frozen=True)
+class NoiseRow:
+    """Noise of one logged row, in µrad."""
+
+    signal: str
+    noise: str
+    resolution: str
 
 
-def angles_with_marks(data: RunData, motion: CellMotion, found: Marks) -> str:
-    """Robot and ball-bar angles over the whole log; what the fit uses is between the lines (Fig. 5.4)."""
-    result, bar = data.identification, data.recording.ballbar_log
-    used = result.after.t if result.clock is None else result.clock.robot_time(result.after.t)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 4.1))
-        panels = figure.subplots(2, 1, sharex=True)
-        rows = slice(None, None, max(1, motion.t.size // _POINTS))
-        panels[0].plot(
-            motion.t[rows],
-            motion.q[rows],
-            linewidth=0.7,
-            label=[f"q{j + 1}" for j in range(motion.q.shape[1])],
-        )
-        panels[0].set_ylabel("robot joints [rad]")
-        if bar is not None and result.clock is not None:
-            rows = slice(None, None, max(1, bar.t.size // _POINTS))
-            angles = mechanism_angles(result, bar)[rows]
-            panels[1].plot(
-                result.clock.robot_time(bar.t[rows]),
-                angles,
-                linewidth=0.7,
-                label=[f"b{j}" for j in bar.joints],
-            )
-        panels[1].set(ylabel="ball-bar joints [rad]", xlabel="time on the robot's clock [s]")
-        for axes in panels:
-            if axes.lines:
-                axes.legend(
-                    loc="lower left",
-                    bbox_to_anchor=(0.0, 1.0),
-                    ncols=6,
-                    handlelength=0.9,
-                    columnspacing=0.9,
-                    fontsize=7,
-                )
-            for begin, end in found.rests:
-                axes.axvspan(begin, end, color=QUIET, alpha=0.18, linewidth=0)
-            for name, spans in found.near_singular.items():
-                if name.startswith("ball-bar"):
-                    for begin, end in spans:
-                        axes.axvspan(begin, end, color=_NEAR, alpha=0.25, linewidth=0)
-            _limits(axes, float(used[0]), float(used[-1]))
-        return as_svg(figure)
+@dataclass(frozen=True)
+class RecordingSection:
+    """What one recording has of its own."""
+
+    number: int  # from 1, for anchors
+    name: str  # empty for a single recording
+    description: RecordingFile
+    encoders: tuple[int, ...]
+    residuals: ResidualSection
+    groups: list[ParameterGroup]
+    taken_as_nominal: list[str]
+    clock: list[ClockRow]
+    tried: int  # hypotheses of the automatic start
+    rivals: list[StartRow]
+    directions: list[str]
+    tension: str  # sentence; empty where no loads were needed
+    tension_figure: str
+    step_faults: list[str]  # sentences
+    noise: list[NoiseRow]
+    logs: LogSection
+    imported: ImportReport
 
 
-def _limits(axes: Axes, first: float, last: float) -> None:
-    for t in (first, last):
-        axes.axvline(t, color=AFTER, linestyle="--", linewidth=1.0)
-
-
-def mismatch_over_shift(data: RunData) -> str:
-    """Distance between the ends of robot and ball-bar when the clocks are shifted against each other (Fig. 5.5)."""
-    curve = shift_curve(data)
-    if curve is None:
-        return ""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 2.2))
-        axes = figure.subplots()
-        axes.plot(SHIFTS * 1e3, curve * 1e3, color=AFTER)
-        axes.set(
-            xlabel="shift of the ball-bar's clock [ms]",
-            ylabel="mismatch, rms [mm]",
-            ylim=(0.0, None),
-            xlim=(-300, 300),
-        )
-        return as_svg(figure)
-
-
-def shift_curve(data: RunData) -> Array | None:
-    """(61,) [m] rms distance at each of SHIFTS; None without encoders of b1 and b2, which place the rod's end."""
-    result, robot, bar = data.identification, data.recording.robot_log, data.recording.ballbar_log
-    if bar is None or result.clock is None or not {1, 2} <= set(bar.joints):
-        return None
-    t = result.after.t[:: max(1, result.after.t.size // _POINTS)]
-    t = t[
-        (result.clock.robot_time(t + SHIFTS[0]) > 0.0)
-        & (result.clock.robot_time(t + SHIFTS[-1]) < robot.t[-1])
+def recording_sections(data: RunData) -> list[RecordingSection]:
+    """A section for each recording that was fitted."""
+    return [
+        _section(fitted, number, fitted.name if data.several else "", data.comparison)
+        for number, fitted in enumerate(data.recordings, start=1)
     ]
-    if t.size < 2:
-        return None
-    b = np.zeros((t.size, 5))
-    for column, (joint, sign) in enumerate(zip(bar.joints, result.signs, strict=True)):
-        b[:, joint - 1] = np.interp(t, bar.t, bar.angles[:, column]) * sign
-    end = bar_frames(result.geometry, b).tip  # of the rod: b3 to b5 turn about it
-    out = []
-    for shift in SHIFTS:
-        at = result.clock.robot_time(t + shift)
-        q = np.stack([np.interp(at, robot.t, column) for column in robot.q.T], axis=1)
-        out.append(
-            float(np.sqrt(((robot_frames(result.geometry, q).tip - end) ** 2).sum(axis=0).mean()))
+
+
+def _section(
+    fitted: FittedRecording, number: int, name: str, comparison: Comparison | None
+) -> RecordingSection:
+    estimate, recording = fitted.estimate, fitted.recording
+    tension_figure = ""
+    if estimate.tension is not None:
+        tension_figure = figures.tension_over_time(
+            estimate.after.t, estimate.tension, clock=_clock_name(estimate)
         )
-    return np.array(out)
+    return RecordingSection(
+        number=number,
+        name=name,
+        description=recording.description,
+        encoders=estimate.encoders,
+        residuals=_residuals(fitted),
+        groups=parameter_groups(estimate, comparison),
+        taken_as_nominal=taken_as_nominal(estimate),
+        clock=clock_rows(estimate, comparison),
+        tried=estimate.start.tried,
+        rivals=start_rows(estimate.start),
+        directions=direction_sentences(estimate),
+        tension=tension_sentence(estimate),
+        tension_figure=tension_figure,
+        step_faults=[capitalised(fault.sentence) for fault in estimate.step_faults],
+        noise=_noise_rows(fitted),
+        logs=log_section(fitted),
+        imported=recording.report,
+    )
+
+
+def _clock_name(estimate: RecordingEstimate) -> str:
+    """The clock on which residuals are shown."""
+    return "robot" if estimate.clock is None else "ball-bar"
+
+
+def _residuals(fitted: FittedRecording) -> ResidualSection:
+    estimate, clock = fitted.estimate, _clock_name(fitted.estimate)
+    t, directions = estimate.after.t, sphere.tool_directions(fitted)
+    before, after = estimate.before, estimate.after
+    position = before.position * UM, after.position * UM
+    angle = before.angle * URAD, after.angle * URAD
+    position_label, angle_label = "position residual [µm]", "angle residual [µrad]"
+    norms, components = figures.norms_over_time, figures.components_over_time
+    return ResidualSection(
+        position_norm=norms(t, *position, label=position_label, clock=clock),
+        angle_norm=norms(t, *angle, label=angle_label, clock=clock),
+        position=components(t, position[1], label=position_label, clock=clock),
+        angle=components(t, angle[1], label=angle_label, clock=clock),
+        sphere_before=sphere.sphere_map(directions, before, figures.BEFORE_SCALE),
+        sphere_after=sphere.sphere_map(directions, after, figures.AFTER_SCALE),
+        histogram=figures.whitened_histogram(estimate.whitened),
+        position_rows=_residual_rows(*position),
+        angle_rows=_residual_rows(*angle),
+        chi2=significant(rms(estimate.whitened) ** 2),
+    )
+
+
+def _residual_rows(before: Array, after: Array) -> list[ResidualRow]:
+    """Components and norm of residuals (N, 3), in their unit."""
+    rows = [
+        ResidualRow(
+            name, significant(rms(b)), significant(rms(a)), significant(float(np.abs(a).max()))
+        )
+        for name, b, a in zip("xyz", before.T, after.T, strict=True)
+    ]
+    largest = float(np.linalg.norm(after, axis=1).max())
+    sizes = rms_norm(before), rms_norm(after), largest
+    return [*rows, ResidualRow("norm", *map(significant, sizes))]
+
+
+def _noise_rows(fitted: FittedRecording) -> list[NoiseRow]:
+    """Noise of one row of each log; the resolution of an encoder is one count."""
+    noise = fitted.estimate.noise
+    rows = [
+        NoiseRow(f"robot joint {joint}", significant(sigma * URAD), MISSING)
+        for joint, sigma in enumerate(noise.joint.tolist(), start=1)
+    ]
+    for name, fitting in sorted(fitted.recording.description.encoders.items()):
+        sigma = float(noise.encoder[int(name[1]) - 1])
+        count = 2.0 * np.pi / (fitting.lines * 2.0**fitting.bits)
+        rows.append(
+            NoiseRow(f"encoder {name}", significant(sigma * URAD), significant(count * URAD))
+        )
+    return rows
+
+
+def overview_cells(fitted: FittedRecording) -> tuple[str, ...]:
+    """What OVERVIEW names of a recording, each with its unit."""
+    estimate, (offset_sigma, skew_sigma) = fitted.estimate, fitted.estimate.clock_sigma
+    offset, skew = MISSING, MISSING
+    if (clock := estimate.clock) is not None:
+        offset = _with_sigma(clock.offset * MS, offset_sigma * MS, "ms")
+        skew = _with_sigma(clock.skew * PPM, skew_sigma * PPM, "ppm")
+    return (
+        f"{fitted.recording.robot_log.t[-1]:.0f} s",
+        str(estimate.samples),
+        offset,
+        skew,
+        MISSING if estimate.tension is None else TENSION_SOURCES[estimate.tension_source],
+        f"{significant(rms_norm(estimate.after.position) * UM)} µm",
+        f"{significant(rms_norm(estimate.after.angle) * URAD)} µrad",
+        significant(rms(estimate.whitened) ** 2, 2),
+        str(len(estimate.step_faults)),
+    )
+
+
+def _with_sigma(value: float, sigma: float, unit: str) -> str:
+    return f"{to_sigma(value, sigma)} ± {significant(sigma, 2)} {unit}"

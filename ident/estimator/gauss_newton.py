@@ -1,9 +1,10 @@
-"""Damped Gauss-Newton on normal equations (Bjorck 1996, sec. 9.2).
+"""Damped Gauss-Newton on normal equations.
 
 Minimise `F(x) = |r(x)|^2` from normal equations `N = J'J`, `g = J'r`. Each step is the Gauss-Newton
-step, halved until it lowers the cost. Weights are frozen within an iteration, so a trial step is
-judged by the cost that it was made for. The search ends when the full step predicts a negligible
-decrease, or when an accepted one brought it.
+step; where it does not lower the cost it is halved (`halved`; Björck 1996, sec. 9.2), or turned
+towards the gradient (`Marquardt`; Levenberg 1944, Marquardt 1963), as the thesis did. Weights are
+frozen within an iteration, so a trial step is judged by the cost that it was made for. The search
+ends when the full step predicts a negligible decrease, or when an accepted one brought it.
 
 A Jacobian may serve more than one step: near the minimum, where a step leaves less than QUICK of
 the predicted decrease, a new one would hardly change the next.
@@ -26,6 +27,8 @@ from cell.errors import FailureError
 # at rounding level instead of failing.
 ROUNDING = 1e-12
 LEAST_SHARE = 1e-4  # of the Gauss-Newton step: a shorter one is rounding, or a wall
+FIRST_DAMPING, MAX_DAMPING = 1e-6, 1e6  # of Marquardt, in units of the scaled diagonal
+RAISE, LOWER = 10.0, 0.01  # its factors after a refused and an accepted step
 QUICK = 1e-2
 
 
@@ -81,6 +84,15 @@ class Problem(Protocol[EquationsT, TrialT]):
         """The normal equations at an accepted trial with the present Jacobian."""
 
 
+class Search(Protocol):
+    """Finds a step that lowers the cost, starting from the Gauss-Newton step."""
+
+    def __call__(
+        self, problem: Problem[EquationsT, TrialT], current: EquationsT, step: Array, /
+    ) -> tuple[TrialT | None, Array]:
+        """An accepted trial and its step (P,); no trial where no step lowers the cost."""
+
+
 @dataclass(frozen=True)
 class Stop:
     """When the search ends."""
@@ -112,12 +124,14 @@ def minimise(
     *,
     max_iterations: int,
     reuse_below: float = 0.0,
+    search: Search | None = None,
     on_iteration: Callable[[EquationsT], None] | None = None,
 ) -> Minimum[EquationsT]:
     """Minimise from the problem's start.
 
     reuse_below : predicted decrease for each unknown, in units of the cost per degree of freedom,
         below which the Jacobian holds as far as its step goes; 0 for a new one at every step.
+    search : what becomes of a step that does not lower the cost; by default `halved`.
     on_iteration : called with the normal equations of the start and of each iteration.
 
     Raises SingularError where the normal equations have no finite solution.
@@ -134,19 +148,15 @@ def minimise(
         converged = settled or predicted < enough or bool(np.abs(step).max() < stop.step)
         if converged or iterations == max_iterations:
             break
-        share = 1.0
-        accepted = problem.trial(current, step)
-        while accepted.cost >= current.cost and share > LEAST_SHARE:
-            share *= 0.5
-            accepted = problem.trial(current, share * step)
-        if accepted.cost >= current.cost:
+        accepted, step = (search or halved)(problem, current, step)
+        if accepted is None:
             stuck = True
             break
         iterations += 1
         gained = current.cost - accepted.cost
         settled = gained < enough or (
             gained <= stop.relative * current.cost
-            or bool(share * np.linalg.norm(step) <= stop.relative * np.linalg.norm(accepted.x))
+            or bool(np.linalg.norm(step) <= stop.relative * np.linalg.norm(accepted.x))
         )
         before = predicted
         if first <= reuse_below * len(current.gradient) * _unit(current):
@@ -159,6 +169,42 @@ def minimise(
         step, predicted = gauss_newton_step(current)
         first = predicted
     return Minimum(current, iterations, converged, stuck)
+
+
+def halved(
+    problem: Problem[EquationsT, TrialT], current: EquationsT, step: Array
+) -> tuple[TrialT | None, Array]:
+    """The longest of the halved steps that lowers the cost, and its trial; none if none does."""
+    share = 1.0
+    tried = problem.trial(current, step)
+    while tried.cost >= current.cost and share > LEAST_SHARE:
+        share *= 0.5
+        tried = problem.trial(current, share * step)
+    return (None if tried.cost >= current.cost else tried), share * step
+
+
+class Marquardt:
+    """Steps with a damping on the scaled diagonal that grows while they do not lower the cost.
+
+    The damping is kept from iteration to iteration, so one object serves one minimisation.
+    """
+
+    def __init__(self) -> None:
+        self._damping = ROUNDING
+
+    def __call__(
+        self, problem: Problem[EquationsT, TrialT], current: EquationsT, step: Array
+    ) -> tuple[TrialT | None, Array]:
+        """The first damped step that lowers the cost, and its trial; none if none does."""
+        while self._damping <= MAX_DAMPING:
+            scale, scaled = _scaled(current.normal, self._damping)
+            step = -scale * _solved(scaled, scale * current.gradient)
+            tried = problem.trial(current, step)
+            if tried.cost < current.cost:
+                self._damping = max(ROUNDING, self._damping * LOWER)
+                return tried, step
+            self._damping = max(FIRST_DAMPING, self._damping * RAISE)
+        return None, step
 
 
 def _unit(equations: Equations) -> float:
@@ -181,11 +227,14 @@ def inverse(normal: Array) -> Array:
     return _solved(scaled, np.eye(len(normal))) * np.outer(scale, scale)
 
 
-def _scaled(normal: Array) -> tuple[Array, Array]:
-    """(P,) scale that gives the diagonal of a normal matrix unit size, and the scaled matrix."""
+def _scaled(normal: Array, damping: float = ROUNDING) -> tuple[Array, Array]:
+    """(P,) scale that gives the diagonal of a normal matrix unit size, and the scaled matrix.
+
+    damping : added to its diagonal.
+    """
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
     scaled = normal * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += ROUNDING
+    scaled[np.diag_indices_from(scaled)] += damping
     return scale, scaled
 
 

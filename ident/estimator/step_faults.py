@@ -38,7 +38,7 @@ WHOLE, SURE = 0.1, 0.01  # signal periods off a whole number, to be named one; t
 # [rad], [s] a smaller step is something smooth that the model lacks
 SMALLEST: dict[Literal["encoder", "clock"], float] = {"encoder": 2e-4, "clock": 2e-3}
 MAX_FOUND = 6  # in the residual of one set of recordings
-AS_LIKELY = 25.0  # decrease of the cost, likewise, by which instants differ that can be told apart
+AS_LIKELY = 25.0  # decrease of the cost, likewise, by which distinguishable instants differ
 SIMILAR = 0.3  # of a clock step: how close the irregularity of the stamps that it left must come
 _DEPENDENT = 1e-3  # of the largest: a step whose remainder is smaller can be anywhere
 

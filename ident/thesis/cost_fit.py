@@ -23,7 +23,7 @@ from cell.arrays import Array
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, bar_frames, robot_frames
 from ident.estimator.closure import Closure
 from ident.estimator.dependencies import select
-from ident.estimator.gauss_newton import Stop, minimise
+from ident.estimator.gauss_newton import Marquardt, Stop, minimise
 from ident.estimator.identifiability import candidates
 from ident.thesis.costs import ENCODERS_NEEDED, ROD, Cost, CostName
 
@@ -125,10 +125,10 @@ class _Problem:
 def fit_cost(
     cost: Cost,
     start: Geometry,
+    *,
     q: Array,
     b: Array,
     parameters: Sequence[int] | NDArray[np.intp],
-    *,
     rod_sign: Array | None = None,
     max_iterations: int = MAX_ITERATIONS,
 ) -> CostFit:
@@ -150,7 +150,7 @@ def fit_cost(
     if not np.isfinite(problem.start().cost):
         raise ValueError("the cost of the start is not finite: an angle of the samples is missing")
     stop = VECTOR_STOP if cost.form == "vector" else PRINTED_STOP
-    minimum = minimise(problem, stop, max_iterations=max_iterations)
+    minimum = minimise(problem, stop, max_iterations=max_iterations, search=Marquardt())
     end = minimum.equations
     return CostFit(
         geometry=end.closure.geometry,
@@ -183,5 +183,5 @@ def identifiable_by(cost: CostName, nominal: Geometry, q: Array, b: Array) -> ND
     parameters = [PARAMETERS[i] for i in requested]
     columns = Cost(cost, "vector").jacobian(_closure(nominal, q, b), parameters)
     names = [NAMES[i] for i in requested]
-    selected = select(columns.reshape(requested.size, -1), names, nominal).kept
+    selected = select(columns.reshape(requested.size, -1), names, nominal).selected
     return np.array([INDEX[name] for name in selected])

@@ -26,7 +26,7 @@ from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.mjcf import plant_model
 from sim.plant.mujoco_plant import PlantError, check_motion, prepare, roll_out, run_plant
-from sim.plant.statics import gravity_torque
+from sim.plant.statics import equilibrium, gravity_torque
 from sim.simulate import simulate
 from tests.helpers.log_analysis import pull_push
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle

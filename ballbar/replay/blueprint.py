@@ -1,0 +1,228 @@
+"""The arrangement in which a replay opens: a tab for each recording, and one for the parameters.
+
+Of a recording: left the cell with ball-bar, sphere and path, below it pages of text; right, from
+top to bottom: loop-closure residual before and after, events, angles, and tabs with true TCP error,
+rod, clock and coverage. Other arrangements: ballbar.replay.arrangements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from ballbar.replay.entities import (
+    AFTER,
+    ANGLE,
+    BACKGROUND,
+    BEFORE,
+    CELL,
+    CLOCK,
+    CLOCK_ERROR,
+    CLOCK_IDENTIFIED,
+    CLOSURE_ERROR,
+    COVERAGE_SHARE,
+    COVERED,
+    ENCODERS,
+    EVENT_LOG,
+    FORCE,
+    JOINTS,
+    LANES,
+    NOTES,
+    PATH_SO_FAR,
+    POSITION,
+    SCENARIO,
+    STRAIN,
+    TCP_AFTER,
+    TCP_BEFORE,
+    TCP_ERROR,
+    TIMELINE,
+)
+from cell.arrays import Array
+
+_EYE = np.array([0.28, -0.69, 0.31])  # from the robot's right, in front and above; times the reach
+_LEGEND = 1.3  # time axis over duration: the legend lies on the plot, so some of it stays free
+_SPEED = 4.0  # a run takes minutes; the eye still follows
+_ROD = ((FORCE, "Rod force, tension positive [N]"), (STRAIN, "Axial elongation of the rod [um]"))
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What the views of one recording depend on."""
+
+    name: str  # title of its tab
+    root: str
+    plots: Mapping[str, float]  # entities of its curves, and the largest absolute value of each
+    duration: float  # [s]
+    middle: Array  # (3,) [m] of the scene
+    reach: float  # [m] size of the scene
+
+    @property
+    def time_range(self) -> rrb.TimeRange:
+        return whole_range(self.duration)
+
+
+def layout(recordings: Sequence[Shown]) -> rrb.Blueprint:
+    """The blueprint of a replay."""
+    notes = rrb.TextDocumentView(origin=NOTES, name="Notes: verdict, key figures, parameters")
+    parameters = rrb.Horizontal(
+        parameter_view("/parameters"), notes, column_shares=[3, 2], name="Parameters and notes"
+    )
+    tabs = rrb.Tabs(*map(_recording, recordings), parameters, active_tab=0)
+    return blueprint(tabs, TIMELINE, speed=_SPEED)
+
+
+def blueprint(root: rrb.Container, timeline: str, *, speed: float) -> rrb.Blueprint:
+    """A blueprint that plays a timeline over and over, panels folded."""
+    return rrb.Blueprint(
+        root,
+        rrb.TimePanel(
+            timeline=timeline,
+            state="collapsed",
+            play_state="playing",
+            loop_mode="all",
+            playback_speed=speed,
+        ),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        auto_views=False,
+    )
+
+
+def parameter_view(*contents: str) -> rrb.Spatial2DView:
+    """The picture of the parameters, from one run or from several."""
+    return rrb.Spatial2DView(
+        origin="/",
+        contents=[f"{entity}/**" for entity in contents],
+        name="Parameters: change from nominal, and how well each is known",
+        background=BACKGROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=(-17.0, 44.0), y_range=(-3.5, 28.0)),
+    )
+
+
+def cell_view(
+    root: str, title: str, eye_controls: rrb.EyeControls3D | None = None
+) -> rrb.Spatial3DView:
+    """The cell; of the path's steps and the patches, one a row, those up to the time shown."""
+    so_far = rrb.VisibleTimeRange(
+        TIMELINE,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    gathered = [rrb.VisibleTimeRanges(so_far)]
+    return rrb.Spatial3DView(
+        origin=f"{root}{CELL}",
+        contents=["$origin/**", f"- {root}{CLOSURE_ERROR}/**"],
+        name=title,
+        background=BACKGROUND,
+        eye_controls=eye_controls,
+        overrides={f"{root}{PATH_SO_FAR}": gathered, f"{root}{COVERED}": gathered},
+    )
+
+
+def whole_range(duration: float) -> rrb.TimeRange:
+    """The time axis of a run of so many seconds, with room for the legend."""
+    return rrb.TimeRange(
+        rrb.TimeRangeBoundary.absolute(seconds=0.0),
+        rrb.TimeRangeBoundary.absolute(seconds=_LEGEND * duration),
+    )
+
+
+def rounded_up(value: float) -> float:
+    """The next of 1, 2, 5, 10, 20, ...: an axis that ends there has readable marks."""
+    if value <= 0.0:
+        return 1.0
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(decade * min(step for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= value))
+
+
+def _recording(shown: Shown) -> rrb.Container:
+    eye = rrb.EyeControls3D(
+        position=shown.middle + shown.reach * _EYE, look_target=shown.middle, eye_up=(0.0, 0.0, 1.0)
+    )
+    title = "Cell: path of the tool on the sphere of the rod (yellow: so far), patches covered"
+    scene = cell_view(shown.root, title, eye)
+    left = rrb.Vertical(scene, _texts(shown.root), row_shares=[13, 7])
+    time_axis = rrb.TimeAxis(view_range=shown.time_range)
+    lanes = rrb.StateTimelineView(origin=f"{shown.root}{LANES}", name="Events", time_view=time_axis)
+    rows = (_residuals(shown), lanes, _angles(shown), _more(shown))
+    right = rrb.Vertical(*rows, row_shares=[5, 4, 5, 5])
+    return rrb.Horizontal(left, right, column_shares=[11, 9], name=shown.name)
+
+
+def _texts(root: str) -> rrb.Container:
+    return rrb.Tabs(
+        rrb.TextDocumentView(origin=NOTES, name="Verdict and key figures"),
+        rrb.TextLogView(origin=f"{root}{EVENT_LOG}", name="Events as text"),
+        rrb.TextDocumentView(origin=f"{root}{SCENARIO}", name="Scenario"),
+        active_tab=0,
+    )
+
+
+def _residuals(shown: Shown) -> rrb.Container:
+    rows = [_residual(shown, POSITION, "position [um]"), _residual(shown, ANGLE, "angle [urad]")]
+    return rrb.Tabs(*rows, active_tab=0)
+
+
+def _residual(shown: Shown, kind: str, quantity: str) -> rrb.Horizontal:
+    before, after = f"{BEFORE}/{kind}", f"{AFTER}/{kind}"
+    both = _plot(shown, before, f"Residual before and after, {quantity}", also=after)
+    largest = shown.plots[after]
+    alone = _plot(shown, after, f"Residual after, {quantity}", largest=largest)
+    return rrb.Horizontal(both, alone, name=f"Loop closure: {quantity}")
+
+
+def _angles(shown: Shown) -> rrb.Container:
+    views = [_plot(shown, JOINTS, "Robot joint angles [deg]")]
+    if ENCODERS in shown.plots:
+        views.append(_plot(shown, ENCODERS, "Ball-bar encoder angles [deg]"))
+    return rrb.Horizontal(*views)
+
+
+def _more(shown: Shown) -> rrb.Container:
+    """TCP error, rod, clock and coverage, as far as they are known."""
+    tcp, clock = [], []
+    if TCP_BEFORE in shown.plots:
+        tcp.append(_plot(shown, TCP_ERROR, "TCP error against the truth [um]"))
+        tcp.append(_plot(shown, TCP_AFTER, "Of the identified robot alone [um]"))
+    rod = [
+        _plot(shown, entity, title, largest=largest)
+        for entity, title in _ROD
+        if (largest := _largest(shown, entity)) is not None
+    ]
+    if CLOCK_IDENTIFIED in shown.plots:
+        clock.append(_plot(shown, CLOCK, "Clock offset: robot's minus ball-bar's [ms]"))
+    if (largest := _largest(shown, CLOCK_ERROR)) is not None:
+        title = "Error of the identified offset [us]"
+        clock.append(_plot(shown, CLOCK_ERROR, title, largest=largest))
+    coverage = [_plot(shown, COVERAGE_SHARE, "Part of the sphere covered [%]")]
+    tabs = (("TCP error", tcp), ("Rod", rod), ("Clock", clock), ("Coverage", coverage))
+    return rrb.Tabs(
+        *(rrb.Horizontal(*views, name=name) for name, views in tabs if views), active_tab=0
+    )
+
+
+def _largest(shown: Shown, entity: str) -> float | None:
+    """Largest absolute value of all curves at or below an entity; None without curves."""
+    values = (value for path, value in shown.plots.items() if path.startswith(entity))
+    return max(values, default=None)
+
+
+def _plot(
+    shown: Shown, entity: str, title: str, *, also: str = "", largest: float | None = None
+) -> rrb.TimeSeriesView:
+    """A plot of everything below an entity.
+
+    Its axis is symmetric about zero where the largest absolute value is given.
+    """
+    end = 1.1 * rounded_up(largest) if largest is not None else None
+    return rrb.TimeSeriesView(
+        origin=f"{shown.root}{entity}",
+        contents=[f"{shown.root}{path}/**" for path in (entity, also) if path],
+        name=title,
+        axis_x=rrb.TimeAxis(view_range=shown.time_range),
+        axis_y=rrb.ScalarAxis(range=(-end, end)) if end else None,
+        plot_legend=rrb.Corner2D.RightTop,
+    )

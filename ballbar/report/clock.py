@@ -1,0 +1,91 @@
+"""Clock, alignment and encoder directions of one recording, as text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ballbar.report.numbers import listed, significant, to_sigma
+from ballbar.result.compare import Comparison
+from ballbar.units import MS, PPM, US
+from ident.result import RecordingEstimate
+from ident.start.automatic import Start
+
+
+@dataclass(frozen=True)
+class ClockRow:
+    """Clock offset or skew, each with its unit."""
+
+    name: str
+    value: str
+    sigma: str
+    error: str  # against the truth; empty where it is not known
+
+
+@dataclass(frozen=True)
+class StartRow:
+    """A way to align the logs."""
+
+    offset: str
+    cost: str
+    overlap: str
+
+
+def clock_rows(estimate: RecordingEstimate, comparison: Comparison | None) -> list[ClockRow]:
+    """Offset and skew; empty without a second clock."""
+    clock = estimate.clock
+    if clock is None:
+        return []
+    offset_sigma, skew_sigma = estimate.clock_sigma
+    offset_error, skew_error = (comparison.offset, comparison.skew) if comparison else (None, None)
+    return [
+        ClockRow(
+            "offset",
+            f"{to_sigma(clock.offset * MS, offset_sigma * MS)} ms",
+            f"{significant(offset_sigma * US, 2)} µs",
+            _signed(offset_error, "µs"),
+        ),
+        ClockRow(
+            "skew",
+            f"{to_sigma(clock.skew * PPM, skew_sigma * PPM)} ppm",
+            f"{significant(skew_sigma * PPM, 2)} ppm",
+            _signed(skew_error, "ppm"),
+        ),
+    ]
+
+
+def start_rows(start: Start) -> list[StartRow]:
+    """The chosen way to align the logs and its rivals; empty where it has none."""
+    if not start.ambiguous:
+        return []
+    return [
+        StartRow(
+            f"{significant(candidate.fit.clock().offset, 4)} s",
+            significant(candidate.cost),
+            f"{significant(candidate.overlap)} s",
+        )
+        for candidate in (start.chosen, *start.rivals)
+    ]
+
+
+def direction_sentences(estimate: RecordingEstimate) -> list[str]:
+    """What was found about the directions of the encoders; those of b2 and b4 are a gauge."""
+    directions = dict(zip(estimate.encoders, estimate.directions, strict=True))
+    gauge = [joint for joint in directions if joint in (2, 4)]
+    seen = {joint: sign for joint, sign in directions.items() if joint not in gauge}
+    findings = {
+        "direction as declared": [joint for joint, sign in seen.items() if sign > 0],
+        "direction opposite to the declared one; the identified one is used": [
+            joint for joint, sign in seen.items() if sign < 0
+        ],
+        "direction taken as declared: it cannot be observed, and does not change the result": gauge,
+    }
+    return [
+        f"{listed([f'b{joint}' for joint in joints])}: {finding}."
+        for finding, joints in findings.items()
+        if joints
+    ]
+
+
+def _signed(error: float | None, unit: str) -> str:
+    """An error [s] or [1] in µs or ppm."""
+    return "" if error is None else f"{significant(error * US, 2, sign=True)} {unit}"

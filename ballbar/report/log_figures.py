@@ -1,0 +1,212 @@
+"""Figures about the logs of a recording, as thesis Figs. 5.2 to 5.5.
+
+Jitter in a dwell, dwells of both logs, what the fit uses, and the clock shift. Each gives one SVG
+element; an empty one where the recording has nothing to show (no dwell, no encoders).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from acquisition import find_dwells
+from ballbar.figure_style import AFTER, BEFORE, PURPLE, QUIET
+from ballbar.replay.marks import Marks, mark_sentences, marks
+from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles, on_robot_clock
+from ballbar.report.figures import STYLE, WIDTH, as_svg, legend_above, one_panel
+from ballbar.result.run_data import FittedRecording
+from ballbar.units import MM, MS, URAD
+from cell.arrays import Array
+from cell.geometry import bar_frames, robot_frames
+from cell.statistics import rms
+
+SHIFTS = np.linspace(-0.3, 0.3, 61)  # [s] of the ball-bar's clock, as in thesis Fig. 5.5
+_POINTS = 600  # rows of a log that are drawn, and instants of the shift figure
+_JITTER = 150  # rows of the jitter figure
+_SPAN = 20.0  # [s] of the figure of dwells: an excerpt, as in the thesis
+
+
+@dataclass(frozen=True)
+class LogFigure:
+    """One figure and its caption."""
+
+    svg: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class LogSection:
+    """What the page shows of the logs of a recording."""
+
+    sentences: list[str]
+    figures: dict[str, LogFigure]  # without empty ones
+
+
+def log_section(fitted: FittedRecording) -> LogSection:
+    """Sentences and figures for the report."""
+    motion = cell_motion(fitted)
+    passed = marks(fitted, motion)
+    figures = {
+        "jitter": LogFigure(
+            jitter_in_dwell(fitted), "Angles of both logs in their longest dwell, less their mean."
+        ),
+        "dwells": LogFigure(dwells_of_both(fitted), "Dwells of each log, on one clock (excerpt)."),
+        "angles": LogFigure(
+            angles_with_marks(fitted, motion, passed),
+            "Angles over the whole log: the fit uses what lies between the dashed lines; grey in a "
+            "dwell, purple near a singular pose of the ball-bar.",
+        ),
+        "shift": LogFigure(
+            error_over_shift(fitted),
+            "Distance between the ends of robot and ball-bar when their clocks are shifted against "
+            "each other.",
+        ),
+    }
+    shown = {name: figure for name, figure in figures.items() if figure.svg}
+    return LogSection(mark_sentences(passed), shown)
+
+
+def jitter_in_dwell(fitted: FittedRecording) -> Markup:
+    """Angles of both logs in their longest dwell, less their mean over it (thesis Fig. 5.2)."""
+    robot, ballbar = fitted.recording.robot_log, fitted.recording.ballbar_log
+    logs = [("robot", robot.t, robot.q, BEFORE)]
+    if ballbar is not None:
+        logs.append(("ball-bar", ballbar.t, ballbar.angles, AFTER))
+    dwells = [rows for _, t, q, _ in logs if (rows := _longest_dwell(t, q)) is not None]
+    if len(dwells) < len(logs):
+        return Markup()
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, 1.5 * len(logs) + 0.4))
+        panels = np.atleast_1d(figure.subplots(len(logs), 1))
+        for axes, (name, t, angles, colour), rows in zip(panels, logs, dwells, strict=True):
+            jitter = (angles[rows] - angles[rows].mean(axis=0)) * URAD
+            axes.plot(t[rows], jitter, color=colour, linewidth=0.5)
+            axes.set(ylabel=f"{name} [µrad]", xlim=(t[rows][0], t[rows][-1]))
+        panels[-1].set_xlabel("time on each log's own clock [s]")
+        return as_svg(figure)
+
+
+def _longest_dwell(t: Array, angles: Array) -> slice | None:
+    """The first rows of the longest dwell of a log, t (N,) [s], angles (N, C) [rad]."""
+    intervals = find_dwells(t, angles).intervals
+    if not len(intervals):
+        return None
+    first, last = intervals[int(np.argmax(t[intervals[:, 1]] - t[intervals[:, 0]]))]
+    return slice(int(first), int(min(last + 1, first + _JITTER)))
+
+
+def dwells_of_both(fitted: FittedRecording) -> Markup:
+    """Dwells of each log, on one clock, around the middle of the run (thesis Fig. 5.3)."""
+    robot, ballbar = fitted.recording.robot_log, fitted.recording.ballbar_log
+    clock = fitted.estimate.clock
+    if ballbar is None or clock is None:
+        return Markup()
+    robot_dwells = find_dwells(robot.t, robot.q).standing
+    ballbar_dwells = find_dwells(ballbar.t, ballbar.angles).standing
+    inner = (robot.t > 0.1 * robot.t[-1]) & (robot.t < 0.9 * robot.t[-1])
+    instants, middle = robot.t[robot_dwells & inner], 0.5 * float(robot.t[-1])
+    if instants.size:
+        middle = float(instants[np.abs(instants - instants.mean()).argmin()])  # in a dwell
+    with matplotlib.rc_context(STYLE):
+        figure, axes = one_panel(1.9)
+        for name, t, level, colour in (
+            ("robot", robot.t, robot_dwells.astype(float), BEFORE),
+            ("ball-bar", clock.robot_time(ballbar.t), -ballbar_dwells.astype(float), AFTER),
+        ):
+            axes.step(t, level, where="mid", color=colour, label=name)
+        axes.set(
+            xlim=(middle - _SPAN / 2, middle + _SPAN / 2),
+            ylim=(-1.2, 1.2),
+            xlabel="time on the robot's clock [s]",
+        )
+        axes.set_yticks([-1, 0, 1], ["dwell", "motion", "dwell"])
+        legend_above(figure)
+        return as_svg(figure)
+
+
+def angles_with_marks(fitted: FittedRecording, motion: CellMotion, passed: Marks) -> Markup:
+    """Robot and ball-bar angles over the whole log; the fit's part between lines (Fig. 5.4)."""
+    estimate, ballbar = fitted.estimate, fitted.recording.ballbar_log
+    used = on_robot_clock(estimate, estimate.after.t)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, 4.1))
+        panels = figure.subplots(2, 1, sharex=True)
+        joints = [f"q{j + 1}" for j in range(motion.q.shape[1])]
+        _draw_angles(panels[0], motion.t, motion.q, joints)
+        panels[0].set_ylabel("robot joints [rad]")
+        if ballbar is not None:
+            angles, joints = mechanism_angles(estimate, ballbar), [f"b{j}" for j in ballbar.joints]
+            _draw_angles(panels[1], on_robot_clock(estimate, ballbar.t), angles, joints)
+        panels[1].set(ylabel="ball-bar joints [rad]", xlabel="time on the robot's clock [s]")
+        spans = [(span, QUIET, 0.18) for span in passed.dwells]
+        for name, stretches in passed.near_singular.items():
+            if name.startswith("ball-bar"):
+                spans += [(span, PURPLE, 0.25) for span in stretches]
+        for axes in panels:
+            for (begin, end), colour, alpha in spans:
+                axes.axvspan(begin, end, color=colour, alpha=alpha, linewidth=0)
+            for t in (used[0], used[-1]):
+                axes.axvline(float(t), color=AFTER, linestyle="--", linewidth=1.0)
+        return as_svg(figure)
+
+
+def _draw_angles(axes: Axes, t: Array, angles: Array, names: list[str]) -> None:
+    """Thinned angles (N, C) [rad] over t (N,) [s], and their legend above the plot."""
+    rows = slice(None, None, max(1, t.size // _POINTS))
+    axes.plot(t[rows], angles[rows], linewidth=0.7, label=names)
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=6,
+        handlelength=0.9,
+        columnspacing=0.9,
+        fontsize=7,
+    )
+
+
+def error_over_shift(fitted: FittedRecording) -> Markup:
+    """Distance between the ends of robot and ball-bar over a shift of the clock (Fig. 5.5)."""
+    curve = shift_curve(fitted)
+    if curve is None:
+        return Markup()
+    with matplotlib.rc_context(STYLE):
+        figure, axes = one_panel(2.2)
+        axes.plot(SHIFTS * MS, curve * MM, color=AFTER)
+        axes.set(
+            xlabel="shift of the ball-bar's clock [ms]",
+            ylabel="loop-closure error,\nrms [mm]",
+            ylim=(0.0, None),
+            xlim=(-300, 300),
+        )
+        return as_svg(figure)
+
+
+def shift_curve(fitted: FittedRecording) -> Array | None:
+    """(61,) [m] rms distance at each of SHIFTS.
+
+    None without encoders b1 and b2, which give the direction of the rod.
+    """
+    estimate, robot = fitted.estimate, fitted.recording.robot_log
+    ballbar, clock = fitted.recording.ballbar_log, fitted.estimate.clock
+    if ballbar is None or clock is None or not {1, 2} <= set(ballbar.joints):
+        return None
+    t = estimate.after.t[:: max(1, estimate.samples // _POINTS)]
+    first, last = clock.robot_time(t + SHIFTS[0]), clock.robot_time(t + SHIFTS[-1])
+    t = t[(first > 0.0) & (last < robot.t[-1])]
+    if t.size < 2:
+        return None
+    b = np.zeros((t.size, 5))  # b3 to b5 turn about the rod's end
+    for column, (joint, sign) in enumerate(zip(ballbar.joints, estimate.directions, strict=True)):
+        b[:, joint - 1] = np.interp(t, ballbar.t, ballbar.angles[:, column]) * sign
+    end = bar_frames(estimate.geometry, b).tip
+    curve = []
+    for shift in SHIFTS:
+        t_robot = clock.robot_time(t + shift)
+        q = np.stack([np.interp(t_robot, robot.t, column) for column in robot.q.T], axis=1)
+        curve.append(rms(np.linalg.norm(robot_frames(estimate.geometry, q).tip - end, axis=0)))
+    return np.array(curve)

@@ -1,0 +1,214 @@
+"""Tables of kinematic parameters: cells are text with sensible digits, groups state their units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballbar.report.numbers import MISSING, decimals_for, fixed, listed, significant
+from ballbar.result.compare import Comparison
+from ballbar.units import MM, UM
+from cell.geometry import INDEX, PARAMETERS, Parameter
+from cell.statistics import rms
+from ident.estimator.identifiability import DroppedParameter
+from ident.result import Identification, RecordingEstimate, RobotEstimate
+
+Z_REMARKABLE = 3.0  # standard deviations; 1 in 370 for normal errors
+
+_REASONS = {
+    "no effect": "it moves nothing that rod or encoders could see in this run",
+    "depends on": "in this run a change of it looks exactly like a change of {on}",
+    "poorly excited": "the run determines it worse than 2 mm or 2 mrad",
+}
+_MEANINGS = {
+    "no effect": "The run neither confirms nor corrects its catalogue value.",
+    "depends on": (
+        "Only the combination is determined. What is identified as {on} {carry} its deviation: "
+        "read these values together."
+    ),
+    "poorly excited": (
+        "Its catalogue value is kept because it is the better knowledge. A path that exercises it "
+        "more would help."
+    ),
+}
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One identified parameter; empty text where a column does not apply."""
+
+    name: str
+    nominal: str
+    identified: str
+    deviation: str
+    sigma: str
+    significance: str  # |deviation| over sigma
+    true_deviation: str
+    error: str
+    z: str
+    remarkable: bool  # |z| beyond Z_REMARKABLE
+
+
+@dataclass(frozen=True)
+class ParameterGroup:
+    """Parameters that share their units."""
+
+    title: str
+    value_unit: str
+    deviation_unit: str
+    sigma_unit: str
+    rows: tuple[ParameterRow, ...]
+
+
+@dataclass(frozen=True)
+class LeftAtNominal:
+    """A parameter that stays at its nominal value."""
+
+    name: str
+    value: str
+    why: str
+    meaning: str
+
+
+def is_encoder_offset(p: Parameter) -> bool:
+    """Whether a parameter is the offset of a ball-bar encoder."""
+    return p.side == "bar" and p.kind == "theta"
+
+
+_GROUPS: tuple[tuple[str, Callable[[Parameter], bool]], ...] = (
+    ("Robot, lengths", lambda p: p.side == "robot" and p.is_length),
+    ("Robot, angles", lambda p: p.side == "robot" and not p.is_length),
+    ("Ball-bar, lengths", lambda p: p.side == "bar" and p.is_length),
+    (
+        "Ball-bar, angles",
+        lambda p: p.side == "bar" and not p.is_length and not is_encoder_offset(p),
+    ),
+    ("Encoder offsets", is_encoder_offset),
+    ("Base position", lambda p: p.side == "base" and p.is_length),
+    ("Base tilt", lambda p: p.side == "base" and not p.is_length),
+)
+
+
+def parameter_groups(
+    estimate: RobotEstimate | RecordingEstimate, comparison: Comparison | None
+) -> list[ParameterGroup]:
+    """The identified parameters of the machine or of a recording, lengths before angles."""
+    identified = [p for p in PARAMETERS if p.name in estimate.sigma]
+    groups = [(title, [p for p in identified if belongs(p)]) for title, belongs in _GROUPS]
+    return [_group(title, group, estimate, comparison) for title, group in groups if group]
+
+
+def z_rms(result: Identification, comparison: Comparison) -> float:
+    """Root mean square of error over stated sigma; near 1 if the intervals hold."""
+    sigma = result.sigma
+    errors = comparison.deviations.items()
+    return rms([error / sigma[name] for name, error in errors if sigma[name] > 0.0])
+
+
+def left_at_nominal(robot: RobotEstimate) -> list[LeftAtNominal]:
+    """Parameters that were requested and stay at nominal, with reason and consequence.
+
+    Those at their priors are not among them.
+    """
+    return [_left(robot, dropped) for dropped in robot.dropped if dropped.reason != "prior"]
+
+
+def not_requested(robot: RobotEstimate) -> list[str]:
+    """Names of the machine's parameters that nobody tried to identify: taken as manufactured."""
+    tried = set(robot.sigma) | {dropped.name for dropped in robot.dropped}
+    machine = (p for p in PARAMETERS if p.side != "base" and not is_encoder_offset(p))
+    return [p.name for p in machine if p.name not in tried]
+
+
+def taken_as_nominal(estimate: RecordingEstimate) -> list[str]:
+    """Names of a recording's own parameters that it does not determine."""
+    own = [f"btheta{joint}" for joint in estimate.encoders]
+    own += [p.name for p in PARAMETERS if p.side == "base"]
+    return [name for name in own if name not in estimate.sigma]
+
+
+def parameter_count(result: Identification) -> int:
+    """Number of identified parameters, those of every recording included."""
+    return len(result.robot.sigma) + sum(len(r.sigma) for r in result.recordings)
+
+
+@dataclass(frozen=True)
+class _Digits:
+    """Scale of the values and decimals of the columns of one group."""
+
+    to_value: float
+    value: int
+    deviation: int
+    sigma: int
+
+
+def _group(
+    title: str,
+    parameters: Sequence[Parameter],
+    estimate: RobotEstimate | RecordingEstimate,
+    comparison: Comparison | None,
+) -> ParameterGroup:
+    """Digits follow the smallest sigma of the group: one of it in the value, two in the sigma."""
+    is_length = parameters[0].is_length
+    to_value, value_unit = (MM, "mm") if is_length else (180.0 / np.pi, "deg")
+    units = (value_unit, "mm", "µm") if is_length else (value_unit, "mrad", "µrad")
+    sigmas = np.array([estimate.sigma[p.name] for p in parameters])
+    digits = _Digits(
+        to_value,
+        value=decimals_for(sigmas * to_value, digits=1),
+        deviation=decimals_for(sigmas * MM, digits=1),
+        sigma=decimals_for(sigmas * UM, digits=2),
+    )
+    rows = tuple(_row(p, estimate, comparison, digits) for p in parameters)
+    return ParameterGroup(title, *units, rows)
+
+
+def _row(
+    parameter: Parameter,
+    estimate: RobotEstimate | RecordingEstimate,
+    comparison: Comparison | None,
+    digits: _Digits,
+) -> ParameterRow:
+    name = parameter.name
+    sigma, value, nominal = estimate.sigma[name], estimate.geometry[name], estimate.nominal[name]
+    in_catalogue = parameter.side != "base" and not is_encoder_offset(parameter)
+    deviation = value - nominal if in_catalogue else None
+    error = comparison.deviations.get(name) if comparison else None
+    true_deviation = deviation - error if deviation is not None and error is not None else None
+    z = error / sigma if error is not None and sigma > 0.0 else None
+    significance = None if deviation is None or sigma == 0.0 else abs(deviation) / sigma
+    return ParameterRow(
+        name=name,
+        nominal=fixed(nominal * digits.to_value, digits.value) if in_catalogue else MISSING,
+        identified=fixed(value * digits.to_value, digits.value),
+        deviation=_scaled(deviation, MM, digits.deviation),
+        sigma=fixed(sigma * UM, digits.sigma),
+        significance=significant(significance, 2),
+        true_deviation=_scaled(true_deviation, MM, digits.deviation),
+        error=_scaled(error, UM, digits.sigma),
+        z=fixed(z, 1, sign=True),
+        remarkable=z is not None and abs(z) > Z_REMARKABLE,
+    )
+
+
+def _scaled(value: float | None, factor: float, decimals: int) -> str:
+    return MISSING if value is None else fixed(value * factor, decimals, sign=True)
+
+
+def _left(robot: RobotEstimate, dropped: DroppedParameter) -> LeftAtNominal:
+    on = listed(dropped.on) or "other parameters"
+    words = {"on": on, "carry": "carries" if len(dropped.on) == 1 else "carry"}
+    reason = dropped.reason
+    why, meaning = _REASONS.get(reason, reason), _MEANINGS.get(reason, "")
+    value = _nominal_text(robot, dropped.name)
+    return LeftAtNominal(dropped.name, value, why.format(**words), meaning.format(**words))
+
+
+def _nominal_text(robot: RobotEstimate, name: str) -> str:
+    if name not in INDEX:  # the clock
+        return MISSING
+    if PARAMETERS[INDEX[name]].is_length:
+        return f"{fixed(robot.nominal[name] * MM, 3)} mm"
+    return f"{fixed(np.degrees(robot.nominal[name]), 4)} deg"

@@ -1,0 +1,190 @@
+"""The top of the page: verdict, what it means, what to do, and the key figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballbar.replay.motion import rms_norm
+from ballbar.report.clock import clock_rows
+from ballbar.report.numbers import listed, millimetres, significant
+from ballbar.report.parameters import left_at_nominal, parameter_count
+from ballbar.report.tcp_view import TcpView
+from ballbar.result.run_data import RunData
+from ballbar.units import MM, MS, UM, URAD, US
+from ident.result import Identification
+from ident.verdict import Status
+
+_HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
+_BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}  # classes of report.css
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One key figure."""
+
+    label: str
+    value: str
+    note: str
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What stands before the first section."""
+
+    subtitle: str
+    band: str  # class of the verdict's band: "good", "care" or "bad"
+    heading: str
+    sentences: tuple[str, ...]  # of the held-out recordings, then of the verdict
+    in_short: str
+    confidence: str
+    what_to_do: str
+    warnings: tuple[str, ...]
+    tiles: tuple[Tile, ...]
+
+
+def summary(data: RunData, tcp: TcpView) -> Summary:
+    """The summary of a run."""
+    verdict = data.identification.verdict
+    held_out = (validation.outcome.sentence for validation in data.validations)
+    return Summary(
+        subtitle=_subtitle(data),
+        band=_BANDS.get(verdict.status, "bad") if data.acceptable else "bad",
+        heading=_heading(data),
+        sentences=(*held_out, verdict.sentence),
+        in_short=_in_short(tcp),
+        confidence=_confidence(data.identification),
+        what_to_do=_what_to_do(data),
+        warnings=verdict.warnings,
+        tiles=_tiles(data, tcp),
+    )
+
+
+def _subtitle(data: RunData) -> str:
+    robot = data.identification.robot
+    encoders = f"{len(robot.encoders)} encoders" if robot.encoders else "no encoders"
+    recordings = [fitted.recording for fitted in data.recordings]
+    kinds = listed(sorted({recording.description.kind for recording in recordings}))
+    measured = f"{kinds} recording of {recordings[0].robot_log.t[-1]:.0f} s"
+    if data.several:
+        measured = f"{len(recordings)} {kinds} recordings together"
+    cell = robot.cell
+    return f"{cell.robot.title} on {cell.ballbar.title} with {encoders}; {measured}."
+
+
+def _heading(data: RunData) -> str:
+    verdict, outcomes = data.identification.verdict, [v.outcome for v in data.validations]
+    if failed := [outcome.name for outcome in outcomes if not outcome.acceptable]:
+        return f"Held-out recording not explained: {', '.join(failed)}"
+    missed = [limit.what for limit in data.limits if not limit.met]
+    if verdict.acceptable and missed:
+        return f"Limits of the scenario missed: {', '.join(missed)}"
+    return _HEADINGS.get(verdict.status, "Not acceptable")
+
+
+def _in_short(tcp: TcpView) -> str:
+    """The error before and after."""
+    before, after = millimetres(tcp.before.mean()), millimetres(tcp.after.mean())
+    poses = f"Over {tcp.before.size} poses of the workspace"
+    if tcp.against_truth:
+        return (
+            f"{poses} the mean TCP error is {before} with the nominal model and {after} with the "
+            "identified one."
+        )
+    return (
+        f"{poses} the identified model moves the TCP by {before} on average against the nominal "
+        f"one; the stated uncertainty of what remains is {after} (1 sigma, mean)."
+    )
+
+
+def _what_to_do(data: RunData) -> str:
+    """The sentence for a decision, from verdict, limits and held-out recordings."""
+    verdict = data.identification.verdict
+    if not verdict.acceptable:
+        return "Do not use these parameters before the cause has been found."
+    if not data.acceptable:
+        return (
+            "Do not use these parameters yet: the robot was identified, but not as well as was "
+            "required."
+        )
+    use = (
+        "The identified robot may be used: ballbar export writes it for other programs, ballbar "
+        "correct corrects targets."
+    )
+    if verdict.status is Status.SUSPECT:
+        return f"{use} Clear up the remarks below first if the margin is tight."
+    return use
+
+
+def _confidence(result: Identification) -> str:
+    """How sure the figures are, and what they leave out."""
+    sigma, left = result.robot.tcp_sigma, left_at_nominal(result.robot)
+    sentence = (
+        f"By its own account the identified model is within {millimetres(2.0 * sigma.mean())} of "
+        f"the true tool position at an average pose and within {millimetres(2.0 * sigma.max())} at "
+        "the worst, with 95 % confidence (2 sigma), under the assumptions below."
+    )
+    if not left:
+        return sentence
+    names = listed([parameter.name for parameter in left])
+    return f"{sentence} Not determined here and kept at the catalogue's values: {names}."
+
+
+def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
+    result, estimates = data.identification, [fitted.estimate for fitted in data.recordings]
+    position, angle = [], []
+    for residuals in ([e.before for e in estimates], [e.after for e in estimates]):
+        errors = np.concatenate([r.position for r in residuals])
+        position.append(significant(rms_norm(errors) * UM))
+        errors = np.concatenate([r.angle for r in residuals])
+        angle.append(significant(rms_norm(errors) * URAD))
+    equations = max(estimate.whitened.shape[0] for estimate in estimates)
+    each = f"{equations} equation{'s' * (equations > 1)} each"
+    samples = " + ".join(str(estimate.samples) for estimate in estimates)
+    poor = "" if result.fit.converged else ", not converged"
+    return (
+        _tcp_tile(tcp),
+        _clock_tile(data),
+        Tile(
+            "Residual rms, before → after",
+            f"{' → '.join(position)} µm",
+            f"angle {' → '.join(angle)} µrad",
+        ),
+        Tile("Iterations", f"{result.fit.iterations}", f"from the automatic start{poor}"),
+        Tile("Samples", samples, f"{each}, {_unknowns(result)}"),
+    )
+
+
+def _unknowns(result: Identification) -> str:
+    coefficients = sum(len(c.coefficients) for c in result.robot.corrections)
+    if not coefficients:
+        return f"{result.fit.unknowns} unknowns"
+    return f"{parameter_count(result)} parameters, {coefficients} coefficients"
+
+
+def _tcp_tile(tcp: TcpView) -> Tile:
+    before, after = (significant(values.mean() * MM) for values in (tcp.before, tcp.after))
+    poses = f"mean of {tcp.before.size} poses"
+    if not tcp.against_truth:
+        note = f"1 sigma, {poses}; correction made {before} mm"
+        return Tile("Stated TCP uncertainty", f"{after} mm", note)
+    stated = f"stated uncertainty {millimetres(tcp.stated.mean())} (1 sigma)"
+    note = f"{poses}, against the truth; {stated}"
+    return Tile("TCP error, before → after", f"{before} → {after} mm", note)
+
+
+def _clock_tile(data: RunData) -> Tile:
+    estimates = [fitted.estimate for fitted in data.recordings]
+    if data.several:
+        clocks = [estimate.clock for estimate in estimates]
+        offsets = ", ".join(f"{clock.offset * MS:.3f}" for clock in clocks if clock is not None)
+        largest = max(estimate.clock_sigma[0] for estimate in estimates)
+        if offsets:
+            note = f"one for each recording, ± {significant(largest * US, 2)} µs or less (1 sigma)"
+            return Tile("Clock offsets", f"{offsets} ms", note)
+    elif rows := clock_rows(estimates[0], data.comparison):
+        offset, skew = rows
+        note = f"± {offset.sigma}; skew {skew.value} ± {skew.sigma} (1 sigma)"
+        return Tile("Clock offset", offset.value, note)
+    return Tile("Clock", "one log", "no encoders, so there is no second clock")

@@ -1,0 +1,139 @@
+"""TCP error over the workspace: against the truth, or what can be said without it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballbar.figure_style import AFTER, BEFORE
+from ballbar.report import figures
+from ballbar.report.numbers import MISSING, significant
+from ballbar.result.run_data import RunData
+from ballbar.units import MM, PPM
+from cell.arrays import Array
+from ident.robot.accuracy import accuracy_grid, position_error
+from ident.robot.unloaded_robot import UnloadedRobot
+
+
+@dataclass(frozen=True, eq=False)
+class TcpView:
+    """TCP error over the G poses of the accuracy grid.
+
+    Where the truth is not known, `before` is the distance between nominal and identified model, and
+    `after` the stated uncertainty of the identified one.
+    """
+
+    against_truth: bool
+    position: Array  # (G, 3) [m] robot base frame
+    before: Array  # (G,) [m] error of the nominal model
+    after: Array  # (G,) [m] error of the identified model
+    before_label: str
+    after_label: str
+    predicted: Array  # (G,) [m] distance between nominal and identified model
+    stated: Array  # (G,) [m] stated uncertainty of the identified model
+
+
+@dataclass(frozen=True)
+class TcpRow:
+    """One row of the table, in mm."""
+
+    name: str
+    mean: str
+    quantile: str  # 95 % of the poses lie below
+    largest: str
+    without_scale: str  # mean after removing one common scale factor
+    side: str  # "before" or "after"
+
+
+@dataclass(frozen=True, eq=False)
+class TcpSection:
+    """What the page shows of a TcpView."""
+
+    view: TcpView
+    rows: list[TcpRow]
+    cumulative: str
+    map_before: str
+    map_after: str
+    scale_ppm: float  # standard deviation of every length, from that of the plate
+
+
+def tcp_view(data: RunData) -> TcpView:
+    """Error against the truth if there is a comparison, else the correction and its uncertainty."""
+    robot = data.identification.robot
+    grid = accuracy_grid(robot.cell.robot)
+    nominal = UnloadedRobot(robot.cell, robot.nominal).tool(grid)
+    shift = position_error(nominal, robot.unloaded().tool(grid))
+    comparison = data.comparison
+    return TcpView(
+        against_truth=comparison is not None,
+        position=comparison.tcp_nominal.position if comparison else shift.position,
+        before=comparison.tcp_nominal.error if comparison else shift.error,
+        after=comparison.tcp.error if comparison else robot.tcp_sigma,
+        before_label="TCP error before" if comparison else "TCP correction",
+        after_label="TCP error after" if comparison else "Stated TCP sigma",
+        predicted=shift.error,
+        stated=robot.tcp_sigma,
+    )
+
+
+def tcp_section(data: RunData, view: TcpView) -> TcpSection:
+    """Table, curves and maps of a TCP view."""
+    estimates = [fitted.estimate for fitted in data.recordings]
+    spheres = [figures.Sphere(e.geometry.origin, e.geometry["bd3"]) for e in estimates]
+    plate = data.identification.robot.cell.plate
+    before, after = (f"{label}, mean" for label in (view.before_label, view.after_label))
+    quantity = "TCP error" if view.against_truth else "distance of the TCP"
+    return TcpSection(
+        view=view,
+        rows=_rows(data, view),
+        cumulative=figures.cumulative(_curves(view), label=quantity),
+        map_before=figures.workspace_map(
+            view.position, view.before, spheres, label=before, colours=figures.BEFORE_SCALE
+        ),
+        map_after=figures.workspace_map(
+            view.position, view.after, spheres, label=after, colours=figures.AFTER_SCALE
+        ),
+        scale_ppm=plate.length_sigma / plate.length * PPM,
+    )
+
+
+def _rows(data: RunData, view: TcpView) -> list[TcpRow]:
+    if data.comparison is None:
+        rows = [_row("correction (nominal to identified)", view.before, "before")]
+    else:
+        nominal, identified = data.comparison.tcp_nominal, data.comparison.tcp
+        rows = [
+            _row("before (nominal)", nominal.error, "before", nominal.error_without_scale),
+            _row("after (identified)", identified.error, "after", identified.error_without_scale),
+            _row("predicted before", view.predicted, "before"),
+        ]
+    return [*rows, _row("stated sigma", view.stated, "after")]
+
+
+def _row(name: str, error: Array, side: str, without_scale: Array | None = None) -> TcpRow:
+    """Of errors (G,) [m]."""
+    mean, quantile, largest = error.mean(), np.quantile(error, 0.95), error.max()
+    return TcpRow(
+        name=name,
+        mean=significant(float(mean) * MM),
+        quantile=significant(float(quantile) * MM),
+        largest=significant(float(largest) * MM),
+        without_scale=MISSING
+        if without_scale is None
+        else significant(float(without_scale.mean()) * MM),
+        side=side,
+    )
+
+
+def _curves(view: TcpView) -> list[figures.Curve]:
+    curves = [
+        figures.Curve(view.before_label, view.before, BEFORE),
+        figures.Curve(view.after_label, view.after, AFTER),
+    ]
+    if view.against_truth:
+        label = "predicted before: nominal against identified"
+        curves.append(figures.Curve(label, view.predicted, BEFORE, dashed=True))
+        label = "predicted after: stated sigma"
+        curves.append(figures.Curve(label, view.stated, AFTER, dashed=True))
+    return curves
