@@ -194,7 +194,7 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
 
 
 def _with_stamps(source: LogSource, table: Table) -> tuple[Table, str]:
-    """The table of one file with its stamps in ns, and their column and form in words."""
+    """The table of one file with its stamps in ns, and a text of their column and form."""
     time, columns = source.dialect.time, dict(table.columns)
     if time.column not in columns and time.halves is not None:
         column = " and ".join(time.halves)

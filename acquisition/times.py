@@ -101,7 +101,7 @@ class TimeCells:
 
 
 def words(form: TimeForm) -> str:
-    """A form of time stamps in words."""
+    """Text of a form of time stamps, such as `ms since 1970`."""
     return _COUNTS[form].words if form in _COUNTS else _WORDS[form]
 
 

@@ -230,7 +230,7 @@ def _with_late_rows(
 
 
 def amount(seconds: float) -> str:
-    """A duration in words."""
+    """Text of a duration, such as `3.2 ms`."""
     if seconds >= 1.0 or seconds == 0.0:
         return f"{seconds:.6g} s"
     return f"{seconds * 1e3:.6g} ms" if seconds >= 1e-5 else f"{seconds * 1e9:.6g} ns"
