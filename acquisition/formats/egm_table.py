@@ -69,6 +69,7 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
         raise LogError(
             f"{file}:{messages.number[row]}: {_AXES[axis]} is {angles[row, axis]:g} deg: an axis "
             "that is not there, or damage."
+            " Record a robot of six axes, or copy the file again."
         )
     messages, times = _times(messages)
     columns: dict[str, NDArray[Any]] = {time: times}
@@ -106,7 +107,9 @@ def _frame_findings(frames: Frames, raw: bytes, file: str) -> list[Finding]:
         sentence = "message damaged; dropped."
         findings.append(finding("checksum", "repaired", file, sentence, lines=damaged))
     if not frames.messages:
-        raise LogError(f"{file}: no complete message.")
+        raise LogError(
+            f"{file}: no complete message. Copy it again, or record while the robot sends EGM."
+        )
     return findings
 
 
@@ -120,6 +123,7 @@ def _feedback(frames: Frames, file: str) -> list[EgmFeedback]:
         if len(entry.joints_deg) not in {0, 6}:
             raise LogError(
                 f"{file}:{number}: {len(entry.joints_deg)} joint angles; six axes are read."
+                " Record a robot of six axes, or copy the file again."
             )
         feedback.append(entry)
     return feedback
@@ -149,6 +153,7 @@ def _in_sequence(messages: _Messages) -> _Messages:
             raise LogError(
                 f"{messages.file}:{ordered[i]}: sequence number {seqno[order[i]]} stands twice, "
                 "with another content. Are two recordings in one file?"
+                " Split it, or copy it again."
             )
     if repeated.any():
         sentence = "same message as the one before; the first is kept."
@@ -167,11 +172,15 @@ def _from_first_angles(messages: _Messages) -> _Messages:
     feedback, number = messages.feedback, messages.number
     start = _first(any(entry.joints_deg) for entry in feedback)
     if start is None:
-        raise LogError(f"{messages.file}: no message has joint angles other than zero.")
+        raise LogError(
+            f"{messages.file}: no message has joint angles other than zero."
+            " Record again while the robot sends its feedback."
+        )
     missing = _first(not entry.joints_deg for entry in feedback[start:])
     if missing is not None:
         raise LogError(
             f"{messages.file}:{number[start + missing]}: no joint angles in this message."
+            " Cut the file before it, or record again."
         )
     if start:
         sentence = "no joint angles, or zeros for all, before the first feedback; left out."
@@ -194,7 +203,10 @@ def _times(messages: _Messages) -> tuple[_Messages, NDArray[np.int64]]:
         times = [None if tm is None else tm * 1_000_000 for tm in sent]
     missing = _first(time is None for time in times)
     if missing is not None:
-        raise LogError(f"{messages.file}:{messages.number[missing]}: no time in this message.")
+        raise LogError(
+            f"{messages.file}:{messages.number[missing]}: no time in this message."
+            " Cut the file before it, or record again."
+        )
     return messages, np.array(times, dtype=np.int64)
 
 
