@@ -199,6 +199,7 @@ def assess(
     if outcome.violations or trajectory is None or forces is None:
         raise InputError(
             f"the path cannot be run: {'; '.join(v.sentence for v in outcome.violations)}"
+            ". Change the path, or move the ball-bar"
         )
     return Plan(
         evaluator=evaluator,

@@ -38,6 +38,7 @@ def read_files(scenarios: Iterable[Mapping[str, Any]], folder: Path) -> Files:
             except OSError as error:
                 raise InputError(
                     f"{key} = {name!r}: {folder / file} cannot be read: {error.strerror}."
+                    " Correct the name."
                 ) from None
     return tuple(sorted(contents.items()))
 
