@@ -1,4 +1,4 @@
-"""Local cubics, by which damaged values and steps of a log are told from motion.
+"""Local cubics that distinguish damaged values and steps of a log from motion.
 
 Acquisition looks for damaged values (acquisition.faults.damaged_values), identification for steps
 of an encoder or a clock (ident.signals.steps). Both compare a value with a cubic through the rows

@@ -29,7 +29,11 @@ BANNED = (
     Word(r"courses?", "trajectory", r"\bof course\b"),
     Word(r"mend(ed|s|ing)?", "repaired"),
     Word(r"told", "reported"),
-    Word(r"senses?", "encoder direction", r"\b(in|makes?|no) (the|a|this|that|every)? ?sense\b"),
+    Word(
+        r"senses?",
+        "encoder direction",
+        r"\b(in|makes?|no) (the|a|this|that|every)? ?sense\b|\bencoders\.senses\b",
+    ),
     Word(r"mismatch(es)?", "loop-closure error", r"string_pattern_mismatch"),
     Word(r"cardans?", "universal joint", r"\bCardan joint\b"),
     Word(r"by hand", "manual"),
