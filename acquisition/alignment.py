@@ -112,7 +112,7 @@ def _compare(robot: Array, ballbar: Array) -> _Lags:
 
 
 def overlap_correlation(r: Array, b: Array, samples: Array, enough: NDArray[np.bool_]) -> Array:
-    """(L,) correlation of two signals inside their overlap at each lag, by FFT.
+    """(L,) dimensionless correlation of two signals inside their overlap at each lag, by FFT.
 
     r, b : (n,), (m,) signals. samples : (L,) of overlap at each lag that counts. enough : (n+m-1,)
         those

@@ -14,10 +14,7 @@ INK, QUIET, FAINT, GRID = "#22303c", "#66727d", "#c4ccd3", "#dfe4e8"  # text, no
 BLUE, ORANGE, GREEN, PURPLE = "#1f66ad", "#d9740b", "#2a8f5b", "#8a4fa0"
 RED, TEAL, BROWN, GREY = "#b03030", "#1a8a9a", "#8a6d1e", "#8a949c"
 LINES = (BLUE, ORANGE, GREEN, PURPLE, RED, BROWN)  # of curves in one plot, in this order
-BEFORE, AFTER = (
-    ORANGE,
-    BLUE,
-)  # nominal and identified robot; distinct in every kind of colour vision
+BEFORE, AFTER = ORANGE, BLUE  # nominal and identified robot; distinct in colour blindness, too
 DASHED = (0, (4, 3))  # line style of a limit
 FRAME: dict[RcKeyType, Any] = {
     "svg.fonttype": "none",

@@ -1,4 +1,4 @@
-"""Local cubics that distinguish damaged values and steps of a log from motion.
+"""Local cubics, which distinguish damaged values and steps of a log from motion.
 
 Acquisition looks for damaged values (acquisition.faults.damaged_values), identification for steps
 of an encoder or a clock (ident.signals.steps). Both compare a value with a cubic through the rows
@@ -84,12 +84,12 @@ def prediction_errors(t: Array, values: Array, first: int = 2, stop: int | None 
 
 
 def robust_sigma(values: Array) -> Array:
-    """(C,) standard deviation of most of the values (N, C), whatever a few of them are."""
+    """(C,) [rad] standard deviation of most of the values (N, C) [rad], a few gross ones aside."""
     return np.asarray(np.median(np.abs(values), axis=0) / NORMAL_MEDIAN)
 
 
 def powers(x: Array, count: int) -> Array:
-    """(count, ...) the powers 1, x, x^2, ... of x (...)."""
+    """(P, ...) powers 1, x, ..., x^(P-1) of a dimensionless x (...), for P = `count`."""
     out = np.ones((count, *x.shape))
     for k in range(1, count):
         np.multiply(out[k - 1], x, out=out[k])
@@ -106,21 +106,24 @@ class LocalFits:
     full: Mask  # (Z,) whether the known rows determine all coefficients
 
     def residual(self, values: Array) -> Array:
-        """(Z, R) values (Z, R) less the fit to the known ones of them."""
+        """(Z, R) [rad] values (Z, R) [rad] less the fit to the known ones of them."""
         return np.asarray(values - np.einsum("pzr,zp->zr", self.basis, self._projected(values)))
 
     def coefficients(self, values: Array) -> Array:
-        """(Z, P) coefficients of the columns for values (Z, R); 0 where undetermined."""
+        """(Z, P) [rad] coefficients for values (Z, R) [rad]; 0 where undetermined."""
         solved = np.linalg.solve(self.triangle, self._projected(values)[..., None])
         return np.asarray(solved[..., 0], dtype=np.float64)
 
     def spread(self, residual: Array) -> Array:
-        """(Z,) standard deviation of a known value, from the residual (Z, R)."""
+        """(Z,) [rad] standard deviation of a known value, from the residual (Z, R) [rad]."""
         degrees = np.maximum(1.0, self.known.sum(axis=1) - len(self.basis))
         return np.asarray(np.sqrt((residual * residual * self.known).sum(axis=1) / degrees))
 
     def deviation(self, sigma: Array) -> Array:
-        """(Z, R) standard deviation of unknown values less the fit; sigma : (Z,) of one value."""
+        """(Z, R) [rad] standard deviation of unknown values less the fit.
+
+        sigma : (Z,) [rad] of one value.
+        """
         leverage = np.einsum("pzr,pzr->zr", self.basis, self.basis)
         return np.asarray(sigma[:, None] * np.sqrt(1.0 + leverage))
 
@@ -129,7 +132,10 @@ class LocalFits:
 
 
 def local_fits(columns: Array, known: NDArray[np.bool_]) -> LocalFits:
-    """Fits of columns (P, Z, R) over the rows `known` (Z, R), by modified Gram-Schmidt."""
+    """Fits of dimensionless columns (P, Z, R) over the rows `known` (Z, R).
+
+    Method: modified Gram-Schmidt.
+    """
     weight = known.astype(np.float64)
     basis = np.array(columns, dtype=np.float64)
     triangle = np.zeros((basis.shape[1], len(basis), len(basis)))

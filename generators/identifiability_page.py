@@ -207,7 +207,7 @@ def _reasons(loop: KinematicLoop, studies: Mapping[str, Study]) -> dict[str, str
     )
     position = studies["position"].selection
     ba2 = next(vector_text(d) for d in position.dependent if d.name == "ba2")
-    moved = reidentified(loop, "position", (1, 2), position.kept, "balpha2")
+    moved = reidentified(loop, "position", (1, 2), position.selected, "balpha2")
     vector = vector_text(about_axis_1.vectors[0])
     return {
         "origin": "The ball-bar of this scenario stands at y = 0, so turning it about axis 1 moves "
@@ -224,7 +224,7 @@ def _reasons(loop: KinematicLoop, studies: Mapping[str, Study]) -> dict[str, str
         "in sec. 3.3 lacks `ba2` too, though the thesis's recipe finds it (below); the damping of "
         "Levenberg-Marquardt lets such a direction pass.",
         "scale": f"The {_scaled(position)} kept lengths that are not zero, each in proportion to "
-        f"itself, of {len(position.kept)} parameters kept with C_P. Angles and lengths of zero "
+        f"itself, of {len(position.selected)} parameters kept with C_P. Angles and lengths of zero "
         "stay, so it is not most of them.",
         "balpha2": f"With `balpha2` off by 1 mrad, `bd2` moves by {moved['bd2']:+.3f} mm and `bd3` "
         f"by {moved['bd3']:+.4f} mm: second order, as Table 3.2 has it (`bd2 | balpha2`, no "
@@ -291,7 +291,7 @@ def _recipe(loop: KinematicLoop, studies: Mapping[str, Study]) -> Iterator[str]:
         ]
         sizes = (
             f"{max(nominal[name] for name in left_out):.0e} | "
-            f"{min(nominal[name] for name in s.kept):.0e}"
+            f"{min(nominal[name] for name in s.selected):.0e}"
         )
         yield f"| {THESIS_COSTS[cost]} | {' | '.join(verdicts)} | {sizes} |"
     yield ""
@@ -412,12 +412,12 @@ def _kept(studies: Mapping[str, Study]) -> Iterator[str]:
     for cost, title in THESIS_COSTS.items():
         s = studies[cost].selection
         yield (
-            f"| {title} | {len(s.kept)} | {_code(shortened(s.kept))} | "
+            f"| {title} | {len(s.selected)} | {_code(shortened(s.selected))} | "
             f"{_code(d.name for d in s.dependent)} |"
         )
     removed = {d.name for f in studies.values() for d in f.selection.dependent}
     yield ""
-    same = set(studies["length"].selection.kept) == TABLE_3_5_IDENTIFIED
+    same = set(studies["length"].selection.selected) == TABLE_3_5_IDENTIFIED
     yield (
         f"Table 3.5 gives numbers for {len(TABLE_3_5_IDENTIFIED)} parameters: "
         f"{'exactly' if same else 'not'} those kept for C_l."
@@ -447,7 +447,7 @@ def _other_robot(by_robot: Mapping[str, Mapping[str, Study]]) -> Iterator[str]:
     pairs = [tuple(studies[cost] for studies in by_robot.values()) for cost in THESIS_COSTS]
     same = all(
         list(map(str, nj220.groups)) == list(map(str, irb2400.groups))
-        and nj220.selection.kept == irb2400.selection.kept
+        and nj220.selection.selected == irb2400.selection.selected
         for irb2400, nj220 in pairs
     )
     yield (

@@ -19,8 +19,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 
-from ballbar.report.figures import AFTER, BEFORE, STYLE
-from ballbar.report.page import tcp_view
+from ballbar.figure_style import AFTER, BEFORE
+from ballbar.report.figures import STYLE
+from ballbar.report.tcp_view import tcp_view
 from ballbar.result.run_data import RunData
 from ballbar.run import run_scenario
 from ballbar.scenario import load_scenario

@@ -277,8 +277,8 @@ def unsupported(result: Fit) -> set[str]:
         position = coefficients_of(result, correction)
         values = result.x[position]
         spread = stated.covariance[position, position]
-        surprise = float(values @ np.linalg.solve(spread, values))
-        if surprise < values.size + SUPPORT * np.sqrt(2.0 * values.size):
+        chi2 = float(values @ np.linalg.solve(spread, values))
+        if chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
             out.add(correction.name)
     return out
 

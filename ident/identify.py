@@ -1,4 +1,4 @@
-"""From logs to the robot's parameters, with their uncertainty and a verdict in words.
+"""From logs to the robot's parameters, with their uncertainty and a verdict.
 
 Each recording: smooth -> automatic start -> identifiable subset -> whitened fit of the `dh` model
 with the clock as parameter (ident.recording_fit). Where that leaves something systematic, or

@@ -1,4 +1,4 @@
-"""What was repaired in the logs of a recording or left out of them, in words."""
+"""Remarks on what was repaired in the logs of a recording or left out of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ident.signals.step_fault import StepFault
 def log_remarks(samples: Samples, faults: Sequence[StepFault]) -> tuple[str, ...]:
     """A sentence for each step fault, each further repair, and the outliers of each log."""
     remarks = [fault.sentence for fault in faults]
-    for step in samples.robot.breaks:
+    for step in samples.robot.steps:
         if step.channel is not None:
             remarks.append(
                 f"robot joint {step.channel + 1} jumped by {step.size * 1e3:+.3f} mrad at row "

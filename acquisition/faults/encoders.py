@@ -52,7 +52,7 @@ _NEAR_ZERO = 4
 
 
 def unwrap_counter(counter: Counts, valid: Mask | None = None) -> Counts:
-    """(N,) counts without wraps, of counter words (N,) logged as UDINT or DINT.
+    """(N,) [counts] without wraps, of counter words (N,) logged as UDINT or DINT.
 
     valid : (N,) rows to count from one to the next; the words of the others are taken from the
         valid row
@@ -73,12 +73,12 @@ def unwrap_counter(counter: Counts, valid: Mask | None = None) -> Counts:
 
 
 def signed_word(difference: Counts) -> Counts:
-    """(...) differences (...) of counter words as signed 32-bit numbers."""
+    """(N, ...) [counts] differences (N, ...) of counter words as signed 32-bit numbers."""
     return difference.astype(np.int32).astype(np.int64)  # the low 32 bits
 
 
 def counts_to_rad(counts: Counts, *, lines: int, bits: int, sign: int) -> Array:
-    """(...) [rad] encoder angles of counts (...); zero is where the counter was zero.
+    """(N, ...) [rad] encoder angles of counts (N, ...); zero is where the counter was zero.
 
     sign : +1 or -1, direction of the encoder.
     """
@@ -139,7 +139,7 @@ def _with_status_word_checked(table: Table, encoder: EncoderName, column: str) -
 
 
 def counter_words(table: Table, fitted: Fitted) -> Counts:
-    """(N, E) counter words of the fitted encoders.
+    """(N, E) [counts] counter words of the fitted encoders.
 
     Raises LogError for a word that is no 32-bit counter.
     """
@@ -226,9 +226,9 @@ def powered_up(words: Counts, fitted: Fitted, before: int | None, behind: int | 
     """
     if before is None or behind is None:
         return False
-    near = np.array([_NEAR_ZERO * 2**encoder.bits for encoder in fitted.values()])
-    starts = (np.abs(signed_word(words[behind])) <= near).all()
-    return bool(starts and (np.abs(signed_word(words[before])) > 10 * near).any())
+    limit = np.array([_NEAR_ZERO * 2**encoder.bits for encoder in fitted.values()])
+    starts = (np.abs(signed_word(words[behind])) <= limit).all()
+    return bool(starts and (np.abs(signed_word(words[before])) > 10 * limit).any())
 
 
 def encoder_angles(words: Counts, valid: Mask, fitted: Fitted) -> Array:

@@ -105,15 +105,23 @@ def find_segments(
             f"go back, rows are missing for more than {PAUSE:g} s or counters jump. Is it a log of "
             "one run, and its clock the one that is declared?"
         )
-    log = _Log(angles, usable(table.flags), table.begins, reset, powered_up, period, pause)
+    log = _Log(
+        angles=angles,
+        valid=usable(table.flags),
+        begins=table.begins,
+        reset=reset,
+        powered_up=powered_up,
+        period=period,
+        pause=pause,
+    )
     parts = np.zeros(stamps.size, dtype=np.int64)
     for row in rows:
-        found = _boundary(log, stamps, int(row))
-        parts[row:] += found.separates
-        stamps[row:] += found.shift
-        if found.kind:
+        change = _boundary(log, stamps, int(row))
+        parts[row:] += change.separates
+        stamps[row:] += change.shift
+        if change.kind:
             at = np.array([row])
-            table = table.remarked(found.kind, found.severity, found.sentence, rows=at)
+            table = table.remarked(change.kind, change.severity, change.sentence, rows=at)
     segment = np.cumsum(boundary).astype(np.uint16)
     table, used = _longest(table, stamps, parts)
     return table, Segments(stamps, segment, used)

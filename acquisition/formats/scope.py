@@ -67,8 +67,8 @@ def read_scope(path: Path, file: str, time: str, layout: Layout) -> tuple[Table,
             raise LogError(
                 f"{file}: {count} channels are called {name!r}. Rename them in the Scope."
             )
-    channels, found = _channels(export, only=tuple(wanted))
-    findings = [*export.findings, *found, *_end_findings(export, channels)]
+    channels, findings = _channels(export, only=tuple(wanted))
+    findings = [*export.findings, *findings, *_end_findings(export, channels)]
     unknown = [key for key in _UNSCALED if key not in export.meta]
     if unknown:
         sentence = (

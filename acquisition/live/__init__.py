@@ -1,8 +1,9 @@
-"""The live recorder: what a PLC and a robot controller deliver, into a recording folder as it comes (thesis sec. 4.6).
+"""The live recorder: what a PLC and a robot controller deliver, into a recording folder.
 
     PLC ring buffer --ADS--> ring -> plc_source \
-                                                 recorder -> segment_file -> DIR/raw/..., folder -> DIR/recording.yaml
-    robot controller --UDP--------> egm_source  /
+                                                 recorder -> segment_file -> DIR/raw/...
+    robot controller --UDP--------> egm_source  /         -> folder -> DIR/recording.yaml
 
-Nothing is interpreted on the way: counters, status words, stamps and EGM messages are kept as the devices made them.
+Nothing is interpreted on the way: counters, status words, stamps and EGM messages are stored as the
+devices made them. After the recorder of thesis sec. 4.6.
 """

@@ -1,6 +1,7 @@
 """A structure in the memory of a TwinCAT PLC, read by byte offset over ADS.
 
-One read of a symbol tells where it lies; everything else are plain reads of that place, which cost the PLC next to nothing.
+One read of a symbol tells where it lies; all others are plain reads of that memory, which cost the
+PLC next to nothing.
 """
 
 from __future__ import annotations
@@ -11,13 +12,12 @@ import pyads
 
 from acquisition.live.source import DeviceSilentError
 
-TIMEOUT_MS = (
-    1000  # beyond it the connection counts as lost; a healthy PLC answers within a few cycles
-)
+# Beyond it the connection counts as lost; a healthy PLC answers within a few cycles.
+TIMEOUT_MS = 1000
 # What the common error codes of ADS mean for someone who stands at the machine.
 _MEANING = {
     -1: "the connection was closed",
-    6: "nothing answers there. Is TwinCAT running, and this PC entered under its routes?",
+    6: "nothing answers at that address. Is TwinCAT running, and this PC entered under its routes?",
     7: "not found. Is its net id right, and this PC entered under its routes?",
     1808: "it has no such variable. Is the program of docs/recorder.md loaded?",
     1861: f"no answer within {TIMEOUT_MS / 1000:g} s",
@@ -27,7 +27,8 @@ _MEANING = {
 class AdsMemory:
     """The variable `symbol` of the PLC at an AMS address.
 
-    net_id, port : such as 5.12.82.20.1.1 and 851. host : IP address of the PLC; default the first four numbers of the net id.
+    net_id, port : such as 5.12.82.20.1.1 and 851.
+    host : IP address of the PLC; default the first four numbers of the net id.
     """
 
     def __init__(self, net_id: str, port: int, *, symbol: str, host: str | None = None) -> None:
@@ -44,8 +45,8 @@ class AdsMemory:
         try:
             self._connection.open()
             self._connection.set_timeout(TIMEOUT_MS)
-            found = self._connection.get_symbol(self._symbol)
-            self._group, self._offset = found.index_group, found.index_offset
+            symbol = self._connection.get_symbol(self._symbol)
+            self._group, self._offset = symbol.index_group, symbol.index_offset
         except (pyads.ADSError, RuntimeError) as error:
             self.close()
             raise DeviceSilentError(

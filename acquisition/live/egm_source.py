@@ -1,6 +1,7 @@
-"""Feedback of an ABB controller over EGM: each UDP message kept as it came, in the file form of `acquisition.formats.egm`.
+"""Feedback of an ABB controller over EGM: each UDP message as it came.
 
-The robot sends, the recorder only listens. It hears the first sender of a segment and counts what others send.
+The robot sends, the recorder only listens. It hears the first sender of a segment and counts what
+others send. The form of the file: acquisition.formats.egm.
 """
 
 from __future__ import annotations
@@ -19,17 +20,21 @@ from cell.recording import SourceName
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 6510  # ABB's for UdpUc devices
-SILENCE = 2.0  # [s] without a message: the EGM session has ended; gaps of a running one reach 25 ms (notes/log_formats sec. D)
+# [s] without a message: the EGM session has ended; gaps of a running session reach 25 ms
+# (notes/log_formats sec. D).
+SILENCE = 2.0
 _BUFFER = 1 << 22  # bytes for the kernel to hold: several seconds of messages
-_REORDERED = (
-    10  # messages; a network may swap neighbours, a session that starts anew goes back further
-)
-_MOST = 10_000  # messages a poll: whoever sends faster than they are read must not keep a poll from ending
+# Messages; a network may swap neighbours, a session that starts anew goes back further.
+_REORDERED = 10
+# Messages a poll: whoever sends faster than they are read must not keep a poll from ending.
+_MOST = 10_000
 _AXES = 6
 
 
 class EgmSource:
-    """A UDP socket that takes EGM feedback. It is bound at once, so that a taken port is known before the recording begins.
+    """A UDP socket that takes EGM feedback.
+
+    It is bound at once, so that a port in use is known before the recording begins.
 
     Raises InputError if the address cannot be bound.
     """
@@ -78,12 +83,8 @@ class EgmSource:
 
     def connect(self) -> None:
         """Forgets the sender and the numbers of the last session."""
-        self._sender, self._last_seqno, self._missing, self._heard = (
-            None,
-            None,
-            set(),
-            time.monotonic(),
-        )
+        self._sender, self._last_seqno, self._missing = None, None, set()
+        self._heard = time.monotonic()
 
     def poll(self) -> Batch:
         messages, refused = self._held, 0

@@ -1,6 +1,7 @@
-"""The recording folder while it grows: names of the device files, and a recording.yaml that is right at every moment.
+"""The recording folder while it grows: its device files, and a recording.yaml that is right.
 
-A file is declared once it holds records, so recording.yaml never names a file that no reader can use.
+A file is declared once it holds records, so recording.yaml never names a file that no reader can
+use.
 """
 
 from __future__ import annotations
@@ -15,8 +16,13 @@ from cell.files import write_yaml
 from cell.recording import SourceName
 
 _MISSING: dict[SourceName, str] = {
-    "robot": "the robot's log: copy it into raw/ and declare it under sources.robot, with its dialect",
-    "ballbar": "the ball-bar's log: copy it into raw/, declare it under sources.ballbar, and the encoders with lines, bits and sign",
+    "robot": (
+        "the robot's log: copy it into raw/ and declare it under sources.robot, with its dialect"
+    ),
+    "ballbar": (
+        "the ball-bar's log: copy it into raw/, declare it under sources.ballbar, and the "
+        "encoders with lines, bits and sign"
+    ),
 }
 
 
@@ -39,7 +45,8 @@ class RecordingFolder:
     def __init__(self, path: Path, cell: CellNames) -> None:
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise InputError(
-                f"{path}: exists already; nothing was written. A recording needs a folder that is new or empty."
+                f"{path}: exists already; nothing was written. A recording needs a folder that is "
+                "new or empty."
             )
         (path / "raw").mkdir(parents=True, exist_ok=True)
         self.path = path
@@ -82,14 +89,10 @@ class RecordingFolder:
             name: {"files": self._files[name], "dialect": self._dialects[name]}
             for name in sorted(self._files, reverse=True)
         }
-        # The sense of rotation is left at +1: identification finds it, from either start.
+        # The direction is left at +1: identification finds it, from either start.
+        lines, bits = self._cell.lines, self._encoders.bits
         fitted = {
-            f"b{j}": {
-                "column": f"b{j}",
-                "lines": self._cell.lines,
-                "bits": self._encoders.bits,
-                "sign": 1,
-            }
+            f"b{j}": {"column": f"b{j}", "lines": lines, "bits": bits, "sign": 1}
             for j in self._encoders.joints
         }
         write_yaml(

@@ -1,4 +1,4 @@
-"""The ball-bar's encoders, from the ring buffer of a TwinCAT PLC to lines of the dialect `twincat-plc`."""
+"""The ball-bar's encoders, from the ring buffer of a PLC to lines of the dialect `twincat-plc`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Memory(Protocol):
 
 
 class PlcSource:
-    """Lines of raw counters and status words with DC stamps; one column for each encoder that the PLC reads.
+    """Lines of raw counters and status words with DC stamps, for each encoder that the PLC reads.
 
     lines : of each encoder, for the angles shown on the way.
     """
@@ -41,12 +41,12 @@ class PlcSource:
         self._memory = memory
         self._lines = lines
         self._ring = RingReader(memory.read)
-        self.encoders = Encoders()  # what the PLC says of its terminals, once it was connected
-        self._held = _no_samples()  # taken and not yet handed on; those behind a step of the clock wait here for the next file
+        self.encoders = Encoders()  # as the PLC states them, once it was connected
+        # Taken and not yet handed on; those behind a step of the clock wait for the next file.
+        self._held = _no_samples()
         self._last_time: int | None = None  # stamp of the segment's last sample
-        self._last: tuple[NDArray[np.int64], NDArray[np.int64]] | None = (
-            None  # counter words, and counts since the first sample
-        )
+        # Counter words, and counts since the first sample.
+        self._last: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -54,16 +54,16 @@ class PlcSource:
 
     def file_start(self) -> bytes:
         joints = self.encoders.joints
-        return (
-            ";".join(["time", *(f"b{j}" for j in joints), *(f"s{j}" for j in joints)]) + "\r\n"
-        ).encode("ascii")
+        names = ["time", *(f"b{j}" for j in joints), *(f"s{j}" for j in joints)]
+        return (";".join(names) + "\r\n").encode("ascii")
 
     def connect(self) -> None:
         self._memory.open()
         self._ring.attach()
         if self.encoders.joints and self._ring.encoders != self.encoders:
             raise DeviceSilentError(
-                "the PLC reads other encoders than before, or at another resolution: end this recording"
+                "the PLC reads other encoders than before, or at another resolution: end this "
+                "recording"
             )
         self.encoders = self._ring.encoders
         self._last_time = None
@@ -89,43 +89,37 @@ class PlcSource:
         """The samples held, up to a step back of their clock."""
         samples, self._held = self._held, _no_samples()
         time = samples["time"].astype(np.int64)
-        back = np.flatnonzero(
-            np.diff(time, prepend=time[:1] if self._last_time is None else self._last_time) < 0
-        )
+        before = time[:1] if self._last_time is None else self._last_time
+        back = np.flatnonzero(np.diff(time, prepend=before) < 0)
         if back.size:
             ends = "the PLC's clock was set back"
             samples, self._held = samples[: back[0]], samples[back[0] :]
         time = samples["time"].astype(np.int64)
         self._last_time = int(time[-1]) if time.size else self._last_time
         columns = [joint - 1 for joint in self.encoders.joints]
-        counter, status = (
-            samples["counter"][:, columns].astype(np.int64),
-            samples["status"][:, columns].astype(np.int64),
-        )
+        counter = samples["counter"][:, columns].astype(np.int64)
+        status = samples["status"][:, columns].astype(np.int64)
         rows = np.column_stack((time, counter, status)).tolist()
         records = [(";".join(map(str, row)) + "\r\n").encode("ascii") for row in rows]
         return Batch(
-            records,
-            time,
-            self._angles(counter),
-            np.bitwise_or.reduce(status, axis=0),
+            records=records,
+            t_ns=time,
+            values=self._angles(counter),
+            status=np.bitwise_or.reduce(status, axis=0),
             lost=lost,
             ends=ends,
         )
 
     def _angles(self, counter: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(N, K) [deg] turned since the first sample of the recording."""
+        """(N, K) [deg] turned since the first sample of the recording; counter (N, K) words."""
         if not len(counter):
             return np.zeros(counter.shape)
         last, turned = self._last or (counter[0], np.zeros(counter.shape[1], dtype=np.int64))
-        counts = np.stack(
-            [unwrap_counter(column) for column in np.vstack((last, counter)).T], axis=1
-        )
+        words = np.vstack((last, counter)).T
+        counts = np.stack([unwrap_counter(column) for column in words], axis=1)
         counts += turned - counts[0]
-        self._last = counter[-1], counts[-1]
-        return np.rad2deg(
-            counts_to_rad(counts[1:], lines=self._lines, bits=self.encoders.bits, sign=1)
-        )
+        self._last, bits = (counter[-1], counts[-1]), self.encoders.bits
+        return np.rad2deg(counts_to_rad(counts[1:], lines=self._lines, bits=bits, sign=1))
 
 
 def _no_samples() -> NDArray[np.void]:

@@ -1,4 +1,4 @@
-"""What a recorder has done so far, for the eye: records, losses, gaps, rate, the last angles and what the encoders complained of."""
+"""What a recorder has done so far: records, losses, gaps, rate, angles, faults of encoders."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import time
 from collections import deque
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,13 +61,12 @@ class Tally:
     def new_segment(self) -> None:
         """Neither gaps nor the rate reach over the end of a segment."""
         self._period = self._last_stamp = 0
-        self._recent: deque[tuple[int, int]] = deque(
-            maxlen=_RATE_POLLS
-        )  # last stamp [ns], records so far
+        # Last stamp [ns] and number of records so far.
+        self._recent: deque[tuple[int, int]] = deque(maxlen=_RATE_POLLS)
 
-    def show(self, **changes: object) -> None:
+    def show(self, **changes: Any) -> None:
         """Replaces fields of the progress."""
-        self.progress = replace(self.progress, **changes)  # type: ignore[arg-type]
+        self.progress = replace(self.progress, **changes)
 
     def note(self, event: str) -> None:
         """Adds why a segment ended."""
@@ -83,11 +83,9 @@ class Tally:
         records = before.records + len(batch.records)
         if batch.t_ns.size:
             self._recent.append((int(batch.t_ns[-1]), records))
-        ever = (
-            batch.status
-            if before.ever is None or not before.ever.size
-            else before.ever | batch.status
-        )
+        ever = batch.status
+        if before.ever is not None and before.ever.size:
+            ever = ever | before.ever
         self.show(
             records=records,
             lost=before.lost + batch.lost,
@@ -101,7 +99,10 @@ class Tally:
         )
 
     def _gaps(self, stamps: NDArray[np.int64]) -> int:
-        """Steps of more than three periods within the segment; the period is the median of the first batch that has one."""
+        """Steps of stamps (N,) [ns] of more than three periods within the segment.
+
+        The period is the median of the first batch that has steps.
+        """
         if not stamps.size:
             return 0
         steps = np.diff(stamps, prepend=self._last_stamp) if self._last_stamp else np.diff(stamps)
@@ -113,5 +114,5 @@ class Tally:
     def _rate(self) -> float:
         if len(self._recent) < 2 or self._recent[-1][0] <= self._recent[0][0]:
             return 0.0
-        (first, before), (last, now) = self._recent[0], self._recent[-1]
-        return (now - before) / ((last - first) * 1e-9)
+        (first, before), (last, records) = self._recent[0], self._recent[-1]
+        return (records - before) / ((last - first) * 1e-9)

@@ -1,13 +1,15 @@
-"""The recorder of one source: the state machine of thesis sec. 4.6, without its 5 ms of waiting for a file.
+"""The recorder of one source: the state machine of thesis sec. 4.6, without its 5 ms of waiting.
 
-    WAIT    until the device delivers                        -> OPEN
-    OPEN    a new device file, a segment of the recording    -> FLUSH
-    RECORD  one poll of the device                           -> FLUSH, or CLOSE when it falls silent
-    FLUSH   the records to disk, then a pause until the next poll -> RECORD, or CLOSE when asked to stop
-    CLOSE   the file                                         -> WAIT for the device to come back, or the end
+    WAIT    until the device delivers                      -> OPEN
+    OPEN    a new device file, a segment of the recording  -> FLUSH
+    RECORD  one poll of the device                         -> FLUSH, or CLOSE when it falls silent
+    FLUSH   the records to disk, and a pause until the     -> RECORD, or CLOSE when stopped
+            next poll
+    CLOSE   the file                                       -> WAIT for the device, or the end
 
-The thesis's program sampled in RECORD and lost a cycle when the file was slow (its overruns). Here the PLC samples into a ring;
-a slow disk delays the next poll, and nothing is lost before the ring has gone round.
+The thesis's program sampled in RECORD, waited for a file, and lost a cycle when the file was slow
+(its overruns). Now the PLC samples into a ring; a slow disk delays the next poll, and nothing is
+lost before the ring has gone round.
 """
 
 from __future__ import annotations
@@ -31,7 +33,10 @@ class RecorderError(FailureError):
 
 
 class Recorder:
-    """Records one source until `stop` is set. `watch` sees each batch once it is on disk."""
+    """Records one source until `stop` is set.
+
+    on_batch : called with each batch once it is on disk.
+    """
 
     def __init__(
         self,
@@ -39,10 +44,10 @@ class Recorder:
         folder: RecordingFolder,
         stop: threading.Event,
         *,
-        watch: Callable[[Source, Batch], None] | None = None,
+        on_batch: Callable[[Source, Batch], None] | None = None,
     ) -> None:
         self.failure: Exception | None = None
-        self._source, self._folder, self._stop, self._watch = source, folder, stop, watch
+        self._source, self._folder, self._stop, self._on_batch = source, folder, stop, on_batch
         self._batch: Batch | None = None
         self._file: SegmentFile | None = None
         self._declared = False
@@ -50,11 +55,14 @@ class Recorder:
 
     @property
     def progress(self) -> Progress:
-        """As it is now; may be read from any thread."""
+        """What has been done so far; may be read from any thread."""
         return self._tally.progress
 
     def run(self) -> None:
-        """The state machine, until the end. An error is kept in `failure`, and stops the other recorders too."""
+        """The state machine, until the end.
+
+        An error is stored in `failure`, and stops the other recorders too.
+        """
         step = {
             State.WAIT: self._wait,
             State.OPEN: self._open,
@@ -69,16 +77,15 @@ class Recorder:
                 state = step[state]()
         except OSError as error:
             self.failure = self._broken(error)
-        except (
-            Exception
-        ) as error:  # whatever it is: the files are closed, and the main thread raises it
+        # Whatever it is: the files are closed, and the main thread raises it.
+        except Exception as error:
             self.failure = error
         finally:
             self._give_up()
             self._tally.show(state=State.END)
 
     def _wait(self) -> State:
-        """Until there are records, or the stop."""
+        """Waits until there are records, or the recorder is stopped."""
         while not self._stop.is_set():
             try:
                 self._source.connect()
@@ -114,8 +121,8 @@ class Recorder:
 
     def _flush(self) -> State:
         batch, file = self._batch, self._file
-        assert batch is not None, "FLUSH follows a poll"
-        assert file is not None, "FLUSH follows OPEN"
+        if batch is None or file is None:
+            raise RuntimeError("FLUSH follows OPEN and a poll")
         stopping, polled = self._stop.is_set(), time.monotonic()
         if batch.records:
             file.append(batch.records)
@@ -128,7 +135,7 @@ class Recorder:
         if stopping:
             return State.CLOSE
         self._stop.wait(max(0.0, polled + POLL - time.monotonic()))
-        return State.RECORD  # also when asked to stop: one last poll
+        return State.RECORD  # also when stopped meanwhile: one last poll
 
     def _close(self) -> State:
         self._close_file()
@@ -138,12 +145,12 @@ class Recorder:
         return State.WAIT
 
     def _show(self, batch: Batch) -> None:
-        if self._watch is None or not batch.records:
+        if self._on_batch is None or not batch.records:
             return
         try:
-            self._watch(self._source, batch)
+            self._on_batch(self._source, batch)
         except Exception as error:  # a picture must not end a recording
-            self._watch = None
+            self._on_batch = None
             self._tally.warn(f"the live view ended: {error}")
 
     def _declare(self, file: SegmentFile) -> None:
@@ -168,11 +175,9 @@ class Recorder:
 
     def _broken(self, error: OSError) -> RecorderError:
         where = self._file.path if self._file is not None else self._folder.path
-        kept = (
-            f"{self._file.records} whole records are in it and can be read. "
-            if self._file is not None
-            else ""
-        )
-        return RecorderError(
-            f"{where}: cannot be written: {error.strerror or error}. {kept}Make room or record to another disk."
-        )
+        rest = ""
+        if self._file is not None:
+            rest = f"{self._file.records} whole records are in it and can be read. "
+        reason = error.strerror or error
+        remedy = "Make room or record to another disk."
+        return RecorderError(f"{where}: cannot be written: {reason}. {rest}{remedy}")

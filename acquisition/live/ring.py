@@ -1,14 +1,17 @@
-"""The ring buffer that the PLC fills and the recorder empties: no sample lost or doubled, or it is said.
+"""The ring buffer that the PLC fills and the recorder empties: no sample lost or doubled unnoticed.
 
-    header  layout, capacity, fitted, bits: UDINT; started, written: ULINT                       32 bytes
-    sample  sequence, time: ULINT; counter: 5 UDINT; status: 5 UINT; spare: UINT                 48 bytes each
+    header  layout, capacity, fitted, bits: UDINT; started, written: ULINT                  32 bytes
+    sample  sequence, time: ULINT; counter: 5 UDINT; status: 5 UINT; spare: UINT       48 bytes each
 
-The PLC writes sample n (counted from 0) to slot n mod capacity, with n + 1 as its sequence number, and only then counts `written`
-up. So the slots below `written` are complete, and sample n is overwritten from the moment that `written` reaches n + capacity:
-`written` is read again after the samples, and those that may have been overwritten meanwhile are left out and counted as lost.
-`started` is the time of the PLC's first cycle: another one is another life of the PLC, whose samples count from 0 again.
+The PLC writes sample n (counted from 0) to slot n mod capacity, with n + 1 as its sequence number,
+and only then counts `written` up. So the slots below `written` are complete, and sample n is
+overwritten from the moment that `written` reaches n + capacity: `written` is read again after the
+samples, and those that may have been overwritten meanwhile are left out and counted as lost.
+`started` is the time of the PLC's first cycle: if it changes, the PLC was restarted and its samples
+count from 0 again.
 
-The Structured Text of both structures is in docs/recorder.md. Little-endian, as every TwinCAT target.
+The Structured Text of both structures is in docs/recorder.md. Little-endian, as every TwinCAT
+target.
 """
 
 from __future__ import annotations
@@ -64,7 +67,10 @@ class _Header:
 
 
 class RingReader:
-    """Takes samples out of the ring, each once. `read` may fail at any time; the position survives, also a reconnection."""
+    """Takes samples out of the ring, each once.
+
+    `read` may fail at any time; the position survives, also a reconnection.
+    """
 
     def __init__(self, read: Read) -> None:
         self._read = read
@@ -73,7 +79,7 @@ class RingReader:
         self.encoders = Encoders()
 
     def attach(self) -> None:
-        """Finds the place to go on: the present at first, later the sample after the last one taken.
+        """Finds the sample to go on with: the present at first, later the one after the last taken.
 
         Raises DeviceSilentError if the memory holds no ring of this layout.
         """
@@ -100,7 +106,8 @@ class RingReader:
         expected = np.arange(first + overwritten, first + count, dtype=np.uint64) + np.uint64(1)
         if not np.array_equal(samples["sequence"], expected):
             raise DeviceSilentError(
-                "the ring's sequence numbers do not follow one another; the PLC's program was changed"
+                "the ring's sequence numbers do not follow one another; the PLC's program was "
+                "changed"
             )
         lost = first + overwritten - self._next
         self._next = first + count
@@ -129,11 +136,13 @@ class RingReader:
         )
         if layout != LAYOUT or capacity not in CAPACITIES:
             raise DeviceSilentError(
-                "the PLC's ring has another layout than that of docs/recorder.md, or its program does not run yet"
+                "the PLC's ring has another layout than that of docs/recorder.md, or its program "
+                "does not run yet"
             )
         if not 0 < fitted < 32 or not 8 <= bits <= 13:
             raise DeviceSilentError(
-                f"the PLC's ring names no encoder, or none of an EL5021: fitted = {fitted}, bits = {bits}"
+                f"the PLC's ring names no encoder, or none of an EL5021: fitted = {fitted}, bits = "
+                f"{bits}"
             )
         encoders = Encoders(tuple(j for j in range(1, 6) if fitted >> (j - 1) & 1), bits)
         return _Header(capacity, int(raw["started"]), int(raw["written"]), encoders)

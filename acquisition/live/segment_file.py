@@ -1,7 +1,8 @@
-"""A device file that grows by whole records, so that it can be read wherever the recording breaks off.
+"""A device file that grows by whole records: it can be read wherever the recording breaks off.
 
-Each append reaches the disk before the next poll; after a crash at most the last append is missing or cut, and the reader drops
-an incomplete last record. When the disk is full the file is cut back to its last whole record.
+Each append reaches the disk before the next poll; after a crash at most the last append is missing
+or cut, and the reader drops an incomplete last record. When the disk is full the file is cut back
+to its last whole record.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class SegmentFile:
     def append(self, records: list[bytes]) -> None:
         """Writes records, the first ones behind the start of the file, and waits for the disk.
 
-        Raises OSError when the disk is full or gone; the file then ends with the last record that went in whole.
+        Raises OSError when the disk is full or gone; the file then ends with its last whole record.
         """
         start = b"" if self._size else self._start
         ends = list(accumulate((len(record) for record in records), initial=len(start)))
@@ -39,10 +40,10 @@ class SegmentFile:
                 written += os.write(self._descriptor, content[written:])
             os.fsync(self._descriptor)
         except OSError:
-            self._keep_whole(ends, written)
+            self._count_whole(ends, written)
             os.ftruncate(self._descriptor, self._size)
             raise
-        self._keep_whole(ends, written)
+        self._count_whole(ends, written)
 
     def close(self) -> None:
         """Closes the file; one without a record is removed, because no reader can use it."""
@@ -50,7 +51,7 @@ class SegmentFile:
         if not self.records:
             self.path.unlink()
 
-    def _keep_whole(self, ends: list[int], written: int) -> None:
+    def _count_whole(self, ends: list[int], written: int) -> None:
         whole = [end for end in ends[1:] if end <= written]
         if whole:
             self.records += len(whole)

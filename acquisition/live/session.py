@@ -21,11 +21,13 @@ class LiveRecording:
         folder: RecordingFolder,
         sources: Sequence[Source],
         *,
-        watch: Callable[[Source, Batch], None] | None = None,
+        on_batch: Callable[[Source, Batch], None] | None = None,
     ) -> None:
         self._folder = folder
         self._stop = threading.Event()
-        self._recorders = [Recorder(source, folder, self._stop, watch=watch) for source in sources]
+        self._recorders = [
+            Recorder(source, folder, self._stop, on_batch=on_batch) for source in sources
+        ]
         # Daemons: a PLC that hangs in a call must not keep the program from ending.
         self._threads = [
             threading.Thread(target=recorder.run, name=recorder.progress.name, daemon=True)
@@ -33,13 +35,13 @@ class LiveRecording:
         ]
 
     def start(self) -> None:
-        """Begins; returns at once."""
+        """Starts the recorders and returns at once."""
         for thread in self._threads:
             thread.start()
 
     @property
     def progress(self) -> list[Progress]:
-        """Of each source, in their order."""
+        """The progress of each source, in their order."""
         return [recorder.progress for recorder in self._recorders]
 
     @property
@@ -48,17 +50,18 @@ class LiveRecording:
         return self._folder.missing
 
     def wait(self, seconds: float = POLL) -> bool:
-        """Whether it was asked to stop, or a source failed, within some time."""
+        """Whether it was stopped, or a source failed, within `seconds`."""
         return self._stop.wait(seconds)
 
     def stop(self) -> None:
-        """Asks for the end; may be called from a signal handler."""
+        """Requests the end; may be called from a signal handler."""
         self._stop.set()
 
     def finish(self) -> None:
         """Stops, waits until the files are closed, and enters into recording.yaml what happened.
 
-        Raises RecorderError, or what else ended a recorder; OSError if recording.yaml cannot be written.
+        Raises RecorderError, or what else ended a recorder; OSError if recording.yaml cannot be
+        written.
         """
         self._stop.set()
         for thread in self._threads:
@@ -83,6 +86,7 @@ def notes(progress: Progress) -> list[str]:
         )
     if progress.refused:
         sentences.append(
-            f"{progress.name}: {progress.refused} datagrams were not of this robot and were left out."
+            f"{progress.name}: {progress.refused} datagrams were not of this robot and were left "
+            "out."
         )
     return [*sentences, *(f"{progress.name}: {warning}." for warning in progress.warnings)]

@@ -8,25 +8,26 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.arrays import Array
 from cell.recording import SourceName
 
 
 class DeviceSilentError(Exception):
-    """The device does not answer, or no longer. The text says why; the recorder waits for it to come back."""
+    """The device does not answer, or no longer; the recorder waits for it to come back.
+
+    The text says why.
+    """
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What a device delivered since it was last asked."""
+    """What a device delivered since the last poll."""
 
     records: list[bytes]  # lines or frames of the file, each complete
     t_ns: NDArray[np.int64]  # (N,) [ns] the device's stamps of the records
-    values: NDArray[
-        np.float64
-    ]  # (N, K) for the eye: encoder angles [deg] unwrapped from 0, or joint angles [deg]
-    status: NDArray[
-        np.int64
-    ]  # (K,) status words of the encoders, or-ed over the records; empty for a robot
+    values: Array  # (N, K) [deg] to be shown: encoder angles unwrapped from 0, or joint angles
+    # (K,) status words of the encoders, or-ed over the records; empty for a robot
+    status: NDArray[np.int64]
     lost: int = 0  # records that the device made and that cannot be had any more
     refused: int = 0  # datagrams that are no message of this device
     ends: str = ""  # why the segment ends behind these records; what follows goes into a new file
@@ -44,17 +45,20 @@ class Source(Protocol):
     """A device. `connect` may be called again after each DeviceSilentError."""
 
     @property
-    def name(self) -> SourceName: ...
+    def name(self) -> SourceName:
+        """Source of the recording that the device is."""
 
     @property
-    def dialect(self) -> str: ...
+    def dialect(self) -> str:
+        """Name of the dialect of its files."""
 
     @property
-    def file_suffix(self) -> str: ...
+    def file_suffix(self) -> str:
+        """Suffix of its files, with the dot."""
 
     @property
     def encoders(self) -> Encoders:
-        """What recording.yaml declares of the ball-bar's encoders; known once connected, empty for a robot."""
+        """The ball-bar's encoders for recording.yaml, known once connected; empty for a robot."""
 
     @property
     def quiet(self) -> str:

@@ -110,9 +110,15 @@ def _below_header(text: LogText, header: Header) -> _Lines:
         number = np.concatenate(([text.number[header.row - 1]], number))
     if lines and lines[-1].strip() == _END:
         lines, number = lines[:-1], number[:-1]
-    begins = np.zeros(len(lines), dtype=bool)
-    width = len(header.names)
-    return _Lines(text.file, lines, number, begins, header.separator, width, text.quoted)
+    return _Lines(
+        file=text.file,
+        lines=lines,
+        number=number,
+        begins=np.zeros(len(lines), dtype=bool),
+        separator=header.separator,
+        width=len(header.names),
+        quoted=text.quoted,
+    )
 
 
 def _without_headers(rows: _Lines, header: str) -> _Lines:

@@ -209,7 +209,7 @@ TABLES: Mapping[TableName, Callable[[Evidence], tuple[Entries, Entries]]] = {
     "3.4": _table_3_4,
     "3.5": lambda evidence: (
         {"length": TABLE_3_5_IDENTIFIED},
-        {"length": frozenset(evidence.studies["length"][0].selection.kept)},
+        {"length": frozenset(evidence.studies["length"][0].selection.selected)},
     ),
     "sec. 3.3": _removed,
 }

@@ -63,7 +63,7 @@ def identifiability_evidence(scenario: Path) -> Evidence:
         {
             "cost": cost,
             "directions": result.spectrum.rank,
-            "robot_parameters": sum(name.startswith("r") for name in result.selection.kept),
+            "robot_parameters": sum(name.startswith("r") for name in result.selection.selected),
             "condition": result.spectrum.condition,
         }
         for cost, (result, _) in studies.items()

@@ -38,32 +38,25 @@ def standard_rows(chain: Chain) -> Rows:
 
     Raises InputError where axes are so nearly parallel that their common normal is not defined.
     """
-    a, d, alpha, theta, beta, tool_beta = _parts(chain)
-    for i in np.flatnonzero(beta):
-        rotation, tip = _row(a[i], d[i], alpha[i], theta[i], beta[i])
-        a[i], d[i], alpha[i], theta[i], phi, e = _on_common_normal(rotation, tip, theta[i], int(i))
-        beta[i] = 0.0
-        theta[i + 1] += phi
-        d[i + 1] += e
-    return Rows(a, d, alpha, theta, beta, tool_beta)
+    rows = _rows_of(chain)
+    for i in np.flatnonzero(rows.beta):
+        _to_common_normal_inplace(rows, int(i))
+    return rows
 
 
 def hayati_rows(chain: Chain) -> Rows:
     """Standard DH rows, but in row 2, of nearly parallel axes, an angle beta replaces d."""
-    a, d, alpha, theta, beta, tool_beta = _parts(chain)
-    i = PARALLEL_ROW
-    rotation, tip = _row(a[i], d[i], alpha[i], theta[i], beta[i])
+    rows, i = _rows_of(chain), PARALLEL_ROW
+    rotation, tip = _end_of(rows, i)
     axis = rotation[:, 2]
-    e = tip[2] / axis[2]
+    e = float(tip[2] / axis[2])
     across = tip - e * axis  # point of the next axis in the plane of this joint
-    theta[i] = np.arctan2(across[1], across[0])
-    a[i], d[i] = np.hypot(across[0], across[1]), 0.0
-    along = _turn_z(theta[i]).T @ axis
-    beta[i], alpha[i] = np.arcsin(along[0]), np.arctan2(-along[1], along[2])
-    bare, _ = _row(a[i], 0.0, alpha[i], theta[i], beta[i])
-    theta[i + 1] += _angle_z(bare.T @ rotation)
-    d[i + 1] += e
-    return Rows(a, d, alpha, theta, beta, tool_beta)
+    rows.theta[i] = np.arctan2(across[1], across[0])
+    rows.a[i], rows.d[i] = np.hypot(across[0], across[1]), 0.0
+    along = _turn_z(rows.theta[i]).T @ axis
+    rows.beta[i], rows.alpha[i] = np.arcsin(along[0]), np.arctan2(-along[1], along[2])
+    _carry_inplace(rows, i, rotation, e)
+    return rows
 
 
 def product_of_exponentials(chain: Chain) -> tuple[Array, Array]:
@@ -76,43 +69,59 @@ def product_of_exponentials(chain: Chain) -> tuple[Array, Array]:
     return np.hstack((axes, -np.cross(axes, points))), frames.poses()[0]
 
 
-def _parts(chain: Chain) -> tuple[Array, Array, Array, Array, Array, float]:
+def _rows_of(chain: Chain) -> Rows:
+    """The rows of a chain as they are, the beta of the last one apart; arrays may be changed."""
     beta = chain.beta.copy()
     tool_beta, beta[-1] = float(beta[-1]), 0.0
-    return chain.a.copy(), chain.d.copy(), chain.alpha.copy(), chain.theta.copy(), beta, tool_beta
+    return Rows(
+        a=chain.a.copy(),
+        d=chain.d.copy(),
+        alpha=chain.alpha.copy(),
+        theta=chain.theta.copy(),
+        beta=beta,
+        tool_beta=tool_beta,
+    )
 
 
-def _row(a: float, d: float, alpha: float, theta: float, beta: float) -> tuple[Array, Array]:
-    """Rotation (3, 3) and translation (3,) [m] of one row at joint angle zero."""
-    frames = forward(Chain(*(np.array([v]) for v in (a, d, alpha, theta, beta))), np.zeros((1, 1)))
+def _end_of(rows: Rows, i: int) -> tuple[Array, Array]:
+    """Rotation (3, 3) and translation (3,) [m] of row i at joint angle zero."""
+    row = (v[i : i + 1] for v in (rows.a, rows.d, rows.alpha, rows.theta, rows.beta))
+    frames = forward(Chain(*row), np.zeros((1, 1)))
     return frames.rotation()[:, :, 0], frames.tip[:, 0]
 
 
-def _on_common_normal(
-    rotation: Array, tip: Array, start: float, row: int
-) -> tuple[float, float, float, float, float, float]:
-    """a, d, alpha, theta of a standard row with the same next axis, and phi, e along that axis.
+def _to_common_normal_inplace(rows: Rows, i: int) -> None:
+    """Makes row i a standard one with the same next axis; row i + 1 begins at the common normal.
 
-    rotation (3, 3), tip (3,) [m] : end of the row. Of two solutions that with theta within a
-    quarter turn of `start` [rad].
+    Of the two solutions that with theta within a quarter turn of the present one.
     """
-    axis = rotation[:, 2]
+    rotation, tip = _end_of(rows, i)
+    axis, start = rotation[:, 2], float(rows.theta[i])
     sine = float(np.hypot(axis[0], axis[1]))
     if sine < _PARALLEL:
         raise InputError(
-            f"joints {row + 1} and {row + 2} are parallel within {sine:.1g} rad and carry a Hayati "
+            f"joints {i + 1} and {i + 2} are parallel within {sine:.1g} rad and carry a Hayati "
             "angle: a DH table cannot hold that to rounding. Export with --to hayati."
         )
     theta = float(np.arctan2(axis[0], -axis[1]))
     if np.cos(theta - start) < 0.0:
         theta, sine = theta + np.pi, -sine
     theta = start + float(np.arctan2(np.sin(theta - start), np.cos(theta - start)))
-    alpha = float(np.arctan2(sine, axis[2]))
     x, y = _turn_z(theta).T[:2]
     e = -float(tip @ y) / sine
-    a, d = float(tip @ x), float(tip[2] - e * axis[2])
-    bare, _ = _row(a, d, alpha, theta, 0.0)
-    return a, d, alpha, theta, _angle_z(bare.T @ rotation), e
+    rows.a[i], rows.d[i] = tip @ x, tip[2] - e * axis[2]
+    rows.alpha[i], rows.theta[i], rows.beta[i] = np.arctan2(sine, axis[2]), theta, 0.0
+    _carry_inplace(rows, i, rotation, e)
+
+
+def _carry_inplace(rows: Rows, i: int, rotation: Array, e: float) -> None:
+    """Adds to row i + 1 the turn and the shift along its axis that row i no longer has.
+
+    rotation : (3, 3) end of row i before it was changed. e : [m] shift.
+    """
+    changed, _ = _end_of(rows, i)
+    rows.theta[i + 1] += _angle_z(changed.T @ rotation)
+    rows.d[i + 1] += e
 
 
 def _turn_z(angle: float) -> Array:

@@ -40,7 +40,7 @@ from ident.estimator.dependencies import (
 from ident.estimator.whitening import covariance, whitening
 from ident.thesis.costs import ENCODERS_NEEDED, cost_named
 
-Influences = dict[str, dict[str, float]]  # parameter left out: {kept parameter: its change}
+Influences = dict[str, dict[str, float]]  # parameter left out: {selected parameter: its change}
 
 SAMPLES = 100  # instants of the path: same null space, condition within 1 % of that from 1500
 NOISE = 1e-5  # [rad] of every angle, thesis sec. 3.2: the metric that removes unmeasured joints
@@ -112,11 +112,11 @@ def study(loop: KinematicLoop, cost: str, fitted: tuple[int, ...], *, complete: 
 
 
 def influences(loop: KinematicLoop, result: Study) -> Influences:
-    """Effect of an error of 1 mm|mrad in each parameter left out on the kept ones (Table 3.4).
+    """Effect of an error of 1 mm|mrad in each parameter left out on the selected ones (Table 3.4).
 
     Returns the changes above 0.05 mm|mrad, in mm|mrad.
     """
-    identified = result.selection.kept
+    identified = result.selection.selected
     return {
         d.name: significant(reidentified(loop, result.cost, result.encoders, identified, d.name))
         for d in result.selection.dependent
@@ -126,7 +126,7 @@ def influences(loop: KinematicLoop, result: Study) -> Influences:
 def cost_columns(
     loop: KinematicLoop, cost: str, encoders: tuple[int, ...], names: Sequence[str]
 ) -> Array:
-    """(P, M) Jacobian of a cost on a loop, one row for each of `names`."""
+    """(P, M) [per m, rad] Jacobian of a cost on a loop, one row for each of `names`."""
     return _linearised(loop, cost, encoders, names)[1]
 
 

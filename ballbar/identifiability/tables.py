@@ -12,7 +12,7 @@ from ident.thesis.costs import ML
 LEGEND = """\
 Nominal mechanism along the scenario's path. a | b: one of them can be identified, the others must
 be given; a + b: they move together. Kept in the order of thesis sec. 3.3. Null vectors in m and
-rad. Left out: the effect of an error in it on those kept, in mm|mrad."""
+rad. Left out: the effect of an error in it on those selected, in mm|mrad."""
 SHOWN = 8  # parameters named in one line of text: as many as there are lengths in the scale
 TITLES = {
     ML: "ml",
@@ -37,7 +37,9 @@ def study_lines(study: Study, changes: Influences) -> Iterator[str]:
         for group in study.groups
     ]
     yield from _titled("dependent", groups)
-    yield from _titled(f"kept {len(selection.kept)}", [" ".join(shortened(selection.kept))])
+    yield from _titled(
+        f"selected {len(selection.selected)}", [" ".join(shortened(selection.selected))]
+    )
     left_out = [f"{d.name:<7}  {_influence_text(d, changes[d.name])}" for d in selection.dependent]
     yield from _titled("left out", left_out)
 
@@ -70,7 +72,7 @@ def study_data(study: Study, changes: Influences) -> dict[str, object]:
         "largest_ignored_singular_value": study.spectrum.largest_ignored,
         "zero_jacobian": list(selection.without_effect),
         "groups": groups,
-        "kept": list(selection.kept),
+        "selected": list(selection.selected),
         "left_out": left_out,
     }
 

@@ -131,7 +131,9 @@ def say_answers(out: Console, plan: Plan, results: Sequence[Answer]) -> None:
     lengths = ("TCP sigma [um]", "plate's length adds [um]", "together [um]")
     for heading in ("what if", "value", *lengths, ""):
         table.add_column(escape(heading), justify="left" if heading in ("what if", "") else "right")
-    planned = Answer("as planned", "", plan.evaluation.tcp, plan.plate_adds, "")
+    planned = Answer(
+        key="as planned", value="", tcp=plan.evaluation.tcp, scale=plan.plate_adds, note=""
+    )
     for row in (planned, *results):
         sigma, total = ("-" if v is None else f"{v * UM:.1f}" for v in (row.tcp, row.total))
         table.add_row(row.key, row.value, sigma, f"{row.scale * UM:.1f}", total, escape(row.note))

@@ -73,7 +73,7 @@ def record(folder: Path, options: RecordOptions, out: Console) -> LiveRecording:
             stack.callback(egm.close)
             sources.append(egm)
         on_batch = stack.enter_context(_live_view()) if options.live else None
-        recording = LiveRecording(RecordingFolder(folder, names), sources, watch=on_batch)
+        recording = LiveRecording(RecordingFolder(folder, names), sources, on_batch=on_batch)
         for name in options.own_files:
             write_whole(folder / Path(name).name, Path(name).read_bytes())
         with _ended_by_signals(recording), quiet_libraries(out):

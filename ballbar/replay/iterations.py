@@ -162,7 +162,7 @@ def _log_arrows(stream: Branch, fitted: FittedRecording, states: Sequence[_State
 def _page(
     number: int, stage: str, state: _State, *, last: int | None = None, name: str = ""
 ) -> str:
-    """The text of an iteration; name : ` of NAME`, where recordings have to be told apart."""
+    """The text of an iteration; name : ` of NAME`, where there are several."""
     position, angle = state.rms
     return (
         f"## Iteration {number}{f' of {last}' if last else ''}\n\n{stage}\n\n"

@@ -25,10 +25,11 @@ Rows = list[tuple[str, str]]
 def replay_notes(data: RunData) -> str:
     """Verdict, key figures, remarks, dropped parameters; parameters of machine and recordings."""
     result, comparison = data.identification, data.comparison
-    robot, fit = result.robot, result.fit
-    rows = [*_truth_rows(comparison), *_machine_rows(robot, fit)]
+    robot, sigma = result.robot, result.robot.tcp_sigma.mean() * MM
+    rows = [*_truth_rows(comparison), ("TCP uncertainty as stated, mean", f"{sigma:.4f} mm")]
     if not data.several:
         rows += _recording_rows(data.recordings[0].estimate)
+    rows += _fit_rows(result.fit)
     errors = comparison.deviations if comparison else {}
     parts = [
         f"# {data.name}",
@@ -109,9 +110,8 @@ def _truth_rows(comparison: Comparison | None) -> Rows:
     return rows
 
 
-def _machine_rows(robot: RobotEstimate, fit: FitStatistics) -> Rows:
+def _fit_rows(fit: FitStatistics) -> Rows:
     return [
-        ("TCP uncertainty as stated, mean", f"{robot.tcp_sigma.mean() * MM:.4f} mm"),
         ("iterations", f"{fit.iterations}, from the automatic start"),
         ("chi-square per degree of freedom", f"{fit.chi2_per_dof:.3f}"),
         ("rank; condition number", f"{fit.rank}; {fit.condition:.0f}"),

@@ -129,6 +129,11 @@ def taken_as_nominal(estimate: RecordingEstimate) -> list[str]:
     return [name for name in own if name not in estimate.sigma]
 
 
+def parameter_count(result: Identification) -> int:
+    """Number of identified parameters, those of every recording included."""
+    return len(result.robot.sigma) + sum(len(r.sigma) for r in result.recordings)
+
+
 @dataclass(frozen=True)
 class _Digits:
     """Scale of the values and decimals of the columns of one group."""

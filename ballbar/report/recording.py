@@ -11,8 +11,9 @@ from ballbar.replay.motion import rms_norm
 from ballbar.report import figures, sphere
 from ballbar.report.clock import ClockRow, StartRow, clock_rows, direction_sentences, start_rows
 from ballbar.report.log_figures import LogSection, log_section
-from ballbar.report.numbers import MISSING, capitalised, fixed, significant, to_sigma
+from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
 from ballbar.report.parameters import ParameterGroup, parameter_groups, taken_as_nominal
+from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence
 from ballbar.result.compare import Comparison
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MS, PPM, UM, URAD
@@ -21,21 +22,6 @@ from cell.recording import RecordingFile
 from cell.statistics import rms
 from ident.result import RecordingEstimate
 
-TENSION_SOURCES = {
-    "sensor": "from the force sensor",
-    "torque": "from the motor torques",
-    "none": "from the geometry alone",
-}
-_METHODS = {
-    "sensor": "biases and gains of the sensor fitted, its clock aligned with the load predicted",
-    "torque": (
-        "friction and gains of the motors fitted; near a reversal of its joint a torque is not "
-        "used, for friction is discontinuous there"
-    ),
-    "none": (
-        "no force was logged, or none was requested; the rod's force is what makes the loop close"
-    ),
-}
 OVERVIEW = (
     "length",
     "samples",
@@ -136,7 +122,7 @@ def _section(
         tried=estimate.start.tried,
         rivals=start_rows(estimate.start),
         directions=direction_sentences(estimate),
-        tension=_tension_sentence(estimate),
+        tension=tension_sentence(estimate),
         tension_figure=tension_figure,
         step_faults=[capitalised(fault.sentence) for fault in estimate.step_faults],
         noise=_noise_rows(fitted),
@@ -183,16 +169,6 @@ def _residual_rows(before: Array, after: Array) -> list[ResidualRow]:
     largest = float(np.linalg.norm(after, axis=1).max())
     sizes = rms_norm(before), rms_norm(after), largest
     return [*rows, ResidualRow("norm", *map(significant, sizes))]
-
-
-def _tension_sentence(estimate: RecordingEstimate) -> str:
-    if estimate.tension is None:
-        return ""
-    least, most = (
-        fixed(float(force), 0) for force in (estimate.tension.min(), estimate.tension.max())
-    )
-    source = estimate.tension_source
-    return f"{least} to {most} N, {TENSION_SOURCES[source]} ({_METHODS[source]})."
 
 
 def _noise_rows(fitted: FittedRecording) -> list[NoiseRow]:

@@ -9,7 +9,7 @@ import numpy as np
 from ballbar.replay.motion import rms_norm
 from ballbar.report.clock import clock_rows
 from ballbar.report.numbers import listed, millimetres, significant
-from ballbar.report.parameters import left_at_nominal
+from ballbar.report.parameters import left_at_nominal, parameter_count
 from ballbar.report.tcp_view import TcpView
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, MS, UM, URAD, US
@@ -133,11 +133,12 @@ def _confidence(result: Identification) -> str:
 
 def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
     result, estimates = data.identification, [fitted.estimate for fitted in data.recordings]
-    sizes = []
-    for factor, kind in ((UM, "position"), (URAD, "angle")):
-        for residuals in ([e.before for e in estimates], [e.after for e in estimates]):
-            vectors = np.concatenate([getattr(r, kind) for r in residuals])
-            sizes.append(significant(rms_norm(vectors) * factor))
+    position, angle = [], []
+    for residuals in ([e.before for e in estimates], [e.after for e in estimates]):
+        errors = np.concatenate([r.position for r in residuals])
+        position.append(significant(rms_norm(errors) * UM))
+        errors = np.concatenate([r.angle for r in residuals])
+        angle.append(significant(rms_norm(errors) * URAD))
     equations = max(estimate.whitened.shape[0] for estimate in estimates)
     each = f"{equations} equation{'s' * (equations > 1)} each"
     samples = " + ".join(str(estimate.samples) for estimate in estimates)
@@ -147,8 +148,8 @@ def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
         _clock_tile(data),
         Tile(
             "Residual rms, before → after",
-            f"{sizes[0]} → {sizes[1]} µm",
-            f"angle {sizes[2]} → {sizes[3]} µrad",
+            f"{' → '.join(position)} µm",
+            f"angle {' → '.join(angle)} µrad",
         ),
         Tile("Iterations", f"{result.fit.iterations}", f"from the automatic start{poor}"),
         Tile("Samples", samples, f"{each}, {_unknowns(result)}"),
@@ -160,11 +161,6 @@ def _unknowns(result: Identification) -> str:
     if not coefficients:
         return f"{result.fit.unknowns} unknowns"
     return f"{parameter_count(result)} parameters, {coefficients} coefficients"
-
-
-def parameter_count(result: Identification) -> int:
-    """Number of identified parameters, those of every recording included."""
-    return len(result.robot.sigma) + sum(len(r.sigma) for r in result.recordings)
 
 
 def _tcp_tile(tcp: TcpView) -> Tile:

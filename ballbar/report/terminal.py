@@ -6,8 +6,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from ballbar.report.corrections import coefficients_at_prior, parameters_at_prior
-from ballbar.report.recording import TENSION_SOURCES
-from ballbar.report.summary import parameter_count
+from ballbar.report.parameters import parameter_count
+from ballbar.report.rod_force import TENSION_SOURCES
 from ballbar.result.compare import Comparison
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, MS, PPM, UM, URAD, US

@@ -57,7 +57,7 @@ class RunData:
 
     @property
     def several(self) -> bool:
-        """Whether recordings have to be told apart by name."""
+        """Whether recordings have to be distinguished by name."""
         return len(self.recordings) > 1
 
     @property

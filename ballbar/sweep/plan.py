@@ -187,7 +187,8 @@ def run_of(plan: Plan, number: int) -> Run:
     point, index = divmod(number, plan.seeds)
     values, scenario = _at_point(plan, point)
     seed = plan.data.seeds.first + index
-    return Run(number, point, seed, values, scenario.model_copy(update={SEED: seed}))
+    scenario = scenario.model_copy(update={SEED: seed})
+    return Run(number=number, point=point, seed=seed, values=values, scenario=scenario)
 
 
 @lru_cache(maxsize=2)

@@ -5,18 +5,18 @@ columns come from (cost, robot, path, encoders) is the caller's affair. Columns 
 length, so units and weights of a parameter do not matter. A parameter whose column vanishes has no
 effect (Table 3.3). The others form a null space as large as the number of directions that are
 missing; its readable basis is: walk through the parameters in the order of thesis sec. 3.3 and
-leave out each one whose column is a combination `c_k = sum_i x_i c_i` of those kept before. (The
-thesis reads the diagonal of "Q"; it is that of R.)
+leave out each one whose column is a combination `c_k = sum_i x_i c_i` of those selected before.
+(The thesis reads the diagonal of "Q"; it is that of R.)
 
-- One partner, as in `c_rd1 = -c_oz`: either can be kept. All that share a partner make one group,
-  `rd1 | oz | bd1` (Table 3.2).
+- One partner, as in `c_rd1 = -c_oz`: either can be selected. All that share a partner make one
+  group, `rd1 | oz | bd1` (Table 3.2).
 - Several partners, as in `c_rtheta1 = -c_btheta1 + oy c_ox - ox c_oy`: they move together, `rtheta1
   | ox,y + btheta1`.
 - All lengths in proportion to themselves: the scale, which one known length fixes. It joins the
   plate's group, `ra6 | bd3`.
 
 The same x are the influence of Table 3.4: an error of 1 mm|mrad in a parameter left out moves each
-kept one by x_i mm|mrad.
+selected one by x_i mm|mrad.
 """
 
 from __future__ import annotations
@@ -76,12 +76,12 @@ _WRITTEN = (
 
 @dataclass(frozen=True)
 class Dependency:
-    """A parameter left out, and the combination of kept ones that does the same."""
+    """A parameter left out, and the combination of selected ones that does the same."""
 
     name: str
     partners: Mapping[
         str, float
-    ]  # kept parameter: x, in units of the partner per unit of `name` (m, rad)
+    ]  # selected parameter: x, in units of the partner per unit of `name` (m, rad)
     is_scale: bool  # every length in proportion to itself
 
 
@@ -89,7 +89,7 @@ class Dependency:
 class Selection:
     """Parameters that can be identified together, and the rest; names in order of priority."""
 
-    kept: tuple[str, ...]
+    selected: tuple[str, ...]
     without_effect: tuple[str, ...]  # zero Jacobian
     dependent: tuple[Dependency, ...]
 
@@ -152,7 +152,7 @@ def select(
 ) -> Selection:
     """The parameters to identify, by the priority of thesis sec. 3.3.
 
-    columns : (P, M), one row for each of `names`, in any order.
+    columns : (P, M) per [m] or [rad], one row for each of `names`, in any order.
     nominal : its lengths say what the scale direction is.
     known : asked last, so that they are left out where anything depends on them: the plate, whose
     length is known.
@@ -222,7 +222,7 @@ def groups(columns: Array, names: Sequence[str], nominal: Geometry) -> tuple[Gro
     """
     vectors = select(columns, names, nominal, known=()).dependent
     shared: dict[str, list[Dependency]] = {}
-    found = []
+    entries = []
     for vector in vectors:
         partners = (
             [PLATE] if vector.is_scale and PLATE in vector.partners else list(vector.partners)
@@ -230,37 +230,37 @@ def groups(columns: Array, names: Sequence[str], nominal: Geometry) -> tuple[Gro
         if len(partners) == 1:
             shared.setdefault(partners[0], []).append(vector)
         else:
-            found.append(
+            entries.append(
                 Group(((vector.name,), tuple(sorted(partners, key=_WRITTEN.index))), (vector,))
             )
     for partner, alternatives in shared.items():
         members = sorted((partner, *(vector.name for vector in alternatives)), key=_WRITTEN.index)
-        found.append(Group(tuple((name,) for name in members), tuple(alternatives)))
-    return tuple(sorted(found, key=lambda group: _WRITTEN.index(group.members[0][0])))
+        entries.append(Group(tuple((name,) for name in members), tuple(alternatives)))
+    return tuple(sorted(entries, key=lambda group: _WRITTEN.index(group.members[0][0])))
 
 
 def influence(
     columns: Array,
     names: Sequence[str],
-    kept: Sequence[str],
+    selected: Sequence[str],
     left_out: Sequence[str],
     *,
     threshold: float = SIGNIFICANT,
 ) -> dict[str, dict[str, float]]:
-    """Influence of an error in a parameter left out on those kept, to first order (Table 3.4).
+    """Influence of an error in a parameter left out on those selected, to first order (Table 3.4).
 
-    columns : (P, M), one row for each of `names`. The kept ones are fitted by least squares.
+    columns : (P, M), one row for each of `names`. The selected ones are fitted by least squares.
 
-    Returns for each of `left_out` the kept ones that move by more than `threshold` [mm|mrad per
+    Returns for each of `left_out` the selected ones that move by more than `threshold` [mm|mrad per
     mm|mrad], largest first.
     """
     row = {name: k for k, name in enumerate(names)}
-    scale = np.linalg.norm(columns[[row[name] for name in kept]], axis=1)
-    unit = columns[[row[name] for name in kept]] / scale[:, None]
+    scale = np.linalg.norm(columns[[row[name] for name in selected]], axis=1)
+    unit = columns[[row[name] for name in selected]] / scale[:, None]
     wanted = columns[[row[name] for name in left_out]]
     moves = (np.linalg.lstsq(unit.T, wanted.T, rcond=None)[0] / scale[:, None]).T
     return {
-        name: significant(dict(zip(kept, move, strict=True)), threshold)
+        name: significant(dict(zip(selected, move, strict=True)), threshold)
         for name, move in zip(left_out, moves, strict=True)
     }
 
@@ -317,33 +317,33 @@ def _priority(name: str) -> int:
 
 
 def _combination(
-    columns: Array, lengths: Array, names: Sequence[str], kept: list[int], k: int, basis: Array
+    columns: Array, lengths: Array, names: Sequence[str], selected: list[int], k: int, basis: Array
 ) -> dict[str, float]:
     """x of `c_k = sum_i x_i c_i`, shares of rounding size left out.
 
-    columns : (P, M). basis : (K, M) orthonormal, of the K kept.
+    columns : (P, M). basis : (K, M) orthonormal, of the K selected.
     """
-    if not kept:
+    if not selected:
         return {}
-    triangle = basis @ (columns[kept] / lengths[kept, None]).T
+    triangle = basis @ (columns[selected] / lengths[selected, None]).T
     shares = np.linalg.solve(triangle, basis @ columns[k] / lengths[k])
     x = {
         names[i]: float(share * lengths[k] / lengths[i])
-        for i, share in zip(kept, shares, strict=True)
+        for i, share in zip(selected, shares, strict=True)
         if abs(share) > STRUCTURAL
     }
     return dict(sorted(x.items(), key=lambda item: _WRITTEN.index(item[0])))
 
 
 def _scale_without(
-    name: str, kept: Sequence[str], dependent: Sequence[Dependency], nominal: Geometry
+    name: str, selected: Sequence[str], dependent: Sequence[Dependency], nominal: Geometry
 ) -> dict[str, float]:
-    """Change of each kept length when all lengths but that of `name` grow in proportion.
+    """Change of each selected length when all lengths but that of `name` grow in proportion.
 
     A length left out earlier does it through its partners: with rd1 at its nominal value the
     origin's oz grows by oz - rd1.
     """
-    grows = {i: nominal[i] for i in kept if _is_length(i)}
+    grows = {i: nominal[i] for i in selected if _is_length(i)}
     for other in dependent:
         if _is_length(other.name) and other.name != name:
             for partner, x in other.partners.items():

@@ -39,7 +39,7 @@ class DroppedParameter:
 
     name: str
     reason: str  # "no effect", "depends on" or "poorly excited"
-    on: tuple[str, ...]  # the kept parameters it cannot be told from
+    on: tuple[str, ...]  # the selected parameters it cannot be separated from
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,7 +38,7 @@ WHOLE, SURE = 0.1, 0.01  # signal periods off a whole number, to be named one; t
 # [rad], [s] a smaller step is something smooth that the model lacks
 SMALLEST: dict[Literal["encoder", "clock"], float] = {"encoder": 2e-4, "clock": 2e-3}
 MAX_FOUND = 6  # in the residual of one set of recordings
-AS_LIKELY = 25.0  # decrease of the cost, likewise, by which instants differ that can be told apart
+AS_LIKELY = 25.0  # decrease of the cost, likewise, by which distinguishable instants differ
 SIMILAR = 0.3  # of a clock step: how close the irregularity of the stamps that it left must come
 _DEPENDENT = 1e-3  # of the largest: a step whose remainder is smaller can be anywhere
 
@@ -62,13 +62,13 @@ def step_faults_in_logs(
     if samples.ballbar is None:
         return ()
     faults = []
-    for step in samples.ballbar.breaks:
+    for step in samples.ballbar.steps:
         if step.channel is None:
             faults.append(_removed(recording, 0, step.time, step.size))
         else:
             size = float(samples.directions[step.channel]) * step.size
             faults.append(_removed(recording, samples.encoders[step.channel], step.time, size))
-    for step in samples.robot.breaks:
+    for step in samples.robot.steps:
         if step.channel is None:
             faults.append(_removed(recording, 0, clock.ballbar_time(step.time), -step.size))
     return tuple(faults)
@@ -215,7 +215,7 @@ def with_exact_periods(fit: Fit, faults: Sequence[StepFault], lines: int) -> tup
 
 def as_logged(fault: StepFault, ballbar: SmoothLog | None, lines: int) -> StepFault:
     """The fault with its time as the ball-bar's log has it; whole signal periods are recognised."""
-    steps = [s for s in ballbar.breaks if s.channel is None] if ballbar is not None else []
+    steps = [s for s in ballbar.steps if s.channel is None] if ballbar is not None else []
     time = fault.time + sum(step.size for step in steps if step.time < fault.time)
     if fault.kind == "clock":
         return replace(fault, time=time)

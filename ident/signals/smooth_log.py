@@ -27,7 +27,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from cell.arrays import Array
 from cell.neighbours import SMALLEST, damaged_bursts, robust_sigma
 from cell.splines import DEGREE, smoothing_spline
-from ident.signals.steps import Break, find_breaks, without_breaks
+from ident.signals.steps import LogStep, find_steps, without_steps
 
 # Lag-one autocorrelation of the residual above which motion is left in it; smoothing makes it
 # negative.
@@ -71,7 +71,7 @@ class SmoothLog:
     gaps: Array  # (G, 2) [s] stretches without rows, where the spline says nothing
     stamps: Array  # (N,) [s] of all rows
     outliers: Outliers
-    breaks: tuple[Break, ...]  # steps that were taken out
+    steps: tuple[LogStep, ...]  # steps that were taken out
 
     @cached_property
     def arm(self) -> BSpline:
@@ -111,8 +111,9 @@ def smoothing(robot: SmoothLog, bar: SmoothLog | None) -> float:
 
 
 def interpolating_log(t: Array, angles: Array, noise: Array) -> SmoothLog:
-    """A log whose spline passes through angles (N, C) [rad] at even times t (N,) [s].
+    """A log whose spline passes through exact angles.
 
+    t : (N,) [s], even. angles : (N, C) [rad].
     noise : (C,) [rad] standard deviation of one row; zeros for exact angles.
     """
     spline = make_interp_spline(t, angles, k=DEGREE)
@@ -128,7 +129,7 @@ def interpolating_log(t: Array, angles: Array, noise: Array) -> SmoothLog:
         gaps=np.empty((0, 2)),
         stamps=t,
         outliers=none,
-        breaks=(),
+        steps=(),
     )
 
 
@@ -156,8 +157,8 @@ def smooth_log(
             f"a log of {t.size} rows is too short to be smoothed; at least {4 * DEGREE} are needed"
         )
     logged = t
-    breaks = find_breaks(t, values, starts, checked=checked)
-    t, values = without_breaks(t, values, breaks)
+    steps = find_steps(t, values, starts, checked=checked)
+    t, values = without_steps(t, values, steps)
     period = float(np.median(np.diff(t)))
     spacing = max(widest_knot_spacing, _ROWS_PER_KNOT * period)
     damaged = np.zeros(values.shape, dtype=bool) if checked else damaged_bursts(t, values)
@@ -188,7 +189,7 @@ def smooth_log(
         gaps=np.unique(np.concatenate((missing, bridged)), axis=0),
         stamps=t,
         outliers=Outliers(logged[outlier_rows], channels, t.size - remaining.size, t.size),
-        breaks=breaks,
+        steps=steps,
     )
 
 

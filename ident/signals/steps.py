@@ -43,7 +43,7 @@ REFINEMENTS = 3  # of a clock step; they converge quadratically
 
 
 @dataclass(frozen=True)
-class Break:
+class LogStep:
     """One step of a log."""
 
     row: int  # the first one behind
@@ -52,9 +52,9 @@ class Break:
     size: float  # [rad] or [s]: behind minus before
 
 
-def find_breaks(
+def find_steps(
     t: Array, values: Array, starts: Sequence[int] = (), *, checked: bool = False
-) -> tuple[Break, ...]:
+) -> tuple[LogStep, ...]:
     """The steps of a log in order of time.
 
     t : (N,) [s]. values : (N, C) [rad].
@@ -65,33 +65,33 @@ def find_breaks(
     """
     period = float(np.median(np.diff(t)))
     damaged = np.zeros(values.shape, dtype=bool) if checked else damaged_bursts(t, values)
-    steps = _clock_steps(t, values, damaged, period, starts)
-    clock = continuous_clock(t, steps)
-    middle = 0.5 * (clock[1:] + clock[:-1])
-    breaks: list[tuple[int, int | None, float]] = [(row, None, size) for row, size in steps]
+    clock_steps = _clock_steps(t, values, damaged, period, starts)
+    clock = continuous_clock(t, clock_steps)
+    steps: list[tuple[int, int | None, float]] = [(row, None, size) for row, size in clock_steps]
     for channel in range(values.shape[1]):
         rows = np.flatnonzero(~damaged[:, channel])
         jumps = _jumps(clock[rows], values[rows, channel], period)
-        breaks += [(int(rows[row]), channel, size) for row, size in jumps]
+        steps += [(int(rows[row]), channel, size) for row, size in jumps]
+    middle = 0.5 * (clock[1:] + clock[:-1])
     return tuple(
-        Break(row, float(middle[row - 1]), channel, size)
-        for row, channel, size in sorted(breaks, key=lambda entry: entry[0])
+        LogStep(row, float(middle[row - 1]), channel, size)
+        for row, channel, size in sorted(steps, key=lambda step: step[0])
     )
 
 
-def without_breaks(t: Array, values: Array, breaks: tuple[Break, ...]) -> tuple[Array, Array]:
+def without_steps(t: Array, values: Array, steps: tuple[LogStep, ...]) -> tuple[Array, Array]:
     """(N,) [s] stamps and (N, C) [rad] values of a log as they would be without its steps.
 
     t : (N,) [s]. values : (N, C) [rad].
     """
-    if not breaks:
+    if not steps:
         return t, values
     values = values.copy()
-    for step in breaks:
+    for step in steps:
         if step.channel is not None:
             values[step.row :, step.channel] -= step.size
-    steps = [(step.row, step.size) for step in breaks if step.channel is None]
-    return continuous_clock(t, steps), values
+    of_clock = [(step.row, step.size) for step in steps if step.channel is None]
+    return continuous_clock(t, of_clock), values
 
 
 def continuous_clock(t: Array, steps: list[tuple[int, float]]) -> Array:

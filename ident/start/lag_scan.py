@@ -46,7 +46,7 @@ class Branch:
     sign: int  # of the turning encoder
     turning_offset: float  # [rad]
     tilting_offset: float  # [rad]
-    variance: float  # [1] mean square of the direction mismatch
+    variance: float  # [1] mean square error of the direction
 
 
 @dataclass(frozen=True, eq=False)

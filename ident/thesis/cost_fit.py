@@ -125,10 +125,10 @@ class _Problem:
 def fit_cost(
     cost: Cost,
     start: Geometry,
+    *,
     q: Array,
     b: Array,
     parameters: Sequence[int] | NDArray[np.intp],
-    *,
     rod_sign: Array | None = None,
     max_iterations: int = MAX_ITERATIONS,
 ) -> CostFit:
@@ -183,5 +183,5 @@ def identifiable_by(cost: CostName, nominal: Geometry, q: Array, b: Array) -> ND
     parameters = [PARAMETERS[i] for i in requested]
     columns = Cost(cost, "vector").jacobian(_closure(nominal, q, b), parameters)
     names = [NAMES[i] for i in requested]
-    selected = select(columns.reshape(requested.size, -1), names, nominal).kept
+    selected = select(columns.reshape(requested.size, -1), names, nominal).selected
     return np.array([INDEX[name] for name in selected])

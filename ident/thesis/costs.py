@@ -27,7 +27,7 @@ from cell.arrays import Array
 from cell.chain import cross, screw
 from cell.geometry import Parameter, parameter_screw
 from ident.estimator.closure import Closure
-from ident.thesis.universal_joint import cardan_angles, cardan_columns
+from ident.thesis.universal_joint import universal_joint_angles, universal_joint_columns
 
 CostName = Literal["length", "position", "position_angles", "transform"]
 Form = Literal["vector", "thesis"]
@@ -100,7 +100,7 @@ def _components(name: CostName, closure: Closure) -> Array:
     if name == "position":
         return position
     if name == "position_angles":
-        return np.concatenate((position, np.sin(cardan_angles(closure).mismatch)))
+        return np.concatenate((position, np.sin(universal_joint_angles(closure).error)))
     return np.concatenate(
         (position, bar.x[-1] - robot.x[-1], bar.y[-1] - robot.y[-1], bar.z[-1] - robot.z[-1])
     )
@@ -112,15 +112,15 @@ def _derivatives(name: CostName, closure: Closure, parameters: Sequence[Paramete
     if name == "length":
         _fill_length(columns, closure, parameters)
         return columns
-    cardan = cardan_angles(closure) if name == "position_angles" else None
+    joint = universal_joint_angles(closure) if name == "position_angles" else None
     robot_axes, bar_axes = (
         np.stack((f.x[-1], f.y[-1], f.z[-1]), axis=1) for f in (closure.robot, closure.bar)
     )
     for column, parameter in zip(columns, parameters, strict=True):
         motion = _relative_motion(closure, parameter)
         column[:3] = motion[:3]
-        if cardan:
-            column[3:] = np.cos(cardan.mismatch) * cardan_columns(cardan, parameter, motion)
+        if joint:
+            column[3:] = np.cos(joint.error) * universal_joint_columns(joint, parameter, motion)
         elif name == "transform" and not parameter.is_length:
             _fill_turn(
                 column[3:], motion[3:], robot_axes if parameter.side == "robot" else bar_axes

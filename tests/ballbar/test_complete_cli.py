@@ -1,4 +1,4 @@
-"""Several recordings, the complete model and held-out validation, through the command line as a user meets them."""
+"""Several recordings, complete model and held-out validation, as a user of the command line."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rerun.chunk import RrdReader
 
 from acquisition import read_recording
 from ballbar.commands import cli
+from ballbar.replay.show import chosen_replay
+from ballbar.replay.write import write_replay
 from ballbar.report.page import render_report
 from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.run_data import RunData, Validation
@@ -22,7 +25,9 @@ from ballbar.scenario import IdentifySettings, load_scenario
 from cell.errors import DescriptionError, InputError
 from cell.load import load_cell
 from ident.held_out import HeldOut, LoopClosure, held_out
-from ident.identify import Identification, Logs
+from ident.options import FitOptions
+from ident.recording_fit import Logs
+from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid
 from ident.signals.step_fault import StepFault
 from sim.recording_files import write_recording
@@ -41,12 +46,8 @@ phase_deg: [100.0, 10.0, 30.0, 200.0, 80.0]
 """  # the soft servo and the plant's closure check allow no faster one in a minute
 
 
-def quiet(_: str) -> None:
-    pass
-
-
 def recorded_on(folder: Path, path: str, **sections: object) -> Path:
-    """A minute of scenarios/irb2400_full.yaml on another path: the same seed, so the same machine."""
+    """A minute of scenarios/irb2400_full.yaml on another path: same seed, so same machine."""
     scenario = load_scenario(SCENARIOS / "irb2400_full.yaml")
     motion = scenario.path.model_copy(
         update={"file": path, "duration_s": 60.0, "dwell_s": 2.0, "stops": 1}
@@ -89,9 +90,8 @@ def together(tmp_path_factory: pytest.TempPathFactory, third_path: Path) -> Toge
 @pytest.fixture(scope="module")
 def machine(together: Together) -> RunData:
     """The same two recordings, from Python."""
-    return identify_recordings(
-        [together.a, together.b], settings=IdentifySettings(samples=500), progress=quiet
-    )
+    settings = IdentifySettings(samples=500)
+    return identify_recordings([together.a, together.b], settings=settings)
 
 
 def number(text: str) -> float:
@@ -107,7 +107,8 @@ def test_two_recordings_give_one_robot_and_the_held_out_line_comes_first(
     lines = together.said.splitlines()
     assert together.code == 0, together.said
     found = re.fullmatch(
-        r"Held out C: the loop closes to ([\d.]+) mm rms \(largest ([\d.]+)\), ([\d.]+) mrad; nominal robot ([\d.]+) mm\. "
+        r"Held out C: the loop closes to ([\d.]+) mm rms \(largest ([\d.]+)\), ([\d.]+) mrad; "
+        r"nominal robot ([\d.]+) mm\. "
         r"([\d.]+) times what noise explains, ([\d.]+) with the stated uncertainty\.",
         lines[0],
     )
@@ -122,8 +123,8 @@ def test_two_recordings_give_one_robot_and_the_held_out_line_comes_first(
     assert normalised_innovation <= times
     assert lines[1].startswith(("Good fit", "Usable, with care"))
     assert (
-        "6 corrections (joint_compliance, gear_backlash, gear_ripple, encoder_harmonics, rod_strain, plate_bending)"
-        in together.said
+        "6 corrections (joint_compliance, gear_backlash, gear_ripple, encoder_harmonics, "
+        "rod_strain, plate_bending)" in together.said
     )
     assert re.search(
         r"^force in the rod of B: -1\d\d to -?\d+ N, from the force sensor$",
@@ -137,29 +138,21 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
     together: Together, machine: RunData
 ) -> None:
     read = load_calibration(together.out / "calibration.yaml")
-    assert [one.recording for one in read.file.recordings] == ["A", "B"]
-    clocks = [one.clock.offset_s for one in read.file.recordings if one.clock is not None]
+    first, second = read.file.recordings
+    assert [first.name, second.name] == ["A", "B"]
+    clocks = [entry.clock.offset_s for entry in (first, second) if entry.clock is not None]
     assert np.abs(np.array(clocks) - 0.508).max() < 30e-6
-    assert read.file.clock == read.file.recordings[0].clock
-    assert read.file.recordings[0].zeros_rad["b4"] == read.geometry["btheta4"]
-    assert read.file.recordings[1].place.ox != read.geometry["ox"], "each has a place of its own"
-    assert (
-        sum(one.chi2 for one in read.file.recordings)
-        / sum(one.residuals for one in read.file.recordings)
-        < 1.3
-    )
+    assert first.parameters["btheta4"].value == read.geometry["btheta4"]
+    assert second.parameters["ox"].value != read.geometry["ox"], "each has a base pose of its own"
+    sizes = [entry.residuals for entry in (first, second)]
+    assert sum(size.chi2 for size in sizes) / sum(size.equations for size in sizes) < 1.3
     (held,) = read.file.held_out
     assert held.sentence == together.said.splitlines()[0]
     cell = load_cell("irb2400", "lund_600", "plate_250")
     grid = accuracy_grid(cell.robot)
     predicted = read.unloaded_robot(cell).tool(grid)
-    assert (
-        np.abs(predicted - machine.identification.unloaded_robot().tool(grid)).max() < 1e-12
-    )  # YAML holds every digit
-    assert (
-        np.abs(predicted - machine.joined[1].identification.unloaded_robot().tool(grid)).max()
-        < 1e-12
-    ), "one robot"
+    fitted = machine.identification.robot.unloaded().tool(grid)
+    assert np.abs(predicted - fitted).max() < 1e-12  # YAML holds every digit
 
 
 @pytest.mark.slow
@@ -181,14 +174,14 @@ def test_the_report_shows_the_numbers_of_the_complete_model(together: Together) 
     file = load_calibration(together.out / "calibration.yaml").file
     cells = Cells(page)
     for name in ("compliance2", "compliance5"):
-        one = file.corrections["joint_compliance"][name]
+        entry = file.corrections["joint_compliance"][name]
         _, value, sigma, prior, prior_sigma, information_gain, stiffness = cells.row(name)
-        assert number(value) == pytest.approx(one.value * 1e6, rel=0.01)
-        assert number(sigma) == pytest.approx(one.sigma * 1e6, rel=0.05)
-        assert number(prior) == pytest.approx(one.prior * 1e6, rel=0.01)
-        assert number(prior_sigma) == pytest.approx(one.prior_sigma * 1e6, rel=0.01)
-        assert information_gain == f"{100 * one.information_gain:.0f} %"
-        assert number(stiffness) == pytest.approx(1.0 / one.value, rel=0.01)
+        assert number(value) == pytest.approx(entry.value * 1e6, rel=0.01)
+        assert number(sigma) == pytest.approx(entry.sigma * 1e6, rel=0.05)
+        assert number(prior) == pytest.approx(entry.prior * 1e6, rel=0.01)
+        assert number(prior_sigma) == pytest.approx(entry.prior_sigma * 1e6, rel=0.01)
+        assert information_gain == f"{100 * entry.information_gain:.0f} %"
+        assert number(stiffness) == pytest.approx(1.0 / entry.value, rel=0.01)
     ripple = file.corrections["gear_ripple"]
     amplitude = np.hypot(ripple["ripple1_40_sin"].value, ripple["ripple1_40_cos"].value)
     assert number(cells.row("gear 1, 40 a turn")[1]) == pytest.approx(amplitude * 1e6, rel=0.01)
@@ -200,12 +193,12 @@ def test_the_report_shows_the_numbers_of_the_complete_model(together: Together) 
     assert all(f"{name}/raw/robot.csv" in page for name in "ABC")
     assert (
         page.index(file.held_out[0].sentence)
-        < page.index(file.fit.sentence)
+        < page.index(file.fit.verdict)
         < page.index('class="tile"')
     )
     links = set(re.findall(r'href="#([^"]*)"', page))
     assert (
-        {"held-out", "recordings", "corrections", "tension", "events"}
+        {"held-out", "recordings", "corrections", "tension-1", "tension-2", "step-faults-2"}
         <= links
         <= set(re.findall(r' id="([^"]*)"', page))
     )
@@ -213,12 +206,8 @@ def test_the_report_shows_the_numbers_of_the_complete_model(together: Together) 
 
 def tried_on(result: Identification, folder: Path) -> HeldOut:
     read = read_recording(folder)
-    return held_out(
-        result,
-        Logs(read.robot_log, read.ballbar_log, read.force_log),
-        name=folder.name,
-        samples=500,
-    )
+    logs = Logs(read.robot_log, read.ballbar_log, read.force_log, folder.name)
+    return held_out(result, logs, options=FitOptions(samples=500))
 
 
 @pytest.mark.slow
@@ -229,19 +218,20 @@ def test_a_tenth_of_a_millimetre_or_milliradian_is_too_much_for_a_held_out_recor
     together: Together, machine: RunData, name: str, error: float
 ) -> None:
     """As after a collision: one parameter is no longer what it was."""
-    result = machine.identification
-    bent = replace(result, geometry=result.geometry.replaced({name: result.geometry[name] + error}))
-    outcome = tried_on(bent, together.c)
+    result, geometry = machine.identification, machine.identification.robot.geometry
+    bent = replace(result.robot, geometry=geometry.replaced({name: geometry[name] + error}))
+    outcome = tried_on(replace(result, robot=bent), together.c)
     assert not outcome.acceptable
     assert outcome.identified.ratio > 1.8
 
 
 @pytest.mark.slow
 def test_what_one_path_leaves_open_is_expected_on_another_and_no_misfit(together: Together) -> None:
-    """Play whose load never reversed (notes/identification sec. 6, trap 4): far above noise, but stated."""
-    (alone,) = identify_recordings(
-        [together.a], settings=IdentifySettings(samples=500), progress=quiet
-    ).fitted
+    """Backlash whose load never reversed: far above noise, but stated.
+
+    notes/identification sec. 6, trap 4.
+    """
+    alone = identify_recordings([together.a], settings=IdentifySettings(samples=500))
     outcome = tried_on(alone.identification, together.b)
     assert outcome.identified.ratio > 1.5
     assert outcome.acceptable
@@ -285,18 +275,18 @@ def slipped(recording: Path, folder: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_an_encoder_that_slips_is_an_event_in_every_output(
+def test_an_encoder_that_slips_is_a_step_fault_in_every_output(
     together: Together, tmp_path: Path
 ) -> None:
     folder = slipped(together.a, tmp_path / "A")
     code, said, _ = ballbar("identify", folder, "--samples", 500, "--out", tmp_path / "out")
     assert code == 0, said
     read = load_calibration(tmp_path / "out/calibration.yaml").file
-    (event,) = read.events
-    assert (event.kind, event.joint, abs(event.periods)) == ("encoder", 4, 5)
+    (recording,) = read.recordings
+    (fault,) = recording.step_faults
+    assert (fault.kind, fault.joint, abs(fault.periods)) == ("encoder", 4, 5)
     assert "encoder b4 slipped" in said
     assert "Encoder b4 slipped" in (tmp_path / "out/report.html").read_text()
-    assert not read.recordings, "one recording has no list of recordings"
 
 
 @pytest.mark.slow
@@ -316,9 +306,9 @@ def test_an_encoder_that_slips_while_held_out_is_no_fault_of_the_machine(
         tmp_path / "out",
     )
     assert code == 0, said
-    assert re.search(r"^event: C: encoder b4 slipped [+-]5 signal periods", said, re.MULTILINE)
+    assert re.search(r"^step fault: C: encoder b4 slipped [+-]5 signal periods", said, re.MULTILINE)
     (held,) = load_calibration(tmp_path / "out/calibration.yaml").file.held_out
-    assert [abs(event.periods) for event in held.events] == [5]
+    assert [abs(fault.periods) for fault in held.step_faults] == [5]
     assert held.identified.ratio < 1.4
 
 
@@ -446,7 +436,8 @@ def test_scenarios_take_the_same_settings_and_name_the_line_of_a_wrong_one(tmp_p
     file.write_text(
         text.replace(
             old,
-            "identify: {model: complete, corrections: [rod_strain], force: none, rod_sigma_m: 5.0e-6}",
+            "identify: {model: complete, corrections: [rod_strain], force: none, "
+            "rod_sigma_m: 5.0e-6}",
         )
     )
     assert load_scenario(file).identify == IdentifySettings(
@@ -457,7 +448,8 @@ def test_scenarios_take_the_same_settings_and_name_the_line_of_a_wrong_one(tmp_p
     file.write_text(text.replace(old, "identify: {corrections: [rod_strian]}"))
     with pytest.raises(
         DescriptionError,
-        match=r"scenario.yaml:\d+: identify.corrections\[0\] = 'rod_strian': unknown; there are joint_comp",
+        match=r"scenario.yaml:\d+: identify.corrections\[0\] = 'rod_strian': unknown; there are "
+        "joint_comp",
     ):
         load_scenario(file)
 
@@ -465,8 +457,10 @@ def test_scenarios_take_the_same_settings_and_name_the_line_of_a_wrong_one(tmp_p
 def test_a_scenario_runs_with_the_model_that_it_asks_for(tmp_path: Path) -> None:
     file = tmp_path / "short.yaml"
     file.write_text(
-        "name: short\ncell: {robot: irb2400, ballbar: lund_600, ballbar_position_m: [0.70, 0.0, 0.54]}\n"
-        f"path: {{kind: lissajous, file: {SCENARIOS / 'paths/irb2400_a.yaml'}, duration_s: 40, dwell_s: 2, stops: 0}}\n"
+        "name: short\n"
+        "cell: {robot: irb2400, ballbar: lund_600, ballbar_position_m: [0.70, 0.0, 0.54]}\n"
+        f"path: {{kind: lissajous, file: {SCENARIOS / 'paths/irb2400_a.yaml'}, duration_s: 40, "
+        "dwell_s: 2, stops: 0}\n"
         "plant: {kind: kinematic}\nencoders: {fitted: [1, 2, 4, 5], noise_sigma_rad: 1e-5}\n"
         "identify: {samples: 200, model: complete, corrections: [gear_ripple]}\n"
     )
@@ -480,49 +474,96 @@ def test_a_scenario_runs_with_the_model_that_it_asks_for(tmp_path: Path) -> None
 
 @pytest.fixture(scope="module")
 def light(recorded: Recorded, tmp_path_factory: pytest.TempPathFactory) -> RunData:
-    """One correction that needs no loads, from few samples, of two recordings; rod strain is in neither fit nor truth."""
+    """One correction that needs no loads, from few samples of two recordings.
+
+    Rod strain is in neither fit nor truth.
+    """
     folder = tmp_path_factory.mktemp("light") / "again"
     shutil.copytree(recorded.folder, folder)
     settings = IdentifySettings(samples=200, corrections=("gear_ripple",))
-    return identify_recordings([recorded.folder, folder], settings=settings, progress=quiet)
+    return identify_recordings([recorded.folder, folder], settings=settings)
 
 
 def page_of(data: RunData) -> str:
     return render_report(data, command="ballbar identify", written=datetime(2026, 1, 1, tzinfo=UTC))
 
 
+def test_what_recordings_share_stands_once_and_their_own_part_once_for_each(light: RunData) -> None:
+    page = page_of(light)
+    own = ("residuals", "own", "clock", "step-faults", "noise", "logs", "import")
+    for number in (1, 2):
+        assert all(page.count(f'id="{section}-{number}"') == 1 for section in own)
+    for section in ("tcp", "parameters", "corrections", "fit", "recordings"):
+        assert page.count(f'id="{section}"') == 1
+    rows = Cells(page).rows
+    assert len([row for row in rows if row[0] == "ra2"]) == 1
+    assert len([row for row in rows if row[0] == "btheta4"]) == 2
+    assert [row[0] for row in rows].count("robot joint 1") == 2
+
+
+def test_the_replay_of_a_joint_fit_shows_every_recording(light: RunData, tmp_path: Path) -> None:
+    file = tmp_path / "run.rrd"
+    write_replay(file, light)
+    shared = {"/notes", "/parameter_table"}
+    own = {"/cell/robot/link6", "/residual/after/position_um", "/events/log", "/scenario"}
+    entities = {chunk.entity_path for chunk in RrdReader(str(file)).stream().to_chunks()}
+    assert (
+        shared | {f"/{name}{entity}" for name in ("recording", "again") for entity in own}
+        <= entities
+    )
+    assert not own & entities
+    with chosen_replay(file, "run", file) as both:
+        entities = {chunk.entity_path for chunk in RrdReader(str(both)).stream().to_chunks()}
+    assert {"/A/recording/events/log", "/B/again/events/log", "/B/notes"} <= entities
+
+
 def test_a_joint_fit_without_loads_has_no_force_to_show(light: RunData) -> None:
-    assert [one.name for one in light.joined] == ["recording", "again"]
+    assert [fitted.name for fitted in light.recordings] == ["recording", "again"]
     page = page_of(light)
     assert "gear 6, 88 a turn" in page
-    assert 'id="tension"' not in page
-    assert "None found: no encoder and no clock jumped." in page
+    assert 'id="tension' not in page
+    assert page.count("None found: no encoder slipped and no clock was set.") == 2
     assert "2 simulated recordings together" in page
 
 
-def test_a_single_recording_is_reported_as_before(recorded: Recorded, tmp_path: Path) -> None:
+def test_a_single_recording_is_not_told_apart_from_others(
+    recorded: Recorded, tmp_path: Path
+) -> None:
     code, said, _ = ballbar(
         "identify", recorded.folder, "--samples", 300, "--out", tmp_path / "out"
     )
     assert code == 0
     assert said.startswith(("Good fit", "Usable, with care"))
-    text = (tmp_path / "out/calibration.yaml").read_text()
-    assert "recordings:" not in text
-    assert "held_out:" not in text
+    file = load_calibration(tmp_path / "out/calibration.yaml").file
+    assert len(file.recordings) == 1
+    assert not file.held_out
     page = (tmp_path / "out/report.html").read_text()
-    for section in ("held-out", "recordings", "corrections", "tension", "events"):
+    for section in ("held-out", "recordings", "corrections", "tension-1", "step-faults-1"):
         assert f'id="{section}"' not in page
+    assert '<h2 id="recording-1">Recording</h2>' in page
 
 
 CLOSES = LoopClosure(1.2e-5, 5e-5, 2.1e-5, 1.1)
 NOMINAL = LoopClosure(1.9e-3, 4e-3, 2e-3, 150.0)
 
 
+def outcome_of(normalised_innovation: float, *step_faults: StepFault) -> HeldOut:
+    return HeldOut(
+        name="C",
+        identified=CLOSES,
+        normalised_innovation=normalised_innovation,
+        nominal=NOMINAL,
+        samples=500,
+        ambiguous=False,
+        step_faults=step_faults,
+    )
+
+
 def test_the_held_out_sentence_says_millimetres_first_and_a_misfit_in_words() -> None:
-    good = HeldOut("C", CLOSES, 1.04, NOMINAL, 500, False, ())
+    good = outcome_of(1.04)
     assert good.sentence == (
-        "Held out C: the loop closes to 0.012 mm rms (largest 0.050), 0.021 mrad; nominal robot 1.9 mm. "
-        "1.1 times what noise explains, 1.0 with the stated uncertainty."
+        "Held out C: the loop closes to 0.012 mm rms (largest 0.050), 0.021 mrad; nominal robot "
+        "1.9 mm. 1.1 times what noise explains, 1.0 with the stated uncertainty."
     )
     assert good.acceptable
     poor = replace(good, normalised_innovation=1.5)
@@ -534,33 +575,27 @@ def test_the_held_out_sentence_says_millimetres_first_and_a_misfit_in_words() ->
 
 
 def with_validation(data: RunData, outcome: HeldOut) -> RunData:
-    return replace(data, validations=(Validation(data.folder, data.recording, outcome),))
+    first = data.recordings[0]
+    return replace(data, validations=(Validation(first.folder, first.recording, outcome),))
 
 
 def test_a_held_out_misfit_makes_the_page_and_the_run_not_acceptable(light: RunData) -> None:
-    event = StepFault(0, "clock", 0, 12.5, 0.02)
-    good, poor = (
-        HeldOut("C", CLOSES, normalised_innovation, NOMINAL, 500, False, (event,))
-        for normalised_innovation in (1.0, 3.0)
-    )
+    fault = StepFault(0, "clock", 0, 12.5, 0.02)
+    good, poor = (outcome_of(innovation, fault) for innovation in (1.0, 3.0))
     assert with_validation(light, good).acceptable == light.identification.verdict.acceptable
     data = with_validation(light, poor)
     assert not data.acceptable
     page = page_of(data)
     assert "Held-out recording not explained: C" in page
     assert 'class="verdict bad"' in page
-    assert ["C", event.sentence[0].upper() + event.sentence[1:]] in Cells(page).rows
+    assert ["C", fault.sentence[0].upper() + fault.sentence[1:]] in Cells(page).rows
 
 
 def test_the_calibration_of_a_held_out_recording_reads_back(light: RunData, tmp_path: Path) -> None:
-    result: Identification = light.identification
-    outcome = HeldOut("C", CLOSES, 1.05, NOMINAL, 500, False, ())
-    path = tmp_path / "calibration.yaml"
-    write_calibration(
-        path, result, robot="irb2400", ballbar="lund_600", plate="plate_250", held_out=[outcome]
-    )
+    outcome, path = outcome_of(1.05), tmp_path / "calibration.yaml"
+    write_calibration(path, with_validation(light, outcome))
     (held,) = load_calibration(path).file.held_out
-    assert (held.recording, held.sentence, held.acceptable) == ("C", outcome.sentence, True)
+    assert (held.name, held.sentence, held.acceptable) == ("C", outcome.sentence, True)
     assert held.identified.position_max_m == CLOSES.position_max
     assert held.nominal.ratio == NOMINAL.ratio
-    assert held.ratio_with_uncertainty == 1.05
+    assert held.normalised_innovation == 1.05

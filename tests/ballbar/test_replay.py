@@ -17,10 +17,10 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from ballbar.replay import write as replay
-from ballbar.replay.entities import rounded_up
-from ballbar.replay.motion import base_alignment, cell_motion, quat_xyzw, true_tool
+from ballbar.replay.blueprint import rounded_up
+from ballbar.replay.motion import base_alignment, cell_motion, true_tool
 from ballbar.replay.notes import replay_notes
-from ballbar.replay.scene import magnification
+from ballbar.replay.scene import magnification, quat_xyzw
 from ballbar.replay.shapes import STEEL, Mesh, arm, ball, bar_shapes, block, cylinder, robot_shapes
 from ballbar.replay.viewer import ViewerError, web_server
 from ballbar.replay.write import open_viewer, recording_id, serve_web, write_replay
@@ -97,7 +97,7 @@ def test_rerun_itself_finds_no_fault_in_the_file(file):
 
 
 def test_joint_angles_are_the_logged_rows_bit_for_bit(file, run):
-    log = run.recording.robot_log
+    log = run.recordings[0].recording.robot_log
     ns, degrees = _read(file, "/robot/joint_angles_deg", "Scalars:scalars")
     rows = np.searchsorted(log.t, ns / NS - 1e-6)  # the file holds whole ns, the log float seconds
     np.testing.assert_array_equal(degrees, np.degrees(log.q[rows]))
@@ -106,18 +106,19 @@ def test_joint_angles_are_the_logged_rows_bit_for_bit(file, run):
 
 
 def test_residuals_are_in_um_and_urad_on_the_robots_clock(file, run):
-    found = run.identification
-    for when, residuals in (("before", found.before), ("after", found.after)):
+    estimate = run.recordings[0].estimate
+    for when, residuals in (("before", estimate.before), ("after", estimate.after)):
         ns, position = _read(file, f"/residual/{when}/position_um", "Scalars:scalars")
         _, angle = _read(file, f"/residual/{when}/angle_urad", "Scalars:scalars")
         np.testing.assert_array_equal(position, residuals.position * 1e6)
         np.testing.assert_array_equal(angle, residuals.angle * 1e6)
-        expected = found.clock.offset + (1.0 + found.clock.skew) * residuals.t
+        expected = estimate.clock.offset + (1.0 + estimate.clock.skew) * residuals.t
         assert np.abs(ns / NS - expected).max() < 2e-9
 
 
 def test_bodies_of_the_file_stand_where_the_identified_kinematics_put_them(file, run):
-    frames = robot_frames(run.identification.geometry, cell_motion(run).q)
+    (fitted,) = run.recordings
+    frames = robot_frames(fitted.estimate.geometry, cell_motion(fitted).q)
     _, places = _read(file, "/cell/robot/link4", "Transform3D:translation")
     np.testing.assert_allclose(
         places.reshape(-1, 3), frames.origin[4].T, atol=2e-7
@@ -129,7 +130,7 @@ def test_everything_a_newcomer_needs_is_in_the_file(file):
     links = {f"/cell/robot/{name}" for name in ("base", *(f"link{i}" for i in range(1, 7)))}
     bar = {
         f"/cell/ballbar/{name}"
-        for name in ("stand", "gimbal_b1", "gimbal_b2", "rod_b3", "cardan_b4", "cardan_b5")
+        for name in ("stand", "gimbal_b1", "gimbal_b2", "rod_b3", "universal_b4", "universal_b5")
     }
     tool = {
         f"/cell/tool/{name}"
@@ -190,16 +191,17 @@ def test_a_real_recording_needs_no_truth(real, tmp_path):
 
 def test_without_encoders_the_ball_bar_follows_the_robot(real, tmp_path):
     """And where the ball-bar's log says nothing, before it began, likewise."""
-    motion = cell_motion(real)
-    assert (
-        np.abs(motion.bar.tip - motion.robot.tip).max() < 3e-3
-    )  # starting values of an ideal ball-bar, mm
-    bare = replace(
-        real,
-        recording=replace(real.recording, ballbar_log=None),
-        identification=replace(real.identification, clock=None, joints=(), signs=()),
+    (fitted,) = real.recordings
+    motion = cell_motion(fitted)
+    # starting values of an ideal ball-bar, mm
+    assert np.abs(motion.bar.tip - motion.robot.tip).max() < 3e-3
+    bare_recording = replace(
+        fitted,
+        recording=replace(fitted.recording, ballbar_log=None),
+        estimate=replace(fitted.estimate, clock=None, encoders=(), directions=()),
     )
-    motion = cell_motion(bare)
+    bare = replace(real, recordings=(bare_recording,))
+    motion = cell_motion(bare_recording)
     assert np.abs(motion.bar.tip - motion.robot.tip).max() < 3e-3
     write_replay(tmp_path / "bare.rrd", bare)
     assert "/ballbar/encoder_angles_deg" not in _entities(tmp_path / "bare.rrd")
@@ -233,29 +235,27 @@ def test_notes_begin_with_the_verdict_and_list_every_parameter(run, real):
     assert f"| TCP error before, mean (largest) | {before:.3f} (" in notes
     assert f"| TCP error after, mean (largest) | {after:.4f} (" in notes
     rows = [line.split(" | ") for line in notes.splitlines() if line.startswith("| ra2 |")]
-    assert [f"{run.identification.geometry['ra2'] * 1e3:.4f} mm"] == [row[2] for row in rows]
-    assert all(f"| {name} |" in notes for name in run.identification.sigma)
-    assert all(
-        f"| {d.name} | {d.reason}" in notes for d in run.identification.identifiability.dropped
-    )
+    result = run.identification
+    assert [f"{result.robot.geometry['ra2'] * 1e3:.4f} mm"] == [row[2] for row in rows]
+    assert all(f"| {name} |" in notes for name in result.sigma)
+    assert all(f"| {d.name} | {d.reason}" in notes for d in result.robot.dropped)
     assert "| 0.05 mm | yes |" in notes
     assert "| iterations | 11  | 10  | NO |" in notes
     assert "TCP error" not in replay_notes(real)
 
 
 def test_magnified_error_is_that_of_the_comparison(run):
-    """At the grid's own angles the mean error is the TCP error by another way; along the path it is of that size."""
-    truth = true_tool(run.simulation, run.identification, cell_motion(run).t)
+    """Along the path the mean error is of the size of the TCP error, found another way."""
+    motion = cell_motion(run.recordings[0])
+    truth = true_tool(run.simulation, run.recordings[0].estimate, motion.t)
     for error, figure in (
         (truth.nominal_error, run.comparison.tcp_nominal),
         (truth.identified_error, run.comparison.tcp),
     ):
         size = np.linalg.norm(error, axis=1)
         assert 0.2 * figure.mean < size.mean() < 2.0 * figure.mean
-    shift = np.abs(truth.position - cell_motion(run).tool).max()
-    assert (
-        shift < 3e-4
-    )  # identified and true tool: logged angles are noisy (1e-5 rad at 2 m, largest of many) and the model is close
+    # identified and true tool: logged angles are noisy (1e-5 rad at 2 m, largest of many)
+    assert np.abs(truth.position - motion.tool).max() < 3e-4
 
 
 def test_a_base_that_stands_elsewhere_is_no_tool_error():
@@ -292,7 +292,7 @@ def test_quaternions_come_scalar_last():
 
 @pytest.mark.parametrize(("robot", "ballbar"), [("irb2400", "lund_600"), ("nj220", "lund_1200")])
 def test_links_meet_at_every_joint(robot, ballbar):
-    """On the axis of a joint the two bodies that it joins overlap or touch, whatever the joint angles."""
+    """On the axis of a joint its two bodies overlap or touch, whatever the joint angles."""
     cell = load_cell(robot, ballbar, "plate_250")
     geometry = nominal_geometry(cell, np.array([1.0, 0.0, 0.6]))
     rng = np.random.default_rng(1)

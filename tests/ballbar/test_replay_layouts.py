@@ -1,4 +1,7 @@
-"""What a replay shows beside the moving cell: events, coverage, parameters, iterations, comparison; and what the viewer draws of it."""
+"""What a replay shows beside the moving cell, and what the viewer draws of it.
+
+Events, coverage, parameters, iterations, comparison.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +24,20 @@ from typer.testing import CliRunner
 
 from ballbar.commands.cli import app
 from ballbar.replay.coverage import PATCHES, coverage, even_directions
-from ballbar.replay.entities import MISMATCH, PARAMETER_TABLE, PARAMETER_VALUES, STAGE
-from ballbar.replay.events import run_events
+from ballbar.replay.entities import (
+    CLOSURE_ERROR,
+    CLOSURE_POSITION,
+    PARAMETER_TABLE,
+    PARAMETER_VALUES,
+    STAGE,
+)
+from ballbar.replay.events import recording_events
 from ballbar.replay.iterations import log_step
 from ballbar.replay.live import LiveRun
 from ballbar.replay.motion import cell_motion
 from ballbar.replay.notes import scenario_page
 from ballbar.replay.parameters import HALF, RIGHT, parameter_table, read_table
-from ballbar.replay.series import run_series
+from ballbar.replay.series import clock_error_series, recording_series
 from ballbar.replay.show import chosen_replay
 from ballbar.replay.viewer import _rerun, web_server
 from ballbar.replay.write import write_replay
@@ -36,6 +45,8 @@ from ballbar.result.iterations import IterationLog
 from ballbar.result.run_data import RunData
 from cell.errors import InputError
 from cell.logs import BallBarLog
+from ident.identify import identify
+from ident.options import FitOptions
 from tests.helpers.identified_run import simulated_run
 
 SECOND = 1e-9  # of the ns in a file
@@ -57,7 +68,8 @@ def file(run, tmp_path_factory) -> Path:
 def other(run, tmp_path_factory) -> Path:
     """The same run with intervals forty times as wide, and nobody who knows the truth."""
     result = run.identification
-    wide = replace(result, sigma={name: 40.0 * sigma for name, sigma in result.sigma.items()})
+    sigma = {name: 40.0 * sigma for name, sigma in result.robot.sigma.items()}
+    wide = replace(result, robot=replace(result.robot, sigma=sigma))
     path = tmp_path_factory.mktemp("other") / "wide.rrd"
     write_replay(
         path,
@@ -101,19 +113,15 @@ def _verified(path: Path) -> bool:
 
 
 def test_iterations_begin_with_the_nominal_robot_and_end_with_the_result(file, run):
-    powers = np.array(
-        _values(file, "/identify/mismatch/position_um_log10", "Scalars:scalars")
-    ).ravel()
+    powers = np.array(_values(file, CLOSURE_POSITION, "Scalars:scalars")).ravel()
+    estimate = run.recordings[0].estimate
     rms = [
-        np.sqrt((r.position**2).sum(axis=1).mean()) * 1e6
-        for r in (run.identification.before, run.identification.after)
+        np.sqrt((r.position**2).sum(axis=1).mean()) * 1e6 for r in (estimate.before, estimate.after)
     ]
     np.testing.assert_allclose(10.0 ** powers[[0, -1]], rms, rtol=1e-9)
     assert powers.size == len(run.iterations) + 1
     last = run.iterations[-1]
-    np.testing.assert_allclose(
-        last.iteration.geometry["ra2"], run.identification.geometry["ra2"], atol=1e-12
-    )
+    np.testing.assert_allclose(last.iteration.geometry["ra2"], estimate.geometry["ra2"], atol=1e-12)
     assert last.stage == "fitting"
     pages = _values(file, STAGE, "TextDocument:text")
     assert pages[-1][0].startswith(
@@ -121,10 +129,10 @@ def test_iterations_begin_with_the_nominal_robot_and_end_with_the_result(file, r
     )
 
 
-def test_arrows_of_the_mismatch_shrink_with_the_iterations(file):
+def test_arrows_of_the_loop_closure_error_shrink_with_the_iterations(file):
     sizes = [
         np.linalg.norm(row, axis=1).mean()
-        for row in _values(file, MISMATCH, "Arrows3D:vectors")
+        for row in _values(file, CLOSURE_ERROR, "Arrows3D:vectors")
         if row
     ]
     assert 0.05 < sizes[0] < 0.5  # of a rod of 0.6 m
@@ -133,12 +141,12 @@ def test_arrows_of_the_mismatch_shrink_with_the_iterations(file):
 
 def test_watching_changes_nothing(run):
     """One recording identified with and without anybody who listens."""
-    from ident.identify import identify  # noqa: PLC0415
-
-    log = run.recording
-    silent = identify(run.identification.cell, log.robot_log, log.ballbar_log, samples=300)
-    np.testing.assert_array_equal(silent.geometry.values, run.identification.geometry.values)
-    assert silent.iterations == run.identification.iterations
+    (fitted,), result = run.recordings, run.identification
+    logs = fitted.recording.robot_log, fitted.recording.ballbar_log
+    silent = identify(result.robot.cell, *logs, options=FitOptions(samples=300))
+    values = silent.recordings[0].geometry.values
+    np.testing.assert_array_equal(values, fitted.estimate.geometry.values)
+    assert silent.fit.iterations == result.fit.iterations
 
 
 def test_patches_lie_evenly_and_are_counted_once():
@@ -156,16 +164,18 @@ def test_patches_lie_evenly_and_are_counted_once():
     assert seen.share[-1] == pytest.approx(seen.t.size / PATCHES)
 
 
-def test_events_name_gaps_outliers_and_still_stand(run):
-    log = run.recording.ballbar_log
+def test_events_name_gaps_outliers_and_dwells(run):
+    (fitted,) = run.recordings
+    log = fitted.recording.ballbar_log
     rows = np.arange(log.t.size)
     angles = log.angles.copy()
     angles[2_000, 1] += 0.02
     kept = (rows < 3_000) | (rows > 3_040)
-    broken = replace(run.recording, ballbar_log=BallBarLog(log.t[kept], angles[kept], log.joints))
-    events = run_events(replace(run, recording=broken), cell_motion(run))
+    ballbar_log = BallBarLog(log.t[kept], angles[kept], log.joints)
+    broken = replace(fitted.recording, ballbar_log=ballbar_log)
+    events = recording_events(replace(fitted, recording=broken), cell_motion(fitted))
     words = [(remark.t, remark.sentence) for remark in events.remarks if remark.level == "WARN"]
-    shown = run.identification.clock.robot_time(log.t)
+    shown = fitted.estimate.clock.robot_time(log.t)
     (spike, said), (gap, lost) = words
     assert said == "encoders: 1 row that no motion explains, left out"
     assert spike == pytest.approx(shown[2_000], abs=1e-6)
@@ -179,18 +189,19 @@ def test_events_name_gaps_outliers_and_still_stand(run):
         "rows",
         "ended",
     ]
-    assert events.lanes["robot"].states[0] == "still"
+    assert events.lanes["robot"].states[0] == "dwell"
     for lane in events.lanes.values():
         assert (np.diff(lane.t) > 0.0).all()
         assert set(lane.states) <= set(lane.colours)
 
 
 def test_a_wrist_that_turns_over_is_an_event(run):
-    motion = cell_motion(run)
+    (fitted,) = run.recordings
+    motion = cell_motion(fitted)
     q = motion.q.copy()
     half = motion.t.size // 2
     q[half:, 4] *= -1.0
-    events = run_events(run, replace(motion, q=q))
+    events = recording_events(fitted, replace(motion, q=q))
     changes = [
         remark for remark in events.remarks if remark.sentence.startswith("configuration is now")
     ]
@@ -198,14 +209,17 @@ def test_a_wrist_that_turns_over_is_an_event(run):
 
 
 def test_clock_error_is_that_of_the_comparison(run):
-    motion = cell_motion(run)
-    error = run_series(run, motion, None)["/clock/error_us"]
+    (fitted,) = run.recordings
+    motion = cell_motion(fitted)
+    series = clock_error_series(run.simulation, fitted.estimate, motion.t)
+    series |= recording_series(fitted, motion, run.identification.robot)
+    error = series["/clock/error_us"]
     begin = run.comparison.offset * 1e6
     assert error.values[0, 0] == pytest.approx(
         begin, abs=0.1 + abs(run.comparison.skew) * 1e6
     )  # jitter of the stamps
-    found = run_series(run, motion, None)["/clock/offset_ms/identified"]
-    assert found.values[0, 0] == pytest.approx(run.identification.clock.offset * 1e3, abs=0.1)
+    identified = series["/clock/offset_ms/identified"]
+    assert identified.values[0, 0] == pytest.approx(fitted.estimate.clock.offset * 1e3, abs=0.1)
 
 
 def test_table_of_parameters_goes_through_the_file(file, run):
@@ -278,13 +292,14 @@ def test_command_saves_the_iterations_as_a_file_of_their_own(file, tmp_path):
 
 
 def test_page_of_the_scenario_holds_what_was_set_and_nothing_breaks_out_of_it(run, tmp_path):
-    page = scenario_page(run)
+    (fitted,) = run.recordings
+    page = scenario_page(run, fitted)
     assert "    name: irb2400" in page
     assert "    schema: ballbar-recording/1" in page
     (tmp_path / "recording.yaml").write_text(
         "notes: |\n  ```\n  # Title\n  <script>\n", encoding="utf-8"
     )
-    lines = scenario_page(replace(run, folder=tmp_path)).splitlines()
+    lines = scenario_page(run, replace(fitted, folder=tmp_path)).splitlines()
     assert all(
         line.startswith("    ")
         for line in lines
@@ -308,9 +323,7 @@ def test_live_run_shows_the_cell_and_then_the_iterations(run, tmp_path):
         live.finished(run)
     assert _verified(path)
     assert _chunks(path, "/cell/robot/link6")
-    powers = np.array(
-        _values(path, "/identify/mismatch/position_um_log10", "Scalars:scalars")
-    ).ravel()
+    powers = np.array(_values(path, CLOSURE_POSITION, "Scalars:scalars")).ravel()
     assert powers.size == len(run.iterations)
     assert not log.steps
 
@@ -350,7 +363,8 @@ def test_the_viewer_draws_every_layout_without_an_error(file, other, tmp_path):
         for folder in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")
     ):
         pytest.skip(
-            "no Vulkan driver: install mesa-vulkan-drivers and libvulkan1 for pictures without a screen"
+            "no Vulkan driver: install mesa-vulkan-drivers and libvulkan1 for pictures without a "
+            "screen"
         )
     with ViewerClient.spawn(headless=True, port=port, executable_path=_rerun()) as viewer:
         for layout, against, timeline in (

@@ -1,4 +1,7 @@
-"""The report says the verdict first, repeats the numbers of the result, asks nothing of the network and hides nothing."""
+"""The report: verdict first, the numbers of the result, no request to the network.
+
+What the recordings share stands once, what belongs to a recording once for each.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +21,12 @@ from ballbar.report.page import write_report
 from ballbar.report.provenance import without_folders
 from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
 from ballbar.result.compare import Limit, identification_against_truth
-from ballbar.result.run_data import RunData
+from ballbar.result.run_data import FittedRecording, RunData
 from cell.geometry import INDEX, PARAMETERS, robot_frames
 from ident.identify import identify
-from ident.verdict import Verdict
+from ident.options import FitOptions
+from ident.result import NamedCovariance
+from ident.verdict import Status, Verdict
 from sim.recording_files import write_recording
 from sim.settings import (
     CellSettings,
@@ -61,15 +66,18 @@ def _run(folder: Path, fitted: tuple[int, ...]) -> RunData:
     simulation = simulate(settings, relative_to=SCENARIOS)
     write_recording(simulation, settings, folder)
     recording = read_recording(folder)
-    result = identify(simulation.cell, recording.robot_log, recording.ballbar_log, samples=250)
-    return RunData(
-        "irb2400",
-        folder,
-        recording,
-        result,
-        simulation,
-        identification_against_truth(result, simulation.truth),
-    )
+    options = FitOptions(samples=250)
+    logs = recording.robot_log, recording.ballbar_log
+    result = identify(simulation.cell, *logs, options=options)
+    comparison = identification_against_truth(result, simulation.truth)
+    fitted_recording = FittedRecording("irb2400", folder, recording, result.recordings[0])
+    return RunData("irb2400", (fitted_recording,), result, simulation, comparison)
+
+
+def _with(data: RunData, **changes: object) -> RunData:
+    """The run with fields of its recording changed."""
+    (fitted,) = data.recordings
+    return replace(data, recordings=(replace(fitted, **changes),))  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -148,19 +156,20 @@ def test_every_identified_parameter_stands_in_the_table_with_the_numbers_of_the_
     run: RunData, page: str
 ) -> None:
     result, comparison, parsed = run.identification, run.comparison, _Page(page)
+    geometry, nominal_values = run.recordings[0].estimate.geometry, result.recordings[0].nominal
     assert comparison is not None
     for name, sigma in result.sigma.items():
         _, nominal, identified, deviation, shown_sigma, significance, true_deviation, error, z = (
             parsed.row(name)
         )
         to_shown = 1e3 if PARAMETERS[INDEX[name]].is_length else 180.0 / np.pi
-        assert _shows(identified, result.geometry[name] * to_shown), name
+        assert _shows(identified, geometry[name] * to_shown), name
         assert _shows(shown_sigma, sigma * 1e6), name
         assert _shows(error, comparison.deviations[name] * 1e6), name
         assert _shows(z, comparison.deviations[name] / sigma), name
         if nominal != MISSING:
-            off = result.geometry[name] - result.nominal[name]
-            assert _shows(nominal, result.nominal[name] * to_shown), name
+            off = geometry[name] - nominal_values[name]
+            assert _shows(nominal, nominal_values[name] * to_shown), name
             assert _shows(deviation, off * 1e3), name
             assert _shows(significance, abs(off) / sigma), name
             assert _shows(true_deviation, (off - comparison.deviations[name]) * 1e3), name
@@ -175,14 +184,14 @@ def test_digits_of_a_parameter_reach_its_sigma_and_no_further_than_a_tenth_of_it
         assert 0.01 * result.sigma[name] * 1e3 <= step_mm <= 1.001 * result.sigma[name] * 1e3, name
 
 
-def test_encoder_zeros_and_origin_have_no_catalogue_value(page: str) -> None:
+def test_encoder_offsets_and_origin_have_no_catalogue_value(page: str) -> None:
     parsed = _Page(page)
     for name in ("btheta1", "btheta5", "ox", "oz"):
         assert parsed.row(name)[1] == parsed.row(name)[3] == MISSING
 
 
 def test_parameters_left_at_nominal_are_named_with_reason(run: RunData, page: str) -> None:
-    dropped = run.identification.identifiability.dropped
+    dropped = run.identification.robot.dropped
     assert {one.name for one in dropped} >= {"rd1", "rd3", "rtheta1"}  # thesis sec. 3.2
     text = _Page(page).text
     for one in dropped:
@@ -191,16 +200,16 @@ def test_parameters_left_at_nominal_are_named_with_reason(run: RunData, page: st
 
 
 def test_key_figures_are_those_of_the_comparison(run: RunData, page: str) -> None:
-    comparison, result = run.comparison, run.identification
+    comparison, clock = run.comparison, run.recordings[0].estimate.clock
     assert comparison is not None
-    assert result.clock is not None
+    assert clock is not None
     assert (
-        f"{significant(comparison.tcp_nominal.mean * 1e3)} → {significant(comparison.tcp.mean * 1e3)} mm"
-        in page
+        f"{significant(comparison.tcp_nominal.mean * 1e3)} → "
+        f"{significant(comparison.tcp.mean * 1e3)} mm" in page
     )
     parsed = _Page(page)
-    assert _shows(parsed.row("offset")[1], result.clock.offset * 1e3)
-    assert _shows(parsed.row("skew")[1], result.clock.skew * 1e6)
+    assert _shows(parsed.row("offset")[1], clock.offset * 1e3)
+    assert _shows(parsed.row("skew")[1], clock.skew * 1e6)
     _, mean, _, largest, scale_free = parsed.row("after (identified)")
     assert _shows(mean, comparison.tcp.mean * 1e3)
     assert _shows(largest, comparison.tcp.maximum * 1e3)
@@ -208,14 +217,15 @@ def test_key_figures_are_those_of_the_comparison(run: RunData, page: str) -> Non
 
 
 def test_noise_and_import_findings_are_those_of_the_logs(run: RunData, page: str) -> None:
-    parsed, data = _Page(page), run
-    assert _shows(parsed.row("robot joint 3")[1], data.identification.log_noise.joint[2] * 1e6)
-    assert _shows(parsed.row("encoder b4")[1], data.identification.log_noise.encoder[3] * 1e6)
+    parsed, (fitted,) = _Page(page), run.recordings
+    noise, report = fitted.estimate.noise, fitted.recording.report
+    assert _shows(parsed.row("robot joint 3")[1], noise.joint[2] * 1e6)
+    assert _shows(parsed.row("encoder b4")[1], noise.encoder[3] * 1e6)
     assert _shows(parsed.row("encoder b4")[2], 2.0 * np.pi / (3600 * 4096) * 1e6)
-    assert data.recording.report.findings, "overruns were simulated"
-    for finding in data.recording.report.findings:
+    assert report.findings, "overruns were simulated"
+    for finding in report.findings:
         assert finding.sentence in parsed.text
-    for file in data.recording.report.files:
+    for file in report.files:
         assert any(
             row[0] == file.file and row[-2:] == [str(file.rows_kept), str(file.rows_read)]
             for row in parsed.rows
@@ -253,7 +263,7 @@ def test_inner_links_lead_somewhere(page: str) -> None:
 @pytest.mark.slow
 def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> None:
     evil = '<script>alert("1")</script><img src=x onerror=alert(1)>'
-    recording = run.recording
+    recording = run.recordings[0].recording
     report = replace(
         recording.report,
         findings=(replace(recording.report.findings[0], sentence=evil, file=evil, kind=evil),),
@@ -264,12 +274,8 @@ def test_hostile_text_is_shown_and_not_obeyed(run: RunData, tmp_path: Path) -> N
         report=report,
     )
     verdict = replace(run.identification.verdict, warnings=(evil,))
-    data = replace(
-        run,
-        name=evil,
-        recording=hostile,
-        identification=replace(run.identification, verdict=verdict),
-    )
+    result = replace(run.identification, verdict=verdict)
+    data = replace(_with(run, recording=hostile), name=evil, identification=result)
     parsed = _Page(_page(data, tmp_path, command=f"ballbar run {evil}"))
     assert not {"script", "img"} & set(parsed.tags)
     assert parsed.text.count("onerror=alert(1)") >= 6
@@ -300,7 +306,7 @@ def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(
     data = replace(run, simulation=None, comparison=None)
     parsed = _Page(_page(data, tmp_path))
     assert "Stated TCP uncertainty" in parsed.text
-    assert f"{significant(data.identification.tcp_sigma.mean() * 1e3)} mm" in parsed.text
+    assert f"{significant(data.identification.robot.tcp_sigma.mean() * 1e3)} mm" in parsed.text
     assert "true deviation" not in parsed.text
     assert "The true robot is not known here" in parsed.text
     assert len(parsed.row("ra1")) == 6
@@ -316,7 +322,7 @@ def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(
     assert "time on the robot clock [s]" in parsed.text
     assert "raw/ballbar.csv" not in parsed.text
     assert "encoder b1" not in parsed.text
-    assert _shows(parsed.row("ra1")[2], sensorless.identification.geometry["ra1"] * 1e3)
+    assert _shows(parsed.row("ra1")[2], sensorless.identification.robot.geometry["ra1"] * 1e3)
 
 
 @pytest.mark.slow
@@ -324,13 +330,13 @@ def test_a_ball_bar_without_encoders_has_one_log_and_no_clock(
 @pytest.mark.parametrize(
     ("status", "band", "heading"),
     [
-        ("good", "verdict good", "Acceptable"),
-        ("suspect", "verdict care", "Acceptable, with care"),
-        ("misfit", "verdict bad", "Not acceptable"),
+        (Status.GOOD, "verdict good", "Acceptable"),
+        (Status.SUSPECT, "verdict care", "Acceptable, with care"),
+        (Status.MISFIT, "verdict bad", "Not acceptable"),
     ],
 )
 def test_the_band_takes_colour_and_word_from_the_verdict(
-    run: RunData, tmp_path: Path, status: str, band: str, heading: str
+    run: RunData, tmp_path: Path, status: Status, band: str, heading: str
 ) -> None:
     result = replace(
         run.identification, verdict=Verdict(status, "What the fit says.", ("one remark",))
@@ -345,29 +351,29 @@ def test_the_band_takes_colour_and_word_from_the_verdict(
 @pytest.mark.slow
 @pytest.mark.usefixtures("blank_figures")
 def test_rivals_of_the_clock_alignment_are_listed(run: RunData, tmp_path: Path) -> None:
-    result = run.identification
+    estimate = run.recordings[0].estimate
     assert "cost per residual" not in _page(run, tmp_path)
-    start = replace(result.start, rivals=(result.start.chosen,), tried=5)
-    parsed = _Page(_page(replace(run, identification=replace(result, start=start)), tmp_path))
+    start = replace(estimate.start, rivals=(estimate.start.chosen,), tried=5)
+    parsed = _Page(_page(_with(run, estimate=replace(estimate, start=start)), tmp_path))
     assert "The automatic start tried 5 hypotheses" in parsed.text
     assert parsed.row("rival")[1:] == parsed.row("chosen")[1:]
-    assert _shows(parsed.row("rival")[1], result.start.chosen.fit.estimate.clock.offset)
+    assert _shows(parsed.row("rival")[1], start.chosen.fit.clock().offset)
 
 
 def test_input_files_stand_with_their_hashes_relative_to_the_recording(
     run: RunData, page: str
 ) -> None:
-    parsed = _Page(page)
+    parsed, folder = _Page(page), run.recordings[0].folder
     for name in ("recording.yaml", "raw/robot.csv", "raw/ballbar.csv"):
-        content = (run.folder / name).read_bytes()
+        content = (folder / name).read_bytes()
         (row,) = [
             row
             for row in parsed.rows
             if row and row[0] == name and row[-1] == hashlib.sha256(content).hexdigest()
         ]
         assert row[1] == str(len(content))
-    assert str(run.folder) not in page
-    assert str(run.folder.parent) not in page
+    assert str(folder) not in page
+    assert str(folder.parent) not in page
 
 
 @pytest.mark.slow
@@ -400,37 +406,38 @@ def test_the_map_of_the_sphere_keeps_areas_poles_and_directions() -> None:
 
 
 def test_the_directions_on_the_sphere_are_those_of_the_true_rod(run: RunData) -> None:
-    result, simulation = run.identification, run.simulation
+    (fitted,), simulation = run.recordings, run.simulation
+    estimate, clock = fitted.estimate, fitted.estimate.clock
     assert simulation is not None
-    assert result.clock is not None
+    assert clock is not None
     true_time = np.interp(
-        result.clock.robot_time(result.after.t),
+        clock.robot_time(estimate.after.t),
         simulation.times.robot_stamp - simulation.times.robot_stamp[0],
         simulation.times.robot_true,
     )
     q, _ = simulation.motion.at(true_time)
     rod = robot_frames(simulation.truth.geometry, q).tip.T - simulation.truth.geometry.origin
     rod /= np.linalg.norm(rod, axis=1, keepdims=True)
-    assert (
-        np.abs(tool_directions(run.fitted[0]) - rod).max() < 5e-3
-    )  # 2 mm of base gauge over a rod of 600 mm
+    # 2 mm of base gauge over a rod of 600 mm
+    assert np.abs(tool_directions(fitted) - rod).max() < 5e-3
 
 
 def test_correlations_are_drawn_for_groups_and_only_while_names_are_readable() -> None:
     names = tuple(f"p{k}" for k in range(41))
-    figure = correlation_map(np.eye(41), names, [("p3", "p5")])
+    covariance = NamedCovariance(names, np.eye(41))
+    figure = correlation_map(covariance, [("p3", "p5")])
     assert ">p3<" in figure
     assert ">p4<" not in figure
-    assert correlation_map(np.eye(41), names, []) == ""
-    assert correlation_map(np.eye(41), names, [names]) == ""
+    assert correlation_map(covariance, []) == ""
+    assert correlation_map(covariance, [names]) == ""
 
 
 def test_who_decides_reads_confidence_and_what_to_do(run: RunData, page: str) -> None:
     text = _Page(page).text
-    sigma = run.identification.tcp_sigma
+    sigma = run.identification.robot.tcp_sigma
     assert (
-        f"within {significant(2.0 * sigma.mean() * 1e3)} mm of the tool's place at an average pose"
-        in text
+        f"within {significant(2.0 * sigma.mean() * 1e3)} mm of the true tool position at an "
+        "average pose" in text
     )
     assert (
         f"within {significant(2.0 * sigma.max() * 1e3)} mm at the worst, with 95 % confidence"
@@ -493,7 +500,7 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
 def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
         write_report(
-            tmp_path / "report.html", replace(run, folder=tmp_path / "gone"), command=COMMAND
+            tmp_path / "report.html", _with(run, folder=tmp_path / "gone"), command=COMMAND
         )
     assert list(tmp_path.iterdir()) == []
 

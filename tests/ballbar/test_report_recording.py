@@ -1,4 +1,4 @@
-"""The report's section about the recording: rests, singular poses, configuration, and the clock shift with the least mismatch."""
+"""The report on the logs: dwells, singular poses, configurations, clock shift of least error."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,8 +8,8 @@ import pytest
 
 from ballbar.replay.marks import mark_sentences, marks, stretches
 from ballbar.replay.motion import cell_motion
-from ballbar.report.recording import SHIFTS, recording_section, shift_curve
-from ballbar.result.run_data import RunData
+from ballbar.report.log_figures import SHIFTS, log_section, shift_curve
+from ballbar.result.run_data import FittedRecording
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings
 from tests.helpers.simulated_recordings import Recorded
@@ -26,40 +26,40 @@ def test_runs_of_true_are_stretches_of_time() -> None:
 
 
 @pytest.fixture(scope="module")
-def run(recorded: Recorded) -> RunData:
-    return identify_recordings(
-        [Path(recorded.folder)],
-        settings=IdentifySettings(samples=300, model="dh"),
-        progress=lambda _: None,
-    )
+def fitted(recorded: Recorded) -> FittedRecording:
+    settings = IdentifySettings(samples=300, model="dh")
+    (recording,) = identify_recordings([Path(recorded.folder)], settings=settings).recordings
+    return recording
 
 
 @pytest.mark.slow
-def test_rests_of_the_robot_are_marked_where_the_path_has_them(run: RunData) -> None:
-    found = marks(run)
-    assert len(found.rests) == 3  # at both ends, and one stop of 2 s
-    assert 1.0 < np.diff(found.rests[1])[0] < 3.0
-    assert mark_sentences(found)[0].startswith("The robot stands still 3 times")
+def test_dwells_of_the_robot_are_marked_where_the_path_has_them(fitted: FittedRecording) -> None:
+    passed = marks(fitted)
+    assert len(passed.dwells) == 3  # at both ends, and one of 2 s between
+    assert 1.0 < np.diff(passed.dwells[1])[0] < 3.0
+    assert mark_sentences(passed)[0].startswith("The robot dwells 3 times")
 
 
 @pytest.mark.slow
-def test_a_straight_wrist_and_the_change_of_configuration_are_marked(run: RunData) -> None:
-    motion = cell_motion(run)
+def test_a_straight_wrist_and_the_change_of_configuration_are_marked(
+    fitted: FittedRecording,
+) -> None:
+    motion = cell_motion(fitted)
     q = motion.q.copy()
-    q[:, 4] = 0.5 * np.sin(2.0 * np.pi * motion.t / 20.0) - run.identification.geometry["rtheta5"]
-    found = marks(run, replace(motion, q=q))
-    crossings = found.configuration["robot: wrist straight"]
+    q[:, 4] = 0.5 * np.sin(2.0 * np.pi * motion.t / 20.0) - fitted.estimate.geometry["rtheta5"]
+    passed = marks(fitted, replace(motion, q=q))
+    crossings = passed.configuration["robot: wrist straight"]
     np.testing.assert_allclose(crossings, np.arange(6) * 10.0, atol=0.05)
-    spans = found.near_singular["robot: wrist straight"]
+    spans = passed.near_singular["robot: wrist straight"]
     # within 5 deg of 0.5 sin: asin(0.0873 / 0.5) / (2 pi / 20 s) on either side
     np.testing.assert_allclose(spans[1:-1].mean(axis=1), np.arange(1, 5) * 10.0, atol=0.1)
     np.testing.assert_allclose(np.diff(spans[1:-1], axis=1), 2 * 0.558, atol=0.1)
 
 
 @pytest.mark.slow
-def test_the_mismatch_is_least_where_the_clocks_are_aligned(run: RunData) -> None:
-    curve = shift_curve(run)
+def test_the_error_is_least_where_the_clocks_are_aligned(fitted: FittedRecording) -> None:
+    curve = shift_curve(fitted)
     assert curve is not None
     assert SHIFTS[int(np.argmin(curve))] == pytest.approx(0.0, abs=1e-9)
     assert curve[0] > 30 * curve.min()
-    assert set(recording_section(run)["figures"]) == {"jitter", "stillness", "angles", "shift"}
+    assert set(log_section(fitted).figures) == {"jitter", "dwells", "angles", "shift"}

@@ -1,4 +1,4 @@
-"""The command line as programs and pipes meet it: JSON, quiet and verbose, colours, Ctrl-C, completion."""
+"""The command line in programs and pipes: JSON, quiet, verbose, colours, Ctrl-C, completion."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def made(
     scenario: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, subprocess.CompletedProcess[str]]:
-    """A run in a process of its own, piped, with every stage told."""
+    """A run in a process of its own, piped, with every stage reported."""
     folder = tmp_path_factory.mktemp("run") / "out"
     command = [
         sys.executable,
@@ -60,7 +60,7 @@ def test_the_json_of_a_run_holds_calibration_comparison_and_limits(
     data = json.loads(done.stdout)
     assert data["acceptable"] is True
     assert data["files"] == ["calibration.yaml", "import_report.json", "report.html", "run.rrd"]
-    assert data["calibration"]["schema"] == "ballbar-calibration/1"
+    assert data["calibration"]["schema"] == "ballbar-calibration/2"
     assert (
         0.0
         < data["comparison"]["tcp_error"]["mean_m"]

@@ -74,7 +74,7 @@ def test_known_null_vectors_are_found_and_written_as_in_table_3_2(nominal: Geome
 
 def test_what_is_kept_and_left_out_follows_the_order_of_sec_3_3(nominal: Geometry) -> None:
     selection = select(made_up(), MADE_UP, nominal)
-    assert selection.kept == ("btheta1", "ox", "oy", "oz", "ra2", "rd2", "bd2")
+    assert selection.selected == ("btheta1", "ox", "oy", "oz", "ra2", "rd2", "bd2")
     assert [d.name for d in selection.dependent] == ["rd1", "rd3", "rtheta1", "bd1", "balpha2"]
     assert selection.without_effect == ("ralpha6",)
 
@@ -89,7 +89,7 @@ def test_units_of_a_parameter_do_not_change_what_depends_on_what(
     assert list(map(str, groups(rescaled, MADE_UP, nominal))) == list(
         map(str, groups(columns, MADE_UP, nominal))
     )
-    assert select(rescaled, MADE_UP, nominal).kept == select(columns, MADE_UP, nominal).kept
+    assert select(rescaled, MADE_UP, nominal).selected == select(columns, MADE_UP, nominal).selected
     vector = next(d for d in select(rescaled, MADE_UP, nominal).dependent if d.name == "balpha2")
     of = dict(zip(MADE_UP, unit, strict=True))
     assert vector.partners["bd2"] == pytest.approx(0.6 * of["balpha2"] / of["bd2"], rel=ROUNDING)
@@ -104,7 +104,7 @@ def test_order_of_parameters_and_samples_does_not_matter(nominal: Geometry, seed
     assert list(map(str, groups(shuffled, names, nominal))) == list(
         map(str, groups(columns, MADE_UP, nominal))
     )
-    assert select(shuffled, names, nominal).kept == select(columns, MADE_UP, nominal).kept
+    assert select(shuffled, names, nominal).selected == select(columns, MADE_UP, nominal).selected
 
 
 def test_the_scale_is_told_from_any_other_combination_of_lengths(nominal: Geometry) -> None:
@@ -126,7 +126,7 @@ def test_a_nearly_dependent_column_is_kept_and_shows_in_the_spectrum(nominal: Ge
     columns = made_up()
     rd1 = MADE_UP.index("rd1")
     columns[rd1] += 1e-4 * np.random.default_rng(8).standard_normal(columns.shape[1])
-    assert "rd1" in select(columns, MADE_UP, nominal).kept
+    assert "rd1" in select(columns, MADE_UP, nominal).selected
     seen = spectrum(columns, MADE_UP)
     assert seen.rank == 8
     assert 1e-5 < seen.smallest_counted < 1e-3
@@ -136,12 +136,12 @@ def test_a_nearly_dependent_column_is_kept_and_shows_in_the_spectrum(nominal: Ge
 def test_an_error_left_out_moves_the_kept_ones_by_the_null_vector(nominal: Geometry) -> None:
     columns = made_up()
     selection = select(columns, MADE_UP, nominal)
-    moves = influence(columns, MADE_UP, selection.kept, ["rtheta1", "balpha2", "ralpha6"])
+    moves = influence(columns, MADE_UP, selection.selected, ["rtheta1", "balpha2", "ralpha6"])
     assert list(moves["rtheta1"]) == ["btheta1", "oy", "ox"]
     assert moves["rtheta1"] == pytest.approx({"btheta1": -1.0, "oy": -0.7, "ox": 0.2})
     assert moves["balpha2"] == pytest.approx({"bd2": 0.6})
     assert moves["ralpha6"] == {}
-    assert influence(columns, MADE_UP, selection.kept, ["rtheta1"], threshold=0.5)[
+    assert influence(columns, MADE_UP, selection.selected, ["rtheta1"], threshold=0.5)[
         "rtheta1"
     ].keys() == {"btheta1", "oy"}
 

@@ -11,9 +11,12 @@ import pytest
 from cell.arrays import Array
 from ident.estimator.gauss_newton import (
     ROUNDING,
+    Marquardt,
+    Search,
     SingularError,
     Stop,
     gauss_newton_step,
+    halved,
     inverse,
     minimise,
 )
@@ -65,7 +68,7 @@ class Residuals:
         self.calls.append("trial")
         return self.at(equations.x + step)
 
-    def accept(self, equations: Equations, accepted: Equations, iterations: int) -> Equations:
+    def accept(self, _equations: Equations, accepted: Equations, _iterations: int) -> Equations:
         self.calls.append("accept")
         return accepted
 
@@ -85,41 +88,11 @@ def line_of_arctan(begin: float) -> Residuals:
 
 # Misra1a of the NIST Statistical Reference Datasets: data and certified values (least squares of
 # b1 (1 - exp(-b2 x)), both starting points of the page, certified sum of squares).
-MISRA_X = np.array(
-    [
-        77.6,
-        114.9,
-        141.1,
-        190.8,
-        239.9,
-        289.0,
-        332.8,
-        378.4,
-        434.8,
-        477.3,
-        536.8,
-        593.1,
-        689.1,
-        760.0,
-    ]
+MISRA_X = np.fromstring(
+    "77.6 114.9 141.1 190.8 239.9 289.0 332.8 378.4 434.8 477.3 536.8 593.1 689.1 760.0", sep=" "
 )
-MISRA_Y = np.array(
-    [
-        10.07,
-        14.73,
-        17.94,
-        23.93,
-        29.61,
-        35.18,
-        40.02,
-        44.82,
-        50.76,
-        55.05,
-        61.01,
-        66.40,
-        75.47,
-        81.78,
-    ]
+MISRA_Y = np.fromstring(
+    "10.07 14.73 17.94 23.93 29.61 35.18 40.02 44.82 50.76 55.05 61.01 66.40 75.47 81.78", sep=" "
 )
 MISRA_FAR, MISRA_NEAR = (500.0, 1e-4), (250.0, 5e-4)
 CERTIFIED, CERTIFIED_COST = np.array([2.3894212918e02, 5.5015643181e-04]), 1.2455138894e-01
@@ -199,11 +172,63 @@ def test_a_step_that_overshoots_is_halved_until_it_lowers_the_cost() -> None:
 
 
 @pytest.mark.parametrize("begin", [MISRA_FAR, MISRA_NEAR])
-def test_a_certified_problem_of_nist_is_solved_to_eight_digits(begin: tuple[float, float]) -> None:
-    end = minimise(misra(begin), EXACT, max_iterations=50)
+@pytest.mark.parametrize("search", [lambda: halved, Marquardt], ids=["halved", "Marquardt"])
+def test_a_certified_problem_of_nist_is_solved_to_eight_digits(
+    begin: tuple[float, float], search: Callable[[], Search]
+) -> None:
+    end = minimise(misra(begin), EXACT, max_iterations=50, search=search())
     assert end.converged
     assert end.equations.x == pytest.approx(CERTIFIED, rel=1e-8)
     assert end.equations.cost == pytest.approx(CERTIFIED_COST, rel=1e-8)
+
+
+def test_marquardt_turns_a_step_that_overshoots_and_reaches_the_same_minimum() -> None:
+    problem, costs = line_of_arctan(3.0), []
+    end = minimise(
+        problem,
+        Stop(decrease=1e-15),
+        max_iterations=30,
+        search=Marquardt(),
+        on_iteration=lambda now: costs.append(now.cost),
+    )
+    assert end.converged
+    assert abs(end.equations.x[0]) < 1e-6
+    assert (np.diff(costs) < 0.0).all()
+
+
+def test_marquardts_damping_shortens_the_step_until_it_lowers_the_cost() -> None:
+    """Of one unknown the damped step is the full one divided by 1 + damping."""
+    problem = line_of_arctan(3.0)
+    now = problem.start()
+    full, _ = gauss_newton_step(now)
+    accepted, step = Marquardt()(problem, now, full)
+    assert accepted is not None
+    assert accepted.cost < now.cost
+    damping = float(full[0] / step[0]) - 1.0
+    assert damping == pytest.approx(10.0 ** round(np.log10(damping)), rel=1e-6)
+    longer = full / (1.0 + 0.1 * damping)
+    assert problem.at(now.x + longer).cost >= now.cost  # the damping before it was refused
+
+
+def test_marquardts_damping_is_raised_at_once_where_the_last_step_needed_it() -> None:
+    """It goes down a hundredfold after an accepted step and not back to nothing."""
+    problem, search = line_of_arctan(3.0), Marquardt()
+    now = problem.start()
+    search(problem, now, gauss_newton_step(now)[0])
+    first = problem.calls.count("trial")
+    search(problem, now, gauss_newton_step(now)[0])
+    assert 1 < problem.calls.count("trial") - first < first
+
+
+def test_halving_leaves_the_longest_share_of_the_step_that_lowers_the_cost() -> None:
+    problem = line_of_arctan(3.0)
+    now = problem.start()
+    full, _ = gauss_newton_step(now)
+    accepted, step = halved(problem, now, full)
+    assert accepted is not None
+    share = float(step[0] / full[0])
+    assert accepted.cost < now.cost <= problem.at(now.x + 2.0 * share * full).cost
+    assert np.log2(share) == round(np.log2(share))
 
 
 @pytest.mark.parametrize("reuse_below", [np.inf, 1e6])
@@ -273,10 +298,11 @@ def test_a_search_without_iterations_states_the_start() -> None:
     assert np.array_equal(end.equations.x, MISRA_FAR)
 
 
-def test_a_wall_is_told_from_a_minimum() -> None:
+@pytest.mark.parametrize("search", [lambda: halved, Marquardt], ids=["halved", "Marquardt"])
+def test_a_wall_is_told_from_a_minimum(search: Callable[[], Search]) -> None:
     """The Jacobian promises a decrease that no step of any length brings."""
     problem = Residuals(lambda x: 1.0 + np.abs(x), lambda _: np.eye(1), np.array([0.0]))
-    end = minimise(problem, EXACT, max_iterations=10)
+    end = minimise(problem, EXACT, max_iterations=10, search=search())
     assert (end.converged, end.stuck, end.iterations) == (False, True, 0)
 
 

@@ -27,7 +27,8 @@ from ident.estimator.unknowns import RecordingStart, Unknowns, complete_unknowns
 from ident.loads.gear_loads import no_loads
 from ident.signals.smooth_log import SmoothLog
 from ident.signals.step_fault import StepFault
-from ident.signals.steps import Break
+from ident.signals.steps import LogStep
+from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import (
     CELL,
     NO_CLOCK_ERROR,
@@ -37,7 +38,6 @@ from tests.helpers.synthetic_recording import (
     exact_log,
     minute,
 )
-from tests.ident.estimator.conftest import EXCESS, CompleteModel
 
 LINES = 3600
 PERIOD = 2.0 * np.pi / LINES  # [rad] of an encoder's signal
@@ -233,8 +233,8 @@ def test_an_irregular_stamp_of_another_size_tells_nothing() -> None:
     assert other.time == plain.time
 
 
-def broken(log: SmoothLog, *breaks: Break) -> SmoothLog:
-    return replace(log, breaks=breaks)
+def broken(log: SmoothLog, *steps: LogStep) -> SmoothLog:
+    return replace(log, steps=steps)
 
 
 def test_what_the_logs_showed_by_themselves_is_taken_over() -> None:
@@ -242,13 +242,13 @@ def test_what_the_logs_showed_by_themselves_is_taken_over() -> None:
     assert samples.ballbar is not None
     bar = broken(
         samples.ballbar,
-        Break(row=200, time=10.0, channel=2, size=0.3),
-        Break(row=300, time=15.0, channel=None, size=0.04),
+        LogStep(row=200, time=10.0, channel=2, size=0.3),
+        LogStep(row=300, time=15.0, channel=None, size=0.04),
     )
     robot = broken(
         samples.robot,
-        Break(row=100, time=5.0, channel=None, size=0.01),
-        Break(row=400, time=20.0, channel=3, size=0.1),  # a joint's is no fault of a recording
+        LogStep(row=100, time=5.0, channel=None, size=0.01),
+        LogStep(row=400, time=20.0, channel=3, size=0.1),  # a joint's is no fault of a recording
     )
     samples = replace(samples, ballbar=bar, robot=robot, directions=np.array([1, 1, -1.0, 1]))
     slip, step, robots = step_faults_in_logs(samples, Clock(2.0, 0.0), recording=1)
@@ -262,7 +262,7 @@ def test_what_the_logs_showed_by_themselves_is_taken_over() -> None:
 
 def test_a_recording_without_encoders_has_no_step_faults_of_its_own() -> None:
     samples = samples_with()
-    robot = broken(samples.robot, Break(row=100, time=5.0, channel=None, size=0.01))
+    robot = broken(samples.robot, LogStep(row=100, time=5.0, channel=None, size=0.01))
     assert step_faults_in_logs(replace(samples, robot=robot, ballbar=None), NO_CLOCK_ERROR) == ()
 
 
@@ -359,9 +359,9 @@ def test_whole_periods_are_recognised_to_a_tenth(size: float, periods: int) -> N
 def test_times_are_those_of_the_log_with_the_clock_steps_before_them() -> None:
     log = broken(
         samples_with().ballbar,
-        Break(100, 5.0, None, 0.4),
-        Break(200, 10.0, 1, 0.3),
-        Break(300, 15.0, None, -0.1),
+        LogStep(100, 5.0, None, 0.4),
+        LogStep(200, 10.0, 1, 0.3),
+        LogStep(300, 15.0, None, -0.1),
     )
     at = [
         as_logged(StepFault(0, kind, 0, t, 0.5), log, LINES).time

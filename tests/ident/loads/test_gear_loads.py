@@ -11,11 +11,13 @@ from cell.dynamics import joint_torques
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.inverse import refine, robot_branches
 from cell.load import load_cell
-from ident.loads.gear_loads import loads, mass_model, own_weight
+from ident.loads.gear_loads import loads, mass_model, no_loads, on_ballbar, own_weight
 from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import plant_model
 from sim.plant.statics import equilibrium, gravity_torque
+from tests.helpers.known_loads import Motion, tension_at
+from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 CELLS = {"irb2400": ("lund_600", [0.70, 0.0, 0.54]), "nj220": ("lund_900", [1.50, 0.0, 0.70])}
 
@@ -82,3 +84,52 @@ def test_at_rest_the_servos_give_what_the_loads_ask_for() -> None:
     assert carried.gears(np.array([held.rod_force]))[:, 0] == pytest.approx(
         servo, abs=2e-4 * np.abs(servo).max()
     )
+
+
+def test_loads_are_a_known_part_and_a_part_per_newton(moving: Motion) -> None:
+    force = tension_at(moving.t)
+    carried, none = moving.carried, np.zeros_like(force)
+    expected = carried.gear + force * carried.gear_per_newton
+    assert np.array_equal(carried.gears(force), expected)
+    assert np.array_equal(carried.gears(none), carried.gear)
+    assert np.array_equal(
+        carried.plate_moment(force), carried.plate + force * carried.plate_per_newton
+    )
+
+
+def test_the_plate_bends_under_what_comes_from_the_ball_bar(moving: Motion) -> None:
+    """Moment about the hinge along the flange's y, of what comes through the flange (virtual work).
+
+    Without the weight of the plate itself, which stands in the wrench at the flange.
+    """
+    cell, force = CELL, tension_at(moving.t)
+    frames = robot_frames(NOMINAL, moving.q)
+    weight = cell.plate.mass * np.stack([axis[-1].T for axis in (frames.x, frames.y, frames.z)])
+    weight = weight @ cell.robot.gravity
+    wrench = moving.wrench(force)
+    wrench[:3] -= weight
+    wrench[3:] -= np.cross(cell.plate.body.com, weight.T).T
+    # a third of the plate's reach, which is ra6, from the sixth axis
+    hinge = [cell.plate.length - 2.0 / 3.0 * NOMINAL["ra6"], 0.0, cell.plate.tool_offset]
+    about_hinge = wrench[3:] - np.cross(hinge, wrench[:3].T).T
+    still = np.zeros_like(moving.q)
+    carried = loads(mass_model(cell), NOMINAL, moving.q, moving.b, still, still)
+    assert carried.plate_moment(force) == pytest.approx(about_hinge[1], abs=1e-9)
+
+
+def test_a_pulled_rod_pulls_the_tool_towards_the_base(moving: Motion) -> None:
+    """Along the rod, without a moment about the tip, which is a universal joint."""
+    bar = bar_frames(NOMINAL, moving.b)
+    _, per_newton = on_ballbar(mass_model(CELL), bar, moving.b)
+    rod = bar.tip - NOMINAL.origin[:, None]
+    along = rod / np.linalg.norm(rod, axis=0)
+    # What the tool exerts on the ball-bar's end: a pull outwards.
+    assert per_newton[:3] == pytest.approx(along, abs=1e-9)
+    assert np.abs(per_newton[3:]).max() < 1e-9
+
+
+def test_where_no_correction_asks_for_loads_there_are_none() -> None:
+    nothing = no_loads(4)
+    assert not nothing.gears(np.ones(4)).any()
+    assert not nothing.plate_moment(np.ones(4)).any()
+    assert nothing.gear.shape == (6, 4)

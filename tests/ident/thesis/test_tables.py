@@ -61,7 +61,8 @@ Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of columns of size 1 with weakest directions of 1e-3
 FIVE = (1, 2, 3, 4, 5)
 
-# What differs from Table 3.2 where the ball-bar does not stand at y = 0; why is on the page (docs/identifiability.md).
+# What differs from Table 3.2 where the ball-bar does not stand at y = 0; why is on the page
+# (docs/identifiability.md).
 BEYOND_TABLE_3_2 = {
     "length": [],
     "position": [
@@ -138,7 +139,7 @@ def test_null_vectors_are_null_and_as_many_as_singular_values_vanish(
     nominal = loops[robot].geometry
     row = dict(zip(THESIS_PARAMETERS, columns, strict=True))
     selection = select(columns, THESIS_PARAMETERS, nominal)
-    assert len(selection.kept) == spectrum(columns, THESIS_PARAMETERS).rank
+    assert len(selection.selected) == spectrum(columns, THESIS_PARAMETERS).rank
     for d in (
         *selection.dependent,
         *(v for g in groups(columns, THESIS_PARAMETERS, nominal) for v in g.vectors),
@@ -148,7 +149,7 @@ def test_null_vectors_are_null_and_as_many_as_singular_values_vanish(
 
 
 def test_the_length_cost_keeps_exactly_the_parameters_of_table_3_5(found: dict[str, Study]) -> None:
-    assert set(found["length"].selection.kept) == TABLE_3_5_IDENTIFIED
+    assert set(found["length"].selection.selected) == TABLE_3_5_IDENTIFIED
 
 
 def test_left_out_are_the_parameters_that_sec_3_3_removes_and_ba2(found: dict[str, Study]) -> None:
@@ -175,7 +176,9 @@ def test_an_error_of_1_mm_or_mrad_moves_what_table_3_4_prints(
 def test_bd3_moves_in_second_order_only_when_balpha2_is_off(
     carried: KinematicLoop, found: dict[str, Study]
 ) -> None:
-    moves = reidentified(carried, "position", (1, 2), found["position"].selection.kept, "balpha2")
+    moves = reidentified(
+        carried, "position", (1, 2), found["position"].selection.selected, "balpha2"
+    )
     assert moves["bd2"] == pytest.approx(0.6, abs=1e-3)
     assert moves["bd3"] == pytest.approx(-0.6 * 0.5e-3, rel=0.01)  # bd3 (cos(1 mrad) - 1), in mm
 
@@ -189,7 +192,7 @@ def test_reidentification_agrees_with_the_null_vectors_to_first_order(
 ) -> None:
     columns = cost_columns(carried, cost, FIVE, THESIS_PARAMETERS)
     s = found[cost].selection
-    linear = influence(columns, THESIS_PARAMETERS, s.kept, [d.name for d in s.dependent])
+    linear = influence(columns, THESIS_PARAMETERS, s.selected, [d.name for d in s.dependent])
     for name, moves in moved[cost].items():
         assert moves == pytest.approx(
             linear[name], rel=0.01
@@ -203,7 +206,7 @@ def test_reidentification_agrees_with_the_null_vectors_to_first_order(
 def test_reidentification_ends_where_levenberg_marquardt_ends(
     carried: KinematicLoop, found: dict[str, Study], cost: str, name: str
 ) -> None:
-    kept = found[cost].selection.kept
+    kept = found[cost].selection.selected
     true = carried.geometry.replaced({name: carried.geometry[name] + 1e-3})
     q = refine(true.robot, carried.q, bar_frames(true, carried.b).poses())
     signed = next(
@@ -211,7 +214,7 @@ def test_reidentification_ends_where_levenberg_marquardt_ends(
         for c in ("length", "position", "position_angles", "transform")
         if c == cost
     )
-    fit = fit_cost(signed, carried.geometry, q, carried.b, [INDEX[k] for k in kept])
+    fit = fit_cost(signed, carried.geometry, q=q, b=carried.b, parameters=[INDEX[k] for k in kept])
     expected = {k: (fit.geometry[k] - carried.geometry[k]) * 1e3 for k in kept}
     assert reidentified(carried, cost, FIVE, kept, name) == pytest.approx(expected, abs=1e-6)
 
@@ -224,7 +227,7 @@ def test_ml_sees_the_expected_directions_of_the_complete_model(
     loops: dict[str, KinematicLoop], robot: str, joints: tuple[int, ...], directions: int
 ) -> None:
     complete = study(loops[robot], "ml", joints, complete=True)
-    assert len(complete.selection.kept) == complete.spectrum.rank == directions
+    assert len(complete.selection.selected) == complete.spectrum.rank == directions
     assert complete.spectrum.largest_ignored < 1e-12
 
 
@@ -233,9 +236,9 @@ def test_ml_with_joints_that_nobody_measures_carries_the_ballbar_about_axis_1_ex
 ) -> None:
     loop = loops["irb2400"]
     none = study(loop, "ml", (), complete=False)
-    moves = reidentified(loop, "ml", (), none.selection.kept, "rtheta1")
+    moves = reidentified(loop, "ml", (), none.selection.selected, "rtheta1")
     out = loop.geometry["ox"] * 1e3
-    expected = dict.fromkeys(none.selection.kept, 0.0) | {
+    expected = dict.fromkeys(none.selection.selected, 0.0) | {
         "ox": out * (np.cos(1e-3) - 1.0),
         "oy": -out * np.sin(1e-3),
     }  # [mm]
