@@ -109,7 +109,11 @@ def main() -> None:
     plain = plain_user_identify(samples, samples.nominal, parameters)
     begin = time.perf_counter()
     ours = fit_cost(
-        cost_named("transform", "vector"), samples.nominal, samples.q, samples.b, parameters
+        cost_named("transform", "vector"),
+        samples.nominal,
+        q=samples.q,
+        b=samples.b,
+        parameters=parameters,
     )
     seconds = time.perf_counter() - begin
     for name, geometry, count, converged, spent in (

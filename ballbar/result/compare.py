@@ -1,7 +1,7 @@
 """An identified robot against the truth, or against another calibration.
 
-Parameter distance as in thesis sec. 3.4 (mm and mrad mixed), meaningful where the parameters held fixed are true; and the
-TCP error over the accuracy grid, meaningful always.
+Parameter distance as in thesis sec. 3.4 (mm and mrad mixed), meaningful where the parameters held
+fixed are true; and the TCP error over the accuracy grid, meaningful always.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Where the true robot of a simulation puts its tool when it stands free: the reference of the TCP error.
 
-Its resolvers misread, its gears turn unevenly, yield to the weight of arm and plate, and lie at one end of their play; all of
-it is part of the map from logged angles to the tool, and an identified robot is judged by that map. Where hardly any weight
-presses on a gear, its play is counted in the middle (notes/identification sec. 1, metric).
+Its resolvers misread, its gears turn unevenly, yield to the weight of arm and plate, and lie at one
+end of their play; all of it is part of the map from logged angles to the tool, and an identified
+robot is judged by that map. Where hardly any weight presses on a gear, its play is counted in the
+middle (notes/identification sec. 1, metric).
 """
 
 from __future__ import annotations

@@ -41,18 +41,10 @@ WIDTH = 160  # characters of the summary in a pipe or file
 @contextmanager
 def run_bar(console: Console, plan: Plan) -> Iterator[RunProgress]:
     """A bar of the runs done, on a terminal and after BAR_AFTER; elsewhere nothing is shown."""
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("runs"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not animated(console),
-    )
+    done_of_all = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    times = (TextColumn("runs"), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+    quiet = not animated(console)
+    bar = Progress(*done_of_all, *times, console=console, transient=True, disable=quiet)
     task = bar.add_task("starting", total=plan.runs)
     since = time.monotonic()
 

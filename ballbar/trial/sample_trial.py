@@ -52,10 +52,10 @@ def fit_cost_to_samples(
     sign = without_mean(samples.sign) if settings.rod_sign else None  # the mean is part of bd3
     start, q, b = samples.nominal, samples.q, samples.b
     if not settings.shift_rounds:
-        return samples, fit_cost(cost, start, q, b, parameters, rod_sign=sign), None
+        return samples, fit_cost(cost, start, q=q, b=b, parameters=parameters, rod_sign=sign), None
     rounds = settings.shift_rounds
     shifted = fit_cost_with_shift(
-        cost, start, samples.t, q, b, parameters, rounds=rounds, rod_sign=sign
+        cost, start, t=samples.t, q=q, b=b, parameters=parameters, rounds=rounds, rod_sign=sign
     )
     return samples, shifted.fit, shifted.shift
 

@@ -114,7 +114,7 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
     q, b = _paired_angles(recording)
     offsets = {name: estimate.geometry[name] for name in NAMES if name.startswith("btheta")}
     start, parameters = estimate.nominal.replaced(offsets), cost_parameters(scenario, folder)
-    fit = fit_cost(cost, start, q, b, parameters)
+    fit = fit_cost(cost, start, q=q, b=b, parameters=parameters)
     robot, truth = UnloadedRobot(simulation.cell, fit.geometry), simulation.truth
     names = [NAMES[i] for i in fit.parameters]
     return _cost_row(fit, compare_with_truth(robot, estimate.nominal, truth, names, None))

@@ -70,12 +70,12 @@ def backlash_transition(cell: Cell) -> Array:
 
 
 def smooth_sign(load: Array, width: Array | float) -> Array:
-    """Sign of a load (..., N) with a smooth transition, -1 to 1; 0.5 at a load of 0.58 widths."""
+    """Smooth sign (..., N) of a load [N, N m], -1 to 1; 0.5 at a load of 0.58 widths."""
     return np.asarray(load / np.sqrt(load * load + width * width))
 
 
 def sign_slope(load: Array, width: Array | float) -> Array:
-    """Derivative of `smooth_sign` with respect to the load, (..., N) per unit of load."""
+    """Derivative (..., N) of `smooth_sign` with respect to the load [N, N m]."""
     return np.asarray(width * width / (load * load + width * width) ** 1.5)
 
 

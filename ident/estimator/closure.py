@@ -50,7 +50,7 @@ def close_loop(geometry: Geometry, q: Array, b: Array) -> Closure:
 
 
 def parameter_jacobian(closure: Closure, parameters: Sequence[Parameter]) -> Array:
-    """(P, 6, N) derivative of the error with respect to geometric parameters [m, rad per unit]."""
+    """(P, 6, N) derivative of the error with respect to parameters, each in its unit [m, rad]."""
     out = np.empty((len(parameters), 6, closure.error.shape[1]))
     for k, parameter in enumerate(parameters):
         parameter_screw(closure.geometry, closure.robot, closure.bar, parameter, out[k])
@@ -69,22 +69,22 @@ def runs_of_one_side(parameters: Sequence[Parameter]) -> Iterator[tuple[int, int
 
 
 def robot_joint_jacobian(closure: Closure) -> Array:
-    """(6, 6, N) derivative of the error with respect to each robot joint angle [m, rad per rad]."""
+    """(6, 6, N) derivative of the error with respect to each robot joint angle [rad]."""
     return _error_of_robot_motion(closure, joint_screws(closure.robot))
 
 
 def bar_joint_jacobian(closure: Closure) -> Array:
-    """(5, 6, N) derivative of the error with respect to each ball-bar angle [m, rad per rad]."""
+    """(5, 6, N) derivative of the error with respect to each ball-bar angle [rad]."""
     return _error_of_bar_motion(closure, joint_screws(closure.bar))
 
 
 def rod_jacobian(closure: Closure) -> Array:
-    """(6, N) derivative of the error with respect to the rod length [m, rad per m]."""
+    """(6, N) derivative of the error with respect to the rod length [m]."""
     return _error_of_bar_motion(closure, screw(closure.bar, "d", 2))
 
 
 def plate_jacobian(closure: Closure) -> Array:
-    """(6, N) derivative of the error with respect to the bending angle of the plate [per rad].
+    """(6, N) derivative of the error with respect to the bending angle of the plate [rad].
 
     The plate bends as a cantilever: a hinge a third of its length from the sixth axis
     (thesis sec. 4.5).

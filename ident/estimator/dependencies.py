@@ -5,11 +5,11 @@ columns come from (cost, robot, path, encoders) is the caller's affair. Columns 
 length, so units and weights of a parameter do not matter. A parameter whose column vanishes has no
 effect (Table 3.3). The others form a null space as large as the number of directions that are
 missing; its readable basis is: walk through the parameters in the order of thesis sec. 3.3 and
-leave out each one whose column is a combination `c_k = sum_i x_i c_i` of those selected before. (The
-thesis reads the diagonal of "Q"; it is that of R.)
+leave out each one whose column is a combination `c_k = sum_i x_i c_i` of those selected before.
+(The thesis reads the diagonal of "Q"; it is that of R.)
 
-- One partner, as in `c_rd1 = -c_oz`: either can be selected. All that share a partner make one group,
-  `rd1 | oz | bd1` (Table 3.2).
+- One partner, as in `c_rd1 = -c_oz`: either can be selected. All that share a partner make one
+  group, `rd1 | oz | bd1` (Table 3.2).
 - Several partners, as in `c_rtheta1 = -c_btheta1 + oy c_ox - ox c_oy`: they move together, `rtheta1
   | ox,y + btheta1`.
 - All lengths in proportion to themselves: the scale, which one known length fixes. It joins the
@@ -152,7 +152,7 @@ def select(
 ) -> Selection:
     """The parameters to identify, by the priority of thesis sec. 3.3.
 
-    columns : (P, M), one row for each of `names`, in any order.
+    columns : (P, M) per [m] or [rad], one row for each of `names`, in any order.
     nominal : its lengths say what the scale direction is.
     known : asked last, so that they are left out where anything depends on them: the plate, whose
     length is known.

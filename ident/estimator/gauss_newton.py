@@ -1,10 +1,10 @@
 """Damped Gauss-Newton on normal equations.
 
 Minimise `F(x) = |r(x)|^2` from normal equations `N = J'J`, `g = J'r`. Each step is the Gauss-Newton
-step; where it does not lower the cost it is halved (`halved`; Bjorck 1996, sec. 9.2), or turned
-towards the gradient (`Marquardt`; Levenberg 1944, Marquardt 1963), as the thesis did. Weights are frozen within an iteration, so a trial step is
-judged by the cost that it was made for. The search ends when the full step predicts a negligible
-decrease, or when an accepted one brought it.
+step; where it does not lower the cost it is halved (`halved`; Björck 1996, sec. 9.2), or turned
+towards the gradient (`Marquardt`; Levenberg 1944, Marquardt 1963), as the thesis did. Weights are
+frozen within an iteration, so a trial step is judged by the cost that it was made for. The search
+ends when the full step predicts a negligible decrease, or when an accepted one brought it.
 
 A Jacobian may serve more than one step: near the minimum, where a step leaves less than QUICK of
 the predicted decrease, a new one would hardly change the next.

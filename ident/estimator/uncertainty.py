@@ -101,7 +101,7 @@ def autocorrelation(residual: Array, times: Array, smoothing: float) -> float:
 def correlated_groups(covariance: Array, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """Groups of unknowns that the data hardly separate: chains of correlations above STRONG.
 
-    covariance : (P, P) of the unknowns `names`.
+    covariance : (P, P) of the unknowns `names` [m, rad, s and their products].
     """
     deviation = np.sqrt(np.diag(covariance))
     strong = np.abs(covariance / np.outer(deviation, deviation)) > STRONG

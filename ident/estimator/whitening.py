@@ -30,9 +30,9 @@ SINGULAR = 1e-9  # of the median: a joint whose column is shorter turns nothing 
 
 
 def covariance(columns: Array) -> Array:
-    """(6, 6, N) covariance of the loop-closure error.
+    """(6, 6, N) covariance of the loop-closure error [m, rad].
 
-    columns : (K, 6, N) change of the error for one standard deviation of each independent source.
+    columns : (K, 6, N) [m, rad] change of the error for one standard deviation of each source.
     """
     out = np.einsum("kin,kjn->ijn", columns, columns)
     for i in range(6):
@@ -104,7 +104,11 @@ class Whitening:
 
 
 def whitening(covariances: Array, unmeasured: Array) -> Whitening:
-    """Weights from covariances (6, 6, N) and the columns (m, 6, N) of the unmeasured joints."""
+    """Weights of N samples.
+
+    covariances : (6, 6, N) of the error [m, rad]. unmeasured : (m, 6, N) its change per radian of
+    each unmeasured joint [m, rad].
+    """
     m, _, n = unmeasured.shape
     identity = np.broadcast_to(np.eye(6)[:, :, None], (6, 6, n))
     rows = solve_lower(cholesky(covariances), identity).transpose(1, 0, 2).copy()

@@ -102,7 +102,7 @@ def position_sigma(positions: Array, moves: Array, covariance: Array) -> Array:
 
 
 def rigid_basis(points: Array) -> Array:
-    """(3G, 6) orthonormal basis of the small rigid motions of the points."""
+    """(3G, 6) orthonormal basis of the small rigid motions of points (G, 3) [m]."""
     centred = points - points.mean(axis=0)
     motions = np.zeros((points.shape[0], 3, 6))
     motions[:, :, :3] = np.eye(3)

@@ -125,10 +125,10 @@ class _Problem:
 def fit_cost(
     cost: Cost,
     start: Geometry,
+    *,
     q: Array,
     b: Array,
     parameters: Sequence[int] | NDArray[np.intp],
-    *,
     rod_sign: Array | None = None,
     max_iterations: int = MAX_ITERATIONS,
 ) -> CostFit:

@@ -39,11 +39,11 @@ class ShiftedFit:
 def fit_cost_with_shift(
     cost: Cost,
     start: Geometry,
+    *,
     t: Array,
     q: Array,
     b: Array,
     parameters: Sequence[int] | NDArray[np.intp],
-    *,
     rounds: int,
     rod_sign: Array | None = None,
 ) -> ShiftedFit:
@@ -58,14 +58,15 @@ def fit_cost_with_shift(
     t, q = t[inside], q[inside]
     sign = None if rod_sign is None else rod_sign[inside]
     geometry, shift = start, 0.0
+
+    def fit() -> CostFit:
+        later = bar.spline(t + shift)
+        return fit_cost(cost, geometry, q=q, b=later, parameters=parameters, rod_sign=sign)
+
     for _ in range(rounds):
-        geometry = fit_cost(
-            cost, geometry, q, bar.spline(t + shift), parameters, rod_sign=sign
-        ).geometry
+        geometry = fit().geometry
         shift = best_shift(cost, geometry, t, q, bar)
-    return ShiftedFit(
-        fit_cost(cost, geometry, q, bar.spline(t + shift), parameters, rod_sign=sign), shift
-    )
+    return ShiftedFit(fit(), shift)
 
 
 def best_shift(cost: Cost, geometry: Geometry, t: Array, q: Array, bar: SmoothLog) -> float:

@@ -1,11 +1,11 @@
 """Angles b4, b5 of the universal joint against those of the robot's pose (thesis eq. 2.3).
 
 The gimbal, turned by b1 and b2 as measured, holds the rod's axis w. In the robot's tool frame it is
-v = R^T w, and the angles of an ideal universal joint between the two are `-v_x + i v_y = -sin(b4hat)
-exp(i b5hat)`, `v_z = cos(b4hat)` (cell.inverse). On which side of zero b4 is, is taken from its
-measured value. The thesis speaks of four-quadrant arctangents and a matrix inverse; that it is the
-inverse of the gimbal's measured transform is concluded from Table 3.2: only then C_Ptheta separates
-bd2 from balpha2, but not ra6 from ba5.
+v = R^T w, and the angles of an ideal universal joint between the two are `-v_x + i v_y =
+-sin(b4hat) exp(i b5hat)`, `v_z = cos(b4hat)` (cell.inverse). On which side of zero b4 is, is taken
+from its measured value. The thesis speaks of four-quadrant arctangents and a matrix inverse; that
+it is the inverse of the gimbal's measured transform is concluded from Table 3.2: only then C_Ptheta
+separates bd2 from balpha2, but not ra6 from ba5.
 """
 
 from __future__ import annotations

@@ -77,7 +77,9 @@ class SinusoidalGearError(Strict):
 
 
 class GearFriction(Strict):
-    """The gears have Coulomb, viscous and, if chosen, Stribeck friction on the motor side."""
+    """The gears have Coulomb, viscous and, if chosen, Stribeck friction on the motor side
+    (LuGre model).
+    """
 
     scale: Scale = Field(1.0, description="Factor on all friction of the robot file.")
     stribeck: bool = Field(
@@ -104,7 +106,7 @@ class RodBacklash(Strict):
 
 
 class BarFriction(Strict):
-    """The bearings of the ball-bar's joints have friction."""
+    """The bearings of the ball-bar's joints have friction (LuGre model)."""
 
     torque_N_m: Annotated[float, Field(ge=0.0)] | None = Field(
         None, description="Friction torque of each joint; by default that of the ball-bar file."

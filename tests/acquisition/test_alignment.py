@@ -46,7 +46,8 @@ def logs_with_offset(
 ) -> tuple[RobotLog, BallBarLog, float]:
     """Both logs of one run, and the true offset.
 
-    longer : the side that starts early logs the rest before the course; otherwise the side that starts late misses part of it.
+    longer : the side that starts early logs the rest before the course; otherwise the side that
+    starts late misses part of it.
     """
     rng = np.random.default_rng(seed)
     duration = rng.uniform(120.0, 240.0)
@@ -106,7 +107,8 @@ def test_the_same_course_driven_twice_gives_a_runner_up_one_round_away() -> None
 
 
 def test_rest_against_rest_does_not_win() -> None:
-    # 100 s of rest in each log, 30 s of motion: the longest overlap of equal signals is rest on rest.
+    # 100 s of rest in each log, 30 s of motion: the longest overlap of equal signals is rest on
+    # rest.
     rng = np.random.default_rng(1)
     course = Course(130.0, [(-1.0, 100.0), (110.0, 113.0), (126.0, 140.0)])
     t_robot, t_bar = np.arange(0.0, 130.0, 0.004032), np.arange(90.0, 130.0, 0.01)
@@ -211,14 +213,16 @@ def test_noise_is_measured_in_motion_and_with_uneven_stamps(sigma: float) -> Non
     angles = np.stack([np.sin(0.5 * t), np.cos(0.3 * t)], axis=1) + rng.normal(
         0.0, sigma, (t.size, 2)
     )
-    # 8000 samples: the median is good to about 2 %; jerk of 0.125 rad/s^3 leaves less than 1e-7 rad.
+    # 8000 samples: the median is good to about 2 %; jerk of 0.125 rad/s^3 leaves less than 1e-7
+    # rad.
     assert noise_sigma(t, angles) == pytest.approx([sigma, sigma], rel=0.08)
 
 
 def test_speeds_have_no_delay() -> None:
     t = np.cumsum(np.random.default_rng(8).choice([0.010, 0.015], 5000))
     error = speeds(t, np.sin(t)[:, None])[20:-20, 0] - np.cos(t)[20:-20]
-    # Uneven stamps move the middle of a window by some ms to and fro; a delay would always move it the same way.
+    # Uneven stamps move the middle of a window by some ms to and fro; a delay would always move it
+    # the same way.
     assert np.abs(error).max() < 0.02
     delay = np.mean(error * np.sin(t)[20:-20]) / 0.5  # [s] as d cos(t)/dt = -sin(t)
     assert abs(delay) < 5e-4

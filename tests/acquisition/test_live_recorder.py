@@ -434,7 +434,8 @@ def test_the_table_shows_rate_losses_and_what_an_encoder_complained_of() -> None
     assert "b2    -2.000 deg  amplitude error " in shown
     assert "ballbar: segment 1 ended: PLC restarted." in shown
     console.print(status_table([replace(progress, heard=time.monotonic() - 5.0)], 12.0))
-    assert "ballbar  silent for 5 s  2        1234           7     0" in console.file.getvalue()  # type: ignore[attr-defined]
+    # type: ignore[attr-defined]
+    assert "ballbar  silent for 5 s  2        1234           7     0" in console.file.getvalue()
 
 
 @pytest.mark.parametrize(

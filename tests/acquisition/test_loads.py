@@ -101,7 +101,8 @@ def test_a_simulated_force_log_is_read_as_it_was_written(loaded: Recorded) -> No
         drawn=simulation.truth.logs.loads,
         seed=loaded.settings.seed,
     )
-    # The file has 1e-6 s and 1e-5 N; 2 ms steps are whole microseconds, and 1e-12 s is float64 at an up-time of a minute.
+    # The file has 1e-6 s and 1e-5 N; 2 ms steps are whole microseconds, and 1e-12 s is float64 at
+    # an up-time of a minute.
     np.testing.assert_allclose(force_log(recording).t, stamps - stamps[0], rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(force_log(recording).wrench, readings, rtol=0.0, atol=0.51e-5)
     assert [

@@ -38,7 +38,8 @@ def test_both_logs_are_read_as_the_angles_that_were_recorded(tmp_path: Path) -> 
     recording = read_recording(write(tmp_path))
     robot, ballbar = recording.robot_log, recording.ballbar_log
     assert ballbar is not None
-    # Times: 100 s + t as float64 resolves 1.4e-14 s; nanoseconds from the first row are exact to rounding.
+    # Times: 100 s + t as float64 resolves 1.4e-14 s; nanoseconds from the first row are exact to
+    # rounding.
     np.testing.assert_allclose(robot.t, ROBOT_T, atol=1e-13)
     np.testing.assert_array_equal(ballbar.t, np.rint(BAR_T * 1e9) / 1e9)
     np.testing.assert_allclose(robot.q, joint_course(ROBOT_T), atol=1e-13)

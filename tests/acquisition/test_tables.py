@@ -16,7 +16,8 @@ COUNTERS = Layout(
     (";", ","), {"time": "integer", "b1": "integer", "b2": "integer"}, {"s1": "integer"}
 )
 MOTORS = Layout((",", ";", "\t"), {"time": "float", "m1": "float", "m2": "float"})
-EPOCH = 1_100_000_000_000_000_001  # [ns] near 2034 in time since 2000; the last digit is lost in a float64
+# [ns] near 2034 in time since 2000; the last digit is lost in a float64
+EPOCH = 1_100_000_000_000_000_001
 
 
 def read(

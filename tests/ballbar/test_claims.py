@@ -38,7 +38,8 @@ ROOT = SCENARIOS.parent
 CLAIMS = SCENARIOS / "claims"
 SAMPLED = CLAIMS / "scenarios" / "irb2400.yaml"
 
-# Two costs, two sizes, three seeds; C_l five times C_T, both in proportion to the size; C_P off by a tenth of a percent at the end.
+# Two costs, two sizes, three seeds; C_l five times C_T, both in proportion to the size; C_P off by
+# a tenth of a percent at the end.
 TABLE = pd.DataFrame(
     [
         {
@@ -619,9 +620,9 @@ def test_a_rod_that_does_not_deviate_is_found_not_to() -> None:
     fit = fit_cost(
         cost_named("transform", "vector"),
         samples.nominal,
-        samples.q,
-        samples.b,
-        chosen,
+        q=samples.q,
+        b=samples.b,
+        parameters=chosen,
         rod_sign=samples.sign,
     )
     assert abs(fit.rod_deviation) < 1e-12  # rounding
@@ -629,9 +630,9 @@ def test_a_rod_that_does_not_deviate_is_found_not_to() -> None:
         fit_cost(
             cost_named("length", "thesis"),
             samples.nominal,
-            samples.q,
-            samples.b,
-            chosen,
+            q=samples.q,
+            b=samples.b,
+            parameters=chosen,
             rod_sign=samples.sign,
         )
 
@@ -680,10 +681,10 @@ def test_no_round_is_the_plain_fit_away_from_the_ends() -> None:
     found = fit_cost_with_shift(
         cost_named("transform", "vector"),
         samples.nominal,
-        samples.t,
-        samples.q,
-        samples.b,
-        chosen,
+        t=samples.t,
+        q=samples.q,
+        b=samples.b,
+        parameters=chosen,
         rounds=0,
     )
     assert found.shift == 0.0

@@ -1,6 +1,7 @@
 """Exports of an identified robot, each read back by other means and compared with our forward kinematics.
 
-Tolerance 1e-9 m and rad (what is asked for); the files hold every digit, so what is left is rounding.
+Tolerance 1e-9 m and rad (what is asked for); the files hold every digit, so what is left is
+rounding.
 """
 
 from __future__ import annotations

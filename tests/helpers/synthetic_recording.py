@@ -6,6 +6,7 @@ is the noise of the samples.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +17,7 @@ from cell.clock import Clock
 from cell.geometry import Geometry, bar_frames, nominal_geometry
 from cell.inverse import refine
 from cell.load import load_cell
+from ident.estimator.closure import Closure, close_loop
 from ident.estimator.samples import Samples, samples_of
 from ident.signals.smooth_log import SmoothLog, interpolating_log
 from sim.path import Lissajous, ReferencePath, reference_path
@@ -32,6 +34,19 @@ SHAPE = Lissajous(  # scenarios/paths/irb2400_a.yaml
     cycles=np.array([3.0, 1.0, 4.0, 2.0, 5.0]),
     phase=np.radians([18.0, 49.7, 251.0, 277.2, 357.4]),
 )
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A mechanism that is off by centimetres, and angles that close the nominal one."""
+
+    geometry: Geometry
+    q: Array  # (9, 6) [rad]
+    b: Array  # (9, 5) [rad]
+
+    @property
+    def closure(self) -> Closure:
+        return close_loop(self.geometry, self.q, self.b)
 
 
 @lru_cache(maxsize=4)

@@ -1,32 +1,15 @@
-"""What several tests of the identification look at: a mechanism that is off, a minute of samples."""
+"""What several tests of the identification look at: a mechanism that is off, a minute of noise."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames
 from cell.inverse import refine
-from ident.estimator.closure import Closure, close_loop
 from ident.estimator.samples import Samples
 from tests.helpers.simulated_recordings import perturbed
-from tests.helpers.synthetic_recording import recording
-
-
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """A mechanism that is off by centimetres, and angles that close the nominal one."""
-
-    geometry: Geometry
-    q: Array  # (9, 6) [rad]
-    b: Array  # (9, 5) [rad]
-
-    @property
-    def closure(self) -> Closure:
-        return close_loop(self.geometry, self.q, self.b)
+from tests.helpers.synthetic_recording import Loop, recording
 
 
 @pytest.fixture(scope="session")

@@ -6,18 +6,8 @@ import pytest
 
 from tests.project.array_docstrings import PACKAGES, SHAPE, SHAPE_TARGET, UNIT, UNIT_TARGET, shares
 
-BELOW = {"sim", "ident", "planning"}  # packages that do not meet the targets yet
 
-
-@pytest.mark.parametrize(
-    "package",
-    [
-        pytest.param(
-            name, marks=[pytest.mark.xfail(strict=True, reason="to be written")] * (name in BELOW)
-        )
-        for name in PACKAGES
-    ],
-)
+@pytest.mark.parametrize("package", PACKAGES)
 def test_enough_public_array_functions_state_shape_and_unit(package: str) -> None:
     count, shape, unit = shares(package)
     assert shape >= SHAPE_TARGET, f"{shape:.0%} of {count} functions"

@@ -112,9 +112,6 @@ def line_of(text: str, position: int) -> int:
     return text.count("\n", 0, position) + 1
 
 
-@pytest.mark.xfail(
-    strict=True, raises=AssertionError, reason="product code still says notes/notes/ in six places"
-)
 def test_every_note_that_is_cited_has_the_section_that_is_named() -> None:
     faults, cited = [], 0
     for file in citing_files():

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from cell.arrays import Array
 from ident.corrections import CORRECTIONS
 from ident.estimator.fit import Fit, fit
 from ident.estimator.model import Model, gearing
-from ident.estimator.noise import ExcessNoise
-from ident.estimator.normal_equations import NormalEquations, jacobian, normal_equations
 from ident.estimator.samples import Samples
 from ident.estimator.unknowns import RecordingStart, complete_unknowns
 from ident.loads.gear_loads import mass_model
 from ident.loads.logged_tension import tension_splines
+from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import (
     CELL,
     NO_CLOCK_ERROR,
@@ -26,31 +24,6 @@ from tests.helpers.synthetic_recording import (
     exact_log,
     minute,
 )
-
-EXCESS = ExcessNoise(3e-6, 3e-6, 5e-6, 1e-6)
-
-
-@dataclass(frozen=True, eq=False)
-class CompleteModel:
-    """A model, unknowns off its prior, and the ball-bar's angles."""
-
-    model: Model
-    x: Array  # (P,)
-    ballbar: Array  # (N, 5) [rad]
-
-    def equations(self) -> NormalEquations:
-        return normal_equations(self.model, self.x, [self.ballbar], EXCESS, keep_blocks=True)
-
-    def columns(self, equations: NormalEquations) -> Array:
-        """(P, E, N) all columns; those of the tension's knots are the slope times a spline."""
-        (samples,), own = self.model.recordings, self.model.unknowns.own[0]
-        out = np.zeros((self.model.unknowns.count, *equations.residuals[0].shape))
-        for block in jacobian(self.model, equations, 0):
-            out[block.index, :, block.samples] = block.values
-            if block.slope is not None:
-                splines = samples.splines[:, block.samples].toarray()
-                out[own.knots, :, block.samples] = splines[:, None] * block.slope
-        return out
 
 
 @pytest.fixture(scope="session")

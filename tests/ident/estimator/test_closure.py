@@ -20,7 +20,7 @@ from ident.estimator.closure import (
     rod_jacobian,
     runs_of_one_side,
 )
-from tests.ident.conftest import Loop
+from tests.helpers.synthetic_recording import Loop
 
 STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10
 # The error may be tenths of a radian here, so the third derivatives are of order 10.
@@ -75,7 +75,8 @@ def test_the_plate_bends_about_a_hinge_a_third_of_its_length_from_the_sixth_axis
         relative = np.einsum("ikn,jkn->ijn", bar.rotation(), turned)
         return np.concatenate((bar.tip - tip, rotvec_from_matrix(relative)))
 
-    # The column neglects that a loop which is open by tenths of a radian turns: closed, it is exact.
+    # The column neglects that a loop which is open by tenths of a radian turns: closed, it is
+    # exact.
     assert np.abs(plate_jacobian(closure)[:3] - central(error)[:3]).max() < TOLERANCE
 
 

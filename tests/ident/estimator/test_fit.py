@@ -16,13 +16,13 @@ from ident.estimator.identifiability import candidates
 from ident.estimator.iteration import Iteration
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
+from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import (
     NO_CLOCK_ERROR,
     NOMINAL,
     UNIVERSAL_AND_GIMBAL,
     recording,
 )
-from tests.ident.estimator.conftest import EXCESS, CompleteModel
 
 ROD = ExcessNoise(rod=1e-6)
 GAUGE = ("rd1", "rd3", "rtheta1")

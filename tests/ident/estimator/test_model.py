@@ -23,8 +23,8 @@ from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
 from ident.estimator.unknowns import kinematic_unknowns
 from ident.estimator.whitening import FLOOR_SIGMA
+from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import CELL, NO_CLOCK_ERROR, NOMINAL, recording
-from tests.ident.estimator.conftest import EXCESS, CompleteModel
 
 NONE = np.zeros(0, dtype=np.intp)
 

@@ -16,7 +16,7 @@ from ident.estimator.normal_equations import (
     normal_equations,
     trial,
 )
-from tests.ident.estimator.conftest import EXCESS, CompleteModel
+from tests.helpers.complete_model import EXCESS, CompleteModel
 
 
 @pytest.fixture(scope="module")

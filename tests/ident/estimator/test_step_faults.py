@@ -28,6 +28,7 @@ from ident.loads.gear_loads import no_loads
 from ident.signals.smooth_log import SmoothLog
 from ident.signals.step_fault import StepFault
 from ident.signals.steps import LogStep
+from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.synthetic_recording import (
     CELL,
     NO_CLOCK_ERROR,
@@ -37,7 +38,6 @@ from tests.helpers.synthetic_recording import (
     exact_log,
     minute,
 )
-from tests.ident.estimator.conftest import EXCESS, CompleteModel
 
 LINES = 3600
 PERIOD = 2.0 * np.pi / LINES  # [rad] of an encoder's signal

@@ -16,7 +16,7 @@ from ident.estimator.closure import (
     rod_jacobian,
 )
 from ident.estimator.whitening import FLOOR_SIGMA, cholesky, covariance, solve_lower, whitening
-from tests.ident.conftest import Loop
+from tests.helpers.synthetic_recording import Loop
 
 UNMEASURED = [[], [2], [2, 3, 4], [0, 1, 2, 3, 4]]
 

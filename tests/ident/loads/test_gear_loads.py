@@ -16,8 +16,8 @@ from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import plant_model
 from sim.plant.statics import equilibrium, gravity_torque
+from tests.helpers.known_loads import Motion, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL
-from tests.ident.loads.conftest import Motion, tension_at
 
 CELLS = {"irb2400": ("lund_600", [0.70, 0.0, 0.54]), "nj220": ("lund_900", [1.50, 0.0, 0.70])}
 

@@ -20,8 +20,8 @@ from ident.loads.logged_tension import (
     torque_tension,
 )
 from ident.loads.rod_tension import SENSOR_NOISE
+from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL, exact_log, minute, recording
-from tests.ident.loads.conftest import motion_at, tension_at
 
 CLOCK = Clock(0.25, 1e-4)
 

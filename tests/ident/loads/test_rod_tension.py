@@ -17,8 +17,8 @@ from ident.loads.rod_tension import (
     from_force_sensor,
     from_motor_torque,
 )
+from tests.helpers.known_loads import FRICTION, Motion, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL
-from tests.ident.loads.conftest import FRICTION, Motion, tension_at
 
 
 def from_torque(moving: Motion, torque: Array) -> Tension:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -17,7 +14,6 @@ from ident.start import automatic
 from ident.start.automatic import (
     GAUGE,
     GEOMETRY_SIGMA,
-    Candidate,
     Hypothesis,
     StartError,
     automatic_start,
@@ -25,6 +21,7 @@ from ident.start.automatic import (
     start_parameters,
 )
 from sim.errors.static_errors import THESIS_3_1
+from tests.helpers.start_candidates import candidate
 from tests.helpers.synthetic_recording import CELL, NOMINAL, closed, exact_log, minute
 
 EXCESS = ExcessNoise(rod=2e-6)
@@ -155,29 +152,6 @@ def test_base_and_encoder_offsets_are_free_in_the_start_the_rest_is_held_near_th
     assert {s for s in priors.values() if np.isfinite(s)} == {GEOMETRY_SIGMA}
     assert "bd3" in priors
     assert CELL.ballbar.length_tolerance < GEOMETRY_SIGMA  # it is a weight, not what is known
-
-
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """As much of a fit as the choice among hypotheses looks at."""
-
-    offset: float
-    cost_per_residual: float
-    ox: float = 0.7
-
-    @property
-    def linear(self) -> SimpleNamespace:
-        return SimpleNamespace(cost=100.0 * self.cost_per_residual, equations=130, x=np.zeros(30))
-
-    def clock(self) -> Clock:
-        return Clock(self.offset, 0.0)
-
-    def geometry(self) -> Geometry:
-        return NOMINAL.replaced({"ox": self.ox})
-
-
-def candidate(offset: float, cost: float, overlap: float = 60.0, ox: float = 0.7) -> Candidate:
-    return Candidate(hypothesis(offset), Fitted(offset, cost, ox), overlap)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The thesis's four cost functions: values, derivatives, what they cannot see, and what Levenberg-Marquardt makes of them."""
+"""The thesis's four cost functions: values, derivatives, and what they cannot see."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from cell.arrays import Array
 from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, bar_frames, robot_frames
 from cell.inverse import refine
 from ident.estimator.closure import close_loop
 from ident.thesis.costs import EQUATIONS, CostName, Form, cost_named
 from tests.helpers.simulated_recordings import perturbed
+from tests.helpers.synthetic_recording import Loop
 
 COSTS = get_args(CostName)
 FORMS = get_args(Form)
 STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10
-TOLERANCE = (
-    2e-9  # the mismatch may be tenths of a radian here, so third derivatives are of order 10
-)
-EXACT = 1e-9  # [m | rad] 1e-6 mm|mrad: far above rounding, a thousandth of what the thesis reached (sec. 3.4)
+# The error may be tenths of a radian here, so third derivatives are of order 10.
+TOLERANCE = 2e-9
 
 # Thesis Table 3.3, and the base tilt and Hayati angles that the thesis does not have.
 ZERO_JACOBIAN = {
@@ -30,19 +30,16 @@ ZERO_JACOBIAN = {
     "transform": "",
 }
 
-Angles = tuple[np.ndarray, np.ndarray]
+Angles = tuple[Array, Array]
 
 
 @pytest.fixture(scope="module")
-def closed(nominal: Geometry) -> Angles:
+def closed(loop: Loop) -> Angles:
     """Angles at which the nominal loop closes."""
-    b = np.random.default_rng(20).uniform(-0.5, 0.5, (9, 5)) + np.array(
-        [-0.4, -0.9, 0.3, -2.2, 2.4]
-    )
-    return robot_at(nominal, b), b
+    return loop.q, loop.b
 
 
-def robot_at(nominal: Geometry, b: np.ndarray) -> np.ndarray:
+def robot_at(nominal: Geometry, b: Array) -> Array:
     start = np.array([-0.13, 0.4, 0.16, -0.17, -1.0, 2.3]) + np.zeros((len(b), 6))
     return refine(nominal.robot, start, bar_frames(nominal, b).poses(), iterations=60)
 
@@ -149,7 +146,7 @@ def test_c_ptheta_tells_bd2_from_balpha2_and_c_p_does_not(
         assert np.abs(plate.sum(axis=0)).max() < 1e-12
 
 
-def columns_of(name: CostName, angles: Angles, geometry: Geometry, *parameters: str) -> np.ndarray:
+def columns_of(name: CostName, angles: Angles, geometry: Geometry, *parameters: str) -> Array:
     columns = cost_named(name, "vector").jacobian(
         close_loop(geometry, *angles), [PARAMETERS[INDEX[p]] for p in parameters]
     )

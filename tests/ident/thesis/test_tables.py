@@ -61,7 +61,8 @@ Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of columns of size 1 with weakest directions of 1e-3
 FIVE = (1, 2, 3, 4, 5)
 
-# What differs from Table 3.2 where the ball-bar does not stand at y = 0; why is on the page (docs/identifiability.md).
+# What differs from Table 3.2 where the ball-bar does not stand at y = 0; why is on the page
+# (docs/identifiability.md).
 BEYOND_TABLE_3_2 = {
     "length": [],
     "position": [
@@ -213,7 +214,7 @@ def test_reidentification_ends_where_levenberg_marquardt_ends(
         for c in ("length", "position", "position_angles", "transform")
         if c == cost
     )
-    fit = fit_cost(signed, carried.geometry, q, carried.b, [INDEX[k] for k in kept])
+    fit = fit_cost(signed, carried.geometry, q=q, b=carried.b, parameters=[INDEX[k] for k in kept])
     expected = {k: (fit.geometry[k] - carried.geometry[k]) * 1e3 for k in kept}
     assert reidentified(carried, cost, FIVE, kept, name) == pytest.approx(expected, abs=1e-6)
 

@@ -1,0 +1,111 @@
+"""Where an identified robot puts its tool when it stands free."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from cell.descriptions import Cell
+from cell.geometry import INDEX, Geometry, robot_frames
+from ident.corrections import CORRECTIONS
+from ident.loads.gear_loads import mass_model, own_weight
+from ident.robot.unloaded_robot import UNDECIDED, UnloadedRobot, backlash_flanks
+
+GEARS = ("joint_compliance", "gear_backlash", "gear_ripple", "rod_strain")
+
+
+@pytest.fixture(scope="module")
+def q() -> Array:
+    return np.random.default_rng(101).uniform(-0.6, 0.6, (20, 6))
+
+
+@pytest.fixture(scope="module")
+def robot(cell: Cell, nominal: Geometry) -> UnloadedRobot:
+    """Every correction of the gears, and the rod's, at values drawn about their priors."""
+    corrections = tuple(CORRECTIONS[name](cell, ()) for name in GEARS)
+    coefficients = [c for correction in corrections for c in correction.coefficients]
+    drawn = np.random.default_rng(102).standard_normal(len(coefficients))
+    values = np.array(
+        [c.mean + 0.3 * c.sigma * z for c, z in zip(coefficients, drawn, strict=True)]
+    )
+    return UnloadedRobot(cell, nominal, corrections, values)
+
+
+def test_without_corrections_the_joints_are_as_logged(
+    cell: Cell, nominal: Geometry, q: Array
+) -> None:
+    bare = UnloadedRobot(cell, nominal)
+    assert bare.joints(q) is q
+    assert np.array_equal(bare.tool(q), robot_frames(nominal, q).tip.T)
+    assert bare.jacobian(q, np.array([INDEX["ra2"]])).shape == (1, 3, 20)
+
+
+def test_elastic_gears_yield_to_the_weight_of_arm_and_plate(
+    cell: Cell, nominal: Geometry, q: Array
+) -> None:
+    compliance = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) * 1e-6
+    robot = UnloadedRobot(cell, nominal, (CORRECTIONS["joint_compliance"](cell, ()),), compliance)
+    lag = compliance[:, None] * own_weight(mass_model(cell), nominal, q)
+    assert robot.joints(q) == pytest.approx(q - lag.T @ cell.robot.gear_to_joint, abs=1e-15)
+
+
+def test_backlash_lies_on_the_flank_that_the_weight_presses_it_to(
+    cell: Cell, nominal: Geometry, q: Array
+) -> None:
+    """Fully, however little the load exceeds what decides, and in the middle below it."""
+    half = np.full(6, 1e-4)
+    robot = UnloadedRobot(cell, nominal, (CORRECTIONS["gear_backlash"](cell, ()),), half)
+    load = own_weight(mass_model(cell), nominal, q)
+    gears = (robot.joints(q) - q) @ cell.robot.joint_to_gear
+    decided = np.abs(load) >= UNDECIDED[:, None]
+    assert decided.any()
+    assert not decided.all()
+    assert pytest.approx(np.where(decided, -1e-4 * np.sign(load), 0.0), abs=1e-15) == gears.T
+
+
+def test_a_load_that_hardly_decides_leaves_a_gear_in_the_middle() -> None:
+    load = np.array([[2.9, 3.1, -3.1]] * 3 + [[0.14, 0.16, -0.16]] * 3)
+    assert np.array_equal(backlash_flanks(load), [[0, 1, -1]] * 6)
+
+
+def test_the_tool_moves_as_its_jacobian_says(robot: UnloadedRobot, q: Array) -> None:
+    """Central differences of parameters and coefficients; the rod's do not move a free tool."""
+    names = ["ra2", "rtheta4", "ralpha1", "bd3", "ox"]
+    parameters = np.array([INDEX[name] for name in names])
+    columns = robot.jacobian(q, parameters)
+    assert robot.values is not None
+    assert len(columns) == 5 + robot.values.size
+    for k, name in enumerate(names):
+        ahead, behind = (
+            UnloadedRobot(
+                robot.cell,
+                robot.geometry.replaced({name: robot.geometry[name] + h}),
+                robot.corrections,
+                robot.values,
+            ).tool(q)
+            for h in (1e-6, -1e-6)
+        )
+        # The arm's weight moves with its lengths, which the column leaves out: a thousandth.
+        numeric = (ahead - behind).T / 2e-6
+        assert columns[k] == pytest.approx(numeric, abs=1e-3), name
+    for k, column in enumerate(columns[5:]):
+        step = np.zeros_like(robot.values)
+        step[k] = 1e-7
+        ahead, behind = (
+            UnloadedRobot(
+                robot.cell, robot.geometry, robot.corrections, robot.values + s * step
+            ).tool(q)
+            for s in (1.0, -1.0)
+        )
+        numeric = (ahead - behind).T / 2e-7
+        assert column == pytest.approx(numeric, abs=1e-6 * max(1.0, np.abs(numeric).max())), k
+    assert not columns[-2:].any()
+    assert not columns[3:5].any()
+
+
+def test_values_that_do_not_fit_the_corrections_are_refused(robot: UnloadedRobot, q: Array) -> None:
+    assert robot.values is not None
+    short = UnloadedRobot(robot.cell, robot.geometry, robot.corrections, robot.values[:-1])
+    with pytest.raises(ValueError, match="zip"):
+        short.tool(q)

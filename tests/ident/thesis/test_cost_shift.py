@@ -1,0 +1,65 @@
+"""The clock by least cost, as the thesis aligned it: identify and shift in turns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from cell.geometry import Geometry
+from ident.thesis.cost_fit import identifiable_by
+from ident.thesis.cost_shift import REACH, best_shift, fit_cost_with_shift
+from ident.thesis.costs import CostName, cost_named
+from ident.thesis.paired_samples import through_samples
+from sim.path import ReferencePath
+from tests.helpers.synthetic_recording import closed, exact_log
+
+LATE = 0.03  # [s] by which the ball-bar's log is taken too late
+COST: CostName = "transform"
+
+
+@pytest.fixture(scope="module")
+def shifted(path: ReferencePath, true: Geometry) -> tuple[Array, Array, Array]:
+    """t, q, b: rows 0.05 s apart, the ball-bar's of LATE before the robot's."""
+    rows = slice(0, None, 5)
+    t = path.t[rows]
+    b = np.asarray(exact_log(path.t, path.b).spline(t - LATE))
+    return t, closed(true, path.b[rows], path.q[rows]), b
+
+
+def test_at_the_true_geometry_the_least_cost_lies_at_the_true_shift(
+    shifted: tuple[Array, Array, Array], true: Geometry
+) -> None:
+    t, q, b = shifted
+    inside = (t > REACH) & (t < t[-1] - REACH)
+    found = best_shift(
+        cost_named(COST, "vector"), true, t[inside], q[inside], through_samples(t, b)
+    )
+    # A spline through rows 0.05 s apart leaves 1e-7 rad, and the motion passes 0.5 rad/s.
+    assert found == pytest.approx(LATE, abs=1e-6)
+
+
+def test_identifying_and_shifting_in_turns_approaches_the_clock_by_a_constant_factor(
+    path: ReferencePath, shifted: tuple[Array, Array, Array], nominal: Geometry, true: Geometry
+) -> None:
+    chosen = identifiable_by(COST, nominal, path.q[::50], path.b[::50])
+    left = []
+    for rounds in (1, 2, 3):
+        done = fit_cost_with_shift(
+            cost_named(COST, "vector"), nominal, *shifted, chosen, rounds=rounds
+        )
+        left.append(abs(done.shift - LATE))
+    ratios = np.array(left[1:]) / left[:-1]
+    assert (ratios < 1.0).all()
+    assert ratios[1] == pytest.approx(ratios[0], rel=0.1)
+    errors = np.abs((done.fit.geometry.values - true.values)[chosen])
+    assert errors.max() < 1e-2 * LATE  # what is left of the clock, times the speed
+
+
+def test_without_rounds_it_is_a_plain_fit(
+    path: ReferencePath, shifted: tuple[Array, Array, Array], nominal: Geometry
+) -> None:
+    chosen = identifiable_by(COST, nominal, path.q[::50], path.b[::50])
+    done = fit_cost_with_shift(cost_named(COST, "vector"), nominal, *shifted, chosen, rounds=0)
+    assert done.shift == 0.0
+    assert done.fit.converged
