@@ -48,14 +48,8 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     if far.size:
         row, axis = (int(index) for index in far[0])
         raise LogError(
-<<<<<<< HEAD
             f"{table.location(row)}: {_AXES[axis]} is {angles[row, axis]:g} deg: an axis that is "
-            "not there, or damage."
-=======
-            f"{file}:{messages.number[row]}: {_AXES[axis]} is {angles[row, axis]:g} deg: an axis "
-            "that is not there, or damage."
-            " Record a robot of six axes, or copy the file again."
->>>>>>> h/messages
+            "not there, or damage. Record a robot of six axes, or copy the file again."
         )
     table, times = _times(table, feedback)
     columns: dict[str, NDArray[Any]] = {time: times}
@@ -136,14 +130,8 @@ def _in_sequence(table: Table, feedback: list[EgmFeedback]) -> Table:
     for before, row in zip(order[repeated - 1], order[repeated], strict=True):
         if feedback[row] != feedback[before]:
             raise LogError(
-<<<<<<< HEAD
                 f"{table.location(row)}: sequence number {seqno[row]} stands twice, with another "
-                "content. Are two recordings in one file?"
-=======
-                f"{messages.file}:{ordered[i]}: sequence number {seqno[order[i]]} stands twice, "
-                "with another content. Are two recordings in one file?"
-                " Split it, or copy it again."
->>>>>>> h/messages
+                "content. Are two recordings in one file? Split it, or copy it again."
             )
     if repeated.size:
         sentence = "same message as the one before; the first is kept."
@@ -162,23 +150,16 @@ def _from_first_angles(table: Table, feedback: list[EgmFeedback]) -> Table:
     angles = [feedback[i].joints_deg for i in table.columns[_FEEDBACK]]
     start = _first(map(any, angles))
     if start is None:
-<<<<<<< HEAD
-        raise LogError(f"{table.files[0]}: no message has joint angles other than zero.")
+        raise LogError(
+            f"{table.files[0]}: no message has joint angles other than zero. Record again while "
+            "the robot sends its feedback."
+        )
     missing = _first(not entry for entry in angles[start:])
     if missing is not None:
-        raise LogError(f"{table.location(start + missing)}: no joint angles in this message.")
-=======
         raise LogError(
-            f"{messages.file}: no message has joint angles other than zero."
-            " Record again while the robot sends its feedback."
+            f"{table.location(start + missing)}: no joint angles in this message. Cut the file "
+            "before it, or record again."
         )
-    missing = _first(not entry.joints_deg for entry in feedback[start:])
-    if missing is not None:
-        raise LogError(
-            f"{messages.file}:{number[start + missing]}: no joint angles in this message."
-            " Cut the file before it, or record again."
-        )
->>>>>>> h/messages
     if start:
         sentence = "no joint angles, or zeros for all, before the first feedback; left out."
         table = table.remarked("leading zeros", "repaired", sentence, rows=np.arange(start))
@@ -197,16 +178,11 @@ def _times(table: Table, feedback: list[EgmFeedback]) -> tuple[Table, NDArray[np
         times = [None if e.tm_ms is None else e.tm_ms * 1_000_000 for e in feedback]
     missing = _first(time is None for time in times)
     if missing is not None:
-<<<<<<< HEAD
-        raise LogError(f"{table.location(missing)}: no time in this message.")
-    return table, np.array(times, dtype=np.int64)
-=======
         raise LogError(
-            f"{messages.file}:{messages.number[missing]}: no time in this message."
-            " Cut the file before it, or record again."
+            f"{table.location(missing)}: no time in this message. Cut the file before it, or "
+            "record again."
         )
-    return messages, np.array(times, dtype=np.int64)
->>>>>>> h/messages
+    return table, np.array(times, dtype=np.int64)
 
 
 def _first(where: Iterable[bool]) -> int | None:
