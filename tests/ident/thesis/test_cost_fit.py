@@ -1,4 +1,4 @@
-"""The thesis's costs minimised over paired samples: exact parameters, rates, the rod's compliance."""
+"""The thesis's costs minimised over paired samples: parameters, rates, the rod's compliance."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ def test_a_missing_angle_is_refused(exact: Angles, nominal: Geometry) -> None:
 def test_what_a_cost_identifies_is_the_thesis_s_choice(
     path: ReferencePath, nominal: Geometry, name: CostName, count: int
 ) -> None:
-    """Zeros of the encoders it needs, origin, 19 or 20 of the robot, the rod; rd1, rd3, rtheta1 depend on others (Table 3.2)."""
+    """Offsets of the encoders it needs, origin, 19 or 20 of the robot, the rod.
+
+    rd1, rd3 and rtheta1 depend on others (Table 3.2).
+    """
     names = [NAMES[i] for i in identifiable_by(name, nominal, path.q[::50], path.b[::50])]
     assert len(names) == count
     assert {"rd1", "rd3", "rtheta1", "ra6"}.isdisjoint(names)
@@ -62,7 +65,10 @@ def test_vector_forms_find_the_exact_parameters_in_a_few_steps(
 def test_printed_scalars_halve_the_error_in_each_step(
     path: ReferencePath, exact: Angles, nominal: Geometry, true: Geometry, name: CostName
 ) -> None:
-    """The scalar vanishes quadratically at the solution: a root of order two, on which Gauss-Newton converges linearly."""
+    """The scalar vanishes quadratically at the solution.
+
+    On a root of order two Gauss-Newton converges linearly.
+    """
     chosen = identifiable_by(name, nominal, path.q[::50], path.b[::50])
     cost = cost_named(name, "thesis")
     errors = []
@@ -91,7 +97,7 @@ def test_the_printed_length_is_signed_and_converges_like_the_vector_form(
 def test_with_noise_the_printed_scalar_crawls_where_the_vector_form_is_done(
     path: ReferencePath, exact: Angles, nominal: Geometry, true: Geometry
 ) -> None:
-    """10 urad on every angle (thesis sec. 3.5): a hundred steps of the printed C_T against a handful."""
+    """10 urad on every angle (thesis sec. 3.5): 100 steps of the printed C_T against a handful."""
     rng = np.random.default_rng(3)
     q, b = (angles + rng.normal(0.0, 1e-5, angles.shape) for angles in exact)
     chosen = identifiable_by("transform", nominal, path.q[::50], path.b[::50])
