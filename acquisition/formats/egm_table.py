@@ -68,8 +68,7 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
         row, axis = (int(index) for index in far[0])
         raise LogError(
             f"{file}:{messages.number[row]}: {_AXES[axis]} is {angles[row, axis]:g} deg: an axis "
-            "that is not there, or damage."
-            " Record a robot of six axes, or copy the file again."
+            "that is not there, or damage. Record a robot of six axes, or copy the file again."
         )
     messages, times = _times(messages)
     columns: dict[str, NDArray[Any]] = {time: times}
@@ -122,8 +121,8 @@ def _feedback(frames: Frames, file: str) -> list[EgmFeedback]:
             raise LogError(f"{file}:{number}: {error}") from None
         if len(entry.joints_deg) not in {0, 6}:
             raise LogError(
-                f"{file}:{number}: {len(entry.joints_deg)} joint angles; six axes are read."
-                " Record a robot of six axes, or copy the file again."
+                f"{file}:{number}: {len(entry.joints_deg)} joint angles; six axes are read. "
+                "Record a robot of six axes, or copy the file again."
             )
         feedback.append(entry)
     return feedback
@@ -152,8 +151,7 @@ def _in_sequence(messages: _Messages) -> _Messages:
         if feedback[i] != feedback[i - 1]:
             raise LogError(
                 f"{messages.file}:{ordered[i]}: sequence number {seqno[order[i]]} stands twice, "
-                "with another content. Are two recordings in one file?"
-                " Split it, or copy it again."
+                "with another content. Are two recordings in one file? Split it, or copy it again."
             )
     if repeated.any():
         sentence = "same message as the one before; the first is kept."
@@ -173,14 +171,14 @@ def _from_first_angles(messages: _Messages) -> _Messages:
     start = _first(any(entry.joints_deg) for entry in feedback)
     if start is None:
         raise LogError(
-            f"{messages.file}: no message has joint angles other than zero."
-            " Record again while the robot sends its feedback."
+            f"{messages.file}: no message has joint angles other than zero. "
+            "Record again while the robot sends its feedback."
         )
     missing = _first(not entry.joints_deg for entry in feedback[start:])
     if missing is not None:
         raise LogError(
-            f"{messages.file}:{number[start + missing]}: no joint angles in this message."
-            " Cut the file before it, or record again."
+            f"{messages.file}:{number[start + missing]}: no joint angles in this message. "
+            "Cut the file before it, or record again."
         )
     if start:
         sentence = "no joint angles, or zeros for all, before the first feedback; left out."
@@ -204,8 +202,8 @@ def _times(messages: _Messages) -> tuple[_Messages, NDArray[np.int64]]:
     missing = _first(time is None for time in times)
     if missing is not None:
         raise LogError(
-            f"{messages.file}:{messages.number[missing]}: no time in this message."
-            " Cut the file before it, or record again."
+            f"{messages.file}:{messages.number[missing]}: no time in this message. "
+            "Cut the file before it, or record again."
         )
     return messages, np.array(times, dtype=np.int64)
 

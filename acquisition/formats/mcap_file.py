@@ -63,8 +63,8 @@ def mcap_messages(
         size, complete = len(stream), 0
         if stream[: len(_MAGIC)] != _MAGIC:
             raise LogError(
-                f"{file}: no MCAP bag: it does not begin with {_MAGIC!r}."
-                " Copy it again, or name the dialect of what it is."
+                f"{file}: no MCAP bag: it does not begin with {_MAGIC!r}. "
+                "Copy it again, or name the dialect of what it is."
             )
         try:
             for record in _records(stream, size):
@@ -75,8 +75,7 @@ def mcap_messages(
                     if record.message_encoding != "cdr":
                         raise LogError(
                             f"topic {record.topic} is encoded as {record.message_encoding!r}; ROS "
-                            "2 writes cdr."
-                            " Record it again with ROS 2."
+                            "2 writes cdr. Record it again with ROS 2."
                         )
                     topics[record.id] = record.topic
                 elif isinstance(record, (_Message, Message)) and record.channel_id in topics:
@@ -134,8 +133,8 @@ def _unpack(chunk: Chunk) -> bytes:
     claimed = chunk.uncompressed_size
     if claimed > _LARGEST_CHUNK:
         raise LogError(
-            f"a chunk claims to unpack to {claimed} bytes; at most {_LARGEST_CHUNK} are read."
-            f" {_RECOVER}"
+            f"a chunk claims to unpack to {claimed} bytes; at most {_LARGEST_CHUNK} are read. "
+            f"{_RECOVER}"
         )
     try:
         if chunk.compression == "zstd":
@@ -146,8 +145,8 @@ def _unpack(chunk: Chunk) -> bytes:
             data = chunk.data
         else:
             raise LogError(
-                f"a chunk is packed with {chunk.compression!r}; lz4 and zstd are read."
-                " Pack it again with one of these."
+                f"a chunk is packed with {chunk.compression!r}; lz4 and zstd are read. "
+                "Pack it again with one of these."
             )
     except (zstandard.ZstdError, RuntimeError) as error:
         raise LogError(f"a chunk cannot be unpacked ({error}). {_RECOVER}") from None
