@@ -148,7 +148,7 @@ def _time_ns(parts: dict[int, bytes]) -> int | None:
         seconds, ticks = clock.get(1), clock.get(2)
         if not isinstance(seconds, int) or not isinstance(ticks, int):
             raise LogError(
-                f"EGM message: a time without seconds, or without its fraction. {_REMEDY}"
+                f"EGM message: a time {clock} without seconds, or without its fraction. {_REMEDY}"
             )
         time_ns = seconds * 1_000_000_000 + ticks * (1_000_000_000 // ticks_per_second)
         if ticks >= ticks_per_second or time_ns >= 2**63:

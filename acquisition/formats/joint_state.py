@@ -150,7 +150,7 @@ def _decoded(message: bytes) -> tuple[JointState, MessageForm]:
             f"{_REMEDY}"
         )
     if not all(math.isfinite(position) for position in positions):
-        raise LogError(f"JointState: a position is not finite. {_REMEDY}")
+        raise LogError(f"JointState: a position is not finite: {positions[:12]}. {_REMEDY}")
     for _ in range(2):  # velocity and effort, often empty: only the end of the message is checked
         count = cdr.count()
         counts.append((message[cdr.position - 4 : cdr.position], cdr.position - 4, cdr.position))

@@ -113,15 +113,19 @@ def _broken_up(chunk: Chunk) -> Iterator[Any]:
     data, at, size = chunk.data, 0, len(chunk.data)
     while at < size:
         if size - at < _RECORD.size:
-            raise LogError(f"a chunk ends within a record. {_RECOVER}")
+            raise LogError(
+                f"a chunk ends within a record, {size - at} bytes into its head. {_RECOVER}"
+            )
         opcode, length = _RECORD.unpack_from(data, at)
         begin, end = at + _RECORD.size, at + _RECORD.size + length
         if end > size:
-            raise LogError(f"a record claims to be longer than its chunk. {_RECOVER}")
+            raise LogError(
+                f"a record of its chunk claims {length} bytes, {size - begin} are left. {_RECOVER}"
+            )
         if opcode != Opcode.MESSAGE:
             yield from breakup_chunk(replace(chunk, data=data[at:end]))
         elif length < _MESSAGE_HEAD:
-            raise LogError(f"a message is shorter than its head. {_RECOVER}")
+            raise LogError(f"a message of {length} bytes is shorter than its head. {_RECOVER}")
         else:
             channel = int.from_bytes(data[begin : begin + 2], "little")
             yield _Message(channel, data[begin + _MESSAGE_HEAD : end])
