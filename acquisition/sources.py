@@ -101,8 +101,8 @@ def _layout(
     time = dialect.time
     if time.column in required:
         raise DescriptionError(
-            f"column {time.column} holds the time stamps; it cannot be an encoder's too."
-            " Name another one for the encoder."
+            f"column {time.column} holds the time stamps; it cannot be an encoder's too. "
+            "Name another one for the encoder."
         )
     stamps: Kind = "text" if time.type is None else "decimal" if time.type == "float" else "integer"
     return Layout(
@@ -132,8 +132,8 @@ def dialect_of(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
     if dialect.source != name:
         raise DescriptionError(
             f"{location}.dialect: {source.dialect} describes logs of the "
-            f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped?"
-            " Exchange them, or name another dialect."
+            f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped? "
+            "Exchange them, or name another dialect."
         )
     if source.time is not None and source.time not in TIME_FORMS:
         choices = nearest(source.time, list(TIME_FORMS), noun="form")
@@ -164,8 +164,8 @@ def refuse_few(table: Table, rows: int) -> None:
     if rows < MINIMUM_ROWS:
         files = ", ".join(table.files)
         raise LogError(
-            f"{files}: {rows} usable rows; at least {MINIMUM_ROWS} are needed."
-            " Log a longer run, or at a higher rate."
+            f"{files}: {rows} usable rows; at least {MINIMUM_ROWS} are needed. "
+            "Log a longer run, or at a higher rate."
         )
 
 
@@ -223,8 +223,7 @@ def _half(table: Table, name: str, half: NDArray[np.int64], k: int) -> NDArray[n
     if outside.size:
         raise LogError(
             f"{table.location(outside[0])}: column {name}: {half[outside[0]]} is no half of a "
-            "64-bit time."
-            " Log both halves as UDINT."
+            "64-bit time. Log both halves as UDINT."
         )
     return half
 

@@ -137,8 +137,8 @@ def refine(
     bad = int(np.abs(step).max(axis=1).argmax())
     raise UnreachableError(
         f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) is not reached in "
-        f"{iterations} steps; {np.linalg.norm(error[:3, bad]) * 1e3:.3g} mm are left. Move it into the reach of "
-        "the arm, or start closer to it."
+        f"{iterations} steps; {np.linalg.norm(error[:3, bad]) * 1e3:.3g} mm are left. Move it into "
+        "the reach of the arm, or start closer to it."
     )
 
 

@@ -222,8 +222,7 @@ def _read_text(path: Path) -> str:
     if len(raw) > MAX_BYTES:
         raise DescriptionError(
             f"{path}: larger than {MAX_BYTES // 1_000_000} MB, so it is no description. "
-            "Was a log meant?"
-            " Name the YAML file."
+            "Was a log meant? Name the YAML file."
         )
     try:
         return raw.decode("utf-8")

@@ -198,8 +198,8 @@ def assess(
     trajectory, forces = outcome.trajectory, outcome.forces
     if outcome.violations or trajectory is None or forces is None:
         raise InputError(
-            f"the path cannot be run: {'; '.join(v.sentence for v in outcome.violations)}"
-            ". Change the path, or move the ball-bar"
+            f"the path cannot be run: {'; '.join(v.sentence for v in outcome.violations)}. "
+            "Change the path, or move the ball-bar"
         )
     return Plan(
         evaluator=evaluator,

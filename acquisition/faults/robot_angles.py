@@ -231,8 +231,7 @@ def gear_torques(robot: Robot, table: Table, columns: tuple[str, ...]) -> Array 
             f"at the motor would be {abs(torque[row, motor]):.3g} N m at the gear's output of axis "
             f"{motor + 1}, more than {HEAVY:g} times the weight of the whole arm stretched out. "
             f"{int(heavy.any(axis=1).sum())} such rows. At the gear's output, in percent, in N mm? "
-            "Here are N m at the motor."
-            " Convert the log, or name its dialect in recording.yaml."
+            "Here are N m at the motor. Convert the log, or name its dialect in recording.yaml."
         )
     return torque
 

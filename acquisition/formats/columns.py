@@ -37,8 +37,8 @@ def check_stored(path: Path, file: str, *, largest: int) -> None:
     """Raises LogError if there is no such file, or it is empty or has more than `largest` bytes."""
     if not path.is_file():
         raise LogError(
-            f"{file}: no such file (looked for {path})."
-            " Correct the name in recording.yaml, or copy the file there."
+            f"{file}: no such file (looked for {path}). "
+            "Correct the name in recording.yaml, or copy the file there."
         )
     size = path.stat().st_size
     if not size:
@@ -65,8 +65,8 @@ def wanted_columns(
         close = difflib.get_close_matches(missing[0], names, n=1, cutoff=0.7)
         hint = f" Is {close[0]!r} meant?" if close else ""
         raise LogError(
-            f"{location}: {', '.join(missing)} missing; the file has {shown}.{hint}"
-            " Log them too, or name the dialect of this file."
+            f"{location}: {', '.join(missing)} missing; the file has {shown}.{hint} "
+            "Log them too, or name the dialect of this file."
         )
     return wanted | {name: kind for name, kind in layout.optional.items() if name in names}
 

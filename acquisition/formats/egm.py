@@ -69,8 +69,8 @@ def decode(message: bytes) -> EgmFeedback:
     """
     if len(message) > LONGEST_MESSAGE:
         raise LogError(
-            f"EGM message of {len(message)} bytes; a datagram has at most {LONGEST_MESSAGE}."
-            f" {_REMEDY}"
+            f"EGM message of {len(message)} bytes; a datagram has at most {LONGEST_MESSAGE}. "
+            f"{_REMEDY}"
         )
     robot = _submessages(message)
     header, feedback = _fields(robot.get(1, b"")), robot.get(2, b"")
@@ -148,13 +148,13 @@ def _time_ns(parts: dict[int, bytes]) -> int | None:
         seconds, ticks = clock.get(1), clock.get(2)
         if not isinstance(seconds, int) or not isinstance(ticks, int):
             raise LogError(
-                f"EGM message: a time without seconds, or without its fraction. {_REMEDY}"
+                f"EGM message: a time {clock} without seconds, or without its fraction. {_REMEDY}"
             )
         time_ns = seconds * 1_000_000_000 + ticks * (1_000_000_000 // ticks_per_second)
         if ticks >= ticks_per_second or time_ns >= 2**63:
             raise LogError(
-                f"EGM message: a time of {seconds} s and {ticks}/{ticks_per_second} s cannot be."
-                f" {_REMEDY}"
+                f"EGM message: a time of {seconds} s and {ticks}/{ticks_per_second} s cannot be. "
+                f"{_REMEDY}"
             )
         return time_ns
     return None
@@ -206,13 +206,13 @@ def _fields(message: bytes) -> Iterator[tuple[int, int, int | bytes]]:
             length = 8 if wire == _FIXED64 else 4
         else:
             raise LogError(
-                f"EGM message: field {number} has wire type {wire}, which EGM does not use."
-                f" {_REMEDY}"
+                f"EGM message: field {number} has wire type {wire}, which EGM does not use. "
+                f"{_REMEDY}"
             )
         if length > len(message) - at:
             raise LogError(
-                f"EGM message: field {number} claims {length} bytes, {len(message) - at} are left."
-                f" {_REMEDY}"
+                f"EGM message: field {number} claims {length} bytes, {len(message) - at} are left. "
+                f"{_REMEDY}"
             )
         yield number, wire, message[at : at + length]
         at += length

@@ -102,8 +102,8 @@ def _feedback(frames: Frames, file: str) -> list[EgmFeedback]:
             raise LogError(f"{file}:{number}: {error}") from None
         if len(entry.joints_deg) not in {0, 6}:
             raise LogError(
-                f"{file}:{number}: {len(entry.joints_deg)} joint angles; six axes are read."
-                " Record a robot of six axes, or copy the file again."
+                f"{file}:{number}: {len(entry.joints_deg)} joint angles; six axes are read. "
+                "Record a robot of six axes, or copy the file again."
             )
         feedback.append(entry)
     return feedback

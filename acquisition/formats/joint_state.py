@@ -66,8 +66,8 @@ class _Cdr:
         if not 4 < len(message) <= _LARGEST or message[0] or message[1] not in {0, 1}:
             raise LogError(
                 f"JointState: {len(message)} bytes that begin with {message[:4].hex()!r} are no "
-                "plain CDR message."
-                f" {_REMEDY}"
+                "plain CDR message. "
+                f"{_REMEDY}"
             )
         self.order = "<" if message[1] else ">"
         self._body = message[4:]
@@ -85,8 +85,7 @@ class _Cdr:
         if count * size > len(self._body) - at:
             raise LogError(
                 f"JointState: {count} numbers of {size} bytes claimed at byte {at + 4}, "
-                f"{len(self._body) - at} bytes are left."
-                f" {_REMEDY}"
+                f"{len(self._body) - at} bytes are left. {_REMEDY}"
             )
         self._at = at + count * size
         return struct.unpack_from(f"{self.order}{count}{code}", self._body, at)
@@ -147,11 +146,11 @@ def _decoded(message: bytes) -> tuple[JointState, MessageForm]:
     begin, counts = cdr.position - 8 * len(positions), []
     if len(set(names)) < len(names) or len(positions) not in {0, len(names)}:
         raise LogError(
-            f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}."
-            f" {_REMEDY}"
+            f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}. "
+            f"{_REMEDY}"
         )
     if not all(math.isfinite(position) for position in positions):
-        raise LogError(f"JointState: a position is not finite. {_REMEDY}")
+        raise LogError(f"JointState: a position is not finite: {positions[:12]}. {_REMEDY}")
     for _ in range(2):  # velocity and effort, often empty: only the end of the message is checked
         count = cdr.count()
         counts.append((message[cdr.position - 4 : cdr.position], cdr.position - 4, cdr.position))

@@ -63,8 +63,8 @@ def mcap_messages(
         size, complete = len(stream), 0
         if stream[: len(_MAGIC)] != _MAGIC:
             raise LogError(
-                f"{file}: no MCAP bag: it does not begin with {_MAGIC!r}."
-                " Copy it again, or name the dialect of what it is."
+                f"{file}: no MCAP bag: it does not begin with {_MAGIC!r}. "
+                "Copy it again, or name the dialect of what it is."
             )
         try:
             for record in _records(stream, size):
@@ -75,8 +75,7 @@ def mcap_messages(
                     if record.message_encoding != "cdr":
                         raise LogError(
                             f"topic {record.topic} is encoded as {record.message_encoding!r}; ROS "
-                            "2 writes cdr."
-                            " Record it again with ROS 2."
+                            "2 writes cdr. Record it again with ROS 2."
                         )
                     topics[record.id] = record.topic
                 elif isinstance(record, (_Message, Message)) and record.channel_id in topics:
@@ -114,15 +113,19 @@ def _broken_up(chunk: Chunk) -> Iterator[Any]:
     data, at, size = chunk.data, 0, len(chunk.data)
     while at < size:
         if size - at < _RECORD.size:
-            raise LogError(f"a chunk ends within a record. {_RECOVER}")
+            raise LogError(
+                f"a chunk ends within a record, {size - at} bytes into its head. {_RECOVER}"
+            )
         opcode, length = _RECORD.unpack_from(data, at)
         begin, end = at + _RECORD.size, at + _RECORD.size + length
         if end > size:
-            raise LogError(f"a record claims to be longer than its chunk. {_RECOVER}")
+            raise LogError(
+                f"a record of its chunk claims {length} bytes, {size - begin} are left. {_RECOVER}"
+            )
         if opcode != Opcode.MESSAGE:
             yield from breakup_chunk(replace(chunk, data=data[at:end]))
         elif length < _MESSAGE_HEAD:
-            raise LogError(f"a message is shorter than its head. {_RECOVER}")
+            raise LogError(f"a message of {length} bytes is shorter than its head. {_RECOVER}")
         else:
             channel = int.from_bytes(data[begin : begin + 2], "little")
             yield _Message(channel, data[begin + _MESSAGE_HEAD : end])
@@ -134,8 +137,8 @@ def _unpack(chunk: Chunk) -> bytes:
     claimed = chunk.uncompressed_size
     if claimed > _LARGEST_CHUNK:
         raise LogError(
-            f"a chunk claims to unpack to {claimed} bytes; at most {_LARGEST_CHUNK} are read."
-            f" {_RECOVER}"
+            f"a chunk claims to unpack to {claimed} bytes; at most {_LARGEST_CHUNK} are read. "
+            f"{_RECOVER}"
         )
     try:
         if chunk.compression == "zstd":
@@ -146,8 +149,8 @@ def _unpack(chunk: Chunk) -> bytes:
             data = chunk.data
         else:
             raise LogError(
-                f"a chunk is packed with {chunk.compression!r}; lz4 and zstd are read."
-                " Pack it again with one of these."
+                f"a chunk is packed with {chunk.compression!r}; lz4 and zstd are read. "
+                "Pack it again with one of these."
             )
     except (zstandard.ZstdError, RuntimeError) as error:
         raise LogError(f"a chunk cannot be unpacked ({error}). {_RECOVER}") from None

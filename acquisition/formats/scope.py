@@ -119,8 +119,8 @@ def _channels(
         raise LogError(
             f"{export.file}:{export.number[torn[0]]}: {torn.size} of {len(export.rows)} rows do "
             f"not fit the groups of columns: expected {export.groups[-1].stop} fields, got "
-            f"{got}.{commas if export.separator == ',' else ''}"
-            " Export it again."
+            f"{got}.{commas if export.separator == ',' else ''} "
+            "Export it again."
         )
     findings, channels = list[Finding](), list[Channel]()
     if torn.size:
@@ -133,8 +133,8 @@ def _channels(
             continue
         if not rows.size:
             raise LogError(
-                f"{export.file}: no value of {names[0]!r}. Was it recorded?"
-                " Record it in the Scope, and export again."
+                f"{export.file}: no value of {names[0]!r}. Was it recorded? "
+                "Record it in the Scope, and export again."
             )
         line = export.number[rows]
         time_ns = _times(export, _cells(export, rows, group.start), line)
@@ -159,8 +159,8 @@ def _channel(
         for cell, number in zip(cells, line, strict=True):
             if not (INTEGER.fullmatch(cell) and len(cell) <= 21 and lower <= int(cell) <= upper):
                 raise LogError(
-                    f"{export.file}:{number}: channel {name!r}: {cell[:30]!r} is no {data_type}."
-                    " Export it again."
+                    f"{export.file}:{number}: channel {name!r}: {cell[:30]!r} is no {data_type}. "
+                    "Export it again."
                 )
         whole = [int(cell) for cell in cells]
         values = np.array(whole, dtype=np.uint64 if max(whole) >= 2**63 else np.int64)
@@ -209,8 +209,8 @@ def _times(export: Export, cells: list[str], line: NDArray[np.int64]) -> NDArray
         if far.size:
             raise LogError(
                 f"{export.file}:{line[far[0]]}: time {cells[far[0]]!r}: a recording has at most "
-                f"{_LONGEST_MS} ms."
-                " Export it again."
+                f"{_LONGEST_MS} ms. "
+                "Export it again."
             )
         time_ns = np.rint(milliseconds * 1e6).astype(np.int64) + start_ns
     back = np.flatnonzero(np.diff(time_ns) <= 0)
@@ -272,8 +272,7 @@ def _kind_findings(file: str, channel: Channel, kind: str) -> list[Finding]:
         raise LogError(
             f"{file}: channel {channel.name!r} is "
             f"{scaled if channel.scaled else channel.data_type}; a counter must be a whole number "
-            "as the PLC has it."
-            " Record it so in the Scope."
+            "as the PLC has it. Record it so in the Scope."
         )
     if kind != "float" or not channel.scaled:
         return []
@@ -300,8 +299,8 @@ def _floats(export: Export, cells: list[str], line: NDArray[np.int64], name: str
         values[i] = float(cell) if FLOAT.fullmatch(cell) else np.nan
         if not np.isfinite(values[i]):
             raise LogError(
-                f"{export.file}:{line[i]}: channel {name!r}: {cell[:30]!r} is not a number."
-                " Export it again."
+                f"{export.file}:{line[i]}: channel {name!r}: {cell[:30]!r} is not a number. "
+                "Export it again."
             )
     return values
 

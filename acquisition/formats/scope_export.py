@@ -87,8 +87,8 @@ def read_export(path: Path, file: str) -> Export:
     if not lines[0].startswith("Name") or separator not in {*SEPARATORS, " "}:
         raise LogError(
             f"{file}:{text.number[0]}: no TwinCAT Scope export: the first line does not begin with "
-            "`Name` and a separator."
-            " Export it as CSV from the Scope, or name the dialect of this file."
+            "`Name` and a separator. "
+            "Export it as CSV from the Scope, or name the dialect of this file."
         )
     if separator == " ":
         raise LogError(
@@ -100,8 +100,7 @@ def read_export(path: Path, file: str) -> Export:
     if head is None:
         raise LogError(
             f"{file}: no line with the names of the channels (`Name`, name, ...) below the "
-            "preamble."
-            " Export it again with them."
+            "preamble. Export it again with them."
         )
     data = (i for i in range(head, len(lines)) if _is_data(lines[i].split(separator)[0]))
     body = next(data, len(lines))
@@ -162,14 +161,13 @@ def _metadata(
         elif cells[0] not in _MAY_DIFFER:
             raise LogError(
                 f"{location}: the line {cells[0][:30]!r} of the metadata has {len(cells)} fields, "
-                f"`Name` has {width}."
-                " Export it again."
+                f"`Name` has {width}. "
+                "Export it again."
             )
     if "Data-Type" not in meta:
         raise LogError(
             f"{location}: the metadata have no line `Data-Type` with a field for each column of "
-            "`Name`."
-            " Export it again with it."
+            "`Name`. Export it again with it."
         )
     starts = [i for i, cell in enumerate(meta["Data-Type"]) if cell == "Data-Type"]
     for key, cells in meta.items():
@@ -177,8 +175,7 @@ def _metadata(
         if not set(starts) <= set(keys) or (keys != starts and key not in _FREE_TEXT):
             raise LogError(
                 f"{location}: the lines `Data-Type` and {key!r} do not agree on which columns are "
-                "times. The file is damaged."
-                " Export it again."
+                "times. The file is damaged. Export it again."
             )
     groups = [Group(start, stop) for start, stop in zip(starts, [*starts[1:], width], strict=True)]
     if any(group.stop - group.start < 2 for group in groups):

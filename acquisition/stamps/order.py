@@ -42,8 +42,8 @@ def in_sequence(table: Table, sequence: str | None) -> Table:
     if stamps.size and stamps.min() < 0:
         row = int(np.argmin(stamps))
         raise LogError(
-            f"{table.location(row)}: time stamp {stamps[row] * 1e-9:.9g} s is negative."
-            " Log a clock that counts up from its start, or cut this row out."
+            f"{table.location(row)}: time stamp {stamps[row] * 1e-9:.9g} s is negative. "
+            "Log a clock that counts up from its start, or cut this row out."
         )
     if sequence is None or sequence not in table.columns:
         return table
@@ -151,8 +151,8 @@ def join(tables: list[Table]) -> Table:
         if overlap >= 0.0:
             raise LogError(
                 f"{after.location(0)}: starts {amount(overlap)} before {before.files[0]} ends. "
-                "The files of one source must follow one another on one clock."
-                " Set it right at the logger, or make a recording of each file."
+                "The files of one source must follow one another on one clock. "
+                "Set it right at the logger, or make a recording of each file."
             )
     common = [name for name in ordered[0].columns if all(name in t.columns for t in tables)]
     index = np.repeat(np.arange(len(ordered), dtype=np.int64), [len(table) for table in ordered])

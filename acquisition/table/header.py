@@ -220,13 +220,13 @@ def _refuse_missing(
         shown = ", ".join(repr(name[:40]) for name in names[:12])
         if why := selectors.why_not(missing[0], names):
             raise LogError(
-                f"{line.location}:{why} The header has {shown}."
-                " Name one of these in recording.yaml."
+                f"{line.location}:{why} The header has {shown}. "
+                "Name one of these in recording.yaml."
             )
         raise LogError(
             f"{line.location}: {_columns(missing)} missing; the header has {shown}."
-            f"{_meant(missing[0], unused)}"
-            " Log them, or name the dialect of this file."
+            f"{_meant(missing[0], unused)} "
+            "Log them, or name the dialect of this file."
         )
 
 
@@ -260,8 +260,8 @@ def _refuse_several(
         selected = [selector for selector, several in positions.items() if several == [i]]
         if len(selected) > 1:
             raise LogError(
-                f"{line.location}: {' and '.join(selected)} are the same column {name!r}."
-                " Name another column for one of them."
+                f"{line.location}: {' and '.join(selected)} are the same column {name!r}. "
+                "Name another column for one of them."
             )
 
 

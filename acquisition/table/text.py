@@ -78,8 +78,8 @@ def read_filled(path: Path, file: str) -> Content:
     """
     if not path.is_file():
         raise LogError(
-            f"{file}: no such file (looked for {path})."
-            " Correct the name in recording.yaml, or copy the file there."
+            f"{file}: no such file (looked for {path}). "
+            "Correct the name in recording.yaml, or copy the file there."
         )
     content = read_bytes(path, file)
     if not content.raw:
@@ -130,8 +130,8 @@ def read_bytes(path: Path, file: str) -> Content:
     try:
         if path.stat().st_size > MOST_BYTES:
             raise LogError(
-                f"{file}: more than {MOST_BYTES:_} bytes. Is it a log?"
-                " Split it into one file a run."
+                f"{file}: more than {MOST_BYTES:_} bytes. Is it a log? "
+                "Split it into one file a run."
             )
         if suffix not in _PACKED:
             return Content(path.read_bytes())
@@ -142,8 +142,8 @@ def read_bytes(path: Path, file: str) -> Content:
         ) from None
     except OSError as error:
         raise LogError(
-            f"{file}: cannot be read: {error.strerror or error}."
-            " Check its permissions, or copy it again."
+            f"{file}: cannot be read: {error.strerror or error}. "
+            "Check its permissions, or copy it again."
         ) from None
 
 
@@ -162,8 +162,8 @@ def _unpacked(packed: Any, file: str) -> Content:
             size += len(part)
             if size > MOST_BYTES:
                 raise LogError(
-                    f"{file}: unpacks to more than {MOST_BYTES:_} bytes. Is it a log?"
-                    " Split it into one file a run."
+                    f"{file}: unpacks to more than {MOST_BYTES:_} bytes. Is it a log? "
+                    "Split it into one file a run."
                 )
             parts.append(part)
     return Content(b"".join(parts), tuple(findings))

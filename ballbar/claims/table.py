@@ -101,8 +101,8 @@ def numbers(measure: Measure, table: pd.DataFrame, *also: Rows) -> dict[Any, flo
         return {None: statistic(measure.statistic, _values(chosen, column))}
     if without := int(chosen[_known(chosen, measure.each)].isna().sum()):
         raise InputError(
-            f"{measure.each}: {without} of the {len(chosen)} selected runs have no such value"
-            ". Let `rows` select those that have one"
+            f"{measure.each}: {without} of the {len(chosen)} selected runs have no such value. "
+            "Let `rows` select those that have one"
         )
     groups = chosen.groupby(measure.each, sort=True)
     return {value: statistic(measure.statistic, _values(rows, column)) for value, rows in groups}
@@ -157,7 +157,7 @@ def _values(rows: pd.DataFrame, column: str) -> Array:
     """(N,) values of a column, in the unit of its name."""
     if without := int(rows[column].isna().sum()):
         raise InputError(
-            f"{column}: {without} of the {len(rows)} selected runs have no such result"
-            ". Let `rows` select those that have one"
+            f"{column}: {without} of the {len(rows)} selected runs have no such result. "
+            "Let `rows` select those that have one"
         )
     return rows[column].to_numpy(dtype=float)

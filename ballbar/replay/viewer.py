@@ -77,8 +77,8 @@ def serve_web(
         except KeyboardInterrupt:
             return
     raise ViewerError(
-        f"{path}: the web viewer ended with code {code}."
-        " Run the command again, or view without --web."
+        f"{path}: the web viewer ended with code {code}. "
+        "Run the command again, or view without --web."
     )
 
 
@@ -183,8 +183,8 @@ def _wait_for(server: subprocess.Popen[bytes], port: int, what: str) -> None:
     while time.monotonic() < deadline:
         if server.poll() is not None:
             raise ViewerError(
-                f"{what} ended with code {server.returncode} before it answered."
-                " Run the command again; where it ends again, reinstall rerun-sdk."
+                f"{what} ended with code {server.returncode} before it answered. "
+                "Run the command again; where it ends again, reinstall rerun-sdk."
             )
         with socket.socket() as probe:
             probe.settimeout(0.2)
@@ -192,6 +192,6 @@ def _wait_for(server: subprocess.Popen[bytes], port: int, what: str) -> None:
                 return
         time.sleep(0.05)
     raise ViewerError(
-        f"{what} did not answer on port {port} within {_START_TIMEOUT:.0f} s."
-        " Run the command again; where it stays silent, reinstall rerun-sdk."
+        f"{what} did not answer on port {port} within {_START_TIMEOUT:.0f} s. "
+        "Run the command again; where it stays silent, reinstall rerun-sdk."
     )
