@@ -102,7 +102,9 @@ def test_with_noise_the_printed_scalar_crawls_where_the_vector_form_is_done(
     q, b = (angles + rng.normal(0.0, 1e-5, angles.shape) for angles in exact.values())
     chosen = identifiable_by("transform", nominal, path.q[::50], path.b[::50])
     vector = fit_cost(cost_named("transform", "vector"), nominal, q=q, b=b, parameters=chosen)
-    printed = fit_cost(cost_named("transform", "thesis"), nominal, q=q, b=b, parameters=chosen, max_iterations=100)
+    printed = fit_cost(
+        cost_named("transform", "thesis"), nominal, q=q, b=b, parameters=chosen, max_iterations=100
+    )
     assert vector.converged
     assert vector.iterations <= 4
     assert not printed.converged
@@ -135,11 +137,19 @@ def test_the_deviation_of_a_printed_scalar_is_refused_with_its_reason(
 ) -> None:
     sign = np.ones(400)
     with pytest.raises(ValueError, match="linear in the signed components only"):
-        fit_cost(cost_named("position", "thesis"), nominal, **exact, parameters=[INDEX["ra1"]], rod_sign=sign)
+        fit_cost(
+            cost_named("position", "thesis"),
+            nominal,
+            **exact,
+            parameters=[INDEX["ra1"]],
+            rod_sign=sign,
+        )
 
 
 def test_what_is_left_over_is_stated_as_sum_and_as_rms(exact: Angles, true: Geometry) -> None:
     off = true.replaced({"ox": true["ox"] + 1e-3})
-    fit = fit_cost(cost_named("position", "vector"), off, **exact, parameters=[INDEX["ra1"]], max_iterations=0)
+    fit = fit_cost(
+        cost_named("position", "vector"), off, **exact, parameters=[INDEX["ra1"]], max_iterations=0
+    )
     assert fit.cost == pytest.approx(400 * 1e-6)  # a millimetre along x in each sample
     assert fit.rms == pytest.approx(1e-3 / np.sqrt(3.0))

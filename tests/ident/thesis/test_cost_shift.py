@@ -60,6 +60,8 @@ def test_without_rounds_it_is_a_plain_fit(
     path: ReferencePath, shifted: dict[str, Array], nominal: Geometry
 ) -> None:
     chosen = identifiable_by(COST, nominal, path.q[::50], path.b[::50])
-    done = fit_cost_with_shift(cost_named(COST, "vector"), nominal, **shifted, parameters=chosen, rounds=0)
+    done = fit_cost_with_shift(
+        cost_named(COST, "vector"), nominal, **shifted, parameters=chosen, rounds=0
+    )
     assert done.shift == 0.0
     assert done.fit.converged
