@@ -236,7 +236,8 @@ def _replaced(node: Value, path: list[str], value: Value, key: str) -> Any:
         return [*node[:i], _replaced(node[i], rest, value, key), *node[i + 1 :]]
     if node is not None and not isinstance(node, dict):
         raise InputError(
-            f"{key}: the scenario has the value {node!r} above {head}, with no keys of its own"
+            f"{key}: the scenario has the value {node!r} above {head}, with no keys of its own; "
+            "replace that value as a whole"
         )
     below = node or {}
     return {**below, head: _replaced(below.get(head), rest, value, key)}
