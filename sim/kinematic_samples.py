@@ -82,6 +82,7 @@ def sample_path(
     if not moving.size:
         raise InputError(
             "path: the robot does not move between start and end; there is nothing to sample"
+            ". Take a path that moves."
         )
     t = np.linspace(path.t[moving[0]], path.t[moving[-1]], count)
     return sample_path_at(cell, nominal, path, t, delay=delay)

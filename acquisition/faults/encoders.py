@@ -111,6 +111,7 @@ def _with_status_word_checked(table: Table, encoder: EncoderName, column: str) -
         raise LogError(
             f"{table.location(outside[0])}: column {column}: {word[outside[0]]} is no 16-bit "
             "status word."
+            " Log the status word as UINT, 0 to 65535."
         )
     preset = np.flatnonzero(np.diff(word & SET_COUNTER_DONE) > 0) + 1
     if preset.size:
@@ -153,6 +154,7 @@ def counter_words(table: Table, fitted: Fitted) -> Counts:
                 f"{table.location(outside[0])}: column {encoder.column}: {counter[outside[0]]} is "
                 f"no 32-bit counter word. Expected UDINT, 0 to {WORD - 1}, or DINT, {-WORD // 2} "
                 f"to {WORD // 2 - 1}."
+                " Log it as one of these."
             )
     return np.stack([table.columns[encoder.column] for encoder in fitted.values()]).T
 
@@ -205,6 +207,7 @@ def _refuse_jumps(
         f"{float(t[row] - t[row - 1]) * 1e3:.4g} ms ({jumps.speed[0].max():.3g} rad/s; a ball-bar "
         f"stays below {SPEED_LIMIT:g}). {jumps.fast.size} such rows. Was the counter reset, are "
         "lines and bits of the encoder declared wrong, or the time column in another unit?"
+        " Correct these in recording.yaml, or cut the log before this line."
     )
 
 

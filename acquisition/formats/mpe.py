@@ -42,6 +42,7 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
         raise LogError(
             f"{file}: begins with {version:g}, not with a file version of abb_motion_program_exec "
             "(10011)."
+            " Name the dialect of this file."
         )
     _, at = _text(raw, 4, file)
     header, at = _text(raw, at, file)
@@ -49,6 +50,7 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     if len(set(names)) < len(names) or time not in names:
         raise LogError(
             f"{file}: the columns are {header!r}; expected {time} and the axes, each once."
+            " Log each axis once, or name the dialect of this file."
         )
     wanted = (time, *wanted_columns(layout, time, names, file))
     width = 4 * len(names)
@@ -67,7 +69,7 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
         sentence = f"the last {nul} rows are NUL bytes (power loss); left out."
         findings.append(finding("NUL block at the end", "repaired", file, sentence, count=nul))
     if not count:
-        raise LogError(f"{file}: a head but no complete row behind it.")
+        raise LogError(f"{file}: a head but no complete row behind it. Copy it again.")
     _check_rows(rows[:count], names, [names.index(name) for name in wanted], file)
     columns = {name: rows[:count, names.index(name)].copy() for name in wanted}
     table = one_file(columns, file, np.arange(1, count + 1), findings)
@@ -87,11 +89,15 @@ def _text(raw: bytes, at: int, file: str) -> tuple[str, int]:
         raise LogError(
             f"{file}: a text of the head (byte {at}) claims {length:g} bytes: no log of "
             "abb_motion_program_exec, or damaged."
+            " Copy it again, or name its dialect."
         )
     stop = at + 4 + int(length)
     text = raw[at + 4 : stop]
     if len(text) < length or not all(32 <= byte < 127 for byte in text):
-        raise LogError(f"{file}: a text of the head (byte {at}) is not plain ASCII: {text[:40]!r}.")
+        raise LogError(
+            f"{file}: a text of the head (byte {at}) is not plain ASCII: {text[:40]!r}."
+            " Copy it again, or name its dialect."
+        )
     return text.decode("ascii"), stop
 
 
@@ -108,6 +114,7 @@ def _check_rows(rows: Array, names: list[str], positions: list[int], file: str) 
         raise LogError(
             f"{file}:{row + 1}: {names[positions[column]]} is {wanted[row, column]:g}, which no "
             "clock and no axis shows."
+            " Copy the file again, or cut it before this row."
         )
     if _COMMAND in names:
         command = rows[:, names.index(_COMMAND)]
@@ -117,4 +124,5 @@ def _check_rows(rows: Array, names: list[str], positions: list[int], file: str) 
             raise LogError(
                 f"{file}:{odd[0] + 1}: {_COMMAND} {command[odd[0]]:g} is no number of a command, "
                 "or goes back. Damaged here."
+                " Copy the file again, or cut it before this row."
             )

@@ -83,11 +83,13 @@ def _ratio(check: Ratio, evidence: Evidence) -> Outcome:
     if above.keys() != below.keys():
         raise InputError(
             f"{check.each}: the runs of `of` have the values {list(above)}, those of `over` "
-            f"{list(below)}; select runs with the same values"
+            f"{list(below)}"
+            ". Make `rows` select the same values for both"
         )
     if not all(below.values()):
         raise InputError(
-            f"{check.column}: the runs of `over` have 0, so there is no ratio; select others"
+            f"{check.column}: the runs of `over` have 0, so there is no ratio"
+            ". Choose another column, or other runs for `over`"
         )
     ratios = [above[value] / below[value] for value in above]
     least, most = check.at_least, check.at_most
@@ -104,7 +106,8 @@ def _ordered(check: Ordered, evidence: Evidence) -> Outcome:
     groups = [numbers(check, evidence.table, {check.by: value}) for value in check.order]
     if any(group.keys() != groups[0].keys() for group in groups):
         raise InputError(
-            f"{check.each}: not every group of {check.by} has the same values; select runs that do"
+            f"{check.each}: not every group of {check.by} has the same values"
+            ". Let `rows` select runs with the same values"
         )
     met = all(
         check.apart * low[value] <= high[value]
@@ -124,7 +127,8 @@ def _monotonic(check: Monotonic, evidence: Evidence) -> Outcome:
     values = list(numbers(by_value, evidence.table).values())
     if len(values) < 2:
         raise InputError(
-            f"{check.over}: one value alone neither rises nor falls; select runs with several"
+            f"{check.over}: one value alone neither rises nor falls"
+            ". Let `rows` select runs with several values"
         )
     ordered = values if check.direction == "rising" else values[::-1]
     met = all((1.0 - check.tolerance) * a <= b for a, b in itertools.pairwise(ordered))
@@ -139,8 +143,8 @@ def _among_largest(check: AmongLargest, evidence: Evidence) -> Outcome:
     for name in check.parameters:
         if not any(parameter.startswith(name) for parameter in known):
             raise InputError(
-                f"parameters: none of the identified ones is, or begins with, {name}; correct or "
-                "remove it"
+                f"parameters: none of the identified ones is, or begins with, {name}"
+                ". Name one of the parameters of the sweep"
             )
     share = sum(name.startswith(tuple(check.parameters)) for name in names) / len(names)
     met = check.at_least <= share <= check.at_most

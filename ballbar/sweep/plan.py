@@ -231,13 +231,14 @@ def _replaced(node: Value, path: list[str], value: Value, key: str) -> Any:
         if not head.isdecimal() or int(head) >= len(node):
             raise InputError(
                 f"{key}: the list has no item {head}; its {len(node)} items count from 0"
+                ". Name one of these"
             )
         i = int(head)
         return [*node[:i], _replaced(node[i], rest, value, key), *node[i + 1 :]]
     if node is not None and not isinstance(node, dict):
         raise InputError(
-            f"{key}: the scenario has the value {node!r} above {head}, with no keys of its own; "
-            "replace that value as a whole"
+            f"{key}: the scenario has the value {node!r} above {head}, with no keys of its own"
+            f". Set {head}'s parent as a whole, or name another key"
         )
     below = node or {}
     return {**below, head: _replaced(below.get(head), rest, value, key)}

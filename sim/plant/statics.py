@@ -107,6 +107,7 @@ def equilibrium(plant: Plant, command: Array, q: Array, b: Array) -> Equilibrium
         multipliers += share * (solution[active.size :] - multipliers)
     raise NoEquilibriumError(
         f"statics: no equilibrium in {_MAX_STEPS} steps; loop open by {np.abs(closed).max():.3g}"
+        ". Move the pose away from singularities, or start closer to it"
     )
 
 

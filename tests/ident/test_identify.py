@@ -1,4 +1,4 @@
-"""Identification of simulated recordings through their device files, against the truth and against honesty."""
+"""Identification of simulated recordings through their device files, against the truth."""
 
 from __future__ import annotations
 
@@ -6,18 +6,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ident.estimator.problem import Clock
 
 from acquisition import read_recording
 from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.compare import identification_against_truth
-from ballbar.run import identify_folder, run_scenario
-from ballbar.scenario import load_scenario
+from ballbar.result.run_data import RunData
+from ballbar.result.run_recordings import identify_recordings
+from ballbar.run import run_scenario
+from ballbar.scenario import IdentifySettings, load_scenario
+from cell.clock import Clock
 from cell.geometry import NAMES
 from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
-from ident import Identification, identify
-from ident.start.automatic import StartError
+from ident import (
+    FitOptions,
+    Identification,
+    Listener,
+    Logs,
+    StartError,
+    identify,
+    identify_together,
+)
+from ident.result import RecordingEstimate
 from sim.recording_files import truth_path
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 
@@ -26,17 +36,26 @@ def quiet(_: str) -> None:
     pass
 
 
+def run(recorded: Recorded, samples: int = 600) -> RunData:
+    return identify_recordings([recorded.folder], settings=IdentifySettings(samples=samples))
+
+
 def identified(recorded: Recorded, samples: int = 600) -> Identification:
-    return identify_folder(recorded.folder, samples=samples, progress=quiet)[1]
+    return run(recorded, samples).identification
+
+
+def only(result: Identification) -> RecordingEstimate:
+    (recording,) = result.recordings
+    return recording
 
 
 @pytest.fixture(scope="module")
-def result(recorded: Recorded) -> Identification:
-    return identified(recorded)
+def data(recorded: Recorded) -> RunData:
+    return run(recorded)
 
 
 def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
-    """scenarios/irb2400.yaml: TCP 0.01 mm, distance 0.02 mm|mrad, clock 20 us and 0.2 ppm, 10 iterations."""
+    """TCP 0.01 mm, distance 0.02 mm|mrad, clock 20 us and 0.2 ppm, 10 iterations."""
     file = SCENARIOS / "irb2400.yaml"
     scenario = load_scenario(file)
     data = run_scenario(scenario, file, tmp_path / "out", command="test", progress=quiet)
@@ -63,15 +82,18 @@ def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
 def test_any_number_of_encoders_goes_through_the_same_code(
     tmp_path: Path, fitted: tuple[int, ...], parameters: int, tcp_mm: float
 ) -> None:
-    """Errors against the truth after 60 s; without encoders one path on a sphere says little, so its bound is wider."""
+    """Errors against the truth after 60 s.
+
+    Without encoders one path on a sphere says little, so its bound is wider.
+    """
     encoders = {"fitted": fitted, "noise_sigma_rad": 1e-5, "directions": "unknown"}
     recorded = record(
         tmp_path / "recording", plant={"kind": "kinematic"}, encoders=encoders, seed=5
     )
     result = identified(recorded)
-    assert result.parameters.size == parameters
+    assert len(result.sigma) == parameters
     assert result.verdict.status in ("good", "suspect")
-    assert result.iterations <= 10
+    assert result.fit.iterations <= 10
     comparison = identification_against_truth(result, recorded.simulation.truth)
     assert comparison.tcp_nominal.mean > 1e-3
     assert comparison.tcp.mean * 1e3 < tcp_mm
@@ -82,8 +104,9 @@ def test_any_number_of_encoders_goes_through_the_same_code(
 
 def test_the_other_robot_and_another_rod_work_too(tmp_path: Path) -> None:
     (tmp_path / "path.yaml").write_text(
-        "schema: ballbar-path/1\ncentre_deg: [-23, -50, 20, -129, 138]\namplitude_deg: [50, -18, 30, -18, 80]\n"
-        "cycles: [3, 1, 4, 2, 5]\nphase_deg: [18, 50, 251, 277, 357]\n"
+        "schema: ballbar-path/1\ncentre_deg: [-23, -50, 20, -129, 138]\n"
+        "amplitude_deg: [50, -18, 30, -18, 80]\ncycles: [3, 1, 4, 2, 5]\n"
+        "phase_deg: [18, 50, 251, 277, 357]\n"
     )
     recorded = record(
         tmp_path / "recording",
@@ -107,10 +130,11 @@ def test_a_clock_shifted_by_t_is_found_to_be_shifted_by_t(recorded: Recorded) ->
     log = recording.ballbar_log
     assert log is not None
     cell = recorded.simulation.cell
-    whole = identify(cell, recording.robot_log, log, samples=600).clock
+    options = FitOptions(samples=600)
+    whole = only(identify(cell, recording.robot_log, log, options=options)).clock
     lost = float(log.t[700])
     cut = BallBarLog(log.t[700:] - lost, log.angles[700:].copy(), log.joints)
-    later = identify(cell, recording.robot_log, cut, samples=600).clock
+    later = only(identify(cell, recording.robot_log, cut, options=options)).clock
     assert whole is not None
     assert later is not None
     assert later.offset - whole.offset == pytest.approx(
@@ -122,10 +146,7 @@ def test_identification_without_the_truth_file_gives_the_same_bytes(
     recorded: Recorded, tmp_path: Path
 ) -> None:
     def calibrate(name: str) -> bytes:
-        _, result = identify_folder(recorded.folder, samples=300, progress=quiet)
-        write_calibration(
-            tmp_path / name, result, robot="irb2400", ballbar="lund_600", plate="plate_250"
-        )
+        write_calibration(tmp_path / name, run(recorded, samples=300))
         return (tmp_path / name).read_bytes()
 
     with_truth = calibrate("a.yaml")
@@ -137,15 +158,16 @@ def test_identification_without_the_truth_file_gives_the_same_bytes(
         hidden.rename(truth)
 
 
-def test_the_calibration_file_reads_back_as_written(result: Identification, tmp_path: Path) -> None:
-    path = tmp_path / "calibration.yaml"
-    write_calibration(path, result, robot="irb2400", ballbar="lund_600", plate="plate_250")
+def test_the_calibration_file_reads_back_as_written(data: RunData, tmp_path: Path) -> None:
+    path, result = tmp_path / "calibration.yaml", data.identification
+    write_calibration(path, data)
     read = load_calibration(path)
-    assert np.array_equal(read.geometry.values, result.geometry.values)
-    assert np.array_equal(read.nominal.values, result.nominal.values)
-    assert {name for name in NAMES if read.file.parameters[name].identified} == set(result.sigma)
-    assert read.file.clock is not None
-    assert result.clock == Clock(read.file.clock.offset_s, read.file.clock.skew)
+    assert np.array_equal(read.geometry.values, only(result).geometry.values)
+    assert np.array_equal(read.nominal.values, only(result).nominal.values)
+    assert {name for name in NAMES if name in read.file.identified} == set(result.sigma)
+    (recording,) = read.file.recordings
+    assert recording.clock is not None
+    assert only(result).clock == Clock(recording.clock.offset_s, recording.clock.skew)
     assert read.file.fit.rank == 31
 
 
@@ -161,7 +183,10 @@ def test_the_truth_lies_beside_the_recording_never_inside(recorded: Recorded) ->
 def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_white(
     tmp_path: Path,
 ) -> None:
-    """Twelve noise seeds, 29 parameters each: 95 % intervals should hold 95 % +- 3 % (kinematic plant, so no rod strain)."""
+    """Twelve noise seeds, 29 parameters each: 95 % intervals should hold 95 % +- 3 %.
+
+    The plant is kinematic, so there is no rod strain.
+    """
     hits = []
     for seed in range(12):
         recorded = record(
@@ -183,7 +208,10 @@ def test_a_wrong_robot_or_ball_bar_is_named_and_not_accepted(
 ) -> None:
     recording = read_recording(recorded.folder)
     result = identify(
-        load_cell(robot, bar, "plate_250"), recording.robot_log, recording.ballbar_log, samples=200
+        load_cell(robot, bar, "plate_250"),
+        recording.robot_log,
+        recording.ballbar_log,
+        options=FitOptions(samples=200),
     )
     assert result.verdict.sentence.startswith("Not the declared cell")
     assert words in result.verdict.sentence
@@ -212,7 +240,7 @@ def test_logs_of_two_different_runs_are_not_matched_in_silence(
             recorded.simulation.cell,
             robot_log,
             read_recording(other.folder).ballbar_log,
-            samples=300,
+            options=FitOptions(samples=300),
         )
     except StartError:
         return
@@ -247,7 +275,7 @@ def test_encoder_sets_that_cannot_be_aligned_say_what_is_missing(
         identify(recorded.simulation.cell, recording.robot_log, some)
 
 
-def test_a_wrongly_declared_sense_is_found_and_reported(tmp_path: Path) -> None:
+def test_a_wrongly_declared_encoder_direction_is_found_and_reported(tmp_path: Path) -> None:
     recorded = record(tmp_path / "recording", plant={"kind": "kinematic"})
     text = (recorded.folder / "recording.yaml").read_text()
     first = text.index("sign: ")
@@ -257,13 +285,13 @@ def test_a_wrongly_declared_sense_is_found_and_reported(tmp_path: Path) -> None:
         text[:first] + flipped + text[first + len(sign) :]
     )
     result = identified(recorded, samples=300)
-    assert result.signs == (-1, 1, 1, 1, 1)
-    assert any("b1 counts against its declared sense" in w for w in result.verdict.warnings)
+    assert only(result).directions == (-1, 1, 1, 1, 1)
+    assert any("b1 counts against its declared direction" in w for w in result.verdict.warnings)
 
 
 @pytest.mark.slow
 def test_an_alias_in_time_is_called_ambiguous(recorded: Recorded) -> None:
-    """Two identical passes without a rest between the logs' ends: an offset of one pass explains the overlap as well."""
+    """Two identical passes without a dwell: a clock offset of one pass explains them as well."""
     motion = recorded.simulation.motion
     inner = slice(4000, 27000)
     t, q, b = motion.t[inner] - motion.t[inner][0], motion.q[inner], motion.b[inner]
@@ -281,7 +309,43 @@ def test_an_alias_in_time_is_called_ambiguous(recorded: Recorded) -> None:
         np.tile(lap_b, (3, 1))[keep] + rng.normal(0, 1e-5, (len(times[keep]), 5)),
         (1, 2, 3, 4, 5),
     )
-    result = identify(recorded.simulation.cell, robot, bar, samples=300)
+    result = identify(recorded.simulation.cell, robot, bar, options=FitOptions(samples=300))
     assert result.verdict.status == "ambiguous"
     assert "clock offsets" in result.verdict.sentence
     assert not result.verdict.acceptable
+
+
+def test_stages_and_iterations_are_told_to_the_listener(recorded: Recorded) -> None:
+    recording = read_recording(recorded.folder)
+    stages: list[str] = []
+    steps: list[float] = []
+    result = identify(
+        recorded.simulation.cell,
+        recording.robot_log,
+        recording.ballbar_log,
+        options=FitOptions(samples=300, model="dh"),
+        listener=Listener(stages.append, lambda step: steps.append(step.chi2_per_sample)),
+    )
+    assert stages[0] == "smoothing both logs"
+    assert "fitting" in stages
+    # the chosen start, the first fit and the final one are each told from their start on
+    assert len(steps) == result.fit.iterations + 3
+    assert steps[-1] < 2.0
+
+
+def test_kinematics_alone_fit_one_recording_at_a_time(recorded: Recorded) -> None:
+    recording = read_recording(recorded.folder)
+    logs = Logs(recording.robot_log, recording.ballbar_log)
+    with pytest.raises(ValueError, match="several together need the complete model"):
+        identify_together(recorded.simulation.cell, [logs, logs], options=FitOptions(model="dh"))
+
+
+def test_a_measured_rod_that_was_not_needed_is_said_to_be_unused(recorded: Recorded) -> None:
+    recording = read_recording(recorded.folder)
+    result = identify(
+        recorded.simulation.cell,
+        recording.robot_log,
+        recording.ballbar_log,
+        options=FitOptions(model="dh", samples=200, rod_sigma=2e-6),
+    )
+    assert result.verdict.warnings[-1].startswith("the measured rod length was not used")

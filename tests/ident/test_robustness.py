@@ -1,4 +1,4 @@
-"""Gross faults in a log of the full plant: what they cost, and whether each is reported with its time."""
+"""Gross faults in a log of the full plant: what they cost, and how they are reported."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import load_scenario
 from cell.neighbours import damaged_bursts
-from ident.identify import Identification, identify_together
+from ident import FitOptions, Identification, identify_together
 from sim.errors.outliers import Outliers
 from sim.truth import Truth
 from tests.helpers.drawn_robots import SCENARIOS, SLIP_S, STEP_S, faulty, recorded
@@ -26,13 +26,14 @@ def calibrated(folder: Path, faults: dict[str, dict[str, object]]) -> tuple[Iden
     cell, logs, truth = recorded(
         faulty(load_scenario(SCENARIOS / "irb2400_full.yaml"), faults), folder
     )
-    return identify_together(cell, [logs], model="complete", force="torque")[0], truth
+    options = FitOptions(model="complete", force="torque")
+    return identify_together(cell, [logs], options=options), truth
 
 
 @pytest.mark.slow
 def test_gross_faults_are_repaired_reported_and_cost_little(tmp_path: Path) -> None:
     clean, truth = calibrated(tmp_path / "clean", {})
-    assert clean.events == ()
+    assert clean.recordings[0].step_faults == ()
     dirty, faulty_truth = calibrated(tmp_path / "dirty", FAULTS)
     before, after = (
         identification_against_truth(clean, truth).tcp.mean,
@@ -42,13 +43,14 @@ def test_gross_faults_are_repaired_reported_and_cost_little(tmp_path: Path) -> N
         after < 1.3 * before
     )  # one draw; over many the median stays below 1.2 (docs/studies/robustness.csv)
     start = faulty_truth.logs.first_rows.ballbar_s
-    slip, step = sorted(dirty.events, key=lambda event: event.time)
+    (recording,) = dirty.recordings
+    slip, step = sorted(recording.step_faults, key=lambda fault: fault.time)
     assert (slip.kind, slip.joint, abs(slip.periods)) == ("encoder", 2, 2)
     assert slip.time + start == pytest.approx(SLIP_S, abs=0.02)
     assert step.kind == "clock"
     assert step.time + start == pytest.approx(STEP_S, abs=0.02)
     assert step.size == pytest.approx(0.05, abs=2e-4)
-    assert all(event.sentence in dirty.verdict.warnings for event in dirty.events)
+    assert all(fault.sentence in dirty.verdict.warnings for fault in recording.step_faults)
 
 
 def motion(rows: int = 4000) -> tuple[np.ndarray, np.ndarray]:
@@ -69,7 +71,7 @@ def test_outliers_are_told_from_motion() -> None:
 
 
 def test_a_jerk_of_the_motion_is_no_outlier() -> None:
-    """Where a joint strikes in its play its angle bends within a few rows; none of them is to be thrown away."""
+    """Where a joint strikes in its backlash its angle bends within a few rows; none is left out."""
     t, angles = motion()
     angles[:, 1] += 1.25e-4 * np.tanh((t - 8.0) / 0.012)
     assert not damaged_bursts(t, angles).any()

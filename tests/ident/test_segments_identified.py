@@ -1,4 +1,4 @@
-"""A log of several segments is identified as the undisturbed one would be, and the clocks agree over the whole run."""
+"""A log of several segments is identified as the undisturbed one would be."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ import pytest
 
 from acquisition import read_recording
 from ident.identify import identify
+from ident.options import FitOptions
 from tests.helpers.clock_truth import clock_error
 from tests.helpers.simulated_recordings import record
 
@@ -32,13 +33,16 @@ def test_a_clock_set_back_and_a_counter_reset_leave_the_alignment_within_100_us(
         lines[k] = ";".join(cells)
     file.write_bytes(("\r\n".join(lines) + "\r\n").encode())
     read = read_recording(done.folder)
-    assert [one.kind for one in read.report.findings if "overrun" not in one.kind] == [
+    assert [f.kind for f in read.report.findings if "overrun" not in f.kind] == [
         "counter jumped",
         "clock set back",
     ]
-    found = identify(done.simulation.cell, read.robot_log, read.ballbar_log, samples=600)
+    found = identify(
+        done.simulation.cell, read.robot_log, read.ballbar_log, options=FitOptions(samples=600)
+    )
     assert np.abs(clock_error(done.simulation, found)).max() < 100e-6
-    (jump,) = [event for event in found.events if event.kind == "encoder"]
-    sign = read.description.encoders["b1"].sign * found.signs[0]
+    (recording,) = found.recordings
+    (jump,) = [fault for fault in recording.step_faults if fault.kind == "encoder"]
+    sign = read.description.encoders["b1"].sign * recording.directions[0]
     assert jump.joint == 1
     assert jump.size == pytest.approx(sign * RESET * 2 * np.pi / (3600 << 12), abs=1e-5)

@@ -315,7 +315,7 @@ def test_the_command_says_all_of_it_as_json() -> None:
     }
     position = said["costs"][2]
     assert set(position["zero_jacobian"]) == TABLE_3_3["position"]
-    assert position["directions"] == len(position["kept"]) == 31
+    assert position["directions"] == len(position["selected"]) == 31
     left_out = {entry["name"]: entry for entry in position["left_out"]}
     assert left_out["ra6"]["reason"] == "scale"
     assert left_out["rd1"]["on"] == pytest.approx({"oz": -1.0})

@@ -1,0 +1,69 @@
+"""What is said of a log that was repaired."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ident.estimator.samples import Samples
+from ident.remarks import log_remarks
+from ident.signals.smooth_log import Outliers
+from ident.signals.step_fault import StepFault
+from ident.signals.steps import LogStep
+from tests.helpers.synthetic_recording import recording
+
+
+@pytest.fixture(scope="module")
+def samples() -> Samples:
+    return recording()
+
+
+def out(channels: list[int], times: list[float], rows: int) -> Outliers:
+    return Outliers(np.array(times), np.array(channels, dtype=np.intp), rows, 60_000)
+
+
+def test_nothing_is_said_of_clean_logs(samples: Samples) -> None:
+    assert log_remarks(samples, ()) == ()
+
+
+def test_every_step_fault_has_its_sentence(samples: Samples) -> None:
+    faults = (
+        StepFault(0, "clock", 0, 12.345, -0.0502),
+        StepFault(0, "encoder", 4, 20.0, 3.49e-3, periods=-2),
+        StepFault(0, "encoder", 2, 30.0, 1e-3),
+    )
+    assert log_remarks(samples, faults) == (
+        "clock step of -50.2 ms (ball-bar's against robot's) at t = 12.35 s; repaired",
+        "encoder b4 slipped -2 signal periods at t = 20.00 s; repaired",
+        "encoder b2 jumped by +1.000 mrad at t = 30.00 s (slipping coupling?); repaired",
+    )
+
+
+def test_a_joint_that_jumped_in_the_robots_log_is_named_by_its_row(samples: Samples) -> None:
+    robot = replace(samples.robot, steps=(LogStep(250, 12.5, 2, -2e-3),))
+    assert log_remarks(replace(samples, robot=robot), ()) == (
+        "robot joint 3 jumped by -2.000 mrad at row 250 of its log; taken out of it",
+    )
+
+
+def test_a_step_of_the_robots_clock_is_said_once(samples: Samples) -> None:
+    """With encoders it is a step fault of the recording; without, nobody else speaks of it."""
+    robot = replace(samples.robot, steps=(LogStep(250, 12.5, None, 0.03),))
+    assert log_remarks(replace(samples, robot=robot), ()) == ()
+    alone = replace(samples, robot=robot, ballbar=None, encoders=(), directions=np.empty(0))
+    assert log_remarks(alone, ()) == (
+        "the robot's clock stepped by +30.0 ms at row 250 of its log; taken out of it",
+    )
+
+
+def test_outliers_are_counted_by_rows_and_the_first_one_is_named(samples: Samples) -> None:
+    robot = replace(samples.robot, outliers=out([5, 0, 1], [9.0, 2.5, 9.0], 2))
+    assert samples.ballbar is not None
+    # encoders b1, b2, b4, b5: the third channel is b4
+    ballbar = replace(samples.ballbar, outliers=out([2], [40.004], 1))
+    assert log_remarks(replace(samples, robot=robot, ballbar=ballbar), ()) == (
+        "2 of 60 000 robot rows are outliers and were left out: joint 1 first at t = 2.50 s",
+        "1 of 60 000 ball-bar rows is an outlier and was left out: b4 first at t = 40.00 s",
+    )

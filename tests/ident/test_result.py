@@ -1,0 +1,129 @@
+"""What an identification holds, and the unloaded robot that follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from ident.corrections import CORRECTIONS
+from ident.estimator.noise import ExcessNoise, log_noise
+from ident.result import (
+    CoefficientEstimate,
+    CorrectionEstimate,
+    FitStatistics,
+    Identification,
+    NamedCovariance,
+    RecordingEstimate,
+    Residuals,
+    RobotEstimate,
+    unloaded_robot,
+)
+from ident.robot.unloaded_robot import UnloadedRobot
+from ident.start.automatic import Start
+from ident.verdict import Status, Verdict
+from tests.helpers.start_candidates import candidate
+from tests.helpers.synthetic_recording import CELL, NO_CLOCK_ERROR, NOMINAL, recording
+
+ENCODERS = (1, 2, 4, 5)
+
+
+def estimate_of(name: str, value: float) -> CorrectionEstimate:
+    """A correction with `value` standard deviations added to each prior."""
+    correction = CORRECTIONS[name](CELL, ENCODERS)
+    return CorrectionEstimate(
+        name,
+        correction.sentence,
+        tuple(
+            CoefficientEstimate(c.name, c.unit, c.mean + value * c.sigma, 0.1, c.mean, c.sigma, 0.9)
+            for c in correction.coefficients
+        ),
+    )
+
+
+def robot_of(*corrections: CorrectionEstimate) -> RobotEstimate:
+    return RobotEstimate(
+        cell=CELL,
+        encoders=ENCODERS,
+        nominal=NOMINAL,
+        geometry=NOMINAL.replaced({"ra2": NOMINAL["ra2"] + 1e-3}),
+        sigma={"ra2": 1e-5},
+        covariance=NamedCovariance(("ra2",), np.array([[1e-10]])),
+        corrections=corrections,
+        tcp_sigma=np.full(10, 1e-5),
+        dropped=(),
+    )
+
+
+def identification(robot: RobotEstimate) -> Identification:
+    samples = recording()
+    residuals = Residuals(samples.times, np.zeros((286, 3)), np.zeros((286, 3)))
+    recorded = RecordingEstimate(
+        name="a",
+        encoders=ENCODERS,
+        directions=(1, 1, 1, 1),
+        geometry=NOMINAL,
+        nominal=NOMINAL,
+        sigma={"ox": 2e-5, "btheta1": 3e-5},
+        clock=NO_CLOCK_ERROR,
+        clock_sigma=(1e-6, 1e-8),
+        noise=log_noise(samples.robot, samples.ballbar, ENCODERS),
+        before=residuals,
+        after=residuals,
+        whitened=np.zeros((5, 286)),
+        start=Start(candidate(0.0), (), 1),
+    )
+    statistics = FitStatistics(True, 4, 30, 1.0, 0.0, ExcessNoise(), 31, 50.0)
+    return Identification(robot, (recorded,), statistics, Verdict(Status.GOOD, "Good fit.", ()))
+
+
+@pytest.fixture(scope="module")
+def q() -> Array:
+    return np.random.default_rng(121).uniform(-0.5, 0.5, (10, 6))
+
+
+def test_the_unloaded_robot_has_the_identified_geometry_and_corrections_in_their_order(
+    q: Array,
+) -> None:
+    """Also those that act elsewhere than in the gears: their coefficients stand in between."""
+    names = ("rod_strain", "encoder_harmonics", "joint_compliance", "gear_ripple")
+    estimates = tuple(estimate_of(name, 0.3) for name in names)
+    robot = robot_of(*estimates).unloaded()
+    makers = [CORRECTIONS[name](CELL, ENCODERS) for name in names]
+    values = [c.mean + 0.3 * c.sigma for m in makers for c in m.coefficients]
+    assert robot.values == pytest.approx(values)
+    expected = UnloadedRobot(CELL, robot.geometry, tuple(makers), np.array(values))
+    assert np.array_equal(robot.tool(q), expected.tool(q))
+    only_gears = UnloadedRobot(
+        CELL,
+        robot.geometry,
+        tuple(makers[2:]),
+        np.array([c.mean + 0.3 * c.sigma for m in makers[2:] for c in m.coefficients]),
+    )
+    assert robot.tool(q) == pytest.approx(only_gears.tool(q), abs=1e-15)
+    assert robot.geometry["ra2"] == NOMINAL["ra2"] + 1e-3
+
+
+def test_without_corrections_the_unloaded_robot_is_kinematics_alone(q: Array) -> None:
+    robot = unloaded_robot(CELL, NOMINAL, ENCODERS, ())
+    assert robot.joints(q) is q
+    assert robot.corrections == ()
+
+
+def test_a_correction_that_the_program_does_not_know_is_refused_by_name() -> None:
+    strange = replace(estimate_of("rod_strain", 0.0), name="rod_torsion")
+    with pytest.raises(KeyError, match="rod_torsion"):
+        unloaded_robot(CELL, NOMINAL, ENCODERS, [strange])
+
+
+def test_an_identification_is_complete_when_it_has_corrections() -> None:
+    assert identification(robot_of()).model == "dh"
+    assert identification(robot_of(estimate_of("rod_strain", 0.0))).model == "complete"
+
+
+def test_deviations_are_those_of_the_machine_and_of_the_first_recording() -> None:
+    found = identification(robot_of())
+    assert found.sigma == {"ra2": 1e-5, "ox": 2e-5, "btheta1": 3e-5}
+    assert found.recordings[0].samples == 286

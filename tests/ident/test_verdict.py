@@ -1,0 +1,268 @@
+"""The verdict: each rule with the evidence that triggers it, their order, several recordings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from ident.start.automatic import Start
+from ident.verdict import (
+    AUTOCORRELATED,
+    AUTOCORRELATED_MISFIT,
+    CORRELATED,
+    FEW_SAMPLES,
+    MISFIT,
+    PLAUSIBLE,
+    SUSPECT,
+    WELL_UNDER,
+    Evidence,
+    RecordingEvidence,
+    Status,
+    Verdict,
+    judge,
+    noise_status,
+)
+from tests.helpers.start_candidates import candidate
+from tests.helpers.synthetic_recording import CELL, NOMINAL
+
+GOOD = Evidence(
+    converged=True,
+    iterations=5,
+    chi2_per_dof=1.0,
+    autocorrelation=0.0,
+    geometry=NOMINAL,
+    identified=("ra2", "rtheta3", "bd3", "ox"),
+    complete=False,
+)
+CLEAR = Start(candidate(0.1), (), 3)
+AMBIGUOUS = Start(candidate(0.1), (candidate(7.25), candidate(14.5)), 5)
+RECORDING = RecordingEvidence("first", CLEAR, (1, 2), 1500)
+
+UNCONVERGED = replace(GOOD, converged=False)
+STRANGE = replace(GOOD, geometry=NOMINAL.replaced({"ra2": NOMINAL["ra2"] + 0.05}))
+COMPLETE = replace(GOOD, complete=True)
+
+
+def judged(evidence: Evidence, *recordings: RecordingEvidence) -> Verdict:
+    return judge(evidence, recordings or [RECORDING], CELL, NOMINAL)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "status", "words"),
+    [
+        (GOOD, Status.GOOD, "Good fit: the residual is 1.00 times what the noise in the logs"),
+        (
+            replace(UNCONVERGED, iterations=40),
+            Status.NOT_CONVERGED,
+            "Not converged after 40 iterations: do not use these parameters.",
+        ),
+        (
+            STRANGE,
+            Status.IMPLAUSIBLE,
+            "Not the declared cell: ra2 is +50 mm off the catalogue. The logs fit a mechanism, but "
+            "not ABB IRB 2400/16 on",
+        ),
+        (
+            replace(COMPLETE, autocorrelation=AUTOCORRELATED_MISFIT + 0.01),
+            Status.MISFIT,
+            "Misfit: neighbouring residuals are correlated (autocorrelation 0.71): something",
+        ),
+        (
+            replace(GOOD, chi2_per_dof=9.0),
+            Status.MISFIT,
+            "Misfit: the residual is 3.0 times what the noise in the logs explains. Something",
+        ),
+        (
+            replace(GOOD, pulled=("rod_compliance", "bd3")),
+            Status.SUSPECT,
+            "Usable, with care: rod_compliance, bd3 stand more than 3.5 standard deviations from",
+        ),
+        (
+            replace(COMPLETE, autocorrelation=AUTOCORRELATED + 0.01),
+            Status.SUSPECT,
+            "Usable, with care: neighbouring residuals are correlated (autocorrelation 0.61), so",
+        ),
+        (
+            replace(GOOD, chi2_per_dof=1.44),
+            Status.SUSPECT,
+            "Usable, with care: the residual is 1.20 times what the noise in the logs explains.",
+        ),
+        (
+            replace(GOOD, chi2_per_dof=0.25),
+            Status.SUSPECT,
+            "Usable, with care: the residual is 0.50 times what the noise in the logs explains.",
+        ),
+    ],
+)
+def test_each_rule_has_its_evidence_and_its_first_words(
+    evidence: Evidence, status: Status, words: str
+) -> None:
+    verdict = judged(evidence)
+    assert verdict.status is status
+    assert verdict.sentence.startswith(words)
+    assert verdict.acceptable == (status in (Status.GOOD, Status.SUSPECT))
+
+
+def test_logs_that_can_be_aligned_in_several_ways_are_ambiguous_and_the_offsets_are_named() -> None:
+    verdict = judged(GOOD, replace(RECORDING, start=AMBIGUOUS))
+    assert verdict.status is Status.AMBIGUOUS
+    assert verdict.sentence.startswith(
+        "Ambiguous: 3 ways to align the logs explain them equally well (clock offsets 0.100 s, "
+        "7.250 s, 14.500 s)."
+    )
+    assert not verdict.acceptable
+
+
+ALL_AT_ONCE = Evidence(
+    converged=False,
+    iterations=5,
+    chi2_per_dof=9.0,
+    autocorrelation=0.9,
+    geometry=STRANGE.geometry,
+    identified=GOOD.identified,
+    complete=True,
+    pulled=("bd3",),
+)
+
+
+def test_of_several_rules_the_first_one_speaks() -> None:
+    """Each is mended in turn; the next one comes to the fore."""
+    recording, evidence = replace(RECORDING, start=AMBIGUOUS), ALL_AT_ONCE
+    first_words = []
+    for mend in (
+        {"converged": True},
+        {"geometry": NOMINAL},
+        {},
+        {"autocorrelation": 0.65},
+        {"chi2_per_dof": 1.44},
+        {"pulled": ()},
+        {"autocorrelation": 0.0},
+        {"chi2_per_dof": 1.0},
+    ):
+        first_words.append(judged(evidence, recording).sentence[:34])
+        if not mend:
+            recording = RECORDING
+        evidence = replace(evidence, **mend)
+    first_words.append(judged(evidence, recording).sentence[:34])
+    assert first_words == [
+        "Not converged after 5 iterations: ",
+        "Not the declared cell: ra2 is +50 ",
+        "Ambiguous: 3 ways to align the log",
+        "Misfit: neighbouring residuals are",
+        "Misfit: the residual is 3.0 times ",
+        "Usable, with care: bd3 stand more ",
+        "Usable, with care: neighbouring re",
+        "Usable, with care: the residual is",
+        "Good fit: the residual is 1.00 tim",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("chi2", "status"),
+    [
+        (MISFIT + 1e-9, Status.MISFIT),
+        (MISFIT, Status.SUSPECT),
+        (SUSPECT + 1e-9, Status.SUSPECT),
+        (SUSPECT, Status.GOOD),
+        (WELL_UNDER, Status.GOOD),
+        (WELL_UNDER - 1e-9, Status.SUSPECT),
+    ],
+)
+def test_the_noise_alone_gives_a_status_by_three_limits(chi2: float, status: Status) -> None:
+    assert noise_status(chi2) is status
+
+
+def test_autocorrelation_speaks_only_of_the_complete_model() -> None:
+    """Kinematics alone leave what the complete model explains: that is a remark and no misfit."""
+    verdict = judged(replace(GOOD, autocorrelation=0.9))
+    assert verdict.status is Status.GOOD
+    (remark,) = verdict.warnings
+    assert remark.startswith("neighbouring residuals are correlated (autocorrelation 0.90): ")
+    assert "--model complete" in remark
+    assert judged(replace(GOOD, autocorrelation=CORRELATED)).warnings == ()
+    assert judged(replace(COMPLETE, autocorrelation=0.5)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "off", "strange"),
+    [
+        ("ra2", PLAUSIBLE + 1e-9, True),
+        ("ra2", PLAUSIBLE - 1e-9, False),
+        ("rtheta3", -0.5, True),
+        ("bd3", -0.3, True),
+        ("ox", 0.5, False),  # where the ball-bar stands is not in the catalogue
+        ("rd4", 0.5, False),  # not identified
+    ],
+)
+def test_a_mechanism_is_implausible_by_its_identified_machine_parameters(
+    name: str, off: float, strange: bool
+) -> None:
+    geometry = NOMINAL.replaced({name: NOMINAL[name] + off})
+    verdict = judged(replace(GOOD, geometry=geometry))
+    assert (verdict.status is Status.IMPLAUSIBLE) == strange
+    if strange:
+        unit = "mrad" if name == "rtheta3" else "mm"
+        assert f"{name} is {off * 1e3:+.0f} {unit} off the catalogue" in verdict.sentence
+
+
+def test_of_many_implausible_parameters_the_three_worst_are_named() -> None:
+    names = ("ra1", "ra2", "ra3", "bd3")
+    offsets = dict(zip(names, (0.03, -0.06, 0.04, 0.05), strict=True))
+    geometry = NOMINAL.replaced({name: NOMINAL[name] + off for name, off in offsets.items()})
+    sentence = judged(replace(GOOD, geometry=geometry, identified=names)).sentence
+    assert sentence.startswith(
+        "Not the declared cell: ra2 is -60 mm off the catalogue, bd3 is +50 mm off the catalogue, "
+        "ra3 is +40 mm off the catalogue. The logs"
+    )
+    assert CELL.ballbar.title in sentence
+
+
+def test_the_worst_of_several_recordings_speaks_with_its_name() -> None:
+    second = replace(RECORDING, name="second", start=AMBIGUOUS)
+    verdict = judged(GOOD, RECORDING, second)
+    assert verdict.status is Status.AMBIGUOUS
+    assert verdict.sentence.startswith("second: Ambiguous: 3 ways")
+    assert judged(GOOD, second, RECORDING).sentence.startswith("Ambiguous: 3 ways")
+
+
+def test_what_is_wrong_with_the_whole_fit_is_said_once_without_a_name() -> None:
+    second = replace(RECORDING, name="second")
+    assert judged(STRANGE, RECORDING, second).sentence.startswith("Not the declared cell: ra2")
+
+
+def test_remarks_of_several_recordings_carry_their_names() -> None:
+    first = replace(RECORDING, remarks=("a remark",))
+    turned = Start(candidate(0.1, directions=(-1, 1)), (), 1)
+    second = RecordingEvidence("second", turned, (1, 2), FEW_SAMPLES - 1, ("another",))
+    assert judged(GOOD, first).warnings == ("a remark",)
+    assert judged(GOOD, first, second).warnings == (
+        "first: a remark",
+        "second: encoder b1 counts against its declared direction; the identified one is used "
+        "(check `sign` in recording.yaml)",
+        f"second: only {FEW_SAMPLES - 1} samples in the fit; intervals are optimistic (thesis sec. "
+        "3.5 wants 750)",
+        "second: another",
+    )
+
+
+def test_an_encoder_that_counts_backwards_is_named_by_its_joint() -> None:
+    turned = Start(candidate(0.1, directions=(1, -1, 1, -1)), (), 1)
+    (second, fifth) = judged(GOOD, RecordingEvidence("", turned, (1, 2, 4, 5), 1500)).warnings
+    assert second.startswith("encoder b2 counts against its declared direction")
+    assert fifth.startswith("encoder b5 counts against its declared direction")
+
+
+def test_statuses_are_ordered_from_worst_to_best_and_their_words_are_those_of_the_files() -> None:
+    severities = [status.severity for status in Status]
+    assert severities == sorted(severities, reverse=True)
+    assert Status.GOOD.severity == 0
+    assert [str(status) for status in Status] == [
+        "implausible",
+        "not converged",
+        "ambiguous",
+        "misfit",
+        "suspect",
+        "good",
+    ]
+    assert [status.acceptable for status in Status] == [False] * 4 + [True] * 2
