@@ -132,14 +132,16 @@ def _rows(future: Future[list[Row]], runs: range) -> list[Row]:
     except BrokenProcessPool:
         raise SweepError(
             f"a worker process died while it computed {chunk}. Is there enough memory? Fewer "
-            "--workers need less."
+            "--workers need less; the same command goes on."
         ) from None
     except CancelledError:
         raise SweepError(
             f"{chunk}: cancelled by the scheduler. Run the same command again to go on."
         ) from None
     except Exception as error:
-        raise SweepError(f"{chunk}: {type(error).__name__}: {error}") from error
+        raise SweepError(
+            f"{chunk}: {type(error).__name__}: {error}. Run the same command again to go on."
+        ) from error
 
 
 def _stage(workers: Workers, *, stopping: bool) -> str:

@@ -82,7 +82,10 @@ def dask_cluster(task: Task, *, address: str) -> Iterator[Workers]:
     try:
         from distributed import Client  # noqa: PLC0415  an extra, and slow to import
     except ImportError:
-        raise InputError(f"--scheduler needs Dask: pip install '{DISTRIBUTION}[dask]'") from None
+        raise InputError(
+            f"--scheduler {address} needs Dask, which is not installed: "
+            f"pip install '{DISTRIBUTION}[dask]'."
+        ) from None
     try:
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -52,7 +52,8 @@ def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
         pytest.raises(
-            InputError, match=r"--scheduler needs Dask: pip install 'ballbar-bench\[dask\]'"
+            InputError,
+            match=r"needs Dask, which is not installed: pip install 'ballbar-bench\[dask\]'",
         ),
         dask_cluster(NOTHING, address="tcp://127.0.0.1:9"),
     ):
