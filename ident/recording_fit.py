@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import INDEX, Geometry, nominal_geometry
+from cell.inverse import UnreachableError
 from cell.logs import BallBarLog, ForceLog, RobotLog, segment_starts
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
@@ -23,7 +24,7 @@ from ident.estimator.unknowns import kinematic_unknowns
 from ident.estimator.variance_components import rod_deviation
 from ident.options import SILENT, FitOptions, ForceSource, Listener
 from ident.signals.smooth_log import SmoothLog, smooth_log
-from ident.start.automatic import Start, automatic_start, fit_hypothesis
+from ident.start.automatic import Start, StartError, automatic_start, fit_hypothesis
 
 WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 ROD_SIGMA_START = 2e-6  # [m] 55 N on 2.7e7 N/m, until the residuals say better
@@ -91,7 +92,10 @@ def fit_recording(
     directions, first_spacing = chosen.hypothesis.directions, float(times[1] - times[0])
     samples = samples_of(robot, ballbar, encoders, directions, times, spacing=first_spacing)
     geometry, clock = chosen.fit.geometry(), chosen.fit.clock()
-    subset = identifiable_parameters(samples, geometry, clock, excess, nominal)
+    try:
+        subset = identifiable_parameters(samples, geometry, clock, excess, nominal)
+    except UnreachableError as error:
+        raise StartError(str(error)) from None
     callback = listener.on_iteration
     begin = _on_nominal(geometry, nominal, subset.parameters)
     first = fit_kinematics(samples, begin, clock, subset.parameters, excess, on_iteration=callback)
@@ -150,7 +154,8 @@ def identifiable_parameters(
     """The parameters that a recording determines, at an estimate of geometry and clock.
 
     nominal : catalogue geometry. requested : indices into PARAMETERS; by default those of the
-    thesis (ident.estimator.identifiability.candidates).
+    thesis (ident.estimator.identifiability.candidates). Raises UnreachableError when the nominal
+    robot reaches none of the poses.
     """
     seen = clock if samples.has_clock else None
     layout, x = kinematic_unknowns(geometry, seen, np.zeros(0, dtype=np.intp))

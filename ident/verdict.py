@@ -118,16 +118,16 @@ def _judged(
     ratio = float(np.sqrt(evidence.chi2_per_dof))
     noise, start = noise_status(evidence.chi2_per_dof), recording.start
     neighbours = f"autocorrelation {evidence.autocorrelation:.2f}"
-    if not evidence.converged:
-        return Status.NOT_CONVERGED, (
-            f"Not converged after {evidence.iterations} iterations: do not use these parameters."
-        )
+    unfinished = f"Not converged after {evidence.iterations} iterations"
     if strange := _implausible(evidence, nominal):
+        machine = f"{cell.robot.title} on {cell.ballbar.title}"
+        fits = f"The logs fit a mechanism, but not {machine}" if evidence.converged else unfinished
         return Status.IMPLAUSIBLE, (
-            f"Not the declared cell: {strange}. The logs fit a mechanism, but not "
-            f"{cell.robot.title} on {cell.ballbar.title}; check `robot`, `ballbar` and `plate` in "
+            f"Not the declared cell: {strange}. {fits}; check `robot`, `ballbar` and `plate` in "
             "recording.yaml and the units of the logs."
         )
+    if not evidence.converged:
+        return Status.NOT_CONVERGED, f"{unfinished}: do not use these parameters."
     if start.ambiguous:
         answers = (start.chosen, *start.rivals)
         offsets = ", ".join(f"{c.fit.clock().offset:.3f} s" for c in answers)

@@ -8,7 +8,7 @@ from cell.descriptions import Cell
 from ident.corrections.base import GEAR, Coefficient, Correction
 
 # Of the catalogue compliance: gears of one class differ by a factor of 1.7 (notes/parameters,
-# "range of the stiffness"), and the links' own compliance adds to it.
+# irb2400: range of the stiffness), and the links' own compliance adds to it.
 SPREAD = 0.5
 
 

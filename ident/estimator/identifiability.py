@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.geometry import BAR_ROWS, INDEX, NAMES, PARAMETERS, ROBOT_ROWS, Geometry, bar_frames
-from cell.inverse import refine_reachable
+from cell.inverse import UnreachableError, refine_reachable
 from ident.estimator.closure import close_loop, parameter_jacobian
 from ident.estimator.dependencies import STRUCTURAL, orthogonalised
 from ident.estimator.model import Evaluation, noise_columns
@@ -75,7 +75,7 @@ def identifiable(
 
     point : the recording at an estimate of where the mechanism was. nominal : catalogue geometry;
     encoder offsets and base position are taken from `point`. excess : noise beyond that of the
-    logs.
+    logs. Raises UnreachableError when the nominal robot reaches none of the poses.
     """
     columns = _columns_on_nominal(point, excess, nominal, requested)
     clock = ["offset", "skew"] if point.samples.has_clock else []
@@ -103,6 +103,12 @@ def _columns_on_nominal(
     logged = np.asarray(samples.robot.spline(at))
     poses = bar_frames(geometry, ballbar).poses()
     q, closes = refine_reachable(geometry.robot, logged, poses)
+    if not closes.any():
+        raise UnreachableError(
+            f"the nominal robot reaches none of the {closes.size} poses that the ball-bar's angles "
+            "tell. Check that both logs are of one run, and that robot and ball-bar are the "
+            "declared ones."
+        )
     chosen, ballbar, at = chosen[closes], ballbar[closes], at[closes]
     nominally = replace(
         point,

@@ -10,13 +10,7 @@ from cell.logs import BallBarLog, RobotLog
 from ident.corrections.gear_ripple import harmonic_orders
 from ident.recording_fit import Logs
 from tests.helpers.known_loads import motion_at, tension_at
-from tests.helpers.synthetic_recording import (
-    CELL,
-    NOMINAL,
-    UNIVERSAL_AND_GIMBAL,
-    closed,
-    minute,
-)
+from tests.helpers.synthetic_recording import CELL, NOMINAL, UNIVERSAL_AND_GIMBAL, closed, minute
 
 LATE = Clock(0.4, 2e-5)  # the ball-bar's log begins 0.4 s after the robot's
 NOISE = 1e-5  # [rad] of every row
@@ -36,12 +30,14 @@ def minute_logs(
     """Both logs in rows of 10 ms.
 
     compliance : of the gears, in units of the catalogue's, under `known_loads.tension_at`.
-    ripple : [rad] amplitude of the first listed harmonic. slip : joint, time on the ball-bar's clock
-    [s] and size [rad] of an encoder's slip. torque : whether motor torques are logged.
+    ripple : [rad] amplitude of the first listed harmonic. slip : joint, time on the ball-bar's
+    clock [s] and size [rad] of an encoder's slip. torque : whether motor torques are logged.
     """
     rng, path = np.random.default_rng(seed), minute(0.01)
     motion = motion_at(path.t)
-    lag = compliance / CELL.robot.gears.stiffness[:, None] * motion.carried.gears(tension_at(path.t))
+    lag = (
+        compliance / CELL.robot.gears.stiffness[:, None] * motion.carried.gears(tension_at(path.t))
+    )
     q = closed(true, path.b, path.q) + lag.T @ CELL.robot.gear_to_joint
     gears = q @ CELL.robot.joint_to_gear
     gear, order, _ = harmonic_orders(CELL)[0]

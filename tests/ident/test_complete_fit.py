@@ -1,4 +1,4 @@
-"""The complete model: corrections kept or dropped by the data, step faults, tension, continuation."""
+"""The complete model: corrections selected by the data, step faults, tension, continuation."""
 
 from __future__ import annotations
 
@@ -210,7 +210,9 @@ def test_without_a_signal_the_fit_begins_with_much_noise_and_a_wide_backlash(
     options = replace(OPTIONS, force="none")
     pose = posed(CELL, [elastic], ("joint_compliance", "gear_backlash"), options)
     near = continued(pose, Listener(told.append))
-    assert [line.split("(")[1] for line in told] == [f"{k:g} times the noise)" for k in CONTINUATION]
+    assert [line.split("(")[1] for line in told] == [
+        f"{k:g} times the noise)" for k in CONTINUATION
+    ]
     assert near.model is pose.model  # of the last stage only the values are taken over
     assert near.model.sharpness == 1.0
     knots = near.model.unknowns.own[0].knots

@@ -104,6 +104,13 @@ def test_each_rule_has_its_evidence_and_its_first_words(
     assert verdict.acceptable == (status in (Status.GOOD, Status.SUSPECT))
 
 
+def test_a_strange_mechanism_from_a_fit_that_did_not_converge_is_said_to_be_both() -> None:
+    strange = judged(replace(STRANGE, converged=False, iterations=50))
+    assert strange.status is Status.IMPLAUSIBLE
+    assert "Not converged after 50 iterations; check `robot`" in strange.sentence
+    assert "The logs fit a mechanism, but not" in judged(STRANGE).sentence
+
+
 def test_logs_that_can_be_aligned_in_several_ways_are_ambiguous_and_the_offsets_are_named() -> None:
     verdict = judged(GOOD, replace(RECORDING, start=AMBIGUOUS))
     assert verdict.status is Status.AMBIGUOUS
@@ -131,8 +138,8 @@ def test_of_several_rules_the_first_one_speaks() -> None:
     recording, evidence = replace(RECORDING, start=AMBIGUOUS), ALL_AT_ONCE
     first_words = []
     for mend in (
-        {"converged": True},
         {"geometry": NOMINAL},
+        {"converged": True},
         {},
         {"autocorrelation": 0.65},
         {"chi2_per_dof": 1.44},
@@ -146,8 +153,8 @@ def test_of_several_rules_the_first_one_speaks() -> None:
         evidence = replace(evidence, **mend)
     first_words.append(judged(evidence, recording).sentence[:34])
     assert first_words == [
-        "Not converged after 5 iterations: ",
         "Not the declared cell: ra2 is +50 ",
+        "Not converged after 5 iterations: ",
         "Ambiguous: 3 ways to align the log",
         "Misfit: neighbouring residuals are",
         "Misfit: the residual is 3.0 times ",
