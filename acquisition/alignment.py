@@ -65,7 +65,7 @@ def coarse_alignment(robot: RobotLog, ballbar: BallBarLog) -> CoarseAlignment:
     if lags.score[best] <= 0.0:
         raise LogError(
             "robot and ball-bar log move at different times whatever the clock offset. Are they "
-            "of the same run?"
+            "of the same run? Log both in one run, or correct `time` of both in recording.yaml."
         )
     runner_up = _runner_up(lags, best)
     return CoarseAlignment(
@@ -85,13 +85,14 @@ def _signals(name: str, t: Array, angles: Array) -> Array:
     if t[-1] - t[0] < MIN_OVERLAP:
         raise LogError(
             f"the {name} log lasts {t[-1] - t[0]:.3g} s; aligning two clocks needs {MIN_OVERLAP:g} "
-            "s in common."
+            "s in common. Log a longer run with both."
         )
     speed = np.abs(speeds(t, angles)).sum(axis=1)
     moving = speed[speed > MOVING]
     if not moving.size:
         raise LogError(
-            f"nothing moves in the {name} log, so its clock cannot be compared with the other."
+            f"nothing moves in the {name} log, so its clock cannot be compared with the other. "
+            "Log both while the robot moves."
         )
     activity = np.log1p(speed / (SLOW * float(np.median(moving))))
     standing = find_dwells(t, angles).standing.astype(np.float64)

@@ -95,7 +95,7 @@ def read_recording(folder: Path) -> Recording:
     if not folder.is_dir():
         raise DescriptionError(
             f"{folder}: no such folder. A recording is a folder with recording.yaml and the device "
-            "files."
+            "files. Check the name."
         )
     description = load_recording_file(folder)
     _check_encoders(folder, description)

@@ -101,7 +101,8 @@ def _layout(
     time = dialect.time
     if time.column in required:
         raise DescriptionError(
-            f"column {time.column} holds the time stamps; it cannot be an encoder's too."
+            f"column {time.column} holds the time stamps; it cannot be an encoder's too. "
+            "Name another one for the encoder."
         )
     stamps: Kind = "text" if time.type is None else "decimal" if time.type == "float" else "integer"
     return Layout(
@@ -131,7 +132,8 @@ def dialect_of(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
     if dialect.source != name:
         raise DescriptionError(
             f"{location}.dialect: {source.dialect} describes logs of the "
-            f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped?"
+            f"{_DEVICES[dialect.source]}, not of the {_DEVICES[name]}. Are the files swapped? "
+            "Exchange them, or name another dialect."
         )
     if source.time is not None and source.time not in TIME_FORMS:
         choices = nearest(source.time, list(TIME_FORMS), noun="form")
@@ -161,7 +163,10 @@ def refuse_few(table: Table, rows: int) -> None:
     """Raises LogError if so many rows of a table are too few for a fit."""
     if rows < MINIMUM_ROWS:
         files = ", ".join(table.files)
-        raise LogError(f"{files}: {rows} usable rows; at least {MINIMUM_ROWS} are needed.")
+        raise LogError(
+            f"{files}: {rows} usable rows; at least {MINIMUM_ROWS} are needed. "
+            "Log a longer run, or at a higher rate."
+        )
 
 
 def _refuse_differing(tables: list[Table], together: tuple[str, ...]) -> None:
@@ -194,7 +199,7 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
 
 
 def _with_stamps(source: LogSource, table: Table) -> tuple[Table, str]:
-    """The table of one file with its stamps in ns, and their column and form in words."""
+    """The table of one file with its stamps in ns, and a text of their column and form."""
     time, columns = source.dialect.time, dict(table.columns)
     if time.column not in columns and time.halves is not None:
         column = " and ".join(time.halves)
@@ -218,7 +223,7 @@ def _half(table: Table, name: str, half: NDArray[np.int64], k: int) -> NDArray[n
     if outside.size:
         raise LogError(
             f"{table.location(outside[0])}: column {name}: {half[outside[0]]} is no half of a "
-            "64-bit time."
+            "64-bit time. Log both halves as UDINT."
         )
     return half
 

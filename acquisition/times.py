@@ -50,6 +50,7 @@ _IEC = re.compile(
 )
 _FILETIME_1970 = 116_444_736_000_000_000  # [100 ns] from 1601 to 1970
 _DC_1970 = 946_684_800_000_000_000  # [ns] from 1970 to 2000
+_REMEDY = "Correct the cell, or declare the form of the stamps in recording.yaml under `time`."
 _WRAP = 2**32
 _MOST_NS = 9.2e18  # of 64 bits
 
@@ -101,7 +102,7 @@ class TimeCells:
 
 
 def words(form: TimeForm) -> str:
-    """A form of time stamps in words."""
+    """Text of a form of time stamps, such as `ms since 1970`."""
     return _COUNTS[form].words if form in _COUNTS else _WORDS[form]
 
 
@@ -179,7 +180,7 @@ def _refuse_far(time: TimeCells, ns: NDArray[np.float64], count: _Count) -> None
     """Raises LogError for a stamp (N,) [ns] that 64 bits do not hold."""
     far = np.flatnonzero(np.abs(ns) > _MOST_NS)
     if far.size:
-        raise LogError(f"{time.location(far[0])} is no time stamp in {count.words}.")
+        raise LogError(f"{time.location(far[0])} is no time stamp in {count.words}. {_REMEDY}")
 
 
 def _decimals(time: TimeCells, count: _Count) -> tuple[Stamps, tuple[Finding, ...]]:
@@ -206,9 +207,9 @@ def _decimals(time: TimeCells, count: _Count) -> tuple[Stamps, tuple[Finding, ..
                 rounded.append(row)
             value = int((exact * count.tick).to_integral_value()) - count.start * count.tick
         else:
-            raise LogError(f"{time.location(row)} {_why_not(cell)}")
+            raise LogError(f"{time.location(row)} {_why_not(cell)} {_REMEDY}")
         if not -(2**63) <= value < 2**63:
-            raise LogError(f"{time.location(row)} is no time stamp in {count.words}.")
+            raise LogError(f"{time.location(row)} is no time stamp in {count.words}. {_REMEDY}")
         out[row] = value
     if not rounded:
         return out, ()
@@ -225,7 +226,7 @@ def _fraction(fraction: str, digits: int) -> int:
 
 def _no_fraction(time: TimeCells, row: int, fraction: str) -> int:
     if fraction.strip("0"):
-        raise LogError(f"{time.location(row)} is not a whole number of nanoseconds.")
+        raise LogError(f"{time.location(row)} is not a whole number of nanoseconds. {_REMEDY}")
     return 0
 
 
@@ -246,7 +247,7 @@ def _refuse_other_epoch(
     ticks = ns[[0, -1]].astype(np.float64) / count.tick + count.start
     for row, value in zip((0, -1), ticks, strict=True):
         if value < 0:
-            raise LogError(f"{time.location(row)}: time stamp is negative.")
+            raise LogError(f"{time.location(row)}: time stamp is negative. {_REMEDY}")
         if not 0.5 * between[0] <= value <= 2.0 * between[1]:
             year = 1970 + ns[row] / 3.156e16
             raise LogError(
@@ -261,15 +262,17 @@ def _dates(time: TimeCells) -> Stamps:
         match = _DATE.fullmatch(str(cell))
         if not match:
             example = "2016-04-20-13:45:10.123"
-            raise LogError(f"{time.location(row)} is no date with time of day, such as {example}.")
+            raise LogError(
+                f"{time.location(row)} is no date with time of day, such as {example}. {_REMEDY}"
+            )
         if not EARLIEST <= int(match[1][:4]) <= LATEST:
-            raise LogError(f"{time.location(row)} is no date of our time.")
+            raise LogError(f"{time.location(row)} is no date of our time. {_REMEDY}")
         texts.append(f"{match[1]}T{match[2]}.{(match[3] or '').ljust(9, '0')}")
     try:
         return np.array(texts, dtype="datetime64[ns]").astype(np.int64)
     except ValueError:
         row = next(i for i, text in enumerate(texts) if not _is_date(text))
-        raise LogError(f"{time.location(row)} is no date of the calendar.") from None
+        raise LogError(f"{time.location(row)} is no date of the calendar. {_REMEDY}") from None
 
 
 def _is_date(text: str) -> bool:
@@ -287,7 +290,7 @@ def _iec_times(time: TimeCells) -> Stamps:
         parts = [int(part or 0) for part in match.groups()[1:]] if match else []
         given = match is not None and any(match.groups()[1:])
         if match is None or not given or match[1] or max(parts) >= _WRAP:
-            raise LogError(f"{time.location(row)} is no IEC time, such as T#1h2m3s4ms.")
+            raise LogError(f"{time.location(row)} is no IEC time, such as T#1h2m3s4ms. {_REMEDY}")
         days, hours, minutes, seconds, ms = parts
         out[row] = ((((days * 24 + hours) * 60 + minutes) * 60 + seconds) * 1000 + ms) * 10**6
     return out

@@ -47,7 +47,7 @@ STUDIES = ROOT / "docs" / "studies"
 
 
 def random_paths(robot: str) -> list[dict[str, object]]:
-    """RANDOM random paths that can be run: predicted TCP sigma, numbers of the path file, place of the ball-bar."""
+    """RANDOM feasible random paths: predicted TCP sigma, numbers of the path, ball-bar pose."""
     evaluator = _evaluator(robot)
     seed = evaluator.request.seed + 1000
     samples = sample(evaluator, seed=seed, seconds=3600.0, count=RANDOM)

@@ -97,8 +97,8 @@ def main() -> None:
         )
         bare_rate, whole_rate = seconds / times[:, 0], seconds / times[:, 1]
         print(
-            f"{name}: {model.nv} degrees of freedom, {len(job.plant.effects.ripples)} ripple terms, "
-            f"{seconds:.0f} s at 1 ms"
+            f"{name}: {model.nv} degrees of freedom, "
+            f"{len(job.plant.effects.ripples)} ripple terms, {seconds:.0f} s at 1 ms"
         )
         print(
             f"  whole run, simulated s per wall s : "

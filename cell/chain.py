@@ -161,7 +161,7 @@ def _write_screw(out: Array, axis: Array, arm: Array | None) -> None:
 
 
 def joint_screws(frames: Frames) -> Array:
-    """(J, 6, N) motion [m/rad, 1] of the last frame for a unit speed of each joint."""
+    """(J, 6, N) motion [m/rad, -] of the last frame for a unit speed of each joint."""
     rows = frames.x_link.shape[0]
     out = np.empty((rows, 6, frames.tip.shape[1]))
     for i in range(rows):

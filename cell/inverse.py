@@ -136,9 +136,9 @@ def refine(
             return q
     bad = int(np.abs(step).max(axis=1).argmax())
     raise UnreachableError(
-        f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) is not reached in {iterations} "
-        f"steps; {np.linalg.norm(error[:3, bad]) * 1e3:.3g} mm are left. Move it into the reach of "
-        "the arm, or start closer to it."
+        f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) is not reached in "
+        f"{iterations} steps; {np.linalg.norm(error[:3, bad]) * 1e3:.3g} mm are left. Move it into "
+        "the reach of the arm, or start closer to it."
     )
 
 
@@ -147,8 +147,8 @@ def _singular(jacobian: Array, q: Array) -> str:
     bad = int(np.abs(np.linalg.det(jacobian)).argmin())
     angles = " ".join(f"{angle:.1f}" for angle in np.degrees(q[bad]))
     return (
-        f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) leads to a singular posture of "
-        f"the robot, joints at {angles} deg. Move the start or the pose away from it."
+        f"inverse kinematics: pose {bad} of {len(q)} (counted from 0) leads to a singular posture "
+        f"of the robot, joints at {angles} deg. Move the start or the pose away from it."
     )
 
 

@@ -68,5 +68,7 @@ def load_recording_file(folder: Path) -> RecordingFile:
     """
     file = folder / "recording.yaml"
     if not file.exists() and (folder / "recording" / file.name).exists():
-        raise DescriptionError(f"{file}: no such file. Is {folder / 'recording'} meant?")
+        raise DescriptionError(
+            f"{file}: no such file. Is {folder / 'recording'} meant? Name that folder."
+        )
     return load_model(file, RecordingFile)

@@ -93,7 +93,10 @@ class _Core(yaml.composer.Composer, yaml.resolver.Resolver):
             )
         if self.depth >= MAX_DEPTH:
             raise yaml.composer.ComposerError(
-                None, None, f"nested more than {MAX_DEPTH} levels deep", event.start_mark
+                None,
+                None,
+                f"nested more than {MAX_DEPTH} levels deep; write it flatter",
+                event.start_mark,
             )
         self.depth += 1
         node = super().compose_node(parent, index)
@@ -213,13 +216,13 @@ def _read_text(path: Path) -> str:
         with path.open("rb") as file:
             raw = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise DescriptionError(f"{path}: no such file.") from None
+        raise DescriptionError(f"{path}: no such file. Correct the name.") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise DescriptionError(f"{path}: cannot be read: {error}.") from None
+        raise DescriptionError(f"{path}: cannot be read: {error}. Check its permissions.") from None
     if len(raw) > MAX_BYTES:
         raise DescriptionError(
             f"{path}: larger than {MAX_BYTES // 1_000_000} MB, so it is no description. "
-            "Was a log meant?"
+            "Was a log meant? Name the YAML file."
         )
     try:
         return raw.decode("utf-8")
@@ -291,13 +294,15 @@ def _build_scalar(path: Path, node: yaml.ScalarNode) -> Any:
         _refuse(
             path,
             node.start_mark.line + 1,
-            f"{shown!r} is no {node.tag.removeprefix(_TAG)}, as its tag says.",
+            f"{shown!r} is no {node.tag.removeprefix(_TAG)}, as its tag says; leave the tag out.",
         )
     try:
         return convert(node.value)
     except ValueError:
         _refuse(
-            path, node.start_mark.line + 1, f"number {shown} is beyond what can be represented."
+            path,
+            node.start_mark.line + 1,
+            f"number {shown} is beyond what can be represented; write a smaller one.",
         )
 
 

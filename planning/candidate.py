@@ -46,7 +46,7 @@ class Space:
         return 4 * BAR_ROWS + 3
 
     def candidate(self, genome: Array) -> Candidate:
-        """The candidate of a genome (S,) [1], each number folded into 0 to 1."""
+        """The candidate of a genome (S,) [-], each number folded into 0 to 1."""
         shape, position = self.many(genome[None])
         return Candidate(
             Lissajous(shape.centre[0], shape.amplitude[0], shape.cycles[0], shape.phase[0]),
@@ -54,7 +54,7 @@ class Space:
         )
 
     def many(self, genomes: Array) -> tuple[Lissajous, Array]:
-        """Lissajous parameters (M, 5) and positions (M, 3) [m] of genomes (M, S) [1]."""
+        """Lissajous parameters (M, 5) and positions (M, 3) [m] of genomes (M, S) [-]."""
         genomes = folded(genomes)
         middle, share, phase, cycles = (
             genomes[:, BAR_ROWS * k : BAR_ROWS * (k + 1)] for k in range(4)
@@ -71,7 +71,7 @@ class Space:
 
 
 def genome_of(space: Space, candidate: Candidate) -> Array:
-    """(S,) [1] genome of a candidate, or of the nearest one that the space holds."""
+    """(S,) [-] genome of a candidate, or of the nearest one that the space holds."""
     shape = candidate.shape
     flip = shape.amplitude < 0.0
     centre = np.remainder(shape.centre + np.pi, 2.0 * np.pi) - np.pi
@@ -118,5 +118,5 @@ def space_of(request: PlanRequest) -> Space:
 
 
 def folded(genomes: Array) -> Array:
-    """Genomes (..., S) [1] reflected at 0 and 1, so that a search has no boundary."""
+    """Genomes (..., S) [-] reflected at 0 and 1, so that a search has no boundary."""
     return np.asarray(1.0 - np.abs(np.mod(genomes, 2.0) - 1.0))

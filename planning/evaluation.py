@@ -99,7 +99,7 @@ def evaluator_of(request: PlanRequest, rod: str, cell: Cell) -> Evaluator:
 
 
 def objective(evaluator: Evaluator, genome: Array, *, robots: int = SEARCH_ROBOTS) -> float:
-    """Objective of a genome (S,) [1]: natural logarithm of the TCP sigma in um.
+    """Objective of a genome (S,) [-]: natural logarithm of the TCP sigma in um.
 
     Where the candidate cannot be run, the objective is above INFEASIBLE or SCREENED_OUT and grows
     with the violation.

@@ -11,7 +11,7 @@ SPREAD = 0.08  # first step size, relative to the range of each number
 
 
 def evolution(start: Array, *, seed: int) -> Any:
-    """A `cma.CMAEvolutionStrategy` that begins at `start` (K,) [1] and prints nothing."""
+    """A `cma.CMAEvolutionStrategy` that begins at `start` (K,) [-] and prints nothing."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # cma looks for plotting when it is imported
         # imported here, since loading it takes long and only a search needs it

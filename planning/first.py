@@ -55,9 +55,9 @@ def first_path(given: dict[str, Evaluator], *, seconds: float = SECONDS) -> tupl
 
 
 def descent(evaluator: Evaluator, space: Space, start: Array, seed: int) -> tuple[Array, float]:
-    """The first genome (S,) [1] that violates nothing, or the one that violates least.
+    """The first genome (S,) [-] that violates nothing, or the one that violates least.
 
-    start : (S,) [1] genome. Returns the genome and its objective.
+    start : (S,) [-] genome. Returns the genome and its objective.
     """
     free = free_numbers(space)
     search = evolution(start[free], seed=seed)

@@ -102,7 +102,7 @@ def scale_error(grid: Array, cell: Cell) -> float:
 
 
 def covered(directions: Array) -> float:
-    """Share of the unit sphere within COVERED_WITHIN of unit vectors (3, N) [1]."""
+    """Share of the unit sphere within COVERED_WITHIN of unit vectors (3, N) [-]."""
     k = np.arange(SPHERE_POINTS) + 0.5
     z, turn = 1.0 - 2.0 * k / SPHERE_POINTS, np.pi * (1.0 + np.sqrt(5.0)) * k  # Fibonacci lattice
     radius = np.sqrt(1.0 - z * z)
@@ -198,7 +198,8 @@ def assess(
     trajectory, forces = outcome.trajectory, outcome.forces
     if outcome.violations or trajectory is None or forces is None:
         raise InputError(
-            f"the path cannot be run: {'; '.join(v.sentence for v in outcome.violations)}"
+            f"the path cannot be run: {'; '.join(v.sentence for v in outcome.violations)}. "
+            "Change the path, or move the ball-bar"
         )
     return Plan(
         evaluator=evaluator,

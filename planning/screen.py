@@ -43,7 +43,7 @@ REASONS = (
 
 
 def screen(cell: Cell, space: Space, limits: PlanLimits, genomes: Array) -> Screened:
-    """Screening of the candidates of genomes (M, S) [1] at PHASES phases."""
+    """Screening of the candidates of genomes (M, S) [-] at PHASES phases."""
     shapes, positions = space.many(genomes)
     m = genomes.shape[0]
     s = np.arange(PHASES) / PHASES

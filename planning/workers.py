@@ -37,7 +37,7 @@ def evaluating_processes(request: PlanRequest, count: int) -> Iterator[ProcessPo
 
 
 def worker_objective(rod: str, genome: Array, robots: int = SEARCH_ROBOTS) -> float:
-    """`planning.evaluation.objective` of a genome (S,) [1] in a worker."""
+    """`planning.evaluation.objective` of a genome (S,) [-] in a worker."""
     return objective(_evaluators[rod], genome, robots=robots)
 
 

@@ -81,7 +81,8 @@ def sample_path(
     moving = np.flatnonzero(np.abs(path.speed).max(axis=1) > MOVING)
     if not moving.size:
         raise InputError(
-            "path: the robot does not move between start and end; there is nothing to sample"
+            "path: the robot does not move between start and end; there is nothing to sample. "
+            "Take a path that moves."
         )
     t = np.linspace(path.t[moving[0]], path.t[moving[-1]], count)
     return sample_path_at(cell, nominal, path, t, delay=delay)

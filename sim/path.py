@@ -178,7 +178,7 @@ def axis_range_fault(robot: Robot, t: Array, q: Array) -> tuple[float, str] | No
     return (
         float(excess.max()),
         f"axis {axis + 1} at t = {t[k]:.2f} s: {np.degrees(axes[k, axis]):.1f} deg "
-        f"outside {limits} deg",
+        f"outside {limits} deg; move the ball-bar or shrink the path",
     )
 
 

@@ -68,7 +68,7 @@ def scenario_path(
         if recorded is None:
             raise InputError(
                 f"path.recording = {settings.recording}: its robot log was not handed to the "
-                "simulation."
+                "simulation. Take another path.kind, or run the scenario with `ballbar run`."
             )
         return recorded_path(
             cell.robot, nominal, recorded, duration=settings.duration_s, step=PATH_STEP

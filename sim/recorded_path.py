@@ -37,7 +37,8 @@ def recorded_path(
     """
     if duration > log.t[-1]:
         raise InputError(
-            f"path.duration_s = {duration:g}: the recording's robot log lasts {log.t[-1]:.1f} s."
+            f"path.duration_s = {duration:g}: the recording's robot log lasts {log.t[-1]:.1f} s. "
+            "Take no more than that."
         )
     poses = robot_frames(nominal, log.q).poses()
     _check_sphere(nominal, log.t, poses)
@@ -60,7 +61,7 @@ def _check_sphere(nominal: Geometry, t: Array, poses: Array) -> None:
         raise InputError(
             f"path.recording: at t = {t[k]:.1f} s the nominal tool is {off[k] * 1e3:+.0f} mm off "
             "the ball-bar's sphere. "
-            "Were robot, ballbar, plate and ballbar_position_m those of the recording?"
+            "Were robot, ballbar, plate and ballbar_position_m those of the recording? Name those."
         )
 
 

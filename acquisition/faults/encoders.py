@@ -110,7 +110,7 @@ def _with_status_word_checked(table: Table, encoder: EncoderName, column: str) -
     if outside.size:
         raise LogError(
             f"{table.location(outside[0])}: column {column}: {word[outside[0]]} is no 16-bit "
-            "status word."
+            "status word. Log the status word as UINT, 0 to 65535."
         )
     preset = np.flatnonzero(np.diff(word & SET_COUNTER_DONE) > 0) + 1
     if preset.size:
@@ -152,7 +152,8 @@ def counter_words(table: Table, fitted: Fitted) -> Counts:
             raise LogError(
                 f"{table.location(outside[0])}: column {encoder.column}: {counter[outside[0]]} is "
                 f"no 32-bit counter word. Expected UDINT, 0 to {WORD - 1}, or DINT, {-WORD // 2} "
-                f"to {WORD // 2 - 1}."
+                f"to {WORD // 2 - 1}. "
+                "Log it as one of these."
             )
     return np.stack([table.columns[encoder.column] for encoder in fitted.values()]).T
 
@@ -204,7 +205,8 @@ def _refuse_jumps(
         f"{table.location(rows[row])}: encoder {encoder} jumps by {step:.4g} rad within "
         f"{float(t[row] - t[row - 1]) * 1e3:.4g} ms ({jumps.speed[0].max():.3g} rad/s; a ball-bar "
         f"stays below {SPEED_LIMIT:g}). {jumps.fast.size} such rows. Was the counter reset, are "
-        "lines and bits of the encoder declared wrong, or the time column in another unit?"
+        "lines and bits of the encoder declared wrong, or the time column in another unit? "
+        "Correct these in recording.yaml, or cut the log before this line."
     )
 
 

@@ -154,7 +154,8 @@ def _hint(robot: Robot, angles: RobotAngles) -> str:
             others.append(degrees)
     if not others:
         return (
-            f" Is this the log of the robot that recording.yaml names, and does it hold {reading}?"
+            f" Is this the log of the robot that recording.yaml names, and does it hold {reading}? "
+            "Correct its robot or dialect."
         )
     if reading.unit == "rad" and degrees in others:
         rest = [other for other in others if other != degrees]
@@ -163,7 +164,7 @@ def _hint(robot: Robot, angles: RobotAngles) -> str:
             " Degrees where radians are declared? Read as degrees, all axes stay within their "
             f"limits: convert the log, or declare degrees.{also}"
         )
-    stay = "That way all axes stay within their limits."
+    stay = "That way all axes stay within their limits: convert the log, or name its dialect."
     return f" {_either(others)} where {reading} are declared? {stay}"
 
 
@@ -230,7 +231,7 @@ def gear_torques(robot: Robot, table: Table, columns: tuple[str, ...]) -> Array 
             f"at the motor would be {abs(torque[row, motor]):.3g} N m at the gear's output of axis "
             f"{motor + 1}, more than {HEAVY:g} times the weight of the whole arm stretched out. "
             f"{int(heavy.any(axis=1).sum())} such rows. At the gear's output, in percent, in N mm? "
-            "Here are N m at the motor."
+            "Here are N m at the motor. Convert the log, or name its dialect in recording.yaml."
         )
     return torque
 

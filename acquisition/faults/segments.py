@@ -103,7 +103,8 @@ def find_segments(
         raise LogError(
             f"{table.location(rows[0])}: the log falls into {rows.size + 1} segments, since stamps "
             f"go back, rows are missing for more than {PAUSE:g} s or counters jump. Is it a log of "
-            "one run, and its clock the one that is declared?"
+            "one run, and its clock the one that is declared? "
+            "If not, cut it before this line, or correct `time` in recording.yaml."
         )
     log = _Log(
         angles=angles,

@@ -29,17 +29,20 @@ def stored_bytes(path: Path, file: str) -> Content:
     check_stored(path, file, largest=MOST_BYTES)
     content = read_bytes(path, file)
     if not content.raw:
-        raise LogError(f"{file}: the file is empty.")
+        raise LogError(f"{file}: the file is empty. Copy it again from the logger.")
     return content
 
 
 def check_stored(path: Path, file: str, *, largest: int) -> None:
     """Raises LogError if there is no such file, or it is empty or has more than `largest` bytes."""
     if not path.is_file():
-        raise LogError(f"{file}: no such file (looked for {path}).")
+        raise LogError(
+            f"{file}: no such file (looked for {path}). "
+            "Correct the name in recording.yaml, or copy the file there."
+        )
     size = path.stat().st_size
     if not size:
-        raise LogError(f"{file}: the file is empty.")
+        raise LogError(f"{file}: the file is empty. Copy it again from the logger.")
     if size > largest:
         remedy = "Cut it, or name the right file."
         raise LogError(f"{file}: {size} bytes; a log has at most {largest}. {remedy}")
@@ -61,7 +64,10 @@ def wanted_columns(
         shown = ", ".join(repr(name) for name in list(names)[:12])
         close = difflib.get_close_matches(missing[0], names, n=1, cutoff=0.7)
         hint = f" Is {close[0]!r} meant?" if close else ""
-        raise LogError(f"{location}: {', '.join(missing)} missing; the file has {shown}.{hint}")
+        raise LogError(
+            f"{location}: {', '.join(missing)} missing; the file has {shown}.{hint} "
+            "Log them too, or name the dialect of this file."
+        )
     return wanted | {name: kind for name, kind in layout.optional.items() if name in names}
 
 

@@ -36,6 +36,7 @@ LONGEST_MESSAGE = 65_507  # bytes that fit a UDP datagram; a real message has ab
 _FRAME = struct.Struct("<II")
 # Wire types; 3 and 4 are groups, which EGM never had.
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+_REMEDY = "Copy the file again from the logger, or cut it before this message."
 _LONGEST_VARINT = 10  # bytes of a 64-bit varint
 
 
@@ -68,7 +69,8 @@ def decode(message: bytes) -> EgmFeedback:
     """
     if len(message) > LONGEST_MESSAGE:
         raise LogError(
-            f"EGM message of {len(message)} bytes; a datagram has at most {LONGEST_MESSAGE}."
+            f"EGM message of {len(message)} bytes; a datagram has at most {LONGEST_MESSAGE}. "
+            f"{_REMEDY}"
         )
     robot = _submessages(message)
     header, feedback = _fields(robot.get(1, b"")), robot.get(2, b"")
@@ -76,7 +78,7 @@ def decode(message: bytes) -> EgmFeedback:
     numbers = {number: value for number, wire, value in header if wire == _VARINT}
     joints = _doubles(parts.get(1, b""))
     if not all(math.isfinite(angle) for angle in joints):
-        raise LogError(f"EGM message: joint angles {joints} are not finite.")
+        raise LogError(f"EGM message: joint angles {joints} are not finite. {_REMEDY}")
     return EgmFeedback(_uint32(numbers.get(1)), _uint32(numbers.get(2)), _time_ns(parts), joints)
 
 
@@ -103,7 +105,11 @@ def read_frames(raw: bytes) -> Frames:
     """
     if not raw.startswith(FILE_START):
         copied = raw.startswith(FILE_START.replace(b"\r\n", b"\n"))
-        hint = " It was copied in text mode: copy the file again in binary mode." if copied else ""
+        hint = (
+            " It was copied in text mode: copy the file again in binary mode."
+            if copied
+            else " Name its dialect."
+        )
         raise LogError(
             f"the file does not begin with {FILE_START!r}: no file of raw EGM messages.{hint}"
         )
@@ -141,11 +147,14 @@ def _time_ns(parts: dict[int, bytes]) -> int | None:
         clock = {number: value for number, wire, value in fields if wire == _VARINT}
         seconds, ticks = clock.get(1), clock.get(2)
         if not isinstance(seconds, int) or not isinstance(ticks, int):
-            raise LogError("EGM message: a time without seconds, or without its fraction.")
+            raise LogError(
+                f"EGM message: a time {clock} without seconds, or without its fraction. {_REMEDY}"
+            )
         time_ns = seconds * 1_000_000_000 + ticks * (1_000_000_000 // ticks_per_second)
         if ticks >= ticks_per_second or time_ns >= 2**63:
             raise LogError(
-                f"EGM message: a time of {seconds} s and {ticks}/{ticks_per_second} s cannot be."
+                f"EGM message: a time of {seconds} s and {ticks}/{ticks_per_second} s cannot be. "
+                f"{_REMEDY}"
             )
         return time_ns
     return None
@@ -161,7 +170,9 @@ def _doubles(message: bytes) -> tuple[float, ...]:
     for number, wire, value in _fields(message):
         if number == 1 and wire in (_FIXED64, _BYTES) and isinstance(value, bytes):
             if len(value) % 8:
-                raise LogError(f"EGM message: joint angles of {len(value)} bytes; a double has 8.")
+                raise LogError(
+                    f"EGM message: joint angles of {len(value)} bytes; a double has 8. {_REMEDY}"
+                )
             values += struct.unpack(f"<{len(value) // 8}d", value)
     return tuple(values)
 
@@ -182,7 +193,9 @@ def _fields(message: bytes) -> Iterator[tuple[int, int, int | bytes]]:
         key, at = _varint(message, at)
         number, wire = key >> 3, key & 7
         if not 0 < number < 2**29:
-            raise LogError(f"EGM message: field number {number} at byte {at - 1} cannot be.")
+            raise LogError(
+                f"EGM message: field number {number} at byte {at - 1} cannot be. {_REMEDY}"
+            )
         if wire == _VARINT:
             value, at = _varint(message, at)
             yield number, wire, value
@@ -193,11 +206,13 @@ def _fields(message: bytes) -> Iterator[tuple[int, int, int | bytes]]:
             length = 8 if wire == _FIXED64 else 4
         else:
             raise LogError(
-                f"EGM message: field {number} has wire type {wire}, which EGM does not use."
+                f"EGM message: field {number} has wire type {wire}, which EGM does not use. "
+                f"{_REMEDY}"
             )
         if length > len(message) - at:
             raise LogError(
-                f"EGM message: field {number} claims {length} bytes, {len(message) - at} are left."
+                f"EGM message: field {number} claims {length} bytes, {len(message) - at} are left. "
+                f"{_REMEDY}"
             )
         yield number, wire, message[at : at + length]
         at += length
@@ -212,4 +227,4 @@ def _varint(message: bytes, at: int) -> tuple[int, int]:
         value |= (byte & 0x7F) << (7 * i)
         if byte < 0x80:
             return value & (2**64 - 1), at + i + 1
-    raise LogError(f"EGM message: the number at byte {at} has no end.")
+    raise LogError(f"EGM message: the number at byte {at} has no end. {_REMEDY}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from acquisition.formats.columns import DAMAGED_LIMIT, one_file, stored_bytes, wanted_columns
 from acquisition.formats.egm import EgmFeedback, Frames, decode, read_frames
-from acquisition.report import Finding, Severity, finding
+from acquisition.report import Finding, finding
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table
 from cell.errors import LogError
@@ -20,28 +20,7 @@ from cell.errors import LogError
 _AXES = tuple(f"J{axis}" for axis in range(1, 7))
 # Messages that a network may hold back; a sequence number further back is a restart.
 _REORDERED = 100
-
-
-@dataclass(frozen=True, eq=False)
-class _Messages:
-    """The messages of a file, on their way to a table."""
-
-    file: str
-    feedback: list[EgmFeedback]
-    number: NDArray[np.int64]  # (N,) of each message in the file, from 1
-    findings: tuple[Finding, ...] = ()
-
-    def take(self, indices: NDArray[np.intp]) -> _Messages:
-        """The chosen messages."""
-        feedback = [self.feedback[i] for i in indices]
-        return replace(self, feedback=feedback, number=self.number[indices])
-
-    def remarked(
-        self, kind: str, severity: Severity, sentence: str, numbers: NDArray[np.int64]
-    ) -> _Messages:
-        """The messages with a finding about those of some numbers (K,)."""
-        entry = finding(kind, severity, self.file, sentence, lines=numbers)
-        return replace(self, findings=(*self.findings, entry))
+_FEEDBACK = "feedback"  # column of indices into the decoded messages
 
 
 def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, Form]:
@@ -59,22 +38,24 @@ def read_egm(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
         raise LogError(f"{file}: {error}") from None
     findings = (*content.findings, *_frame_findings(frames, content.raw, file))
     wanted = wanted_columns(layout, time, _AXES, file)
-    number = np.array(frames.numbers, dtype=np.int64)
-    messages = _Messages(file, _feedback(frames, file), number, findings)
-    messages = _from_first_angles(_in_sequence(messages))
-    angles = np.array([entry.joints_deg[:6] for entry in messages.feedback])
+    feedback = _feedback(frames, file)
+    rows = {_FEEDBACK: np.arange(len(feedback))}
+    table = one_file(rows, file, np.array(frames.numbers, dtype=np.int64), findings)
+    table = _from_first_angles(_in_sequence(table, feedback), feedback)
+    feedback = [feedback[i] for i in table.columns[_FEEDBACK]]
+    angles = np.array([entry.joints_deg for entry in feedback])
     far = np.argwhere(np.abs(angles) > 1e6)  # 9E9 is ABB's mark of an axis that is not there
     if far.size:
         row, axis = (int(index) for index in far[0])
         raise LogError(
-            f"{file}:{messages.number[row]}: {_AXES[axis]} is {angles[row, axis]:g} deg: an axis "
-            "that is not there, or damage."
+            f"{table.location(row)}: {_AXES[axis]} is {angles[row, axis]:g} deg: an axis that is "
+            "not there, or damage. Record a robot of six axes, or copy the file again."
         )
-    messages, times = _times(messages)
+    table, times = _times(table, feedback)
     columns: dict[str, NDArray[Any]] = {time: times}
     columns |= {name: angles[:, _AXES.index(name)].copy() for name in wanted}
     form = Form("protobuf", "none", "none", len(frames.numbers) + len(frames.damaged))
-    return one_file(columns, file, messages.number, messages.findings), form
+    return replace(table, columns=columns), form
 
 
 def _frame_findings(frames: Frames, raw: bytes, file: str) -> list[Finding]:
@@ -106,7 +87,9 @@ def _frame_findings(frames: Frames, raw: bytes, file: str) -> list[Finding]:
         sentence = "message damaged; dropped."
         findings.append(finding("checksum", "repaired", file, sentence, lines=damaged))
     if not frames.messages:
-        raise LogError(f"{file}: no complete message.")
+        raise LogError(
+            f"{file}: no complete message. Copy it again, or record while the robot sends EGM."
+        )
     return findings
 
 
@@ -119,83 +102,87 @@ def _feedback(frames: Frames, file: str) -> list[EgmFeedback]:
             raise LogError(f"{file}:{number}: {error}") from None
         if len(entry.joints_deg) not in {0, 6}:
             raise LogError(
-                f"{file}:{number}: {len(entry.joints_deg)} joint angles; six axes are read."
+                f"{file}:{number}: {len(entry.joints_deg)} joint angles; six axes are read. "
+                "Record a robot of six axes, or copy the file again."
             )
         feedback.append(entry)
     return feedback
 
 
-def _in_sequence(messages: _Messages) -> _Messages:
+def _in_sequence(table: Table, feedback: list[EgmFeedback]) -> Table:
     """The messages in order of their sequence numbers, each once; lost ones are reported.
 
     As they came if the numbers start again.
     """
-    numbers = [entry.seqno for entry in messages.feedback if entry.seqno is not None]
-    if len(numbers) < len(messages.feedback):
-        return messages
+    numbers = [entry.seqno for entry in feedback if entry.seqno is not None]
+    if len(numbers) < len(feedback):
+        return table
     seqno = np.array(numbers, dtype=np.int64)
     step = np.diff(seqno)
     if step.min(initial=0) < -_REORDERED:
-        return messages  # a restart; the time shows whether it goes back
+        return table  # a restart; the time shows whether it goes back
     if step.min(initial=1) < 0:
         sentence = "message came behind one that was sent later; put in order."
-        late = messages.number[1:][step < 0]
-        messages = messages.remarked("reordered message", "repaired", sentence, late)
+        late = np.flatnonzero(step < 0) + 1
+        table = table.remarked("reordered message", "repaired", sentence, rows=late)
     order = np.argsort(seqno, kind="stable")
-    ordered, feedback = messages.number[order], [messages.feedback[i] for i in order]
-    repeated = np.diff(seqno[order], prepend=-1) == 0
-    for i in np.flatnonzero(repeated):
-        if feedback[i] != feedback[i - 1]:
+    repeated = np.flatnonzero(np.diff(seqno[order], prepend=-1) == 0)
+    for before, row in zip(order[repeated - 1], order[repeated], strict=True):
+        if feedback[row] != feedback[before]:
             raise LogError(
-                f"{messages.file}:{ordered[i]}: sequence number {seqno[order[i]]} stands twice, "
-                "with another content. Are two recordings in one file?"
+                f"{table.location(row)}: sequence number {seqno[row]} stands twice, with another "
+                "content. Are two recordings in one file? Split it, or copy it again."
             )
-    if repeated.any():
+    if repeated.size:
         sentence = "same message as the one before; the first is kept."
-        messages = messages.remarked("repeated message", "repaired", sentence, ordered[repeated])
-    first = order[~repeated]
-    lost, messages = np.diff(seqno[first]) - 1, messages.take(first)
+        table = table.remarked("repeated message", "repaired", sentence, rows=order[repeated])
+    first = np.delete(order, repeated)
+    lost, table = np.diff(seqno[first]) - 1, table.take(first)
     if lost.any():
         sentence = f"{lost.sum()} messages lost before these."
-        behind = messages.number[1:][lost > 0]
-        messages = messages.remarked("lost messages", "warning", sentence, behind)
-    return messages
+        behind = np.flatnonzero(lost) + 1
+        table = table.remarked("lost messages", "warning", sentence, rows=behind)
+    return table
 
 
-def _from_first_angles(messages: _Messages) -> _Messages:
+def _from_first_angles(table: Table, feedback: list[EgmFeedback]) -> Table:
     """Without the messages before the first feedback, which have no joint angles or only zeros."""
-    feedback, number = messages.feedback, messages.number
-    start = _first(any(entry.joints_deg) for entry in feedback)
+    angles = [feedback[i].joints_deg for i in table.columns[_FEEDBACK]]
+    start = _first(map(any, angles))
     if start is None:
-        raise LogError(f"{messages.file}: no message has joint angles other than zero.")
-    missing = _first(not entry.joints_deg for entry in feedback[start:])
+        raise LogError(
+            f"{table.files[0]}: no message has joint angles other than zero. Record again while "
+            "the robot sends its feedback."
+        )
+    missing = _first(not entry for entry in angles[start:])
     if missing is not None:
         raise LogError(
-            f"{messages.file}:{number[start + missing]}: no joint angles in this message."
+            f"{table.location(start + missing)}: no joint angles in this message. Cut the file "
+            "before it, or record again."
         )
     if start:
         sentence = "no joint angles, or zeros for all, before the first feedback; left out."
-        messages = messages.remarked("leading zeros", "repaired", sentence, number[:start])
-    return messages.take(np.arange(start, number.size))
+        table = table.remarked("leading zeros", "repaired", sentence, rows=np.arange(start))
+    return table.take(np.arange(start, len(table)))
 
 
-def _times(messages: _Messages) -> tuple[_Messages, NDArray[np.int64]]:
+def _times(table: Table, feedback: list[EgmFeedback]) -> tuple[Table, NDArray[np.int64]]:
     """(N,) [ns] of the controller's clock at the feedback, or of sending if no message has it."""
-    times: Sequence[int | None] = [entry.time_ns for entry in messages.feedback]
+    times: Sequence[int | None] = [entry.time_ns for entry in feedback]
     if all(time is None for time in times):
         sentence = (
             "no time in the feedback (RobotWare before 6.07): the time of sending is used, in "
             "whole milliseconds."
         )
-        count = len(times)
-        entry = finding("time of sending", "warning", messages.file, sentence, count=count)
-        messages = replace(messages, findings=(*messages.findings, entry))
-        sent = [feedback.tm_ms for feedback in messages.feedback]
-        times = [None if tm is None else tm * 1_000_000 for tm in sent]
+        table = table.remarked("time of sending", "warning", sentence, count=len(times))
+        times = [None if e.tm_ms is None else e.tm_ms * 1_000_000 for e in feedback]
     missing = _first(time is None for time in times)
     if missing is not None:
-        raise LogError(f"{messages.file}:{messages.number[missing]}: no time in this message.")
-    return messages, np.array(times, dtype=np.int64)
+        raise LogError(
+            f"{table.location(missing)}: no time in this message. Cut the file before it, or "
+            "record again."
+        )
+    return table, np.array(times, dtype=np.int64)
 
 
 def _first(where: Iterable[bool]) -> int | None:

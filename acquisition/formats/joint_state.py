@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from cell.errors import LogError
 
+_REMEDY = "Copy the bag again, or correct the publisher and record again."
 _LARGEST = 1_000_000  # bytes; a robot's message has a few hundred
 _FORMS = 20  # remembered; a topic has one for each publisher
 
@@ -65,7 +66,8 @@ class _Cdr:
         if not 4 < len(message) <= _LARGEST or message[0] or message[1] not in {0, 1}:
             raise LogError(
                 f"JointState: {len(message)} bytes that begin with {message[:4].hex()!r} are no "
-                "plain CDR message."
+                "plain CDR message. "
+                f"{_REMEDY}"
             )
         self.order = "<" if message[1] else ">"
         self._body = message[4:]
@@ -83,7 +85,7 @@ class _Cdr:
         if count * size > len(self._body) - at:
             raise LogError(
                 f"JointState: {count} numbers of {size} bytes claimed at byte {at + 4}, "
-                f"{len(self._body) - at} bytes are left."
+                f"{len(self._body) - at} bytes are left. {_REMEDY}"
             )
         self._at = at + count * size
         return struct.unpack_from(f"{self.order}{count}{code}", self._body, at)
@@ -98,14 +100,14 @@ class _Cdr:
         stop = self._at + count
         if not 0 < count <= len(self._body) - self._at or self._body[stop - 1]:
             raise LogError(
-                f"JointState: a text of {count} bytes at byte {self._at + 4} has no end."
+                f"JointState: a text of {count} bytes at byte {self._at + 4} has no end. {_REMEDY}"
             )
         text = self._body[self._at : stop - 1]
         self._at = stop
         try:
             return text.decode("utf-8")
         except UnicodeDecodeError:
-            raise LogError(f"JointState: {text[:30]!r} is no UTF-8.") from None
+            raise LogError(f"JointState: {text[:30]!r} is no UTF-8. {_REMEDY}") from None
 
 
 class JointStateDecoder:
@@ -135,17 +137,20 @@ def _decoded(message: bytes) -> tuple[JointState, MessageForm]:
     cdr = _Cdr(message)
     (seconds,), (nanoseconds,) = cdr.numbers("i"), cdr.numbers("I")
     if seconds < 0 or nanoseconds >= 1_000_000_000:
-        raise LogError(f"JointState: a stamp of {seconds} s and {nanoseconds} ns cannot be.")
+        raise LogError(
+            f"JointState: a stamp of {seconds} s and {nanoseconds} ns cannot be. {_REMEDY}"
+        )
     cdr.text()
     names = [cdr.text() for _ in range(_at_most(cdr.count(), len(message)))]
     positions = cdr.numbers("d", _at_most(cdr.count(), len(message)))
     begin, counts = cdr.position - 8 * len(positions), []
     if len(set(names)) < len(names) or len(positions) not in {0, len(names)}:
         raise LogError(
-            f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}."
+            f"JointState: {len(positions)} positions for the joints {', '.join(names[:12])}. "
+            f"{_REMEDY}"
         )
     if not all(math.isfinite(position) for position in positions):
-        raise LogError("JointState: a position is not finite.")
+        raise LogError(f"JointState: a position is not finite: {positions[:12]}. {_REMEDY}")
     for _ in range(2):  # velocity and effort, often empty: only the end of the message is checked
         count = cdr.count()
         counts.append((message[cdr.position - 4 : cdr.position], cdr.position - 4, cdr.position))
@@ -165,5 +170,7 @@ def _decoded(message: bytes) -> tuple[JointState, MessageForm]:
 
 def _at_most(count: int, size: int) -> int:
     if count > size:
-        raise LogError(f"JointState: a sequence of {count} claimed in a message of {size} bytes.")
+        raise LogError(
+            f"JointState: a sequence of {count} claimed in a message of {size} bytes. {_REMEDY}"
+        )
     return count

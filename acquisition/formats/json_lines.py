@@ -38,11 +38,17 @@ def read_json_lines(path: Path, file: str, time: str, layout: Layout) -> tuple[T
     first = next((k for k, sample in enumerate(samples) if sample), None)
     if first is None:
         line = text.lines[0][:60]
-        raise LogError(f"{file}:{text.number[0]}: {line!r} is no JSON object with numbers.")
+        raise LogError(
+            f"{file}:{text.number[0]}: {line!r} is no JSON object with numbers. "
+            "Copy the file again, or name its dialect in recording.yaml."
+        )
     keys, location = samples[first] or {}, f"{file}:{text.number[first]}"
     wanted = {time: "integer", **wanted_columns(layout, time, keys, location)}
     if time not in keys:
-        raise LogError(f"{location}: {time} missing; the object has {', '.join(keys)}.")
+        raise LogError(
+            f"{location}: {time} missing; the object has {', '.join(keys)}. "
+            "Record a topic with it, or name the dialect of this file."
+        )
     complete = np.array([_is_complete(sample, wanted) for sample in samples])
     damaged = np.flatnonzero(~complete)
     if damaged.size > max(1.0, DAMAGED_LIMIT * len(samples)):
@@ -50,7 +56,8 @@ def read_json_lines(path: Path, file: str, time: str, layout: Layout) -> tuple[T
         raise LogError(
             f"{file}:{text.number[damaged[0]]}: {damaged.size} of {len(samples)} lines are no "
             f"object with numbers for {', '.join(wanted)}: {line[:60]!r}. Whole numbers are needed "
-            f"for {time}."
+            f"for {time}. "
+            "Copy the file again, or remove these lines."
         )
     table = one_file({}, file, text.number, text.findings)
     if damaged.size:

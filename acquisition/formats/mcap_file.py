@@ -24,6 +24,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from acquisition.report import Finding, finding
 from cell.errors import LogError
 
+_RECOVER = "The bag is damaged: copy it again, or save its other chunks with `mcap recover`."
 _LARGEST_CHUNK = 100_000_000  # bytes unpacked; recorders make chunks of 1 to 4 MB
 _MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")  # what every record begins with: its kind and length
@@ -61,7 +62,10 @@ def mcap_messages(
     ):
         size, complete = len(stream), 0
         if stream[: len(_MAGIC)] != _MAGIC:
-            raise LogError(f"{file}: no MCAP bag: it does not begin with {_MAGIC!r}.")
+            raise LogError(
+                f"{file}: no MCAP bag: it does not begin with {_MAGIC!r}. "
+                "Copy it again, or name the dialect of what it is."
+            )
         try:
             for record in _records(stream, size):
                 complete = stream.tell()
@@ -71,7 +75,7 @@ def mcap_messages(
                     if record.message_encoding != "cdr":
                         raise LogError(
                             f"topic {record.topic} is encoded as {record.message_encoding!r}; ROS "
-                            "2 writes cdr."
+                            "2 writes cdr. Record it again with ROS 2."
                         )
                     topics[record.id] = record.topic
                 elif isinstance(record, (_Message, Message)) and record.channel_id in topics:
@@ -80,7 +84,9 @@ def mcap_messages(
             raise LogError(f"{file}: behind byte {complete}: {error}") from None
         except _DAMAGE as error:
             if stream.tell() < size or not isinstance(error, (McapError, struct.error)):
-                raise LogError(f"{file}: damaged behind byte {complete}: {error}") from None
+                raise LogError(
+                    f"{file}: damaged behind byte {complete}: {error}. {_RECOVER}"
+                ) from None
             sentence = (
                 f"the bag is cut off: no whole record behind byte {complete} of {size}; what "
                 "stands before it is read."
@@ -107,15 +113,19 @@ def _broken_up(chunk: Chunk) -> Iterator[Any]:
     data, at, size = chunk.data, 0, len(chunk.data)
     while at < size:
         if size - at < _RECORD.size:
-            raise LogError("a chunk ends within a record.")
+            raise LogError(
+                f"a chunk ends within a record, {size - at} bytes into its head. {_RECOVER}"
+            )
         opcode, length = _RECORD.unpack_from(data, at)
         begin, end = at + _RECORD.size, at + _RECORD.size + length
         if end > size:
-            raise LogError("a record claims to be longer than its chunk.")
+            raise LogError(
+                f"a record of its chunk claims {length} bytes, {size - begin} are left. {_RECOVER}"
+            )
         if opcode != Opcode.MESSAGE:
             yield from breakup_chunk(replace(chunk, data=data[at:end]))
         elif length < _MESSAGE_HEAD:
-            raise LogError("a message is shorter than its head.")
+            raise LogError(f"a message of {length} bytes is shorter than its head. {_RECOVER}")
         else:
             channel = int.from_bytes(data[begin : begin + 2], "little")
             yield _Message(channel, data[begin + _MESSAGE_HEAD : end])
@@ -127,7 +137,8 @@ def _unpack(chunk: Chunk) -> bytes:
     claimed = chunk.uncompressed_size
     if claimed > _LARGEST_CHUNK:
         raise LogError(
-            f"a chunk claims to unpack to {claimed} bytes; at most {_LARGEST_CHUNK} are read."
+            f"a chunk claims to unpack to {claimed} bytes; at most {_LARGEST_CHUNK} are read. "
+            f"{_RECOVER}"
         )
     try:
         if chunk.compression == "zstd":
@@ -137,15 +148,15 @@ def _unpack(chunk: Chunk) -> bytes:
         elif not chunk.compression:
             data = chunk.data
         else:
-            raise LogError(f"a chunk is packed with {chunk.compression!r}; lz4 and zstd are read.")
+            raise LogError(
+                f"a chunk is packed with {chunk.compression!r}; lz4 and zstd are read. "
+                "Pack it again with one of these."
+            )
     except (zstandard.ZstdError, RuntimeError) as error:
-        raise LogError(f"a chunk cannot be unpacked ({error}). The bag is damaged.") from None
+        raise LogError(f"a chunk cannot be unpacked ({error}). {_RECOVER}") from None
     if len(data) != claimed:
         got = "more" if len(data) > claimed else len(data)
-        raise LogError(f"a chunk that claims {claimed} bytes has {got}. The bag is damaged.")
+        raise LogError(f"a chunk that claims {claimed} bytes has {got}. {_RECOVER}")
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise LogError(
-            "the checksum of a chunk is wrong. The bag is damaged: `mcap recover` may save the "
-            "other chunks."
-        )
+        raise LogError(f"the checksum of a chunk is wrong. {_RECOVER}")
     return bytes(data)

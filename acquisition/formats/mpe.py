@@ -41,14 +41,15 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
     if version not in VERSIONS:
         raise LogError(
             f"{file}: begins with {version:g}, not with a file version of abb_motion_program_exec "
-            "(10011)."
+            "(10011). Name the dialect of this file."
         )
     _, at = _text(raw, 4, file)
     header, at = _text(raw, at, file)
     names = header.split(",")
     if len(set(names)) < len(names) or time not in names:
         raise LogError(
-            f"{file}: the columns are {header!r}; expected {time} and the axes, each once."
+            f"{file}: the columns are {header!r}; expected {time} and the axes, each once. "
+            "Log each axis once, or name the dialect of this file."
         )
     wanted = (time, *wanted_columns(layout, time, names, file))
     width = 4 * len(names)
@@ -67,7 +68,7 @@ def read_mpe(path: Path, file: str, time: str, layout: Layout) -> tuple[Table, F
         sentence = f"the last {nul} rows are NUL bytes (power loss); left out."
         findings.append(finding("NUL block at the end", "repaired", file, sentence, count=nul))
     if not count:
-        raise LogError(f"{file}: a head but no complete row behind it.")
+        raise LogError(f"{file}: a head but no complete row behind it. Copy it again.")
     _check_rows(rows[:count], names, [names.index(name) for name in wanted], file)
     columns = {name: rows[:count, names.index(name)].copy() for name in wanted}
     table = one_file(columns, file, np.arange(1, count + 1), findings)
@@ -86,12 +87,15 @@ def _text(raw: bytes, at: int, file: str) -> tuple[str, int]:
     if not (0 < length <= _LONGEST_TEXT and length == int(length)):
         raise LogError(
             f"{file}: a text of the head (byte {at}) claims {length:g} bytes: no log of "
-            "abb_motion_program_exec, or damaged."
+            "abb_motion_program_exec, or damaged. Copy it again, or name its dialect."
         )
     stop = at + 4 + int(length)
     text = raw[at + 4 : stop]
     if len(text) < length or not all(32 <= byte < 127 for byte in text):
-        raise LogError(f"{file}: a text of the head (byte {at}) is not plain ASCII: {text[:40]!r}.")
+        raise LogError(
+            f"{file}: a text of the head (byte {at}) is not plain ASCII: {text[:40]!r}. "
+            "Copy it again, or name its dialect."
+        )
     return text.decode("ascii"), stop
 
 
@@ -107,7 +111,7 @@ def _check_rows(rows: Array, names: list[str], positions: list[int], file: str) 
         row, column = (int(index) for index in bad[0])
         raise LogError(
             f"{file}:{row + 1}: {names[positions[column]]} is {wanted[row, column]:g}, which no "
-            "clock and no axis shows."
+            "clock and no axis shows. Copy the file again, or cut it before this row."
         )
     if _COMMAND in names:
         command = rows[:, names.index(_COMMAND)]
@@ -116,5 +120,5 @@ def _check_rows(rows: Array, names: list[str], positions: list[int], file: str) 
         if odd.size:
             raise LogError(
                 f"{file}:{odd[0] + 1}: {_COMMAND} {command[odd[0]]:g} is no number of a command, "
-                "or goes back. Damaged here."
+                "or goes back. Damaged here. Copy the file again, or cut it before this row."
             )

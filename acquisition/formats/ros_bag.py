@@ -45,7 +45,10 @@ def read_ros_bag(path: Path, file: str, time: str, layout: Layout) -> tuple[Tabl
     for topic, message in _messages(path, file, findings):
         topics.setdefault(topic, []).append(message)
     if not topics:
-        raise LogError(f"{file}: the bag holds no message of type {_JOINT_STATE}.")
+        raise LogError(
+            f"{file}: the bag holds no message of type {_JOINT_STATE}. "
+            "Record the topic of the joint states."
+        )
     wanted = [name for name in layout.required if name != time]
     states = {topic: _decoded(messages, f"{file}: {topic}") for topic, messages in topics.items()}
     topic = _holder(states, wanted, time, layout, file)
@@ -91,7 +94,10 @@ def _holder(
     if not holders:
         names = {name: None for several in states.values() for s in several for name in s.positions}
         wanted_columns(layout, time, list(names), file)  # says which are missing
-        raise LogError(f"{file}: no message holds all of the joints {', '.join(wanted)}.")
+        raise LogError(
+            f"{file}: no message holds all of the joints {', '.join(wanted)}. "
+            "Record them in one message, or correct the names in recording.yaml."
+        )
     return holders[0]
 
 
@@ -135,7 +141,10 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
         }
         for name, form in topics.values():
             if form != "cdr":
-                raise LogError(f"{file}: topic {name} is encoded as {form!r}; ROS 2 writes cdr.")
+                raise LogError(
+                    f"{file}: topic {name} is encoded as {form!r}; ROS 2 writes cdr. "
+                    "Record it again with ROS 2."
+                )
         lost, last = 0, 0
         query = "SELECT id, topic_id, data FROM messages ORDER BY id"
         for number, key, data in connection.execute(query):
@@ -163,7 +172,7 @@ def _refuse_other_tables(connection: sqlite3.Connection, file: str) -> None:
     if len(tables) < 2 or any("virtual" in sql or "generated" in sql for sql in tables.values()):
         raise LogError(
             f"{file}: a SQLite database without the plain tables `topics` and `messages` of a ROS "
-            "2 bag."
+            "2 bag. Copy the bag again, or name the dialect of what it is."
         )
 
 
@@ -201,7 +210,10 @@ def _reads_only(action: int, *_: str | None) -> int:
 
 def _blob(data: object, location: str) -> bytes:
     if not isinstance(data, bytes) or len(data) > _LARGEST_BLOB:
-        raise LogError(f"{location}: a message that is no bytes, or more than {_LARGEST_BLOB}.")
+        raise LogError(
+            f"{location}: a message that is no bytes, or more than {_LARGEST_BLOB}. "
+            "Copy the bag again."
+        )
     if data[:4] == b"\x28\xb5\x2f\xfd":
         raise LogError(
             f"{location}: messages are packed (compression_mode: message). Unpack the bag with "

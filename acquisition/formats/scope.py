@@ -119,7 +119,8 @@ def _channels(
         raise LogError(
             f"{export.file}:{export.number[torn[0]]}: {torn.size} of {len(export.rows)} rows do "
             f"not fit the groups of columns: expected {export.groups[-1].stop} fields, got "
-            f"{got}.{commas if export.separator == ',' else ''}"
+            f"{got}.{commas if export.separator == ',' else ''} "
+            "Export it again."
         )
     findings, channels = list[Finding](), list[Channel]()
     if torn.size:
@@ -131,7 +132,10 @@ def _channels(
         if only is not None and not set(names) & set(only):
             continue
         if not rows.size:
-            raise LogError(f"{export.file}: no value of {names[0]!r}. Was it recorded?")
+            raise LogError(
+                f"{export.file}: no value of {names[0]!r}. Was it recorded? "
+                "Record it in the Scope, and export again."
+            )
         line = export.number[rows]
         time_ns = _times(export, _cells(export, rows, group.start), line)
         findings += _grid_findings(export, group, time_ns, line)
@@ -155,7 +159,8 @@ def _channel(
         for cell, number in zip(cells, line, strict=True):
             if not (INTEGER.fullmatch(cell) and len(cell) <= 21 and lower <= int(cell) <= upper):
                 raise LogError(
-                    f"{export.file}:{number}: channel {name!r}: {cell[:30]!r} is no {data_type}."
+                    f"{export.file}:{number}: channel {name!r}: {cell[:30]!r} is no {data_type}. "
+                    "Export it again."
                 )
         whole = [int(cell) for cell in cells]
         values = np.array(whole, dtype=np.uint64 if max(whole) >= 2**63 else np.int64)
@@ -204,7 +209,8 @@ def _times(export: Export, cells: list[str], line: NDArray[np.int64]) -> NDArray
         if far.size:
             raise LogError(
                 f"{export.file}:{line[far[0]]}: time {cells[far[0]]!r}: a recording has at most "
-                f"{_LONGEST_MS} ms."
+                f"{_LONGEST_MS} ms. "
+                "Export it again."
             )
         time_ns = np.rint(milliseconds * 1e6).astype(np.int64) + start_ns
     back = np.flatnonzero(np.diff(time_ns) <= 0)
@@ -227,7 +233,9 @@ def _grid_findings(
     step = round(float(cell) * 1e6) if FLOAT.fullmatch(cell) else 0
     if not 0 < step < 2**62:
         name = export.meta["Name"][group.start + 1]
-        raise LogError(f"{export.file}: {SAMPLE_TIME} {cell!r} of {name!r} is no time.")
+        raise LogError(
+            f"{export.file}: {SAMPLE_TIME} {cell!r} of {name!r} is no time. Export it again."
+        )
     late = np.flatnonzero(np.diff(time_ns) != step) + 1
     if not late.size:
         return []
@@ -264,7 +272,7 @@ def _kind_findings(file: str, channel: Channel, kind: str) -> list[Finding]:
         raise LogError(
             f"{file}: channel {channel.name!r} is "
             f"{scaled if channel.scaled else channel.data_type}; a counter must be a whole number "
-            "as the PLC has it."
+            "as the PLC has it. Record it so in the Scope."
         )
     if kind != "float" or not channel.scaled:
         return []
@@ -291,7 +299,8 @@ def _floats(export: Export, cells: list[str], line: NDArray[np.int64], name: str
         values[i] = float(cell) if FLOAT.fullmatch(cell) else np.nan
         if not np.isfinite(values[i]):
             raise LogError(
-                f"{export.file}:{line[i]}: channel {name!r}: {cell[:30]!r} is not a number."
+                f"{export.file}:{line[i]}: channel {name!r}: {cell[:30]!r} is not a number. "
+                "Export it again."
             )
     return values
 

@@ -87,7 +87,8 @@ def read_export(path: Path, file: str) -> Export:
     if not lines[0].startswith("Name") or separator not in {*SEPARATORS, " "}:
         raise LogError(
             f"{file}:{text.number[0]}: no TwinCAT Scope export: the first line does not begin with "
-            "`Name` and a separator."
+            "`Name` and a separator. "
+            "Export it as CSV from the Scope, or name the dialect of this file."
         )
     if separator == " ":
         raise LogError(
@@ -99,7 +100,7 @@ def read_export(path: Path, file: str) -> Export:
     if head is None:
         raise LogError(
             f"{file}: no line with the names of the channels (`Name`, name, ...) below the "
-            "preamble."
+            "preamble. Export it again with them."
         )
     data = (i for i in range(head, len(lines)) if _is_data(lines[i].split(separator)[0]))
     body = next(data, len(lines))
@@ -134,8 +135,12 @@ def _filetime(preamble: list[str], key: str, separator: str, file: str) -> int:
             digits = INTEGER.fullmatch(stamp) and len(stamp) == len(str(_FILETIMES.start))
             if digits and int(stamp) in _FILETIMES:
                 return int(stamp)
-            raise LogError(f"{file}: {cells[0]}: {stamp[:30]!r} is no FILETIME (18 digits).")
-    raise LogError(f"{file}: the preamble has no line `{key} of export`.")
+            raise LogError(
+                f"{file}: {cells[0]}: {stamp[:30]!r} is no FILETIME (18 digits). Export it again."
+            )
+    raise LogError(
+        f"{file}: the preamble has no line `{key} of export`. Export it again with its preamble."
+    )
 
 
 def _metadata(
@@ -148,18 +153,21 @@ def _metadata(
     for line in lines:
         cells = line.split(separator)
         if cells[0] in meta:
-            raise LogError(f"{location}: the line {cells[0]!r} of the metadata stands twice.")
+            raise LogError(
+                f"{location}: the line {cells[0]!r} of the metadata stands twice. Export it again."
+            )
         if cells[width:] in ([], [""]) and len(cells) >= width:
             meta[cells[0]] = cells[:width]
         elif cells[0] not in _MAY_DIFFER:
             raise LogError(
                 f"{location}: the line {cells[0][:30]!r} of the metadata has {len(cells)} fields, "
-                f"`Name` has {width}."
+                f"`Name` has {width}. "
+                "Export it again."
             )
     if "Data-Type" not in meta:
         raise LogError(
             f"{location}: the metadata have no line `Data-Type` with a field for each column of "
-            "`Name`."
+            "`Name`. Export it again with it."
         )
     starts = [i for i, cell in enumerate(meta["Data-Type"]) if cell == "Data-Type"]
     for key, cells in meta.items():
@@ -167,11 +175,11 @@ def _metadata(
         if not set(starts) <= set(keys) or (keys != starts and key not in _FREE_TEXT):
             raise LogError(
                 f"{location}: the lines `Data-Type` and {key!r} do not agree on which columns are "
-                "times. The file is damaged."
+                "times. The file is damaged. Export it again."
             )
     groups = [Group(start, stop) for start, stop in zip(starts, [*starts[1:], width], strict=True)]
     if any(group.stop - group.start < 2 for group in groups):
-        raise LogError(f"{location}: a time column without a channel.")
+        raise LogError(f"{location}: a time column without a channel. Export it again.")
     return meta, groups
 
 
@@ -185,7 +193,7 @@ def _rows(
         )
     rows = [line.split(separator) for line in lines if line != "EOF"]
     if not rows:
-        raise LogError(f"{file}: metadata but no data below them.")
+        raise LogError(f"{file}: metadata but no data below them. Export it again with the data.")
     return rows, number[: len(rows)]
 
 

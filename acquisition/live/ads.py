@@ -16,11 +16,11 @@ from acquisition.live.source import DeviceSilentError
 TIMEOUT_MS = 1000
 # What the common error codes of ADS mean for someone who stands at the machine.
 _MEANING = {
-    -1: "the connection was closed",
+    -1: "the connection was closed. Check the cable and TwinCAT",
     6: "nothing answers at that address. Is TwinCAT running, and this PC entered under its routes?",
     7: "not found. Is its net id right, and this PC entered under its routes?",
     1808: "it has no such variable. Is the program of docs/recorder.md loaded?",
-    1861: f"no answer within {TIMEOUT_MS / 1000:g} s",
+    1861: f"no answer within {TIMEOUT_MS / 1000:g} s. Is the PLC on, and its cable plugged in?",
 }
 
 
@@ -65,7 +65,9 @@ class AdsMemory:
         except (pyads.ADSError, RuntimeError) as error:
             raise DeviceSilentError(f"PLC {self._address}: {_words(error)}") from None
         if raw is None:
-            raise DeviceSilentError(f"PLC {self._address}: not connected")
+            raise DeviceSilentError(
+                f"PLC {self._address}: not connected. Check its power and its cable"
+            )
         return bytes(raw)
 
     def close(self) -> None:

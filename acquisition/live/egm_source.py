@@ -99,7 +99,7 @@ class EgmSource:
         if messages:
             self._heard = time.monotonic()
         elif self._last_seqno is not None and time.monotonic() - self._heard > SILENCE:
-            raise DeviceSilentError(f"no EGM message for {SILENCE:g} s")
+            raise DeviceSilentError(f"no EGM message for {SILENCE:g} s. Start EGM on the robot")
         return self._batch(messages, refused)
 
     def disconnect(self) -> None:

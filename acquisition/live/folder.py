@@ -81,7 +81,7 @@ class RecordingFolder:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What the recording still needs before it can be read, in words."""
+        """What the recording still needs before it can be read, as phrases."""
         return tuple(words for name, words in _MISSING.items() if name not in self._files)
 
     def _write(self, notes: str) -> None:

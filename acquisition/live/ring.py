@@ -107,7 +107,7 @@ class RingReader:
         if not np.array_equal(samples["sequence"], expected):
             raise DeviceSilentError(
                 "the ring's sequence numbers do not follow one another; the PLC's program was "
-                "changed"
+                "changed. End this recording and begin another"
             )
         lost = first + overwritten - self._next
         self._next = first + count
@@ -137,12 +137,13 @@ class RingReader:
         if layout != LAYOUT or capacity not in CAPACITIES:
             raise DeviceSilentError(
                 "the PLC's ring has another layout than that of docs/recorder.md, or its program "
-                "does not run yet"
+                "does not run yet. Load and start that program"
             )
         if not 0 < fitted < 32 or not 8 <= bits <= 13:
             raise DeviceSilentError(
                 f"the PLC's ring names no encoder, or none of an EL5021: fitted = {fitted}, bits = "
-                f"{bits}"
+                f"{bits}. "
+                "Correct them in the PLC's program"
             )
         encoders = Encoders(tuple(j for j in range(1, 6) if fitted >> (j - 1) & 1), bits)
         return _Header(capacity, int(raw["started"]), int(raw["written"]), encoders)

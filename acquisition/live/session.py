@@ -46,7 +46,7 @@ class LiveRecording:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What the recording still needs before it can be read, in words."""
+        """What the recording still needs before it can be read, as phrases."""
         return self._folder.missing
 
     def wait(self, seconds: float = POLL) -> bool:

@@ -41,7 +41,10 @@ def in_sequence(table: Table, sequence: str | None) -> Table:
     stamps = table.columns[STAMP]
     if stamps.size and stamps.min() < 0:
         row = int(np.argmin(stamps))
-        raise LogError(f"{table.location(row)}: time stamp {stamps[row] * 1e-9:.9g} s is negative.")
+        raise LogError(
+            f"{table.location(row)}: time stamp {stamps[row] * 1e-9:.9g} s is negative. "
+            "Log a clock that counts up from its start, or cut this row out."
+        )
     if sequence is None or sequence not in table.columns:
         return table
     return _by_sequence(table, sequence)
@@ -148,7 +151,8 @@ def join(tables: list[Table]) -> Table:
         if overlap >= 0.0:
             raise LogError(
                 f"{after.location(0)}: starts {amount(overlap)} before {before.files[0]} ends. "
-                "The files of one source must follow one another on one clock."
+                "The files of one source must follow one another on one clock. "
+                "Set it right at the logger, or make a recording of each file."
             )
     common = [name for name in ordered[0].columns if all(name in t.columns for t in tables)]
     index = np.repeat(np.arange(len(ordered), dtype=np.int64), [len(table) for table in ordered])
@@ -230,7 +234,7 @@ def _with_late_rows(
 
 
 def amount(seconds: float) -> str:
-    """A duration in words."""
+    """Text of a duration, such as `3.2 ms`."""
     if seconds >= 1.0 or seconds == 0.0:
         return f"{seconds:.6g} s"
     return f"{seconds * 1e3:.6g} ms" if seconds >= 1e-5 else f"{seconds * 1e9:.6g} ns"

@@ -78,28 +78,28 @@ def read_header(text: LogText, layout: Layout) -> Header:
     row, separator = _header_line(text, layout)
     line = _HeaderLine(text.file, row, int(text.number[row]), separator)
     cells = split_fields(text.lines[row], separator)
-    if all(is_number(name) for name in cells):
-        return _headerless(line, cells, layout)
-    names, glued = _without_glued_row(text, line, cells, layout)
-    findings = []
-    if glued:
-        sentence = "the header has no line end; the first row stands on its line."
-        lines = [line.number]
-        findings.append(
-            finding("header without line end", "repaired", text.file, sentence, lines=lines)
-        )
-    if row:
-        sentence = f"{row} lines before the header skipped."
-        lines = text.number[:row].tolist()
-        findings.append(finding("preamble", "repaired", text.file, sentence, lines=lines))
-    names, columns, positions, unused = _columns_in(line, names, layout)
+    headerless = all(is_number(name) for name in cells)
+    findings, glued = list[Finding](), ""
+    if headerless:
+        cells = _declared_names(line, cells, layout)
+    else:
+        cells, glued = _without_glued_row(text, line, cells, layout)
+        if glued:
+            kind = "header without line end"
+            sentence = "the header has no line end; the first row stands on its line."
+            findings.append(finding(kind, "repaired", text.file, sentence, lines=[line.number]))
+        if row:
+            sentence = f"{row} lines before the header skipped."
+            lines = text.number[:row]
+            findings.append(finding("preamble", "repaired", text.file, sentence, lines=lines))
+    names, columns, positions, unused = _columns_in(line, cells, layout)
     return Header(
         separator=separator,
         names=tuple(names),
         columns=columns,
         positions=positions,
-        row=row + 1,
-        line=text.lines[row],
+        row=row if headerless else row + 1,
+        line="" if headerless else text.lines[row],
         glued=glued,
         findings=(*findings, *unused),
     )
@@ -140,8 +140,8 @@ def _halves(selector: str, names: list[str], layout: Layout) -> bool:
     return bool(halves) and all(len(selectors.find(half, names)) == 1 for half in halves)
 
 
-def _headerless(line: _HeaderLine, cells: list[str], layout: Layout) -> Header:
-    """The columns of a file that begins with a row of numbers."""
+def _declared_names(line: _HeaderLine, cells: list[str], layout: Layout) -> list[str]:
+    """Names of the columns of a file that begins with a row of numbers: declared, or counted."""
     if layout.names is None and not layout.headerless:
         raise LogError(
             f"{line.location}: the first line holds numbers, not column names. Expected a header "
@@ -155,16 +155,7 @@ def _headerless(line: _HeaderLine, cells: list[str], layout: Layout) -> Header:
             f"{line.location}: {len(cells)} fields, but recording.yaml names {len(names)} columns. "
             "Name every column once, in their order."
         )
-    names, columns, positions, unused = _columns_in(line, names, layout)
-    return Header(
-        separator=line.separator,
-        names=tuple(names),
-        columns=columns,
-        positions=positions,
-        row=line.row,
-        line="",
-        findings=unused,
-    )
+    return names
 
 
 def _columns_in(
@@ -228,10 +219,14 @@ def _refuse_missing(
     if missing:
         shown = ", ".join(repr(name[:40]) for name in names[:12])
         if why := selectors.why_not(missing[0], names):
-            raise LogError(f"{line.location}:{why} The header has {shown}.")
+            raise LogError(
+                f"{line.location}:{why} The header has {shown}. "
+                "Name one of these in recording.yaml."
+            )
         raise LogError(
             f"{line.location}: {_columns(missing)} missing; the header has {shown}."
-            f"{_meant(missing[0], unused)}"
+            f"{_meant(missing[0], unused)} "
+            "Log them, or name the dialect of this file."
         )
 
 
@@ -265,7 +260,8 @@ def _refuse_several(
         selected = [selector for selector, several in positions.items() if several == [i]]
         if len(selected) > 1:
             raise LogError(
-                f"{line.location}: {' and '.join(selected)} are the same column {name!r}."
+                f"{line.location}: {' and '.join(selected)} are the same column {name!r}. "
+                "Name another column for one of them."
             )
 
 

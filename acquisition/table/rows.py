@@ -82,7 +82,10 @@ def plain_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
     """
     rows = _without_headers(_below_header(text, header), header.line)
     if not rows.lines:
-        raise LogError(f"{text.file}: a header but no complete row below it. Is the file cut off?")
+        raise LogError(
+            f"{text.file}: a header but no complete row below it. Is the file cut off? "
+            "Copy it again."
+        )
     if rows.separator == " ":
         tabbed = ["\t".join(line.split()) for line in rows.lines]
         rows = replace(rows, lines=tabbed, separator="\t")
@@ -152,7 +155,10 @@ def _full_rows(rows: _Lines, header: Header) -> _Lines:
     if torn.size > max(1.0, TORN_LIMIT * width.size):
         _refuse_widths(rows.take(torn), width[torn], header, total=width.size)
     if torn.size == width.size:
-        raise LogError(f"{rows.file}: the only row below the header is torn. Is the file cut off?")
+        raise LogError(
+            f"{rows.file}: the only row below the header is torn. Is the file cut off? "
+            "Copy it again."
+        )
     if not torn.size:
         return rows
     got = f"expected {rows.width} fields, got {width[torn[0]]}"
@@ -194,7 +200,8 @@ def _refuse_widths(
     raise LogError(
         f"{location}: {width.size} of {total} rows do not have the header's number of fields: "
         f"expected {expected} fields, got {width[0]}. More than {TORN_LIMIT:.0%} cannot be torn "
-        "lines: is this the file that the dialect describes?"
+        "lines: is this the file that the dialect describes? "
+        "If not, name its dialect; else copy it again."
     )
 
 

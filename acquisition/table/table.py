@@ -200,7 +200,10 @@ def _refuse_cell(rows: PlainRows, header: Header) -> NoReturn:
             wrong = _wrong_number(cells[position], kind) if kind != "text" else ""
             if wrong:
                 cell = written[position]
-                raise LogError(f"{rows.file}:{number}: column {name}: {cell!r} {wrong}")
+                raise LogError(
+                    f"{rows.file}:{number}: column {name}: {cell!r} {wrong} "
+                    "Correct the cell, or export the file again."
+                )
     raise LogError(f"{rows.file}: the table holds a cell that is no number. Export it again.")
 
 

@@ -77,10 +77,13 @@ def read_filled(path: Path, file: str) -> Content:
     Raises LogError if the file is missing, unreadable or empty.
     """
     if not path.is_file():
-        raise LogError(f"{file}: no such file (looked for {path}).")
+        raise LogError(
+            f"{file}: no such file (looked for {path}). "
+            "Correct the name in recording.yaml, or copy the file there."
+        )
     content = read_bytes(path, file)
     if not content.raw:
-        raise LogError(f"{file}: the file is empty.")
+        raise LogError(f"{file}: the file is empty. Copy it again from the logger.")
     return content
 
 
@@ -126,14 +129,22 @@ def read_bytes(path: Path, file: str) -> Content:
         raise LogError(f"{file}: packed in a way that is not read here. {remedy}")
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise LogError(f"{file}: more than {MOST_BYTES:_} bytes. Is it a log?")
+            raise LogError(
+                f"{file}: more than {MOST_BYTES:_} bytes. Is it a log? "
+                "Split it into one file a run."
+            )
         if suffix not in _PACKED:
             return Content(path.read_bytes())
         return _unpacked(_PACKED[suffix](path), file)
     except (gzip.BadGzipFile, lzma.LZMAError, zlib.error) as error:
-        raise LogError(f"{file}: is no {path.suffix} file, or damaged: {error}.") from None
+        raise LogError(
+            f"{file}: is no {path.suffix} file, or damaged: {error}. Copy it again."
+        ) from None
     except OSError as error:
-        raise LogError(f"{file}: cannot be read: {error.strerror or error}.") from None
+        raise LogError(
+            f"{file}: cannot be read: {error.strerror or error}. "
+            "Check its permissions, or copy it again."
+        ) from None
 
 
 def _unpacked(packed: Any, file: str) -> Content:
@@ -150,7 +161,10 @@ def _unpacked(packed: Any, file: str) -> Content:
                 break
             size += len(part)
             if size > MOST_BYTES:
-                raise LogError(f"{file}: unpacks to more than {MOST_BYTES:_} bytes. Is it a log?")
+                raise LogError(
+                    f"{file}: unpacks to more than {MOST_BYTES:_} bytes. Is it a log? "
+                    "Split it into one file a run."
+                )
             parts.append(part)
     return Content(b"".join(parts), tuple(findings))
 

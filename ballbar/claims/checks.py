@@ -83,10 +83,14 @@ def _ratio(check: Ratio, evidence: Evidence) -> Outcome:
     if above.keys() != below.keys():
         raise InputError(
             f"{check.each}: the runs of `of` have the values {list(above)}, those of `over` "
-            f"{list(below)}"
+            f"{list(below)}. "
+            "Make `rows` select the same values for both"
         )
     if not all(below.values()):
-        raise InputError(f"{check.column}: the runs of `over` have 0, so there is no ratio")
+        raise InputError(
+            f"{check.column}: the runs of `over` have 0, so there is no ratio. "
+            "Choose another column, or other runs for `over`"
+        )
     ratios = [above[value] / below[value] for value in above]
     least, most = check.at_least, check.at_most
     met = all((least is None or x >= least) and (most is None or x <= most) for x in ratios)
@@ -101,7 +105,10 @@ def _ratio(check: Ratio, evidence: Evidence) -> Outcome:
 def _ordered(check: Ordered, evidence: Evidence) -> Outcome:
     groups = [numbers(check, evidence.table, {check.by: value}) for value in check.order]
     if any(group.keys() != groups[0].keys() for group in groups):
-        raise InputError(f"{check.each}: not every group of {check.by} has the same values")
+        raise InputError(
+            f"{check.each}: not every group of {check.by} has the same values. "
+            "Let `rows` select runs with the same values"
+        )
     met = all(
         check.apart * low[value] <= high[value]
         for low, high in itertools.pairwise(groups)
@@ -119,7 +126,10 @@ def _monotonic(check: Monotonic, evidence: Evidence) -> Outcome:
     by_value = check.model_copy(update={"each": check.over})
     values = list(numbers(by_value, evidence.table).values())
     if len(values) < 2:
-        raise InputError(f"{check.over}: one value alone neither rises nor falls")
+        raise InputError(
+            f"{check.over}: one value alone neither rises nor falls. "
+            "Let `rows` select runs with several values"
+        )
     ordered = values if check.direction == "rising" else values[::-1]
     met = all((1.0 - check.tolerance) * a <= b for a, b in itertools.pairwise(ordered))
     ends = f"{_number(values[0])} to {_number(values[-1])}{unit_of(check.column)}"
@@ -132,7 +142,10 @@ def _among_largest(check: AmongLargest, evidence: Evidence) -> Outcome:
     known = {column.removeprefix("error.") for column in evidence.table.columns}
     for name in check.parameters:
         if not any(parameter.startswith(name) for parameter in known):
-            raise InputError(f"parameters: none of the identified ones is, or begins with, {name}")
+            raise InputError(
+                f"parameters: none of the identified ones is, or begins with, {name}. "
+                "Name one of the parameters of the sweep"
+            )
     share = sum(name.startswith(tuple(check.parameters)) for name in names) / len(names)
     met = check.at_least <= share <= check.at_most
     limits = f"{check.at_least:.0%} to {check.at_most:.0%}"

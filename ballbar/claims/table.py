@@ -80,7 +80,9 @@ def selected(table: pd.DataFrame, rows: Rows) -> pd.DataFrame:
         remaining = remaining[np.logical_or.reduce([_equal(entries, x) for x in choices])]
     if remaining.empty:
         conditions = ", ".join(f"{column} = {value}" for column, value in rows.items())
-        raise InputError(f"no run has {conditions}")
+        raise InputError(
+            f"no run has {conditions}. Correct these values, or run the sweep with them"
+        )
     return remaining
 
 
@@ -99,7 +101,8 @@ def numbers(measure: Measure, table: pd.DataFrame, *also: Rows) -> dict[Any, flo
         return {None: statistic(measure.statistic, _values(chosen, column))}
     if without := int(chosen[_known(chosen, measure.each)].isna().sum()):
         raise InputError(
-            f"{measure.each}: {without} of the {len(chosen)} selected runs have no such value"
+            f"{measure.each}: {without} of the {len(chosen)} selected runs have no such value. "
+            "Let `rows` select those that have one"
         )
     groups = chosen.groupby(measure.each, sort=True)
     return {value: statistic(measure.statistic, _values(rows, column)) for value, rows in groups}
@@ -154,6 +157,7 @@ def _values(rows: pd.DataFrame, column: str) -> Array:
     """(N,) values of a column, in the unit of its name."""
     if without := int(rows[column].isna().sum()):
         raise InputError(
-            f"{column}: {without} of the {len(rows)} selected runs have no such result"
+            f"{column}: {without} of the {len(rows)} selected runs have no such result. "
+            "Let `rows` select those that have one"
         )
     return rows[column].to_numpy(dtype=float)

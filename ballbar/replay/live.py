@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from ballbar.replay.arrangements import identify_layout
 from ballbar.replay.entities import CELL, CLOSURE_ERROR, TIMELINE, Branch
 from ballbar.replay.iterations import log_step
-from ballbar.replay.motion import CellMotion, thinning
+from ballbar.replay.motion import moving_cell, thinning
 from ballbar.replay.scene import log_path_so_far, log_poses, log_shapes
 from ballbar.replay.viewer import live_viewer
 from ballbar.replay.write import send_replay
@@ -20,7 +20,7 @@ from ballbar.result.iterations import Step
 from ballbar.result.run_data import RunData
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.geometry import Geometry
 
 APPLICATION = "ballbar-live"
 FLUSH = 5.0  # [s] for the window to take what it was sent
@@ -38,8 +38,7 @@ class LiveRun:
         """A stretch of the true motion; arguments as of `sim.motion.MotionCallback`."""
         # its last row is the first of the next stretch
         rows = np.unique(np.append(np.arange(0, t.size, thinning(t)), t.size - 1))
-        q, b = q[rows], b[rows]
-        motion = CellMotion(t[rows], q, robot_frames(geometry, q), b, bar_frames(geometry, b))
+        motion = moving_cell(geometry, t[rows], q[rows], b[rows])
         if not self._moved:
             self._stream.log(CELL, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             log_shapes(self._branch, cell, geometry, motion)

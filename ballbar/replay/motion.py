@@ -60,7 +60,12 @@ def cell_motion(fitted: FittedRecording) -> CellMotion:
     rows = np.arange(0, log.t.size, thinning(log.t))
     t, q = log.t[rows], log.q[rows]
     b = _bar_angles(fitted.estimate, fitted.recording.ballbar_log, t, q)
-    return CellMotion(t, q, robot_frames(geometry, q), b, bar_frames(geometry, b))
+    return moving_cell(geometry, t, q, b)
+
+
+def moving_cell(geometry: Geometry, t: Array, q: Array, b: Array) -> CellMotion:
+    """A mechanism at t (N,) [s], robot angles q (N, 6) [rad] and ball-bar angles b (N, 5) [rad]."""
+    return CellMotion(t=t, q=q, robot=robot_frames(geometry, q), b=b, bar=bar_frames(geometry, b))
 
 
 def thinning(t: Array) -> int:

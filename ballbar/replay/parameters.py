@@ -62,11 +62,11 @@ def parameter_table(data: RunData) -> ParameterTable:
     errors = data.comparison.deviations if data.comparison else {}
     names = tuple(name for name in ROWS if name in robot.sigma)
     return ParameterTable(
-        names,
-        np.array([(robot.geometry[n] - robot.nominal[n]) * MM for n in names]),
-        np.array([robot.sigma[n] * UM for n in names]),
-        np.array([errors.get(n, 0.0) * UM for n in names]),
-        bool(errors),
+        names=names,
+        moved=np.array([(robot.geometry[n] - robot.nominal[n]) * MM for n in names]),
+        sigma=np.array([robot.sigma[n] * UM for n in names]),
+        error=np.array([errors.get(n, 0.0) * UM for n in names]),
+        has_truth=bool(errors),
     )
 
 
@@ -103,7 +103,9 @@ def read_table(chunk: Chunk) -> ParameterTable:
     names, truth = (batch.column(name)[0].as_py() for name in ("names", "has_truth"))
     numbers = (batch.column(name)[0].as_py() for name in ("moved", "sigma", "error"))
     moved, sigma, error = (np.array(column, dtype=float) for column in numbers)
-    return ParameterTable(tuple(names), moved, sigma, error, bool(truth[0]))
+    return ParameterTable(
+        names=tuple(names), moved=moved, sigma=sigma, error=error, has_truth=bool(truth[0])
+    )
 
 
 def common_ends(tables: Sequence[ParameterTable]) -> tuple[float, float]:

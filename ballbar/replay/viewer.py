@@ -76,7 +76,10 @@ def serve_web(
             code = server.wait()
         except KeyboardInterrupt:
             return
-    raise ViewerError(f"{path}: the web viewer ended with code {code}.")
+    raise ViewerError(
+        f"{path}: the web viewer ended with code {code}. "
+        "Run the command again, or view without --web."
+    )
 
 
 @contextmanager
@@ -179,10 +182,16 @@ def _wait_for(server: subprocess.Popen[bytes], port: int, what: str) -> None:
     deadline = time.monotonic() + _START_TIMEOUT
     while time.monotonic() < deadline:
         if server.poll() is not None:
-            raise ViewerError(f"{what} ended with code {server.returncode} before it answered.")
+            raise ViewerError(
+                f"{what} ended with code {server.returncode} before it answered. "
+                "Run the command again; where it ends again, reinstall rerun-sdk."
+            )
         with socket.socket() as probe:
             probe.settimeout(0.2)
             if probe.connect_ex((LOOPBACK, port)) == 0:
                 return
         time.sleep(0.05)
-    raise ViewerError(f"{what} did not answer on port {port} within {_START_TIMEOUT:.0f} s.")
+    raise ViewerError(
+        f"{what} did not answer on port {port} within {_START_TIMEOUT:.0f} s. "
+        "Run the command again; where it stays silent, reinstall rerun-sdk."
+    )

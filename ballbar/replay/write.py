@@ -117,7 +117,14 @@ def _part(data: RunData, fitted: FittedRecording) -> _Part:
         truth = true_tool(simulation, estimate, motion.t)
         series |= truth_series(simulation, estimate, truth, motion.t)
     name = fitted.name if data.several else ""
-    return _Part(fitted, name or "Run", root_of(name), motion, truth, series)
+    return _Part(
+        fitted=fitted,
+        name=name or "Run",
+        root=root_of(name),
+        motion=motion,
+        truth=truth,
+        series=series,
+    )
 
 
 def _shown(replay: _Replay) -> list[Shown]:

@@ -153,7 +153,7 @@ def _group(
     """Digits follow the smallest sigma of the group: one of it in the value, two in the sigma."""
     is_length = parameters[0].is_length
     to_value, value_unit = (MM, "mm") if is_length else (180.0 / np.pi, "deg")
-    units = (value_unit, "mm", "µm") if is_length else (value_unit, "mrad", "µrad")
+    large, small = ("mm", "µm") if is_length else ("mrad", "µrad")
     sigmas = np.array([estimate.sigma[p.name] for p in parameters])
     digits = _Digits(
         to_value,
@@ -162,7 +162,9 @@ def _group(
         sigma=decimals_for(sigmas * UM, digits=2),
     )
     rows = tuple(_row(p, estimate, comparison, digits) for p in parameters)
-    return ParameterGroup(title, *units, rows)
+    return ParameterGroup(
+        title=title, value_unit=value_unit, deviation_unit=large, sigma_unit=small, rows=rows
+    )
 
 
 def _row(

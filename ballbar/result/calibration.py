@@ -1,4 +1,4 @@
-"""calibration.yaml: what one identification leaves behind (schema `ballbar-calibration/2`), SI units.
+"""calibration.yaml: the identified machine (schema `ballbar-calibration/2`), in SI units.
 
 What the recordings share stands once; encoder offsets, base pose and clock stand with each of them,
 also when there is only one.

@@ -46,7 +46,7 @@ class Comparison:
 def compare(
     model: UnloadedRobot, nominal: Geometry, reference: UnloadedRobot, names: Sequence[str]
 ) -> Comparison:
-    """Model and nominal robot against another identified robot; `names` are the parameters compared one by one."""
+    """Model and nominal robot against another identified robot, in the parameters of `names`."""
     return _compared(
         model,
         nominal,
@@ -64,7 +64,10 @@ def compare_with_truth(
     names: Sequence[str],
     clock: tuple[float, float] | None,
 ) -> Comparison:
-    """Model and nominal robot against what the recording was simulated from; clock : (offset [s], skew) as identified."""
+    """Model and nominal robot against what the recording was simulated from.
+
+    clock : (offset [s], skew [-]) as identified, or None
+    """
     reference = reference_of(truth)
     errors = (clock[0] - truth.offset, clock[1] - truth.skew) if clock else None
     actual = true_tool(model.cell, truth, reference, accuracy_grid(model.cell.robot))
@@ -91,7 +94,10 @@ def compare_kinematics(
     *,
     clock: tuple[float, float] | None = None,
 ) -> Comparison:
-    """Rigid robots against each other; clock : (offset [s], skew) errors, if both sides have a clock."""
+    """Rigid robots against each other.
+
+    clock : errors of (offset [s], skew [-]), if both sides have a clock
+    """
     actual = UnloadedRobot(cell, reference).tool(accuracy_grid(cell.robot))
     return _compared(UnloadedRobot(cell, model), nominal, reference, actual, names, clock)
 
@@ -118,7 +124,10 @@ def _compared(
 
 
 def reference_of(truth: Truth) -> Geometry:
-    """The true geometry as the declared directions of b2 and b4 describe it (their directions are a gauge)."""
+    """The true geometry as the declared directions of b2 and b4 describe it.
+
+    Which of the two directions is positive is a gauge: the logs do not tell.
+    """
     geometry = truth.geometry
     for joint in (2, 4):
         if truth.directions.get(f"b{joint}") == -1:

@@ -23,7 +23,7 @@ class IterationLog:
     def __init__(
         self, progress: Callable[[str], None], on_step: Callable[[int, Step], None] | None = None
     ) -> None:
-        """progress : called with every stage. on_step : called with every step and its number, from 1."""
+        """progress : called with every stage; on_step : with every step and its number, from 1."""
         self._progress, self._on_step = progress, on_step
         self._stage = ""
         self.steps: list[Step] = []

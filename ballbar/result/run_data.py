@@ -50,7 +50,7 @@ class RunData:
 
     @property
     def acceptable(self) -> bool:
-        """Whether the verdict is acceptable, every limit met, every held-out recording explained."""
+        """Whether verdict, limits and held-out recordings are all acceptable."""
         met = all(limit.met for limit in self.limits)
         explained = all(validation.outcome.acceptable for validation in self.validations)
         return self.identification.verdict.acceptable and met and explained

@@ -1,4 +1,4 @@
-"""Recording folders to an identified robot: one or several together, and held-out ones to try it on.
+"""Recording folders to an identified robot: one, or several in one fit, and held-out ones.
 
 Recordings that are fitted or validated together must be of the same robot, ball-bar and plate:
 their files must say so.
@@ -71,7 +71,8 @@ def distinct_names(folders: Sequence[Path]) -> list[str]:
     whole = [folder.resolve() for folder in folders]
     if twice := [str(folders[i]) for i, path in enumerate(whole) if path in whole[:i]]:
         raise InputError(
-            f"{twice[0]}: given twice. A recording counts once, and what was fitted proves nothing as held out."
+            f"{twice[0]}: given twice. A recording counts once, and what was fitted proves nothing "
+            "as held out."
         )
     names = [""] * len(whole)
     for parts in range(1, max(len(path.parts) for path in whole) + 1):
@@ -112,11 +113,13 @@ def _check_settings(settings: IdentifySettings, folders: Sequence[Path]) -> None
         or settings.rod_sigma_m is not None
     ):
         raise InputError(
-            "model dh has neither corrections nor loads nor a measured rod; leave them out, or choose model complete"
+            "model dh has neither corrections nor loads nor a measured rod; leave them out, or "
+            "choose model complete"
         )
     if len(folders) > 1:
         raise InputError(
-            f"model dh fits one recording, {len(folders)} were given; choose model complete, or identify each by itself"
+            f"model dh fits one recording, {len(folders)} were given; choose model complete, or "
+            "identify each by itself"
         )
 
 
@@ -134,7 +137,8 @@ def _check_same_cell(folders: Sequence[Path]) -> None:
         for what, name, here in pairs:
             if _identity(here, folder) != _identity(name, folders[0]):
                 raise InputError(
-                    f"{folder}: is of {what} {here}, {folders[0]} of {name}{', whose content differs' * (name == here)}. "
+                    f"{folder}: is of {what} {here}, {folders[0]} of {name}"
+                    f"{', whose content differs' * (name == here)}. "
                     "Recordings that belong together must be of the same robot, ball-bar and plate."
                 )
 
@@ -147,9 +151,11 @@ def _identity(name: str, folder: Path) -> object:
 def _check_force(settings: IdentifySettings, folder: Path, recording: Recording) -> None:
     if settings.force == "sensor" and recording.force_log is None:
         raise InputError(
-            f"{folder}: has no log of a force sensor (`sources.force` in recording.yaml); choose force auto, torque or none"
+            f"{folder}: has no log of a force sensor (`sources.force` in recording.yaml); choose "
+            "force auto, torque or none"
         )
     if settings.force == "torque" and recording.robot_log.torque is None:
         raise InputError(
-            f"{folder}: the robot's log has no motor torques (columns tau1 to tau6); choose force auto, sensor or none"
+            f"{folder}: the robot's log has no motor torques (columns tau1 to tau6); choose force "
+            "auto, sensor or none"
         )

@@ -1,9 +1,9 @@
-"""Where the true robot of a simulation puts its tool when it stands free: the reference of the TCP error.
+"""The TCP of a simulation's true robot without load: the reference of the TCP error.
 
-Its resolvers misread, its gears turn unevenly, yield to the weight of arm and plate, and lie at one
-end of their play; all of it is part of the map from logged angles to the tool, and an identified
-robot is judged by that map. Where hardly any weight presses on a gear, its play is counted in the
-middle (notes/identification sec. 1, metric).
+Resolver errors, transmission errors, compliance under the weight of arm and plate, and backlash are
+all part of the map from logged angles to the tool, and an identified robot is judged by that map.
+Where hardly any weight loads a gear, its backlash is counted in the middle (notes/identification
+sec. 1, metric).
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ from sim.truth import Truth
 
 
 def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
-    """(N, 3) [m] tool positions at logged joint angles q (N, 6) [rad], robot base frame; geometry : as the directions describe it."""
+    """(N, 3) [m] tool positions in the robot's base frame, at logged joint angles q (N, 6) [rad].
+
+    geometry : the true one, as the declared directions describe it (`reference_of`)
+    """
     robot, plant = cell.robot, truth.plant
     motors = q @ np.linalg.inv(robot.transmission)
     read = motors.copy()

@@ -37,7 +37,8 @@ def read_files(scenarios: Iterable[Mapping[str, Any]], folder: Path) -> Files:
                 contents[file] = (folder / file).read_bytes()
             except OSError as error:
                 raise InputError(
-                    f"{key} = {name!r}: {folder / file} cannot be read: {error.strerror}."
+                    f"{key} = {name!r}: {folder / file} cannot be read: {error.strerror}. "
+                    "Correct the name."
                 ) from None
     return tuple(sorted(contents.items()))
 

@@ -230,13 +230,15 @@ def _replaced(node: Value, path: list[str], value: Value, key: str) -> Any:
     if isinstance(node, list):
         if not head.isdecimal() or int(head) >= len(node):
             raise InputError(
-                f"{key}: the list has no item {head}; its {len(node)} items count from 0"
+                f"{key}: the list has no item {head}; its {len(node)} items count from 0. "
+                "Name one of these"
             )
         i = int(head)
         return [*node[:i], _replaced(node[i], rest, value, key), *node[i + 1 :]]
     if node is not None and not isinstance(node, dict):
         raise InputError(
-            f"{key}: the scenario has the value {node!r} above {head}, with no keys of its own"
+            f"{key}: the scenario has the value {node!r} above {head}, with no keys of its own. "
+            f"Name a key that the scenario has"
         )
     below = node or {}
     return {**below, head: _replaced(below.get(head), rest, value, key)}

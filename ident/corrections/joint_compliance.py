@@ -7,8 +7,8 @@ import numpy as np
 from cell.descriptions import Cell
 from ident.corrections.base import GEAR, Coefficient, Correction
 
-# Of the catalogue compliance: gears of one type scatter by about 30 % (notes/parameters,
-# robot_joint_stiffness), and the links' own compliance adds to it.
+# Of the catalogue compliance: gears of one class differ by a factor of 1.7 (notes/parameters,
+# "range of the stiffness"), and the links' own compliance adds to it.
 SPREAD = 0.5
 
 

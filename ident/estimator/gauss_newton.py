@@ -243,4 +243,7 @@ def _solved(matrix: Array, right: Array) -> Array:
     try:
         return np.asarray(cho_solve(cho_factor(matrix), right))
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise SingularError(f"the fit cannot be linearised: {error}") from None
+        raise SingularError(
+            f"the fit cannot be linearised: {error}. "
+            "Check the start values and the recording, or identify fewer parameters"
+        ) from None

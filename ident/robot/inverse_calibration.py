@@ -113,7 +113,7 @@ def _out_of_range(robot: Robot, q: Array, which: str) -> dict[int, str]:
         lower, upper = np.degrees(robot.axis_lower[axis]), np.degrees(robot.axis_upper[axis])
         faults[int(row)] = (
             f"axis {axis + 1} of the {which} target is {np.degrees(axes[row, axis]):.3f} deg, "
-            f"outside its range of {lower:.0f} to {upper:.0f} deg"
+            f"outside its range of {lower:.0f} to {upper:.0f} deg. Move the target."
         )
     return faults
 

@@ -22,7 +22,7 @@ class StepFault:
 
     @property
     def sentence(self) -> str:
-        """What happened, when, and that it was repaired."""
+        """The step fault as a sentence."""
         at = f"at t = {self.time:.2f} s"
         if self.kind == "clock":
             step = f"{self.size * 1e3:+.1f} ms (ball-bar's against robot's)"

@@ -118,7 +118,7 @@ def automatic_start(
     if encoders and not pairs:
         raise StartError(
             f"encoders {encoders} hold no complete gimbal: b1 with b2, or b4 with b5, is needed to "
-            "align the logs"
+            "align the logs. Declare both in recording.yaml"
         )
     if {1, 2, 4, 5} & set(encoders) != {j for pair in pairs for j in pair}:
         raise StartError(
@@ -133,7 +133,7 @@ def automatic_start(
     if not candidates:
         raise StartError(
             "no clock offset makes the two logs agree anywhere; are both of the same run, and is "
-            "the robot the right one?"
+            "the robot the right one? Name logs of one run, and its robot, in recording.yaml"
         )
     return _choice(candidates)
 
@@ -210,7 +210,8 @@ def _with_roll(
         return
     if not {1, 2, 4, 5} <= set(read):
         raise StartError(
-            "encoder b3 needs b1, b2, b4 and b5 beside it: its offset is read off against these"
+            "encoder b3 needs b1, b2, b4 and b5 beside it: its offset is read off against these. "
+            "Declare them in recording.yaml, or leave b3 out"
         )
     n = column[3].size
     first, last = max(0, -lag), min(n, rotation.shape[0] - lag)

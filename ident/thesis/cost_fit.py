@@ -28,8 +28,7 @@ from ident.estimator.identifiability import candidates
 from ident.thesis.costs import ENCODERS_NEEDED, ROD, Cost, CostName
 
 # The vector forms end a hundredth of a standard deviation from the minimum (ident.estimator.fit),
-# or
-# with a step of a thousandth of a nanometre.
+# or with a step of a thousandth of a nanometre.
 VECTOR_STOP = Stop(decrease=1e-4, whitened=False, step=1e-12)
 # The printed scalars end by relative decrease of cost and step, the usual defaults of a library.
 PRINTED_STOP = Stop(relative=1e-10)

@@ -3,7 +3,7 @@
 What the geometry is wrong by decides where that minimum lies, and the geometry was identified with
 the clocks still apart. Identifying and shifting in turns converges, but the unknown that both share
 goes down only by a constant factor a round. As a parameter of the same fit
-(ident.estimator.problem) the clock has no such limit.
+(ident.estimator.unknowns) the clock has no such limit.
 """
 
 from __future__ import annotations

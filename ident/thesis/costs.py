@@ -38,7 +38,7 @@ ENCODERS_NEEDED: dict[CostName, tuple[int, ...]] = {
     "position_angles": (1, 2, 4, 5),
     "transform": (1, 2, 3, 4, 5),
 }
-# not one of the thesis: the whole residual, weighed by its noise (ident.estimator.problem)
+# not one of the thesis: the whole residual, weighed by its noise (ident.estimator.whitening)
 ML = "ml"
 COSTS = (ML, *ENCODERS_NEEDED)
 EQUATIONS: dict[CostName, int] = {

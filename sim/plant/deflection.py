@@ -44,7 +44,7 @@ def deflect(
 
 
 def turning(axes: Array, points: Array, end: Array) -> Array:
-    """(K, 6, N) motion [m/rad, 1] of a point `end` for unit turns about K axes.
+    """(K, 6, N) motion [m/rad, -] of a point `end` for unit turns about K axes.
 
     axes : (K, 3, N) unit vectors. points : (K, 3, N) [m] on the axes. end : (3, N) [m].
     """

@@ -80,7 +80,9 @@ def _held(
         control = np.repeat(command[:, None], round(seconds / TIMESTEP), axis=1)
         states = rollout.rollout(model, data, states, control)[0][:, -1]
         if not np.isfinite(states).all():
-            raise PlantError("simulation of held poses diverged; a softer servo may help")
+            raise PlantError(
+                f"simulation of held poses diverged within {seconds} s; a softer servo may help"
+            )
         x = states[:, 1 : 1 + model.nq]
         gears = x[:, outputs] if elastic else x[:, links] @ robot.joint_to_gear
         shown = (gears - effects.transmission_error(gears)) @ robot.gear_to_joint

@@ -225,5 +225,6 @@ def check_motion(cell: Cell, motion: Motion) -> None:
             k = int(flipped[0])
             raise PlantError(
                 f"{name} passes its singularity at t = {motion.t[k]:.2f} s "
-                f"({np.degrees(angle[k]):.1f} deg): the configuration flips"
+                f"({np.degrees(angle[k]):.1f} deg): the configuration flips. "
+                "Move the ball-bar (cell.ballbar_position_m) or shrink the path"
             )

@@ -106,7 +106,8 @@ def equilibrium(plant: Plant, command: Array, q: Array, b: Array) -> Equilibrium
         x += share * step
         multipliers += share * (solution[active.size :] - multipliers)
     raise NoEquilibriumError(
-        f"statics: no equilibrium in {_MAX_STEPS} steps; loop open by {np.abs(closed).max():.3g}"
+        f"statics: no equilibrium in {_MAX_STEPS} steps; loop open by {np.abs(closed).max():.3g}. "
+        "Move the pose away from singularities, or start closer to it"
     )
 
 

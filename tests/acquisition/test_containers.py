@@ -1,4 +1,4 @@
-"""Logs that are no plain tables: every container gives what was written into it, and every kind of damage is seen."""
+"""Logs that are no plain tables: what was written comes back, and every kind of damage is seen."""
 
 from __future__ import annotations
 
@@ -68,9 +68,12 @@ def read(
 
 
 def equal(table: Table, written: Written, rows: slice = slice(None)) -> bool:
-    found, wanted = table.columns, {name: values[rows] for name, values in written.columns.items()}
-    return found.keys() == wanted.keys() and all(
-        found[name].dtype == values.dtype and np.array_equal(found[name], values)
+    columns, wanted = (
+        table.columns,
+        {name: values[rows] for name, values in written.columns.items()},
+    )
+    return columns.keys() == wanted.keys() and all(
+        columns[name].dtype == values.dtype and np.array_equal(columns[name], values)
         for name, values in wanted.items()
     )
 
@@ -102,7 +105,7 @@ def test_every_value_and_time_comes_back_exactly(kind: str, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("kind", ALL)
 def test_every_cut_is_seen(kind: str, tmp_path: Path) -> None:
-    """Whatever stands before the cut is read as it was written, with a finding, or the file is refused."""
+    """What stands before the cut is read as it was written, with a finding, or all is refused."""
     written = ALL[kind](tmp_path)
     for stop in range(0, len(written.content), max(len(written.content) // 40, 1)):
         try:
@@ -267,7 +270,10 @@ def test_one_damaged_json_line_is_dropped_and_reported(line: str, tmp_path: Path
 def test_bags_of_another_writer_come_back_exactly(
     storage: StoragePlugin, suffix: str, tmp_path: Path
 ) -> None:
-    """Two publishers on the topic: the robot with changing order of joints, and a gripper; and another topic beside them."""
+    """Two publishers on the topic: a robot with changing order of joints, and a gripper.
+
+    There is another topic beside them.
+    """
     folder, written = tmp_path / "bag", mcap()
     bag(folder, written, storage)
     made = Written(
@@ -361,13 +367,15 @@ GOOD = joint_state(EPOCH_NS, JOINTS, [0.0] * 6)
 DB3_REFUSED = {
     "a view that never ends": (
         script(
-            f"DROP TABLE messages; CREATE VIEW messages AS {ENDLESS} i AS id, 1 AS topic_id, 0 AS timestamp, x'' AS data FROM n"
+            f"DROP TABLE messages; CREATE VIEW messages AS {ENDLESS} i AS id, 1 AS topic_id, 0 AS "
+            "timestamp, x'' AS data FROM n"
         ),
         "without the plain tables",
     ),
     "a computed column": (
         script(
-            "DROP TABLE messages; CREATE TABLE messages(id INTEGER, topic_id INTEGER, data BLOB GENERATED ALWAYS AS (zeroblob(999999999)))"
+            "DROP TABLE messages; CREATE TABLE messages(id INTEGER, topic_id INTEGER, data BLOB "
+            "GENERATED ALWAYS AS (zeroblob(999999999)))"
         ),
         "without the plain tables",
     ),
@@ -399,7 +407,8 @@ DB3_REFUSED = {
     ),
     "the joints on two topics": (
         script(
-            "INSERT INTO topics SELECT 2, '/copy', type, serialization_format, '' FROM topics; UPDATE messages SET topic_id = 1 + id % 2"
+            "INSERT INTO topics SELECT 2, '/copy', type, serialization_format, '' FROM topics; "
+            "UPDATE messages SET topic_id = 1 + id % 2"
         ),
         "on several topics: /copy, /joint_states",
     ),
@@ -416,8 +425,9 @@ def test_hostile_and_damaged_databases_are_refused(what: str, tmp_path: Path) ->
 def test_reading_a_database_leaves_it_and_its_folder_alone(tmp_path: Path) -> None:
     def hostile(connection: sqlite3.Connection) -> None:
         connection.executescript(
-            "PRAGMA journal_mode = WAL; CREATE TABLE seen(i); CREATE VIEW v AS SELECT writefile('owned', 'x');"
-            "CREATE TRIGGER t AFTER INSERT ON messages BEGIN INSERT INTO seen VALUES (1); END;"
+            "PRAGMA journal_mode = WAL; CREATE TABLE seen(i); CREATE VIEW v AS SELECT "
+            "writefile('owned', 'x');CREATE TRIGGER t AFTER INSERT ON messages BEGIN INSERT INTO "
+            "seen VALUES (1); END;"
         )
 
     written = in_db3(tmp_path, hostile)
@@ -692,10 +702,10 @@ def test_scope_counters_become_encoder_angles(tmp_path: Path) -> None:
     fitted = {name: EncoderFitting(column=name, lines=3600, bits=12) for name in ("b1", "b2")}
     source = SourceFile(files=("bar.csv",), dialect="twincat-scope")
     log, _ = read_ballbar(tmp_path, source, fitted, robot_moves=True)
-    course = (counts() + 2**31) % 2**32 - 2**31
+    trajectory = (counts() + 2**31) % 2**32 - 2**31
     assert np.allclose(
         np.diff(log.angles, axis=0),
-        np.diff(course, axis=0) * 2.0 * np.pi / (3600 * 2**12),
+        np.diff(trajectory, axis=0) * 2.0 * np.pi / (3600 * 2**12),
         rtol=0.0,
         atol=1e-12,
     )

@@ -1,4 +1,4 @@
-"""Dialects of the user's own: columns by name, expression or number, any unit and separator; and what such a file may not do."""
+"""Dialects of the user's own: columns by name, expression or number, and what is refused."""
 
 from pathlib import Path
 
@@ -10,9 +10,9 @@ from acquisition import read_recording
 from acquisition.table.selectors import find, spread, why_not
 from cell.errors import DescriptionError, LogError
 from cell.robot_angles import joints_to_axes
-from tests.helpers.device_logs import ROBOT, ROBOT_T, joint_course, put, write
+from tests.helpers.device_logs import ROBOT, ROBOT_T, joint_trajectory, put, write
 
-AXES_DEG = np.rad2deg(joints_to_axes(ROBOT, joint_course(ROBOT_T)))
+AXES_DEG = np.rad2deg(joints_to_axes(ROBOT, joint_trajectory(ROBOT_T)))
 OWN = {
     "schema": "ballbar-dialect/1",
     "source": "robot",
@@ -43,7 +43,7 @@ def rows(
 
 def assert_read(folder: Path) -> None:
     log = read_recording(folder).robot_log
-    np.testing.assert_allclose(log.q, joint_course(ROBOT_T), atol=1e-12)
+    np.testing.assert_allclose(log.q, joint_trajectory(ROBOT_T), atol=1e-12)
     np.testing.assert_allclose(log.t, ROBOT_T, atol=1e-9)
 
 
@@ -143,7 +143,7 @@ def test_joint_2_comes_before_joint_10() -> None:
 def test_a_damaged_name_in_the_header_does_not_change_the_order_of_joints(damaged: str) -> None:
     names = [f"irb.joint[{k}].pos" for k in range(1, 7)]
     selectors = spread([r"re:^ir.*joint.*pos"], 6)
-    assert [find(one, names) for one in selectors] == [[k] for k in range(6)]
+    assert [find(selector, names) for selector in selectors] == [[k] for k in range(6)]
     names[2] = damaged
-    assert [find(one, names) for one in selectors] == [[]] * 6
+    assert [find(selector, names) for selector in selectors] == [[]] * 6
     assert "not alike but for one number that counts on" in why_not(selectors[0], names)

@@ -92,17 +92,17 @@ def random_message(rng: np.random.Generator) -> bytes:
 
 
 def assert_as_protobuf(message: bytes) -> None:
-    found, robot = decode(message), ROBOT.FromString(message)
+    feedback_read, robot = decode(message), ROBOT.FromString(message)
     header, feedback = robot.header, robot.feedBack
-    assert found.seqno == (header.seqno if header.HasField("seqno") else None)
-    assert found.tm_ms == (header.tm if header.HasField("tm") else None)
-    assert found.joints_deg == tuple(feedback.joints.joints)
+    assert feedback_read.seqno == (header.seqno if header.HasField("seqno") else None)
+    assert feedback_read.tm_ms == (header.tm if header.HasField("tm") else None)
+    assert feedback_read.joints_deg == tuple(feedback.joints.joints)
     if feedback.HasField("timeStamp"):
-        assert found.time_ns == feedback.timeStamp.sec * 10**9 + feedback.timeStamp.nsec
+        assert feedback_read.time_ns == feedback.timeStamp.sec * 10**9 + feedback.timeStamp.nsec
     elif feedback.HasField("time"):
-        assert found.time_ns == feedback.time.sec * 10**9 + feedback.time.usec * 1000
+        assert feedback_read.time_ns == feedback.time.sec * 10**9 + feedback.time.usec * 1000
     else:
-        assert found.time_ns is None
+        assert feedback_read.time_ns is None
 
 
 def test_messages_of_protobuf_are_decoded_as_protobuf_does() -> None:
@@ -153,7 +153,7 @@ def test_damaged_messages_give_what_protobuf_gives_or_an_error() -> None:
             else bytes(message)
         )
         try:
-            found = decode(damaged)
+            feedback_read = decode(damaged)
         except LogError:
             refused += 1
             continue
@@ -161,7 +161,7 @@ def test_damaged_messages_give_what_protobuf_gives_or_an_error() -> None:
             robot = ROBOT.FromString(damaged)
         except DecodeError:
             continue  # damage in what we skip: poses, planned positions
-        assert found.joints_deg == tuple(robot.feedBack.joints.joints)
+        assert feedback_read.joints_deg == tuple(robot.feedBack.joints.joints)
         equal += 1
     assert equal > 300
     assert refused > 300

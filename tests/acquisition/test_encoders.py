@@ -1,4 +1,4 @@
-"""Encoders: counter words become the angles they stand for, and what the terminal marks as faulty never becomes an angle."""
+"""Encoders: counter words become angles, what the terminal marks as faulty never does."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def table_of(**columns: np.ndarray) -> Table:
 
 
 def turning(*, period: float = 0.01, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, and counts of two encoders turning to and fro by 1 rad within the speed of a ball-bar."""
+    """Times, and counts of two encoders that turn to and fro by 1 rad as a ball-bar does."""
     t = period * np.arange(count)
     per_rad = LINES * 2**BITS / (2 * np.pi)
     return (
@@ -142,18 +142,21 @@ def test_an_encoder_that_jumps_all_the_time_is_declared_wrongly() -> None:
     t, first, _ = turning()
     with pytest.raises(
         LogError,
-        match=r"raw/bar.csv:\d+: encoder b1 jumps by -?\d.* rad within 0.01 ms .* such rows.*lines and bits",
+        match=(
+            r"raw/bar.csv:\d+: encoder b1 jumps by -?\d.* rad within 0.01 ms .* such rows.*lines "
+            r"and bits"
+        ),
     ):
         encoder_angles(table_of(b1=first % 2**32), 1e-3 * t, fitted("b1"), robot_moves=True)
 
 
 def test_counters_that_start_near_zero_after_a_pause_were_switched_off() -> None:
-    near, far = 4 * 2**BITS, 400 * 2**BITS
+    close, far = 4 * 2**BITS, 400 * 2**BITS
     names = fitted("b1", "b2")
-    words = np.array([[far, 3], [near, 2**32 - 5], [far + 9, 2]])
+    words = np.array([[far, 3], [close, 2**32 - 5], [far + 9, 2]])
     assert powered_up(words, names, 0, 1)
     assert not powered_up(words, names, 0, 2)  # went on counting
-    assert not powered_up(words, names, 1, 1)  # was near zero before
+    assert not powered_up(words, names, 1, 1)  # was close zero before
     assert not powered_up(words, names, None, 1)
 
 

@@ -1,4 +1,4 @@
-"""What goes wrong in the field, fault by fault: each is repaired and reported, or refused in words; nothing wrong gets through.
+"""What goes wrong in the field, fault by fault: repaired and reported, or refused.
 
 The order is that of notes/log_formats sec. H.5.
 """
@@ -24,15 +24,15 @@ from tests.helpers.device_logs import (
     PER_RAD,
     ROBOT,
     ROBOT_T,
-    bar_course,
     bar_lines,
+    bar_trajectory,
     change_line,
-    found,
-    joint_course,
+    joint_trajectory,
     motor_rows,
     put,
     robot_lines,
     stamped,
+    summaries,
     write,
 )
 
@@ -40,7 +40,7 @@ TORQUES = [f"tau{i}" for i in range(1, 7)]
 
 
 def kinds(recording: Recording) -> list[str]:
-    return [one[0] for one in found(recording)]
+    return [entry[0] for entry in summaries(recording)]
 
 
 def bar_angles(recording: Recording) -> np.ndarray:
@@ -49,15 +49,15 @@ def bar_angles(recording: Recording) -> np.ndarray:
 
 
 def sentence(recording: Recording, kind: str) -> str:
-    return next(one.sentence for one in recording.report.findings if one.kind == kind)
+    return next(entry.sentence for entry in recording.report.findings if entry.kind == kind)
 
 
 def assert_rows(recording: Recording, rows: np.ndarray) -> None:
-    """The ball-bar's log is that of these rows of the course, half a count off."""
+    """The ball-bar's log is that of these rows of the trajectory, half a count off."""
     log = recording.ballbar_log
     assert log is not None
     np.testing.assert_allclose(log.t, BAR_T[rows] - BAR_T[rows[0]], atol=1e-9)
-    off = log.angles - bar_course(BAR_T)[rows]
+    off = log.angles - bar_trajectory(BAR_T)[rows]
     np.testing.assert_allclose(
         off, np.broadcast_to(np.round(off[0] * PER_RAD) / PER_RAD, off.shape), atol=1.1 / PER_RAD
     )
@@ -73,7 +73,9 @@ def test_a_header_without_line_end_gives_its_first_row_back(tmp_path: Path) -> N
     lines = bar_lines()
     recording = read_recording(write(tmp_path, ballbar=[lines[0] + lines[1], *lines[2:]]))
     assert_rows(recording, ALL)
-    assert found(recording) == [("header without line end", "repaired", "raw/ballbar.csv", (1,), 1)]
+    assert summaries(recording) == [
+        ("header without line end", "repaired", "raw/ballbar.csv", (1,), 1)
+    ]
     assert recording.ballbar_log.flags[0] == RowFlag.REPAIRED
 
 
@@ -93,7 +95,10 @@ def test_a_file_without_header_is_read_by_the_names_that_the_recording_gives(
     )
     with pytest.raises(
         LogError,
-        match=r"raw/ballbar.csv:1: the first line holds numbers, not column names.*name all its columns",
+        match=(
+            r"raw/ballbar.csv:1: the first line holds numbers, not column names.*name all its "
+            r"columns"
+        ),
     ):
         read_recording(write(tmp_path, ballbar=bar_lines()[1:]))
     with pytest.raises(
@@ -112,7 +117,7 @@ def test_a_header_that_stands_again_begins_a_segment(tmp_path: Path) -> None:
     lines = bar_lines()
     recording = read_recording(write(tmp_path, ballbar=[*lines[:100], lines[0], *lines[100:]]))
     assert_rows(recording, ALL)
-    assert found(recording) == [("header again", "repaired", "raw/ballbar.csv", (101,), 1)]
+    assert summaries(recording) == [("header again", "repaired", "raw/ballbar.csv", (101,), 1)]
     assert segment_starts(recording.ballbar_log.segment) == (99,)
 
 
@@ -180,8 +185,8 @@ def other_numbers(
     )
 
 
-AXES = joints_to_axes(ROBOT, joint_course(ROBOT_T))
-MOTORS = joints_to_motors(ROBOT, joint_course(ROBOT_T))
+AXES = joints_to_axes(ROBOT, joint_trajectory(ROBOT_T))
+MOTORS = joints_to_motors(ROBOT, joint_trajectory(ROBOT_T))
 
 
 def test_angles_are_read_as_their_dialect_declares_them(tmp_path: Path) -> None:
@@ -193,7 +198,7 @@ def test_angles_are_read_as_their_dialect_declares_them(tmp_path: Path) -> None:
             "TIMESTAMP,R_FB_POS_RJ1,R_FB_POS_RJ2,R_FB_POS_RJ3,R_FB_POS_RJ4,R_FB_POS_RJ5,R_FB_POS_RJ6",
             1e3,
         ),
-        (joint_course(ROBOT_T), "joint-rad", "time,q1,q2,q3,q4,q5,q6", 1.0),
+        (joint_trajectory(ROBOT_T), "joint-rad", "time,q1,q2,q3,q4,q5,q6", 1.0),
         (MOTORS, "canonical-robot", "t_ns,m1,m2,m3,m4,m5,m6", 1e9),
         (
             MOTORS[:, [1, 0, 3, 2, 5, 4]],
@@ -204,7 +209,7 @@ def test_angles_are_read_as_their_dialect_declares_them(tmp_path: Path) -> None:
         ),
     ):
         log = other_numbers(tmp_path, values, dialect, names, ticks=ticks).robot_log
-        np.testing.assert_allclose(log.q, joint_course(ROBOT_T), atol=1e-12)
+        np.testing.assert_allclose(log.q, joint_trajectory(ROBOT_T), atol=1e-12)
         np.testing.assert_allclose(
             log.t, ROBOT_T if ticks != 1e3 else np.rint(ROBOT_T * 1e3) / 1e3, atol=1e-12
         )
@@ -222,7 +227,7 @@ def test_angles_are_read_as_their_dialect_declares_them(tmp_path: Path) -> None:
             "Motor angles in degrees where axis angles in degrees are declared",
         ),
         (MOTORS, "joint-rad", "Or motor angles in rad"),
-        (np.rad2deg(joint_course(ROBOT_T)), "joint-rad", "Degrees where radians are declared"),
+        (np.rad2deg(joint_trajectory(ROBOT_T)), "joint-rad", "Degrees where radians are declared"),
     ],
 )
 def test_another_unit_or_side_is_refused_with_what_it_may_be(
@@ -251,7 +256,10 @@ def test_torques_that_no_motor_has_are_refused(tmp_path: Path) -> None:
     ]
     with pytest.raises(
         LogError,
-        match=r"raw/robot.csv:\d+: column tau\d: .* N m at the motor would be .*At the gear's output",
+        match=(
+            r"raw/robot.csv:\d+: column tau\d: .* N m at the motor would be .*At the gear's "
+            r"output"
+        ),
     ):
         read_recording(write(tmp_path, robot=[f"{robot_lines()[0]},{','.join(TORQUES)}", *rows]))
 
@@ -261,12 +269,12 @@ def test_numbers_that_stand_for_none_are_left_out(tmp_path: Path) -> None:
     lines[1:4] = [stamped("0,0,0,0,0,0,0", 99.98 + 0.004 * k) for k in range(3)]
     lines[200] = stamped("0,9E9,0,0,0,0,0", lines[200].split(",")[0])
     recording = read_recording(write(tmp_path, robot=lines))
-    assert found(recording)[:2] == [
+    assert summaries(recording)[:2] == [
         ("sentinel", "repaired", "raw/robot.csv", (201,), 1),
         ("zeros at the start", "repaired", "raw/robot.csv", (2, 3, 4), 3),
     ]
     np.testing.assert_allclose(
-        recording.robot_log.q, joint_course(np.delete(ROBOT_T, [0, 1, 2, 199])), atol=1e-12
+        recording.robot_log.q, joint_trajectory(np.delete(ROBOT_T, [0, 1, 2, 199])), atol=1e-12
     )
     assert recording.robot_log.flags is not None
     assert np.flatnonzero(recording.robot_log.flags & np.uint32(RowFlag.SENTINEL)).tolist() == [
@@ -274,7 +282,7 @@ def test_numbers_that_stand_for_none_are_left_out(tmp_path: Path) -> None:
         196,
     ]  # the rows behind
     absent = motor_rows(
-        np.where(np.arange(6) == 5, 9e9, joints_to_motors(ROBOT, joint_course(ROBOT_T)))
+        np.where(np.arange(6) == 5, 9e9, joints_to_motors(ROBOT, joint_trajectory(ROBOT_T)))
     )
     with pytest.raises(LogError, match=r"raw/robot.csv:2: column m6: 9E9 in every row"):
         read_recording(write(tmp_path, robot=absent))
@@ -362,7 +370,7 @@ def test_a_time_in_two_halves_is_put_together(tmp_path: Path) -> None:
         ([f"DT#{text[:19]}" for text in DATES], None, "The clock is too coarse for the rows"),
     ],
 )
-def test_stamps_that_cannot_be_told_are_refused(
+def test_stamps_that_are_ambiguous_are_refused(
     tmp_path: Path, cells: list[object], declared: str | None, message: str
 ) -> None:
     change = put("sources", "ballbar", "time", value=declared) if declared else id
@@ -379,7 +387,7 @@ def test_stamps_that_a_spreadsheet_rounded_to_less_than_a_millisecond_are_read_a
     )
     assert recording.ballbar_log is not None
     assert np.abs(recording.ballbar_log.t - BAR_T).max() < 1.1e-4  # 1000 ticks of 100 ns
-    assert found(recording) == [
+    assert summaries(recording) == [
         ("rounded stamp", "repaired", "raw/ballbar.csv", (2, 3, 4, 5, 6), 300)
     ]
 
@@ -390,7 +398,13 @@ def test_a_damaged_stamp_is_left_out(tmp_path: Path) -> None:
             write(tmp_path, ballbar=change_line(bar_lines(), 100, stamped(bar_lines()[99], stamp)))
         )
         assert_rows(recording, np.delete(ALL, 98))
-        assert found(recording)[0] == ("damaged stamp", "repaired", "raw/ballbar.csv", (100,), 1)
+        assert summaries(recording)[0] == (
+            "damaged stamp",
+            "repaired",
+            "raw/ballbar.csv",
+            (100,),
+            1,
+        )
 
 
 def test_rows_out_of_order_are_put_in_order_by_their_sequence_number_only(tmp_path: Path) -> None:
@@ -406,7 +420,10 @@ def test_rows_out_of_order_are_put_in_order_by_their_sequence_number_only(tmp_pa
         shuffled[k], shuffled[k + 1] = shuffled[k + 1], shuffled[k]
     with pytest.raises(
         LogError,
-        match=r"stands out of the order of its neighbours, and so in 13 of 300 rows.*sequence number",
+        match=(
+            r"stands out of the order of its neighbours, and so in 13 of 300 rows.*sequence "
+            r"number"
+        ),
     ):
         read_recording(write(tmp_path, ballbar=shuffled))
 
@@ -417,7 +434,7 @@ def test_a_message_that_was_read_twice_is_dropped_by_its_sequence_number(tmp_pat
     lines.insert(51, stamped(lines[50], EPOCH + 494_000_000))
     recording = read_recording(write(tmp_path, ballbar=lines))
     assert_rows(recording, ALL)
-    assert found(recording) == [("row read twice", "repaired", "raw/ballbar.csv", (52,), 1)]
+    assert summaries(recording) == [("row read twice", "repaired", "raw/ballbar.csv", (52,), 1)]
 
 
 # --- segments
@@ -427,7 +444,7 @@ def test_a_clock_that_was_set_back_while_the_motion_goes_on_is_joined(tmp_path: 
     stamps = [EPOCH + 10_000_000 * i - (40_000_000 if i >= 180 else 0) for i in range(300)]
     recording = read_recording(write(tmp_path, ballbar=with_times(stamps)))
     assert_rows(recording, ALL)
-    assert found(recording) == [("clock set back", "repaired", "raw/ballbar.csv", (182,), 1)]
+    assert summaries(recording) == [("clock set back", "repaired", "raw/ballbar.csv", (182,), 1)]
     assert "set back by 30 ms while the motion went on" in sentence(recording, "clock set back")
     assert segment_starts(recording.ballbar_log.segment) == (180,)
 
@@ -440,14 +457,14 @@ def test_a_robot_clock_that_was_set_back_is_joined_too(tmp_path: Path) -> None:
     lines[1:500] = [stamped(line, float(line.split(",")[0]) + 10_000.0) for line in lines[1:500]]
     recording = read_recording(write(tmp_path, robot=lines))
     np.testing.assert_allclose(recording.robot_log.t, ROBOT_T, atol=2e-9)
-    np.testing.assert_allclose(recording.robot_log.q, joint_course(ROBOT_T), atol=1e-12)
+    np.testing.assert_allclose(recording.robot_log.q, joint_trajectory(ROBOT_T), atol=1e-12)
     assert kinds(recording) == ["clock set back"]
 
 
 def test_a_logger_that_started_anew_leaves_the_longer_part_and_says_what_is_not_used(
     tmp_path: Path,
 ) -> None:
-    """Its clock starts at power-up, and the mechanism moved on unseen: time between the parts is unknown."""
+    """Its clock starts at power-up, and the mechanism moved on: the time between is unknown."""
     stamps = [10_000_000 * (i + 500) for i in range(100)] + [10_000_000 * i for i in range(200)]
     lines = with_times(stamps)
     moved = [line.split(";") for line in lines[101:]]
@@ -459,7 +476,7 @@ def test_a_logger_that_started_anew_leaves_the_longer_part_and_says_what_is_not_
         write(tmp_path, ballbar=lines, change=put("sources", "ballbar", "time", value="ns"))
     )
     assert_rows(recording, ALL[100:])
-    assert found(recording) == [
+    assert summaries(recording) == [
         ("logger restarted", "warning", "raw/ballbar.csv", (102,), 1),
         ("part not used", "repaired", "raw/ballbar.csv", (2,), 100),
     ]
@@ -535,7 +552,7 @@ def test_a_wrapping_counter_goes_on_and_signed_logs_are_the_same(tmp_path: Path)
     assert_rows(read_recording(write(tmp_path, ballbar=[offset[0], *signed])), ALL)
 
 
-def test_a_stamp_that_goes_far_back_at_standstill_tells_nothing_of_the_time_between(
+def test_a_stamp_that_goes_far_back_in_a_dwell_shows_nothing_of_the_time_between(
     tmp_path: Path,
 ) -> None:
     standing = np.where(BAR_T < 1.0, BAR_T, np.maximum(BAR_T - 1.0, 1.0))
@@ -573,4 +590,4 @@ def test_an_irregular_stamp_in_a_regular_log_is_warned_of(tmp_path: Path) -> Non
     t = BAR_T.copy()
     t[150:] += 0.0007
     recording = read_recording(write(tmp_path, ballbar=bar_lines(t)))
-    assert found(recording) == [("irregular stamp", "warning", "raw/ballbar.csv", (152,), 1)]
+    assert summaries(recording) == [("irregular stamp", "warning", "raw/ballbar.csv", (152,), 1)]

@@ -1,4 +1,4 @@
-"""The live recorder on loopback: nothing lost, nothing doubled, files that can be read wherever the recording broke off."""
+"""The live recorder on loopback: nothing lost or doubled, files readable wherever it broke off."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def sample_numbers(raw: bytes, plc: Plc) -> list[int]:
 
 
 def assert_made_by(raw: bytes, plc: Plc) -> tuple[int, int]:
-    """A file is what the PLC made, byte by byte, from its first sample to its last; their numbers."""
+    """Numbers of the samples in a file, which is what the PLC made, byte by byte."""
     numbers = sample_numbers(raw, plc)
     assert raw == text_of(plc_samples(numbers[0], numbers[-1] - numbers[0] + 1, plc.period_ns))
     return numbers[0], numbers[-1]
@@ -108,7 +108,7 @@ def recorder_command(folder: Path, plc: Plc) -> list[str]:
 
 
 def with_robot_log(folder: Path) -> Path:
-    """The recording, with the robot's log added by hand as the recorder asks for."""
+    """The recording, with the robot's log added manually as the recorder asks for."""
     t = np.arange(200) * 0.004032
     motors = np.sin(np.outer(t, np.arange(1, 7))) * 20.0
     rows = [
@@ -204,7 +204,7 @@ def test_samples_that_the_ring_could_not_hold_are_counted_as_lost(
 
 @pytest.mark.slow
 def test_kill_9_loses_at_most_the_last_poll(address: str, tmp_path: Path) -> None:
-    """A poll is on disk before the next one begins; with 0.1 s between them and a machine that keeps up that is 0.2 s at most."""
+    """A poll is on disk before the next begins: within 0.2 s, on a machine that keeps up."""
     folder, file = tmp_path / "r", tmp_path / "r" / "raw" / "ballbar.csv"
     with Plc(address, 1000) as plc:
         recorder = subprocess.Popen(
@@ -329,7 +329,7 @@ def test_what_is_no_egm_message_or_comes_from_elsewhere_is_left_out_and_counted(
     ]
 
 
-def test_the_receiver_listens_on_this_machine_alone_unless_told_otherwise(egm: EgmSource) -> None:
+def test_the_receiver_listens_on_this_machine_alone_by_default(egm: EgmSource) -> None:
     host, port = egm.address
     assert host == "127.0.0.1"
     with pytest.raises(InputError, match=rf"--egm 127.0.0.1:{port}: another program listens there"):
@@ -486,10 +486,10 @@ def test_a_robot_file_of_the_user_s_own_goes_into_the_recording(tmp_path: Path) 
         beat.set()
         sending.join()
     assert code == 0
-    told = json.loads(out)
-    assert told["recording"] == str(folder)
-    assert told["sources"]["robot"]["records"] > 5
-    assert told["sources"]["robot"]["lost"] == 0
+    reported = json.loads(out)
+    assert reported["recording"] == str(folder)
+    assert reported["sources"]["robot"]["records"] > 5
+    assert reported["sources"]["robot"]["lost"] == 0
     assert load_recording_file(folder).robot == "mine.yaml"
     assert (folder / "mine.yaml").read_bytes() == mine.read_bytes()
 
@@ -553,7 +553,7 @@ SIZES = {"ULINT": "<u8", "UDINT": "<u4", "UINT": "<u2"}
 
 
 def structure(name: str) -> np.dtype[np.void]:
-    """A structure of the Structured Text listing, members at their natural alignment as TwinCAT places them."""
+    """A structure of the Structured Text listing, members aligned as TwinCAT does it."""
     listing = DOCUMENT.read_text()
     body = re.search(rf"TYPE ST_{name} :\nSTRUCT\n(.*?)END_STRUCT", listing, re.DOTALL)
     assert body

@@ -1,4 +1,4 @@
-"""The PLC's ring buffer: each sample once and whole, or counted as lost, whatever the PLC does between two reads."""
+"""The PLC's ring buffer: each sample once and whole, or counted as lost."""
 
 from __future__ import annotations
 

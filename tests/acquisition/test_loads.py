@@ -1,4 +1,4 @@
-"""Logged loads: motor torques and the force sensor's log are read as they were written, and bad ones refused in words."""
+"""Logged loads: motor torques and force logs are read as written, and bad ones refused."""
 
 import re
 from collections.abc import Callable
@@ -21,12 +21,12 @@ from tests.helpers.device_logs import (
     WRENCH_HEADER,
     change_line,
     force_lines,
-    found,
-    joint_course,
+    joint_trajectory,
     put,
     robot_lines,
     stamped,
-    wrench_course,
+    summaries,
+    wrench_trajectory,
     write,
 )
 from tests.helpers.simulated_recordings import Recorded, record, settings
@@ -44,15 +44,15 @@ PERFECT = {
 }
 
 
-def motor_torque_course() -> np.ndarray:
-    """(N, 6) [N m at the motor], another one for each motor."""
+def motor_torque_trajectory() -> np.ndarray:
+    """(N, 6) [N m at the motor], different for each motor."""
     return np.random.default_rng(3).normal(0.0, 2.0, (ROBOT_T.size, 6)) + np.arange(6)
 
 
 def torque_lines(names: list[str] = TAU) -> list[str]:
     """The robot log with a column of torques for each name."""
     lines = robot_lines()
-    cells = (",".join(map(repr, row[: len(names)])) for row in motor_torque_course().tolist())
+    cells = (",".join(map(repr, row[: len(names)])) for row in motor_torque_trajectory().tolist())
     return [
         ",".join((lines[0], *names)),
         *(f"{line},{added}" for line, added in zip(lines[1:], cells, strict=True)),
@@ -108,13 +108,13 @@ def test_a_simulated_force_log_is_read_as_it_was_written(loaded: Recorded) -> No
     assert [
         (file.file, file.source, file.rows_read, file.rows_kept) for file in recording.report.files
     ][2:] == [("raw/force.csv", "force", stamps.size, stamps.size)]
-    assert [one for one in recording.report.findings if one.file == "raw/force.csv"] == []
+    assert [entry for entry in recording.report.findings if entry.file == "raw/force.csv"] == []
 
 
 def test_simulated_torques_and_forces_are_those_of_the_plant(
     loaded: Recorded, tmp_path: Path
 ) -> None:
-    """Same run, loggers without noise, gain or bias: what is read at the gears and at the flange is the plant's own."""
+    """Same run, loggers without noise, gain or bias: the loads read are those of the plant."""
     perfect = settings(logs=PERFECT)
     truth = loaded.simulation.truth
     quiet = truth.logs.model_copy(update={"loads": drawn_loads(perfect.logs, perfect.seed)})
@@ -158,10 +158,10 @@ def test_logs_without_loads_have_none(recorded: Recorded) -> None:
 
 @pytest.mark.parametrize("robot", ["irb2400", "nj220"])
 def test_gears_pass_on_the_power_of_the_motors(tmp_path: Path, robot: str) -> None:
-    """Torque times turn is the same at each motor and at its gear's output, whatever sign and ratio the gear has."""
+    """Torque times turn is the same at each motor and at its gear's output."""
     described = load_robot(robot)
-    motors = np.linalg.solve(described.transmission.T, joint_course(ROBOT_T).T).T
-    torques = motor_torque_course()
+    motors = np.linalg.solve(described.transmission.T, joint_trajectory(ROBOT_T).T).T
+    torques = motor_torque_trajectory()
     rows = np.column_stack((100.0 + ROBOT_T, motors, torques)).tolist()
     lines = [",".join((robot_lines()[0], *TAU)), *(",".join(map(repr, row)) for row in rows)]
     log = read_recording(write(tmp_path, robot=lines, change=put("robot", value=robot))).robot_log
@@ -180,10 +180,12 @@ def test_torque_columns_stand_anywhere_and_bring_no_finding(tmp_path: Path) -> N
     shuffled = [";".join(line.split(",")[i] for i in order) for line in torque_lines()]
     recording = read_recording(write(tmp_path, robot=shuffled))
     np.testing.assert_allclose(
-        recording.robot_log.torque, motor_torque_course() / np.diag(ROBOT.transmission), rtol=1e-15
+        recording.robot_log.torque,
+        motor_torque_trajectory() / np.diag(ROBOT.transmission),
+        rtol=1e-15,
     )
-    np.testing.assert_allclose(recording.robot_log.q, joint_course(ROBOT_T), atol=1e-13)
-    assert found(recording) == []
+    np.testing.assert_allclose(recording.robot_log.q, joint_trajectory(ROBOT_T), atol=1e-13)
+    assert summaries(recording) == []
 
 
 @pytest.mark.parametrize(
@@ -191,12 +193,13 @@ def test_torque_columns_stand_anywhere_and_bring_no_finding(tmp_path: Path) -> N
     [
         (
             TAU[:4],
-            "raw/robot.csv:1: columns tau5, tau6 missing beside tau1, tau2, tau3, tau4; they are read all or none. "
-            "Log tau5, tau6 too, or remove tau1, tau2, tau3, tau4.",
+            "raw/robot.csv:1: columns tau5, tau6 missing beside tau1, tau2, tau3, tau4; they are "
+            "read all or none. Log tau5, tau6 too, or remove tau1, tau2, tau3, tau4.",
         ),
         (
             [*TAU[:2], "Tau3", *TAU[3:]],
-            "column tau3 missing beside tau1, tau2, tau4, tau5, tau6; they are read all or none. Is 'Tau3' meant?",
+            "column tau3 missing beside tau1, tau2, tau4, tau5, tau6; they are read all or none. "
+            "Is 'Tau3' meant?",
         ),
     ],
 )
@@ -211,8 +214,8 @@ def test_torques_under_other_names_are_not_read_and_the_report_asks(tmp_path: Pa
     recording = read_recording(write(tmp_path, robot=torque_lines([name.title() for name in TAU])))
     assert recording.robot_log.torque is None
     assert (
-        "  raw/robot.csv: column not used: Tau1, Tau2, Tau3, Tau4, Tau5, Tau6. Is 'Tau1' meant for tau1? Then rename it."
-        in (report_lines(recording.report))
+        "  raw/robot.csv: column not used: Tau1, Tau2, Tau3, Tau4, Tau5, Tau6. Is 'Tau1' meant "
+        "for tau1? Then rename it." in (report_lines(recording.report))
     )
 
 
@@ -243,12 +246,15 @@ def test_torques_of_several_files_are_joined_and_must_be_in_all_of_them(tmp_path
     (tmp_path / "raw/robotOld.csv").write_text("\n".join(lines[:301]) + "\n")
     log = read_recording(tmp_path).robot_log
     np.testing.assert_allclose(
-        log.torque, motor_torque_course() / np.diag(ROBOT.transmission), rtol=1e-15
+        log.torque, motor_torque_trajectory() / np.diag(ROBOT.transmission), rtol=1e-15
     )
     (tmp_path / "raw/robotOld.csv").write_text("\n".join(robot_lines()[:301]) + "\n")
     with pytest.raises(
         LogError,
-        match=r"raw/robotOld.csv: columns tau1, .*tau6 missing, and other files .* or remove them from all",
+        match=(
+            r"raw/robotOld.csv: columns tau1, .*tau6 missing, and other files .* or remove them "
+            r"from all"
+        ),
     ):
         read_recording(tmp_path)
 
@@ -265,9 +271,9 @@ def test_a_force_log_needs_no_encoders(tmp_path: Path) -> None:
     recording = read_recording(write_force(tmp_path, change=sensorless))
     # Times: 17 s + t as float64 resolves 3.6e-15 s.
     np.testing.assert_allclose(force_log(recording).t, FORCE_T, atol=1e-14)
-    np.testing.assert_array_equal(force_log(recording).wrench, wrench_course())
+    np.testing.assert_array_equal(force_log(recording).wrench, wrench_trajectory())
     assert recording.ballbar_log is None
-    assert found(recording) == []
+    assert summaries(recording) == []
 
 
 def test_damage_and_gaps_of_a_force_log_are_repaired_and_counted(tmp_path: Path) -> None:
@@ -280,16 +286,16 @@ def test_damage_and_gaps_of_a_force_log_are_repaired_and_counted(tmp_path: Path)
     file = tmp_path / "raw/force.csv"
     file.write_bytes(file.read_bytes()[:-3])
     recording = read_recording(tmp_path)
-    assert found(recording) == [
+    assert summaries(recording) == [
         ("unterminated last line", "repaired", "raw/force.csv", (402,), 1),
         ("torn line", "repaired", "raw/force.csv", (51,), 1),
         ("duplicate stamp", "repaired", "raw/force.csv", (102,), 1),
         ("overrun", "warning", "raw/force.csv", (52,), 1),
         ("gap", "warning", "raw/force.csv", (203,), 1),
     ]
-    kept = np.delete(np.arange(FORCE_T.size), [49, -1])
-    np.testing.assert_allclose(force_log(recording).t, t[kept], atol=1e-14)
-    np.testing.assert_array_equal(force_log(recording).wrench, wrench_course()[kept])
+    remaining = np.delete(np.arange(FORCE_T.size), [49, -1])
+    np.testing.assert_allclose(force_log(recording).t, t[remaining], atol=1e-14)
+    np.testing.assert_array_equal(force_log(recording).wrench, wrench_trajectory()[remaining])
     assert "  raw/force.csv: 398 of 400 rows used" in (report_lines(recording.report))
 
 
@@ -304,7 +310,7 @@ def test_files_of_a_force_sensor_are_joined_in_order_of_time(tmp_path: Path) -> 
     (tmp_path / "raw/forceOld.csv").write_text("\n".join(lines[:201]) + "\n")
     log = force_log(read_recording(tmp_path))
     np.testing.assert_allclose(log.t, FORCE_T, atol=1e-14)
-    np.testing.assert_array_equal(log.wrench, wrench_course())
+    np.testing.assert_array_equal(log.wrench, wrench_trajectory())
 
 
 @pytest.mark.parametrize(
@@ -318,11 +324,13 @@ def test_files_of_a_force_sensor_are_joined_in_order_of_time(tmp_path: Path) -> 
         ),
         (
             change_line(force_lines(), 1, "time,fx,fy,Fz,tx,ty,tz"),
-            "raw/force.csv:1: column fz missing; the header has 'time', 'fx', 'fy', 'Fz', 'tx', 'ty', 'tz'. Is 'Fz' meant?",
+            "raw/force.csv:1: column fz missing; the header has 'time', 'fx', 'fy', 'Fz', 'tx', "
+            "'ty', 'tz'. Is 'Fz' meant?",
         ),
         (
             force_lines()[1:],
-            "raw/force.csv:1: the first line holds numbers, not column names. Expected a header with time, fx, fy, fz, tx",
+            "raw/force.csv:1: the first line holds numbers, not column names. Expected a header "
+            "with time, fx, fy, fz, tx",
         ),
         (
             robot_lines(),
@@ -357,7 +365,7 @@ def test_a_force_log_that_cannot_be_trusted_is_refused(
 def test_stamps_of_a_force_log_in_milliseconds_are_warned_of(tmp_path: Path) -> None:
     lines = [WRENCH_HEADER, *(stamped(row, 2.0 * i) for i, row in enumerate(force_lines()[1:]))]
     recording = read_recording(write_force(tmp_path, lines))
-    assert found(recording) == [("unusual period", "warning", "raw/force.csv", (), 1)]
+    assert summaries(recording) == [("unusual period", "warning", "raw/force.csv", (), 1)]
     assert (
         "the median period is 2 s; logs of this dialect have 0.1 ms to 100 ms"
         in recording.report.findings[-1].sentence
@@ -375,12 +383,14 @@ def test_a_force_log_that_is_missing_is_named(tmp_path: Path) -> None:
         (
             "force",
             "abb-motor",
-            "sources.force.dialect: abb-motor describes logs of the robot, not of the force sensor. Are the files swapped?",
+            "sources.force.dialect: abb-motor describes logs of the robot, not of the force "
+            "sensor. Are the files swapped?",
         ),
         (
             "robot",
             "force-torque",
-            "sources.robot.dialect: force-torque describes logs of the force sensor, not of the robot.",
+            "sources.robot.dialect: force-torque describes logs of the force sensor, not of the "
+            "robot.",
         ),
         (
             "force",

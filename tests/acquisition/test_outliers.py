@@ -1,4 +1,4 @@
-"""Damaged values in a motion: single ones and two that hide each other are found, what a robot does is left alone."""
+"""Damaged values in a motion are found, alone and in pairs; what a robot does is left alone."""
 
 import numpy as np
 import pytest
@@ -13,13 +13,13 @@ NOISE = 1e-6  # [rad]
 Array = np.ndarray
 
 
-def course() -> Array:
+def motion() -> Array:
     """(N, 2) [rad]"""
     noise = np.random.default_rng(3).normal(0.0, NOISE, (T.size, 2))
     return np.stack((0.6 * np.sin(1.3 * T), 0.2 * np.cos(2.0 * T + 1.0)), axis=1) + noise
 
 
-def found(values: Array, begins: tuple[int, ...] = ()) -> list[tuple[int, int]]:
+def damaged(values: Array, begins: tuple[int, ...] = ()) -> list[tuple[int, int]]:
     breaks = np.isin(np.arange(T.size), begins)
     return [
         (int(row), int(channel)) for row, channel in np.argwhere(damaged_values(T, values, breaks))
@@ -29,9 +29,9 @@ def found(values: Array, begins: tuple[int, ...] = ()) -> list[tuple[int, int]]:
 @pytest.mark.parametrize("row", [0, 1, 3, 500, 996, 999])
 @pytest.mark.parametrize("size", [2.0 * SMALLEST, -0.01])
 def test_a_damaged_value_is_found_wherever_it_stands(row: int, size: float) -> None:
-    values = course()
+    values = motion()
     values[row, 1] += size
-    assert found(values) == [(row, 1)]
+    assert damaged(values) == [(row, 1)]
 
 
 @pytest.mark.parametrize(
@@ -41,26 +41,26 @@ def test_a_damaged_value_is_found_wherever_it_stands(row: int, size: float) -> N
 def test_two_damaged_values_that_hide_each_other_are_found(
     rows: tuple[int, int], sizes: tuple[float, float]
 ) -> None:
-    values = course()
+    values = motion()
     values[rows, 0] += sizes
-    assert found(values) == [(row, 0) for row in rows]
+    assert damaged(values) == [(row, 0) for row in rows]
 
 
 def test_beside_a_new_stretch_only_its_own_rows_judge() -> None:
-    values = course()
+    values = motion()
     values[400:] += 1.0  # a counter that was reset
-    assert found(values, begins=(400,)) == []
+    assert damaged(values, begins=(400,)) == []
     values[399, 0] += 0.01
     values[400, 1] -= 0.01
-    assert found(values, begins=(400,)) == [(399, 0), (400, 1)]
+    assert damaged(values, begins=(400,)) == [(399, 0), (400, 1)]
 
 
 @pytest.mark.parametrize("rows", [5, 6, 8, 500])
 def test_a_step_in_the_motion_is_no_damage(rows: int) -> None:
-    """Play that is crossed; in the last four rows of a log it cannot be told from damage."""
-    values = course()
+    """Backlash that is crossed; in the last four rows of a log it looks like damage."""
+    values = motion()
     values[-rows:] += 3e-4
-    assert found(values) == []
+    assert damaged(values) == []
 
 
 def test_a_motion_that_begins_or_stops_at_once_is_no_damage() -> None:
@@ -68,7 +68,7 @@ def test_a_motion_that_begins_or_stops_at_once_is_no_damage() -> None:
     values[300:600, 0] = 0.5 * (T[300:600] - T[299])
     values[600:, 0] = values[599, 0]
     values[:, 1] = np.abs(0.3 * (T - T[500]))
-    assert found(values + np.random.default_rng(1).normal(0.0, NOISE, values.shape)) == []
+    assert damaged(values + np.random.default_rng(1).normal(0.0, NOISE, values.shape)) == []
 
 
 def test_white_noise_is_no_damage() -> None:
@@ -79,4 +79,4 @@ def test_white_noise_is_no_damage() -> None:
 
 def test_values_of_an_encoder_in_coarse_steps_are_no_damage() -> None:
     steps = 1.7e-4  # [rad] 0.01 deg
-    assert found(np.round(course() / steps) * steps) == []
+    assert damaged(np.round(motion() / steps) * steps) == []

@@ -10,7 +10,7 @@ from acquisition.stamps.order import STAMP
 from acquisition.stamps.quantised import spread
 from acquisition.table.table import Table
 from cell.errors import LogError
-from tests.helpers.device_logs import ROBOT_T, joint_course, robot_lines, stamped, write
+from tests.helpers.device_logs import ROBOT_T, joint_trajectory, robot_lines, stamped, write
 
 Array = np.ndarray
 ROWS = 5000
@@ -40,7 +40,7 @@ def test_the_times_of_even_rows_come_back(period: float, step: float) -> None:
     fine = spread(coarse)
     assert off(coarse.columns[STAMP], t).max() > 0.45 * step
     assert off(fine.columns[STAMP], t).max() < 20e-6
-    assert [(one.kind, one.severity, one.count) for one in fine.findings] == [
+    assert [(entry.kind, entry.severity, entry.count) for entry in fine.findings] == [
         ("quantised stamps", "repaired", ROWS)
     ]
 
@@ -89,7 +89,10 @@ def test_rows_of_a_logger_that_comes_late_are_not_even(tmp_path: Path) -> None:
     t = 7.0031 + np.cumsum(0.010 + 0.005 * late)
     with pytest.raises(
         LogError,
-        match=r"log.csv:\d+: declared as quantised, but the rows do not come evenly: .* missing at \d+ places",
+        match=(
+            r"log.csv:\d+: declared as quantised, but the rows do not come evenly: .* missing at "
+            r"\d+ places"
+        ),
     ):
         spread(table(t, 0.001))
     with pytest.raises(LogError, match=r"log\.csv:2: all rows have the same stamp"):
@@ -110,7 +113,9 @@ def test_a_log_with_rows_that_share_stamps_is_read_once_it_is_declared_quantised
     ]
     with pytest.raises(
         LogError,
-        match=r"The clock is too coarse for the rows: log a finer one, or declare `quantised: true`",
+        match=(
+            r"The clock is too coarse for the rows: log a finer one, or declare `quantised: true`"
+        ),
     ):
         read_recording(write(tmp_path, robot=coarse))
     declared = write(
@@ -123,6 +128,8 @@ def test_a_log_with_rows_that_share_stamps_is_read_once_it_is_declared_quantised
     log = recording.robot_log
     assert len(log.t) == len(ROBOT_T)
     np.testing.assert_allclose(log.t, ROBOT_T, atol=1e-4)
-    np.testing.assert_allclose(log.q, joint_course(log.t), atol=1e-4)
-    told = next(one for one in recording.report.findings if one.kind == "quantised stamps")
-    assert told.sentence.startswith("stamps in steps of 16 ms, rows put evenly between them, 4.03")
+    np.testing.assert_allclose(log.q, joint_trajectory(log.t), atol=1e-4)
+    remark = next(entry for entry in recording.report.findings if entry.kind == "quantised stamps")
+    assert remark.sentence.startswith(
+        "stamps in steps of 16 ms, rows put evenly between them, 4.03"
+    )

@@ -1,4 +1,4 @@
-"""A recording folder: both logs become the angles that were recorded, and every kind of bad input is refused in words."""
+"""A recording folder: both logs become the recorded angles, and bad input is refused."""
 
 import json
 import re
@@ -20,16 +20,16 @@ from tests.helpers.device_logs import (
     ROBOT,
     ROBOT_FILES,
     ROBOT_T,
-    bar_course,
     bar_lines,
+    bar_trajectory,
     change_line,
     flagged,
-    found,
-    joint_course,
+    joint_trajectory,
     motor_rows,
     put,
     robot_lines,
     stamped,
+    summaries,
     write,
 )
 
@@ -42,12 +42,12 @@ def test_both_logs_are_read_as_the_angles_that_were_recorded(tmp_path: Path) -> 
     # rounding.
     np.testing.assert_allclose(robot.t, ROBOT_T, atol=1e-13)
     np.testing.assert_array_equal(ballbar.t, np.rint(BAR_T * 1e9) / 1e9)
-    np.testing.assert_allclose(robot.q, joint_course(ROBOT_T), atol=1e-13)
+    np.testing.assert_allclose(robot.q, joint_trajectory(ROBOT_T), atol=1e-13)
     # Half a count.
-    np.testing.assert_allclose(ballbar.angles, bar_course(BAR_T), atol=0.51 / PER_RAD)
+    np.testing.assert_allclose(ballbar.angles, bar_trajectory(BAR_T), atol=0.51 / PER_RAD)
     assert ballbar.joints == (1, 2, 4, 5)
     assert recording.description.robot == "irb2400"
-    assert found(recording) == []
+    assert summaries(recording) == []
     assert [
         (file.file, file.source, file.rows_read, file.rows_kept) for file in recording.report.files
     ] == [("raw/robot.csv", "robot", 800, 800), ("raw/ballbar.csv", "ballbar", 300, 300)]
@@ -68,9 +68,9 @@ def test_any_subset_of_encoders_is_read_from_its_declared_columns(tmp_path: Path
     assert recording.ballbar_log is not None
     assert recording.ballbar_log.joints == (1, 5)
     np.testing.assert_allclose(
-        recording.ballbar_log.angles, bar_course(BAR_T)[:, [0, 3]], atol=0.51 / PER_RAD
+        recording.ballbar_log.angles, bar_trajectory(BAR_T)[:, [0, 3]], atol=0.51 / PER_RAD
     )
-    assert found(recording) == [("column not used", "warning", "raw/ballbar.csv", (), 2)]
+    assert summaries(recording) == [("column not used", "warning", "raw/ballbar.csv", (), 2)]
 
 
 def test_a_bar_without_sensors_has_no_ballbar_log(tmp_path: Path) -> None:
@@ -94,7 +94,9 @@ def test_files_of_one_source_are_joined_in_order_of_time(tmp_path: Path) -> None
     recording = read_recording(tmp_path)
     assert recording.ballbar_log is not None
     np.testing.assert_array_equal(recording.ballbar_log.t, np.rint(BAR_T * 1e9) / 1e9)
-    np.testing.assert_allclose(recording.ballbar_log.angles, bar_course(BAR_T), atol=0.51 / PER_RAD)
+    np.testing.assert_allclose(
+        recording.ballbar_log.angles, bar_trajectory(BAR_T), atol=0.51 / PER_RAD
+    )
     (tmp_path / "raw/ballbarOld.csv").write_text("\n".join(lines[:161]) + "\n")
     with pytest.raises(
         LogError, match=r"raw/ballbar.csv:2: starts 90 ms before raw/ballbarOld.csv ends"
@@ -107,8 +109,10 @@ def test_a_repeated_stamp_keeps_its_first_row(tmp_path: Path) -> None:
     lines.insert(101, lines[100].split(";")[0] + ";1;2;3;4")
     recording = read_recording(write(tmp_path, ballbar=lines))
     assert recording.ballbar_log is not None
-    np.testing.assert_allclose(recording.ballbar_log.angles, bar_course(BAR_T), atol=0.51 / PER_RAD)
-    assert found(recording) == [("duplicate stamp", "repaired", "raw/ballbar.csv", (102,), 1)]
+    np.testing.assert_allclose(
+        recording.ballbar_log.angles, bar_trajectory(BAR_T), atol=0.51 / PER_RAD
+    )
+    assert summaries(recording) == [("duplicate stamp", "repaired", "raw/ballbar.csv", (102,), 1)]
     assert flagged(recording, RowFlag.DUPLICATE) == [99]
 
 
@@ -117,7 +121,7 @@ def test_overruns_and_gaps_are_reported_against_the_nominal_period(tmp_path: Pat
     t[100:] += 0.005
     t[200:] += 0.2
     recording = read_recording(write(tmp_path, ballbar=bar_lines(t)))
-    assert found(recording) == [
+    assert summaries(recording) == [
         ("overrun", "warning", "raw/ballbar.csv", (102,), 1),
         ("gap", "warning", "raw/ballbar.csv", (202,), 1),
     ]
@@ -140,7 +144,7 @@ def test_stamps_a_hundred_times_too_far_apart_are_warned_of(tmp_path: Path) -> N
     recording = read_recording(
         write(tmp_path, ballbar=lines, change=put("sources", "ballbar", "time", value="ns"))
     )
-    assert found(recording) == [("unusual period", "warning", "raw/ballbar.csv", (), 1)]
+    assert summaries(recording) == [("unusual period", "warning", "raw/ballbar.csv", (), 1)]
     assert (
         "the median period is 1 s; logs of this dialect have 0.2 ms to 100 ms"
         in recording.report.findings[-1].sentence
@@ -170,7 +174,7 @@ def test_damage_at_the_end_of_both_files_is_repaired_and_counted(tmp_path: Path)
     recording = read_recording(tmp_path)
     assert recording.ballbar_log is not None
     assert (len(recording.robot_log.t), len(recording.ballbar_log.t)) == (799, 299)
-    assert [one[0:4] for one in found(recording)] == [
+    assert [entry[0:4] for entry in summaries(recording)] == [
         ("unterminated last line", "repaired", "raw/robot.csv", (801,)),
         ("NUL block at the end", "repaired", "raw/ballbar.csv", ()),
         ("unterminated last line", "repaired", "raw/ballbar.csv", (301,)),
@@ -199,17 +203,20 @@ def test_the_report_reads_as_lines_and_goes_through_json(tmp_path: Path) -> None
     ]
     assert text[3] == "  raw/ballbar.csv: 299 of 300 rows used"
     assert (
-        "  raw/ballbar.csv:151: torn line: expected 5 fields, got 1; treated as torn line and dropped."
-        in text
+        "  raw/ballbar.csv:151: torn line: expected 5 fields, got 1; treated as torn line and "
+        "dropped." in text
     )
     assert report_lines(replace(report, findings=()))[-2:] == ["REPAIRED: none", "WARNINGS: none"]
 
 
 def test_degrees_where_radians_are_declared_are_refused_with_a_hint(tmp_path: Path) -> None:
-    degrees = np.rad2deg(joints_to_motors(ROBOT, joint_course(ROBOT_T)))
+    degrees = np.rad2deg(joints_to_motors(ROBOT, joint_trajectory(ROBOT_T)))
     with pytest.raises(
         LogError,
-        match=r"raw/robot.csv:2: axis \d of irb2400 would stand at .* deg, far beyond.*Degrees where radians",
+        match=(
+            r"raw/robot.csv:2: axis \d of irb2400 would stand at .* deg, far beyond.*Degrees "
+            r"where radians"
+        ),
     ):
         read_recording(write(tmp_path, robot=motor_rows(degrees)))
 
@@ -228,9 +235,12 @@ def test_degrees_close_to_zero_betray_themselves_by_their_speed(tmp_path: Path) 
 def test_joint_angles_where_motor_angles_are_declared_are_refused(tmp_path: Path) -> None:
     with pytest.raises(
         LogError,
-        match=r"raw/robot.csv:2: Axis angles in rad or joint angles in rad where motor angles in rad are declared",
+        match=(
+            r"raw/robot.csv:2: Axis angles in rad or joint angles in rad where motor angles in "
+            r"rad are declared"
+        ),
     ):
-        read_recording(write(tmp_path, robot=motor_rows(joint_course(ROBOT_T))))
+        read_recording(write(tmp_path, robot=motor_rows(joint_trajectory(ROBOT_T))))
 
 
 def test_a_robot_that_stands_at_zero_is_no_joint_side_log(tmp_path: Path) -> None:
@@ -242,12 +252,12 @@ def test_a_robot_that_stands_at_zero_is_no_joint_side_log(tmp_path: Path) -> Non
     "damage", [10.0, 0.1]
 )  # one digit: 0.08 rad at the joint within 4 ms, and 0.8 mrad, which is slow enough
 def test_a_damaged_motor_angle_is_left_out_and_named(tmp_path: Path, damage: float) -> None:
-    motors = joints_to_motors(ROBOT, joint_course(ROBOT_T))
+    motors = joints_to_motors(ROBOT, joint_trajectory(ROBOT_T))
     motors[400, 2] += damage
     recording = read_recording(write(tmp_path, robot=motor_rows(motors)))
-    assert found(recording)[0] == ("implausible value", "repaired", "raw/robot.csv", (402,), 1)
+    assert summaries(recording)[0] == ("implausible value", "repaired", "raw/robot.csv", (402,), 1)
     np.testing.assert_allclose(
-        recording.robot_log.q, np.delete(joint_course(ROBOT_T), 400, axis=0), atol=1e-13
+        recording.robot_log.q, np.delete(joint_trajectory(ROBOT_T), 400, axis=0), atol=1e-13
     )
     rows = recording.rows["robot"]
     assert rows.flags[400] == RowFlag.IMPLAUSIBLE
@@ -255,11 +265,11 @@ def test_a_damaged_motor_angle_is_left_out_and_named(tmp_path: Path, damage: flo
 
 
 def test_an_axis_a_little_beyond_its_limits_is_warned_of(tmp_path: Path) -> None:
-    q = joint_course(ROBOT_T)
+    q = joint_trajectory(ROBOT_T)
     q[:, 0] += ROBOT.axis_upper[0] - joints_to_axes(ROBOT, q)[:, 0].max() + 0.1
     recording = read_recording(write(tmp_path, robot=motor_rows(joints_to_motors(ROBOT, q))))
     np.testing.assert_allclose(recording.robot_log.q, q, atol=1e-12)
-    ((kind, severity, *_),) = found(recording)
+    ((kind, severity, *_),) = summaries(recording)
     assert (kind, severity) == ("axis beyond its limits", "warning")
     assert "axis 1 is up to 5.73 deg beyond its limits" in recording.report.findings[0].sentence
 
@@ -314,7 +324,8 @@ def test_an_axis_a_little_beyond_its_limits_is_warned_of(tmp_path: Path) -> None
                     for row in bar_lines()[1:]
                 ),
             ],
-            "raw/ballbar.csv: encoder column without counts: column b4 of encoder b4 is 0 in every row",
+            "raw/ballbar.csv: encoder column without counts: column b4 of encoder b4 is 0 in "
+            "every row",
         ),
         (
             None,

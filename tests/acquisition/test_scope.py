@@ -29,10 +29,10 @@ def channels(file: Path) -> list[Channel]:
 
 def assert_as_pytcs(file: Path) -> None:
     """Names, values and times are those that pytcs reads."""
-    found, other = channels(file), pytcs.ScopeFile(str(file))
+    read, other = channels(file), pytcs.ScopeFile(str(file))
     other.load()
-    assert [channel.name for channel in found if channel.name] == list(other)
-    for channel in found:
+    assert [channel.name for channel in read if channel.name] == list(other)
+    for channel in read:
         theirs = other[channel.name]
         assert np.array_equal(channel.values.astype(np.float64), theirs.values)
         assert np.array_equal(
@@ -44,10 +44,10 @@ def assert_as_pytcs(file: Path) -> None:
 def test_an_export_of_every_form_holds_what_the_program_counted(form: str, tmp_path: Path) -> None:
     file = tmp_path / "scope.csv"
     file.write_bytes(export(counting_program(), **FORMS[form]))
-    found = {channel.name: channel for channel in channels(file)}
-    assert_counted(list(found.values()), CYCLES, scaling_applied=True)
+    read = {channel.name: channel for channel in channels(file)}
+    assert_counted(list(read.values()), CYCLES, scaling_applied=True)
     for series in counting_program():
-        channel = found[series.name]
+        channel = read[series.name]
         assert (channel.data_type, channel.values.tolist()) == (
             series.data_type,
             series.values.tolist(),

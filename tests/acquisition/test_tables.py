@@ -1,4 +1,4 @@
-"""Device tables: what a logger wrote is what is read, whatever was done to the file on the way; the rest is refused."""
+"""Device tables: what a logger wrote is what is read, or the file is refused."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ COUNTERS = Layout(
     (";", ","), {"time": "integer", "b1": "integer", "b2": "integer"}, {"s1": "integer"}
 )
 MOTORS = Layout((",", ";", "\t"), {"time": "float", "m1": "float", "m2": "float"})
-# [ns] near 2034 in time since 2000; the last digit is lost in a float64
+# [ns] near 2034 in time since 2000; the last digit is lost in a float64.
 EPOCH = 1_100_000_000_000_000_001
 
 
@@ -36,7 +36,7 @@ def refusal(folder: Path, content: bytes | str, layout: Layout = COUNTERS) -> st
 
 
 def kinds(findings: list[Finding]) -> list[tuple[str, tuple[int, ...], int]]:
-    return [(one.kind, one.lines, one.count) for one in findings]
+    return [(entry.kind, entry.lines, entry.count) for entry in findings]
 
 
 def test_nanosecond_stamps_and_counters_are_read_to_the_last_digit(tmp_path: Path) -> None:
@@ -63,7 +63,7 @@ def test_columns_are_found_by_name_in_any_order_and_separator_and_others_are_nam
         "s1": [7, 8],
     }
     assert form.separator == "comma"
-    assert [(one.kind, one.severity, one.sentence) for one in findings] == [
+    assert [(entry.kind, entry.severity, entry.sentence) for entry in findings] == [
         ("column not used", "warning", "note, extra.")
     ]
 
@@ -82,7 +82,7 @@ def test_line_ends_quotes_and_encodings_do_not_change_the_numbers(
         [1, 3],
         [2, -4],
     ]
-    assert ("encoding" in [one.kind for one in findings]) == (codec != "utf-8")
+    assert ("encoding" in [entry.kind for entry in findings]) == (codec != "utf-8")
 
 
 def test_western_windows_bytes_in_an_unused_column_are_read_and_reported(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_western_windows_bytes_in_an_unused_column_are_read_and_reported(tmp_pat
     )
     assert table.columns["b2"].tolist() == [3]
     assert form.encoding == "cp1252"
-    assert [(one.kind, one.sentence) for one in findings] == [
+    assert [(entry.kind, entry.sentence) for entry in findings] == [
         ("encoding", "read as cp1252."),
         ("column not used", "cost \u20ac."),
     ]
@@ -153,8 +153,8 @@ def test_more_than_one_torn_line_in_a_hundred_is_refused(tmp_path: Path) -> None
     lines = ["time;b1;b2"] + [f"{i};{i};{i}" for i in range(200)]
     lines[100] = lines[120] = lines[140] = "99;9"
     assert (
-        "raw/log.csv:101: 3 of 200 rows do not have the header's number of fields: expected 3 fields, got 2"
-        in refusal(tmp_path, "\n".join(lines) + "\n")
+        "raw/log.csv:101: 3 of 200 rows do not have the header's number of fields: expected 3 "
+        "fields, got 2" in refusal(tmp_path, "\n".join(lines) + "\n")
     )
 
 
@@ -170,7 +170,7 @@ def test_decimal_commas_are_read_where_the_separator_is_another(
         [3.5, 4.5],
     ]
     assert form.decimal == "comma"
-    assert [(one.kind, one.sentence) for one in findings] == [
+    assert [(entry.kind, entry.sentence) for entry in findings] == [
         ("decimal comma", "read as decimal point in time, m1.")
     ]
 
@@ -200,7 +200,8 @@ def test_quoted_decimal_commas_with_comma_separator_are_refused(tmp_path: Path) 
         ("time;b1;b2\n1;2\n", "raw/log.csv: the only row below the header is torn"),
         (
             "1;2;3\n2;3;4\n",
-            "raw/log.csv:1: the first line holds numbers, not column names. Expected a header with time, b1, b2",
+            "raw/log.csv:1: the first line holds numbers, not column names. Expected a header "
+            "with time, b1, b2",
         ),
         (
             "time;b1;B2\n1;2;3\n",
@@ -336,9 +337,11 @@ def test_a_file_cut_anywhere_gives_a_prefix_of_its_rows_or_a_refusal(
         )
         return
     table, _, findings = read(tmp_path_factory.mktemp("log"), content)
-    kept = list(zip(*(table.columns[name].tolist() for name in ("time", "b1", "b2")), strict=True))
-    assert kept == rows[: content.count(b"\r") - 1]
-    assert ("unterminated last line" in [one.kind for one in findings]) == (
+    rows_read = list(
+        zip(*(table.columns[name].tolist() for name in ("time", "b1", "b2")), strict=True)
+    )
+    assert rows_read == rows[: content.count(b"\r") - 1]
+    assert ("unterminated last line" in [entry.kind for entry in findings]) == (
         not content.endswith((b"\r", b"\n"))
     )
 
@@ -349,5 +352,5 @@ def test_a_header_is_looked_for_behind_up_to_200_lines(tmp_path: Path, end: str)
     rows = f"time;b1;b2{end}1;2;3{end}"
     table, _, findings = read(tmp_path, preamble + rows)
     assert table.columns["b2"].tolist() == [3]
-    assert ("preamble", 200) in [(one.kind, one.count) for one in findings]
+    assert ("preamble", 200) in [(entry.kind, entry.count) for entry in findings]
     assert "column" in refusal(tmp_path, f"one more;value{end}" + preamble + rows)

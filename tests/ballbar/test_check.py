@@ -57,9 +57,11 @@ def test_the_reasons_stand_before_the_page_and_nothing_is_guessed(recording: Pat
     for words in (
         "robot: dialect abb-motor, as recording.yaml declares; 1 file(s)",
         "motor angles, in rad: the dialect says so; numbers that contradict it are refused",
-        "encoder b2: counter in column b2, 3600 lines at 12 bits (recording.yaml): 0.426 urad a count",
+        "encoder b2: counter in column b2, 3600 lines at 12 bits (recording.yaml): "
+        "0.426 urad a count",
         "raw/ballbar.csv: utf-8, semicolon between the fields",
-        "time: ns since 2000 (distributed clock), since the stamps show it; first row at 2026-04-20T11:33:20",
+        "time: ns since 2000 (distributed clock), since the stamps show it; "
+        "first row at 2026-04-20T11:33:20",
         "not there, and not needed: tau1, tau2",
         "force: dialect force-torque",
     ):

@@ -1,4 +1,4 @@
-"""Inverse calibration: targets that bring the identified robot to where the nominal robot would have gone."""
+"""Inverse calibration: corrected targets bring the identified robot to the nominal poses."""
 
 from __future__ import annotations
 
@@ -85,7 +85,10 @@ def without_play(plant: PlantRobot) -> PlantRobot:
 
 
 def test_the_plant_reaches_the_pose_when_everything_is_known(cell: Cell) -> None:
-    """Friction, elastic gears, ripple, resolvers; no play: what is left are the steps of the resolvers' converters."""
+    """With friction, gear compliance, ripple and resolver errors, but no backlash.
+
+    The steps of the resolvers' converters remain.
+    """
     plant = without_play(PlantRobot(scenario_of("irb2400", "a", 2, 120.0)))
     robot, q = known_robot(plant), easy_targets(cell, 12)
     done = corrected_targets(robot, plant.nominal, q)
@@ -113,7 +116,7 @@ def test_a_held_pose_without_any_error_is_the_nominal_pose(cell: Cell, nominal: 
 
 @pytest.mark.slow
 def test_an_identified_robot_reaches_the_nominal_poses_in_the_full_plant() -> None:
-    """Asked for: 0.05 mm (issue 8). Recordings of 80 s instead of 120, so the identification is a little worse."""
+    """The target of 0.05 mm is for recordings of 120 s; those of 80 s identify a little worse."""
     row = robot_row("irb2400", 1, 80.0, poses=60, samples=500)
     assert float(str(row["before_mean_mm"])) > 1.0
     assert float(str(row["after_mean_mm"])) < 0.05
@@ -147,8 +150,8 @@ def test_axes_in_degrees_and_joints_in_radians_give_the_same_correction(
     code, said, _ = ballbar("correct", given, "--with", result)
     assert code == 0
     assert (
-        "5 targets corrected for geometry, compliance of the gears under the robot's own weight, backlash of the gears"
-        in said
+        "5 targets corrected for geometry, compliance of the gears under the robot's own weight, "
+        "backlash of the gears" in said
     )
     rows = list(csv.DictReader((tmp_path / "deg-corrected.csv").read_text().splitlines()))
     assert [row["name"] for row in rows] == [n.strip('"') for n in names]

@@ -1,4 +1,4 @@
-"""Exports of an identified robot, each read back by other means and compared with our forward kinematics.
+"""Exports of an identified robot, read back by other means and compared with our kinematics.
 
 Tolerance 1e-9 m and rad (what is asked for); the files hold every digit, so what is left is
 rounding.
@@ -94,7 +94,7 @@ def table(text: str) -> list[dict[str, str]]:
 
 
 def along_table(text: str, q: Array, order: str) -> Array:
-    """Poses of a DH table; `order` spells its row, such as zZXxy: turns in small, shifts in capital letters."""
+    """Poses of a DH table; `order` spells its row, as in zZXxy: z turns, Z shifts."""
     pose: Array = np.eye(4)[None]
     for row in table(text):
         joint = q[:, int(row["joint"]) - 1] if row["joint"] != "tool" else 0.0

@@ -1,4 +1,4 @@
-"""Sweeps: what a file may say, which run is which, and a table that is the same however often the work was interrupted."""
+"""Sweeps: what a file may say, which run is which, and the same table after any interruption."""
 
 from __future__ import annotations
 
@@ -44,7 +44,10 @@ from tests.helpers.sweeps import GRID, HEAD, inline, loaded, swept, table_bytes
 REAL = f"""schema: ballbar-sweep/1
 name: real
 scenario: {SCENARIOS / "irb2400.yaml"}
-change: {{plant.kind: kinematic, errors.rod_strain: null, identify: {{cost: transform, data: samples, samples: 300}}}}
+change:
+  plant.kind: kinematic
+  errors.rod_strain: null
+  identify: {{cost: transform, data: samples, samples: 300}}
 vary: {{errors.joint_noise.sigma_rad: [1.0e-6, 1.0e-5]}}
 seeds: {{count: 30}}
 """
@@ -96,7 +99,8 @@ def plan_of(folder: Path, text: str) -> Plan:
             "the list has no item 3; its 3 items count from 0",
         ),
         (
-            "draw:\n  errors.joint_noise.sigma_rad: {normal: [0, 1]}\ndraws: 9\nseeds: {count: 1}\n",
+            "draw:\n  errors.joint_noise.sigma_rad: {normal: [0, 1]}\n"
+            "draws: 9\nseeds: {count: 1}\n",
             5,
             "expected 0 or more",
         ),
@@ -170,14 +174,17 @@ def test_a_scenario_that_is_not_there_is_refused(tmp_path: Path) -> None:
 
 
 def test_values_that_are_wrong_only_together_are_named_together(tmp_path: Path) -> None:
-    """A shorter path leaves the scenario's own fault beyond its end; no key of the sweep is wrong by itself."""
+    """A shorter path ends before the clock step of the scenario; each value alone is valid."""
     scenario = (
         (SCENARIOS / "irb2400.yaml")
         .read_text()
         .replace("clocks: {", "clocks: {step: {at_s: 90, step_s: 0.01}, ")
     )
     (tmp_path / "scenario.yaml").write_text(scenario.replace("paths/", f"{SCENARIOS}/paths/"))
-    text = "schema: ballbar-sweep/1\nname: a\nscenario: scenario.yaml\nvary: {path.duration_s: [120, 60]}\nseeds: {count: 1}\n"
+    text = (
+        "schema: ballbar-sweep/1\nname: a\nscenario: scenario.yaml\n"
+        "vary: {path.duration_s: [120, 60]}\nseeds: {count: 1}\n"
+    )
     with pytest.raises(
         InputError,
         match=r'clocks.step.at_s = 90: t = 90 s is not logged; .* with \{"path.duration_s": 60\}\.',
@@ -185,7 +192,7 @@ def test_values_that_are_wrong_only_together_are_named_together(tmp_path: Path) 
         plan_of(tmp_path, text)
 
 
-def test_every_wrong_value_of_a_grid_is_told_at_once(tmp_path: Path) -> None:
+def test_every_wrong_value_of_a_grid_is_reported_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"sweep\.yaml:5: ") as refused:
         plan_of(
             tmp_path,
@@ -222,7 +229,9 @@ def test_the_last_axis_changes_fastest_and_the_seed_faster_still(tmp_path: Path)
     text = """together:
   - {label: one, clocks.skew: 1.0e-5}
   - {label: two, clocks: {skew: 2.0e-5, offset_s: 0.5}}
-vary: {identify.samples: [100, 200], errors.static: [{table: thesis_3_1}, {sigma_m: 0, sigma_rad: 0}]}
+vary:
+  identify.samples: [100, 200]
+  errors.static: [{table: thesis_3_1}, {sigma_m: 0, sigma_rad: 0}]
 seeds: {first: 7, count: 2}
 """
     plan = plan_of(tmp_path, text)
@@ -247,8 +256,8 @@ def test_draws_stay_when_another_key_is_drawn_or_more_are_drawn(tmp_path: Path) 
     )
     more = plan_of(
         tmp_path,
-        "draw: {errors.joint_noise.sigma_rad: {log_uniform: [1e-6, 1e-4]}, clocks.skew: {uniform: [-1e-4, 1e-4]}}\n"
-        "draws: 30\nseeds: {count: 1}\n",
+        "draw:\n  errors.joint_noise.sigma_rad: {log_uniform: [1e-6, 1e-4]}\n"
+        "  clocks.skew: {uniform: [-1e-4, 1e-4]}\ndraws: 30\nseeds: {count: 1}\n",
     )
     skews = [point_of(one, i)["clocks.skew"] for i in range(20)]
     assert skews == [point_of(more, i)["clocks.skew"] for i in range(20)]
@@ -323,7 +332,10 @@ def test_changes_leave_the_scenario_as_it_was() -> None:
 def test_files_of_the_scenario_travel_with_the_plan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A worker finds them by the same names, also above the scenario's folder, and another text is another sweep."""
+    """A worker finds them by the same names, also above the scenario's folder.
+
+    Another text of a file is another sweep.
+    """
     (tmp_path / "cells" / "mine").mkdir(parents=True)
     (tmp_path / "paths").mkdir()
     (tmp_path / "paths" / "a.yaml").write_text("one")
@@ -402,7 +414,7 @@ def test_a_failed_run_is_a_row_with_its_reason(tmp_path: Path) -> None:
 
 
 def test_a_column_has_one_type_whatever_its_chunks_hold(tmp_path: Path) -> None:
-    """A chunk of failed runs knows no results, one of round numbers only whole ones; the table holds all of them exactly."""
+    """A chunk may hold no results, or whole numbers only; the table holds all values exactly."""
     chunks = [
         [{"run": 0, "status": "failed", "reason": "x"}],
         [{"run": 1, "status": "done", "a": 1, "b": 2, "c": True, "d": "t"}],
@@ -430,7 +442,7 @@ def test_a_column_has_one_type_whatever_its_chunks_hold(tmp_path: Path) -> None:
     assert list(pd.read_csv(tmp_path / "t.csv")["d"].fillna("")) == ["", "t", "u,\n\"'"]
 
 
-def test_a_figure_cannot_take_the_place_of_another_column(tmp_path: Path) -> None:
+def test_a_result_cannot_take_the_place_of_another_column(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, GRID)
     with pytest.raises(ValueError, match="run 0: results have the names of other columns: seed"):
         run_chunk(plan.text, 0, lambda *_: {"seed": 1}, tmp_path)
@@ -673,7 +685,7 @@ def test_bad_input_exits_with_2_and_writes_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
-    """The command as a user runs it: killed with its chunks half done, stopped by Ctrl-C, then left alone."""
+    """The command as a user runs it: killed with chunks half done, stopped by Ctrl-C, then left."""
     file = tmp_path / "real.yaml"
     file.write_text(REAL)
     command = [

@@ -1,4 +1,4 @@
-"""Trials: paired samples with their error sources, recorded paths, and the row of figures that a sweep collects."""
+"""Trials: paired samples with their error sources, recorded paths, and the row of results."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ CLOCK = {"clock_offset_error_us", "clock_skew_error_ppm"}
 
 
 def scenario(**changes: Any) -> Scenario:
-    """Thesis ch. 3 in 60 s: kinematic plant, Table 3.1, 10 urad on every angle, 400 paired samples, C_T."""
+    """Thesis ch. 3 in 60 s: kinematic plant, Table 3.1, 10 urad of noise, 400 samples, C_T."""
     base: dict[str, Any] = {
         "name": "trial",
         "cell": {
@@ -100,7 +100,10 @@ def test_samples_are_spread_evenly_over_the_moving_part_of_the_path() -> None:
 
 
 def test_samples_show_the_machine_that_a_recording_with_the_same_seed_shows() -> None:
-    """Drawn geometry, gear phases and encoder phases come from the same streams; only the means over the path are missing."""
+    """Drawn geometry, gear phases and encoder phases come from the same streams.
+
+    Only the means over the path are missing.
+    """
     errors = {
         "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
         "sinusoidal_gear_error": {"amplitude_rad": 1e-4},
@@ -161,9 +164,7 @@ def test_truncation_leaves_multiples_of_the_step_nearest_to_the_angles() -> None
     assert smallest == 1
 
 
-def test_a_rod_that_deviates_is_longer_and_shorter_by_its_amplitude_as_its_end_rises_and_sinks() -> (
-    None
-):
+def test_a_rod_that_deviates_is_longer_as_its_end_rises_and_shorter_as_it_sinks() -> None:
     samples = clean(rod_deviation={"amplitude_m": 1e-5})
     tip = robot_frames(samples.true, samples.q).tip
     deviation = np.linalg.norm(tip - samples.true.origin[:, None], axis=0) - samples.true["bd3"]
@@ -189,12 +190,13 @@ def test_a_robot_logged_late_is_a_robot_at_a_later_time() -> None:
 
 def test_the_clock_parameter_recovers_the_delay_of_paired_samples() -> None:
     late = clean(synchronisation={"delay_s": 2e-3})
-    found = fit_samples(late.t, late.q, late.b, (1, 2, 3, 4, 5), late.nominal)
-    assert found.clock.offset == pytest.approx(
-        -2e-3, abs=2e-8
-    )  # what splines through samples 0.14 s apart make of the motion
-    assert found.clock.skew == pytest.approx(0.0, abs=1e-9)
-    assert np.abs((found.geometry.values - late.true.values)[found.fit.parameters]).max() < 1e-6
+    result = fit_samples(late.t, late.q, late.b, (1, 2, 3, 4, 5), late.nominal)
+    clock = result.fit.clock()
+    # 2e-8 s: accuracy of splines through samples 0.14 s apart
+    assert clock.offset == pytest.approx(-2e-3, abs=2e-8)
+    assert clock.skew == pytest.approx(0.0, abs=1e-9)
+    error = result.fit.geometry().values - late.true.values
+    assert np.abs(error[result.parameters]).max() < 1e-6
 
 
 def test_a_path_sampled_for_another_delay_is_not_taken() -> None:
@@ -374,7 +376,10 @@ def test_a_thesis_cost_takes_the_angles_of_device_logs_on_the_clock_that_alignme
 
 
 def test_device_logs_of_a_robot_of_the_user_s_own_can_be_tried(tmp_path: Path) -> None:
-    """Regression: recording.yaml repeated the name relative to the scenario, and the reader looked for it beside the recording."""
+    """Regression: recording.yaml repeated the name relative to the scenario.
+
+    The reader then looked for the file beside the recording.
+    """
     own = yaml.safe_load((SCENARIOS.parent / "cell" / "robots" / "irb2400.yaml").read_text())
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(own | {"title": "Mine"}))
     stands = {"robot": "mine.yaml", "ballbar": "lund_600", "ballbar_position_m": [0.70, 0.0, 0.54]}

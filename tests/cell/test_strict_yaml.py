@@ -155,8 +155,11 @@ def test_every_key_and_item_knows_its_line_and_a_missing_one_that_of_its_parent(
             "file.yaml:1: a key is not text. "
             "Put keys that look like numbers, true or null in quotes.",
         ),
-        ("a: !!int x", "file.yaml:1: 'x' is no int, as its tag says."),
-        ("a: 1e999", "file.yaml:1: number 1e999 is beyond what can be represented."),
+        ("a: !!int x", "file.yaml:1: 'x' is no int, as its tag says; leave the tag out."),
+        (
+            "a: 1e999",
+            "file.yaml:1: number 1e999 is beyond what can be represented; write a smaller one.",
+        ),
         (
             "a: 1\n---\nb: 2\n",
             "file.yaml:2: a second document starts here. Keep one per file: remove the `---` line.",
@@ -166,7 +169,10 @@ def test_every_key_and_item_knows_its_line_and_a_missing_one_that_of_its_parent(
             "a: 1\nb: \x00\n",
             "file.yaml:2: character U+0000 is not allowed in YAML. Save the file as plain text.",
         ),
-        ("a: " + 50 * "[" + 50 * "]", "file.yaml:1: nested more than 40 levels deep."),
+        (
+            "a: " + 50 * "[" + 50 * "]",
+            "file.yaml:1: nested more than 40 levels deep; write it flatter.",
+        ),
     ],
 )
 def test_a_doubtful_file_is_refused_with_its_line_and_the_remedy(

@@ -19,20 +19,20 @@ BAR_T = 0.01 * np.arange(300)
 SIGNS = {"b1": 1, "b2": -1, "b4": 1, "b5": -1}
 
 
-def joint_course(t: np.ndarray) -> np.ndarray:
-    """(N, 6) [rad] a course within limits and speeds."""
+def joint_trajectory(t: np.ndarray) -> np.ndarray:
+    """(N, 6) [rad] a trajectory within limits and speeds."""
     return np.stack(
         [0.2 * (i - 2.5) + 0.4 * np.sin((0.5 + 0.1 * i) * t + i) for i in range(6)], axis=1
     )
 
 
-def bar_course(t: np.ndarray) -> np.ndarray:
+def bar_trajectory(t: np.ndarray) -> np.ndarray:
     """(N, 4) [rad] of b1, b2, b4, b5, through the zero of the counter."""
     return np.stack([0.3 * np.sin(0.8 * t + i) - 0.1 for i in range(4)], axis=1)
 
 
 def robot_lines(t: np.ndarray = ROBOT_T) -> list[str]:
-    motors = joints_to_motors(ROBOT, joint_course(t))
+    motors = joints_to_motors(ROBOT, joint_trajectory(t))
     return [
         "time,m1,m2,m3,m4,m5,m6",
         *(",".join(map(repr, row)) for row in np.column_stack((100.0 + t, motors)).tolist()),
@@ -41,7 +41,7 @@ def robot_lines(t: np.ndarray = ROBOT_T) -> list[str]:
 
 def bar_lines(t: np.ndarray = BAR_T) -> list[str]:
     counts = (
-        np.rint(bar_course(t) * list(SIGNS.values()) * PER_RAD)
+        np.rint(bar_trajectory(t) * list(SIGNS.values()) * PER_RAD)
         .astype(np.int64)
         .astype(np.uint32)
         .astype(np.int64)
@@ -88,10 +88,12 @@ def write(
     return folder
 
 
-def found(recording: Recording) -> list[tuple[str, str, str, tuple[int, ...], int]]:
+def summaries(recording: Recording) -> list[tuple[str, str, str, tuple[int, ...], int]]:
     """Findings other than the missing status columns, which these recordings do not have."""
-    findings = [one for one in recording.report.findings if one.kind != "no status word"]
-    return [(one.kind, one.severity, one.file, one.lines, one.count) for one in findings]
+    findings = [entry for entry in recording.report.findings if entry.kind != "no status word"]
+    return [
+        (entry.kind, entry.severity, entry.file, entry.lines, entry.count) for entry in findings
+    ]
 
 
 def flagged(recording: Recording, flag: RowFlag) -> list[int]:
@@ -131,7 +133,7 @@ FORCE_T = 0.002 * np.arange(400)
 WRENCH_HEADER = "time,fx,fy,fz,tx,ty,tz"
 
 
-def wrench_course() -> np.ndarray:
+def wrench_trajectory() -> np.ndarray:
     """(N, 6) [N, N m] of the sensor, another one for each channel."""
     return np.random.default_rng(4).normal(0.0, 20.0, (FORCE_T.size, 6)) + 10.0 * np.arange(6)
 
@@ -141,6 +143,6 @@ def force_lines(t: np.ndarray = FORCE_T) -> list[str]:
         WRENCH_HEADER,
         *(
             ",".join(map(repr, row))
-            for row in np.column_stack((17.0 + t, wrench_course())).tolist()
+            for row in np.column_stack((17.0 + t, wrench_trajectory())).tolist()
         ),
     ]

@@ -5,7 +5,7 @@
 
 Counted are functions at module level, without underscore, with an array among arguments or results.
 A shape reads `(N, 6)`, `(3,)` or `(..., 3, N)`, a unit `[rad]` or `[N m/rad]`; numbers without unit
-are called dimensionless, `[1]` or `[-]`. That every array of a function has its own is not checked.
+are called dimensionless or `[-]`. That every array of a function has its own is not checked.
 """
 
 from __future__ import annotations
@@ -24,9 +24,7 @@ SHAPE_TARGET, UNIT_TARGET = 0.70, 0.60  # least shares in every package
 _ARRAY = re.compile(r"\b(NDArray|ArrayLike|Array)\b")
 _SIZE = r"(?:\.\.\.|[A-Z0-9][A-Z0-9_]*(?: ?[-+*/] ?[A-Z0-9][A-Z0-9_]*)*(?: \[[^\]]*\])?)"
 SHAPE = re.compile(rf"\({_SIZE},(?: ?{_SIZE},?)*\)")
-_UNIT_WORD = (
-    r"(?:[numkM]?(?:m|rad|s|N|Hz|Nm)|kg|g|deg|ppm|counts?|rows|samples|%|sigma|-|1(?=[/\]]))"
-)
+_UNIT_WORD = r"(?:[numkM]?(?:m|rad|s|N|Hz|Nm)|kg|g|deg|ppm|counts?|rows|samples|%|sigma|-|1(?=/))"
 UNIT = re.compile(rf"\[(?:{_UNIT_WORD}(?:\^-?\d)?(?:[ ,/*]|\bor\b|\band\b)*)+\]|dimensionless")
 
 

@@ -138,7 +138,7 @@ def test_limits_and_choices_are_those_of_the_schema(page: str) -> None:
         "| `path.duration_s` | number > 0, ≤ 3600 | `required` |",
         "| `identify.cost` | `ml`, `length`,",
         "| `encoders.fitted` | list of (whole number ≥ 1, ≤ 5) |",
-        "- `scale: 1.0` (number > 0): Stiffness",
+        "- `scale: 1.0` (number > 0): Factor on the stiffness",
         "- `delay_s: required` s (number ≥ -1, ≤ 1): ",
     ):
         assert words in page, words

@@ -1,4 +1,4 @@
-"""Encoder slips and clock steps: planted, found in the residual or taken over from the logs, sized."""
+"""Encoder slips and clock steps: planted, detected in residual or logs, and estimated."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def layout_of(faults: tuple[StepFault, ...], recordings: int = 1) -> tuple[Unkno
 
 
 def fitted(ballbar: Array, faults: tuple[StepFault, ...] = ()) -> Fit:
-    """The rigid mechanism fitted to ball-bar angles (N, 5) [rad], with a parameter for each fault."""
+    """The rigid mechanism fitted to ball-bar angles (N, 5) [rad]; a parameter for each fault."""
     layout, x = layout_of(faults)
     slips = encoder_slips(faults)
     samples = samples_with(tuple(f.time for f in faults if f.kind == "clock"))
@@ -190,7 +190,7 @@ def warped(t: Array) -> Array:
 
 
 def paused(at: float, step: float, stamp: float | None) -> Fit:
-    """A clock step inside a dwell; stamp : [s] where the log has an irregular stamp of that size."""
+    """A clock step inside a dwell; stamp : [s] of the log's irregular stamp of that size."""
     path, columns = minute(), [j - 1 for j in UNIVERSAL_AND_GIMBAL]
     b = exact_log(path.t, path.b)
     # A spline through all rows of a motion that stops would ring; rows close by keep that small.

@@ -68,7 +68,10 @@ def test_own_weight_is_that_of_the_statics_oracle(robot: str) -> None:
 
 
 def test_at_rest_the_servos_give_what_the_loads_ask_for() -> None:
-    """A held pose of the closed mechanism by the statics oracle, with a rod that pushes: its tension explains all six torques."""
+    """A held pose of the closed mechanism by the statics oracle, with a rod that pushes.
+
+    Its tension explains all six torques.
+    """
     cell = load_cell("irb2400", "lund_600", "plate_250")
     geometry = nominal_geometry(cell, np.array([0.70, 0.0, 0.54]))
     b = np.radians([[-23.2, -54.3, 20.8, -129.6, 138.0]])

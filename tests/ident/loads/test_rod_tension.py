@@ -78,7 +78,7 @@ def test_the_friction_of_a_joint_that_never_moves_stays_the_catalogues(moving: M
 
 
 def test_what_gears_and_plate_carry_is_what_comes_through_the_flange(moving: Motion) -> None:
-    """Statics through the arm, which share nothing with the sensor's model: nothing is left over."""
+    """Statics through the arm, which share nothing with the sensor's model, leave no residual."""
     force = tension_at(moving.t)
     found, left = from_force_sensor(CELL, NOMINAL, moving.wrench(force), moving.q, moving.b)
     assert found.force == pytest.approx(force, abs=1e-6)

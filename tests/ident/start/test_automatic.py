@@ -35,7 +35,7 @@ SPACING = 0.04  # [s] of 1500 samples
 def logs(
     encoders: tuple[int, ...], directions: dict[int, int] | None = None, noise: float = 1e-5
 ) -> tuple[SmoothLog, SmoothLog | None]:
-    """The minute by a robot off by millimetres; the ball-bar's log begins late, on its own clock."""
+    """The minute by a robot off by millimetres; the ball-bar's log begins late, on its clock."""
     rng, path = np.random.default_rng(51), minute()
     q = closed(TRUE, path.b, path.q) + noise * rng.standard_normal(path.q.shape)
     robot = exact_log(path.t, q, 1e-5)

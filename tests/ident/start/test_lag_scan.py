@@ -32,7 +32,7 @@ STEP = 0.02  # [s]
 def test_lag_sign_and_both_zeros_of_a_pair_come_out_of_one_scan(
     lag: int, sign: int, zero1: float, zero2: float, truncated: bool
 ) -> None:
-    """A gimbal that follows a direction for 100 s, shifted by up to 40 s: everything is read off the two signals."""
+    """A gimbal follows a direction for 100 s, shifted by up to 40 s: the signals tell all."""
     k = np.arange(7000 if truncated else 9000)
     full = np.arange(-3000, 12000) * STEP
     moving = np.clip(full, 20.0, 110.0)

@@ -23,7 +23,7 @@ def true() -> Geometry:
 
 
 @pytest.fixture(scope="session")
-def exact(path: ReferencePath, true: Geometry) -> tuple[Array, Array]:
-    """400 noise-free samples (q, b)."""
+def exact(path: ReferencePath, true: Geometry) -> dict[str, Array]:
+    """400 noise-free samples: q (400, 6) and b (400, 5) [rad]."""
     some = np.linspace(200, path.t.size - 200, 400).round().astype(int)
-    return closed(true, path.b[some], path.q[some]), path.b[some]
+    return {"q": closed(true, path.b[some], path.q[some]), "b": path.b[some]}

@@ -19,18 +19,18 @@ COST: CostName = "transform"
 
 
 @pytest.fixture(scope="module")
-def shifted(path: ReferencePath, true: Geometry) -> tuple[Array, Array, Array]:
-    """t, q, b: rows 0.05 s apart, the ball-bar's of LATE before the robot's."""
+def shifted(path: ReferencePath, true: Geometry) -> dict[str, Array]:
+    """t, q, b of rows 0.05 s apart, the ball-bar's of LATE before the robot's."""
     rows = slice(0, None, 5)
     t = path.t[rows]
     b = np.asarray(exact_log(path.t, path.b).spline(t - LATE))
-    return t, closed(true, path.b[rows], path.q[rows]), b
+    return {"t": t, "q": closed(true, path.b[rows], path.q[rows]), "b": b}
 
 
 def test_at_the_true_geometry_the_least_cost_lies_at_the_true_shift(
-    shifted: tuple[Array, Array, Array], true: Geometry
+    shifted: dict[str, Array], true: Geometry
 ) -> None:
-    t, q, b = shifted
+    t, q, b = shifted.values()
     inside = (t > REACH) & (t < t[-1] - REACH)
     found = best_shift(
         cost_named(COST, "vector"), true, t[inside], q[inside], through_samples(t, b)
@@ -40,13 +40,13 @@ def test_at_the_true_geometry_the_least_cost_lies_at_the_true_shift(
 
 
 def test_identifying_and_shifting_in_turns_approaches_the_clock_by_a_constant_factor(
-    path: ReferencePath, shifted: tuple[Array, Array, Array], nominal: Geometry, true: Geometry
+    path: ReferencePath, shifted: dict[str, Array], nominal: Geometry, true: Geometry
 ) -> None:
     chosen = identifiable_by(COST, nominal, path.q[::50], path.b[::50])
     left = []
     for rounds in (1, 2, 3):
         done = fit_cost_with_shift(
-            cost_named(COST, "vector"), nominal, *shifted, chosen, rounds=rounds
+            cost_named(COST, "vector"), nominal, **shifted, parameters=chosen, rounds=rounds
         )
         left.append(abs(done.shift - LATE))
     ratios = np.array(left[1:]) / left[:-1]
@@ -57,9 +57,11 @@ def test_identifying_and_shifting_in_turns_approaches_the_clock_by_a_constant_fa
 
 
 def test_without_rounds_it_is_a_plain_fit(
-    path: ReferencePath, shifted: tuple[Array, Array, Array], nominal: Geometry
+    path: ReferencePath, shifted: dict[str, Array], nominal: Geometry
 ) -> None:
     chosen = identifiable_by(COST, nominal, path.q[::50], path.b[::50])
-    done = fit_cost_with_shift(cost_named(COST, "vector"), nominal, *shifted, chosen, rounds=0)
+    done = fit_cost_with_shift(
+        cost_named(COST, "vector"), nominal, **shifted, parameters=chosen, rounds=0
+    )
     assert done.shift == 0.0
     assert done.fit.converged

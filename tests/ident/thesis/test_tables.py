@@ -84,7 +84,7 @@ def loops() -> dict[str, KinematicLoop]:
 
 @pytest.fixture(scope="module")
 def carried(loops: dict[str, KinematicLoop]) -> KinematicLoop:
-    """The main scenario turned by 20 deg about the robot's first axis: a ball-bar that does not stand at y = 0."""
+    """The main scenario turned by 20 deg about the robot's first axis: a ball-bar not at y = 0."""
     return turned(loops["irb2400"], np.radians(20.0))
 
 
