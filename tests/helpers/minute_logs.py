@@ -24,6 +24,7 @@ def minute_logs(
     ripple: float = 0.0,
     slip: tuple[int, float, float] | None = None,
     torque: bool = False,
+    robot_noise: float = NOISE,
     seed: int = 0,
     name: str = "",
 ) -> Logs:
@@ -32,6 +33,7 @@ def minute_logs(
     compliance : of the gears, in units of the catalogue's, under `known_loads.tension_at`.
     ripple : [rad] amplitude of the first listed harmonic. slip : joint, time on the ball-bar's
     clock [s] and size [rad] of an encoder's slip. torque : whether motor torques are logged.
+    robot_noise : [rad] white, of every joint; that of the encoders is NOISE.
     """
     rng, path = np.random.default_rng(seed), minute(0.01)
     motion = motion_at(path.t)
@@ -42,7 +44,7 @@ def minute_logs(
     gears = q @ CELL.robot.joint_to_gear
     gear, order, _ = harmonic_orders(CELL)[0]
     gears[:, gear] -= ripple * np.sin(order * gears[:, gear])
-    q = gears @ CELL.robot.gear_to_joint + NOISE * rng.standard_normal(q.shape)
+    q = gears @ CELL.robot.gear_to_joint + robot_noise * rng.standard_normal(q.shape)
     torques = motion.torque(tension_at(path.t)).T.copy() if torque else None
     robot = RobotLog(path.t, q, torque=torques)
     if not encoders:

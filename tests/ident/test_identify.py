@@ -54,6 +54,7 @@ def data(recorded: Recorded) -> RunData:
     return run(recorded)
 
 
+@pytest.mark.slow  # simulation, report and replay take some seconds
 def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
     """TCP 0.01 mm, distance 0.02 mm|mrad, clock 20 us and 0.2 ppm, 10 iterations."""
     file = SCENARIOS / "irb2400.yaml"
