@@ -87,9 +87,9 @@ def identify_together(
         for k, logs in enumerate(recordings)
     ]
     automatic = options.model == "auto" and options.corrections is None
-    if len(single) == 1:
+    if len(single) == 1 and (options.model == "dh" or automatic):
         simple = _result(cell, single, single[0].fit, options)
-        if options.model == "dh" or (automatic and not _asks_for_more(simple)):
+        if options.model == "dh" or not _asks_for_more(simple):
             return simple
     corrections = list(CORRECTIONS) if options.corrections is None else list(options.corrections)
     if automatic and len(single) == 1 and len(single[0].samples.encoders) < COMPLETE_ENCODERS:
