@@ -118,8 +118,8 @@ def test_a_misfit_and_an_ambiguous_alignment_are_said() -> None:
     assert misfit.sentence.endswith(
         ": a misfit. The machine as identified does not explain this recording."
     )
+    assert not replace(OUTCOME, ambiguous=True).acceptable
     doubtful = replace(misfit, ambiguous=True)
-    assert not doubtful.acceptable
     assert doubtful.sentence.endswith("in more than one way, so this proves nothing.")
     assert "misfit" not in doubtful.sentence
 

@@ -36,6 +36,18 @@ def test_samples_avoid_gaps_and_long_dwells() -> None:
         sample_times(log, log, Clock(100.0, 0.0), 500)
 
 
+def test_a_gap_of_either_log_has_no_samples() -> None:
+    t = np.arange(0.0, 40.0, 0.02)
+    whole = exact_log(t, np.sin(t)[:, None])
+    holed = replace(whole, gaps=np.array([[20.0, 22.0]]))
+    clock = Clock(3.0, 0.0)  # the robot's clock is 3 s ahead of the ball-bar's
+    for robot, ballbar, first, last in ((whole, holed, 20.0, 22.0), (holed, whole, 17.0, 19.0)):
+        times = sample_times(robot, ballbar, clock, 400)
+        inside = (times > first) & (times < last)
+        assert not inside.any()
+        assert np.diff(times).max() == pytest.approx(last - first, abs=0.2)
+
+
 def test_a_second_of_the_dwell_at_either_end_is_kept() -> None:
     """Where the motion starts and stops tells the clock."""
     t = np.arange(0.0, 40.0, 0.02)

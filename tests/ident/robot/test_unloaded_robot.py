@@ -12,7 +12,7 @@ from ident.corrections import CORRECTIONS
 from ident.loads.gear_loads import mass_model, own_weight
 from ident.robot.unloaded_robot import UNDECIDED, UnloadedRobot, backlash_flanks
 
-GEARS = ("joint_compliance", "gear_backlash", "gear_ripple", "rod_strain")
+CHOSEN = ("joint_compliance", "gear_backlash", "gear_ripple", "rod_strain", "encoder_harmonics")
 
 
 @pytest.fixture(scope="module")
@@ -22,8 +22,8 @@ def q() -> Array:
 
 @pytest.fixture(scope="module")
 def robot(cell: Cell, nominal: Geometry) -> UnloadedRobot:
-    """Every correction of the gears, and the rod's, at values drawn about their priors."""
-    corrections = tuple(CORRECTIONS[name](cell, ()) for name in GEARS)
+    """Corrections of gears, rod and encoders, at values drawn about their priors."""
+    corrections = tuple(CORRECTIONS[name](cell, (1,)) for name in CHOSEN)
     coefficients = [c for correction in corrections for c in correction.coefficients]
     drawn = np.random.default_rng(102).standard_normal(len(coefficients))
     values = np.array(
@@ -70,7 +70,7 @@ def test_a_load_that_hardly_decides_leaves_a_gear_in_the_middle() -> None:
 
 
 def test_the_tool_moves_as_its_jacobian_says(robot: UnloadedRobot, q: Array) -> None:
-    """Central differences of parameters and coefficients; the rod's do not move a free tool."""
+    """Central differences; rod and encoders do not move a free tool."""
     names = ["ra2", "rtheta4", "ralpha1", "bd3", "ox"]
     parameters = np.array([INDEX[name] for name in names])
     columns = robot.jacobian(q, parameters)
@@ -100,7 +100,7 @@ def test_the_tool_moves_as_its_jacobian_says(robot: UnloadedRobot, q: Array) -> 
         )
         numeric = (ahead - behind).T / 2e-7
         assert column == pytest.approx(numeric, abs=1e-6 * max(1.0, np.abs(numeric).max())), k
-    assert not columns[-2:].any()
+    assert not columns[-8:].any()  # two of the rod, six of one encoder
     assert not columns[3:5].any()
 
 

@@ -159,6 +159,8 @@ def test_base_and_encoder_offsets_are_free_in_the_start_the_rest_is_held_near_th
     [
         # The least cost wins over the better score, which is the order of the list.
         ([(0.0, 9.0), (7.0, 1.0)], 1, []),
+        # So it does where the other one cannot be excluded.
+        ([(0.0, 2.0), (7.0, 1.0)], 1, [0]),
         # Within a fifth of the cost they are equally good, and the score decides; a rival it stays.
         ([(0.0, 1.15), (7.0, 1.0)], 0, [1]),
         # The same answer twice is no rival.
