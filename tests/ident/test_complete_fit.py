@@ -28,6 +28,7 @@ from ident.complete_fit import (
 )
 from ident.corrections import CORRECTIONS
 from ident.estimator.fit import Fit
+from ident.estimator.noise import ExcessNoise
 from ident.options import FitOptions, Listener
 from ident.recording_fit import RecordingFit, fit_recording
 from ident.signals.step_fault import StepFault
@@ -143,6 +144,7 @@ def test_a_step_that_does_not_explain_the_residual_is_not_taken(
         complete_fit, "find_step_fault", lambda fit: next(claimed, None) or found(fit)
     )
     result = fit_complete(CELL, [rippled], ("gear_ripple",), OPTIONS)
+    assert [c.name for c in result.model.corrections] == ["gear_ripple"]
     assert result.step_faults == ()
     assert next(claimed, None) is None
 
@@ -204,15 +206,26 @@ def test_a_rod_without_any_signal_has_a_spline_and_no_gain(elastic: RecordingFit
 
 
 def test_without_a_signal_the_fit_begins_with_much_noise_and_a_wide_backlash(
-    elastic: RecordingFit,
+    elastic: RecordingFit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[str] = []
+    stages: list[tuple[float, ExcessNoise]] = []
+
+    def followed(
+        pose: Pose, excess: ExcessNoise, listener: Listener, *, max_iterations: int
+    ) -> Fit:
+        stages.append((pose.model.sharpness, excess))
+        return fit_pose(pose, excess, listener, max_iterations=max_iterations)
+
+    monkeypatch.setattr(complete_fit, "fit_pose", followed)
     options = replace(OPTIONS, force="none")
     pose = posed(CELL, [elastic], ("joint_compliance", "gear_backlash"), options)
     near = continued(pose, Listener(told.append))
     assert [line.split("(")[1] for line in told] == [
         f"{k:g} times the noise)" for k in CONTINUATION
     ]
+    assert [sharpness for sharpness, _ in stages] == [1.0 / k for k in CONTINUATION]
+    assert [excess.rod for _, excess in stages] == [k * FIRST_EXCESS.rod for k in CONTINUATION]
     assert near.model is pose.model  # of the last stage only the values are taken over
     assert near.model.sharpness == 1.0
     knots = near.model.unknowns.own[0].knots

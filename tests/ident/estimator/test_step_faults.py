@@ -115,10 +115,17 @@ def test_clean_data_have_no_step_fault(seed: int) -> None:
     assert find_step_fault(fitted(exact + noise)) is None
 
 
-def test_loud_noise_has_no_step_fault_however_large_the_steps_that_it_resembles() -> None:
-    """0.3 mrad of white noise: the likeliest step lowers chi-square by 10 to 20."""
+@pytest.mark.parametrize(("size", "found"), [(0.0, False), (1e-3, False), (3e-3, True)])
+def test_a_step_counts_where_noise_and_what_a_model_lacks_could_not_bring_it_about(
+    size: float, found: bool
+) -> None:
+    """Under 1 mrad of noise fifty samples tell of it, so chi-square falls by 0, 50 and 450."""
     exact, noise = angles(TIMES, 41)
-    assert find_step_fault(fitted(exact + 30.0 * noise, louder=30.0)) is None
+    ballbar = exact + 100.0 * noise
+    ballbar[TIMES >= 30.0, 0] += size
+    fault = find_step_fault(fitted(ballbar, louder=100.0))
+    assert (fault is not None) == found
+    assert fault is None or fault.size == pytest.approx(size, rel=0.1)
 
 
 def test_a_complete_fit_without_a_slip_has_no_step_fault(machine_fit: Fit) -> None:
