@@ -24,6 +24,7 @@ from cell.description_files import (
 )
 from cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
 from cell.errors import DescriptionError
+from cell.instrument import Instrument, InstrumentFile, instrument_of
 from cell.schema_errors import nearest
 from cell.strict_yaml import load_model
 
@@ -108,6 +109,12 @@ def load_plate(name_or_path: str, *, relative_to: Path | None = None) -> Plate:
     )
 
 
+def load_instrument(name_or_path: str, *, relative_to: Path | None = None) -> Instrument:
+    """An instrument by its shipped name (`tracker_point`), or from a file, as in `load_robot`."""
+    path = _find(name_or_path, "instruments", relative_to)
+    return instrument_of(path.stem, load_model(path, InstrumentFile))
+
+
 def robot_names() -> list[str]:
     """Names of the shipped robots."""
     return _names("robots")
@@ -121,6 +128,11 @@ def ballbar_names() -> list[str]:
 def plate_names() -> list[str]:
     """Names of the shipped offset plates."""
     return _names("plates")
+
+
+def instrument_names() -> list[str]:
+    """Names of the shipped instruments other than sensed ball-bars."""
+    return _names("instruments")
 
 
 def _names(kind: str) -> list[str]:

@@ -1,0 +1,139 @@
+"""Instruments: kinematic chains between the floor and a target on the robot's flange.
+
+Each joint of a chain is revolute, prismatic, universal (two axes) or ball (three), and sensed or
+not. What the sensed joints tell of the target is what the instrument measures: a telescoping
+ball-bar or a draw-wire its distance, a laser tracker its position, a tracker with a 6-D target its
+pose; a socket holds it at one point. The sensed double ball-bar, five revolute joints and a rod, is
+described by its own class (cell.descriptions.BallBar), for it is a mechanism with masses too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from cell.arrays import Array
+from cell.description_files import NominalAngle, NotNegative, Positive
+from cell.poses import Measured
+from cell.schema import Strict
+from cell.schema_errors import wrong_key
+
+JointKind = Literal["revolute", "prismatic", "universal", "ball"]
+# what a chain measures: its joints from the floor to the tool, sensed ones marked
+_CHAINS: dict[tuple[str, ...], Measured] = {
+    ("universal", "prismatic*", "ball"): "length",
+    ("ball", "prismatic*", "ball"): "length",
+    ("revolute*", "revolute*", "prismatic*", "ball"): "point",
+    ("revolute*", "revolute*", "prismatic*", "ball*"): "pose",
+    ("prismatic*", "prismatic*", "prismatic*", "ball"): "point",
+    ("prismatic*", "prismatic*", "prismatic*", "ball*"): "pose",
+    ("ball",): "socket",
+}
+
+
+class JointFile(Strict):
+    """One joint of a chain, from the floor to the tool."""
+
+    joint: JointKind
+    sensed: bool = False
+    alpha_deg: NominalAngle = 0.0  # link twist behind a revolute joint
+    nominal_m: NotNegative | None = None  # of a prismatic joint, with its range
+    lower_m: NotNegative | None = None
+    upper_m: Positive | None = None
+    sigma_m: NotNegative = 0.0  # noise of a length; play of a socket
+    sigma_rad: NotNegative = 0.0  # noise of an angle
+
+
+class DistanceFile(Strict):
+    """Distance between the two seats of a fixture."""
+
+    length_m: Positive
+    sigma_m: Positive
+
+
+class InstrumentFile(Strict):
+    """Description of an instrument, cell/instruments/*.yaml."""
+
+    schema_: Annotated[Literal["ballbar-instrument/1"], Field(alias="schema")]
+    title: str
+    chain: Annotated[tuple[JointFile, ...], Field(min_length=1, max_length=4)]
+    distance: DistanceFile | None = None
+
+    @model_validator(mode="after")
+    def _chain_is_one_that_measures(self) -> Self:
+        if _joints(self) not in _CHAINS:
+            known = "; ".join(" ".join(chain) for chain in _CHAINS)
+            raise wrong_key(
+                "chain",
+                message=f"{' '.join(_joints(self))} is no chain that measures a target; those that "
+                f"do are (sensed joints marked *): {known}",
+            )
+        for i, joint in enumerate(self.chain):
+            if joint.joint == "prismatic" and None in (
+                joint.nominal_m,
+                joint.lower_m,
+                joint.upper_m,
+            ):
+                message = "expected nominal_m, lower_m and upper_m of a prismatic joint"
+                raise wrong_key("chain", i, message=message)
+        return self
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """An instrument that measures one target, and its noise."""
+
+    name: str
+    title: str
+    measured: Measured
+    nominal: float  # [m] length at mid range; 0 for a socket
+    lower: float  # [m] shortest and longest length
+    upper: float
+    sigma_length: float  # [m] of the sensed length, or play of a socket
+    sigma_direction: float  # [rad] of the sensed angles that point at the target
+    sigma_rotation: float  # [rad] of the target's sensed orientation, each axis
+    distance: tuple[float, float] | None = None  # [m] between two seats, and its sigma
+
+    def sigma(self, values: Array) -> Array:
+        """(N, M) [m, rad] standard deviation of values as in cell.poses.PoseGroup; 3 columns of a
+        socket.
+        """
+        n = len(values)
+        if self.measured == "length":
+            return np.full((n, 1), self.sigma_length)
+        if self.measured == "socket":
+            return np.full((n, 3), self.sigma_length)
+        across = self.sigma_direction * np.linalg.norm(values[:, :3], axis=1)
+        each = np.sqrt((self.sigma_length**2 + 2.0 * across**2) / 3.0)
+        position = np.repeat(each[:, None], 3, axis=1)
+        if self.measured == "point":
+            return position
+        return np.hstack((position, np.full((n, 3), self.sigma_rotation)))
+
+
+def instrument_of(name: str, file: InstrumentFile) -> Instrument:
+    """The instrument that a checked file describes; name : of that file."""
+    measured = _CHAINS[_joints(file)]
+    sliding = [joint for joint in file.chain if joint.joint == "prismatic"]
+    length = sliding[-1] if sliding else file.chain[0]
+    turning = [j.sigma_rad for j in file.chain if j.joint == "revolute"]
+    distance = file.distance
+    return Instrument(
+        name=name,
+        title=file.title,
+        measured=measured,
+        nominal=length.nominal_m or 0.0,
+        lower=length.lower_m or 0.0,
+        upper=length.upper_m or 0.0,
+        sigma_length=length.sigma_m,
+        sigma_direction=max(turning, default=0.0),
+        sigma_rotation=file.chain[-1].sigma_rad if measured == "pose" else 0.0,
+        distance=None if distance is None else (distance.length_m, distance.sigma_m),
+    )
+
+
+def _joints(file: InstrumentFile) -> tuple[str, ...]:
+    return tuple(joint.joint + "*" * joint.sensed for joint in file.chain)
