@@ -174,7 +174,7 @@ def fit_kinematics(
     """Fit kinematic parameters and the clock of one recording, without corrections.
 
     start, clock : values to start from; parameters that are not fitted keep theirs.
-    parameters : (P,) indices into PARAMETERS. prior_sigma : (P,) [m, rad] about the start.
+    parameters : (P,) indices into the table. prior_sigma : (P,) [m, rad] about the start.
     Other arguments and errors as in `fit`.
     """
     seen = clock if samples.has_clock else None
