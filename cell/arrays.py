@@ -6,7 +6,7 @@ can write to, so that neither side can change what the other one holds.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,15 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 
-class Shape(tuple[int, ...]):
-    """Shape of an array field of a dataclass, as in `Annotated[Array, Shape((3, 3))]`."""
+class Shape(tuple[int | str, ...]):
+    """Shape of an array field of a dataclass, as in `Annotated[Array, Shape((3, 3))]`.
+
+    A letter stands for a size that all fields of the dataclass share, such as J joints.
+    """
 
 
 Vector3 = Annotated[Array, Shape((3,))]
 Vector5 = Annotated[Array, Shape((5,))]
-Vector6 = Annotated[Array, Shape((6,))]
+VectorJ = Annotated[Array, Shape(("J",))]
 Matrix3 = Annotated[Array, Shape((3, 3))]
-Matrix6 = Annotated[Array, Shape((6, 6))]
+MatrixJ = Annotated[Array, Shape(("J", "J"))]
 
 
 def read_only(values: ArrayLike, dtype: type[np.generic] = np.float64) -> NDArray[Any]:
@@ -41,14 +44,22 @@ def read_only(values: ArrayLike, dtype: type[np.generic] = np.float64) -> NDArra
 def protect_fields(description: object) -> None:
     """Replace every field annotated with a `Shape` by a write-protected float64 copy.
 
-    Raises ValueError if the values of a field are not finite or not of its shape.
+    An optional field may be None. Raises ValueError if the values of a field are not finite or not
+    of its shape.
     """
+    sizes: dict[int | str, int] = {}
     for name, shape in _shapes(type(description)).items():
+        if getattr(description, name) is None:
+            continue
         values = read_only(getattr(description, name))
-        if values.shape != shape or not np.isfinite(values).all():
+        for letter, size in zip(shape, values.shape, strict=False):
+            if isinstance(letter, str):
+                sizes.setdefault(letter, size)
+        expected = tuple(sizes.get(size, size) for size in shape)
+        if values.shape != expected or not np.isfinite(values).all():
             raise ValueError(
-                f"{type(description).__name__}.{name}: expected finite numbers of shape {shape}, "
-                f"got shape {values.shape}"
+                f"{type(description).__name__}.{name}: expected finite numbers of shape "
+                f"{expected}, got shape {values.shape}"
             )
         object.__setattr__(description, name, values)
 
@@ -60,8 +71,13 @@ def _is_protected(array: NDArray[Any]) -> bool:
     return array.base is None or (isinstance(array.base, np.ndarray) and _is_protected(array.base))
 
 
-def _shapes(description: type) -> dict[str, tuple[int, ...]]:
-    """Shape by field name of the annotated fields of a dataclass."""
+def _shapes(description: type) -> dict[str, Shape]:
+    """Shape by field name of the annotated fields of a dataclass, those of `... | None` too."""
     hints = get_type_hints(description, include_extras=True)
-    marks = {name: getattr(hint, "__metadata__", ()) for name, hint in hints.items()}
-    return {name: tuple(m) for name, ms in marks.items() for m in ms if isinstance(m, Shape)}
+    return {
+        name: mark
+        for name, hint in hints.items()
+        for member in (hint, *get_args(hint))
+        for mark in getattr(member, "__metadata__", ())
+        if isinstance(mark, Shape)
+    }

@@ -14,18 +14,18 @@ from cell.descriptions import Cell, Link
 
 
 def robot_bodies(cell: Cell) -> list[Link]:
-    """Links 1..6 of the robot, each in the frame that turns with its joint."""
-    return _local(_robot_chain(cell), cell.robot.links[1:])
+    """Links 1..J of the robot, each in the frame that turns with its joint."""
+    return _local(_robot_chain(cell), cell.robot.required("links")[1:])
 
 
 def carried_bodies(cell: Cell) -> list[list[Link]]:
-    """Links of each robot joint, the plate with the sixth, in frames that turn with the joints."""
-    rotation, flange = flange_on_link6(cell)
+    """Links of each robot joint, the plate with the last, in frames that turn with the joints."""
+    rotation, flange = flange_on_last_link(cell)
     plate = cell.plate.body
     inertia = rotation @ plate.inertia @ rotation.T
-    on_link6 = Link(plate.mass, flange + rotation @ plate.com, inertia)
+    on_last = Link(plate.mass, flange + rotation @ plate.com, inertia)
     bodies = [[link] for link in robot_bodies(cell)]
-    bodies[5].append(on_link6)
+    bodies[-1].append(on_last)
     return bodies
 
 
@@ -35,20 +35,20 @@ def bar_bodies(cell: Cell) -> list[Link]:
     return _local(Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5)), bar.links)
 
 
-def flange_on_link6(cell: Cell) -> tuple[Array, Array]:
-    """Pose of the nominal flange in the frame that turns with joint 6.
+def flange_on_last_link(cell: Cell) -> tuple[Array, Array]:
+    """Pose of the nominal flange in the frame that turns with the last joint.
 
     Returns its rotation (3, 3) and translation (3,) [m].
     """
-    frames = forward(_robot_chain(cell), np.zeros((1, 6)))
-    turned = frames.rotation(5)[:, :, 0].T
-    offset = frames.origin[6, :, 0] - frames.origin[5, :, 0]
-    return turned @ frames.rotation(6)[:, :, 0], turned @ offset
+    frames = forward(_robot_chain(cell), np.zeros((1, cell.robot.joints)))
+    turned = frames.rotation(-2)[:, :, 0].T
+    offset = frames.origin[-1, :, 0] - frames.origin[-2, :, 0]
+    return turned @ frames.rotation()[:, :, 0], turned @ offset
 
 
 def _robot_chain(cell: Cell) -> Chain:
     robot = cell.robot
-    return Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(6))
+    return Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
 
 
 def _local(chain: Chain, links: tuple[Link, ...]) -> list[Link]:

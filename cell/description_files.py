@@ -1,5 +1,9 @@
 """Schemas of the YAML files of cell/robots, cell/ballbars and cell/plates.
 
+A robot needs only its DH rows, 5 to 8 of them, and the limits of its axes. Lists and matrices of
+its axes have one entry for each row.
+
+
 Keys carry their unit; angles are in degrees, as data sheets print them. Matrices act on row vectors
 (thesis App. A: `joints = motors @ T`). A ratio may be a fraction in quotes, "-5/648".
 """
@@ -7,6 +11,7 @@ Keys carry their unit; angles are in degrees, as data sheets print them. Matrice
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from fractions import Fraction
 from typing import Annotated, Any, Literal, Self
 
@@ -14,7 +19,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from cell.schema import Strict
-from cell.schema_errors import wrong_key
+from cell.schema_errors import Loc, wrong_key
 
 MAX_DH_LENGTH_M = 5.0  # [m] no link of an industrial robot is longer: a larger number is in mm
 SMALLEST_TWIST_DEG = 7.0  # [deg] a nominal angle between 0 and 2 pi in number, but not 0, is in rad
@@ -27,6 +32,13 @@ def _ratio(value: Any) -> Any:
             raise ValueError("a fraction cannot have denominator 0")
         return float(Fraction(int(parts[1]), int(parts[2])))
     return value
+
+
+def _matrix(value: Any) -> Any:
+    """None for the word; lists as tuples, since strict mode takes no list behind a validator."""
+    if isinstance(value, list):
+        return tuple(tuple(row) if isinstance(row, list) else row for row in value)
+    return None if value == "identity" else value
 
 
 def _metres(value: float) -> float:
@@ -52,13 +64,15 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 Length = Annotated[float, AfterValidator(_metres)]
 NominalAngle = Annotated[float, Field(ge=-360.0, le=360.0), AfterValidator(_degrees)]
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
-Vector6 = Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
-Positive6 = Annotated[tuple[Positive, ...], Field(min_length=6, max_length=6)]
-NotNegative6 = Annotated[tuple[NotNegative, ...], Field(min_length=6, max_length=6)]
+Inertia = Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
+Axes = tuple[float, ...]  # one value for each axis of the robot, as all lists of these three types
+PositiveAxes = tuple[Positive, ...]
+NotNegativeAxes = tuple[NotNegative, ...]
 NotNegative5 = Annotated[tuple[NotNegative, ...], Field(min_length=5, max_length=5)]
 Ratio = Annotated[float, BeforeValidator(_ratio)]
-Row6 = Annotated[tuple[Ratio, ...], Field(min_length=6, max_length=6)]
-Matrix6 = Annotated[tuple[Row6, ...], Field(min_length=6, max_length=6)]
+Matrix = tuple[tuple[Ratio, ...], ...]  # one row and one column for each axis
+# None, as the word `identity`, where each axis has a row of its own in the DH model
+Coupling = Annotated[Matrix | None, BeforeValidator(_matrix)]
 
 
 class DHRowFile(Strict):
@@ -75,7 +89,7 @@ class LinkFile(Strict):
 
     mass_kg: Positive
     com_m: Vector3
-    inertia_kg_m2: Vector6  # xx, yy, zz, xy, xz, yz about the centre of mass
+    inertia_kg_m2: Inertia  # xx, yy, zz, xy, xz, yz about the centre of mass
 
     @model_validator(mode="after")
     def _inertia_is_that_of_a_body(self) -> Self:
@@ -91,38 +105,26 @@ class LinkFile(Strict):
         return self
 
 
-class RobotLinksFile(Strict):
-    """Bodies of the robot with all DH joint angles zero; com and axes in the robot base frame."""
-
-    base: LinkFile
-    link1: LinkFile
-    link2: LinkFile
-    link3: LinkFile
-    link4: LinkFile
-    link5: LinkFile
-    link6: LinkFile
-
-
 class ServoFile(Strict):
     """Gains of the proportional joint servos, referred to the joints."""
 
-    kp_N_m_per_rad: Positive6
-    kv_N_m_s_per_rad: NotNegative6
+    kp_N_m_per_rad: PositiveAxes
+    kv_N_m_s_per_rad: NotNegativeAxes
 
 
 class FrictionFile(Strict):
     """Coulomb, static (Stribeck) and viscous friction of the gears."""
 
-    static_N_m: NotNegative6
-    coulomb_N_m: NotNegative6
-    viscous_N_m_s_per_rad: NotNegative6
-    stribeck_rad_per_s: Positive6
+    static_N_m: NotNegativeAxes
+    coulomb_N_m: NotNegativeAxes
+    viscous_N_m_s_per_rad: NotNegativeAxes
+    stribeck_rad_per_s: PositiveAxes
 
 
 class TransmissionErrorFile(Strict):
     """Harmonic errors of the gears of some axes, over turns of their outputs and motors."""
 
-    axes: tuple[Annotated[int, Field(ge=1, le=6)], ...]
+    axes: tuple[Annotated[int, Field(ge=1)], ...]
     cycles_per_turn: tuple[Positive, ...]
     amplitude_rad: tuple[NotNegative, ...]
     input_amplitude_rad: NotNegative
@@ -141,9 +143,9 @@ class TransmissionErrorFile(Strict):
 class GearsFile(Strict):
     """Elasticity, friction and ripple of the gears, at their outputs."""
 
-    stiffness_N_m_per_rad: Positive6
-    damping_N_m_s_per_rad: NotNegative6
-    lost_motion_rad: NotNegative6
+    stiffness_N_m_per_rad: PositiveAxes
+    damping_N_m_s_per_rad: NotNegativeAxes
+    lost_motion_rad: NotNegativeAxes
     friction: FrictionFile
     transmission_error: tuple[TransmissionErrorFile, ...]
 
@@ -153,27 +155,65 @@ class RobotFile(Strict):
 
     schema_: Annotated[Literal["ballbar-robot/1"], Field(alias="schema")]
     title: str
-    dh: Annotated[tuple[DHRowFile, ...], Field(min_length=6, max_length=6)]
-    motor_to_joint: Matrix6  # joints = motors @ motor_to_joint
-    controller_to_joint: Matrix6  # joints = axes @ controller_to_joint + controller_offset
-    controller_offset_deg: Vector6
-    axis_lower_deg: Vector6  # limits and speeds are those of the controller's axis angles
-    axis_upper_deg: Vector6
-    axis_speed_max_deg_per_s: Positive6
-    accuracy_lower_deg: Vector6  # box of axis angles over which the TCP error is stated
-    accuracy_upper_deg: Vector6
-    rotor_inertia_kg_m2: NotNegative6  # motor side
-    gears: GearsFile
-    servo: dict[str, ServoFile]
-    links: RobotLinksFile
-    gravity_m_per_s2: Vector3
+    dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=8)]
+    motor_to_joint: Coupling = None  # joints = motors @ motor_to_joint
+    controller_to_joint: Coupling = None  # joints = axes @ controller_to_joint + controller_offset
+    controller_offset_deg: Axes | None = None
+    axis_lower_deg: Axes  # limits and speeds are those of the controller's axis angles
+    axis_upper_deg: Axes
+    axis_speed_max_deg_per_s: PositiveAxes | None = None
+    accuracy_lower_deg: Axes | None = None  # box of axis angles over which the TCP error is stated
+    accuracy_upper_deg: Axes | None = None
+    rotor_inertia_kg_m2: NotNegativeAxes | None = None  # motor side
+    gears: GearsFile | None = None
+    servo: dict[str, ServoFile] | None = None
+    # base, link1, ... with all DH joint angles zero; com and axes in the robot base frame
+    links: dict[str, LinkFile] | None = None
+    gravity_m_per_s2: Vector3 = (0.0, 0.0, -9.81)  # standard gravity, rounded
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Keys of `links`, in the order of the chain."""
+        return ("base", *(f"link{i + 1}" for i in range(len(self.dh))))
+
+    @property
+    def accuracy_box_deg(self) -> tuple[Axes, Axes]:
+        """Lower and upper limits over which the TCP error is stated.
+
+        Without the keys, the middle 60 % of each axis range, at most 120 deg to either side.
+        """
+        ranges = np.array((self.axis_lower_deg, self.axis_upper_deg))
+        middle, half = ranges.mean(axis=0), np.minimum(0.3 * np.ptp(ranges, axis=0), 120.0)
+        return (
+            self.accuracy_lower_deg or tuple((middle - half).tolist()),
+            self.accuracy_upper_deg or tuple((middle + half).tolist()),
+        )
+
+    @model_validator(mode="after")
+    def _lists_have_one_entry_per_axis(self) -> Self:
+        rows = len(self.dh)
+        for loc, values in _axis_lists(self):
+            if len(values) != rows:
+                message = f"found {len(values)} values, expected {rows}, one for each row of dh"
+                raise wrong_key(*loc, message=message)
+        for i, harmonics in enumerate(self.gears.transmission_error if self.gears else ()):
+            for k, axis in enumerate(harmonics.axes):
+                if axis > rows:
+                    loc = ("gears", "transmission_error", i, "axes", k)
+                    raise wrong_key(*loc, message=f"expected an axis from 1 to {rows}")
+        if self.links is not None and set(self.links) != set(self.link_names):
+            found, expected = ", ".join(self.links), ", ".join(self.link_names)
+            raise wrong_key("links", message=f"found {found}; expected {expected}")
+        return self
 
     @model_validator(mode="after")
     def _matrices_are_invertible(self) -> Self:
         for key in ("motor_to_joint", "controller_to_joint"):
+            if getattr(self, key) is None:
+                continue
             matrix = np.array(getattr(self, key))
-            for i in range(6):
-                if matrix[i, i] == 0.0:
+            for i, ratio in enumerate(np.diag(matrix)):
+                if ratio == 0.0:
                     raise wrong_key(key, i, i, message="the ratio of an axis to itself cannot be 0")
             if np.linalg.cond(matrix) > 1e9:  # real ones are below 100
                 raise wrong_key(key, message="the matrix has no inverse: two axes are driven alike")
@@ -181,12 +221,11 @@ class RobotFile(Strict):
 
     @model_validator(mode="after")
     def _boxes_have_lower_below_upper(self) -> Self:
-        for i in range(6):
-            low, high = self.axis_lower_deg[i], self.axis_upper_deg[i]
-            first, last = self.accuracy_lower_deg[i], self.accuracy_upper_deg[i]
+        for i, (low, high) in enumerate(zip(self.axis_lower_deg, self.axis_upper_deg, strict=True)):
             if not low < high:
                 message = f"expected more than the lower limit {low:g}"
                 raise wrong_key("axis_upper_deg", i, message=message)
+            first, last = (limits[i] for limits in self.accuracy_box_deg)
             if not low <= first <= high:
                 message = f"expected a value within the axis limits {low:g} to {high:g}"
                 raise wrong_key("accuracy_lower_deg", i, message=message)
@@ -194,6 +233,27 @@ class RobotFile(Strict):
                 message = f"expected a value above {first:g} and up to the axis limit {high:g}"
                 raise wrong_key("accuracy_upper_deg", i, message=message)
         return self
+
+
+_AXIS_LISTS = {
+    *("motor_to_joint", "controller_to_joint", "controller_offset_deg"),
+    *("axis_lower_deg", "axis_upper_deg", "axis_speed_max_deg_per_s"),
+    *("accuracy_lower_deg", "accuracy_upper_deg", "rotor_inertia_kg_m2"),
+    *("stiffness_N_m_per_rad", "damping_N_m_s_per_rad", "lost_motion_rad"),
+    *("static_N_m", "coulomb_N_m", "viscous_N_m_s_per_rad", "stribeck_rad_per_s"),
+    *("kp_N_m_per_rad", "kv_N_m_s_per_rad"),
+}
+
+
+def _axis_lists(part: Any, *loc: str | int) -> Iterator[tuple[Loc, tuple[Any, ...]]]:
+    """Place and value of every list below a part of the file that has one entry for each axis."""
+    for key, value in part.items() if isinstance(part, dict) else part:
+        place = (*loc, key)
+        if isinstance(value, Strict | dict):
+            yield from _axis_lists(value, *place)
+        elif key in _AXIS_LISTS and value is not None:
+            yield place, value
+            yield from (((*place, i), v) for i, v in enumerate(value) if isinstance(v, tuple))
 
 
 class BallBarLinksFile(Strict):

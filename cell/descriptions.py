@@ -9,10 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal, overload
 
 import numpy as np
 
-from cell.arrays import Array, Matrix3, Matrix6, Vector3, Vector5, Vector6, protect_fields
+from cell.arrays import (
+    Array,
+    Matrix3,
+    MatrixJ,
+    Vector3,
+    Vector5,
+    VectorJ,
+    protect_fields,
+    read_only,
+)
+from cell.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +42,8 @@ class Link:
 class ServoGains:
     """Gains of proportional joint servos, referred to the joints."""
 
-    kp: Vector6  # [N m/rad]
-    kv: Vector6  # [N m s/rad]
+    kp: VectorJ  # [N m/rad]
+    kv: VectorJ  # [N m s/rad]
 
     def __post_init__(self) -> None:
         protect_fields(self)
@@ -40,18 +51,18 @@ class ServoGains:
 
 @dataclass(frozen=True, eq=False)
 class Gears:
-    """Elasticity, backlash, friction and ripple of the six gears, at their outputs.
+    """Elasticity, backlash, friction and ripple of the gears of all axes, at their outputs.
 
     Gear i is driven by motor i alone.
     """
 
-    stiffness: Vector6  # [N m/rad]
-    damping: Vector6  # [N m s/rad]
-    lost_motion: Vector6  # [rad] catalogue figure: total width of the hysteresis
-    static: Vector6  # [N m] break-away friction
-    coulomb: Vector6  # [N m]
-    viscous: Vector6  # [N m s/rad]
-    stribeck: Vector6  # [rad/s]
+    stiffness: VectorJ  # [N m/rad]
+    damping: VectorJ  # [N m s/rad]
+    lost_motion: VectorJ  # [rad] catalogue figure: total width of the hysteresis
+    static: VectorJ  # [N m] break-away friction
+    coulomb: VectorJ  # [N m]
+    viscous: VectorJ  # [N m s/rad]
+    stribeck: VectorJ  # [rad/s]
     # of each gear, pairs of (cycles per turn of the output, amplitude [rad])
     harmonics: tuple[tuple[tuple[float, float], ...], ...]
 
@@ -59,40 +70,87 @@ class Gears:
         protect_fields(self)
 
 
+_KINEMATIC = "or simulate with `plant: {kind: kinematic}`"
+_NEEDED_FOR = {  # by key of a robot's file: what the data are, what needs them, the remedy
+    "links": "(masses): the dynamic plant, the planning of paths and the loads of gears need them. "
+    f"Give mass, centre of mass and inertia of the base and of every link, {_KINEMATIC}.",
+    "servo": "(gains of the joint servos): the dynamic plant and the planning of paths need them. "
+    f"Give kp and kv of each axis, {_KINEMATIC}.",
+    "gears": "(elasticity, friction, backlash, ripple): the dynamic plant, the errors of gears and "
+    f"the planning of paths need them. Give the gears of all axes, {_KINEMATIC}.",
+    "rotor_inertia_kg_m2": "(of the motors): the dynamic plant and a logged motor torque need it. "
+    f"Give one value for each axis, {_KINEMATIC}, without the errors and logs of loads.",
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """Nominal six-axis robot."""
+    """Nominal robot of J revolute axes.
+
+    What only some computations need is None where the robot's file does not state it; `required`
+    gives it or says what is missing.
+    """
 
     name: str  # of its file
     title: str
-    a: Vector6  # [m]
-    d: Vector6  # [m] up to the bare flange
-    alpha: Vector6  # [rad]
-    theta: Vector6  # [rad] joint offset, added to the joint angle
-    transmission: Matrix6  # joints = motors @ transmission
-    controller_to_joint: Matrix6  # joints = axes @ controller_to_joint + controller_offset
-    controller_offset: Vector6  # [rad]
-    axis_lower: Vector6  # [rad] limits of the axis angles
-    axis_upper: Vector6  # [rad]
-    axis_speed_max: Vector6  # [rad/s]
-    accuracy_lower: Vector6  # [rad] box of axis angles over which the TCP error is stated
-    accuracy_upper: Vector6  # [rad]
-    links: tuple[Link, ...]  # base, link 1..6; robot base frame, all q = 0
-    servo: Mapping[str, ServoGains]  # by name: soft, stiff
-    gears: Gears
-    armature: Vector6  # [kg m^2] rotor inertia referred to the gear's output
+    a: VectorJ  # [m]
+    d: VectorJ  # [m] up to the bare flange
+    alpha: VectorJ  # [rad]
+    theta: VectorJ  # [rad] joint offset, added to the joint angle
+    transmission: MatrixJ  # joints = motors @ transmission
+    controller_to_joint: MatrixJ  # joints = axes @ controller_to_joint + controller_offset
+    controller_offset: VectorJ  # [rad]
+    axis_lower: VectorJ  # [rad] limits of the axis angles
+    axis_upper: VectorJ  # [rad]
+    axis_speed_max: Array  # (J,) [rad/s] inf where the file states none
+    accuracy_lower: VectorJ  # [rad] box of axis angles over which the TCP error is stated
+    accuracy_upper: VectorJ  # [rad]
     gravity: Vector3  # [m/s^2] in the robot base frame
+    links: tuple[Link, ...] | None = None  # base, link 1..J; robot base frame, all q = 0
+    servo: Mapping[str, ServoGains] | None = None  # by name: soft, stiff
+    gears: Gears | None = None
+    armature: VectorJ | None = None  # [kg m^2] rotor inertia referred to the gear's output
 
     def __post_init__(self) -> None:
         protect_fields(self)
-        if len(self.links) != 7:
-            raise ValueError(
-                f"robot {self.name}: {len(self.links)} links, expected base and link 1 to 6"
-            )
+        object.__setattr__(self, "axis_speed_max", read_only(self.axis_speed_max))
+        sizes = {"axis_speed_max": self.axis_speed_max.size}
+        if self.links is not None:
+            sizes["links without the base"] = len(self.links) - 1
+        if self.gears is not None:
+            sizes["gears"] = self.gears.stiffness.size
+        for name, gains in (self.servo or {}).items():
+            sizes[f"servo {name}"] = gains.kp.size
+        for key, size in sizes.items():
+            if size != self.joints:
+                raise ValueError(f"robot {self.name}: {key}: {size}, expected {self.joints}")
+
+    @property
+    def joints(self) -> int:
+        """J, the number of axes."""
+        return int(self.a.size)
+
+    @overload
+    def required(self, key: Literal["links"]) -> tuple[Link, ...]: ...
+    @overload
+    def required(self, key: Literal["servo"]) -> Mapping[str, ServoGains]: ...
+    @overload
+    def required(self, key: Literal["gears"]) -> Gears: ...
+    @overload
+    def required(self, key: Literal["rotor_inertia_kg_m2"]) -> Array: ...
+    def required(self, key: str) -> object:
+        """Optional data of the robot, by their key in its file.
+
+        Raises InputError that names the key, what needs it and the remedy if the file lacks it.
+        """
+        data = self.armature if key == "rotor_inertia_kg_m2" else getattr(self, key)
+        if data is None:
+            raise InputError(f"robot {self.name} has no `{key}` {_NEEDED_FOR[key]}")
+        return data
 
     @property
     def gear_to_joint(self) -> Array:
-        """(6, 6) matrix of unit diagonal: joints = gear outputs @ gear_to_joint.
+        """(J, J) matrix of unit diagonal: joints = gear outputs @ gear_to_joint.
 
         It holds the parallel rod and the couplings of the wrist.
         """
@@ -100,12 +158,12 @@ class Robot:
 
     @property
     def joint_to_gear(self) -> Array:
-        """(6, 6) inverse of `gear_to_joint`: gear outputs = joints @ joint_to_gear."""
+        """(J, J) inverse of `gear_to_joint`: gear outputs = joints @ joint_to_gear."""
         return np.asarray(np.linalg.inv(self.gear_to_joint), dtype=np.float64)
 
     @property
     def joint_to_axis(self) -> Array:
-        """(6, 6) inverse of `controller_to_joint`: axes = (joints - offset) @ joint_to_axis."""
+        """(J, J) inverse of `controller_to_joint`: axes = (joints - offset) @ joint_to_axis."""
         return np.asarray(np.linalg.inv(self.controller_to_joint), dtype=np.float64)
 
 

@@ -5,9 +5,9 @@ The schema of the files is cell.description_files; here their units become SI.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,13 +20,16 @@ from cell.description_files import (
     LinkFile,
     PlateFile,
     RobotFile,
-    RobotLinksFile,
+    ServoFile,
 )
 from cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
 from cell.errors import DescriptionError
 from cell.instrument import Instrument, InstrumentFile, instrument_of
 from cell.schema_errors import nearest
 from cell.strict_yaml import load_model
+
+F = TypeVar("F")
+D = TypeVar("D")
 
 _FOLDER = Path(__file__).parent
 
@@ -49,27 +52,27 @@ def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
     """
     path = _find(name_or_path, "robots", relative_to)
     file = load_model(path, RobotFile)
-    transmission = np.array(file.motor_to_joint)
+    joints = len(file.dh)
+    transmission = _matrix(file.motor_to_joint, joints)
+    lower, upper = file.accuracy_box_deg
+    rotor, speed = file.rotor_inertia_kg_m2, file.axis_speed_max_deg_per_s
     return Robot(
         name=path.stem,
         title=file.title,
         **_dh_columns(file.dh),
         transmission=transmission,
-        controller_to_joint=np.array(file.controller_to_joint),
-        controller_offset=np.deg2rad(file.controller_offset_deg),
+        controller_to_joint=_matrix(file.controller_to_joint, joints),
+        controller_offset=np.deg2rad(file.controller_offset_deg or np.zeros(joints)),
         axis_lower=np.deg2rad(file.axis_lower_deg),
         axis_upper=np.deg2rad(file.axis_upper_deg),
-        axis_speed_max=np.deg2rad(file.axis_speed_max_deg_per_s),
-        accuracy_lower=np.deg2rad(file.accuracy_lower_deg),
-        accuracy_upper=np.deg2rad(file.accuracy_upper_deg),
-        links=_links(file.links),
-        servo={
-            key: ServoGains(np.array(s.kp_N_m_per_rad), np.array(s.kv_N_m_s_per_rad))
-            for key, s in file.servo.items()
-        },
-        gears=_gears(file.gears, 1.0 / np.abs(np.diag(transmission))),
-        armature=np.array(file.rotor_inertia_kg_m2) / np.diag(transmission) ** 2,
+        axis_speed_max=np.deg2rad(speed or np.full(joints, np.inf)),
+        accuracy_lower=np.deg2rad(lower),
+        accuracy_upper=np.deg2rad(upper),
         gravity=np.array(file.gravity_m_per_s2),
+        links=_optional(file.links, lambda f: tuple(_link(f[name]) for name in file.link_names)),
+        servo=_optional(file.servo, _servo),
+        gears=_optional(file.gears, lambda f: _gears(f, 1.0 / np.abs(np.diag(transmission)))),
+        armature=_optional(rotor, lambda f: np.array(f) / np.diag(transmission) ** 2),
     )
 
 
@@ -156,9 +159,24 @@ def _dh_columns(rows: Iterable[DHRowFile]) -> dict[str, Any]:
     return {"a": a, "d": d, "alpha": np.deg2rad(alpha), "theta": np.deg2rad(theta)}
 
 
+def _optional(file: F | None, description: Callable[[F], D]) -> D | None:
+    return None if file is None else description(file)
+
+
+def _servo(file: dict[str, ServoFile]) -> dict[str, ServoGains]:
+    return {
+        name: ServoGains(np.array(gains.kp_N_m_per_rad), np.array(gains.kv_N_m_s_per_rad))
+        for name, gains in file.items()
+    }
+
+
+def _matrix(rows: tuple[tuple[float, ...], ...] | None, joints: int) -> Array:
+    return np.eye(joints) if rows is None else np.array(rows)
+
+
 def _gears(file: GearsFile, ratio: Array) -> Gears:
-    """Gears of a file; ratio : (6,) turns of the motor per turn of the output."""
-    harmonics: list[tuple[tuple[float, float], ...]] = [()] * 6
+    """Gears of a file; ratio : (J,) turns of the motor per turn of the output."""
+    harmonics: list[tuple[tuple[float, float], ...]] = [()] * len(ratio)
     for group in file.transmission_error:
         amplitudes = (*group.amplitude_rad, group.input_amplitude_rad)
         for axis in group.axes:
@@ -177,8 +195,8 @@ def _gears(file: GearsFile, ratio: Array) -> Gears:
     )
 
 
-def _links(file: RobotLinksFile | BallBarLinksFile) -> tuple[Link, ...]:
-    """Links of a robot or ball-bar file, in the order of its keys' declaration."""
+def _links(file: BallBarLinksFile) -> tuple[Link, ...]:
+    """Links of a ball-bar file, in the order of its keys' declaration."""
     return tuple(_link(body) for _, body in file)
 
 

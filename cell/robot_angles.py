@@ -17,38 +17,41 @@ _BLOCK = 4096  # rows multiplied at a time: below it OpenBLAS computes in the ca
 
 
 def motors_to_joints(robot: Robot, motors: ArrayLike) -> Array:
-    """Joint angles (N, 6) [rad] of motor angles (N, 6) [rad].
+    """Joint angles (N, J) [rad] of motor angles (N, J) [rad].
 
-    One sample (6,) gives (6,). The map is linear, so it also holds for speeds [rad/s].
+    One sample (J,) gives (J,). The map is linear, so it also holds for speeds [rad/s].
     """
-    return _times(_rows(motors), robot.transmission)
+    return _times(_rows(robot, motors), robot.transmission)
 
 
 def joints_to_motors(robot: Robot, joints: ArrayLike) -> Array:
-    """Motor angles (N, 6) [rad] of joint angles (N, 6) [rad]; inverse of `motors_to_joints`."""
-    return _times(_rows(joints), np.asarray(np.linalg.inv(robot.transmission), dtype=np.float64))
+    """Motor angles (N, J) [rad] of joint angles (N, J) [rad]; inverse of `motors_to_joints`."""
+    return _times(
+        _rows(robot, joints), np.asarray(np.linalg.inv(robot.transmission), dtype=np.float64)
+    )
 
 
 def controller_to_joints(robot: Robot, axes: ArrayLike) -> Array:
-    """Joint angles (N, 6) [rad] of the controller's axis angles (N, 6) [rad]; (6,) gives (6,)."""
-    return _times(_rows(axes), robot.controller_to_joint) + robot.controller_offset
+    """Joint angles (N, J) [rad] of the controller's axis angles (N, J) [rad]; (J,) gives (J,)."""
+    return _times(_rows(robot, axes), robot.controller_to_joint) + robot.controller_offset
 
 
 def joints_to_axes(robot: Robot, joints: ArrayLike) -> Array:
-    """Controller's axis angles (N, 6) [rad] of joint angles (N, 6) [rad].
+    """Controller's axis angles (N, J) [rad] of joint angles (N, J) [rad].
 
     Inverse of `controller_to_joints`; the axis limits apply to its result. Speeds have no offset:
     use `speeds @ robot.joint_to_axis` for them.
     """
-    axes = _times(_rows(joints), robot.joint_to_axis)
+    axes = _times(_rows(robot, joints), robot.joint_to_axis)
     axes -= robot.controller_offset @ robot.joint_to_axis
     return axes
 
 
-def _rows(angles: ArrayLike) -> Array:
+def _rows(robot: Robot, angles: ArrayLike) -> Array:
     rows = np.asarray(angles, dtype=np.float64)
-    if rows.ndim == 0 or rows.shape[-1] != 6:
-        raise ValueError(f"angles have shape {rows.shape}, expected (N, 6) or (6,)")
+    if rows.ndim == 0 or rows.shape[-1] != robot.joints:
+        j = robot.joints
+        raise ValueError(f"angles have shape {rows.shape}, expected (N, {j}) or ({j},)")
     return rows
 
 

@@ -38,7 +38,7 @@ def rotvec_from_matrix(rotation: Array) -> Array:
 
 def matrix_from_rotvec(rotvec: Array) -> Array:
     """(3, 3, N) rotation matrices of (3, N) [rad] rotation vectors."""
-    return np.asarray(Rotation.from_rotvec(rotvec.T).as_matrix()).transpose(1, 2, 0)
+    return np.asarray(Rotation.from_rotvec(np.array(rotvec.T)).as_matrix()).transpose(1, 2, 0)
 
 
 def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:

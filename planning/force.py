@@ -71,7 +71,10 @@ def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
     gap = _gaps(model, geometry, robot, bar, on_ballbar(model.masses, bar, b)[1])
     per_newton = carried.gear_per_newton
     weight = joint_torques(robot, carried_bodies(cell), q, gravity=cell.robot.gravity)
-    gear, servo = 1.0 / cell.robot.gears.stiffness[:, None], 1.0 / model.gains.kp[:, None]
+    gear, servo = (
+        1.0 / cell.robot.required("gears").stiffness[:, None],
+        1.0 / model.gains.kp[:, None],
+    )
     compliance = 1.0 / cell.ballbar.axial_stiffness + (per_newton**2 * (gear + servo)).sum(axis=0)
     friction = _friction(cell, (trajectory.speed @ cell.robot.joint_to_gear).T)
     uncompensated = carried.gear - cell.robot.gear_to_joint @ weight + friction
@@ -100,7 +103,7 @@ def _gaps(
 
 def _friction(cell: Cell, speed: Array) -> Array:
     """(6, N) [N m] Coulomb and viscous friction of the gears at speeds (6, N) [rad/s]."""
-    gears = cell.robot.gears
+    gears = cell.robot.required("gears")
     coulomb = gears.coulomb[:, None] * np.tanh(speed / CREEP)
     return np.asarray(coulomb + gears.viscous[:, None] * speed)
 

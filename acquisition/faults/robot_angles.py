@@ -57,7 +57,7 @@ class Reading:
         return f"{kinds[self.kind]} in {'degrees' if self.unit == 'deg' else 'rad'}"
 
     def joints(self, robot: Robot, logged: Array) -> Array:
-        """(N, 6) [rad] joint angles of logged angles (N, 6)."""
+        """(N, J) [rad] joint angles of logged angles (N, J)."""
         angles = np.deg2rad(logged) if self.unit == "deg" else logged
         match self.kind:
             case "motors":
@@ -78,9 +78,9 @@ class RobotAngles:
     """The angles of a robot's log, as logged and as the robot has them if the reading is right."""
 
     t: Array  # (N,) [s]
-    logged: Array  # (N, 6) in the unit of the reading
-    joints: Array  # (N, 6) [rad] of the DH model
-    axes: Array  # (N, 6) [rad] as the controller limits them
+    logged: Array  # (N, J) in the unit of the reading
+    joints: Array  # (N, J) [rad] of the DH model
+    axes: Array  # (N, J) [rad] as the controller limits them
     reading: Reading
 
     def take(self, rows: Rows) -> RobotAngles:
@@ -96,7 +96,7 @@ def read_angles(
 ) -> RobotAngles:
     """The angles of a table whose rows were taken at t (N,) [s].
 
-    columns : those of the six joints, in order.
+    columns : those of the joints, in order.
     """
     logged = np.stack([table.columns[name] for name in columns]).T  # column by column, as checks go
     joints = reading.joints(robot, logged)
@@ -186,22 +186,22 @@ def _others_that_fit(robot: Robot, angles: RobotAngles) -> list[Reading]:
 
 
 def _fits(robot: Robot, t: Array, axes: Array) -> bool:
-    """Whether axis angles (N, 6) [rad] at t (N,) [s] stay about within limits and speeds."""
+    """Whether axis angles (N, J) [rad] at t (N,) [s] stay about within limits and speeds."""
     return within_reach(robot, axes) and not _overspeed(robot, t, axes).any()
 
 
 def within_reach(robot: Robot, axes: Array) -> bool:
-    """Whether no axis angle of (N, 6) [rad] is far beyond its limits."""
+    """Whether no axis angle of (N, J) [rad] is far beyond its limits."""
     return not (_excess(robot, np.stack((axes.min(axis=0), axes.max(axis=0)))) > FAR).any()
 
 
 def axis_speed_limits(robot: Robot) -> Array:
-    """(6,) [rad/s] of the axes, beyond which lies no motion."""
+    """(J,) [rad/s] of the axes, beyond which lies no motion."""
     return OVERSPEED * robot.axis_speed_max
 
 
 def _overspeed(robot: Robot, t: Array, axes: Array) -> NDArray[np.bool_]:
-    """(N-1, 6) steps of axes (N, 6) [rad] at t (N,) [s] that need more than an axis's speed."""
+    """(N-1, J) steps of axes (N, J) [rad] at t (N,) [s] that need more than an axis's speed."""
     step = np.diff(t)
     usual = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
     speed = np.abs(np.diff(axes, axis=0)) / np.maximum(step, 0.5 * usual)[:, None]
@@ -209,7 +209,7 @@ def _overspeed(robot: Robot, t: Array, axes: Array) -> NDArray[np.bool_]:
 
 
 def gear_torques(robot: Robot, table: Table, columns: tuple[str, ...]) -> Array | None:
-    """(N, 6) [N m] motor torques at the gears' outputs, positive along the gear's angle.
+    """(N, J) [N m] motor torques at the gears' outputs, positive along the gear's angle.
 
     None if they are not logged.
 
@@ -237,7 +237,9 @@ def gear_torques(robot: Robot, table: Table, columns: tuple[str, ...]) -> Array 
 
 
 def full_weight(robot: Robot) -> float:
-    """[N m] moment of the arm's whole weight at its full reach."""
+    """[N m] moment of the arm's whole weight at its full reach; inf where it is unknown."""
+    if robot.links is None:
+        return float("inf")
     reach = float(np.abs(robot.a).sum() + np.abs(robot.d).sum())
     return float(sum(link.mass for link in robot.links[1:]) * np.linalg.norm(robot.gravity) * reach)
 
@@ -283,7 +285,7 @@ def without_sentinels(table: Table, columns: tuple[str, ...]) -> Table:
 
 
 def with_limits_checked(robot: Robot, table: Table, axes: Array) -> Table:
-    """The table with a finding for each axis a little beyond its limits; axes (N, 6) [rad]."""
+    """The table with a finding for each axis a little beyond its limits; axes (N, J) [rad]."""
     valid = usable(table.flags)
     extremes = np.stack((axes.min(axis=0), axes.max(axis=0)))
     for axis in np.flatnonzero(_excess(robot, extremes).any(axis=0)):
@@ -300,7 +302,7 @@ def with_limits_checked(robot: Robot, table: Table, axes: Array) -> Table:
 
 
 def _excess(robot: Robot, axes: Array) -> Array:
-    """(N, 6) how far axes (N, 6) [rad] are beyond their limits, as a fraction of the range."""
+    """(N, J) how far axes (N, J) [rad] are beyond their limits, as a fraction of the range."""
     span = robot.axis_upper - robot.axis_lower
     beyond = np.maximum(axes - robot.axis_upper, robot.axis_lower - axes)
     return np.asarray(np.maximum(beyond, 0.0) / span)

@@ -64,8 +64,10 @@ class State:
 
 
 def backlash_transition(cell: Cell) -> Array:
-    """(6,) [N m] width of the smooth transition between the flanks of each gear's backlash."""
+    """(J,) [N m] width of the smooth transition between the flanks of each gear's backlash."""
     gears = cell.robot.gears
+    if gears is None:
+        return np.zeros(cell.robot.joints)
     return np.asarray(0.5 * gears.lost_motion * gears.stiffness / BACKLASH_SHARE)
 
 

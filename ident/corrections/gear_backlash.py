@@ -22,7 +22,7 @@ def gear_backlash(cell: Cell, encoders: tuple[int, ...]) -> Correction:
         "backlash of the gears",
         tuple(
             Coefficient(f"backlash{i}", "rad", float(h), SPREAD * float(h), GEAR + i - 1)
-            for i, h in enumerate(0.5 * cell.robot.gears.lost_motion, start=1)
+            for i, h in enumerate(0.5 * cell.robot.required("gears").lost_motion, start=1)
         ),
         lambda state: list(-state.load_sign()),
         slopes,

@@ -20,7 +20,7 @@ WAVES = {"sin": np.sin, "cos": np.cos}
 def harmonic_orders(cell: Cell) -> list[tuple[int, float, float]]:
     """Gear from 0, cycles a turn of its output, expected amplitude [rad] of every harmonic."""
     out = []
-    for gear, listed in enumerate(cell.robot.gears.harmonics):
+    for gear, listed in enumerate(cell.robot.required("gears").harmonics):
         ratio = 1.0 / abs(float(cell.robot.transmission[gear, gear]))
         sizes = dict(listed)
         for order in (ratio, 2.0 * ratio):

@@ -19,7 +19,7 @@ def joint_compliance(cell: Cell, encoders: tuple[int, ...]) -> Correction:
         "elastic gears",
         tuple(
             Coefficient(f"compliance{i}", "rad/(N m)", float(c), SPREAD * float(c), GEAR + i - 1)
-            for i, c in enumerate(1.0 / cell.robot.gears.stiffness, start=1)
+            for i, c in enumerate(1.0 / cell.robot.required("gears").stiffness, start=1)
         ),
         lambda state: list(-state.loads.gears(state.tension)),
         lambda state: list(-state.loads.gear_per_newton * np.ones_like(state.tension)),

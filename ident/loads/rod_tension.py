@@ -54,14 +54,15 @@ def from_motor_torque(
     torques [N m], six viscous coefficients [N m s/rad], six gain errors.
     """
     n = torque.shape[1]
-    coulomb, viscous = cell.robot.gears.coulomb, cell.robot.gears.viscous
+    gears = cell.robot.required("gears")
+    coulomb, viscous = gears.coulomb, gears.viscous
     direction = speed / np.sqrt(speed**2 + FRICTION_WIDTH**2)
     columns = np.zeros((18, 6, n))
     for k in range(6):
         columns[k, k], columns[6 + k, k], columns[12 + k, k] = direction[k], speed[k], torque[k]
     prior = np.concatenate((coulomb, 2.0 * viscous, np.full(6, TORQUE_GAIN)))
     mean = np.concatenate((coulomb, viscous, np.zeros(6)))
-    known = carried.gear + cell.robot.armature[:, None] * acceleration
+    known = carried.gear + cell.robot.required("rotor_inertia_kg_m2")[:, None] * acceleration
     sigma = np.hypot(
         TORQUE_NOISE[:, None], coulomb[:, None] * np.exp(-((speed / REVERSAL_SPEED) ** 2))
     )

@@ -25,9 +25,9 @@ def servo_gains(robot: Robot, name: str, *, key: str = "plant.servo") -> ServoGa
 
     key : of the file that names it, for the message. Raises InputError if there is no such set.
     """
-    if name not in robot.servo:
+    gains = robot.required("servo")
+    if name not in gains:
         raise InputError(
-            f"{key} = {name!r}: robot {robot.name} has no such gain set; "
-            f"it has {', '.join(robot.servo)}"
+            f"{key} = {name!r}: robot {robot.name} has no such gain set; it has {', '.join(gains)}"
         )
-    return robot.servo[name]
+    return gains[name]

@@ -76,16 +76,18 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
             "errors.gear_backlash: needs joint_compliance beside it, since a rigid gear with "
             "backlash has no equilibrium. Add joint_compliance: {}, or leave gear_backlash out."
         )
-    gears, bar = cell.robot.gears, cell.ballbar
+    robot, bar = cell.robot, cell.ballbar
     compliance, gap = errors.joint_compliance, errors.gear_backlash
     stiffness, none = None, np.zeros(6)
     dead_band = hysteresis = none
     if compliance is not None:
         rng = stream(seed, "joint_compliance")
-        stiffness = _spread(gears.stiffness * compliance.scale, compliance.spread, rng)
+        stiffness = _spread(
+            robot.required("gears").stiffness * compliance.scale, compliance.spread, rng
+        )
     if gap is not None:
         rng = stream(seed, "lost_motion")  # named as the catalogue figure
-        half_width = 0.5 * _spread(gears.lost_motion * gap.scale, gap.spread, rng)
+        half_width = 0.5 * _spread(robot.required("gears").lost_motion * gap.scale, gap.spread, rng)
         dead_band, hysteresis = (
             (half_width, none) if gap.kind == "dead_band" else (none, half_width)
         )
@@ -113,7 +115,7 @@ def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
     ripples: list[Ripple] = []
     if (table := errors.transmission_error) is not None:
         rng = stream(seed, "transmission_error")
-        for gear, harmonics in enumerate(cell.robot.gears.harmonics):
+        for gear, harmonics in enumerate(cell.robot.required("gears").harmonics):
             ripples += [
                 Ripple(gear, order, table.scale * size, float(rng.uniform(0.0, 2.0 * np.pi)))
                 for order, size in harmonics

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.bodies import bar_bodies, flange_on_link6, robot_bodies
+from cell.bodies import bar_bodies, flange_on_last_link, robot_bodies
 from cell.chain import row_placements
 from cell.descriptions import Link
 from cell.geometry import BAR_ROWS, ROBOT_ROWS, Geometry
@@ -158,7 +158,7 @@ def _add_robot(spec: mujoco.MjSpec, plant: Plant) -> None:
         _set_inertia(parent, link)
         parent.add_joint(name=ROBOT_JOINTS[i], type=_HINGE, axis=[0, 0, 1])
         rotation, position = placements[i]
-    turned, flange = flange_on_link6(cell)
+    turned, flange = flange_on_last_link(cell)
     plate = parent.add_body(name="plate", pos=flange, quat=quat_wxyz(turned))
     _set_inertia(plate, cell.plate.body)
     tool = (turned.T @ rotation, turned.T @ (position - flange))
@@ -204,7 +204,7 @@ def _add_bending_plate(
 def _add_gears(spec: mujoco.MjSpec, plant: Plant) -> None:
     """Servo, rotor, friction and ripple of each motor; spring, damper and backlash of each gear."""
     robot, effects, gains = plant.cell.robot, plant.effects, plant.gains
-    joint_to_gear, gears = robot.joint_to_gear, robot.gears
+    joint_to_gear, gears = robot.joint_to_gear, robot.required("gears")
     motors = []
     for i, turned in enumerate(joint_to_gear.T):
         if effects.gear_stiffness is None:
@@ -213,7 +213,7 @@ def _add_gears(spec: mujoco.MjSpec, plant: Plant) -> None:
             spring = (float(effects.gear_stiffness[i]), float(gears.damping[i]))
             motors.append(_elastic_gear(spec, i, turned, effects, spring))
     for i, motor in enumerate(motors):
-        motor.part.armature = float(robot.armature[i])
+        motor.part.armature = float(robot.required("rotor_inertia_kg_m2")[i])
         servo = spec.add_actuator(name=f"servo{i + 1}", target=motor.part.name, trntype=motor.kind)
         servo.set_to_position(kp=float(gains.kp[i]), kv=float(gains.kv[i]))
         if effects.friction_scale > 0.0:
@@ -226,7 +226,7 @@ def _add_gears(spec: mujoco.MjSpec, plant: Plant) -> None:
                 coulomb=scale * float(gears.coulomb[i]),
                 static=scale * float(static),
                 stribeck=float(gears.stribeck[i]),
-                inertia=float(robot.armature[i]),
+                inertia=float(robot.required("rotor_inertia_kg_m2")[i]),
             )
     for k, ripple in enumerate(effects.ripples):
         torque = [float(gains.kp[ripple.gear]) * ripple.amplitude, ripple.order, ripple.phase]

@@ -55,7 +55,7 @@ def model_xml(robot: str) -> str:
     geometry = nominal_geometry(cell, np.array(position))
     b = np.array(pose)
     q = robot_branches(geometry.robot, bar_frames(geometry, b[None]).poses())[0, 0]
-    plant = Plant(cell, geometry, PlantEffects(), cell.robot.servo["soft"])
+    plant = Plant(cell, geometry, PlantEffects(), cell.robot.required("servo")["soft"])
     spec = plant_spec(plant, timestep=_TIMESTEP)
     _hold_at(spec, cell, q, b)
     _add_shapes(spec, cell)
@@ -66,7 +66,7 @@ def model_xml(robot: str) -> str:
 def _hold_at(spec: mujoco.MjSpec, cell: Cell, q: Array, b: Array) -> None:
     for element in (*spec.actuators, *spec.tendons):
         spec.delete(element)
-    stiffness = np.concatenate((_HOLD * cell.robot.servo["soft"].kp, np.zeros(5)))
+    stiffness = np.concatenate((_HOLD * cell.robot.required("servo")["soft"].kp, np.zeros(5)))
     for name, angle, spring in zip(
         (*ROBOT_JOINTS, *BAR_JOINTS), np.concatenate((q, b)), stiffness, strict=True
     ):

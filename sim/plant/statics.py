@@ -140,12 +140,12 @@ def _machine(plant: Plant, command: Array) -> _Machine:
 def _robot_links(cell: Cell) -> list[list[Link]]:
     robot, plate = cell.robot, cell.plate.body
     chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(6))
-    links = _turning_links(chain, robot.links[1:])
+    links = _turning_links(chain, robot.required("links")[1:])
     flange = forward(chain, np.zeros((1, 6)))
     on_base = Link(
         plate.mass, flange.tip[:, 0] + flange.rotation()[:, :, 0] @ plate.com, plate.inertia
     )
-    links[5] += _turning_links(chain, (*robot.links[1:6], on_base))[5]
+    links[5] += _turning_links(chain, (*robot.required("links")[1:6], on_base))[5]
     return links
 
 

@@ -388,7 +388,7 @@ def test_a_path_is_taken_from_the_folder_of_the_file_that_names_it(tmp_path: Pat
             "robots/irb2400.yaml",
             "  - {a_m: 0.0, d_m: 0.085, alpha_deg: 0, theta_deg: 0}\n",
             "",
-            "dh: expected at least 6 items, found 5.",
+            "motor_to_joint: found 6 values, expected 5, one for each row of dh.",
         ),
         (
             "robots/irb2400.yaml",
@@ -472,8 +472,10 @@ def test_a_wrong_number_is_refused_with_its_line_key_and_value(
 ) -> None:
     text = (SHIPPED / source).read_text(encoding="utf-8")
     path = changed(tmp_path, source, old, new)
-    wrong = "\ndh:" if "at least" in message else old  # the list, not the row cut out
-    line = text[: text.index(wrong) + wrong.startswith("\n")].count("\n") + 1
+    wrong = old
+    if "row of dh" in message:  # one was cut out
+        text, wrong = path.read_text(encoding="utf-8"), "motor_to_joint:"
+    line = text[: text.index(wrong)].count("\n") + 1
     sentences = refusal(path).split("\n")
     assert any(s.startswith(f"mine.yaml:{line}: {message}") for s in sentences), sentences
 

@@ -1,0 +1,67 @@
+"""Sag of a robot whose masses nobody knows: unit weights at the frames' origins.
+
+A weight at the origin of frame k loads every joint j before it with the torque z_{j-1} x (O_k -
+O_{j-1}) . g; the joint yields by that torque times an unknown coefficient, which stands for mass
+times compliance. Gear compliance, and the links' bending where it acts like it, are both in it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.chain import Chain, Frames, cross, forward
+from cell.descriptions import Robot
+from ident.corrections.base import GEAR, Coefficient, Correction, State
+
+# [rad/m] of a coefficient: 3e-4 to 5e-3 agree from 60 poses on, 1e-4 is too tight (docs/real_robots)
+PRIOR = 1e-3
+_LEVER = 1e-3  # [m] a torque that varies less over all poses, or from another's, is not felt
+_TRIALS = 200  # poses at which levers are compared
+_SEED = 6
+
+
+def unit_weights(robot: Robot) -> Correction:
+    """One coefficient [rad/m] for each joint and frame whose weight its axis can feel."""
+    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.a.size))
+    down = robot.gravity / np.linalg.norm(robot.gravity)
+    rng = np.random.default_rng(_SEED)
+    q = rng.uniform(-np.pi, np.pi, (_TRIALS, chain.rows))
+    pairs = _felt(torques(forward(chain, q), down))
+
+    def regressors(state: State) -> list[Array]:
+        joints = state.gears.T @ robot.gear_to_joint
+        levers = torques(forward(chain, joints), down)
+        return [levers[j, k] for j, k in pairs]
+
+    coefficients = tuple(
+        Coefficient(f"weight{k + 1}_joint{j + 1}", "rad/m", 0.0, PRIOR, GEAR + j) for j, k in pairs
+    )
+    return Correction("unit_weights", "sag under unknown weights", coefficients, regressors)
+
+
+def torques(frames: Frames, down: Array) -> Array:
+    """(J, J, N) [m] torque about axis j of a unit weight at the origin of frame k + 1.
+
+    down : (3,) direction of gravity. Zero where the frame is not behind the joint.
+    """
+    rows, n = frames.x_link.shape[0], frames.tip.shape[1]
+    out = np.zeros((rows, rows, n))
+    for j in range(rows):
+        pull = cross(down[:, None] * np.ones(n), frames.z[j])  # g x z: lever . that is the torque
+        for k in range(j, rows):
+            out[j, k] = ((frames.origin[k + 1] - frames.origin[j]) * -pull).sum(axis=0)
+    return out
+
+
+def _felt(levers: Array) -> list[tuple[int, int]]:
+    """Joints and frames, from 0, whose torques vary and differ from each other's."""
+    pairs: list[tuple[int, int]] = []
+    for j in range(len(levers)):
+        kept: list[Array] = []
+        for k in range(j, len(levers)):
+            varying = levers[j, k] - levers[j, k].mean()
+            if varying.std() > _LEVER and all((varying - o).std() > _LEVER for o in kept):
+                kept.append(varying)
+                pairs.append((j, k))
+    return pairs

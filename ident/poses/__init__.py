@@ -1,0 +1,1 @@
+"""Identification from still poses: a table of joint angles and measurements, without clocks."""

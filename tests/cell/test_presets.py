@@ -1,0 +1,92 @@
+"""The shipped robots have the kinematics that their manufacturers' URDFs publish.
+
+The tables and the product of transforms are in tests.helpers.published_urdf; neither uses the
+project's kinematics. No transform is allowed between the two: base and flange frames are the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cell.chain import Chain, forward
+from cell.descriptions import Robot
+from cell.load import load_robot, robot_names
+from cell.robot_angles import controller_to_joints, joints_to_axes
+from tests.helpers.published_urdf import PUBLISHED, tip_pose
+
+FIRST = {"irb2400", "nj220"}  # with masses, from the thesis and from other sources
+# Rows whose axis is parallel to the next one, from 1.
+PARALLEL = {name: (2, 3) if name.startswith("ur") else (2,) for name in PUBLISHED}
+PARALLEL |= {"panda": (), "iiwa14": ()}
+SHARES = (0.5, 0.31, 0.83)  # of the axis ranges: three poses; the second near a wrist turned
+
+
+def axis_angles(robot: Robot, share: float) -> np.ndarray:
+    """(J,) [rad] axis angles within the limits, not all at one share of them."""
+    shares = np.clip(share + 0.1 * np.cos(3.0 * np.arange(robot.joints)), 0.0, 1.0)
+    return robot.axis_lower + shares * (robot.axis_upper - robot.axis_lower)
+
+
+def urdf_angles(name: str, axes: np.ndarray) -> np.ndarray:
+    """Joint angles of the URDF at axis angles of the controller."""
+    angles = axes.copy()
+    if name == "m20ia":  # robot_interface_streaming_m20ia.launch: J23_factor = 1
+        angles[2] += axes[1]
+    return angles
+
+
+def flange_pose(robot: Robot, axes: np.ndarray) -> np.ndarray:
+    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
+    pose = forward(chain, controller_to_joints(robot, axes)[None]).poses()[0]
+    return np.asarray(pose)
+
+
+def test_every_shipped_robot_is_compared_with_a_published_urdf() -> None:
+    assert set(robot_names()) - FIRST == set(PUBLISHED)
+
+
+@pytest.mark.parametrize("name", sorted(PUBLISHED))
+def test_flange_of_a_shipped_robot_is_where_its_urdf_has_it(name: str) -> None:
+    robot = load_robot(name)
+    for axes in (np.zeros(robot.joints), *(axis_angles(robot, share) for share in SHARES)):
+        expected = tip_pose(PUBLISHED[name].joints, urdf_angles(name, axes))
+        # 1e-6: angles of the URDFs are printed with 7 digits and more
+        np.testing.assert_allclose(flange_pose(robot, axes), expected, atol=1e-6, err_msg=name)
+
+
+@pytest.mark.parametrize("name", sorted(PUBLISHED))
+def test_neighbours_that_are_parallel_are_known(name: str) -> None:
+    robot = load_robot(name)
+    parallel = np.flatnonzero(np.abs(np.sin(robot.alpha[:-1])) < 1e-12) + 1
+    assert tuple(parallel) == PARALLEL[name]
+    assert (robot.alpha[parallel - 1] == 0.0).all()  # not 180 deg: signs are the controller's
+    assert (robot.d[parallel - 1] == 0.0).all()
+
+
+@pytest.mark.parametrize("name", sorted(PUBLISHED))
+def test_a_description_without_masses_says_which_are_missing(name: str) -> None:
+    robot = load_robot(name)
+    assert robot.links is None
+    assert robot.gears is None
+    assert np.isfinite(robot.axis_speed_max).all()
+    assert (robot.accuracy_lower < robot.accuracy_upper).all()
+
+
+def test_fanuc_axis_3_keeps_the_forearm_level_while_axis_2_moves() -> None:
+    robot = load_robot("m20ia")
+    level = flange_pose(robot, np.zeros(6))
+    leaning = flange_pose(robot, np.deg2rad([0.0, 40.0, 0.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_allclose(leaning[:3, :3], level[:3, :3], atol=1e-12)
+    axes = np.deg2rad([10.0, 40.0, 20.0, 5.0, -30.0, 60.0])
+    np.testing.assert_allclose(joints_to_axes(robot, controller_to_joints(robot, axes)), axes)
+
+
+@pytest.mark.parametrize(("name", "source"), [(n, u.source) for n, u in PUBLISHED.items()])
+def test_the_file_of_a_robot_names_the_commit_it_was_checked_against(
+    name: str, source: str
+) -> None:
+    from cell import load
+
+    text = (load._FOLDER / f"robots/{name}.yaml").read_text()
+    assert source.rsplit(", ", 1)[1] in text
