@@ -37,7 +37,7 @@ class FileSummary:
     """How one device file was read."""
 
     file: str
-    source: SourceName
+    source: SourceName | Literal["poses"]
     dialect: str
     encoding: str
     separator: str

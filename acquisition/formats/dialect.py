@@ -24,7 +24,7 @@ from cell.strict_yaml import load_model
 _FOLDER = Path(__file__).parents[1] / "dialects"
 
 AngleKind = Literal["motors", "axes", "joints"]
-Container = Literal["text", "twincat-scope", "json-lines", "egm", "rosbag", "abb-mpe"]
+Container = Literal["text", "twincat-scope", "json-lines", "egm", "rosbag", "abb-mpe", "kuka-rsi"]
 Separator = Literal[",", ";", "\t", " "]  # blank: any run of blanks
 Selector = Annotated[str, AfterValidator(checked)]
 

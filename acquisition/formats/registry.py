@@ -12,6 +12,7 @@ from acquisition.formats.egm_table import read_egm
 from acquisition.formats.json_lines import read_json_lines
 from acquisition.formats.mpe import VERSIONS, read_mpe
 from acquisition.formats.ros_bag import read_ros_bag
+from acquisition.formats.rsi import read_rsi
 from acquisition.formats.scope import read_scope
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table, read_table
@@ -25,6 +26,7 @@ _READERS: dict[str, tuple[_Reader, str, str]] = {
     "egm": (read_egm, "integer", "ns"),
     "rosbag": (read_ros_bag, "integer", "ns"),
     "abb-mpe": (read_mpe, "float", "s"),
+    "kuka-rsi": (read_rsi, "integer", "ms"),
 }
 
 
@@ -35,6 +37,7 @@ def container_of(raw: bytes) -> Container:
         b"SQLite format 3\0": "rosbag",
         FILE_START: "egm",
         b"{": "json-lines",
+        b"<Rob": "kuka-rsi",
     }
     for start, container in begins.items():
         if raw.startswith(start):

@@ -23,6 +23,23 @@ PREAMBLE = 200  # lines before a header, at most
 
 
 @dataclass(frozen=True)
+class Remedies:
+    """What errors about a table advise, by the file that describes its columns."""
+
+    description: str = "recording.yaml"
+    missing: str = "Log them, or name the dialect of this file."
+    headerless: str = (
+        "For a file without header, name all its columns in recording.yaml: `columns: [...]`."
+    )
+    other_table: str = (
+        "is this the file that the dialect describes? If not, name its dialect; else copy it again."
+    )
+
+
+RECORDING = Remedies()
+
+
+@dataclass(frozen=True)
 class Layout:
     """The columns of a log, by selector (acquisition.table.selectors)."""
 
@@ -35,6 +52,7 @@ class Layout:
     names: tuple[str, ...] | None = None  # of all columns, for a file without header
     headerless: bool = False  # all columns are selected by number
     decimal: Literal["either", "point", "comma"] = "either"
+    remedies: Remedies = RECORDING
 
 
 @dataclass(frozen=True)
@@ -122,7 +140,14 @@ def _header_line(text: LogText, layout: Layout) -> tuple[int, str]:
 
 def _separator(line: str, layout: Layout) -> str:
     candidates = [s for s in SEPARATORS if s != " " or " " in layout.separators]
-    return max(candidates, key=lambda s: (*_names_shown(line, s, layout), s in layout.separators))
+
+    def shown(separator: str) -> tuple[int, bool, int, bool]:
+        required, fields = _names_shown(line, separator, layout)
+        # Decimal commas would make more columns than there are.
+        numbers = layout.headerless and all(map(is_number, split_fields(line, separator)))
+        return required, numbers, fields, separator in layout.separators
+
+    return max(candidates, key=shown)
 
 
 def _names_shown(line: str, separator: str, layout: Layout) -> tuple[int, int]:
@@ -145,8 +170,7 @@ def _declared_names(line: _HeaderLine, cells: list[str], layout: Layout) -> list
     if layout.names is None and not layout.headerless:
         raise LogError(
             f"{line.location}: the first line holds numbers, not column names. Expected a header "
-            f"with {', '.join(layout.required)}. For a file without header, name all its columns "
-            "in recording.yaml: `columns: [...]`."
+            f"with {', '.join(layout.required)}. {layout.remedies.headerless}"
         )
     counted = [f"#{i + 1}" for i in range(len(cells))]
     names = counted if layout.names is None else list(layout.names)
@@ -171,7 +195,8 @@ def _columns_in(
     positions = {name: selectors.find(name, names) for name in (*wanted, *layout.optional)}
     used = {position for several in positions.values() for position in several}
     unused = [name for i, name in enumerate(names) if name and i not in used]
-    _refuse_missing(line, names, unused, [name for name in wanted if not positions[name]])
+    missing = [name for name in wanted if not positions[name]]
+    _refuse_missing(line, names, unused, missing, layout.remedies)
     _refuse_incomplete(line, names, unused, layout)
     if line.separator not in layout.separators:
         allowed = " or ".join(SEPARATORS[s] for s in layout.separators)
@@ -214,19 +239,18 @@ def _without_glued_row(
 
 
 def _refuse_missing(
-    line: _HeaderLine, names: list[str], unused: list[str], missing: list[str]
+    line: _HeaderLine, names: list[str], unused: list[str], missing: list[str], remedies: Remedies
 ) -> None:
     if missing:
         shown = ", ".join(repr(name[:40]) for name in names[:12])
         if why := selectors.why_not(missing[0], names):
             raise LogError(
                 f"{line.location}:{why} The header has {shown}. "
-                "Name one of these in recording.yaml."
+                f"Name one of these in {remedies.description}."
             )
         raise LogError(
             f"{line.location}: {_columns(missing)} missing; the header has {shown}."
-            f"{_meant(missing[0], unused)} "
-            "Log them, or name the dialect of this file."
+            f"{_meant(missing[0], unused)} {remedies.missing}"
         )
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from acquisition.report import Finding, Severity, finding
 from acquisition.table.fields import SEPARATORS, split_fields
-from acquisition.table.header import Header, Layout
+from acquisition.table.header import Header, Layout, Remedies
 from acquisition.table.text import LogText
 from cell.errors import LogError
 
@@ -89,7 +89,7 @@ def plain_rows(text: LogText, header: Header, layout: Layout) -> PlainRows:
     if rows.separator == " ":
         tabbed = ["\t".join(line.split()) for line in rows.lines]
         rows = replace(rows, lines=tabbed, separator="\t")
-    rows = _full_rows(_without_end(rows), header)
+    rows = _full_rows(_without_end(rows), header, layout.remedies)
     rows, commas = _with_decimal_commas(rows, header, layout)
     repaired = np.zeros(len(rows.lines), dtype=bool)
     repaired[0] = bool(header.glued)
@@ -148,12 +148,12 @@ def _without_end(rows: _Lines) -> _Lines:
     return rows.remarked("separator at the line end", "repaired", "left out.", count=len(lines))
 
 
-def _full_rows(rows: _Lines, header: Header) -> _Lines:
+def _full_rows(rows: _Lines, header: Header, remedies: Remedies) -> _Lines:
     """The rows that have as many fields as the header."""
     width = _widths(rows)
     torn = np.flatnonzero(width != rows.width)
     if torn.size > max(1.0, TORN_LIMIT * width.size):
-        _refuse_widths(rows.take(torn), width[torn], header, total=width.size)
+        _refuse_widths(rows.take(torn), width[torn], header, remedies, total=width.size)
     if torn.size == width.size:
         raise LogError(
             f"{rows.file}: the only row below the header is torn. Is the file cut off? "
@@ -180,7 +180,7 @@ def _width(line: str, separator: str) -> int:
 
 
 def _refuse_widths(
-    torn: _Lines, width: NDArray[np.int64], header: Header, *, total: int
+    torn: _Lines, width: NDArray[np.int64], header: Header, remedies: Remedies, *, total: int
 ) -> NoReturn:
     """Raises LogError for rows with another number of fields (K,) than the header."""
     location = f"{torn.file}:{torn.number[0]}"
@@ -200,8 +200,7 @@ def _refuse_widths(
     raise LogError(
         f"{location}: {width.size} of {total} rows do not have the header's number of fields: "
         f"expected {expected} fields, got {width[0]}. More than {TORN_LIMIT:.0%} cannot be torn "
-        "lines: is this the file that the dialect describes? "
-        "If not, name its dialect; else copy it again."
+        f"lines: {remedies.other_table}"
     )
 
 

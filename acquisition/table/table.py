@@ -23,7 +23,7 @@ from acquisition.table.fast_path import FINE, clean_columns
 from acquisition.table.fields import SEPARATORS, split_fields
 from acquisition.table.header import Header, Kind, Layout, read_header
 from acquisition.table.rows import PlainRows, plain_rows
-from acquisition.table.text import Content, read_filled, text_of
+from acquisition.table.text import LogText, read_filled, text_of
 from cell.errors import LogError
 
 _FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
@@ -122,7 +122,7 @@ def read_table(path: Path, file: str, layout: Layout) -> tuple[Table, Form]:
     content = read_filled(path, file)
     clean = clean_columns(content, file, layout)
     if clean is None:
-        return _repaired_table(content, file, layout)
+        return text_table(text_of(content, file), layout)
     header, columns = clean
     rows = len(next(iter(columns.values())))
     line = np.arange(header.row + 1, header.row + 1 + rows, dtype=np.int64)
@@ -131,14 +131,13 @@ def read_table(path: Path, file: str, layout: Layout) -> tuple[Table, Form]:
     return table, Form("utf-8", SEPARATORS[header.separator], "point", rows)
 
 
-def _repaired_table(content: Content, file: str, layout: Layout) -> tuple[Table, Form]:
-    """The wanted columns of a file that is not clean, line by line."""
-    text = text_of(content, file)
+def text_table(text: LogText, layout: Layout) -> tuple[Table, Form]:
+    """The wanted columns of a table, line by line; raises as `read_table`."""
     header = read_header(text, layout)
     rows = plain_rows(text, header, layout)
     table = Table(
         columns=_parse(rows, header),
-        files=(file,),
+        files=(text.file,),
         file=np.zeros(rows.number.size, dtype=np.int64),
         line=rows.number,
         flags=np.where(rows.repaired, np.uint32(RowFlag.REPAIRED), np.uint32(0)),

@@ -39,7 +39,7 @@ DISTRIBUTIONS = {
     "rerun": "rerun-sdk",
     "pydantic_core": "pydantic",
 }  # whose import name is another; pydantic requires its core at one exact version
-USED_EXTRAS = ("ads", "dask", "ros")  # of the product; docs and dev serve the project
+USED_EXTRAS = ("ads", "dask", "ros", "xlsx")  # of the product; docs and dev serve the project
 
 
 def names_of(requirements: list[str]) -> set[str]:

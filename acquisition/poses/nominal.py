@@ -1,0 +1,181 @@
+"""Measured values against the catalogue robot: wrong units, left-handed frames, wrong conventions.
+
+The nominal robot is good to millimetres, which is enough to see a factor of 1000, a mirrored axis
+or angles turned about other axes. A little wrong is the identifier's matter.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from acquisition.poses.columns import PoseRows
+from acquisition.poses.values import rotation
+from acquisition.report import Finding, finding
+from cell.arrays import Array
+from cell.descriptions import Robot
+from cell.errors import LogError
+from cell.instrument import Instrument
+from cell.pose_file import ValueColumns
+from cell.rigid_fit import nominal_frames, rigid_fit_rms
+
+FEWEST = 10  # poses: fewer lie on many robots
+MOST_JUDGED = 400  # poses; more show nothing new
+_LARGE, _SMALL = 2.2, 1.0 / 200.0  # spread of positions, as a share of the robot's reach
+_MOVED = 0.1  # of the reach: spread of the nominal flange that must show in the positions
+_BETTER = 5.0  # times smaller residual of a mirrored frame
+_FITS = 0.05  # of the reach: a nominal robot within it is the right one
+_TURN_OFF = np.deg2rad(3.0)  # [rad] median error of the turn between two poses
+_TURN_FITS = 0.3  # of that, by another convention
+_EULER = tuple("".join(axes) for axes in product("XYZ", repeat=3) if axes[0] != axes[1] != axes[2])
+_CONVENTIONS = (*_EULER, *map(str.lower, _EULER), "rotvec")
+
+
+def reach(robot: Robot) -> float:
+    """[m] length of the stretched arm, an upper bound."""
+    return float(np.hypot(robot.a, robot.d).sum())
+
+
+def judged(count: int) -> Array:
+    """(K,) rows that checks look at: all, or MOST_JUDGED spread evenly over `count`."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_JUDGED)).astype(np.intp))
+
+
+def check_positions(
+    robot: Robot, rows: PoseRows, q: Array, points: Array, unit: str
+) -> tuple[Finding, ...]:
+    """Findings about measured points (N, 3) [m], declared in `unit`, at angles q (N, J) [rad].
+
+    Raises LogError for points in another unit and for a left-handed frame.
+    """
+    chosen = judged(len(q))
+    frames, points = nominal_frames(robot, q[chosen]), points[chosen]
+    spread = float(np.linalg.norm(np.ptp(points, axis=0)))
+    moved = float(np.linalg.norm(np.ptp(frames.tip.T, axis=0)))
+    length = reach(robot)
+    far = spread > _LARGE * length
+    near_by = spread < _SMALL * length and moved > _MOVED * length
+    if far or near_by:
+        what = "more than the robot reaches" if far else "though its flange moves"
+        raise LogError(
+            f"{rows.file}: the measured points spread over {spread:.4g} m as {unit}, {what} "
+            f"({length:.3g} m stretched, flange over {moved:.3g} m). "
+            f"{_other_unit(spread, moved, unit)}"
+        )
+    if chosen.size < FEWEST:
+        return ()
+    direct = rigid_fit_rms(frames, points)
+    if direct > _FITS * length:
+        mirror = rigid_fit_rms(frames, points, mirrored=True)
+        if mirror * _BETTER < direct and mirror < _FITS * length:
+            raise LogError(
+                f"{rows.file}: the measured points fit {robot.name} only as their mirror image "
+                f"({mirror * 1e3:.3g} mm against {direct * 1e3:.3g} mm): the frame is left-handed. "
+                "Is an axis missing its sign, or are two columns swapped? Correct the columns."
+            )
+        sentence = (
+            f"the points lie {direct * 1e3:.3g} mm (rms) off the catalogue robot {robot.name}: "
+            "another robot, another order of the joints, or angles of another kind?"
+        )
+        return (finding("far from the nominal robot", "warning", rows.file, sentence, count=1),)
+    return ()
+
+
+def better_as_rad(robot: Robot, as_deg: Array, as_rad: Array, points: Array) -> bool:
+    """Whether joint angles read as rad put the robot nearer to points (N, 3) [m] than as degrees.
+
+    as_deg, as_rad : (N, J) [rad].
+    """
+    chosen = judged(len(points))
+    degrees, radians = (
+        rigid_fit_rms(nominal_frames(robot, q[chosen]), points[chosen]) for q in (as_deg, as_rad)
+    )
+    return radians < degrees
+
+
+def check_rotations(
+    robot: Robot, rows: PoseRows, q: Array, declared: ValueColumns, raw: Array, angle: float
+) -> tuple[Finding, ...]:
+    """A finding if measured rotations do not turn as the flange does at angles q (N, J) [rad].
+
+    raw : (N, 3 or 4) columns of the rotation, angles in units of `angle` [rad]. The angle of the
+        turn between two poses depends on no frame, so it needs no fit.
+
+    Raises LogError if another convention or unit fits.
+    """
+    chosen = judged(len(q))
+    if chosen.size < FEWEST:
+        return ()
+    flange = nominal_frames(robot, q[chosen]).rotation().transpose(2, 0, 1)
+    expected = _turns(flange)
+    off = _turn_error(declared, raw[chosen], angle, expected)
+    if off < _TURN_OFF:
+        return ()
+    others = {
+        (name, unit): _turn_error(
+            declared.model_copy(update={"rotation": name}), raw[chosen], scale, expected
+        )
+        for name in _conventions(declared)
+        for unit, scale in (("rad", 1.0), ("deg", np.pi / 180.0))
+    }
+    (name, unit), least = min(others.items(), key=lambda item: item[1])
+    if least < min(_TURN_OFF, _TURN_FITS * off):
+        how = f"rotation: {name}" + ("" if name.startswith("quat") else f", angle_unit: {unit}")
+        raise LogError(
+            f"{rows.file}: the rotations read as {declared.rotation} do not turn as the flange of "
+            f"{robot.name} does (median {np.rad2deg(off):.3g} deg off between two poses); with "
+            f"`{how}` they do ({np.rad2deg(least):.2g} deg). Write so under values in poses.yaml."
+        )
+    sentence = (
+        f"the turn between two poses is {np.rad2deg(off):.3g} deg (median) off that of the flange "
+        f"of the catalogue robot {robot.name}: another convention, or another robot?"
+    )
+    return (finding("rotations off the nominal robot", "warning", rows.file, sentence, count=1),)
+
+
+def check_lengths(
+    rows: PoseRows, values: Array, instrument: Instrument, unit: str
+) -> tuple[Finding, ...]:
+    """A finding about lengths values (N, 1) [m] that the instrument cannot have measured.
+
+    Raises LogError if they are in another unit.
+    """
+    middle = float(np.median(np.abs(values)))
+    lower, upper = instrument.lower, max(instrument.upper, 1e-6)
+    if middle > 10.0 * upper or middle < lower / 10.0:
+        raise LogError(
+            f"{rows.file}: lengths of {middle:.4g} m (median, read as {unit}); {instrument.name} "
+            f"measures {lower:g} to {upper:g} m. {_other_unit(middle, instrument.nominal, unit)}"
+        )
+    outside = np.flatnonzero(((values < lower) | (values > upper)).any(axis=1))
+    if not outside.size:
+        return ()
+    sentence = f"outside the range of {instrument.name}, {lower:g} to {upper:g} m."
+    lines = rows.line[outside]
+    return (finding("length outside the range", "warning", rows.file, sentence, lines=lines),)
+
+
+def _other_unit(measured: float, expected: float, unit: str) -> str:
+    """Advice for lengths `measured` [m] that should be about `expected` [m]."""
+    metres = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+    here = metres.get(unit, {"cm": 1e-2, "inch": 0.0254}.get(unit, 1.0))
+    for name, scale in metres.items():
+        if name != unit and 0.2 < measured / here * scale / max(expected, 1e-9) < 5.0:
+            return f"In {name}? Write `unit: {name}` under values in poses.yaml."
+    return "Correct the unit under values in poses.yaml, or name the columns that were measured."
+
+
+def _conventions(declared: ValueColumns) -> tuple[str, ...]:
+    four = str(declared.rotation).startswith("quat")
+    return ("quat_wxyz", "quat_xyzw") if four else _CONVENTIONS
+
+
+def _turns(rotations: Array) -> Array:
+    """(N-1,) [rad] angles between each rotation (N, 3, 3) and the next."""
+    cosine = 0.5 * (np.einsum("nij,nij->n", rotations[:-1], rotations[1:]) - 1.0)
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _turn_error(declared: ValueColumns, raw: Array, angle: float, expected: Array) -> float:
+    return float(np.median(np.abs(_turns(rotation(declared, raw, angle).as_matrix()) - expected)))

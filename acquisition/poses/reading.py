@@ -1,0 +1,123 @@
+"""poses.yaml and its files to still poses: DH joint angles, values in SI units, and the findings.
+
+    files -> lines -> columns -> numbers -> angles [rad], values [m, rad], sigma -> groups
+
+A row with an empty field is left out and counted. What contradicts the robot or the declared units
+is an error with file and line; what is merely odd is a finding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.poses.file_poses import FilePoses, TableContext, file_poses
+from acquisition.report import Finding, ImportReport
+from cell.errors import DescriptionError
+from cell.instrument import Instrument
+from cell.load import load_instrument, load_robot
+from cell.pose_file import PosesFile, load_poses_file, pose_file_path
+from cell.poses import KnownDistance, PoseGroup, PoseTable
+from cell.schema_errors import nearest
+
+
+@dataclass(frozen=True, eq=False)
+class PoseImport:
+    """Still poses, read."""
+
+    description: PosesFile
+    table: PoseTable
+    report: ImportReport
+
+
+def read_poses(path: Path) -> PoseTable:
+    """The still poses that a poses.yaml describes.
+
+    path : the file, or the folder that holds it.
+    Raises DescriptionError if poses.yaml is wrong, LogError if a file of it cannot be trusted.
+    """
+    return import_poses(path).table
+
+
+def import_poses(path: Path) -> PoseImport:
+    """The still poses of a poses.yaml with the import report; raises as `read_poses`."""
+    file = pose_file_path(path)
+    description = load_poses_file(file)
+    robot = load_robot(description.robot, relative_to=file.parent)
+    instrument = load_instrument(description.instrument, relative_to=file.parent)
+    files = list[FilePoses]()
+    for k, declared in enumerate(description.tables):
+        own = declared.instrument
+        measures = load_instrument(own, relative_to=file.parent) if own else instrument
+        context = TableContext(file, robot, measures, f"tables[{k}]", declared)
+        files += [file_poses(context, index) for index in range(len(declared.files))]
+    stamps = [poses.stamps for poses in files if poses.stamps is not None]
+    start = min((int(each.min()) for each in stamps), default=0)
+    groups = tuple(group for poses in files for group in _groups(poses, start))
+    table = PoseTable(
+        name=file.absolute().parent.name if file.name == "poses.yaml" else file.stem,
+        robot=robot,
+        groups=groups,
+        distances=_distances(file, description, instrument, groups),
+    )
+    report = ImportReport(
+        files=tuple(summary for poses in files for summary in poses.summaries),
+        findings=_without_repeats(entry for poses in files for entry in poses.findings),
+    )
+    return PoseImport(description, table, report)
+
+
+def _groups(poses: FilePoses, start: int) -> Iterator[PoseGroup]:
+    """The groups of one file, in the order in which seats and targets first occur.
+
+    start : [ns] earliest stamp of all files.
+    """
+    pairs = list(zip(poses.seat, poses.target, strict=True))
+    time = None if poses.stamps is None else (poses.stamps - start) * 1e-9
+    for seat, target in dict.fromkeys(pairs):
+        chosen = np.array([pair == (seat, target) for pair in pairs], dtype=bool)
+        yield PoseGroup(
+            measured=poses.measured,
+            seat=seat,
+            target=target,
+            q=poses.q[chosen],
+            values=poses.values[chosen],
+            sigma=poses.sigma[chosen],
+            rows=poses.rows.line[chosen],
+            file=poses.rows.file,
+            time=None if time is None else time[chosen],
+            temperature=None if poses.temperature is None else poses.temperature[chosen],
+        )
+
+
+def _without_repeats(findings: Iterator[Finding]) -> tuple[Finding, ...]:
+    """Each finding once: a file that several tables read has it in each."""
+    return tuple(dict.fromkeys(findings))
+
+
+def _distances(
+    file: Path, description: PosesFile, instrument: Instrument, groups: Sequence[PoseGroup]
+) -> tuple[KnownDistance, ...]:
+    """Known distances; raises DescriptionError for a seat at which nothing was measured."""
+    seats = {group.seat for group in groups}
+    distances = list[KnownDistance]()
+    for k, declared in enumerate(description.distances):
+        stated = (declared.length_m, declared.sigma_m)
+        length, sigma = stated if None not in stated else instrument.distance or (None, None)
+        if length is None or sigma is None:
+            raise DescriptionError(
+                f"{file}: distances[{k}]: length_m is missing, and {instrument.name} states no "
+                "distance of its own. Add length_m and sigma_m."
+            )
+        for pair in declared.pairs:
+            for seat in pair:
+                if seat not in seats:
+                    raise DescriptionError(
+                        f"{file}: distances[{k}]: nothing was measured at seat {seat!r}."
+                        f"{nearest(seat, seats, noun='seat')}"
+                    )
+            distances.append(KnownDistance(pair, length, sigma))
+    return tuple(distances)
