@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from acquisition.times import TIME_FORMS
-from ballbar.commands.options import AT_THE_CELL, AsJson, RecordingFolder, say_json
+from ballbar.commands.options import AT_THE_CELL, AsJson, RecordingOrPoses, say_json
 from ballbar.terminal import err, out
 from cell.errors import InputError
 
@@ -182,7 +182,7 @@ def _ask(question: str, proposal: str | None, *, take_proposals: bool, as_json: 
     epilog="Example: `ballbar check runs/irb2400/recording`, or for programs with `--json`",
 )
 def check(
-    recording: RecordingFolder,
+    recording: RecordingOrPoses,
     explain_reading: Annotated[
         bool,
         typer.Option(
@@ -196,25 +196,57 @@ def check(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Read a recording and report its content and what was repaired; nothing is identified."""
+    """Read a recording or a table of still poses, and report its content and what was repaired.
+
+    Nothing is identified.
+    """
+    from ballbar.recordings.check_poses import holds_poses
+
+    read = _check_poses if holds_poses(recording) else _check_recording
+    repaired = read(recording, explain_reading=explain_reading and not as_json, as_json=as_json)
+    if strict and repaired:
+        err.print(
+            f"[red]not as logged:[/] {repaired} kinds of repairs were needed, and --strict "
+            "allows none"
+        )
+        raise typer.Exit(1)
+
+
+def _check_recording(folder: Path, *, explain_reading: bool, as_json: bool) -> int:
+    """Prints the page of a recording; gives how many kinds of repairs were needed."""
     from acquisition import explain_lines, read_recording
     from ballbar.recordings.check import aligned, check_data, check_lines, repairs
 
-    if explain_reading and not as_json:
-        for line in explain_lines(recording):
-            out.print(escape(line))
-        out.print()
-    content = read_recording(recording)
+    if explain_reading:
+        _say_reasons(explain_lines(folder))
+    content = read_recording(folder)
     alignment = aligned(content)
     if as_json:
         say_json(check_data(content, alignment))
     _say_page(check_lines(content, alignment))
-    if strict and (repaired := repairs(content)):
-        err.print(
-            f"[red]not as logged:[/] {len(repaired)} kinds of repairs were needed, and --strict "
-            "allows none"
-        )
-        raise typer.Exit(1)
+    return len(repairs(content.report))
+
+
+def _check_poses(path: Path, *, explain_reading: bool, as_json: bool) -> int:
+    """Prints the page of still poses; gives how many kinds of repairs were needed."""
+    from acquisition.poses import import_poses
+    from ballbar.recordings.check import repairs
+    from ballbar.recordings.check_poses import explain_pose_lines, pose_data, pose_lines
+    from cell.pose_file import load_poses_file, pose_file_path
+
+    if explain_reading:
+        _say_reasons(explain_pose_lines(load_poses_file(pose_file_path(path))))
+    content = import_poses(path)
+    if as_json:
+        say_json(pose_data(content))
+    _say_page(pose_lines(content))
+    return len(repairs(content.report))
+
+
+def _say_reasons(lines: list[str]) -> None:
+    for line in lines:
+        out.print(escape(line))
+    out.print()
 
 
 def _say_page(lines: list[str]) -> None:
