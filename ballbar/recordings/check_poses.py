@@ -1,4 +1,4 @@
-"""`ballbar check` of still poses: content of a poses.yaml as text for people or JSON for programs."""
+"""`ballbar check` of still poses: what a poses.yaml holds, as text or as data for JSON."""
 
 from __future__ import annotations
 
@@ -113,7 +113,9 @@ def pose_data(read: PoseImport) -> dict[str, Any]:
 
 def _group_line(group: PoseGroup) -> str:
     """One group: seat, target, number of poses, ranges and median sigma."""
-    line = f"seat {group.seat}, target {group.target}: {_count(group.size, 'pose')}, {group.measured}"
+    line = (
+        f"seat {group.seat}, target {group.target}: {_count(group.size, 'pose')}, {group.measured}"
+    )
     lower, upper = group.values.min(axis=0), group.values.max(axis=0)
     names = ("length",) if group.measured == "length" else _NAMES[:3]
     ranges = [
