@@ -40,9 +40,15 @@ class CommandGroup(TyperGroup):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        shared = [option for option in self.params if option.name in ("quiet", "verbose")]
+        self.share([option for option in self.params if option.name in ("quiet", "verbose")])
+
+    def share(self, options: list[Any]) -> None:
+        """Gives every command of the group, and of the groups in it, these options too."""
         for command in self.commands.values():
-            command.params += shared
+            if isinstance(command, CommandGroup):
+                command.share(options)
+            else:
+                command.params += options
 
     def invoke(self, ctx: Any) -> Any:
         """Runs a command; exits with INTERRUPTED after Ctrl-C."""

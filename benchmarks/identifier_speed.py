@@ -85,7 +85,7 @@ def kinematic() -> None:
         robot, bar = through_samples(samples.t, samples.q), through_samples(samples.t, samples.b)
         return samples_of(robot, bar, JOINTS, np.ones(5), inside, spacing=robot.row_period)
 
-    every = candidates(JOINTS, complete=True)
+    every = candidates(samples.nominal.table, JOINTS, complete=True)
     chosen = identifiable_parameters(
         ready(), samples.nominal, clock, excess, samples.nominal, every
     ).parameters

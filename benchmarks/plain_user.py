@@ -36,7 +36,7 @@ class PlainFit:
     """What the plain user gets."""
 
     geometry: Geometry
-    parameters: NDArray[np.intp]  # (P,) indices into PARAMETERS
+    parameters: NDArray[np.intp]  # (P,) indices into the table
     iterations: int  # evaluations of the cost over all samples, those of the Jacobians included
     converged: bool
     seconds: float
@@ -45,7 +45,7 @@ class PlainFit:
 def plain_user_identify(
     samples: KinematicSamples, nominal: Geometry, parameters: Sequence[int] | NDArray[np.intp]
 ) -> PlainFit:
-    """Identify `parameters` (indices into PARAMETERS) from paired samples, from nominal values."""
+    """Identify `parameters` (indices into the table) from paired samples, from nominal values."""
     chosen = np.asarray(parameters, dtype=np.intp)
     begin = time.perf_counter()
     found = least_squares(
@@ -91,7 +91,7 @@ def _link(a: float, d: float, alpha: float, theta: Array) -> Array:
 def _with(nominal: Geometry, chosen: NDArray[np.intp], x: Array) -> Geometry:
     values = nominal.values.copy()
     values[chosen] = x
-    return Geometry(values)
+    return nominal.with_values(values)
 
 
 def main() -> None:

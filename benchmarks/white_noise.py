@@ -22,7 +22,6 @@ from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
 from cell.arrays import Array
 from cell.clock import Clock
-from cell.geometry import NAMES
 from cell.load import load_robot
 from ident.estimator.fit import fit_kinematics
 from ident.estimator.noise import ExcessNoise
@@ -62,7 +61,7 @@ def one(fitted: tuple[int, ...], seed: int) -> tuple[float, float, float]:
     ]
     difference = found.fit.geometry().values - samples.true.values
     wrapped = np.where(
-        [n.startswith("btheta") for n in NAMES],
+        [n.startswith("btheta") for n in samples.nominal.table.names],
         np.arctan2(np.sin(difference), np.cos(difference)),
         difference,
     )

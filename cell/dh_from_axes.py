@@ -91,7 +91,7 @@ def dh_from_axes(axes: JointAxes) -> DHForm:
     for i in range(len(z) - 1):
         row, frame = _next_row(frame, axes.point[i + 1], z[i + 1], i + 1)
         rows.append(row)
-    row, frame = _last_row(frame, axes.T_base_tip)
+    row, frame = _last_row(frame, axes)
     rows.append(row)
     a, d, alpha, theta = np.array(rows).T
     chain = Chain(a, d, alpha, theta, np.zeros_like(a))
@@ -182,8 +182,9 @@ def _next_row(frame: _Frame, point: Array, z: Array, number: int) -> tuple[list[
     return row, _Frame(frame.origin + d * frame.z + a * x, x, z)
 
 
-def _last_row(frame: _Frame, T_base_tip: Array) -> tuple[list[float], _Frame]:
+def _last_row(frame: _Frame, axes: JointAxes) -> tuple[list[float], _Frame]:
     """Row J: along and about its axis up to the tip, as a, d, alpha, theta, and its frame."""
+    T_base_tip = axes.T_base_tip
     d = float((T_base_tip[:3, 3] - frame.origin) @ frame.z)
     x = frame.x
     for column in (0, 1):  # the tip's y where its x is parallel to the axis

@@ -1,14 +1,18 @@
 """Kinematic parameters of robot and ball-bar as one vector, with the thesis's names.
 
-`ra1..ra6 rd1.. ralpha1.. rtheta1.. rbeta2 rbeta6` are the robot's rows, the tool in row 6;
-`ba1..ba5 bd1.. balpha1.. btheta1..` those of the ball-bar. Its base pose in the robot's base frame
-is the position `ox oy oz` and the tilt `otx oty`, a turn about x, then y. Source: thesis secs.
-2.1-2.2; names of the parameters: thesis Tables 3.1-3.4.
+`ra1..raJ rd1.. ralpha1.. rtheta1..` are the robot's rows, the tool in the last one, and `rbeta` the
+Hayati angles of the rows whose axis is parallel to the next one; `ba1..ba5 bd1.. balpha1..
+btheta1..` are the rows of the ball-bar. Its base pose in the robot's base frame is the position `ox
+oy oz` and the tilt `otx oty`, a turn about x, then y. Source: thesis secs. 2.1-2.2; names of the
+parameters: thesis Tables 3.1-3.4.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,12 +21,12 @@ from cell.arrays import Array, read_only
 from cell.chain import Chain, Frames, forward, screw
 
 if TYPE_CHECKING:
-    from cell.descriptions import Cell
+    from cell.descriptions import Cell, Robot
 
-ROBOT_ROWS, BAR_ROWS = 6, 5  # one per joint
-# Rows whose axis is nearly parallel to the next one: joint 2 to joint 3, and joint 6 to b5 across
-# the plate.
-HAYATI_ROWS = (1, 5)
+BAR_ROWS = 5  # one per joint
+PARALLEL = 1e-6  # sine of the nominal twist below which neighbouring axes are parallel
+_KINDS = ("a", "d", "alpha", "theta")
+_NAME = re.compile(r"([rb])(a|d|alpha|theta|beta)([1-9])|o(t?)([xyz])")
 
 
 @dataclass(frozen=True)
@@ -43,74 +47,132 @@ class Parameter:
         return "m" if self.is_length else "rad"
 
 
-def _parameters() -> tuple[Parameter, ...]:
-    robot = [
-        Parameter(f"r{k}{i + 1}", "robot", k, i)
-        for k in ("a", "d", "alpha", "theta")
-        for i in range(ROBOT_ROWS)
-    ]
-    hayati = [Parameter(f"rbeta{row + 1}", "robot", "beta", row) for row in HAYATI_ROWS]
-    bar = [
-        Parameter(f"b{k}{i + 1}", "bar", k, i)
-        for k in ("a", "d", "alpha", "theta")
-        for i in range(BAR_ROWS)
-    ]
-    base = [Parameter(f"o{c}", "base", "origin", i) for i, c in enumerate("xyz")]
-    tilt = [Parameter(f"ot{c}", "base", "tilt", i) for i, c in enumerate("xy")]
-    return tuple(robot + hayati + bar + base + tilt)
+def parameter_named(name: str) -> Parameter:
+    """The parameter that a name such as `ralpha3` stands for. Raises KeyError for another name."""
+    parts = _NAME.fullmatch(name)
+    if parts is None:
+        raise KeyError(name)
+    side, kind, row, tilt, axis = parts.groups()
+    if side is None:
+        return Parameter(name, "base", "tilt" if tilt else "origin", "xyz".index(axis))
+    return Parameter(name, "robot" if side == "r" else "bar", kind, int(row) - 1)
 
 
-PARAMETERS = _parameters()
-NAMES = tuple(p.name for p in PARAMETERS)
-INDEX = {name: i for i, name in enumerate(NAMES)}
-ORIGIN, TILT = slice(INDEX["ox"], INDEX["oz"] + 1), slice(INDEX["otx"], INDEX["oty"] + 1)
+@dataclass(frozen=True)
+class ParameterTable:
+    """The kinematic parameters of one mechanism in the order of the vector of their values."""
+
+    joints: int  # J, of the robot
+    # Rows, from 0, that have a Hayati angle: those whose axis is parallel to the next one, and the
+    # last one, whose joint is nearly parallel to b5 across the plate.
+    hayati_rows: tuple[int, ...]
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return tuple(parameter_named(name) for name in self.names)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        return (
+            *(f"r{kind}{row + 1}" for kind in _KINDS for row in range(self.joints)),
+            *self.hayati,
+            *(f"b{kind}{row + 1}" for kind in _KINDS for row in range(BAR_ROWS)),
+            *("ox", "oy", "oz", "otx", "oty"),
+        )
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Position of each parameter in the vector."""
+        return {name: i for i, name in enumerate(self.names)}
+
+    @property
+    def robot(self) -> tuple[str, ...]:
+        """Names of the robot's rows without the Hayati angles."""
+        return self.names[: 4 * self.joints]
+
+    @property
+    def hayati(self) -> tuple[str, ...]:
+        """Names of the Hayati angles."""
+        return tuple(f"rbeta{row + 1}" for row in self.hayati_rows)
+
+    @property
+    def plate(self) -> str:
+        """The length that holds the offset plate."""
+        return f"ra{self.joints}"
+
+    @property
+    def gauge(self) -> tuple[str, ...]:
+        """Parameters of the robot that do the same as others (thesis Table 3.2).
+
+        The first row's d and theta move the robot as the ball-bar's base pose does, and of parallel
+        axes the d of the second does the same as that of the first.
+        """
+        return ("rd1", "rtheta1", *(f"rd{row + 2}" for row in self.hayati_rows[:-1]))
+
+
+def parameter_table(robot: Robot) -> ParameterTable:
+    """The parameters of a robot that is held by a ball-bar."""
+    parallel = np.flatnonzero(np.abs(np.sin(robot.alpha[:-1])) < PARALLEL)
+    return ParameterTable(robot.joints, (*parallel.tolist(), robot.joints - 1))
+
+
+def table_of_names(names: Iterable[str]) -> ParameterTable:
+    """The table of the mechanism whose parameters have these names, in any order."""
+    of_robot = [p for p in map(parameter_named, names) if p.side == "robot"]
+    hayati = sorted(p.row for p in of_robot if p.kind == "beta")
+    return ParameterTable(1 + max((p.row for p in of_robot), default=-1), tuple(hayati))
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """All kinematic parameters of one cell, as the vector `values` in the order of NAMES."""
+    """All kinematic parameters of one cell, as the vector `values` in the order of its table."""
 
     values: Array  # (P,) [m, rad]
+    table: ParameterTable
 
     def __post_init__(self) -> None:
-        values = read_only(self.values)
-        if values.shape != (len(NAMES),):
-            raise ValueError(f"geometry: {values.shape} values, expected ({len(NAMES)},)")
+        values, count = read_only(self.values), len(self.table.names)
+        if values.shape != (count,):
+            raise ValueError(f"geometry: {values.shape} values, expected ({count},)")
         object.__setattr__(self, "values", values)
 
     def __getitem__(self, name: str) -> float:
-        return float(self.values[INDEX[name]])
+        return float(self.values[self.table.index[name]])
+
+    def with_values(self, values: Array) -> Geometry:
+        """The same mechanism with other values (P,) [m, rad]."""
+        return replace(self, values=values)
 
     def replaced(self, changes: dict[str, float]) -> Geometry:
         """The geometry with the named parameters changed. Raises KeyError for an unknown name."""
         values = self.values.copy()
         for name, value in changes.items():
-            values[INDEX[name]] = value
-        return Geometry(values)
+            values[self.table.index[name]] = value
+        return self.with_values(values)
 
     @property
     def robot(self) -> Chain:
-        n = ROBOT_ROWS
+        n, rows = self.table.joints, list(self.table.hayati_rows)
         beta = np.zeros(n)
-        beta[list(HAYATI_ROWS)] = self.values[4 * n : 4 * n + len(HAYATI_ROWS)]
+        beta[rows] = self.values[4 * n : 4 * n + len(rows)]
         a, d, alpha, theta = self.values[: 4 * n].reshape(4, n)
         return Chain(a, d, alpha, theta, beta)
 
     @property
     def bar(self) -> Chain:
-        start = 4 * ROBOT_ROWS + len(HAYATI_ROWS)
+        start = 4 * self.table.joints + len(self.table.hayati_rows)
         a, d, alpha, theta = self.values[start : start + 4 * BAR_ROWS].reshape(4, BAR_ROWS)
         return Chain(a, d, alpha, theta, np.zeros(BAR_ROWS))
 
     @property
     def origin(self) -> Array:
         """(3,) [m] position of the ball-bar's base in the robot's base frame."""
-        return self.values[ORIGIN]
+        return self.values[-5:-2]
 
     @property
     def bar_base_rotation(self) -> Array:
         """(3, 3) orientation of the ball-bar's base: Rx(otx) Ry(oty)."""
-        (cx, cy), (sx, sy) = np.cos(self.values[TILT]), np.sin(self.values[TILT])
+        (cx, cy), (sx, sy) = np.cos(self.values[-2:]), np.sin(self.values[-2:])
         return np.array([[cy, 0.0, sy], [sx * sy, cx, -sx * cy], [-cx * sy, sx, cx * cy]])
 
 
@@ -140,18 +202,19 @@ def mirrored(geometry: Geometry, joint: int) -> Geometry:
 def nominal_geometry(cell: Cell, origin: Array) -> Geometry:
     """Catalogue geometry of a cell with the ball-bar at `origin` (3,) [m] and encoder offsets 0.
 
-    The offset plate is `ra6`; tool changer and universal joint add to the flange's `rd6`.
+    The offset plate adds to the last row's a, tool changer and universal joint to its d.
     """
     robot, bar, plate = cell.robot, cell.ballbar, cell.plate
+    table = parameter_table(robot)
     a, d = robot.a.copy(), robot.d.copy()
-    a[5] += plate.length
-    d[5] += plate.tool_offset
+    a[-1] += plate.length
+    d[-1] += plate.tool_offset
     rows = (
         a,
         d,
         robot.alpha,
         robot.theta,
-        np.zeros(len(HAYATI_ROWS)),
+        np.zeros(len(table.hayati_rows)),
         bar.a,
         bar.d,
         bar.alpha,
@@ -159,11 +222,12 @@ def nominal_geometry(cell: Cell, origin: Array) -> Geometry:
         origin,
         [0.0, 0.0],
     )
-    return Geometry(np.concatenate([np.asarray(r, dtype=np.float64) for r in rows]))
+    values = np.concatenate([np.asarray(r, dtype=np.float64) for r in rows])
+    return Geometry(values, table)
 
 
 def robot_frames(geometry: Geometry, q: Array) -> Frames:
-    """Frames of the robot at joint angles q (N, 6) [rad]; the last is that of the tool."""
+    """Frames of the robot at joint angles q (N, J) [rad]; the last is that of the tool."""
     return forward(geometry.robot, q)
 
 

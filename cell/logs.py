@@ -10,7 +10,8 @@ far as the log itself can tell. The arrays of a log are write-protected copies o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -80,6 +81,33 @@ class ForceLog:
     def __post_init__(self) -> None:
         _protect(self, "t", "wrench")
         _check_series("force log", self.t, self.wrench, 6)
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelLog:
+    """Channels of any one recorder on its clock, each in a unit of its own.
+
+    Raises ValueError as RobotLog does, and if `names` are not one for each channel, all different.
+    """
+
+    name: str  # of the log, for messages
+    t: Array  # (N,) [s] from the first row, strictly increasing
+    values: Array  # (N, C) [unit of each channel]
+    names: tuple[str, ...]  # (C,)
+    segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock; None: a single one
+
+    def __post_init__(self) -> None:
+        _protect(self, "t", "values")
+        _protect(self, "segment", dtype=np.uint16)
+        _check_series(self.name, self.t, self.values, len(self.names))
+        _check_marks(self.name, self.t, self.segment, None)
+        if len(set(self.names)) != len(self.names):
+            raise ValueError(f"{self.name}: channel names {self.names} are not all different")
+
+    def part(self, chosen: Sequence[int]) -> ChannelLog:
+        """The log of some of its channels."""
+        names = tuple(self.names[k] for k in chosen)
+        return replace(self, values=self.values[:, list(chosen)], names=names)
 
 
 def segment_starts(segment: NDArray[np.uint16] | None) -> tuple[int, ...]:

@@ -45,8 +45,8 @@ class UrdfJoint:
     mimics: str | None  # joint that this one follows
 
     @property
-    def T_parent_child(self) -> Array:
-        """(4, 4) [m] pose of the child link at joint position zero."""
+    def pose(self) -> Array:
+        """(4, 4) [m] pose T_parent_child at joint position zero."""
         pose = np.eye(4)
         pose[:3, :3] = Rotation.from_euler("xyz", self.rpy).as_matrix()
         pose[:3, 3] = self.xyz
@@ -116,7 +116,9 @@ def parse_urdf(text: str, source: str) -> Urdf:
     try:
         root = ET.fromstring(text)
     except (ET.ParseError, ValueError) as error:
-        raise DescriptionError(f"{source}: not valid XML: {error}. Export the file again.") from None
+        raise DescriptionError(
+            f"{source}: not valid XML: {error}. Export the file again."
+        ) from None
     if root.tag != "robot":
         raise DescriptionError(
             f"{source}: the outermost element is <{root.tag}>, a URDF has <robot>. Name the URDF."
@@ -176,17 +178,19 @@ def chain_between(urdf: Urdf, base: str | None = None, tip: str | None = None) -
             )
     pose = np.eye(4)
     for joint in to_base:
-        pose = pose @ joint.T_parent_child
-    fixed, moving = [np.linalg.inv(pose)], []
+        pose = pose @ joint.pose
+    fixed: list[Array] = [_inverse(pose)]
+    moving = []
     for joint in to_tip:
-        fixed[-1] = fixed[-1] @ joint.T_parent_child
+        fixed[-1] = fixed[-1] @ joint.pose
         if joint.kind != "fixed":
             _check_turning(urdf, joint)
             moving.append(joint)
             fixed.append(np.eye(4))
     if not moving:
         raise DescriptionError(
-            f"{urdf.source}: no joint turns between {base or root} and {end}. Name --base and --tip."
+            f"{urdf.source}: no joint turns between {base or root} and {end}. "
+            "Name --base and --tip."
         )
     return UrdfChain(base or root, end, tuple(moving), tuple(fixed))
 
@@ -222,8 +226,8 @@ def _placed(urdf: Urdf, chain: UrdfChain) -> tuple[dict[str, int], dict[str, Arr
     (root,) = [name for name in urdf.links if name not in urdf.parent_joint]
     T_root_base = np.eye(4)
     for joint in urdf.joints_to(chain.base):
-        T_root_base = T_root_base @ joint.T_parent_child
-    body_of, pose_of = {root: 0}, {root: np.linalg.inv(T_root_base)}
+        T_root_base = T_root_base @ joint.pose
+    body_of, pose_of = {root: 0}, {root: _inverse(T_root_base)}
     children: dict[str, list[UrdfJoint]] = {}
     for joint in urdf.joints:
         children.setdefault(joint.parent, []).append(joint)
@@ -234,7 +238,7 @@ def _placed(urdf: Urdf, chain: UrdfChain) -> tuple[dict[str, int], dict[str, Arr
             if joint.kind != "fixed" and joint.name not in number:
                 continue
             body_of[joint.child] = number.get(joint.name, body_of[link])
-            pose_of[joint.child] = pose_of[link] @ joint.T_parent_child
+            pose_of[joint.child] = pose_of[link] @ joint.pose
             open_links.append(joint.child)
     return body_of, pose_of
 
@@ -251,6 +255,10 @@ def _combined(members: list[tuple[Link, Array]]) -> Link:
         r = c - com
         inertia += turned + link.mass * ((r @ r) * np.eye(3) - np.outer(r, r))
     return Link(mass, com, 0.5 * (inertia + inertia.T))
+
+
+def _inverse(pose: Array) -> Array:
+    return np.asarray(np.linalg.inv(pose), dtype=np.float64)
 
 
 def _longest_tip(urdf: Urdf) -> str:
@@ -321,11 +329,14 @@ def _check_tree(urdf: Urdf) -> None:
         names.add(joint.name)
     roots = [name for name in urdf.links if name not in urdf.parent_joint]
     if len(roots) != 1:
-        what = f"{len(roots)} roots ({_listed(roots)})" if roots else "no root: its joints are a loop"
+        what = (
+            f"{len(roots)} roots ({_listed(roots)})" if roots else "no root: its joints are a loop"
+        )
         raise DescriptionError(
             f"{urdf.source}: the links have {what}. A URDF is one tree: connect them with joints."
         )
-    reached, children = {roots[0]}, {}
+    reached = {roots[0]}
+    children: dict[str, list[str]] = {}
     for joint in urdf.joints:
         children.setdefault(joint.parent, []).append(joint.child)
     waiting = [roots[0]]
@@ -373,7 +384,9 @@ def _inertial(element: ET.Element, where: str) -> Link | None:
         return None
     mass, tensor = _number(inertial.find("mass"), "value", where), inertial.find("inertia")
     if mass is None or tensor is None:
-        raise DescriptionError(f"{where}: its inertial lacks mass or inertia. Complete or remove it.")
+        raise DescriptionError(
+            f"{where}: its inertial lacks mass or inertia. Complete or remove it."
+        )
     if mass <= 0.0:
         return None  # a mere frame; the specification asks for none
     xx, yy, zz, xy, xz, yz = (
@@ -401,10 +414,7 @@ def _linked(element: ET.Element, tag: str, where: str) -> str:
 
 
 def _triple(
-    element: ET.Element | None,
-    key: str,
-    where: str,
-    default: tuple[float, ...] = (0.0, 0.0, 0.0),
+    element: ET.Element | None, key: str, where: str, default: tuple[float, ...] = (0.0, 0.0, 0.0)
 ) -> tuple[float, ...]:
     text = None if element is None else element.get(key)
     if text is None:

@@ -67,24 +67,29 @@ def page_text() -> str:
 
 
 def _panels() -> Iterator[str]:
-    every = [command for group in cli.app.registered_groups for command in _commands(group)]
+    every = [pair for group in cli.app.registered_groups for pair in _commands(group)]
     for panel in (AT_THE_CELL, RESULT, TEST_BENCH):
         yield f"\n## {panel}\n"
-        for command in every:
+        for before, command in every:
             if command.rich_help_panel == panel:
-                yield from _command(command)
+                yield from _command(before, command)
 
 
-def _commands(group: Any) -> list[CommandInfo]:
-    return list(group.typer_instance.registered_commands)
+def _commands(group: Any, before: str = "") -> Iterator[tuple[str, CommandInfo]]:
+    """Commands of a group and of the groups in it, with the words that stand before their names."""
+    name = group.typer_instance.info.name
+    before += f"{name} " if isinstance(name, str) else ""
+    yield from ((before, command) for command in group.typer_instance.registered_commands)
+    for inner in group.typer_instance.registered_groups:
+        yield from _commands(inner, before)
 
 
-def _command(command: CommandInfo) -> Iterator[str]:
+def _command(before: str, command: CommandInfo) -> Iterator[str]:
     """Heading, purpose, usage, arguments, options, example."""
     function = command.callback
     if function is None:  # a command without a function has nothing to say
         return
-    name = command.name or function.__name__.replace("_", "-")
+    name = before + (command.name or function.__name__.replace("_", "-"))
     parameters = list(_parameters(function))
     usage = " ".join(text for text, kind, _ in parameters if kind is ArgumentInfo)
     yield f"\n### {name}\n\n"

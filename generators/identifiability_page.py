@@ -29,17 +29,10 @@ from ballbar.identifiability.study import (
 from ballbar.identifiability.tables import unit_of, vector_text
 from ballbar.scenario import load_scenario
 from cell.files import write_whole
-from cell.geometry import INDEX, PARAMETERS, bar_frames
+from cell.geometry import bar_frames, parameter_named
 from cell.inverse import refine
 from ident.estimator.closure import close_loop
-from ident.estimator.dependencies import (
-    PLATE,
-    THESIS_PARAMETERS,
-    Group,
-    Selection,
-    groups,
-    shortened,
-)
+from ident.estimator.dependencies import Group, Selection, groups, shortened, thesis_parameters
 from ident.thesis.costs import ENCODERS_NEEDED, ML, CostName, cost_named
 from ident.thesis.tables import (
     MOST,
@@ -201,10 +194,9 @@ def _ml(loop: KinematicLoop, joints: tuple[int, ...]) -> tuple[Study, Study]:
 
 def _reasons(loop: KinematicLoop, studies: Mapping[str, Study]) -> dict[str, str]:
     carried = turned(loop, np.radians(TURN_DEG))
-    columns = cost_columns(carried, "transform", ALL_ENCODERS, THESIS_PARAMETERS)
-    about_axis_1 = next(
-        g for g in groups(columns, THESIS_PARAMETERS, carried.geometry) if "rtheta1" in str(g)
-    )
+    names = thesis_parameters(carried.geometry.table)
+    columns = cost_columns(carried, "transform", ALL_ENCODERS, names)
+    about_axis_1 = next(g for g in groups(columns, names, carried.geometry) if "rtheta1" in str(g))
     position = studies["position"].selection
     ba2 = next(vector_text(d) for d in position.dependent if d.name == "ba2")
     moved = reidentified(loop, "position", (1, 2), position.selected, "balpha2")
@@ -251,10 +243,11 @@ def by_thesis_recipe(
         q + rng.normal(0.0, NOISE, q.shape),
         loop.b + rng.normal(0.0, NOISE, loop.b.shape),
     )
-    order = [*(name for name in THESIS_PARAMETERS if name != PLATE), PLATE]
+    table = loop.geometry.table
+    order = [*(name for name in thesis_parameters(table) if name != table.plate), table.plate]
     columns = (
         cost_named(cost, "thesis")
-        .jacobian(noisy, [PARAMETERS[INDEX[name]] for name in order])
+        .jacobian(noisy, [parameter_named(name) for name in order])
         .reshape(len(order), -1)
     )
     diagonal = np.abs(np.diag(np.linalg.qr(columns.T, mode="r")))
@@ -439,7 +432,7 @@ def _more_or_less(ours: set[str], theirs: set[str]) -> str:
 
 
 def _scaled(selection: Selection) -> int:
-    return next(len(d.partners) for d in selection.dependent if d.name == PLATE)
+    return next(len(d.partners) for d in selection.dependent if d.name == "ra6")
 
 
 def _other_robot(by_robot: Mapping[str, Mapping[str, Study]]) -> Iterator[str]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry
+from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from ident.complete_fit import coefficients_of, fit_complete, lasting
 from ident.corrections import CORRECTIONS
@@ -23,7 +23,7 @@ from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import log_noise
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
-from ident.estimator.unknowns import FIXED
+from ident.estimator.unknowns import fixed_names
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
 from ident.remarks import log_remarks
@@ -175,7 +175,7 @@ def _robot(
         cell=cell,
         encoders=first.samples.encoders,
         nominal=first.nominal,
-        geometry=Geometry(geometry),
+        geometry=first.nominal.with_values(geometry),
         sigma={layout.names[i]: float(deviations[i]) for i in shared if known[i]},
         covariance=NamedCovariance(
             tuple(layout.names[i] for i in machine), stated.covariance[np.ix_(machine, machine)]
@@ -211,7 +211,7 @@ def _dropped(
     if fit is first.fit:
         return first.subset.dropped
     reasons = {d.name: d for d in first.subset.dropped}
-    fixed = [d for d in first.subset.dropped if d.name in FIXED]
+    fixed = [d for d in first.subset.dropped if d.name in fixed_names(first.nominal.table)]
     return (*fixed, *(reasons.get(n, DroppedParameter(n, "prior", ())) for n in at_prior))
 
 
@@ -247,7 +247,7 @@ def _recording(
         geometry=geometry,
         nominal=single.nominal.replaced({name: geometry[name] for name in ("ox", "oy", "oz")}),
         sigma={
-            NAMES[i]: float(deviations[p])
+            geometry.table.names[i]: float(deviations[p])
             for i, p in zip(own.parameters, positions, strict=True)
             if known[p]
         },
@@ -290,7 +290,7 @@ def _residuals(fit: Fit, k: int) -> Residuals:
 
 def _wrapped(geometry: Geometry) -> Geometry:
     """The geometry with encoder offsets within half a turn."""
-    offsets = [INDEX[p.name] for p in PARAMETERS if p.side == "bar" and p.kind == "theta"]
-    values = geometry.values.copy()
-    values[offsets] = np.arctan2(np.sin(values[offsets]), np.cos(values[offsets]))
-    return Geometry(values)
+    offsets = {name: geometry[name] for name in geometry.table.names if name.startswith("btheta")}
+    return geometry.replaced(
+        {name: float(np.arctan2(np.sin(x), np.cos(x))) for name, x in offsets.items()}
+    )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cell.clock import Clock
 from cell.descriptions import Cell
-from cell.geometry import INDEX, Geometry, nominal_geometry
+from cell.geometry import Geometry, nominal_geometry
 from cell.inverse import UnreachableError
 from cell.logs import BallBarLog, ForceLog, RobotLog, segment_starts
 from ident.estimator.fit import Fit, fit_kinematics
@@ -138,7 +138,7 @@ def nominal_robot_fit(recording: RecordingFit) -> Fit:
     What a user without calibration would see.
     """
     samples, fit = recording.samples, recording.fit
-    own = candidates(samples.encoders)[: len(samples.encoders) + 3]
+    own = candidates(recording.nominal.table, samples.encoders)[: len(samples.encoders) + 3]
     begin = _on_nominal(recording.geometry, recording.nominal, own)
     return fit_kinematics(samples, begin, recording.clock, own, fit.excess, negligible=1e-2)
 
@@ -153,7 +153,7 @@ def identifiable_parameters(
 ) -> Identifiability:
     """The parameters that a recording determines, at an estimate of geometry and clock.
 
-    nominal : catalogue geometry. requested : indices into PARAMETERS; by default those of the
+    nominal : catalogue geometry. requested : indices into the table; by default those of the
     thesis (ident.estimator.identifiability.candidates). Raises UnreachableError when the nominal
     robot reaches none of the poses.
     """
@@ -161,13 +161,14 @@ def identifiable_parameters(
     layout, x = kinematic_unknowns(geometry, seen, np.zeros(0, dtype=np.intp))
     model = Model(JOINTS_AS_LOGGED, None, (), layout, (samples,))
     point = model.evaluate(x, 0, samples.ballbar_angles(geometry, clock))
-    requested = candidates(samples.encoders) if requested is None else requested
+    if requested is None:
+        requested = candidates(nominal.table, samples.encoders)
     return identifiable(point, excess, nominal, requested)
 
 
 def _on_nominal(geometry: Geometry, nominal: Geometry, parameters: NDArray[np.intp]) -> Geometry:
     """The nominal geometry with the fitted parameters and the base position of an estimate."""
     values = nominal.values.copy()
-    taken = [*parameters, *(INDEX[name] for name in ("ox", "oy", "oz"))]
+    taken = [*parameters, *(nominal.table.index[name] for name in ("ox", "oy", "oz"))]
     values[taken] = geometry.values[taken]
-    return Geometry(values)
+    return nominal.with_values(values)

@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from cell.descriptions import Cell
-from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry
+from cell.geometry import Geometry, parameter_named
 from ident.start.automatic import Start
 
 MISFIT = 2.0  # chi-square per degree of freedom above which the model does not explain the data
@@ -165,14 +165,14 @@ def _judged(
 
 def _implausible(evidence: Evidence, nominal: Geometry) -> str:
     """The parameters further from the catalogue than any built robot's, in words; or nothing."""
-    off = evidence.geometry.values - nominal.values
-    indices = [INDEX[name] for name in evidence.identified]
-    machine = [i for i in indices if PARAMETERS[i].side == "robot" or NAMES[i] == "bd3"]
-    worst = sorted((i for i in machine if abs(off[i]) > PLAUSIBLE), key=lambda i: -abs(off[i]))
-    units = {"m": "mm", "rad": "mrad"}
+    off = {name: evidence.geometry[name] - nominal[name] for name in evidence.identified}
+    parameters = [parameter_named(name) for name in evidence.identified]
+    machine = [p for p in parameters if p.side == "robot" or p.name == "bd3"]
+    worst = sorted(
+        (p for p in machine if abs(off[p.name]) > PLAUSIBLE), key=lambda p: -abs(off[p.name])
+    )
     return ", ".join(
-        f"{NAMES[i]} is {off[i] * 1e3:+.0f} {units[PARAMETERS[i].unit]} off the catalogue"
-        for i in worst[:3]
+        f"{p.name} is {off[p.name] * 1e3:+.0f} m{p.unit} off the catalogue" for p in worst[:3]
     )
 
 

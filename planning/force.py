@@ -21,7 +21,7 @@ from cell.bodies import carried_bodies
 from cell.chain import Frames
 from cell.descriptions import Cell, ServoGains
 from cell.dynamics import joint_torques
-from cell.geometry import INDEX, PARAMETERS, Geometry, bar_frames, parameter_screw, robot_frames
+from cell.geometry import Geometry, bar_frames, parameter_named, parameter_screw, robot_frames
 from ident.loads.gear_loads import Loads, MassModel, loads, on_ballbar
 from planning.trajectory import Trajectory
 from sim.errors.static_errors import THESIS_3_1
@@ -53,14 +53,12 @@ class ForceModel:
     masses: MassModel
     gains: ServoGains
     errors: Array  # (P, DRAWS) [m, rad] deviations of the parameters of thesis Table 3.1
-    drawn: tuple[int, ...]  # (P,) indices into PARAMETERS
 
 
 def force_model(cell: Cell, masses: MassModel, gains: ServoGains, *, seed: int) -> ForceModel:
     """The force model of a cell with drawn robots."""
-    drawn = tuple(INDEX[name] for name in THESIS_3_1)
-    errors = ERROR * np.random.default_rng(seed).standard_normal((len(drawn), DRAWS))
-    return ForceModel(cell, masses, gains, errors, drawn)
+    errors = ERROR * np.random.default_rng(seed).standard_normal((len(THESIS_3_1), DRAWS))
+    return ForceModel(cell, masses, gains, errors)
 
 
 def predicted_forces(model: ForceModel, trajectory: Trajectory) -> Forces:
@@ -91,8 +89,7 @@ def _gaps(
         first target, which removes the gap along the rod there.
     """
     levers = []
-    for i in model.drawn:
-        parameter = PARAMETERS[i]
+    for parameter in map(parameter_named, THESIS_3_1):
         away = 1.0 if parameter.side == "robot" else -1.0  # the tool moves out, or the rod's end
         moved = parameter_screw(geometry, robot, bar, parameter)
         levers.append(away * (wrench * moved).sum(axis=0))

@@ -11,7 +11,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
-from cell.geometry import PARAMETERS, bar_frames, nominal_geometry, robot_frames
+from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.strict_yaml import load_model
 from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
@@ -85,7 +85,9 @@ class Plan:
     def indices(self) -> dict[str, float]:
         """Observability indices O1 to O5 of the robot's parameters."""
         typical = self.typical
-        robot = [k for k, i in enumerate(typical.layout.shared) if PARAMETERS[i].side == "robot"]
+        parameters = typical.layout.fixed.table.parameters
+        shared = typical.layout.shared
+        robot = [k for k, i in enumerate(shared) if parameters[i].side == "robot"]
         sigma, count = typical.layout.sigma, typical.model.recordings[0].times.size
         return observability(typical.normal, sigma, np.array(robot), count)
 

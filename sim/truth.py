@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.files import write_yaml
-from cell.geometry import NAMES, Geometry
+from cell.geometry import Geometry, table_of_names
 from cell.schema import Strict
 from cell.strict_yaml import check_schema, load_yaml, parse_model
 from sim.logging.log_truth import LogTruth
@@ -97,7 +97,9 @@ class Truth:
         content: dict[str, object] = {
             "schema": SCHEMA,
             "seed": self.seed,
-            "parameters": dict(zip(NAMES, self.geometry.values.tolist(), strict=True)),
+            "parameters": dict(
+                zip(self.geometry.table.names, self.geometry.values.tolist(), strict=True)
+            ),
             "directions": dict(self.directions),
             "clock": {"offset_s": self.offset, "skew": self.skew},
             "closure": {"position_m": self.closure_position, "angle_rad": self.closure_angle},
@@ -145,8 +147,9 @@ def load_truth(path: Path) -> Truth:
     document = load_yaml(path)
     check_schema(document, SCHEMA, "Simulate the recording again.")
     file = parse_model(document, TruthFile)
+    table = table_of_names(file.parameters)
     return Truth(
-        geometry=Geometry(np.array([file.parameters[name] for name in NAMES])),
+        geometry=Geometry(np.array([file.parameters[name] for name in table.names]), table),
         directions=file.directions,
         offset=file.clock.offset_s,
         skew=file.clock.skew,

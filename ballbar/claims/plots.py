@@ -33,7 +33,7 @@ from ballbar.figure_style import (
     to_hundredths,
 )
 from ballbar.plan.plate_figure import draw_deflection
-from cell.geometry import NAMES
+from cell.geometry import table_of_names
 from ident.thesis.tables import THESIS_COSTS
 
 if TYPE_CHECKING:
@@ -115,7 +115,8 @@ def _ranking(axes: Axes, plot: Ranking, table: pd.DataFrame) -> None:
         runs = places(selected(table, {plot.lines: value}), plot.places)
         counts = Counter(name for run in runs for name in run)
         shares[line_label(value)] = {name: count / len(runs) for name, count in counts.items()}
-    names = [name for name in NAMES if any(name in share for share in shares.values())]
+    ranked = set().union(*shares.values())
+    names = [name for name in table_of_names(ranked).names if name in ranked]
     width = 0.8 / len(shares)
     for k, (label, share) in enumerate(shares.items()):
         x = [i + (k - 0.5 * (len(shares) - 1)) * width for i in range(len(names))]

@@ -11,7 +11,15 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands import bench, identifiability, identification, planning, recordings, result
+from ballbar.commands import (
+    bench,
+    identifiability,
+    identification,
+    planning,
+    recordings,
+    result,
+    robots,
+)
 from ballbar.terminal import CommandGroup, Quiet, Verbose, err, reset_terminal
 from cell.errors import FailureError, InputError
 
@@ -22,7 +30,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
 )
 # in the order of a day at the cell; the test bench last
-for group in (planning, recordings, identification, result, bench, identifiability):
+for group in (robots, planning, recordings, identification, result, bench, identifiability):
     app.add_typer(group.commands)
 
 

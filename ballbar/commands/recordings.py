@@ -1,4 +1,4 @@
-"""Commands that make and check recordings: `ballbar record`, `new` and `check`."""
+"""Commands that make and check recordings: `ballbar record`, `new`, `check` and `align`."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from acquisition.times import TIME_FORMS
 from ballbar.commands.options import AT_THE_CELL, AsJson, RecordingOrPoses, say_json
 from ballbar.terminal import err, out
 from cell.errors import InputError
+from cell.recording import SourceName
 
 commands = typer.Typer()
 _POSES = "Options of still poses"
@@ -357,6 +358,52 @@ def _say_reasons(lines: list[str]) -> None:
     for line in lines:
         out.print(escape(line))
     out.print()
+
+
+_LOG = "A table with time stamps, or a recording folder."
+_SOURCE = "Which log of recording folder {}; default the robot's."
+_TIME = "Form of the time stamps of table {}, if neither they nor their column's name show it: "
+
+
+@commands.command(
+    rich_help_panel=AT_THE_CELL,
+    epilog="Example: `ballbar align recorder.csv camera.csv --channel z=height --time-b ms`",
+)
+def align(
+    log_a: Annotated[Path, typer.Argument(help=_LOG, metavar="A", exists=True)],
+    log_b: Annotated[Path, typer.Argument(help=_LOG, metavar="B", exists=True)],
+    channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Channel of A and the channel of B that holds the same motion; may be repeated. "
+            "Default: channels of the same name, or without any those that move alike.",
+            metavar="a=b",
+        ),
+    ] = None,
+    source_a: Annotated[SourceName | None, typer.Option(help=_SOURCE.format("A"))] = None,
+    source_b: Annotated[SourceName | None, typer.Option(help=_SOURCE.format("B"))] = None,
+    time_a: Annotated[
+        str | None, typer.Option(help=_TIME.format("A") + ", ".join(TIME_FORMS) + ".")
+    ] = None,
+    time_b: Annotated[str | None, typer.Option(help=_TIME.format("B") + "likewise.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Clock offset and skew between two logs of one motion, whoever recorded them.
+
+    Channels of both logs are compared with gain and zero of each pair free, so units and directions
+    do not matter. Exits with 1 if no clock offset makes them agree, or several do.
+    """
+    from ballbar.recordings.align import align_data, align_lines, aligned_logs, parsed_pairs
+
+    result = aligned_logs(
+        (log_a, log_b),
+        sources=(source_a, source_b),
+        times=(time_a, time_b),
+        pairs=parsed_pairs(channel or ()),
+    )
+    if as_json:
+        say_json(align_data(*result))
+    _say_page(align_lines(*result))
 
 
 def _say_page(lines: list[str]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from importlib.metadata import version
 
-from ballbar.export.result import ROBOT, Result
+from ballbar.export.result import Result
 from ballbar.export.rows import product_of_exponentials
 
 
@@ -14,7 +14,7 @@ def export_data(result: Result) -> dict[str, object]:
     file, chain = result.calibration.file, result.chain
     reasons = {entry.name: {"reason": entry.reason} for entry in file.dropped}
     parameters = {}
-    for parameter in ROBOT:
+    for parameter in result.parameters:
         entry = file.parameters[parameter.name]
         parameters[parameter.name] = {
             "unit": parameter.unit,

@@ -10,7 +10,7 @@ from typing import Literal
 from ballbar.export.as_json import json_text
 from ballbar.export.models import mjcf, urdf
 from ballbar.export.rapid import rapid_module
-from ballbar.export.result import ROBOT, Result
+from ballbar.export.result import Result
 from ballbar.export.tables import dh_table, hayati_table, modified_dh_table, poe_table
 
 Format = Literal["urdf", "mjcf", "dh", "mdh", "hayati", "poe", "abb", "json"]
@@ -40,7 +40,9 @@ def export_summary(result: Result, to: Format, text: str, out: Path | None) -> d
         "source_sha256": result.sha256,
         "file": None if out is None else str(out),
         "sha256": hashlib.sha256(text.encode()).hexdigest(),
-        "identified": sum(entries[parameter.name].sigma is not None for parameter in ROBOT),
+        "identified": sum(
+            entries[parameter.name].sigma is not None for parameter in result.parameters
+        ),
         "left_out": result.left_out,
     }
     return summary if out is not None else summary | {"text": text}

@@ -12,7 +12,7 @@ from ballbar.result.calibration import Calibration, calibration_file, load_calib
 from cell.chain import Chain
 from cell.descriptions import Cell
 from cell.errors import InputError
-from cell.geometry import PARAMETERS, Parameter
+from cell.geometry import Parameter
 from cell.load import load_cell
 
 EFFECTS = {
@@ -20,7 +20,6 @@ EFFECTS = {
     "gear_backlash": "backlash of the gears",
     "gear_ripple": "transmission error and resolver harmonics",
 }
-ROBOT = tuple(p for p in PARAMETERS if p.side == "robot")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +33,14 @@ class Result:
 
     @property
     def chain(self) -> Chain:
-        """DH rows of the identified robot; the tool is in row 6."""
+        """DH rows of the identified robot; the tool is in the last row."""
         return self.calibration.geometry.robot
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The robot's parameters, in the order of the vector."""
+        every = self.calibration.geometry.table.parameters
+        return tuple(p for p in every if p.side == "robot")
 
     @property
     def name(self) -> str:
@@ -96,5 +101,5 @@ def notes(result: Result) -> list[str]:
         *(f"  - {effect}" for effect in result.left_out),
         "Effects called identified are in the JSON export; `ballbar correct` accounts for them.",
         "Parameters of the robot and their standard deviations:",
-        *(f"  {parameter_note(result, parameter)}" for parameter in ROBOT),
+        *(f"  {parameter_note(result, parameter)}" for parameter in result.parameters),
     ]

@@ -18,7 +18,7 @@ from ballbar.scenario import Scenario
 from ballbar.trial.nominal_path import nominal_path, spread_rows
 from cell.arrays import Array
 from cell.errors import InputError
-from cell.geometry import BAR_ROWS, INDEX, PARAMETERS, Geometry, bar_frames
+from cell.geometry import BAR_ROWS, Geometry, bar_frames, parameter_named
 from cell.inverse import refine
 from ident.estimator.closure import (
     bar_joint_jacobian,
@@ -27,15 +27,15 @@ from ident.estimator.closure import (
     robot_joint_jacobian,
 )
 from ident.estimator.dependencies import (
-    EXTRA_PARAMETERS,
-    THESIS_PARAMETERS,
     Group,
     Selection,
     Spectrum,
+    extra_parameters,
     groups,
     select,
     significant,
     spectrum,
+    thesis_parameters,
 )
 from ident.estimator.whitening import covariance, whitening
 from ident.thesis.costs import ENCODERS_NEEDED, cost_named
@@ -99,7 +99,8 @@ def study(loop: KinematicLoop, cost: str, fitted: tuple[int, ...], *, complete: 
     complete : also Hayati angles and the tilt of the ball-bar's base, which the thesis leaves out.
     """
     encoders = encoders_used(cost, fitted)
-    names = THESIS_PARAMETERS + (EXTRA_PARAMETERS if complete else ())
+    table = loop.geometry.table
+    names = thesis_parameters(table) + (extra_parameters(table) if complete else ())
     columns = cost_columns(loop, cost, encoders, names)
     return Study(
         cost=cost,
@@ -142,10 +143,10 @@ def reidentified(
     """
     true = loop.geometry.replaced({name: loop.geometry[name] + INTRODUCED})
     q = refine(true.robot, loop.q, bar_frames(true, loop.b).poses())
-    model, rows = replace(loop, q=q), [INDEX[parameter] for parameter in identified]
+    model, rows = replace(loop, q=q), [true.table.index[parameter] for parameter in identified]
     values = loop.geometry.values.copy()
     for _ in range(ITERATIONS):
-        model = replace(model, geometry=Geometry(values))
+        model = replace(model, geometry=true.with_values(values))
         residual, columns, b = _linearised(model, cost, encoders, identified)
         orthonormal, triangle = np.linalg.qr(columns.T)  # a selection leaves no dependent columns
         step = np.linalg.solve(triangle, -(orthonormal.T @ residual))
@@ -167,7 +168,7 @@ def _linearised(
 
     Of ml the angles of joints without encoder are unknown: b holds those that fit best.
     """
-    parameters = [PARAMETERS[INDEX[name]] for name in names]
+    parameters = [parameter_named(name) for name in names]
     closure = close_loop(loop.geometry, loop.q, loop.b)
     signed = next((cost_named(name, "vector") for name in ENCODERS_NEEDED if name == cost), None)
     if signed is not None:

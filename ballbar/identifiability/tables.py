@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ballbar.identifiability.study import Influences, Study
-from cell.geometry import INDEX, PARAMETERS
+from cell.geometry import parameter_named
 from ident.estimator.dependencies import Dependency, shortened
 from ident.thesis.costs import ML
 
@@ -91,7 +91,7 @@ def vector_text(vector: Dependency) -> str:
 
 def unit_of(name: str) -> str:
     """Display unit of a parameter: `mm` or `mrad`."""
-    return f"m{PARAMETERS[INDEX[name]].unit}"
+    return f"m{parameter_named(name).unit}"
 
 
 def _titled(title: str, lines: Sequence[str]) -> Iterator[str]:

@@ -22,9 +22,10 @@ from acquisition.formats.dialect import (
     load_dialect,
 )
 from acquisition.formats.registry import container_of
-from acquisition.sources import MINIMUM_ROWS, force_layout, robot_layout
+from acquisition.sources import force_layout, robot_layout
 from acquisition.table.fields import split_fields
 from acquisition.table.header import read_header
+from acquisition.table.preview import HEAD, column_names, likely_separator
 from acquisition.table.text import LogText, read_filled, text_of
 from acquisition.times import TIME_FORMS, recognised, words
 from cell.errors import InputError, LogError
@@ -198,7 +199,7 @@ def _shows_time_form(dialect: Dialect, log: _Preview) -> bool:
     if text is None or dialect.time.column not in log.columns:
         return True  # two halves, or binary: the reader knows
     column = log.columns.index(dialect.time.column)
-    row = split_fields(text.lines[len(text.lines) // 2], _separator(text))
+    row = split_fields(text.lines[len(text.lines) // 2], likely_separator(text))
     return len(row) > column and recognised(row[column], dialect.time.forms) is not None
 
 
@@ -256,17 +257,11 @@ def _whole_number(answer: str) -> int:
 def _column_names(text: LogText, container: Container) -> list[str]:
     """Names in the header of a text log.
 
-    The header is the first line with as many fields as the last one; in a TwinCAT Scope export it
-    is the last of the first lines that begins with Name, and holds the names of the channels.
+    In a TwinCAT Scope export it is the last of the first lines that begins with Name, and holds the
+    names of the channels.
     """
-    separator, head = _separator(text), text.lines[:MINIMUM_ROWS]
-    if container == "twincat-scope":
-        rows = [split_fields(line, separator) for line in head if line.startswith("Name")]
-        return [name for name in rows[-1] if name != "Name"] if rows else []
-    width = len(split_fields(text.lines[-1], separator))
-    fields = (split_fields(line, separator) for line in head)
-    return next((row for row in fields if len(row) == width), [])
-
-
-def _separator(text: LogText) -> str:
-    return max((";", ",", "\t"), key=text.lines[-1].count)
+    if container != "twincat-scope":
+        return column_names(text)
+    separator = likely_separator(text)
+    head = [split_fields(line, separator) for line in text.lines[:HEAD] if line.startswith("Name")]
+    return [name for name in head[-1] if name != "Name"] if head else []

@@ -16,7 +16,7 @@ from ballbar.replay.parameters import units_of
 from ballbar.result.compare import Comparison, Limit
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, MS, PPM, UM, URAD, US
-from cell.geometry import INDEX, PARAMETERS
+from cell.geometry import parameter_named
 from ident.result import FitStatistics, Identification, RecordingEstimate, RobotEstimate
 
 Rows = list[tuple[str, str]]
@@ -163,7 +163,7 @@ def _parameters(estimate: RobotEstimate | RecordingEstimate, errors: Mapping[str
 def _parameter(
     estimate: RobotEstimate | RecordingEstimate, name: str, errors: Mapping[str, float]
 ) -> tuple[str, ...]:
-    parameter, (large, small) = PARAMETERS[INDEX[name]], units_of(name)
+    parameter, (large, small) = parameter_named(name), units_of(name)
     nominal, value = estimate.nominal[name] * MM, estimate.geometry[name] * MM
     encoder_offset = (parameter.side, parameter.kind) == ("bar", "theta")
     known = "", ""  # of the base position and encoder offsets the catalogue says nothing

@@ -7,7 +7,7 @@ urad, about the error where the truth is known.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,11 +26,8 @@ from ballbar.replay.entities import (
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, UM
 from cell.arrays import Array
-from cell.geometry import INDEX, PARAMETERS
+from cell.geometry import parameter_named, table_of_names
 
-ROWS = tuple(
-    p.name for p in PARAMETERS if (p.side == "robot" and p.kind != "beta") or p.name == "bd3"
-)
 HALF = 9.0  # [row heights] half the width of each of the two plots
 LEFT, RIGHT = 0.0, 24.0  # their middles
 NAMES_AT, SIZES_AT = -12.0, 36.5
@@ -60,7 +57,7 @@ def parameter_table(data: RunData) -> ParameterTable:
     """The table of one run."""
     robot = data.identification.robot
     errors = data.comparison.deviations if data.comparison else {}
-    names = tuple(name for name in ROWS if name in robot.sigma)
+    names = tuple(name for name in rows_of(robot.geometry.table.names) if name in robot.sigma)
     return ParameterTable(
         names=names,
         moved=np.array([(robot.geometry[n] - robot.nominal[n]) * MM for n in names]),
@@ -68,6 +65,11 @@ def parameter_table(data: RunData) -> ParameterTable:
         error=np.array([errors.get(n, 0.0) * UM for n in names]),
         has_truth=bool(errors),
     )
+
+
+def rows_of(names: Iterable[str]) -> tuple[str, ...]:
+    """The robot's rows and the rod, for as many axes, six at least, as the names have."""
+    return (*table_of_names(("ra6", *names)).robot, "bd3")
 
 
 def log_parameters(stream: rr.RecordingStream, data: RunData) -> None:
@@ -79,7 +81,8 @@ def log_parameters(stream: rr.RecordingStream, data: RunData) -> None:
     for name, sigma in zip(table.names, table.sigma, strict=True):
         large, small = units_of(name)
         sizes.append(f"{robot.geometry[name] * MM:.4f} {large} ± {sigma:.1f} {small}")
-    positions = [(SIZES_AT, float(ROWS.index(name))) for name in table.names]
+    rows = rows_of(table.names)
+    positions = [(SIZES_AT, float(rows.index(name))) for name in table.names]
     _labels(stream, f"{PARAMETER_VALUES}/sizes", positions, sizes)
     values = rr.AnyValues(
         drop_untyped_nones=True,
@@ -94,7 +97,7 @@ def log_parameters(stream: rr.RecordingStream, data: RunData) -> None:
 
 def units_of(name: str) -> tuple[str, str]:
     """Units in which a parameter's value and its uncertainty are shown."""
-    return ("mm", "um") if PARAMETERS[INDEX[name]].is_length else ("mrad", "urad")
+    return ("mm", "um") if parameter_named(name).is_length else ("mrad", "urad")
 
 
 def read_table(chunk: Chunk) -> ParameterTable:
@@ -128,7 +131,8 @@ def log_values(
     ends : of the two axes, before rounding up. lower : [rows] below the middle of each row.
     """
     left_end, right_end = (rounded_up(end) for end in ends)
-    rows = np.array([ROWS.index(name) + lower for name in table.names])
+    every = rows_of(table.names)
+    rows = np.array([every.index(name) + lower for name in table.names])
     left = LEFT + HALF / left_end * table.moved
     right = RIGHT + HALF / right_end * table.error
     reach = HALF / right_end * SIGMAS * table.sigma
@@ -148,7 +152,8 @@ def log_values(
 
 def log_axes(stream: rr.RecordingStream, tables: Sequence[ParameterTable]) -> None:
     """Grid, marks and names for one run or several."""
-    ends, bottom = common_ends(tables), len(ROWS) - 0.3
+    rows = rows_of(name for table in tables for name in table.names)
+    ends, bottom = common_ends(tables), len(rows) - 0.3
     marks = [
         (middle + x * HALF, f"{x * end:g}")
         for middle, end in zip((LEFT, RIGHT), ends, strict=True)
@@ -163,8 +168,8 @@ def log_axes(stream: rr.RecordingStream, tables: Sequence[ParameterTable]) -> No
     titles = ["identified minus nominal [mm | mrad]", f"{error}, bars ±2 sigma [um | urad]"]
     _labels(stream, f"{PARAMETER_AXES}/titles", [(LEFT, -2.0), (RIGHT, -2.0)], titles)
     identified = {name for table in tables for name in table.names}
-    words = [f"{name}{'' if name in identified else ' (nominal)'}" for name in ROWS]
-    positions = [(NAMES_AT, float(k)) for k in range(len(ROWS))]
+    words = [f"{name}{'' if name in identified else ' (nominal)'}" for name in rows]
+    positions = [(NAMES_AT, float(k)) for k in range(len(rows))]
     _labels(stream, f"{PARAMETER_AXES}/names", positions, words)
 
 

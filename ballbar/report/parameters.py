@@ -10,7 +10,7 @@ import numpy as np
 from ballbar.report.numbers import MISSING, decimals_for, fixed, listed, significant
 from ballbar.result.compare import Comparison
 from ballbar.units import MM, UM
-from cell.geometry import INDEX, PARAMETERS, Parameter
+from cell.geometry import Parameter, parameter_named
 from cell.statistics import rms
 from ident.estimator.identifiability import DroppedParameter
 from ident.result import Identification, RecordingEstimate, RobotEstimate
@@ -95,7 +95,7 @@ def parameter_groups(
     estimate: RobotEstimate | RecordingEstimate, comparison: Comparison | None
 ) -> list[ParameterGroup]:
     """The identified parameters of the machine or of a recording, lengths before angles."""
-    identified = [p for p in PARAMETERS if p.name in estimate.sigma]
+    identified = [p for p in estimate.geometry.table.parameters if p.name in estimate.sigma]
     groups = [(title, [p for p in identified if belongs(p)]) for title, belongs in _GROUPS]
     return [_group(title, group, estimate, comparison) for title, group in groups if group]
 
@@ -118,14 +118,16 @@ def left_at_nominal(robot: RobotEstimate) -> list[LeftAtNominal]:
 def not_requested(robot: RobotEstimate) -> list[str]:
     """Names of the machine's parameters that nobody tried to identify: taken as manufactured."""
     tried = set(robot.sigma) | {dropped.name for dropped in robot.dropped}
-    machine = (p for p in PARAMETERS if p.side != "base" and not is_encoder_offset(p))
+    machine = (
+        p for p in robot.geometry.table.parameters if p.side != "base" and not is_encoder_offset(p)
+    )
     return [p.name for p in machine if p.name not in tried]
 
 
 def taken_as_nominal(estimate: RecordingEstimate) -> list[str]:
     """Names of a recording's own parameters that it does not determine."""
     own = [f"btheta{joint}" for joint in estimate.encoders]
-    own += [p.name for p in PARAMETERS if p.side == "base"]
+    own += [p.name for p in estimate.geometry.table.parameters if p.side == "base"]
     return [name for name in own if name not in estimate.sigma]
 
 
@@ -209,8 +211,8 @@ def _left(robot: RobotEstimate, dropped: DroppedParameter) -> LeftAtNominal:
 
 
 def _nominal_text(robot: RobotEstimate, name: str) -> str:
-    if name not in INDEX:  # the clock
+    if name not in robot.nominal.table.index:  # the clock
         return MISSING
-    if PARAMETERS[INDEX[name]].is_length:
+    if parameter_named(name).is_length:
         return f"{fixed(robot.nominal[name] * MM, 3)} mm"
     return f"{fixed(np.degrees(robot.nominal[name]), 4)} deg"

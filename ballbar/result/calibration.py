@@ -18,11 +18,11 @@ from ballbar.result.names import CALIBRATION
 from ballbar.result.run_data import RunData
 from cell.descriptions import Cell
 from cell.files import write_yaml
-from cell.geometry import NAMES, Geometry
+from cell.geometry import Geometry, table_of_names
 from cell.schema import Strict
 from cell.statistics import rms
 from cell.strict_yaml import check_schema, load_yaml, parse_model
-from ident.estimator.unknowns import SHARED
+from ident.estimator.unknowns import belongs_to_recording, shared_names
 from ident.held_out import HeldOut, LoopClosure
 from ident.result import (
     CoefficientEstimate,
@@ -172,14 +172,15 @@ class CalibrationFile(Strict):
     def geometry(self, recording: int = 0, *, nominal: bool = False) -> Geometry:
         """All kinematic parameters, base pose and encoder offsets those of one recording."""
         entries = self.parameters | self.recordings[recording].parameters
-        values = (entries[name].nominal if nominal else entries[name].value for name in NAMES)
-        return Geometry(np.array(list(values)))
+        table = table_of_names(entries)
+        values = [entries[k].nominal if nominal else entries[k].value for k in table.names]
+        return Geometry(np.array(values), table)
 
     @property
     def identified(self) -> tuple[str, ...]:
         """Names of the identified parameters, those of the first recording included."""
         entries = self.parameters | self.recordings[0].parameters
-        return tuple(name for name in NAMES if entries[name].identified)
+        return tuple(name for name in table_of_names(entries).names if entries[name].identified)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,13 +220,14 @@ def calibration_of(data: RunData) -> CalibrationFile:
     """The content of calibration.yaml for a run."""
     result, description = data.identification, data.recordings[0].recording.description
     robot, fit, verdict = result.robot, result.fit, result.verdict
+    shared = shared_names(robot.nominal.table)
     return CalibrationFile(
         schema_=SCHEMA,
         robot=description.robot,
         instrument=description.ballbar,
         plate=description.plate,
         model=result.model,
-        parameters=_parameters(SHARED, robot.nominal, robot.geometry, robot.sigma),
+        parameters=_parameters(shared, robot.nominal, robot.geometry, robot.sigma),
         dropped=tuple(DroppedEntry(name=d.name, reason=d.reason, on=d.on) for d in robot.dropped),
         corrections=_corrections(robot),
         recordings=tuple(_recording(estimate) for estimate in result.recordings),
@@ -286,7 +288,7 @@ def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]
 def _recording(estimate: RecordingEstimate) -> RecordingEntry:
     clock, after = estimate.clock, estimate.after
     names = [f"b{joint}" for joint in estimate.encoders]
-    own = [name for name in NAMES if name not in SHARED]
+    own = [name for name in estimate.geometry.table.names if belongs_to_recording(name)]
     noise = estimate.noise.encoder[[joint - 1 for joint in estimate.encoders]]
     return RecordingEntry(
         name=estimate.name,

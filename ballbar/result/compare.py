@@ -15,7 +15,7 @@ from ballbar.result.true_robot import true_tool
 from ballbar.scenario import AcceptSettings
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import INDEX, PARAMETERS, Geometry, mirrored
+from cell.geometry import Geometry, mirrored, parameter_named
 from ident.result import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.unloaded_robot import UnloadedRobot
@@ -168,6 +168,6 @@ def limits_of(comparison: Comparison, iterations: int, accept: AcceptSettings) -
 
 def _difference(name: str, model: Geometry, reference: Geometry) -> float:
     difference = model[name] - reference[name]
-    if PARAMETERS[INDEX[name]].is_length:
+    if parameter_named(name).is_length:
         return difference
     return float(np.arctan2(np.sin(difference), np.cos(difference)))

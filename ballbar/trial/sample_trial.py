@@ -84,7 +84,7 @@ def sampled_cell(scenario: Scenario, folder: Path) -> Cell:
 
 
 def cost_parameters(scenario: Scenario, folder: Path) -> NDArray[np.intp]:
-    """(P,) indices into PARAMETERS of what the cost can identify along the path (sec. 3.3)."""
+    """(P,) indices into the table of what the cost can identify along the path (sec. 3.3)."""
     return _parameters(scenario.cell, scenario.path, folder, _thesis_cost(scenario.identify))
 
 

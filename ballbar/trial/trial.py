@@ -31,8 +31,9 @@ from ballbar.trial.sample_trial import (
 )
 from ballbar.units import MM, MRAD, PPM, UM, US
 from cell.arrays import Array
-from cell.geometry import BAR_ROWS, NAMES
+from cell.geometry import BAR_ROWS
 from cell.statistics import rms
+from ident.estimator.dependencies import ENCODER_OFFSETS
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.thesis.cost_fit import CostFit, fit_cost
 from ident.thesis.costs import cost_named
@@ -63,7 +64,7 @@ def run_trial(scenario: Scenario, folder: Path) -> Row:
 
 def _cost_samples_row(scenario: Scenario, folder: Path) -> Row:
     samples, fit, shift = fit_cost_to_samples(scenario, folder)
-    names = [NAMES[i] for i in fit.parameters]
+    names = [fit.geometry.table.names[i] for i in fit.parameters]
     cell = sampled_cell(scenario, folder)
     row = _cost_row(
         fit, compare_kinematics(cell, fit.geometry, samples.nominal, samples.true, names)
@@ -85,7 +86,7 @@ def _ml_samples_row(scenario: Scenario, folder: Path) -> Row:
         fit.geometry(),
         samples.nominal,
         samples.true,
-        [NAMES[i] for i in result.parameters],
+        [samples.nominal.table.names[i] for i in result.parameters],
         clock=(clock.offset - true_offset, clock.skew) if scenario.encoders.fitted else None,
     )
     quality = _quality(result.iterations, fit.converged, rms(fit.linear.residuals[0]))
@@ -112,11 +113,11 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
         return _row(comparison, quality | verdict)
     cost = cost_named(scenario.identify.cost, scenario.identify.form)
     q, b = _paired_angles(recording)
-    offsets = {name: estimate.geometry[name] for name in NAMES if name.startswith("btheta")}
+    offsets = {name: estimate.geometry[name] for name in ENCODER_OFFSETS}
     start, parameters = estimate.nominal.replaced(offsets), cost_parameters(scenario, folder)
     fit = fit_cost(cost, start, q=q, b=b, parameters=parameters)
     robot, truth = UnloadedRobot(simulation.cell, fit.geometry), simulation.truth
-    names = [NAMES[i] for i in fit.parameters]
+    names = [fit.geometry.table.names[i] for i in fit.parameters]
     return _cost_row(fit, compare_with_truth(robot, estimate.nominal, truth, names, None))
 
 

@@ -14,7 +14,7 @@ from cell.chain import Chain, Frames, cross, forward
 from cell.descriptions import Robot
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 
-# [rad/m] of a coefficient: 3e-4 to 5e-3 agree from 60 poses on, 1e-4 is too tight (docs/real_robots)
+# [rad/m] of a coefficient: 3e-4 to 5e-3 agree from 60 poses on (docs/real_robots)
 PRIOR = 1e-3
 _LEVER = 1e-3  # [m] a torque that varies less over all poses, or from another's, is not felt
 _TRIALS = 200  # poses at which levers are compared

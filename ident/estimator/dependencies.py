@@ -28,50 +28,48 @@ from itertools import groupby
 import numpy as np
 
 from cell.arrays import Array
-from cell.geometry import BAR_ROWS, HAYATI_ROWS, INDEX, PARAMETERS, ROBOT_ROWS, Geometry
+from cell.geometry import BAR_ROWS, Geometry, ParameterTable, parameter_named
 
 # relative; thesis sec. 3.2. Structural zeros leave 1e-15, the weakest real direction 3e-4
 # (docs/identifiability.md)
 STRUCTURAL = 1e-6
-PLATE = "ra6"  # the offset plate is the known length (thesis secs. 3.3, 4.3)
 SCALE_PARTNERS = (
     3  # a combination of fewer lengths has a simpler name than "all lengths in proportion"
 )
 SIGNIFICANT = 0.05  # mm|mrad for an error of 1 mm|mrad, thesis sec. 3.3
 
 
-def _rows(side: str, kinds: Iterable[str], count: int) -> list[str]:
-    return [f"{side}{kind}{row + 1}" for kind in kinds for row in range(count)]
-
-
-_BAR = [name for name in _rows("b", ("a", "d", "alpha"), BAR_ROWS) if name != "bd3"]
-_ROBOT = _rows("r", ("a", "d", "alpha", "theta"), ROBOT_ROWS)
-THESIS_PARAMETERS = (
-    *_rows("b", ("theta",), BAR_ROWS),
-    "ox",
-    "oy",
-    "oz",
-    *_ROBOT,
-    "bd3",
-    *_BAR,
-)  # 47, in the order of sec. 3.3
-EXTRA_PARAMETERS = (
-    *(f"rbeta{row + 1}" for row in HAYATI_ROWS),
-    "otx",
-    "oty",
-)  # what the thesis has not: after all others
-_WRITTEN = (
-    *_ROBOT,
-    *EXTRA_PARAMETERS[:-2],
-    "ox",
-    "oy",
-    "oz",
-    "otx",
-    "oty",
-    "bd3",
-    *_BAR,
-    *_rows("b", ("theta",), BAR_ROWS),
+ENCODER_OFFSETS = tuple(f"btheta{row + 1}" for row in range(BAR_ROWS))
+BAR_PARAMETERS = tuple(
+    name
+    for name in (f"b{kind}{row + 1}" for kind in ("a", "d", "alpha") for row in range(BAR_ROWS))
+    if name != "bd3"
 )
+_TILT = ("otx", "oty")
+
+
+def thesis_parameters(table: ParameterTable) -> tuple[str, ...]:
+    """The parameters of the thesis in the order of sec. 3.3; 47 for six axes."""
+    return (*ENCODER_OFFSETS, "ox", "oy", "oz", *table.robot, "bd3", *BAR_PARAMETERS)
+
+
+def extra_parameters(table: ParameterTable) -> tuple[str, ...]:
+    """What the thesis has not: after all others."""
+    return (*table.hayati, *_TILT)
+
+
+def _written(table: ParameterTable) -> Callable[[str], int]:
+    """Key that sorts names as the thesis writes them."""
+    origin = ("ox", "oy", "oz")
+    return (
+        *table.robot,
+        *table.hayati,
+        *origin,
+        *_TILT,
+        "bd3",
+        *BAR_PARAMETERS,
+        *ENCODER_OFFSETS,
+    ).index
 
 
 @dataclass(frozen=True)
@@ -148,19 +146,22 @@ def spectrum(columns: Array, names: Sequence[str]) -> Spectrum:
 
 
 def select(
-    columns: Array, names: Sequence[str], nominal: Geometry, *, known: Sequence[str] = (PLATE,)
+    columns: Array, names: Sequence[str], nominal: Geometry, *, known: Sequence[str] | None = None
 ) -> Selection:
     """The parameters to identify, by the priority of thesis sec. 3.3.
 
     columns : (P, M) per [m] or [rad], one row for each of `names`, in any order.
     nominal : its lengths say what the scale direction is.
-    known : asked last, so that they are left out where anything depends on them: the plate, whose
-    length is known.
+    known : asked last, so that they are left out where anything depends on them; by default the
+    plate, whose length is known.
 
     Raises ValueError for a name that is no parameter, and when `columns` has not one row for each
     name.
     """
-    order = sorted(range(len(names)), key=lambda k: (names[k] in known, _priority(names[k])))
+    table = nominal.table
+    known = (table.plate,) if known is None else known
+    priorities = [_priority(table, name) for name in names]
+    order = sorted(range(len(names)), key=lambda k: (names[k] in known, priorities[k]))
     none = set(zero_jacobian(columns, names))
     lengths = _lengths_of(columns, names)
     moving = [k for k in order if names[k] not in none]
@@ -168,7 +169,8 @@ def select(
     dependent: list[Dependency] = []
     for k in (k for k in moving if k not in walk.selected):
         before = walk.before(k)
-        partners = _combination(columns, lengths, names, before, k, walk.basis[: len(before)])
+        terms = _combination(columns, lengths, names, before, k, walk.basis[: len(before)])
+        partners = {name: terms[name] for name in sorted(terms, key=_written(table))}
         scale = _scale_without(names[k], [names[i] for i in before], dependent, nominal)
         dependent.append(Dependency(names[k], partners, _in_proportion(partners, scale)))
     return Selection(
@@ -221,22 +223,21 @@ def groups(columns: Array, names: Sequence[str], nominal: Geometry) -> tuple[Gro
     left out; it is written against the plate, the length that is known.
     """
     vectors = select(columns, names, nominal, known=()).dependent
+    plate, written = nominal.table.plate, _written(nominal.table)
     shared: dict[str, list[Dependency]] = {}
     entries = []
     for vector in vectors:
         partners = (
-            [PLATE] if vector.is_scale and PLATE in vector.partners else list(vector.partners)
+            [plate] if vector.is_scale and plate in vector.partners else list(vector.partners)
         )
         if len(partners) == 1:
             shared.setdefault(partners[0], []).append(vector)
         else:
-            entries.append(
-                Group(((vector.name,), tuple(sorted(partners, key=_WRITTEN.index))), (vector,))
-            )
+            entries.append(Group(((vector.name,), tuple(sorted(partners, key=written))), (vector,)))
     for partner, alternatives in shared.items():
-        members = sorted((partner, *(vector.name for vector in alternatives)), key=_WRITTEN.index)
+        members = sorted((partner, *(vector.name for vector in alternatives)), key=written)
         entries.append(Group(tuple((name,) for name in members), tuple(alternatives)))
-    return tuple(sorted(entries, key=lambda group: _WRITTEN.index(group.members[0][0])))
+    return tuple(sorted(entries, key=lambda group: written(group.members[0][0])))
 
 
 def influence(
@@ -309,8 +310,8 @@ def _lengths_of(columns: Array, names: Sequence[str]) -> Array:
     return np.asarray(np.linalg.norm(columns, axis=1))
 
 
-def _priority(name: str) -> int:
-    order = THESIS_PARAMETERS + EXTRA_PARAMETERS
+def _priority(table: ParameterTable, name: str) -> int:
+    order = thesis_parameters(table) + extra_parameters(table)
     if name not in order:
         raise ValueError(f"{name!r} is no parameter of robot, ball-bar or origin")
     return order.index(name)
@@ -327,12 +328,11 @@ def _combination(
         return {}
     triangle = basis @ (columns[selected] / lengths[selected, None]).T
     shares = np.linalg.solve(triangle, basis @ columns[k] / lengths[k])
-    x = {
+    return {
         names[i]: float(share * lengths[k] / lengths[i])
         for i, share in zip(selected, shares, strict=True)
         if abs(share) > STRUCTURAL
     }
-    return dict(sorted(x.items(), key=lambda item: _WRITTEN.index(item[0])))
 
 
 def _scale_without(
@@ -361,4 +361,4 @@ def _in_proportion(partners: Mapping[str, float], scale: Mapping[str, float]) ->
 
 
 def _is_length(name: str) -> bool:
-    return PARAMETERS[INDEX[name]].is_length
+    return parameter_named(name).is_length

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import Geometry
-from ident.estimator.gauss_newton import Stop, inverse, minimise
+from ident.estimator.gauss_newton import Marquardt, Search, Stop, inverse, minimise
 from ident.estimator.iteration import Iteration, IterationCallback
 from ident.estimator.model import JOINTS_AS_LOGGED, Model
 from ident.estimator.noise import ExcessNoise
@@ -130,12 +130,13 @@ def fit(
     negligible: float = NEGLIGIBLE,
     max_iterations: int = 50,
     reuse_below: float = 0.0,
+    search: Search | None = None,
     on_iteration: IterationCallback | None = None,
 ) -> Fit:
     """Fit the model from x (P,).
 
     ballbars : (N, 5) [rad] of each recording, where its unmeasured joints start.
-    negligible, reuse_below : as `NEGLIGIBLE` and `REUSE_BELOW` above.
+    negligible, reuse_below : as `NEGLIGIBLE` and `REUSE_BELOW` above. search : as in `minimise`.
     on_iteration : called with the start and each iteration.
 
     Raises SingularError where the model has no finite linearisation.
@@ -150,6 +151,7 @@ def fit(
         Stop(decrease=negligible),
         max_iterations=max_iterations,
         reuse_below=reuse_below,
+        search=search,
         on_iteration=report,
     )
     linear = replace(minimum.equations, blocks=())
@@ -172,7 +174,7 @@ def fit_kinematics(
     """Fit kinematic parameters and the clock of one recording, without corrections.
 
     start, clock : values to start from; parameters that are not fitted keep theirs.
-    parameters : (P,) indices into PARAMETERS. prior_sigma : (P,) [m, rad] about the start.
+    parameters : (P,) indices into the table. prior_sigma : (P,) [m, rad] about the start.
     Other arguments and errors as in `fit`.
     """
     seen = clock if samples.has_clock else None
@@ -182,11 +184,21 @@ def fit_kinematics(
     step = partial(fit, max_iterations=max_iterations, on_iteration=on_iteration)
     iterations = 0
     if (thin := thinned(model, ballbars, samples=COARSE_SAMPLES, times=COARSE_SHARE)) is not None:
-        coarse = step(thin[0], x, thin[1], excess, negligible=1.0, reuse_below=np.inf)
+        coarse = step(
+            thin[0], x, thin[1], excess, negligible=1.0, reuse_below=np.inf, search=Marquardt()
+        )
         if coarse.converged:
             x, iterations = coarse.x, coarse.iterations
             ballbars = [samples.ballbar_angles(coarse.geometry(), coarse.clock())]
-    minimum = step(model, x, ballbars, excess, negligible=negligible, reuse_below=REUSE_BELOW)
+    minimum = step(
+        model,
+        x,
+        ballbars,
+        excess,
+        negligible=negligible,
+        reuse_below=REUSE_BELOW,
+        search=Marquardt(),  # a start far away needs shorter steps that turn to the gradient
+    )
     return replace(minimum, iterations=iterations + minimum.iterations)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.geometry import BAR_ROWS, INDEX, NAMES, PARAMETERS, ROBOT_ROWS, Geometry, bar_frames
+from cell.geometry import BAR_ROWS, Geometry, ParameterTable, bar_frames
 from cell.inverse import UnreachableError, refine_reachable
 from ident.estimator.closure import close_loop, parameter_jacobian
 from ident.estimator.dependencies import STRUCTURAL, orthogonalised
@@ -46,26 +46,26 @@ class DroppedParameter:
 class Identifiability:
     """The parameters to identify, and what was left out."""
 
-    parameters: NDArray[np.intp]  # (P,) kept, indices into PARAMETERS, in order of priority
+    parameters: NDArray[np.intp]  # (P,) kept, indices into the table, in order of priority
     dropped: tuple[DroppedParameter, ...]
     rank: int  # directions the data determine, clock included
     condition: float  # of the kept whitened columns, scaled to unit length
 
 
-def candidates(encoders: tuple[int, ...], *, complete: bool = False) -> NDArray[np.intp]:
+def candidates(
+    table: ParameterTable, encoders: tuple[int, ...], *, complete: bool = False
+) -> NDArray[np.intp]:
     """Indices of the parameters worth identifying, in the order of thesis sec. 3.3.
 
-    `ra6` is never among them: the offset plate is the known length that fixes the scale. complete :
+    The offset plate is never among them: it is the known length that fixes the scale. complete :
     also the rest of the ball-bar, its base tilt and the Hayati angles, which the thesis leaves out.
     """
     offsets = [f"btheta{joint}" for joint in encoders]
-    kinds = ("a", "d", "alpha", "theta")
-    robot = [f"r{kind}{row + 1}" for kind in kinds for row in range(ROBOT_ROWS)]
-    names = [*offsets, "ox", "oy", "oz", *robot, "bd3"]
+    names = [*offsets, "ox", "oy", "oz", *table.robot, "bd3"]
     if complete:
-        bar = [f"b{kind}{row + 1}" for kind in kinds[:3] for row in range(BAR_ROWS)]
-        names += ["rbeta2", "rbeta6", *(name for name in bar if name != "bd3"), "otx", "oty"]
-    return np.array([INDEX[name] for name in names if name != "ra6"])
+        bar = [f"b{kind}{row + 1}" for kind in ("a", "d", "alpha") for row in range(BAR_ROWS)]
+        names += [*table.hayati, *(name for name in bar if name != "bd3"), "otx", "oty"]
+    return np.array([table.index[name] for name in names if name != table.plate])
 
 
 def identifiable(
@@ -80,7 +80,7 @@ def identifiable(
     columns = _columns_on_nominal(point, excess, nominal, requested)
     clock = ["offset", "skew"] if point.samples.has_clock else []
     order = np.roll(np.arange(len(columns)), len(clock))
-    names = [*clock, *(NAMES[i] for i in requested)]
+    names = [*clock, *(nominal.table.names[i] for i in requested)]
     selected, dropped = _selected(columns[order], names)
     unit = columns[order][selected]
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
@@ -118,7 +118,9 @@ def _columns_on_nominal(
         robot_time=at,
     )
     weights = whitening(covariance(noise_columns(nominally, excess)), nominally.unmeasured_columns)
-    columns = parameter_jacobian(nominally.closure, [PARAMETERS[i] for i in requested])
+    columns = parameter_jacobian(
+        nominally.closure, [nominal.table.parameters[i] for i in requested]
+    )
     if samples.has_clock:
         offset = nominally.time_column
         skew = offset * nominally.samples.times

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dsyrk
 
 from cell.arrays import Array
-from cell.geometry import PARAMETERS
 from ident.estimator.model import Evaluation, Model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.whitening import Whitening
@@ -162,7 +161,8 @@ def jacobian(
     """
     layout, samples, own = model.unknowns, model.recordings[k], model.unknowns.own[k]
     point, weights, x = equations.evaluations[k], equations.weights[k], equations.x
-    geometric = [PARAMETERS[i] for i in (*layout.shared, *own.parameters)]
+    parameters = layout.fixed.table.parameters
+    geometric = [parameters[i] for i in (*layout.shared, *own.parameters)]
     parts = [slice(0, layout.shared.size), own.geometry, layout.coefficients]
     if layout.gain is not None:
         parts.append(slice(layout.gain, layout.gain + 1))

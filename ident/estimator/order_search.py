@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg.blas import dgemm
 
 from cell.arrays import Array
 
@@ -75,17 +76,17 @@ def search_orders(model: LinearModel, prior: float, *, highest: int = ORDERS) ->
     taken: list[int] = []
     found: list[OrderFound] = []
     first = scores.tests()
-    level, tests = grams.cross_validated([], [-1])[0], first
+    level, tests = grams.plain(), first
     while len(taken) < LARGEST:
         ranked = [c for c in np.argsort(-tests)[:TRIED] if tests[c] > limit and c not in taken]
         if not ranked:
             break
         levels = grams.cross_validated(taken, ranked)
         best = int(np.argmin(levels))
-        gain = 1.0 - levels[best] / level
+        gain = 1.0 - float(levels[best]) / level
         if gain < GAIN:
             break
-        chosen, level = int(ranked[best]), levels[best]
+        chosen, level = int(ranked[best]), float(levels[best])
         taken.append(chosen)
         joint, order = divmod(chosen, highest)
         found.append(
@@ -109,7 +110,7 @@ def _candidates(model: LinearModel, highest: int) -> Array:
     return out.reshape(len(model.joints) * highest, 2, -1)
 
 
-ALIAS = 0.95  # correlation of two candidates' columns from which data hardly tell them apart
+ALIAS = 0.98  # correlation of two candidates' columns from which data hardly tell them apart
 
 
 class _Scores:
@@ -121,27 +122,29 @@ class _Scores:
         normal = cho_factor(present @ present.T + model.prior_normal)
         flat = candidates.reshape(-1, present.shape[1])
         rest = flat - cho_solve(normal, present @ flat.T).T @ present
-        self._rest = rest.reshape(candidates.shape)  # what the model cannot take over
+        self._rest: Array = rest.reshape(candidates.shape)  # what the model cannot take over
         self._residual = model.residual.reshape(-1)
 
     def tests(self) -> Array:
         """(C,) of each candidate: s' V^-1 s, V from the scores of single poses."""
-        c = len(self._rest)
-        products = (self._rest * self._residual).reshape(c, 2, *self._shape)
-        each = products.sum(axis=2)  # (C, 2, N)
+        equations, poses = self._shape
+        rest = self._rest.reshape(len(self._rest), 2, equations, poses)
+        each = np.einsum("cien,en->cin", rest, self._residual.reshape(equations, poses))
         score = each.sum(axis=2)
         variance = np.einsum("cin,cjn->cij", each, each)
         variance += 1e-12 * np.trace(variance, axis1=1, axis2=2)[:, None, None] * np.eye(2)
         variance += np.finfo(float).tiny * np.eye(2)
-        return np.einsum("ci,ci->c", score, np.linalg.solve(variance, score[..., None])[..., 0])
+        return np.asarray(
+            np.einsum("ci,ci->c", score, np.linalg.solve(variance, score[..., None])[..., 0])
+        )
 
     def take(self, chosen: int) -> None:
         """The chosen candidate becomes part of the model."""
         raw, own = self._raw[chosen], self._rest[chosen].copy()
         schur = raw @ own.T + np.eye(2) / self._prior**2
         self._residual = self._residual - np.linalg.solve(schur, raw @ self._residual) @ own
-        flat = self._rest.reshape(-1, self._rest.shape[2])
-        flat -= np.linalg.solve(schur, raw @ flat.T).T @ own
+        flat = self._rest.reshape(-1, raw.shape[1])
+        dgemm(-1.0, own.T, np.linalg.solve(schur, raw @ flat.T), 1.0, flat.T, overwrite_c=1)
 
     def aliases(self, chosen: int, highest: int) -> tuple[int, ...]:
         """Orders of the same joint whose columns are nearly combinations of the chosen ones."""
@@ -163,42 +166,52 @@ class _Grams:
         columns = np.concatenate((present, candidates.reshape(-1, present.shape[1])))
         fold_of = np.tile(model.regions, model.residual.shape[0])
         residual = model.residual.reshape(-1)
-        self._folds = []
+        self._folds: list[tuple[Array, Array, float]] = []
         for fold in range(model.regions.max() + 1):
             own = np.ascontiguousarray(columns[:, fold_of == fold])
             rest = residual[fold_of == fold]
             self._folds.append((own @ own.T, own @ rest, float(rest @ rest)))
-        self._gram = sum(gram for gram, _, _ in self._folds)
-        self._gradient = sum(gradient for _, gradient, _ in self._folds)
+        self._gram: Array = np.sum([gram for gram, _, _ in self._folds], axis=0)
+        self._gradient: Array = np.sum([gradient for _, gradient, _ in self._folds], axis=0)
         count = self._present
         self._gram[:count, :count] += model.prior_normal
         self._gradient[:count] += model.prior_gradient
         self._gram[np.arange(count, len(columns)), np.arange(count, len(columns))] += prior**-2.0
 
-    def cross_validated(self, taken: list[int], tried: list[int]) -> list[float]:
-        """Sum of squares left in the folds left out, with each of the candidates tried.
+    def plain(self) -> float:
+        """Sum of squares left in the folds left out, without any candidate."""
+        total, base = 0.0, np.arange(self._present)
+        for gram, gradient, square in self._folds:
+            left, slope = self._gram - gram, self._gradient - gradient
+            step = -np.linalg.solve(left[np.ix_(base, base)], slope[base])
+            held = gram[np.ix_(base, base)]
+            total += square + float(2.0 * step @ gradient[base] + step @ held @ step)
+        return total
 
-        tried : candidates, or [-1] for the model as it is.
-        """
-        base = np.r_[np.arange(self._present), self._columns(taken)].astype(np.intp)
-        totals = np.zeros(len(tried))
+    def cross_validated(self, taken: list[int], tried: list[int]) -> Array:
+        """(T,) sum of squares left in the folds left out, with each of the T candidates tried."""
+        base = np.r_[np.arange(self._present), self._columns(taken)]
+        pairs, t = self._columns(tried), len(tried)
+        own = pairs.reshape(t, 2)
+        total = np.zeros(t)
         for gram, gradient, square in self._folds:
             left, slope = self._gram - gram, self._gradient - gradient
             factor = np.linalg.cholesky(left[np.ix_(base, base)])
-            top = solve_triangular(factor, slope[base], lower=True)
-            plain = -solve_triangular(factor.T, top, lower=False)
-            for k, candidate in enumerate(tried):
-                index, step = base, plain
-                if candidate >= 0:
-                    pair = self._columns([candidate])
-                    side = solve_triangular(factor, left[np.ix_(base, pair)], lower=True)
-                    schur = left[np.ix_(pair, pair)] - side.T @ side
-                    added = -np.linalg.solve(schur, slope[pair] - side.T @ top)
-                    step = plain - solve_triangular(factor.T, side @ added, lower=False)
-                    index, step = np.r_[base, pair], np.r_[step, added]
-                held = gram[np.ix_(index, index)]
-                totals[k] += square + 2.0 * step @ gradient[index] + step @ held @ step
-        return [float(total) for total in totals]
+            right = np.column_stack((slope[base], left[np.ix_(base, pairs)]))
+            half = solve_triangular(factor, right, lower=True, check_finite=False)
+            whole = solve_triangular(factor.T, half, lower=False, check_finite=False)
+            side = half[:, 1:].reshape(-1, t, 2)
+            schur = left[own[:, :, None], own[:, None, :]] - np.einsum("pti,ptj->tij", side, side)
+            rest = slope[own] - np.einsum("pti,p->ti", side, half[:, 0])
+            added = -np.linalg.solve(schur, rest[..., None])[..., 0]  # (T, 2)
+            moved = np.einsum("pti,ti->pt", whole[:, 1:].reshape(-1, t, 2), added)
+            steps = -whole[:, :1] - moved  # (P, T)
+            held = gram[np.ix_(base, base)] @ steps
+            across = np.einsum("pti,ti->pt", gram[np.ix_(base, pairs)].reshape(-1, t, 2), added)
+            total += square + 2.0 * (gradient[base] @ steps + (gradient[own] * added).sum(axis=1))
+            total += (steps * (held + 2.0 * across)).sum(axis=0)
+            total += np.einsum("ti,tij,tj->t", added, gram[own[:, :, None], own[:, None]], added)
+        return total
 
     def _columns(self, candidates: list[int]) -> NDArray[np.intp]:
         each = np.asarray(candidates, dtype=np.intp)

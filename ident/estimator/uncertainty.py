@@ -62,9 +62,12 @@ def inflation_factors(covariance: Array, power: Array, sums: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(1.0, ratio)))
 
 
-def block_numbers(times: Array) -> NDArray[np.intp]:
-    """(N,) number of each sample's block of time, from 0; times (N,) [s], increasing."""
-    return np.cumsum(np.diff(np.floor((times - times[0]) / BLOCK), prepend=0.0) > 0)
+def block_numbers(times: Array, block: float = BLOCK) -> NDArray[np.intp]:
+    """(N,) number of each sample's block of time, from 0.
+
+    times : (N,) [s], increasing. block : [s] its length.
+    """
+    return np.cumsum(np.diff(np.floor((times - times[0]) / block), prepend=0.0) > 0)
 
 
 def _scores(fit: Fit) -> tuple[Array, Array]:

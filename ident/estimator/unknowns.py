@@ -5,8 +5,8 @@ and the gain of a measured rod force. Each recording has its own encoder offsets
 ball-bar, clock, and where nothing measures the rod's tension its spline. An infinite prior sigma
 means no prior.
 
-`rd1` and `rtheta1` against the ball-bar's base pose, and `rd3` against `rd2`, are a pure gauge and
-stay fixed; `ra6`, the plate, is the known length (thesis Table 3.2).
+The gauge of the robot's parameters stays fixed, as does the plate, the known length (thesis Table
+3.2): of the IRB 2400 `rd1`, `rtheta1`, `rd3` and `ra6`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
-from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry
+from cell.geometry import Geometry, ParameterTable, parameter_named
 from ident.corrections.base import Correction
 
 LENGTH_PRIOR = (
@@ -38,7 +38,6 @@ GAIN_PRIOR = 0.03  # of a measured rod force: two gains of 2 % (notes/identifica
 TENSION_PRIOR = 60.0  # [N] of a knot of an unmeasured rod force (notes/identification sec. 4)
 MAX_OFFSET_STEP = 3.0  # [s] a longer step leaves the region where the splines say anything
 MAX_SKEW = 2e-3  # [1] twenty times the worst free-running clock of notes/log_formats
-FIXED = ("rd1", "rtheta1", "rd3", "ra6")
 BASE_POSE = ("ox", "oy", "oz", "otx", "oty")
 
 
@@ -47,14 +46,21 @@ def belongs_to_recording(name: str) -> bool:
     return name.startswith("btheta") or name in BASE_POSE
 
 
-SHARED = tuple(name for name in NAMES if not belongs_to_recording(name))
+def shared_names(table: ParameterTable) -> tuple[str, ...]:
+    """Parameters that all recordings have in common."""
+    return tuple(name for name in table.names if not belongs_to_recording(name))
+
+
+def fixed_names(table: ParameterTable) -> tuple[str, ...]:
+    """Parameters that are never identified: gauge and plate."""
+    return (*table.gauge, table.plate)
 
 
 @dataclass(frozen=True, eq=False)
 class Own:
     """Where one recording's own unknowns stand in the vector."""
 
-    parameters: NDArray[np.intp]  # indices into PARAMETERS: encoder offsets, base pose
+    parameters: NDArray[np.intp]  # indices into the table: encoder offsets, base pose
     geometry: slice  # their values
     clock: slice | None  # offset, skew
     steps: slice | None  # clock steps [s]
@@ -69,7 +75,7 @@ class Unknowns:
     mean: Array  # (P,) of the prior
     sigma: Array  # (P,)
     fixed: Geometry  # values of the kinematic parameters that are no unknowns
-    shared: NDArray[np.intp]  # indices into PARAMETERS of the first unknowns
+    shared: NDArray[np.intp]  # indices into the table of the first unknowns
     coefficients: slice  # of the corrections; they follow the shared parameters
     gain: int | None  # of the measured rod force
     own: tuple[Own, ...]
@@ -88,7 +94,7 @@ class Unknowns:
         values = self.fixed.values.copy()
         values[self.shared] = x[: self.shared.size]
         values[self.own[k].parameters] = x[self.own[k].geometry]
-        return Geometry(values)
+        return self.fixed.with_values(values)
 
     def clock(self, x: Array, k: int) -> Clock:
         """The clock of recording k."""
@@ -125,16 +131,17 @@ def kinematic_unknowns(
     """Unknowns of kinematics and clock alone, of one recording; and the vector to start from.
 
     start : values to start from, means of the priors, and of the parameters that stay fixed.
-    parameters : (P,) indices into PARAMETERS. sigma : (P,) [m, rad] of their priors; none if not
+    parameters : (P,) indices into the table. sigma : (P,) [m, rad] of their priors; none if not
     given.
     """
     sigma = np.full(parameters.size, np.inf) if sigma is None else sigma
-    own = np.array([belongs_to_recording(NAMES[i]) for i in parameters], dtype=bool)
+    every = start.table.names
+    own = np.array([belongs_to_recording(every[i]) for i in parameters], dtype=bool)
     build = _Builder()
     for i, s in zip(parameters[~own], sigma[~own], strict=True):
-        build.add(NAMES[i], float(start.values[i]), float(s))
+        build.add(every[i], float(start.values[i]), float(s))
     shared = len(build.names)
-    names = [NAMES[i] for i in parameters[own]]
+    names = [every[i] for i in parameters[own]]
     geometry = build.block(names, start.values[parameters[own]], sigma[own])
     clocks = None
     if clock is not None:
@@ -164,7 +171,8 @@ def complete_unknowns(
     rod_sigma : [m] of a measured rod length; None for the catalogue's tolerance.
     """
     build = _Builder()
-    shared = [name for name in SHARED if name not in FIXED]
+    table = nominal.table
+    shared = [name for name in shared_names(table) if name not in fixed_names(table)]
     for name in shared:
         build.add(name, nominal[name], _prior(cell, name, rod_sigma))
     first = len(build.names)
@@ -175,7 +183,7 @@ def complete_unknowns(
     gain = build.add("force_gain", 0.0, GAIN_PRIOR) if measured_force else None
     several = len(recordings) > 1
     own = [_own(build, r, f"@{k}" if several else "") for k, r in enumerate(recordings, start=1)]
-    indices = np.array([INDEX[name] for name in shared])
+    indices = np.array([table.index[name] for name in shared])
     layout = build.unknowns(nominal, indices, coefficients, gain, own)
     return layout, layout.mean.copy()
 
@@ -192,7 +200,7 @@ def _own(build: _Builder, recording: RecordingStart, tail: str) -> Own:
         clocks = build.block(("offset", "skew"), (clock.offset, clock.skew), CLOCK_PRIOR, tail)
     steps = build.numbered("clock_step", recording.clock_steps, STEP_PRIOR, tail)
     knots = build.numbered("tension", recording.knots, recording.tension_sigma, tail)
-    indices = np.array([INDEX[name] for name in names], dtype=np.intp)
+    indices = np.array([start.table.index[name] for name in names], dtype=np.intp)
     return Own(indices, geometry, clocks, steps, knots)
 
 
@@ -248,7 +256,7 @@ class _Builder:
 
 def _prior(cell: Cell, name: str, rod_sigma: float | None) -> float:
     """[m, rad] prior sigma of one shared parameter."""
-    parameter = PARAMETERS[INDEX[name]]
+    parameter = parameter_named(name)
     if name == "bd3":
         return cell.ballbar.length_tolerance if rod_sigma is None else rod_sigma
     if parameter.side == "bar":

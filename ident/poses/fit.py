@@ -1,25 +1,32 @@
 """Robust maximum a posteriori fit of still poses: iteratively reweighted Gauss-Newton.
 
-Weights of poses whose whitened residual is long fall as in Huber 1964. What the model leaves
-unexplained is estimated along with it, as one variance of position and one of rotation: with P
-unknowns of which the data determine p, the mean square of the residuals times `n / (n - p)`.
+Weights of poses whose whitened residual is long fall as in Huber 1964; those very far off are left
+out. What the model leaves unexplained is estimated along with it, as one variance of position and
+one of rotation: with P unknowns of which the data determine p, the mean square of the residuals
+times `n / (n - p)`. The priors of the robot's parameters have the tails of Student's distribution,
+so that a joint whose zero was lost is not held at its catalogue value (Lange, Little & Taylor 1989:
+both are weights of an iteration).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.poses import KnownDistance
 from ident.estimator.gauss_newton import Stop, inverse, minimise
 from ident.estimator.whitening import Whitening
 from ident.poses.model import Discrepancy, GroupPoint, PoseModel
+from ident.poses.unknowns import PoseUnknowns
 
 HUBER = 3.0  # of the root mean square of a pose's whitened residual (docs/real_robots)
-ROUNDS = 12  # of new discrepancies and weights
+GROSS = 10.0  # likewise: a pose further off is left out
+TAILS = 4.0  # degrees of freedom of the priors' Student distribution
+ROUNDS = 15  # of new discrepancies and weights
 SETTLED = 0.01  # relative change of the discrepancies that ends them
 NEGLIGIBLE = 1e-3  # decrease of the cost that ends a search, per degree of freedom
 START = Discrepancy(1e-3, 1e-3)  # before a residual is known
@@ -94,15 +101,29 @@ class _Problem:
         return _Trial(x, total)
 
     def accept(self, equations: PoseEquations, accepted: _Trial, iterations: int) -> PoseEquations:
+        del equations, iterations  # weights stay, and nothing is reused
         return pose_equations(self.model, accepted.x, self.discrepancy, self.robust)
 
     def reuse(self, equations: PoseEquations, accepted: _Trial) -> PoseEquations:
         raise NotImplementedError  # no Jacobian is reused
 
 
-def fit_poses(model: PoseModel, x: Array, discrepancy: Discrepancy = START) -> PoseFit:
-    """Fit the model from x (P,)."""
-    robust = tuple(np.ones(g.size) for g in model.table.groups)
+def fit_poses(
+    model: PoseModel,
+    x: Array,
+    discrepancy: Discrepancy = START,
+    *,
+    left_out: NDArray[np.intp] | None = None,
+) -> PoseFit:
+    """Fit the model from x (P,).
+
+    left_out : poses, by their place in the table, that shall not count.
+    """
+    counting = np.ones(model.table.size)
+    counting[[] if left_out is None else left_out] = 0.0
+    counts = np.split(counting, np.cumsum([g.size for g in model.table.groups])[:-1])
+    declared = model.unknowns
+    robust = tuple(counts)
     iterations, converged = 0, False
     for _ in range(ROUNDS):
         minimum = minimise(
@@ -111,7 +132,8 @@ def fit_poses(model: PoseModel, x: Array, discrepancy: Discrepancy = START) -> P
         equations, x = minimum.equations, minimum.equations.x
         iterations += minimum.iterations
         before, discrepancy = discrepancy, unexplained(model, equations)
-        robust = robust_weights(equations)
+        robust = tuple(r * c for r, c in zip(robust_weights(equations), counts, strict=True))
+        model = replace(model, unknowns=widened(declared, x))
         converged = minimum.converged or minimum.stuck
         if converged and _settled(before, discrepancy):
             break
@@ -148,11 +170,22 @@ def pose_equations(
 def robust_weights(equations: PoseEquations) -> tuple[Array, ...]:
     """(N,) square root of Huber's weight of each group's poses, by the scale of all residuals."""
     lengths = [
-        np.sqrt((residual**2).sum(axis=0) / len(residual)) / robust
-        for residual, robust in zip(equations.residuals, equations.robust, strict=True)
+        np.sqrt((weights(point.closure.error) ** 2).sum(axis=0) / len(weights.matrix))
+        for point, weights in zip(equations.points, equations.weights, strict=True)
     ]
     scale = max(1.0, float(np.median(np.concatenate(lengths))) / 0.9)
-    return tuple(np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(v, 1e-9))) for v in lengths)
+    return tuple(
+        np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(v, 1e-9))) * (v < GROSS * scale)
+        for v in lengths
+    )
+
+
+def widened(declared: PoseUnknowns, x: Array) -> PoseUnknowns:
+    """The unknowns with the priors of the robot's parameters as Student's distribution has them."""
+    sigma, part = declared.sigma.copy(), declared.geometry
+    far = (x[part] - declared.mean[part]) / sigma[part]
+    sigma[part] *= np.sqrt(np.maximum(1.0, (TAILS + far**2) / (TAILS + 1.0)))
+    return replace(declared, sigma=sigma)
 
 
 def unexplained(model: PoseModel, equations: PoseEquations) -> Discrepancy:
@@ -170,14 +203,15 @@ def unexplained(model: PoseModel, equations: PoseEquations) -> Discrepancy:
         weight = robust**2
         rows = len(weights.matrix)
         whole = point.group.measured == "pose"
-        error, sigma = point.closure.error, point.group.sigma
-        sensed = (sigma**2)[:, :3].mean(axis=1)
+        square = point.closure.error**2
+        noise = (model.noise_columns(point) ** 2).sum(axis=0)  # (6, N)
         axes = min(3, rows)
-        position += float((weight * ((error[:3] ** 2).sum(axis=0) / spare - axes * sensed)).sum())
+        sensed = noise[:3].sum(axis=0)
+        position += float((weight * (square[:3].sum(axis=0) / spare - sensed)).sum())
         count += axes * float(weight.sum())
         if whole:
-            sensed = (sigma**2)[:, 3:].mean(axis=1)
-            rotation += float((weight * ((error[3:] ** 2).sum(axis=0) / spare - 3 * sensed)).sum())
+            turned = square[3:].sum(axis=0) / spare - noise[3:].sum(axis=0)
+            rotation += float((weight * turned).sum())
             turns += 3.0 * float(weight.sum())
     return Discrepancy(
         float(np.sqrt(max(position / count, LEAST.position**2))),

@@ -91,9 +91,13 @@ class PoseModel:
         unexplained[np.arange(6), np.arange(6)] = np.repeat(
             [discrepancy.position, discrepancy.rotation], 3
         )[:, None]
-        angles = self.angle_noise[:, None, None] * point.joint_columns
-        columns = np.concatenate((unexplained, angles, sensor_columns(point)))
+        columns = np.concatenate((unexplained, self.noise_columns(point)))
         return whitening(covariance(columns), point.closure.free)
+
+    def noise_columns(self, point: GroupPoint) -> Array:
+        """(K, 6, N) change of the error for one standard deviation of angles and measurement."""
+        angles = self.angle_noise[:, None, None] * point.joint_columns
+        return np.concatenate((angles, sensor_columns(point)))
 
     def jacobian(self, x: Array, point: GroupPoint, weights: Whitening) -> Array:
         """(P, E, N) derivative of one group's whitened residual."""

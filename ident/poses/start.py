@@ -62,8 +62,10 @@ def start_of_poses(table: PoseTable, chain: Chain) -> PoseStart:
         for kinds in (("pose", "point"), ("socket",), ("length",)):
             if same := [g for g in groups if g.measured in kinds]:
                 poses = _gathered(same, chain)
-                solve = {"socket": _sockets, "length": _lengths}.get(kinds[0], _points)
-                found, place = solve(poses, place)
+                if kinds[0] == "length":
+                    found, place = _lengths(poses, place)
+                else:
+                    found, place = (_sockets if kinds[0] == "socket" else _points)(poses)
                 seats = found | seats
         assert place is not None  # every target stands in a group
         whole = [g for g in groups if g.measured == "pose"]
@@ -86,7 +88,7 @@ def _gathered(groups: Sequence[PoseGroup], chain: Chain) -> _Poses:
     )
 
 
-def _points(poses: _Poses, known: Placement | None) -> tuple[dict[str, Placement], Placement]:
+def _points(poses: _Poses) -> tuple[dict[str, Placement], Placement]:
     """Of points: seats as whole frames, from the linear problem and then from rotations proper."""
     n, s = len(poses.origin), len(poses.names)
     matrix = np.zeros((n, 3, 12 * s + 3))
@@ -96,25 +98,25 @@ def _points(poses: _Poses, known: Placement | None) -> tuple[dict[str, Placement
             matrix[k, i, first + 3 * i : first + 3 * i + 3] = poses.values[k, :3]
             matrix[k, i, first + 9 + i] = 1.0
     matrix[:, :, 12 * s :] = -poses.rotation
-    solution, kept = _without_far(matrix, poses.origin)
+    solution = _without_far(matrix, poses.origin)
     rotations = []
     for j in range(s):
         linear = solution[12 * j : 12 * j + 9].reshape(3, 3)
-        rotations.append(_nearest_rotation(linear, poses, kept & (poses.seat == j)))
+        rotations.append(_nearest_rotation(linear, poses))
     turn = np.stack(rotations)
     moved = poses.origin - np.einsum("nij,nj->ni", turn[poses.seat], poses.values[:, :3])
     matrix = _placements_matrix(poses)
-    solution, _ = _without_far(matrix, moved)
+    solution = _without_far(matrix, moved)
     seats = {
         name: Placement(turn[j], solution[3 * j : 3 * j + 3]) for j, name in enumerate(poses.names)
     }
     return seats, Placement(np.eye(3), solution[3 * s :])
 
 
-def _sockets(poses: _Poses, known: Placement | None) -> tuple[dict[str, Placement], Placement]:
+def _sockets(poses: _Poses) -> tuple[dict[str, Placement], Placement]:
     """Of sockets: `O_i = o - R_i t`."""
     s = len(poses.names)
-    solution, _ = _without_far(_placements_matrix(poses), poses.origin)
+    solution = _without_far(_placements_matrix(poses), poses.origin)
     seats = {
         name: Placement(np.eye(3), solution[3 * j : 3 * j + 3])
         for j, name in enumerate(poses.names)
@@ -165,7 +167,7 @@ def _trilaterated(point: Array, length: Array) -> Array:
     return np.asarray(np.linalg.lstsq(matrix, right, rcond=1e-6)[0][:3])
 
 
-def _without_far(matrix: Array, right: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _without_far(matrix: Array, right: Array) -> Array:
     """Least squares of blocks (N, 3, U) against (N, 3), poses far off left out."""
     kept = np.ones(len(right), dtype=bool)
     for _ in range(_ROUNDS):
@@ -177,10 +179,10 @@ def _without_far(matrix: Array, right: Array) -> tuple[Array, NDArray[np.bool_]]
         if (now == kept).all() or limit == 0.0:
             break
         kept = now
-    return solution, kept
+    return np.asarray(solution)
 
 
-def _nearest_rotation(linear: Array, poses: _Poses, chosen: NDArray[np.bool_]) -> Array:
+def _nearest_rotation(linear: Array, poses: _Poses) -> Array:
     """The rotation nearest to a matrix. Raises PoseStartError for a reflection."""
     u, singular, vt = np.linalg.svd(linear)
     if np.linalg.det(linear) < 0.0 and singular[2] > 0.5 * singular[0]:

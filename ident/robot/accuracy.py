@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.chain import screw
 from cell.descriptions import Robot
-from cell.geometry import PARAMETERS, Geometry, robot_frames
+from cell.geometry import Geometry, robot_frames
 from cell.robot_angles import controller_to_joints
 
 GRID_POSES = 800
@@ -40,19 +40,19 @@ class TcpError:
 
 
 def accuracy_grid(robot: Robot) -> Array:
-    """(G, 6) [rad] held-out joint angles: a Sobol sequence over the robot's box of axis angles."""
+    """(G, J) [rad] held-out joint angles: a Sobol sequence over the robot's box of axis angles."""
     from scipy.stats import qmc  # noqa: PLC0415  the slowest of our libraries to import
 
-    points = qmc.Sobol(d=6, scramble=True, rng=np.random.default_rng(_GRID_SEED)).random(1024)[
-        :GRID_POSES
-    ]
+    points = qmc.Sobol(d=robot.joints, scramble=True, rng=np.random.default_rng(_GRID_SEED)).random(
+        1024
+    )[:GRID_POSES]
     return controller_to_joints(
         robot, robot.accuracy_lower + points * (robot.accuracy_upper - robot.accuracy_lower)
     )
 
 
 def tcp_error(model: Geometry, truth: Geometry, grid: Array) -> TcpError:
-    """Kinematic error of `model` against `truth` at angles grid (G, 6) [rad], base aligned."""
+    """Kinematic error of `model` against `truth` at angles grid (G, J) [rad], base aligned."""
     return position_error(robot_frames(model, grid).tip.T, robot_frames(truth, grid).tip.T)
 
 
@@ -76,17 +76,16 @@ def tcp_sigma(
 ) -> Array:
     """(G,) [m] standard deviation of the tool position that a parameter covariance implies.
 
-    grid : (G, 6) [rad]. parameters : (P,) indices into PARAMETERS of the first rows of the
+    grid : (G, J) [rad]. parameters : (P,) indices into the table of the first rows of the
     covariance (P or more, same) [m, rad]; those off the robot do not move the unloaded tool. The
     base is aligned.
     """
-    on_robot = np.array([PARAMETERS[i].side == "robot" for i in parameters], dtype=bool)
+    chosen = [geometry.table.parameters[i] for i in parameters]
+    on_robot = np.array([p.side == "robot" for p in chosen], dtype=bool)
     frames = robot_frames(geometry, grid)
-    moves = np.stack(
-        [screw(frames, PARAMETERS[i].kind, PARAMETERS[i].row)[:3] for i in parameters[on_robot]]
-    )
-    chosen = np.flatnonzero(on_robot)
-    return position_sigma(frames.tip.T, moves, covariance[np.ix_(chosen, chosen)])
+    moves = np.stack([screw(frames, p.kind, p.row)[:3] for p in chosen if p.side == "robot"])
+    rows = np.flatnonzero(on_robot)
+    return position_sigma(frames.tip.T, moves, covariance[np.ix_(rows, rows)])
 
 
 def position_sigma(positions: Array, moves: Array, covariance: Array) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.chain import joint_screws, screw
 from cell.descriptions import Cell
-from cell.geometry import PARAMETERS, Geometry, robot_frames
+from cell.geometry import Geometry, robot_frames
 from ident.corrections.base import BAR, CHANNELS, GEAR, Correction, State, backlash_transition
 from ident.loads.gear_loads import Loads, mass_model, own_weight
 
@@ -57,12 +57,12 @@ class UnloadedRobot:
     def jacobian(self, q: Array, parameters: NDArray[np.intp]) -> Array:
         """(P + C, 3, N) change of the tool position [m] per unit of each unknown.
 
-        q : (N, 6) [rad]. The unknowns are the `parameters` (P,), indices into PARAMETERS, then the
+        q : (N, 6) [rad]. The unknowns are the `parameters` (P,), indices into the table, then the
         coefficients; those off the robot do not move the unloaded tool.
         """
         frames, none = robot_frames(self.geometry, self.joints(q)), np.zeros((3, len(q)))
         columns = []
-        for parameter in (PARAMETERS[i] for i in parameters):
+        for parameter in (self.geometry.table.parameters[i] for i in parameters):
             on_robot = parameter.side == "robot"
             columns.append(screw(frames, parameter.kind, parameter.row)[:3] if on_robot else none)
         if self.corrections:

@@ -24,13 +24,14 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.errors import FailureError
-from cell.geometry import INDEX, Geometry, robot_frames
+from cell.geometry import Geometry, ParameterTable, robot_frames
 from cell.inverse import bar_roll
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.gauss_newton import SingularError
 from ident.estimator.iteration import IterationCallback
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import overlap, sample_times, samples_of
+from ident.estimator.unknowns import fixed_names
 from ident.signals.smooth_log import SmoothLog
 from ident.start.lag_scan import Branch, Pair, PairScan, best_lags, scan_lags, subsample
 from ident.start.sphere import Sphere, sphere_candidates
@@ -45,7 +46,6 @@ ITERATIONS = 15  # a wrong hypothesis crawls; the right one needs 3 to 7
 # [m, rad] a gauge weight, not a prior: unobservable directions stay where linearisation holds
 GEOMETRY_SIGMA = 5e-3
 # Known scale, and what the ball-bar's base and rd2 can absorb; left free they wander.
-GAUGE = ("ra6", "rd1", "rd3", "rtheta1")
 ROLL_CLOSE = 0.9  # of the better mean resultant: a direction of b3 that is kept too
 SCORE_KEPT = 0.5  # of the best score
 ACCEPT_FACTOR, ACCEPT_MARGIN = 2.0, 0.5  # cost per residual: at most so many times the least, plus
@@ -246,7 +246,7 @@ def fit_hypothesis(
     except ValueError:
         return None
     samples = samples_of(robot, ballbar, encoders, hypothesis.directions, times, spacing=spacing)
-    parameters, sigma = start_parameters(encoders)
+    parameters, sigma = start_parameters(hypothesis.geometry.table, encoders)
     try:
         fit = fit_kinematics(
             samples,
@@ -265,17 +265,19 @@ def fit_hypothesis(
     return Candidate(hypothesis, fit, last - first)
 
 
-def start_parameters(encoders: tuple[int, ...]) -> tuple[NDArray[np.intp], Array]:
+def start_parameters(
+    table: ParameterTable, encoders: tuple[int, ...]
+) -> tuple[NDArray[np.intp], Array]:
     """Parameters that are fitted while hypotheses compete, and their prior sigmas (P,) [m, rad].
 
     Base position and encoder offsets have none.
     """
     offsets = [f"btheta{joint}" for joint in encoders]
-    robot = [f"r{kind}{row}" for kind in ("a", "d", "alpha", "theta") for row in range(1, 7)]
-    names = [*offsets, "ox", "oy", "oz", *(name for name in robot if name not in GAUGE), "bd3"]
+    robot = [name for name in table.robot if name not in fixed_names(table)]
+    names = [*offsets, "ox", "oy", "oz", *robot, "bd3"]
     sigma = np.full(len(names), GEOMETRY_SIGMA)
     sigma[: len(offsets) + 3] = np.inf
-    return np.array([INDEX[name] for name in names]), sigma
+    return np.array([table.index[name] for name in names]), sigma
 
 
 def _choice(candidates: list[Candidate]) -> Start:

@@ -187,18 +187,18 @@ def _correlate(pair: Pair, sign: int) -> _Correlation:
     return _Correlation(
         _complex_lags(model1, ux, uy),
         _complex_lags(model2, ux, uy),
-        _lags(cosine, uz),
-        _lags(sine, uz),
+        lag_sums(cosine, uz),
+        lag_sums(sine, uz),
     )
 
 
 def _complex_lags(model: NDArray[np.complex128], x: Array, y: Array) -> NDArray[np.complex128]:
     """Sum over k of conj(model[k]) (x + i y)[k + lag]."""
-    real = _lags(model.real, x) + _lags(model.imag, y)
-    return real + 1j * (_lags(model.real, y) - _lags(model.imag, x))
+    real = lag_sums(model.real, x) + lag_sums(model.imag, y)
+    return real + 1j * (lag_sums(model.real, y) - lag_sums(model.imag, x))
 
 
-def _lags(model: Array, signal: Array) -> Array:
+def lag_sums(model: Array, signal: Array) -> Array:
     """Sum over k of model[k] signal[k + lag], lag from -(len(model) - 1) to len(signal) - 1."""
     full = model.size + signal.size - 1
     size = next_fast_len(full, real=True)

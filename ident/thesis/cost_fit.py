@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, bar_frames, robot_frames
+from cell.geometry import Geometry, bar_frames, parameter_named, robot_frames
 from ident.estimator.closure import Closure
 from ident.estimator.dependencies import select
 from ident.estimator.gauss_newton import Marquardt, Stop, minimise
@@ -40,7 +40,7 @@ class CostFit:
     """The outcome of one minimisation."""
 
     geometry: Geometry
-    parameters: NDArray[np.intp]  # (P,) indices into PARAMETERS
+    parameters: NDArray[np.intp]  # (P,) indices into the table
     iterations: int  # accepted steps
     converged: bool
     cost: float  # sum of squared residuals: for a printed scalar, of its square
@@ -82,14 +82,14 @@ class _Problem:
     begin: Geometry
     q: Array  # (N, 6) [rad]
     b: Array  # (N, 5) [rad]
-    parameters: NDArray[np.intp]  # (P,) indices into PARAMETERS
+    parameters: NDArray[np.intp]  # (P,) indices into the table
     sign: Array | None  # (N,) of the rod's force, if its deviation is an unknown
 
     def at(self, x: Array) -> _Point:
         """The residual at x (P [+ 1],)."""
         values = self.begin.values.copy()
         values[self.parameters] = x[: self.parameters.size]
-        closure = _closure(Geometry(values), self.q, self.b)
+        closure = _closure(self.begin.with_values(values), self.q, self.b)
         residual = self.cost.residual(closure)
         if self.sign is not None:
             residual = residual + float(x[-1]) * self._rod_column(closure)
@@ -97,7 +97,7 @@ class _Problem:
 
     def linear(self, point: _Point) -> _Linear:
         """The point with its normal equations."""
-        parameters = [PARAMETERS[i] for i in self.parameters]
+        parameters = [self.begin.table.parameters[i] for i in self.parameters]
         columns = self.cost.jacobian(point.closure, parameters).reshape(len(parameters), -1)
         if self.sign is not None:
             columns = np.vstack((columns, self._rod_column(point.closure).reshape(-1)))
@@ -118,7 +118,7 @@ class _Problem:
         return self.linear(accepted)
 
     def _rod_column(self, closure: Closure) -> Array:
-        return np.asarray(self.sign * self.cost.jacobian(closure, [PARAMETERS[INDEX[ROD]]])[0])
+        return np.asarray(self.sign * self.cost.jacobian(closure, [parameter_named(ROD)])[0])
 
 
 def fit_cost(
@@ -135,7 +135,7 @@ def fit_cost(
 
     q : (N, 6) [rad] logged robot angles. b : (N, 5) [rad] ball-bar angles as the encoders read. At
     joints that the cost does not need (ident.thesis.costs.ENCODERS_NEEDED) any value serves, as
-    long as the rows behind them have no lengths. parameters : (P,) indices into PARAMETERS; the
+    long as the rows behind them have no lengths. parameters : (P,) indices into the table; the
     others stay as in `start`. rod_sign : (N,) sign of the rod's force, +1 pulled; its deviation
     from bd3 is then an unknown too. Of vector forms only.
 
@@ -172,15 +172,16 @@ def _closure(geometry: Geometry, q: Array, b: Array) -> Closure:
 
 
 def identifiable_by(cost: CostName, nominal: Geometry, q: Array, b: Array) -> NDArray[np.intp]:
-    """Indices into PARAMETERS of what a cost determines, in order of priority (thesis sec. 3.3).
+    """Indices into the table of what a cost determines, in order of priority (thesis sec. 3.3).
 
     Requested are the offsets of the encoders that the cost needs, base position, robot and rod,
     never the plate; of these it selects what does not depend on those before. q : (N, 6), b : (N,
     5) [rad] angles at which the nominal loop closes.
     """
-    requested = candidates(ENCODERS_NEEDED[cost])
-    parameters = [PARAMETERS[i] for i in requested]
+    table = nominal.table
+    requested = candidates(table, ENCODERS_NEEDED[cost])
+    parameters = [table.parameters[i] for i in requested]
     columns = Cost(cost, "vector").jacobian(_closure(nominal, q, b), parameters)
-    names = [NAMES[i] for i in requested]
+    names = [table.names[i] for i in requested]
     selected = select(columns.reshape(requested.size, -1), names, nominal).selected
-    return np.array([INDEX[name] for name in selected])
+    return np.array([table.index[name] for name in selected])

@@ -38,7 +38,7 @@ class SampleFit:
 
     @property
     def parameters(self) -> NDArray[np.intp]:
-        """(P,) indices into PARAMETERS of the fitted ones, encoder offsets and base pose last."""
+        """(P,) indices into the table of the fitted ones, encoder offsets and base pose last."""
         layout = self.fit.model.unknowns
         return np.concatenate((layout.shared, layout.own[0].parameters))
 
@@ -53,9 +53,9 @@ def fit_samples(
 ) -> SampleFit:
     """Fit geometry and clock to paired samples by the whitened loop closure.
 
-    t : (N,) [s] even; q : (N, 6) [rad] robot angles; b : (N, 5) [rad] ball-bar angles, of which
+    t : (N,) [s] even; q : (N, J) [rad] robot angles; b : (N, 5) [rad] ball-bar angles, of which
     those of the fitted `encoders` are used. start : nominal geometry with the ball-bar where it is
-    believed to be. parameters : indices into PARAMETERS of what to identify; by default what the
+    believed to be. parameters : indices into the table of what to identify; by default what the
     samples determine (ident.estimator.identifiability).
     """
     robot = through_samples(t, q)

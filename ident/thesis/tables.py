@@ -7,7 +7,7 @@ sim.errors.static_errors.THESIS_3_1.
 
 from __future__ import annotations
 
-from ident.estimator.dependencies import THESIS_PARAMETERS
+from ident.estimator.dependencies import BAR_PARAMETERS, ENCODER_OFFSETS
 
 THESIS_COSTS = {
     "length": "C_l",
@@ -27,10 +27,7 @@ TABLE_3_2: dict[str, tuple[str, ...]] = {  # dependencies: one of each group can
 }
 
 TABLE_3_3: dict[str, frozenset[str]] = {  # zero Jacobian
-    "length": frozenset(
-        name for name in THESIS_PARAMETERS if name.startswith("b") and name != "bd3"
-    )
-    | {"ralpha6"},
+    "length": frozenset({*ENCODER_OFFSETS, *BAR_PARAMETERS, "ralpha6"}),
     "position": frozenset(
         {"ralpha6", "balpha3", "balpha4", "balpha5", "btheta3", "btheta4", "btheta5"}
     ),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry
+from cell.geometry import Geometry, ParameterTable, parameter_named
 from sim.settings import ErrorSettings, StaticErrors
 from sim.streams import stream
 
@@ -21,15 +21,12 @@ THESIS_3_1 = {
     "btheta5": 0.98,
     "ox": 0.16, "oy": 0.80, "oz": -0.70,
 }  # fmt: skip
-PLATE = "ra6"  # the known length: only errors.plate_length changes it
 # Offsets between the axes of the gimbal (b1, b2, b3) and of the universal joint (b3, b4, b5), and
 # their squareness. No axis follows row 5: its parameters are those of the plate.
 AXIS_OFFSETS = ("ba1", "ba2", "ba3", "ba4", "bd2", "bd4")
 AXIS_ANGLES = ("balpha1", "balpha2", "balpha3", "balpha4")
 BASE_TILT = ("otx", "oty")
 _MILLI = 1e-3  # mm and mrad of the table
-# Table 3.1 comes first, so that its parameters are drawn alike for `thesis` and `all`.
-_EVERY = (*THESIS_3_1, *(name for name in NAMES if name not in THESIS_3_1 and name != PLATE))
 
 
 def true_geometry(
@@ -42,7 +39,7 @@ def true_geometry(
     axes, tilt, plate = errors.ballbar_axes, errors.base_tilt, errors.plate_length
     drawn: list[dict[str, float]] = []
     if errors.static:
-        drawn.append(static_deviations(errors.static, stream(seed, "static")))
+        drawn.append(static_deviations(errors.static, nominal.table, stream(seed, "static")))
     if axes:
         sigma = {True: axes.sigma_m, False: axes.sigma_rad}
         drawn.append(deviations((*AXIS_OFFSETS, *AXIS_ANGLES), sigma, stream(seed, "ballbar_axes")))
@@ -50,18 +47,26 @@ def true_geometry(
         drawn.append(deviations(BASE_TILT, {False: tilt.sigma_rad}, stream(seed, "base_tilt")))
     if plate:
         length = plate_sigma if plate.sigma_m is None else plate.sigma_m
-        drawn.append(deviations((PLATE,), {True: length}, stream(seed, "plate_length")))
+        drawn.append(
+            deviations((nominal.table.plate,), {True: length}, stream(seed, "plate_length"))
+        )
     true = nominal
     for source in drawn:
         true = true.replaced({name: true[name] + value for name, value in source.items()})
     return true
 
 
-def static_deviations(errors: StaticErrors, rng: np.random.Generator) -> dict[str, float]:
+def static_deviations(
+    errors: StaticErrors, table: ParameterTable, rng: np.random.Generator
+) -> dict[str, float]:
     """Deviation [m, rad] of each parameter, from thesis Table 3.1 or drawn."""
     if errors.table == "thesis_3_1":
         return {name: value * _MILLI for name, value in THESIS_3_1.items()}
-    names = _EVERY if errors.parameters == "all" else tuple(THESIS_3_1)
+    names = tuple(THESIS_3_1)
+    if errors.parameters == "all":
+        # Table 3.1 comes first, so that its parameters are drawn alike for `thesis` and `all`. The
+        # plate is the known length: only errors.plate_length changes it.
+        names += tuple(name for name in table.names if name not in (*THESIS_3_1, table.plate))
     return deviations(names, {True: errors.sigma_m or 0.0, False: errors.sigma_rad or 0.0}, rng)
 
 
@@ -74,6 +79,6 @@ def deviations(
     """
     drawn = rng.standard_normal(len(names))
     return {
-        name: float(z) * sigma[PARAMETERS[INDEX[name]].is_length]
+        name: float(z) * sigma[parameter_named(name).is_length]
         for name, z in zip(names, drawn, strict=True)
     }

@@ -23,7 +23,7 @@ from cell.arrays import Array
 from cell.bodies import bar_bodies, flange_on_last_link, robot_bodies
 from cell.chain import row_placements
 from cell.descriptions import Link
-from cell.geometry import BAR_ROWS, ROBOT_ROWS, Geometry
+from cell.geometry import BAR_ROWS, Geometry
 from cell.rotation import quat_wxyz
 from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects
@@ -48,8 +48,8 @@ BAR_STRIBECK = 0.01  # [rad/s] of the ball-bar's bearings; no effect, static is 
 BASE_MASS = 5.0  # [kg] steel base adapter, assumed; its weight belongs to the base pose
 BASE_DAMPING = 1e-3  # [s] of the base's stiffness
 
-ROBOT_JOINTS = tuple(f"q{i + 1}" for i in range(ROBOT_ROWS))
-ROTORS = tuple(f"g{i + 1}" for i in range(ROBOT_ROWS))
+ROBOT_JOINTS = tuple(f"q{i + 1}" for i in range(6))
+ROTORS = tuple(f"g{i + 1}" for i in range(6))
 BAR_JOINTS = tuple(f"b{i + 1}" for i in range(BAR_ROWS))
 BASE_JOINTS = ("base_x", "base_y", "base_z")
 ROD_JOINT, PLATE_JOINT = "rod", "plate"

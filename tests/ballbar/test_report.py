@@ -22,7 +22,7 @@ from ballbar.report.provenance import without_folders
 from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
 from ballbar.result.compare import Limit, identification_against_truth
 from ballbar.result.run_data import FittedRecording, RunData
-from cell.geometry import INDEX, PARAMETERS, robot_frames
+from cell.geometry import robot_frames
 from ident.identify import identify
 from ident.options import FitOptions
 from ident.result import NamedCovariance
@@ -41,6 +41,7 @@ from sim.settings import (
 )
 from sim.simulate import simulate
 from tests.helpers.page_cells import Cells
+from tests.helpers.six_axes import INDEX, PARAMETERS
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 COMMAND = "ballbar run scenarios/irb2400.yaml"

@@ -17,7 +17,7 @@ from ballbar.trial.nominal_path import recorded_log
 from ballbar.trial.sample_trial import trial_samples
 from ballbar.trial.trial import run_trial
 from cell.errors import InputError
-from cell.geometry import NAMES, nominal_geometry, robot_frames
+from cell.geometry import nominal_geometry, robot_frames
 from cell.load import load_cell
 from ident.estimator.closure import close_loop
 from ident.thesis.paired_samples import fit_samples, noise_of
@@ -26,6 +26,7 @@ from sim.path_files import scenario_path
 from sim.simulate import simulate
 from sim.streams import stream
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
+from tests.helpers.six_axes import NAMES
 
 STATIC = {"static": {"table": "thesis_3_1"}}
 NOISE = {"joint_noise": {"sigma_rad": 1e-5}}

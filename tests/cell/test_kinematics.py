@@ -12,8 +12,6 @@ from scipy.spatial.transform import Rotation
 from cell.chain import KINDS, Chain, forward, screw
 from cell.descriptions import Cell
 from cell.geometry import (
-    NAMES,
-    PARAMETERS,
     Geometry,
     bar_frames,
     mirrored,
@@ -28,6 +26,7 @@ from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects
 from sim.plant.mjcf import PlantModel, plant_model
 from tests.helpers.simulated_recordings import perturbed
+from tests.helpers.six_axes import NAMES, PARAMETERS
 
 STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10
 TOLERANCE = 2e-9

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from cell.arrays import read_only
-from cell.geometry import NAMES, Geometry
+from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
+from tests.helpers.six_axes import NAMES, TABLE
 
 LOGS = {
     "robot": (RobotLog, {"q": 6, "torque": 6}, {}),
@@ -61,7 +62,7 @@ def test_a_copy_keeps_the_memory_layout_that_a_reader_chose() -> None:
 
 def test_a_geometry_does_not_follow_the_array_it_was_made_from() -> None:
     values = np.zeros(len(NAMES))
-    geometry = Geometry(values)
+    geometry = Geometry(values, TABLE)
     values[0] = 1.0
     assert geometry.values[0] == 0.0
 

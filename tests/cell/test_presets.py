@@ -6,9 +6,12 @@ project's kinematics. No transform is allowed between the two: base and flange f
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from cell import load
 from cell.chain import Chain, forward
 from cell.descriptions import Robot
 from cell.load import load_robot, robot_names
@@ -86,7 +89,5 @@ def test_fanuc_axis_3_keeps_the_forearm_level_while_axis_2_moves() -> None:
 def test_the_file_of_a_robot_names_the_commit_it_was_checked_against(
     name: str, source: str
 ) -> None:
-    from cell import load
-
-    text = (load._FOLDER / f"robots/{name}.yaml").read_text()
+    text = (Path(load.__file__).parent / f"robots/{name}.yaml").read_text()
     assert source.rsplit(", ", 1)[1] in text

@@ -10,9 +10,9 @@ import numpy as np
 from ballbar.result.calibration import SCHEMA
 from cell.descriptions import Cell
 from cell.files import write_yaml
-from cell.geometry import NAMES, Geometry
+from cell.geometry import Geometry
 from ident.corrections import CORRECTIONS
-from ident.estimator.unknowns import SHARED
+from tests.helpers.six_axes import NAMES, SHARED
 
 GEARS = ("joint_compliance", "gear_backlash", "gear_ripple")
 

@@ -57,4 +57,4 @@ def record(folder: Path, **changes: object) -> Recorded:
 
 def perturbed(geometry: Geometry, rng: np.random.Generator, sigma: float = 1e-3) -> Geometry:
     """Every parameter of robot, ball-bar and base off by a random amount [m, rad]."""
-    return Geometry(geometry.values + rng.normal(0.0, sigma, geometry.values.shape))
+    return geometry.with_values(geometry.values + rng.normal(0.0, sigma, geometry.values.shape))

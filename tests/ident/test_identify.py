@@ -15,7 +15,6 @@ from ballbar.result.run_recordings import identify_recordings
 from ballbar.run import run_scenario
 from ballbar.scenario import IdentifySettings, load_scenario
 from cell.clock import Clock
-from cell.geometry import NAMES
 from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
 from ident import (
@@ -30,6 +29,7 @@ from ident import (
 from ident.result import RecordingEstimate
 from sim.recording_files import truth_path
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
+from tests.helpers.six_axes import NAMES
 
 
 def quiet(_: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
-from cell.geometry import INDEX, NAMES, Geometry
+from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from ident.estimator.iteration import Iteration
 from ident.estimator.noise import ExcessNoise
@@ -24,6 +24,7 @@ from ident.recording_fit import (
 )
 from sim.errors.static_errors import THESIS_3_1
 from tests.helpers.minute_logs import LATE, NOISE, minute_logs
+from tests.helpers.six_axes import INDEX, NAMES
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 OPTIONS = FitOptions(samples=300)

@@ -102,7 +102,11 @@ def _parse_ballbar(words: list[str]) -> None:
         return
     name, *rest = words
     assert name in group.commands, f"no command {name}"  # type: ignore[attr-defined]
-    known = {option for param in group.commands[name].params for option in param.opts} | {"--help"}  # type: ignore[attr-defined]
+    command = group.commands[name]  # type: ignore[attr-defined]
+    if rest and rest[0] in getattr(command, "commands", {}):
+        command, (inner, *rest) = command.commands[rest[0]], rest
+        name = f"{name} {inner}"
+    known = {option for param in command.params for option in param.opts} | {"--help"}
     given = {word.partition("=")[0] for word in rest if word.startswith("-")}
     assert given <= known, f"{name} has no {', '.join(sorted(given - known))}"
 

@@ -22,15 +22,7 @@ import sim
 from acquisition import Recording, read_recording
 from cell.arrays import Array
 from cell.errors import DescriptionError
-from cell.geometry import (
-    INDEX,
-    NAMES,
-    PARAMETERS,
-    Geometry,
-    bar_frames,
-    nominal_geometry,
-    robot_frames,
-)
+from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from cell.inverse import pose_error
 from cell.load import load_cell
 from cell.logs import segment_starts
@@ -43,6 +35,7 @@ from sim.recording_files import truth_path
 from sim.settings import ErrorSettings, SimulationSettings
 from sim.truth import Truth, load_truth
 from tests.helpers.simulated_recordings import Recorded, record, settings
+from tests.helpers.six_axes import INDEX, NAMES, PARAMETERS
 
 pytestmark = pytest.mark.slow  # a simulated run for each effect
 
@@ -566,7 +559,9 @@ def test_logs_close_the_loop_only_with_the_deviations_of_each_static_source(
     source: str, tmp_path: Path
 ) -> None:
     run = simulated(tmp_path, errors=STATIC, encoders={"bits": 13})
-    without = Geometry(run.truth.geometry.values - drawn({source: STATIC[source]}, 1))
+    without = run.truth.geometry.with_values(
+        run.truth.geometry.values - drawn({source: STATIC[source]}, 1)
+    )
     t, motors = run.robot()
     rows = slice(None, None, 5)
     q = CubicSpline(run.truth.logs.first_rows.robot_s + t, motors_to_joints(CELL.robot, motors))(

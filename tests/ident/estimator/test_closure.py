@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
-from cell.geometry import NAMES, PARAMETERS, Geometry, robot_frames
+from cell.geometry import Geometry, robot_frames
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from ident.estimator.closure import (
     bar_joint_jacobian,
@@ -20,6 +20,7 @@ from ident.estimator.closure import (
     rod_jacobian,
     runs_of_one_side,
 )
+from tests.helpers.six_axes import NAMES, PARAMETERS
 from tests.helpers.synthetic_recording import Loop
 
 STEP = 1e-6  # central differences: truncation 1e-12, cancellation 1e-10

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
-from cell.geometry import INDEX, Geometry
+from cell.geometry import Geometry
 from ident.estimator.dependencies import (
-    EXTRA_PARAMETERS,
-    PLATE,
-    THESIS_PARAMETERS,
     groups,
     influence,
     orthogonalised,
@@ -20,6 +17,7 @@ from ident.estimator.dependencies import (
     spectrum,
     zero_jacobian,
 )
+from tests.helpers.six_axes import EXTRA_PARAMETERS, INDEX, PLATE, THESIS_PARAMETERS
 
 ROUNDING = 1e-9  # of columns of size 1
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cell.clock import Clock
-from cell.geometry import INDEX, NAMES, Geometry
+from cell.geometry import Geometry
 from ident.estimator import fit as module
 from ident.estimator.fit import Fit, fit, fit_kinematics, thinned
 from ident.estimator.gauss_newton import SingularError
@@ -17,6 +17,7 @@ from ident.estimator.iteration import Iteration
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
 from tests.helpers.complete_model import EXCESS, CompleteModel
+from tests.helpers.six_axes import INDEX, NAMES, TABLE
 from tests.helpers.synthetic_recording import (
     NO_CLOCK_ERROR,
     NOMINAL,
@@ -26,7 +27,7 @@ from tests.helpers.synthetic_recording import (
 
 ROD = ExcessNoise(rod=1e-6)
 GAUGE = ("rd1", "rd3", "rtheta1")
-PARAMETERS = np.array([i for i in candidates(UNIVERSAL_AND_GIMBAL) if NAMES[i] not in GAUGE])
+PARAMETERS = np.array([i for i in candidates(TABLE, UNIVERSAL_AND_GIMBAL) if NAMES[i] not in GAUGE])
 TRUE_CLOCK = Clock(0.02, 5e-5)
 
 
@@ -35,7 +36,7 @@ def true() -> Geometry:
     """Thesis-sized errors of a millimetre and a milliradian in every fitted parameter."""
     values = NOMINAL.values.copy()
     values[PARAMETERS] += np.random.default_rng(11).normal(0.0, 1e-3, PARAMETERS.size)
-    return Geometry(values)
+    return NOMINAL.with_values(values)
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,14 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from cell.geometry import INDEX, NAMES, Geometry
+from cell.geometry import Geometry
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
 from ident.estimator.model import JOINTS_AS_LOGGED, Model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
 from ident.estimator.unknowns import kinematic_unknowns
 from sim.errors.static_errors import THESIS_3_1
+from tests.helpers.six_axes import INDEX, NAMES, TABLE
 from tests.helpers.synthetic_recording import NO_CLOCK_ERROR, NOMINAL, exact_log, minute, recording
 
 FIVE = (1, 2, 3, 4, 5)
@@ -28,7 +29,7 @@ def judged_by(
     layout, x = kinematic_unknowns(geometry, clock, np.zeros(0, dtype=np.intp))
     model = Model(JOINTS_AS_LOGGED, None, (), layout, (samples,))
     point = model.evaluate(x, 0, samples.ballbar_angles(geometry, NO_CLOCK_ERROR))
-    requested = np.array([*candidates(samples.encoders, complete=complete), *extra])
+    requested = np.array([*candidates(TABLE, samples.encoders, complete=complete), *extra])
     return identifiable(point, ExcessNoise(rod=1e-6), NOMINAL, requested)
 
 
@@ -74,14 +75,14 @@ def test_without_encoders_the_orientation_of_the_tool_has_no_effect() -> None:
 
 
 def test_offsets_and_base_position_are_kept_before_robot_parameters() -> None:
-    order = [NAMES[i] for i in candidates((1, 2))]
+    order = [NAMES[i] for i in candidates(TABLE, (1, 2))]
     assert order[:5] == ["btheta1", "btheta2", "ox", "oy", "oz"]
     assert order[-1] == "bd3"
     assert "ra6" not in order
 
 
 def test_the_complete_candidates_are_the_rest_of_the_ball_bar_its_tilt_and_hayati_angles() -> None:
-    extra = set(candidates(FIVE, complete=True)) - set(candidates(FIVE))
+    extra = set(candidates(TABLE, FIVE, complete=True)) - set(candidates(TABLE, FIVE))
     names = {NAMES[i] for i in extra}
     assert {"rbeta2", "rbeta6", "otx", "oty", "ba1", "bd5", "balpha2"} < names
     assert not names & {"bd3", "ra6", "btheta1"}

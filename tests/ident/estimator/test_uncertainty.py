@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
-from cell.geometry import INDEX, NAMES
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
 from ident.estimator.noise import ExcessNoise
@@ -23,6 +22,7 @@ from ident.estimator.uncertainty import (
     uncertainty,
 )
 from ident.signals.smooth_log import smooth_log, smoothing
+from tests.helpers.six_axes import INDEX, NAMES, TABLE
 from tests.helpers.synthetic_recording import (
     NO_CLOCK_ERROR,
     NOMINAL,
@@ -31,7 +31,11 @@ from tests.helpers.synthetic_recording import (
 )
 
 PARAMETERS = np.array(
-    [i for i in candidates(UNIVERSAL_AND_GIMBAL) if NAMES[i] not in ("rd1", "rd3", "rtheta1")]
+    [
+        i
+        for i in candidates(TABLE, UNIVERSAL_AND_GIMBAL)
+        if NAMES[i] not in ("rd1", "rd3", "rtheta1")
+    ]
 )
 # Of the minute's 19 blocks eight unknowns, clock included, leave enough to tell their scatter.
 FEW = np.array([INDEX[name] for name in ("btheta1", "ox", "oy", "oz", "bd3", "ra2")])

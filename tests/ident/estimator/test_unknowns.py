@@ -6,19 +6,17 @@ import numpy as np
 import pytest
 
 from cell.clock import Clock
-from cell.geometry import INDEX, NAMES, Geometry
+from cell.geometry import Geometry
 from ident.corrections import CORRECTIONS
 from ident.estimator.unknowns import (
     ANGLE_PRIOR,
     AXIS_ANGLE_PRIOR,
     AXIS_OFFSET_PRIOR,
     CLOCK_PRIOR,
-    FIXED,
     GAIN_PRIOR,
     LENGTH_PRIOR,
     MAX_OFFSET_STEP,
     MAX_SKEW,
-    SHARED,
     TILT_PRIOR,
     RecordingStart,
     Unknowns,
@@ -26,6 +24,7 @@ from ident.estimator.unknowns import (
     complete_unknowns,
     kinematic_unknowns,
 )
+from tests.helpers.six_axes import FIXED, INDEX, NAMES, SHARED
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 ENCODERS = (1, 2, 4, 5)

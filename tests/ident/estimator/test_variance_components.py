@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.geometry import NAMES
 from ident.complete_fit import FIRST_EXCESS
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
@@ -16,6 +15,7 @@ from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
 from ident.estimator.variance_components import excess_noise, rod_deviation
 from ident.estimator.whitening import covariance
+from tests.helpers.six_axes import NAMES, TABLE
 from tests.helpers.synthetic_recording import (
     NO_CLOCK_ERROR,
     NOMINAL,
@@ -24,7 +24,11 @@ from tests.helpers.synthetic_recording import (
 )
 
 PARAMETERS = np.array(
-    [i for i in candidates(UNIVERSAL_AND_GIMBAL) if NAMES[i] not in ("rd1", "rd3", "rtheta1")]
+    [
+        i
+        for i in candidates(TABLE, UNIVERSAL_AND_GIMBAL)
+        if NAMES[i] not in ("rd1", "rd3", "rtheta1")
+    ]
 )
 ONLY_ROD = ExcessNoise(rod=2e-6)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
-from cell.geometry import INDEX, PARAMETERS, Geometry
+from cell.geometry import Geometry
 from ident.estimator.closure import (
     Closure,
     bar_joint_jacobian,
@@ -16,6 +16,7 @@ from ident.estimator.closure import (
     rod_jacobian,
 )
 from ident.estimator.whitening import FLOOR_SIGMA, cholesky, covariance, solve_lower, whitening
+from tests.helpers.six_axes import INDEX, PARAMETERS
 from tests.helpers.synthetic_recording import Loop
 
 UNMEASURED = [[], [2], [2, 3, 4], [0, 1, 2, 3, 4]]

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import INDEX, Geometry, robot_frames
+from cell.geometry import Geometry, robot_frames
 from cell.robot_angles import joints_to_axes
 from ident.robot.accuracy import (
     accuracy_grid,
@@ -18,6 +18,7 @@ from ident.robot.accuracy import (
     tcp_error,
     tcp_sigma,
 )
+from tests.helpers.six_axes import INDEX
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +86,7 @@ def test_the_stated_sigma_is_the_spread_of_robots_drawn_from_the_covariance(
     for _ in range(400):
         values = nominal.values.copy()
         values[parameters] += root @ rng.standard_normal(6)
-        squares += tcp_error(Geometry(values), nominal, some).error ** 2
+        squares += tcp_error(nominal.with_values(values), nominal, some).error ** 2
     assert np.sqrt(squares / 400) == pytest.approx(stated, rel=0.15)
 
 

@@ -7,10 +7,11 @@ import pytest
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import INDEX, Geometry, robot_frames
+from cell.geometry import Geometry, robot_frames
 from ident.corrections import CORRECTIONS
 from ident.loads.gear_loads import mass_model, own_weight
 from ident.robot.unloaded_robot import UNDECIDED, UnloadedRobot, backlash_flanks
+from tests.helpers.six_axes import INDEX
 
 CHOSEN = ("joint_compliance", "gear_backlash", "gear_ripple", "rod_strain", "encoder_harmonics")
 

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from cell.clock import Clock
-from cell.geometry import NAMES, Geometry
+from cell.geometry import Geometry
 from ident.estimator import gauss_newton
 from ident.estimator.noise import ExcessNoise
 from ident.signals.smooth_log import SmoothLog
 from ident.start import automatic
 from ident.start.automatic import (
-    GAUGE,
     GEOMETRY_SIGMA,
     Hypothesis,
     StartError,
@@ -21,6 +20,7 @@ from ident.start.automatic import (
     start_parameters,
 )
 from sim.errors.static_errors import THESIS_3_1
+from tests.helpers.six_axes import FIXED, NAMES, TABLE
 from tests.helpers.start_candidates import candidate
 from tests.helpers.synthetic_recording import CELL, NOMINAL, closed, exact_log, minute
 
@@ -143,12 +143,12 @@ def test_a_hypothesis_that_cannot_be_linearised_leads_nowhere(
 def test_base_and_encoder_offsets_are_free_in_the_start_the_rest_is_held_near_the_catalogue() -> (
     None
 ):
-    parameters, sigma = start_parameters((1, 2))
+    parameters, sigma = start_parameters(TABLE, (1, 2))
     priors = dict(zip((NAMES[i] for i in parameters), sigma, strict=True))
     assert {name for name, s in priors.items() if np.isinf(s)} == {
         "btheta1", "btheta2", "ox", "oy", "oz",
     }  # fmt: skip
-    assert not set(GAUGE) & set(priors)
+    assert not set(FIXED) & set(priors)
     assert {s for s in priors.values() if np.isfinite(s)} == {GEOMETRY_SIGMA}
     assert "bd3" in priors
     assert CELL.ballbar.length_tolerance < GEOMETRY_SIGMA  # it is a weight, not what is known

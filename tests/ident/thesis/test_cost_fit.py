@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
-from cell.geometry import INDEX, NAMES, Geometry
+from cell.geometry import Geometry
 from ident.thesis.cost_fit import fit_cost, identifiable_by
 from ident.thesis.costs import ENCODERS_NEEDED, CostName, cost_named
 from sim.path import ReferencePath
+from tests.helpers.six_axes import INDEX, NAMES
 from tests.helpers.synthetic_recording import closed
 
 COSTS = get_args(CostName)

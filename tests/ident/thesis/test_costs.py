@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
-from cell.geometry import INDEX, NAMES, PARAMETERS, Geometry, bar_frames, robot_frames
+from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.inverse import refine
 from ident.estimator.closure import close_loop
 from ident.thesis.costs import EQUATIONS, CostName, Form, cost_named
 from tests.helpers.simulated_recordings import perturbed
+from tests.helpers.six_axes import INDEX, NAMES, PARAMETERS
 from tests.helpers.synthetic_recording import Loop
 
 COSTS = get_args(CostName)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cell.geometry import NAMES, Geometry
+from cell.geometry import Geometry
 from ident.thesis.paired_samples import NOISE_FLOOR, fit_samples, noise_of, through_samples
 from sim.path import ReferencePath
+from tests.helpers.six_axes import NAMES
 from tests.helpers.synthetic_recording import NOMINAL, closed, exact_log
 
 NOISE = 1e-5

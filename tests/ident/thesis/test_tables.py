@@ -22,7 +22,7 @@ from ballbar.identifiability.study import (
 from ballbar.identifiability.tables import vector_text
 from ballbar.scenario import load_scenario
 from cell.errors import InputError
-from cell.geometry import INDEX, bar_frames
+from cell.geometry import bar_frames
 from cell.inverse import refine
 from generators import identifiability_page
 from generators.identifiability_page import (
@@ -35,7 +35,6 @@ from generators.identifiability_page import (
     turned,
 )
 from ident.estimator.dependencies import (
-    THESIS_PARAMETERS,
     Dependency,
     groups,
     influence,
@@ -56,6 +55,7 @@ from ident.thesis.tables import (
 )
 from tests.helpers.command_line import ballbar
 from tests.helpers.simulated_recordings import SCENARIOS
+from tests.helpers.six_axes import INDEX, THESIS_PARAMETERS
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of columns of size 1 with weakest directions of 1e-3

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.geometry import PARAMETERS, Geometry, parameter_screw
+from cell.geometry import Geometry, parameter_screw
 from ident.estimator.closure import close_loop
 from ident.thesis.universal_joint import universal_joint_angles, universal_joint_columns
+from tests.helpers.six_axes import PARAMETERS
 from tests.helpers.synthetic_recording import Loop
 
 

@@ -1,0 +1,156 @@
+"""Any log as channels over its clock: a source of a recording folder, or a plain table.
+
+A plain table has one column of time stamps, the first one whose name says time (`time`, `t_ms`,
+`Zeit [s]`, `timestamp`), or else its first column. Every other column of numbers is a channel. The
+stamps' form shows if they count from an epoch, their unit if the column's name ends in it (`_ms`,
+`[us]`); otherwise it is declared, never guessed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.recording import Recording, read_recording
+from acquisition.report import Finding
+from acquisition.stamps.order import STAMP, in_order, in_sequence, seconds_from
+from acquisition.table.fields import SEPARATORS, is_number, split_fields
+from acquisition.table.header import Kind, Layout
+from acquisition.table.preview import column_names, likely_separator
+from acquisition.table.table import Table, read_table
+from acquisition.table.text import LogText, read_text
+from acquisition.times import TIME_FORMS, TimeCells, TimeForm, recognised, stamps_ns
+from cell.errors import InputError, LogError
+from cell.logs import ChannelLog
+from cell.recording import SourceName
+from cell.schema_errors import nearest
+
+WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+_TIME_NAME = re.compile(r"(time|zeit|stamp|timestamp|date|t)([^a-z].*|stamp)?", re.IGNORECASE)
+_UNIT = re.compile(r"[_\[(\s](s|ms|us|ns)[\])]?$", re.IGNORECASE)
+
+
+def read_channels(
+    path: Path,
+    *,
+    source: SourceName | None = None,
+    time: str | None = None,
+    channels: Sequence[str] = (),
+) -> tuple[ChannelLog, tuple[Finding, ...]]:
+    """The channels of one log, and what was found in its files.
+
+    path : a recording folder, or a table. source : of a folder's logs; default the robot's.
+    time : form of a table's stamps, if they do not show it. channels : the columns of a table that
+    are read; default all of numbers.
+
+    Raises LogError or DescriptionError if the log cannot be trusted, InputError if a declaration
+    does not fit it.
+    """
+    if path.is_dir():
+        if time is not None:
+            raise InputError(f"{path}: recording.yaml declares the form of the stamps, not --time.")
+        recording = read_recording(path)
+        return _of_recording(path, recording, source or "robot"), recording.report.findings
+    if source is not None:
+        raise InputError(f"{path}: a table has no source {source}; only recording folders do.")
+    if time is not None and time not in TIME_FORMS:
+        choices = nearest(time, list(TIME_FORMS), noun="form")
+        raise InputError(f"{path}: unknown form of time {time!r}.{choices}")
+    return _of_table(path, time, channels)
+
+
+def _of_recording(folder: Path, recording: Recording, source: SourceName) -> ChannelLog:
+    """The channels of one source of a recording."""
+    robot, bar, force = recording.robot_log, recording.ballbar_log, recording.force_log
+    name = f"{folder} ({source})"
+    if source == "robot":
+        joints = tuple(f"q{k + 1}" for k in range(robot.q.shape[1]))
+        return ChannelLog(name, robot.t, robot.q, joints, robot.segment)
+    if source == "ballbar" and bar is not None:
+        return ChannelLog(name, bar.t, bar.angles, tuple(f"b{j}" for j in bar.joints), bar.segment)
+    if source == "force" and force is not None:
+        return ChannelLog(name, force.t, force.wrench, WRENCH)
+    raise InputError(f"{folder}: recording.yaml has no sources.{source}. Name one that it has.")
+
+
+def _of_table(
+    path: Path, time: str | None, channels: Sequence[str]
+) -> tuple[ChannelLog, tuple[Finding, ...]]:
+    text = read_text(path, path.name)
+    names = column_names(text)
+    unnamed = all(is_number(name) for name in names)
+    if unnamed:
+        names = [f"#{k + 1}" for k in range(len(names))]
+    column = next((name for name in names if _TIME_NAME.fullmatch(name)), names[0])
+    chosen = _columns(path, text, names, column, channels)
+    required: dict[str, Kind] = {column: "text", **dict.fromkeys(chosen, "float")}
+    layout = Layout(separators=tuple(SEPARATORS), required=required, headerless=unnamed)
+    table, _ = read_table(path, path.name, layout)
+    cells = table.columns.pop(column)
+    stamps = TimeCells(path.name, column, cells, table.line)
+    ns, findings = stamps_ns(stamps, _form(stamps, time))
+    table = replace(table, columns={STAMP: ns, **table.columns})
+    table = in_order(in_sequence(replace(table, findings=(*table.findings, *findings)), None))
+    values = np.stack([table.columns[name] for name in chosen], axis=1)
+    log = ChannelLog(path.name, _seconds(table), values, tuple(chosen))
+    return log, tuple(f for f in table.findings if f.kind != "column not used")
+
+
+def _columns(
+    path: Path, text: LogText, names: list[str], time: str, channels: Sequence[str]
+) -> list[str]:
+    """The channels that are read. Raises LogError if there are none, or one does not exist."""
+    for name in channels:
+        if name not in names:
+            raise LogError(
+                f"{path.name}: no column {name!r}; the header has {', '.join(names)}. Name one of "
+                "them."
+            )
+    if channels:
+        return list(dict.fromkeys(channels))
+    separator = likely_separator(text)
+    rows = [split_fields(text.lines[k], separator) for k in (len(text.lines) // 2, -1)]
+    numbers = [
+        name
+        for k, name in enumerate(names)
+        if name and name != time and all(k < len(row) and is_number(row[k]) for row in rows)
+    ]
+    if not numbers:
+        raise LogError(
+            f"{path.name}: no column of numbers beside the time stamps in {time!r}; the columns "
+            f"are {', '.join(names)}. Export the table with its values."
+        )
+    return numbers
+
+
+def _form(stamps: TimeCells, declared: str | None) -> TimeForm:
+    """The form of the stamps: declared, the unit in their column's name, or shown by them."""
+    if declared is not None:
+        return next(form for form in TIME_FORMS if form == declared)
+    if match := _UNIT.search(stamps.column):
+        return next(form for form in TIME_FORMS if form == match[1].lower())
+    cell = str(stamps.cells[len(stamps.cells) // 2])
+    # A whole number near 1.7e9 may as well be an up-time in ms.
+    shown = [form for form in TIME_FORMS if form != "unix-s" or "." in cell]
+    if form := recognised(cell, shown):
+        return form
+    raise LogError(
+        f"{stamps.location(0)}: neither the stamp nor the column's name shows what the time is "
+        f"counted in. Declare it, such as `--time-a s`; forms: {', '.join(TIME_FORMS)}."
+    )
+
+
+def _seconds(table: Table) -> np.ndarray:
+    """(N,) [s] from the first row. Raises LogError where the clock was set back."""
+    t = seconds_from(table.columns[STAMP], table.columns[STAMP][0])
+    back = np.flatnonzero(np.diff(t) <= 0.0) + 1
+    if back.size:
+        raise LogError(
+            f"{table.location(back[0])}: the stamp goes back by {t[back[0] - 1] - t[back[0]]:.3g} "
+            "s. The recorder restarted: split the file before this line and align each part."
+        )
+    return t

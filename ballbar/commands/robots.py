@@ -1,0 +1,167 @@
+"""Commands for descriptions of robots: `ballbar robot new` and `show`."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+
+from ballbar.commands.options import AT_THE_CELL, AsJson, say_json
+from ballbar.terminal import CommandGroup, out
+from cell.errors import InputError
+
+if TYPE_CHECKING:
+    from ballbar.robot_file.new_robot import NewRobot
+
+robot = typer.Typer(
+    name="robot",
+    cls=CommandGroup,
+    no_args_is_help=True,
+    help="Describe a robot: from a URDF or a table of DH rows; look at it.",
+)
+commands = typer.Typer()
+commands.add_typer(robot, rich_help_panel=AT_THE_CELL)
+
+
+@robot.command(
+    rich_help_panel=AT_THE_CELL,
+    epilog="Example: `ballbar robot new my_robot --urdf my_robot.urdf --tip tool0`",
+)
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the robot.", metavar="NAME")],
+    urdf: Annotated[
+        Path | None, typer.Option(help="URDF of the robot, xacro expanded.", metavar="FILE")
+    ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option(help="Link of the URDF that is the base; its root if none.", metavar="LINK"),
+    ] = None,
+    tip: Annotated[
+        str | None,
+        typer.Option(
+            help="Link of the URDF that is the flange; the end of its longest chain of turning "
+            "joints if none.",
+            metavar="LINK",
+        ),
+    ] = None,
+    dh: Annotated[
+        Path | None,
+        typer.Option(
+            help="Table of DH rows, CSV or YAML: a_mm, d_mm, alpha_deg, theta_deg or in m and rad; "
+            "standard, or `convention: modified`.",
+            metavar="FILE",
+        ),
+    ] = None,
+    out_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="File to write; NAME.yaml if none. It must not exist.", metavar="FILE"
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write the description of a robot from its URDF or from a table of DH rows.
+
+    Standard DH rows, limits, and where the source has them speeds and masses. What was written is
+    compared with the source at 100 random poses; a difference above 1e-9 m or rad is refused. A
+    picture is drawn beside the file. The robot is then used by its file, `--robot NAME.yaml`.
+    """
+    from ballbar.robot_file.dh_table import draft_from_table
+    from ballbar.robot_file.from_urdf import draft_from_urdf
+    from ballbar.robot_file.new_robot import target_file, write_robot
+
+    file = target_file(name, out_file)
+    if urdf is not None and dh is None:
+        draft = draft_from_urdf(name, urdf, base, tip)
+    elif dh is not None and urdf is None and base is None and tip is None:
+        draft = draft_from_table(name, dh)
+    else:
+        raise InputError(
+            "name one source: --urdf FILE, with --base and --tip where needed, or --dh FILE."
+        )
+    written = write_robot(draft, file)
+    if as_json:
+        say_json(_data(written))
+    _say(written)
+
+
+@robot.command(
+    rich_help_panel=AT_THE_CELL,
+    epilog="Example: `ballbar robot show panda`, or `ballbar robot show my_robot.yaml --web`",
+)
+def show(
+    name: Annotated[
+        str, typer.Argument(help="Robot of cell/robots, or a .yaml file.", metavar="NAME")
+    ],
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve it to a browser on this machine (loopback only).")
+    ] = False,
+    save: Annotated[
+        Path | None,
+        typer.Option("--save", help="Write the .rrd file instead of opening it.", metavar="FILE"),
+    ] = None,
+) -> None:
+    """Show the DH rows and frames of a robot in the rerun viewer; each axis moves once."""
+    from ballbar.replay.viewer import open_viewer, serve_web
+    from ballbar.robot_file.view import write_view
+    from cell.files import write_new
+    from cell.load import load_robot
+
+    described = load_robot(name)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"{described.name}.rrd"
+        write_view(described, file)
+        if save is not None:
+            write_new(save, file.read_bytes())
+            out.print(f"Wrote {escape(str(save))}")
+        elif web:
+            serve_web(file, show=lambda text: out.print(escape(text)))
+        else:
+            open_viewer(file)
+
+
+def _say(written: NewRobot) -> None:
+    """What was written, the check, what lies outside the rows, and what is missing."""
+    from ballbar.robot_file.check import POSES
+    from ballbar.robot_file.text import is_identity, missing, transform_lines
+
+    draft, form, difference = written.draft, written.draft.form, written.difference
+    out.print(escape(f"{draft.title}: {draft.source}"))
+    out.print(
+        f"Check: largest difference to the source at {POSES} random poses "
+        f"{difference.position:.2g} m, {difference.angle:.2g} rad"
+    )
+    for text, pose in (
+        ("The source's base is not the frame of row 1. T_base_dh:", form.T_base_dh),
+        ("The source's tip is not the frame of the last row. T_flange_tip:", form.T_flange_tip),
+    ):
+        if not is_identity(pose):
+            out.print(f"{text} rotation and m; it stands in the file as a comment, and is not used")
+            for line in transform_lines(pose):
+                out.print(escape(f"  {line}"))
+    out.print("Missing, and what it is needed for:")
+    for key, use in missing(draft):
+        out.print(escape(f"  {key}: {use}"))
+    file = escape(str(written.file))
+    out.print(
+        f"Wrote {file} and {escape(written.picture.name)}. Look at it: ballbar robot show {file}"
+    )
+
+
+def _data(written: NewRobot) -> dict[str, object]:
+    from ballbar.robot_file.text import missing
+
+    form = written.draft.form
+    return {
+        "file": str(written.file),
+        "picture": str(written.picture),
+        "axes": written.robot.joints,
+        "largest_difference_m": written.difference.position,
+        "largest_difference_rad": written.difference.angle,
+        "T_base_dh": form.T_base_dh.tolist(),
+        "T_flange_tip": form.T_flange_tip.tolist(),
+        "missing": [key for key, _ in missing(written.draft)],
+    }

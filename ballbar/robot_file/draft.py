@@ -1,0 +1,100 @@
+"""A robot's description before it is written: what its source states, and what it does not.
+
+Base and tip are links of the source; `T_base_tip = T_base_dh @ (DH rows) @ T_flange_tip`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.arrays import Array, read_only
+from cell.chain import Chain
+from cell.description_files import MAX_DH_LENGTH_M, SMALLEST_TWIST_DEG
+from cell.descriptions import Link
+from cell.dh_from_axes import DHForm
+from cell.errors import InputError
+
+FEWEST_AXES, MOST_AXES = 5, 8  # of cell.description_files.RobotFile
+ASSUMED_RANGE_DEG = 180.0  # written to either side where the source states no limits
+LENGTH_DIGITS, DEGREE_DIGITS, LIMIT_DIGITS = 12, 10, 3  # decimals of what is written
+
+
+@dataclass(frozen=True, eq=False)
+class RobotDraft:
+    """What a source states about a robot of J axes."""
+
+    name: str
+    title: str
+    source: str  # file and what was taken from it, in the head of the description
+    form: DHForm
+    lower: Array  # (J,) [rad] nan where not stated
+    upper: Array  # (J,) [rad]
+    speed: Array  # (J,) [rad/s] nan where not stated
+    bodies: tuple[Link, ...] | str  # base, link 1..J in the source's base; or why there are none
+    tip_poses: Callable[[Array], Array]  # (N, J) [rad] -> (N, 4, 4) [m], by the source's own rules
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper", "speed"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    @property
+    def joints(self) -> int:
+        return self.form.chain.rows
+
+    @property
+    def unlimited(self) -> list[int]:
+        """Axes, from 1, whose limits are not stated."""
+        return [i + 1 for i in range(self.joints) if not np.isfinite(self.upper[i] - self.lower[i])]
+
+
+def rounded(form: DHForm) -> DHForm:
+    """The form with the decimals that are written; -0 becomes 0."""
+    chain = form.chain
+    return replace(
+        form,
+        chain=Chain(
+            a=_round(chain.a, LENGTH_DIGITS),
+            d=_round(chain.d, LENGTH_DIGITS),
+            alpha=np.deg2rad(_round(np.rad2deg(chain.alpha), DEGREE_DIGITS)),
+            theta=np.deg2rad(_round(np.rad2deg(chain.theta), DEGREE_DIGITS)),
+            beta=chain.beta,
+        ),
+        T_base_dh=_round(form.T_base_dh, LENGTH_DIGITS),
+        T_flange_tip=_round(form.T_flange_tip, LENGTH_DIGITS),
+    )
+
+
+def check_rows(source: str, chain: Chain) -> None:
+    """Refuse rows that a robot's description cannot hold, before it is written.
+
+    source : named in messages.
+    """
+    if not FEWEST_AXES <= chain.rows <= MOST_AXES:
+        raise InputError(
+            f"{source}: {chain.rows} turning joints; a robot has {FEWEST_AXES} to {MOST_AXES}. "
+            "Choose the ends of the chain with --base and --tip."
+        )
+    for i in range(chain.rows):
+        for letter in ("a", "d"):
+            length = float(getattr(chain, letter)[i])
+            if abs(length) > MAX_DH_LENGTH_M:
+                raise InputError(
+                    f"{source}: {letter} of row {i + 1} is {length:.4g} m, beyond "
+                    f"{MAX_DH_LENGTH_M:g} m. Lengths are metres; if they are, an axis is nearly "
+                    "parallel to the next and should be exactly so."
+                )
+        for letter in ("alpha", "theta"):
+            angle = float(np.rad2deg(getattr(chain, letter)[i]))
+            if 0.0 < abs(angle) < SMALLEST_TWIST_DEG:
+                raise InputError(
+                    f"{source}: {letter} of row {i + 1} is {angle:.6g} deg. Nominal angles below "
+                    f"{SMALLEST_TWIST_DEG:g} deg are refused: they are radians taken for degrees, "
+                    "or the calibrated values of a single robot. Give the nominal ones."
+                )
+
+
+def _round(values: Array, digits: int) -> Array:
+    return np.asarray(np.round(values, digits) + 0.0)  # + 0.0: -0 becomes 0

@@ -1,0 +1,80 @@
+"""A new robot: description file and picture, written only if they agree with their source."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from ballbar.robot_file.check import LARGEST, POSES, Difference, difference
+from ballbar.robot_file.draft import RobotDraft
+from ballbar.robot_file.picture import robot_picture
+from ballbar.robot_file.text import description_text
+from cell.descriptions import Robot
+from cell.errors import FailureError, InputError
+from cell.files import write_new
+from cell.load import load_robot
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+
+
+@dataclass(frozen=True, eq=False)
+class NewRobot:
+    """What was written."""
+
+    robot: Robot
+    draft: RobotDraft
+    difference: Difference
+    file: Path
+    picture: Path
+
+
+def target_file(name: str, out: Path | None) -> Path:
+    """The file of a new robot: `out`, or NAME.yaml in the working directory.
+
+    Raises InputError if the name cannot be one, the file does not end in .yaml, or it or the
+    picture beside it exists.
+    """
+    if not _NAME.fullmatch(name):
+        raise InputError(
+            f"name {name!r}: use letters, digits, _ and -, as in my_robot. A folder: with --out."
+        )
+    file = out or Path(f"{name}.yaml")
+    if file.suffix != ".yaml":
+        raise InputError(f"--out {file}: a robot's file ends in .yaml. Write {file}.yaml.")
+    for path in (file, picture_of(file)):
+        if path.exists():
+            raise InputError(
+                f"{path}: exists already; nothing was written. Name another file with --out."
+            )
+    return file
+
+
+def picture_of(file: Path) -> Path:
+    """The picture beside a description."""
+    return file.with_suffix(".png")
+
+
+def write_robot(draft: RobotDraft, file: Path) -> NewRobot:
+    """Write description and picture of a draft.
+
+    Raises FailureError, and writes nothing, if the description as it is read back differs from its
+    source by more than LARGEST; DescriptionError if it is no description.
+    """
+    text = description_text(draft).encode()
+    with tempfile.TemporaryDirectory() as folder:
+        trial = Path(folder) / f"{draft.name}.yaml"
+        trial.write_bytes(text)
+        robot = load_robot(str(trial))
+    largest = difference(robot, draft)
+    if not largest.acceptable:
+        raise FailureError(
+            f"the description differs from its source by {largest.position:.3g} m and "
+            f"{largest.angle:.3g} rad at {POSES} random poses, more than {LARGEST:g}. Nothing was "
+            "written. Report this with the source: it is a fault of the conversion."
+        )
+    picture = robot_picture(robot)
+    write_new(file, text)
+    write_new(picture_of(file), picture)
+    return NewRobot(robot, draft, largest, file, picture_of(file))

@@ -1,0 +1,70 @@
+"""A robot as a stick figure: its DH rows and frames at zero and at another pose."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from ballbar.figure_style import BLUE, FRAME, GREEN, INK, QUIET, RED
+from ballbar.robot_file.links import bent_pose, corners, frames_at
+from ballbar.units import MM
+from cell.arrays import Array
+from cell.descriptions import Robot
+
+_FRAME_SIZE = 0.06  # of the width of the cube that is shown
+_MARGIN = 1.15  # of the cube around the robot
+_DPI = 150
+
+
+def robot_picture(robot: Robot) -> bytes:
+    """PNG with two panels, lengths in mm: all axis angles zero, and another pose."""
+    bent = bent_pose(robot)
+    poses = {"all axes at zero": np.zeros(robot.joints), _angles(bent): bent}
+    points = np.concatenate([corners(robot, frames_at(robot, axes)) for axes in poses.values()])
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) * MM
+    size = 0.5 * _MARGIN * float(np.ptp(points, axis=0).max()) * MM
+    with matplotlib.rc_context({**FRAME, "font.size": 8.0}):
+        figure = Figure(figsize=(11.0, 5.6), dpi=_DPI)
+        for number, (title, axes) in enumerate(poses.items(), start=1):
+            panel = figure.add_subplot(1, 2, number, projection="3d")
+            _draw(panel, robot, axes, middle, size)
+            panel.set_title(title, fontsize=8.0)
+        figure.subplots_adjust(left=0.01, right=0.95, bottom=0.05, top=0.88, wspace=0.12)
+        figure.suptitle(
+            f"{robot.title}: DH rows; frames x red, y green, z blue; circles are joint axes",
+            fontsize=9.0,
+        )
+        out = io.BytesIO()
+        figure.savefig(out, format="png", metadata={"Software": None})
+    return out.getvalue()
+
+
+def _angles(axes: Array) -> str:
+    return "axes at " + ", ".join(f"{angle:.0f}" for angle in np.rad2deg(axes)) + " deg"
+
+
+def _draw(panel: Any, robot: Robot, axes: Array, middle: Array, size: float) -> None:
+    """One pose; middle (3,), size : the cube that is shown, and half its width [mm]."""
+    frames = frames_at(robot, axes)
+    origins = frames.origin[:, :, 0] * MM
+    panel.plot(*(corners(robot, frames) * MM).T, color=INK, lw=2.0, solid_capstyle="round")
+    for axis, colour in ((frames.x, RED), (frames.y, GREEN), (frames.z, BLUE)):
+        for origin, direction in zip(origins, axis[:, :, 0], strict=True):
+            end = origin + 2.0 * size * _FRAME_SIZE * direction
+            panel.plot(*np.stack((origin, end)).T, color=colour, lw=1.0)
+    labels: dict[tuple[float, ...], list[str]] = {}  # axes of one origin have one label
+    for i, origin in enumerate(origins[:-1]):
+        labels.setdefault(tuple(np.round(origin, 1).tolist()), []).append(str(i + 1))
+    for place, numbers in labels.items():
+        panel.plot(*np.array(place)[:, None], "o", color=INK, ms=4.0, mfc="white")
+        shift = np.array(place) + 0.06 * size
+        panel.text(*shift, ", ".join(numbers), color=QUIET, fontsize=7.0)
+    limits = np.stack((middle - size, middle + size))
+    panel.set(xlim=limits[:, 0], ylim=limits[:, 1], zlim=limits[:, 2])
+    panel.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
+    panel.set_box_aspect((1.0, 1.0, 1.0))
+    panel.view_init(elev=20.0, azim=-60.0)

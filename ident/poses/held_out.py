@@ -1,0 +1,94 @@
+"""Held-out validation: does an identified robot predict poses that it was not identified from?
+
+Fitted are only the seats of the held-out table, and targets that the identification did not see.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.chain import Chain
+from cell.poses import PoseTable
+from ident.poses.closure import Placement
+from ident.poses.fit import PoseFit, fit_poses
+from ident.poses.model import PoseModel
+from ident.poses.result import PoseIdentification, position_errors
+from ident.poses.start import start_of_poses
+from ident.poses.unknowns import PoseUnknowns, nominal_chain, pose_unknowns
+from ident.robot.identified_arm import IdentifiedArm, range_sentence
+
+HELD = 1e-9  # of a prior's sigma: below what data could tell
+WORSE = 2.0  # held-out error over that predicted by cross-validation: no longer the same robot
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class PoseHeldOut:
+    """A table of poses that took no part in the identification."""
+
+    name: str
+    error: Array  # (N,) [m] of the identified robot
+    nominal: Array  # (N,) [m] of the nominal robot, seats fitted likewise
+    predicted: float  # [m] mean error that cross-validation predicts
+    out_of_range: dict[int, tuple[float, float]]  # axes, from 1, beyond their fitted range [rad]
+
+    @property
+    def acceptable(self) -> bool:
+        return float(self.error.mean()) <= WORSE * self.predicted
+
+    @property
+    def sentence(self) -> str:
+        """How well the robot predicts the poses."""
+        mean, high = self.error.mean() * 1e3, np.quantile(self.error, LEVEL) * 1e3
+        opening = (
+            f"Held out {self.name}: {self.error.size} poses to {mean:.3f} mm (95 %: {high:.3f} "
+            f"mm); nominal robot {self.nominal.mean() * 1e3:.3f} mm; predicted "
+            f"{self.predicted * 1e3:.3f} mm"
+        )
+        if self.out_of_range:
+            opening += f"; some poses are {range_sentence(self.out_of_range)}"
+        if self.acceptable:
+            return f"{opening}."
+        return f"{opening}: a misfit. The robot as identified does not explain these poses."
+
+
+def held_out_poses(result: PoseIdentification, table: PoseTable) -> PoseHeldOut:
+    """How well an identified robot predicts a table that it was not identified from."""
+    arm = result.arm()
+    layout, x = result.fit.model.unknowns, result.fit.x
+    known = {name: layout.target(x, name) for name in layout.targets}
+    identified = placed(arm, table, known)
+    bare = replace(arm, chain=nominal_chain(table.robot), corrections=(), values=np.zeros(0))
+    before = result.nominal.model.unknowns
+    nominal_targets = {name: before.target(result.nominal.x, name) for name in before.targets}
+    return PoseHeldOut(
+        name=table.name,
+        error=position_errors(identified),
+        nominal=position_errors(placed(bare, table, nominal_targets)),
+        predicted=result.cross_validation.mean,
+        out_of_range=arm.out_of_range(table.q),
+    )
+
+
+def placed(arm: IdentifiedArm, table: PoseTable, known: dict[str, Placement]) -> PoseFit:
+    """Seats of a table, and targets that are not known, fitted to a robot that is held."""
+    chain: Chain = arm.chain
+    start = start_of_poses(table, chain)
+    targets = start.targets | {name: known[name] for name in table.targets if name in known}
+    layout = pose_unknowns(table, chain, start.seats, targets, arm.corrections)
+    mean = layout.mean.copy()
+    mean[layout.coefficients] = arm.values
+    layout = replace(layout, mean=mean, sigma=_held(layout, [t for t in targets if t in known]))
+    noise = np.zeros(table.robot.a.size)
+    return fit_poses(PoseModel(table, layout, arm.corrections, noise), mean.copy())
+
+
+def _held(layout: PoseUnknowns, targets: list[str]) -> Array:
+    sigma = layout.sigma.copy()
+    sigma[layout.machine] *= HELD
+    for target in targets:
+        sigma[layout.targets[target]] *= HELD
+    return sigma

@@ -1,0 +1,198 @@
+"""From a table of still poses to the robot's parameters, joint errors, uncertainty and verdict.
+
+Start by the nominal robot -> geometry and sag -> search for joint errors by evidence -> everything
+once more together -> cross-validation by regions of joint space -> verdict.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.errors import InputError
+from cell.poses import PoseTable
+from ident.corrections.base import Coefficient, Correction
+from ident.corrections.joint_harmonics import PRIOR, joint_harmonics
+from ident.corrections.unit_weights import unit_weights
+from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
+from ident.estimator.regions import joint_regions
+from ident.poses.closure import Placement
+from ident.poses.cross_validation import cross_validated
+from ident.poses.findings import Findings, findings_of
+from ident.poses.fit import PoseFit, fit_poses
+from ident.poses.model import PoseModel
+from ident.poses.result import PoseIdentification
+from ident.poses.start import start_of_poses
+from ident.poses.unknowns import PoseUnknowns, nominal_chain, pose_unknowns
+from ident.poses.verdict import judge_poses
+
+HELD = 1e-9  # of a prior's sigma: below what data could tell
+SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
+GRIDS_DEG = (1.0, 0.5, 0.1, 0.05, 0.01)  # steps to which tables round their angles
+
+
+@dataclass(frozen=True)
+class JointErrors:
+    """Joint errors learned elsewhere: their amplitudes are kept."""
+
+    orders: tuple[tuple[int, int], ...]  # joint, from 0, and order
+    values: tuple[float, ...]  # [rad] cosine and sine amplitude of each
+
+
+@dataclass(frozen=True)
+class PoseOptions:
+    """What an identification from still poses shall do."""
+
+    search: bool = True  # for joint errors
+    expected: tuple[tuple[int, int], ...] = ()  # joint, from 0, and order: in the model at once
+    learned: JointErrors | None = None
+
+
+Progress = Callable[[str], None]
+
+
+def identify_poses(
+    table: PoseTable, options: PoseOptions = PoseOptions(), progress: Progress = lambda _: None
+) -> PoseIdentification:
+    """Identify a robot from still poses.
+
+    Raises InputError where the table holds fewer equations than the robot has parameters, and
+    PoseStartError where measurements and robot cannot be brought together.
+    """
+    chain = nominal_chain(table.robot)
+    noise = rounding(table.q) / np.sqrt(12.0)
+    progress("finding seats and targets")
+    start = start_of_poses(table, chain)
+    fixed = [unit_weights(table.robot), *_learned(options)]
+    if options.expected:
+        fixed.append(joint_harmonics(options.expected))
+    layout = pose_unknowns(table, chain, start.seats, start.targets, fixed)
+    _check_enough(table, layout)
+    model = PoseModel(table, layout, tuple(fixed), noise)
+    nominal = fit_poses(replace(model, unknowns=_held(layout)), layout.mean.copy())
+    progress("fitting geometry and sag")
+    fit = fit_poses(model, nominal.x, nominal.discrepancy)
+    fit, findings = _without_unsettled(fit)
+    search = None
+    if options.search:
+        progress("searching joint errors")
+        search = search_orders(linearised(fit), PRIOR)
+        if search.found:
+            progress("fitting everything together")
+            fit = _with_orders(fit, search)
+            fit, findings = _without_unsettled(fit)
+    progress("cross-validating")
+    validation = cross_validated(fit)
+    result = PoseIdentification(table, fit, nominal, search, validation, findings, verdict=None)  # type: ignore[arg-type]
+    return replace(result, verdict=judge_poses(result))
+
+
+def rounding(q: Array) -> Array:
+    """(J,) [rad] step to which the angles q (N, J) were rounded; 0 where none is seen."""
+    degrees = np.rad2deg(q)
+    out = np.zeros(q.shape[1])
+    for j, angles in enumerate(degrees.T):
+        if len(np.unique(angles.round(9))) < min(10, len(angles)):
+            continue  # a joint that hardly moves, or a grid of poses by intention
+        for step in GRIDS_DEG:
+            if np.abs(angles / step - np.round(angles / step)).max() < 1e-6:
+                out[j] = step
+                break
+    commanded = out >= 0.5  # whole and half degrees are targets of a program, not rounding
+    return np.deg2rad(np.where(commanded, 0.0, out))
+
+
+def linearised(fit: PoseFit) -> LinearModel:
+    """A fit at its estimate, as the search for joint errors takes it."""
+    equations, model = fit.equations, fit.model
+    rows = max(len(residual) for residual in equations.residuals)
+    joints = [
+        weights(point.joint_columns) * robust
+        for point, weights, robust in zip(
+            equations.points, equations.weights, equations.robust, strict=True
+        )
+    ]
+    layout = model.unknowns
+    prior = np.diag(layout.sigma**-2.0)
+    step = -(-model.table.size // SEARCHED)
+    return LinearModel(
+        jacobian=_stacked(equations.jacobians, rows)[..., ::step],
+        residual=_stacked(equations.residuals, rows)[..., ::step],
+        joints=_stacked(joints, rows)[..., ::step],
+        angles=(model.table.q @ model.table.robot.joint_to_gear).T[:, ::step],
+        prior_gradient=(equations.x - layout.mean) / layout.sigma**2,
+        prior_normal=prior,
+        regions=joint_regions(model.table.q[::step]),
+    )
+
+
+def _stacked(parts: Sequence[Array], rows: int) -> Array:
+    """Arrays (..., E, N) of all groups beside each other; absent equations are zero."""
+    padded = [
+        np.concatenate(
+            (part, np.zeros((*part.shape[:-2], rows - part.shape[-2], part.shape[-1]))), axis=-2
+        )
+        for part in parts
+    ]
+    return np.concatenate(padded, axis=-1)
+
+
+def _learned(options: PoseOptions) -> list[Correction]:
+    """Joint errors learned elsewhere, as a correction whose coefficients are held."""
+    if options.learned is None:
+        return []
+    correction = joint_harmonics(options.learned.orders)
+    held = tuple(
+        Coefficient(c.name, c.unit, value, c.sigma * HELD, c.channel)
+        for c, value in zip(correction.coefficients, options.learned.values, strict=True)
+    )
+    return [replace(correction, name="learned_harmonics", coefficients=held)]
+
+
+def _held(layout: PoseUnknowns) -> PoseUnknowns:
+    """The layout with robot and coefficients held at their priors."""
+    sigma = layout.sigma.copy()
+    sigma[layout.machine] *= HELD
+    return replace(layout, sigma=sigma)
+
+
+def _with_orders(fit: PoseFit, search: OrderSearch) -> PoseFit:
+    """Everything once more, with the joint errors that were found."""
+    before, model = fit.model.unknowns, fit.model
+    corrections = (*model.corrections, joint_harmonics(search.pairs))
+    seats: dict[str, Placement] = {name: before.seat(fit.x, name) for name in before.seats}
+    targets = {name: before.target(fit.x, name) for name in before.targets}
+    layout = pose_unknowns(model.table, before.chain, seats, targets, corrections)
+    x = layout.mean.copy()
+    x[layout.geometry] = fit.x[before.geometry]
+    first = layout.coefficients.start
+    known = fit.x[before.coefficients]
+    x[first : first + known.size] = known
+    return fit_poses(replace(model, unknowns=layout, corrections=corrections), x, fit.discrepancy)
+
+
+def _without_unsettled(fit: PoseFit) -> tuple[PoseFit, Findings]:
+    """The fit without the poses that were read before the robot stood still; and what it shows."""
+    findings = findings_of(fit)
+    if not findings.unsettled.size:
+        return fit, findings
+    left_out: NDArray[np.intp] = findings.unsettled
+    again = fit_poses(fit.model, fit.x, fit.discrepancy, left_out=left_out)
+    return again, replace(findings_of(again), unsettled=left_out)
+
+
+def _check_enough(table: PoseTable, layout: PoseUnknowns) -> None:
+    axes = {"length": 1, "point": 3, "pose": 6, "socket": 3}
+    equations = sum(axes[group.measured] * group.size for group in table.groups)
+    unknowns = layout.geometry.stop
+    if equations < unknowns:
+        raise InputError(
+            f"{table.name}: {table.size} poses give {equations} equations for {unknowns} unknowns "
+            f"(seats, targets and the robot's parameters). Measure at least "
+            f"{-(-unknowns * table.size // max(1, equations))} poses; three times as many make a "
+            "good result."
+        )

@@ -1,0 +1,84 @@
+"""What an identification from still poses found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.poses import PoseTable
+from ident.estimator.order_search import OrderSearch
+from ident.poses.cross_validation import CrossValidation
+from ident.poses.findings import Findings
+from ident.poses.fit import PoseFit
+from ident.robot.identified_arm import IdentifiedArm
+from ident.verdict import Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class PoseIdentification:
+    """A robot identified from a table of still poses."""
+
+    table: PoseTable
+    fit: PoseFit
+    nominal: PoseFit  # seats and targets fitted to the robot as its file has it
+    search: OrderSearch | None  # None where joint errors were not searched
+    cross_validation: CrossValidation
+    findings: Findings
+    verdict: Verdict
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviation of every unknown, in its unit."""
+        deviations = np.sqrt(np.diag(self.fit.covariance))
+        return dict(zip(self.fit.model.unknowns.names, deviations.tolist(), strict=True))
+
+    @property
+    def information_gain(self) -> dict[str, float]:
+        """Of every unknown: 0 where the prior alone tells it, 1 where the data do."""
+        layout = self.fit.model.unknowns
+        gain = 1.0 - np.clip(np.diag(self.fit.covariance) / layout.sigma**2, 0.0, 1.0)
+        return dict(zip(layout.names, gain.tolist(), strict=True))
+
+    @property
+    def residual(self) -> Array:
+        """(N,) [m] distance of every measurement from the model."""
+        return position_errors(self.fit)
+
+    @property
+    def residual_nominal(self) -> Array:
+        """(N,) [m] likewise of the nominal robot."""
+        return position_errors(self.nominal)
+
+    def arm(self, target: str | None = None) -> IdentifiedArm:
+        """The identified robot with one of its targets; by default the table's first."""
+        fit, layout = self.fit, self.fit.model.unknowns
+        name = target or self.table.targets[0]
+        at = layout.targets[name].start
+        seats = [g.seat for g in self.table.groups if g.target == name]
+        seat = max(seats, key=lambda s: s in layout.framed)  # a whole frame, where there is one
+        index = np.r_[layout.machine, at : at + 3, layout.seats[seat]]
+        q = self.table.q
+        return IdentifiedArm(
+            robot=self.table.robot,
+            chain=layout.robot(fit.x),
+            corrections=fit.model.corrections,
+            values=fit.x[layout.coefficients],
+            target=layout.target(fit.x, name),
+            seat=layout.seat(fit.x, seat),
+            seat_turns=seat in layout.framed,
+            parameters=layout.parameters,
+            covariance=fit.covariance[np.ix_(index, index)],
+            discrepancy=self.cross_validation.sigma,
+            factor=self.cross_validation.factor,
+            lower=q.min(axis=0),
+            upper=q.max(axis=0),
+        )
+
+
+def position_errors(fit: PoseFit) -> Array:
+    """(N,) [m] distance of every measurement of a fit from its model."""
+    return np.concatenate(
+        [np.linalg.norm(point.closure.error[:3], axis=0) for point in fit.equations.points]
+    )

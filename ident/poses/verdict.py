@@ -1,0 +1,151 @@
+"""What to make of an identification from still poses, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cell.poses import PoseTable
+from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
+from ident.verdict import Status, Verdict
+
+if TYPE_CHECKING:
+    from ident.poses.result import PoseIdentification
+
+STRANGE = 3e-3  # [m] cross-validated: industrial robots, identified, stay below 0.5 mm
+PULL = 5.0  # prior deviations: a joint's offset set wrongly, or another robot
+OVERFITTED = 1.8  # cross-validated error over that of the fitted poses
+NO_GAIN = 0.9  # of the nominal robot's error: less than a tenth was won
+NARROW = np.deg2rad(20.0)  # [rad] range of a joint's angles that tells little of it
+LOWEST_CERTAIN = 4  # orders up to it may stand for another smooth error of the joints
+LISTED = 5  # rows that a warning names
+
+
+def judge_poses(result: PoseIdentification) -> Verdict:
+    """Status, sentence and warnings."""
+    status, sentence = _judged(result)
+    return Verdict(status, sentence, tuple(_warnings(result)))
+
+
+def _judged(result: PoseIdentification) -> tuple[Status, str]:
+    """The first rule that applies."""
+    fit, validation = result.fit, result.cross_validation
+    what = "distance" if _only_lengths(result.table) else "position"
+    nominal = float(np.median(result.residual_nominal))
+    errors = (
+        f"poses in regions of joint space that were not fitted are predicted to "
+        f"{validation.mean * 1e3:.3f} mm in {what} (95 %: {validation.quantile * 1e3:.3f} mm); "
+        f"with the nominal robot {result.residual_nominal.mean() * 1e3:.3f} mm"
+    )
+    if validation.mean > STRANGE or not np.isfinite(validation.mean):
+        return Status.IMPLAUSIBLE, (
+            f"Not the declared robot, or not its joint angles: {errors}. Check `robot`, the order, "
+            "signs and units of the joint columns, and the unit of the measured values."
+        )
+    if not fit.converged:
+        return Status.NOT_CONVERGED, (
+            f"Not converged after {fit.iterations} iterations: do not use these parameters."
+        )
+    if validation.mean > NO_GAIN * nominal:
+        return Status.SUSPECT, (
+            f"Usable, with care: little was won over the nominal robot; {errors}. Measure more "
+            "poses, spread over all joints."
+        )
+    fitted = float(result.residual.mean())
+    if validation.mean > OVERFITTED * fitted:
+        return Status.SUSPECT, (
+            f"Usable, with care: too few poses for so many parameters; fitted ones lie within "
+            f"{fitted * 1e3:.3f} mm, but {errors}."
+        )
+    return Status.GOOD, f"Good fit: {errors}."
+
+
+def _warnings(result: PoseIdentification) -> list[str]:
+    table, fit, findings = result.table, result.fit, result.findings
+    out = []
+    names = [f"{g.file}:{row}" for g in table.groups for row in g.rows]
+    if findings.outliers.size:
+        out.append(
+            f"{findings.outliers.size} poses lie far from the model and count little or not at "
+            f"all: {_listed([names[i] for i in findings.outliers])}"
+        )
+    if findings.unsettled.size:
+        out.append(
+            f"{findings.unsettled.size} poses were read before the robot stood still (their errors "
+            f"lie along the last move) and were left out: "
+            f"{_listed([names[i] for i in findings.unsettled])}; wait longer before reading"
+        )
+    for drift in findings.drifts:
+        out.append(
+            f"{drift.seat} drifts against the robot by {drift.shift * 1e3:.3f} mm and "
+            f"{drift.turn * 1e3:.3f} mrad over the measurement; it is not part of the model: "
+            "measure reference points, or in a shorter time"
+        )
+    steps = np.rad2deg(fit.model.angle_noise * np.sqrt(12.0))
+    if steps.any():
+        axes = ", ".join(str(j + 1) for j in np.flatnonzero(steps))
+        out.append(
+            f"the angles of joints {axes} are rounded to {steps.max():g} deg; their weights allow "
+            "for it, but exact angles would make a better robot"
+        )
+    ranges = np.ptp(table.q, axis=0)
+    if (narrow := np.flatnonzero(ranges < NARROW)).size:
+        each = ", ".join(f"{j + 1} ({np.rad2deg(ranges[j]):.1f} deg)" for j in narrow)
+        out.append(
+            f"joints that hardly moved: {each}; their parameters stay near the catalogue and the "
+            "result holds only where they stood"
+        )
+    out += _of_parameters(result)
+    out += _of_orders(result)
+    return out
+
+
+def _of_parameters(result: PoseIdentification) -> list[str]:
+    layout, x = result.fit.model.unknowns, result.fit.x
+    far = []
+    for parameter, i in zip(
+        layout.parameters, range(layout.geometry.start, layout.geometry.stop), strict=True
+    ):
+        off = float(x[i] - layout.mean[i])
+        if abs(off) > PULL * (LENGTH_PRIOR if parameter.is_length else ANGLE_PRIOR):
+            unit = "mm" if parameter.is_length else "mrad"
+            far.append(f"{parameter.name} {off * 1e3:+.2f} {unit}")
+    if not far:
+        return []
+    return [
+        f"far from the catalogue: {', '.join(far)}; a joint's zero that was set wrongly, or the "
+        "robot's file"
+    ]
+
+
+def _of_orders(result: PoseIdentification) -> list[str]:
+    if result.search is None or not result.search.found:
+        return []
+    out, found = [], result.search.found
+    low = [f"joint {o.joint + 1}: {o.order}" for o in found if o.order <= LOWEST_CERTAIN]
+    if low:
+        out.append(
+            f"low orders were found ({_listed(low)}); they may stand for another smooth error of "
+            "the robot rather than of that joint"
+        )
+    alike = [o for o in found if o.aliases]
+    if alike:
+        each = [
+            f"joint {o.joint + 1}: {o.order} or {' or '.join(str(a) for a in o.aliases[:4])}"
+            for o in alike
+        ]
+        out.append(
+            f"orders that these angles do not tell apart ({_listed(each)}), because the angles lie "
+            "on a grid or cover a part of a turn"
+        )
+    return out
+
+
+def _listed(items: list[str]) -> str:
+    more = f" and {len(items) - LISTED} more" if len(items) > LISTED else ""
+    return ", ".join(items[:LISTED]) + more
+
+
+def _only_lengths(table: PoseTable) -> bool:
+    return all(group.measured == "length" for group in table.groups)

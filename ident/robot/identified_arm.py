@@ -1,0 +1,116 @@
+"""A robot as identified from still poses: where it puts a target, and how far to trust that.
+
+The region that holds 95 % of poses comes from cross-validation (ident.poses.cross_validation), not
+from the instrument's sigma alone. Outside the range over which an axis was fitted nothing is known
+of the error, so the stated uncertainty there is infinite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from cell.arrays import Array
+from cell.chain import Chain, Frames, forward, joint_screws, screw
+from cell.descriptions import Robot
+from ident.corrections.base import Correction
+from ident.poses.closure import Placement, target_frames
+from ident.poses.joint_corrections import channels, joint_displacements, regressors_at
+from ident.poses.unknowns import RobotParameter
+
+LEVEL = 0.95
+RANGE_MARGIN = np.deg2rad(1.0)  # [rad] past the last fitted angle that still counts as inside
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedArm:
+    """DH rows, corrections of the joints and one target of an identified robot."""
+
+    robot: Robot
+    chain: Chain
+    corrections: tuple[Correction, ...]
+    values: Array  # (C,) of all coefficients, correction after correction
+    target: Placement  # in the flange's frame
+    seat: Placement  # of the instrument in the robot's base frame: positions are told from there
+    seat_turns: bool  # whether the seat is a whole frame, or a point
+    parameters: tuple[RobotParameter, ...]
+    covariance: Array  # (U, U) of parameters, coefficients, the target's position and the seat
+    discrepancy: float  # [m] of what the model leaves unexplained, along each axis
+    factor: float  # of the region's size, over that of chi-square
+    lower: Array  # (J,) [rad] range of each joint that was fitted
+    upper: Array  # (J,) [rad]
+
+    def joints(self, q: Array) -> Array:
+        """(N, J) [rad] actual joint angles at logged ones q (N, J) [rad]."""
+        regressors = regressors_at(self.robot, self.corrections, q)
+        return q + joint_displacements(self.robot, self.corrections, self.values, regressors)
+
+    def frames(self, q: Array) -> Frames:
+        """Frames of the robot at logged angles q (N, J) [rad]; the last is that of the target."""
+        return target_frames(forward(self.chain, self.joints(q)), self.target)
+
+    def tool(self, q: Array) -> Array:
+        """(N, 3) [m] position of the target, robot base frame, at angles q (N, J) [rad]."""
+        return self.frames(q).tip.T
+
+    def jacobian(self, q: Array) -> Array:
+        """(U, 3, N) change of the target, seen from the seat [m], per unit of each unknown."""
+        frames = self.frames(q)
+        rows = [screw(frames, p.kind, p.row)[:3] for p in self.parameters]
+        joints = joint_screws(frames)[: self.robot.a.size, :3]
+        gears = np.einsum("gj,jcn->gcn", self.robot.gear_to_joint, joints)
+        regressors = regressors_at(self.robot, self.corrections, q)
+        each = [gears[c] * r for c, r in zip(channels(self.corrections), regressors, strict=True)]
+        shifts = -np.repeat(np.eye(3)[:, :, None], len(q), axis=2)
+        arm = frames.tip - self.seat.origin[:, None]
+        turns = -np.cross(np.eye(3)[:, :, None], arm[None], axis=1) if self.seat_turns else ()
+        return np.stack((*rows, *each, *frames.rotation(-2).transpose(1, 0, 2), *shifts, *turns))
+
+    def covered(self, q: Array) -> NDArray[np.bool_]:
+        """(N,) whether every angle of q (N, J) [rad] is within the fitted range of its axis."""
+        low, high = self.lower - RANGE_MARGIN, self.upper + RANGE_MARGIN
+        return np.asarray(((q >= low) & (q <= high)).all(axis=1))
+
+    def position_covariance(self, q: Array) -> Array:
+        """(N, 3, 3) [m^2] of the target's position at q (N, J) [rad]; infinite outside."""
+        moves = self.jacobian(q)
+        half = np.einsum("pq,qcn->pcn", self.covariance, moves)
+        out = np.einsum("pcn,pdn->ncd", moves, half) + self.discrepancy**2 * np.eye(3)
+        out[~self.covered(q)] = np.inf
+        return np.asarray(out)
+
+    def sigma(self, q: Array) -> Array:
+        """(N,) [m] standard deviation of the position, all axes together; infinite outside."""
+        return np.asarray(np.sqrt(np.trace(self.position_covariance(q), axis1=1, axis2=2)))
+
+    def within(self, q: Array, error: Array) -> NDArray[np.bool_]:
+        """(N,) whether errors (N, 3) [m] of poses q (N, J) lie in their stated 95 % regions."""
+        whole = self.position_covariance(q)
+        inside = self.covered(q)
+        whole[~inside] = np.eye(3)
+        square = np.einsum("nc,nc->n", error, np.linalg.solve(whole, error[..., None])[..., 0])
+        return np.asarray(np.where(inside, square <= self.factor * chi2.ppf(LEVEL, 3), True))
+
+    def out_of_range(self, q: Array) -> dict[int, tuple[float, float]]:
+        """Axes, from 1, that leave their fitted range [rad] at some of the poses q (N, J)."""
+        low, high = self.lower - RANGE_MARGIN, self.upper + RANGE_MARGIN
+        outside = ((q < low) | (q > high)).any(axis=0)
+        return {
+            int(j) + 1: (float(self.lower[j]), float(self.upper[j]))
+            for j in np.flatnonzero(outside)
+        }
+
+
+def range_sentence(axes: dict[int, tuple[float, float]]) -> str:
+    """What `IdentifiedArm.out_of_range` found, in words."""
+    parts = [
+        f"axis {axis} ({np.rad2deg(low):.1f} to {np.rad2deg(high):.1f} deg)"
+        for axis, (low, high) in axes.items()
+    ]
+    return (
+        f"outside the fitted range of {', '.join(parts)}: the error there is unknown and may "
+        "exceed that of the nominal robot"
+    )

@@ -1,0 +1,11 @@
+"""The parameter table of the IRB 2400 and the NJ 220: six axes, the second and third parallel."""
+
+from cell.geometry import parameter_table
+from cell.load import load_robot
+from ident.estimator.dependencies import extra_parameters, thesis_parameters
+from ident.estimator.unknowns import fixed_names, shared_names
+
+TABLE = parameter_table(load_robot("irb2400"))
+PARAMETERS, NAMES, INDEX = TABLE.parameters, TABLE.names, TABLE.index
+PLATE, FIXED, SHARED = TABLE.plate, fixed_names(TABLE), shared_names(TABLE)
+THESIS_PARAMETERS, EXTRA_PARAMETERS = thesis_parameters(TABLE), extra_parameters(TABLE)
