@@ -1,8 +1,8 @@
 """What the residuals of still poses show beside the model: outliers, unsettled poses, drift.
 
-Outliers are found by the length of the whitened residual against its median. A pose read before the
-robot stood still has its residual along the last move: the joint angles were not yet, or no longer,
-those of the measurement. A drifting base shows as a score of the seat's motion in proportion to
+Outliers are recognised by the length of the whitened residual against its median. A pose read
+before the robot stood still has its residual along the last move: the joint angles were not yet, or
+no longer, those of the measurement. A drifting base shows as a score of the seat's motion in proportion to
 time (White 1982, as in ident.estimator.order_search).
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from ident.poses.fit import PoseFit
+from ident.poses.fit import PoseFit, median_scale, whitened_lengths
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 UNSETTLED = 4.5  # likewise, of a residual along the last move
@@ -27,7 +27,7 @@ class Drift:
     """A seat that moves in proportion to time while it measures."""
 
     seat: str
-    shift: float  # [m] from the first pose to the last
+    shift: float  # [m] of the targets, mean, from the first pose to the last
     turn: float  # [rad]
     score: float
 
@@ -43,14 +43,8 @@ class Findings:
 
 def lengths_of(fit: PoseFit) -> Array:
     """(N,) each pose's whitened residual over the median-based scale of all."""
-    equations = fit.equations
-    each = np.concatenate(
-        [
-            np.sqrt((residual**2).sum(axis=0) / len(residual)) / np.maximum(robust, 1e-12)
-            for residual, robust in zip(equations.residuals, equations.robust, strict=True)
-        ]
-    )
-    return each / max(float(np.median(each)), np.finfo(float).tiny) * 0.9
+    lengths = whitened_lengths(fit.equations)
+    return np.concatenate(lengths) / max(median_scale(lengths), np.finfo(float).tiny)
 
 
 def findings_of(fit: PoseFit) -> Findings:
@@ -63,7 +57,7 @@ def findings_of(fit: PoseFit) -> Findings:
 
 def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
     """Poses whose residual lies along the last move, more than one of them and in one direction."""
-    found: list[int] = []
+    candidates: list[int] = []
     signs: list[float] = []
     first = 0
     for point, weights in zip(fit.equations.points, fit.equations.weights, strict=True):
@@ -76,14 +70,14 @@ def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
             cosine = (along * residual).sum(axis=0) / np.maximum(size, np.finfo(float).tiny)
             far = lengths[first : first + n] > UNSETTLED
             for i in np.flatnonzero(far & (np.abs(cosine) > ALONG)):
-                found.append(first + int(i))
+                candidates.append(first + int(i))
                 signs.append(float(np.sign(cosine[i])))
         first += n
-    if len(found) < 2:
+    if len(candidates) < 2:
         return np.zeros(0, dtype=np.intp)
     direction = np.sign(sum(signs))
-    kept = [i for i, s in zip(found, signs, strict=True) if s == direction]
-    return np.array(kept if len(kept) > 0.7 * len(found) else [], dtype=np.intp)
+    aligned = [i for i, s in zip(candidates, signs, strict=True) if s == direction]
+    return np.array(aligned if len(aligned) > 0.7 * len(candidates) else [], dtype=np.intp)
 
 
 def _drifts(fit: PoseFit) -> tuple[Drift, ...]:
@@ -121,6 +115,12 @@ def _drifts(fit: PoseFit) -> tuple[Drift, ...]:
         test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
         if test > DRIFT:
             size = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
-            shift, turn = float(np.linalg.norm(size[:3])), float(np.linalg.norm(size[3:]))
-            out.append(Drift(seat, shift, turn, test))
+            arm = np.concatenate(
+                [
+                    (equations.points[k].closure.measured.T - equations.points[k].seat.origin)
+                    for k in own
+                ]
+            )
+            moved = np.linalg.norm(size[:3] + np.cross(size[3:], arm), axis=1)
+            out.append(Drift(seat, float(moved.mean()), float(np.linalg.norm(size[3:])), test))
     return tuple(out)
