@@ -108,7 +108,8 @@ class PoseRows:
         try:
             value = float(cell) if "_" not in cell else np.inf
         except ValueError:
-            hint = " Thousands separators? Export without them." if _THOUSANDS.match(cell) else ""
+            grouped = _THOUSANDS.fullmatch(cell)
+            hint = " Thousands separators? Export without them." if grouped else ""
             raise LogError(
                 f"{self.location(row)}: column {selector}: {cell!r} is not a number.{hint} "
                 "Correct the cell, or export the file again."
@@ -122,9 +123,16 @@ class PoseRows:
 
 
 def header_names(text: LogText) -> set[str]:
-    """Every field, however separated, of the lines among which the header is."""
-    lines = text.lines[: PREAMBLE + 1]
-    return {field for line in lines for s in SEPARATORS for field in split_fields(line, s)}
+    """Every field, however separated, of the lines among which the header is.
+
+    Blanks separate only where nothing else does: names have blanks too.
+    """
+    names = set[str]()
+    for line in text.lines[: PREAMBLE + 1]:
+        others = [s for s in SEPARATORS if s != " " and s in line]
+        for separator in others or [" "]:
+            names.update(split_fields(line, separator))
+    return names
 
 
 def quantities(columns: Iterable[int | str], names: Collection[str]) -> tuple[Quantity, ...]:

@@ -20,7 +20,13 @@ from acquisition.poses.columns import (
     unit_stated,
 )
 from acquisition.poses.joints import joint_angles, limit_findings, may_be_rad, refuse_other_unit
-from acquisition.poses.nominal import better_as_rad, check_lengths, check_positions, check_rotations
+from acquisition.poses.nominal import (
+    better_as_rad,
+    check_lengths,
+    check_positions,
+    check_rotations,
+    orientations,
+)
 from acquisition.poses.remarks import angle_findings, repeated
 from acquisition.poses.text import FileKind, pose_text
 from acquisition.poses.times import pose_stamps
@@ -440,8 +446,9 @@ def _value_findings(
     findings = check_positions(robot, rows, q, values[:, :3], unit)
     if values.shape[1] == 3:
         return findings
+    expected = orientations(robot, q, values[:, :3])
     raw = numbers.values[:, 3:]
-    return (*findings, *check_rotations(robot, rows, q, declared, raw, RADIANS[angle]))
+    return (*findings, *check_rotations(robot, rows, expected, declared, raw, RADIANS[angle]))
 
 
 def _refuse_radians(
