@@ -494,7 +494,7 @@ def _labels(rows: PoseRows, declared: str | NamedColumn, column: str | None) -> 
     return tuple(labels)
 
 
-def _summary(rows: PoseRows, kept: int, columns: _Columns) -> FileSummary:
+def _summary(rows: PoseRows, used: int, columns: _Columns) -> FileSummary:
     return FileSummary(
         file=rows.file,
         source="poses",
@@ -503,6 +503,6 @@ def _summary(rows: PoseRows, kept: int, columns: _Columns) -> FileSummary:
         separator=rows.form.separator,
         decimal=rows.form.decimal,
         rows_read=rows.form.rows_read,
-        rows_kept=kept,
+        rows_kept=used,
         time=f"time {columns.labels['time']}" if "time" in columns.labels else "no time",
     )

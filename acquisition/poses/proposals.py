@@ -94,7 +94,7 @@ def joint_columns(columns: ColumnNames, axes: int) -> list[tuple[str, ...]]:
             family.replace("#", "1")
         ):
             fitting.append(tuple(name for _, name in ordered))
-    return sorted(fitting, key=lambda found: not _MEASURED.search(found[0]))
+    return sorted(fitting, key=lambda family: not _MEASURED.search(family[0]))
 
 
 def position_columns(columns: ColumnNames, used: Sequence[str]) -> list[tuple[str, ...]]:
