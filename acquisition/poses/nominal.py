@@ -16,6 +16,7 @@ from acquisition.poses.columns import PoseRows
 from acquisition.poses.values import rotation
 from acquisition.report import Finding, finding
 from cell.arrays import Array
+from cell.chain import Frames
 from cell.descriptions import Robot
 from cell.errors import LogError
 from cell.instrument import Instrument
@@ -51,8 +52,12 @@ def spread_of(points: Array) -> float:
 
     Single wrong points do not change it.
     """
-    distance = np.linalg.norm(points - np.median(points, axis=0), axis=1)
-    return 2.0 * float(np.quantile(distance, 0.9))
+    return 2.0 * float(np.quantile(_off_middle(points), 0.9))
+
+
+def _off_middle(points: Array) -> Array:
+    """(N,) [m] distance of points (N, 3) [m] from their median."""
+    return np.asarray(np.linalg.norm(points - np.median(points, axis=0), axis=1))
 
 
 def check_positions(
@@ -62,7 +67,7 @@ def check_positions(
 
     Raises LogError for points in another unit and for a left-handed frame.
     """
-    chosen = judged(len(q))
+    chosen, every = judged(len(q)), points
     frames, points = nominal_frames(robot, q[chosen]), points[chosen]
     spread, moved = spread_of(points), spread_of(frames.tip.T)
     length = reach(robot)
@@ -77,7 +82,29 @@ def check_positions(
         )
     if chosen.size < FEWEST:
         return ()
-    direct = rigid_fit(frames, points).rms
+    within = _off_middle(points) < 2.0 * (length + _TOOL)
+    frames, points = nominal_frames(robot, q[chosen][within]), points[within]
+    return (*_out_of_reach(robot, rows, every), *_off_nominal(robot, rows, frames, points))
+
+
+def _out_of_reach(robot: Robot, rows: PoseRows, points: Array) -> tuple[Finding, ...]:
+    """A finding about points (N, 3) [m] that no pose of the robot reaches beside the others."""
+    far = np.flatnonzero(_off_middle(points) >= 2.0 * (reach(robot) + _TOOL))
+    if not far.size:
+        return ()
+    sentence = "the point lies further from the others than the robot reaches."
+    lines = rows.line[far]
+    return (finding("point out of reach", "warning", rows.file, sentence, lines=lines),)
+
+
+def _off_nominal(
+    robot: Robot, rows: PoseRows, frames: Frames, points: Array
+) -> tuple[Finding, ...]:
+    """A finding about points (K, 3) [m] that are not those of the catalogue robot.
+
+    Raises LogError if they are their mirror image.
+    """
+    length, direct = reach(robot), rigid_fit(frames, points).rms
     if direct > _FITS * length:
         mirror = rigid_fit(frames, points, mirrored=True).rms
         if mirror * _BETTER < direct and mirror < _FITS * length:

@@ -65,6 +65,10 @@ def with_cell(row: int, column: int, cell: str) -> list[str]:
             {"values": {"columns": ["x", "y"], "unit": "mm"}},
             "tables[0].values.columns: 2 columns; tracker_point measures a point: expected 3.",
         ),
+        (
+            {"values": {"columns": ["x", "y", "x"], "unit": "mm"}},
+            "tables[0].values.columns: x stands there, or among the joints, too.",
+        ),
         ({"values": None}, "tables[0].values: missing; tracker_point measures a point."),
         (
             {"values": {**VALUES, "rotation": "XYZ"}},
@@ -144,6 +148,7 @@ def test_units_of_the_header_that_contradict_the_yaml(tmp_path: Path) -> None:
     [
         ("12.5x", "poses.csv:6: column y: '12.5x' is not a number. Correct the cell"),
         ("1.234.5", "'1.234.5' is not a number. Thousands separators? Export without them."),
+        ('"1,5"', "column y: '1,5' is not a number. A decimal comma, or thousands? Export with"),
         ("inf", "poses.csv:6: column y: 'inf' is not a finite number."),
         ("1e999", "'1e999' is not a finite number."),
         ("1_0", "'1_0' is not a finite number."),
@@ -198,7 +203,10 @@ def test_small_angles_in_degrees_are_believed_where_the_points_say_so(tmp_path: 
 
 def test_columns_that_are_no_angles(tmp_path: Path) -> None:
     joints = {"columns": [*JOINTS[:3], "x", "y", "z"], "unit": "deg"}
-    sentence = refused(write(tmp_path, joints=joints))
+    sockets = write(
+        tmp_path, change=lambda d: d.update(instrument="socket_pair_50"), joints=joints, values=None
+    )
+    sentence = refused(sockets)
     assert "Name the columns that hold the robot's angles, in the order of its axes" in sentence
 
 
@@ -330,3 +338,9 @@ def test_a_pose_beyond_the_limits_and_one_far_off(tmp_path: Path) -> None:
 def test_points_of_another_robot_are_reported(tmp_path: Path) -> None:
     folder = write(tmp_path, change=lambda d: d.update(robot="ur10"))
     assert "off the catalogue robot" in kinds(folder)["far from the nominal robot"].sentence
+
+
+def test_a_point_out_of_reach_is_reported_and_does_not_hide_the_others(tmp_path: Path) -> None:
+    entry = kinds(write(tmp_path, with_cell(5, 8, "99999999.0")))["point out of reach"]
+    assert (entry.severity, entry.lines, entry.count) == ("warning", (6,), 1)
+    assert list(kinds(tmp_path)) == ["point out of reach"]
