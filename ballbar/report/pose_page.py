@@ -147,6 +147,7 @@ def _subtitle(run: PoseRun) -> str:
 def _tiles(result: PoseIdentification) -> list[Tile]:
     validation, fit = result.cross_validation, result.fit
     found = result.search.found if result.search else ()
+    fitted, before = result.residual_means
     return [
         Tile(
             "Error where it was not fitted",
@@ -155,12 +156,10 @@ def _tiles(result: PoseIdentification) -> list[Tile]:
         ),
         Tile(
             "Nominal robot",
-            f"{result.residual_nominal.mean() * MM:.3f} mm",
+            f"{before * MM:.3f} mm",
             "mean, seats and targets fitted",
         ),
-        Tile(
-            "Fitted poses", f"{result.residual.mean() * MM:.3f} mm", f"mean of {result.table.size}"
-        ),
+        Tile("Fitted poses", f"{fitted * MM:.3f} mm", f"mean of {validation.counting.sum()}"),
         Tile("Joint errors", str(len(found)), "orders found by evidence"),
         Tile("Unknowns", str(fit.model.unknowns.count), f"{fit.iterations} iterations"),
     ]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from cell.arrays import Array
 from ident.poses.fit import PoseFit
@@ -19,7 +20,8 @@ from ident.poses.fit import PoseFit
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 UNSETTLED = 4.5  # likewise, of a residual along the last move
 ALONG = 0.95  # cosine between residual and last move from which it lies along it
-DRIFT = 45.0  # score of six drifting directions; chance exceeds 23 in one of a thousand
+DRIFT = 2.0  # times the score of drifting directions that chance exceeds in one of a thousand
+CHANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +44,14 @@ class Findings:
 
 
 def lengths_of(fit: PoseFit) -> Array:
-    """(N,) each pose's whitened residual over the median-based scale of all."""
-    equations = fit.equations
+    """(N,) each pose's whitened residual over the median-based scale of all.
+
+    Robust weights do not enter: a pose that was left out of the fit is as far off as before.
+    """
     each = np.concatenate(
         [
-            np.sqrt((residual**2).sum(axis=0) / len(residual)) / np.maximum(robust, 1e-12)
-            for residual, robust in zip(equations.residuals, equations.robust, strict=True)
+            np.sqrt((weights(point.closure.error) ** 2).mean(axis=0))
+            for point, weights in zip(fit.equations.points, fit.equations.weights, strict=True)
         ]
     )
     return each / max(float(np.median(each)), np.finfo(float).tiny) * 0.9
@@ -88,39 +92,42 @@ def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
 
 def _drifts(fit: PoseFit) -> tuple[Drift, ...]:
     """Seats that move in proportion to time, where times are given."""
+    seats = {g.seat for g in fit.model.table.groups if g.time is not None}
+    found = (_drift(fit, seat) for seat in fit.model.unknowns.seats if seat in seats)
+    return tuple(drift for drift in found if drift is not None)
+
+
+def _drift(fit: PoseFit, seat: str) -> Drift | None:
+    """What a seat drifts, if the score of its shifts, and of its turns where they are seen, is
+    beyond chance.
+    """
     equations, layout = fit.equations, fit.model.unknowns
-    out = []
-    for seat, part in layout.seats.items():
-        own = [
-            k
-            for k, point in enumerate(equations.points)
-            if point.group.seat == seat and point.group.time is not None
-        ]
-        if not own or part.stop - part.start < 6:
-            continue
-        time = np.concatenate([np.asarray(equations.points[k].group.time) for k in own])
-        span = float(np.ptp(time))
-        if span <= 0.0:
-            continue
-        gram = np.zeros((layout.count, 6))
-        blocks = []
-        for k in own:
-            clock = (np.asarray(equations.points[k].group.time) - time.min()) / span
-            column = equations.jacobians[k][part] * clock
-            flat = equations.jacobians[k].reshape(layout.count, -1)
-            gram += flat @ column.reshape(6, -1).T
-            blocks.append(column)
-        solved = np.linalg.solve(equations.normal, gram)
-        score, variance, information = np.zeros(6), np.zeros((6, 6)), np.zeros((6, 6))
-        for k, column in zip(own, blocks, strict=True):
-            rest = column - np.einsum("pen,pk->ken", equations.jacobians[k], solved)
-            each = (rest * equations.residuals[k]).sum(axis=1)
-            score += each.sum(axis=1)
-            variance += each @ each.T
-            information += rest.reshape(6, -1) @ rest.reshape(6, -1).T
-        test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
-        if test > DRIFT:
-            size = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
-            shift, turn = float(np.linalg.norm(size[:3])), float(np.linalg.norm(size[3:]))
-            out.append(Drift(seat, shift, turn, test))
-    return tuple(out)
+    part = layout.seats[seat]
+    size = part.stop - part.start
+    points = zip(equations.points, equations.jacobians, equations.residuals, strict=True)
+    own = [
+        (np.asarray(point.group.time), jacobian, residual)
+        for point, jacobian, residual in points
+        if point.group.seat == seat and point.group.time is not None
+    ]
+    times = np.concatenate([time for time, _, _ in own])
+    span = float(np.ptp(times))
+    if span <= 0.0:
+        return None
+    columns = [jacobian[part] * ((time - times.min()) / span) for time, jacobian, _ in own]
+    gram = np.zeros((layout.count, size))
+    for (_, jacobian, _), column in zip(own, columns, strict=True):
+        gram += jacobian.reshape(layout.count, -1) @ column.reshape(size, -1).T
+    solved = np.linalg.solve(equations.normal, gram)
+    score, variance, information = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+    for (_, jacobian, residual), column in zip(own, columns, strict=True):
+        rest = column - np.einsum("pen,pk->ken", jacobian, solved)
+        each = (rest * residual).sum(axis=1)
+        score += each.sum(axis=1)
+        variance += each @ each.T
+        information += rest.reshape(size, -1) @ rest.reshape(size, -1).T
+    test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
+    if test <= DRIFT * float(chi2.isf(CHANCE, size)):
+        return None
+    moved = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
+    return Drift(seat, float(np.linalg.norm(moved[:3])), float(np.linalg.norm(moved[3:])), test)
