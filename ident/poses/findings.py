@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from cell.arrays import Array
-from ident.poses.fit import PoseFit
+from ident.poses.fit import PoseFit, median_scale, whitened_lengths
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 UNSETTLED = 4.5  # likewise, of a residual along the last move
@@ -29,7 +29,7 @@ class Drift:
     """A seat that moves in proportion to time while it measures."""
 
     seat: str
-    shift: float  # [m] from the first pose to the last
+    shift: float  # [m] of the targets, mean, from the first pose to the last
     turn: float  # [rad]
     score: float
 
@@ -44,17 +44,9 @@ class Findings:
 
 
 def lengths_of(fit: PoseFit) -> Array:
-    """(N,) each pose's whitened residual over the median-based scale of all.
-
-    Robust weights do not enter: a pose that was left out of the fit is as far off as before.
-    """
-    each = np.concatenate(
-        [
-            np.sqrt((weights(point.closure.error) ** 2).mean(axis=0))
-            for point, weights in zip(fit.equations.points, fit.equations.weights, strict=True)
-        ]
-    )
-    return each / max(float(np.median(each)), np.finfo(float).tiny) * 0.9
+    """(N,) each pose's whitened residual over the median-based scale of all."""
+    lengths = whitened_lengths(fit.equations)
+    return np.concatenate(lengths) / max(median_scale(lengths), np.finfo(float).tiny)
 
 
 def findings_of(fit: PoseFit) -> Findings:
@@ -104,17 +96,13 @@ def _drift(fit: PoseFit, seat: str) -> Drift | None:
     equations, layout = fit.equations, fit.model.unknowns
     part = layout.seats[seat]
     size = part.stop - part.start
-    points = zip(equations.points, equations.jacobians, equations.residuals, strict=True)
-    own = [
-        (np.asarray(point.group.time), jacobian, residual)
-        for point, jacobian, residual in points
-        if point.group.seat == seat and point.group.time is not None
-    ]
-    times = np.concatenate([time for time, _, _ in own])
-    span = float(np.ptp(times))
+    every = zip(equations.points, equations.jacobians, equations.residuals, strict=True)
+    own = [each for each in every if each[0].group.seat == seat and each[0].group.time is not None]
+    times = [np.asarray(point.group.time) for point, _, _ in own]
+    first, span = min(t.min() for t in times), float(np.ptp(np.concatenate(times)))
     if span <= 0.0:
         return None
-    columns = [jacobian[part] * ((time - times.min()) / span) for time, jacobian, _ in own]
+    columns = [each[1][part] * ((t - first) / span) for each, t in zip(own, times, strict=True)]
     gram = np.zeros((layout.count, size))
     for (_, jacobian, _), column in zip(own, columns, strict=True):
         gram += jacobian.reshape(layout.count, -1) @ column.reshape(size, -1).T
@@ -129,5 +117,8 @@ def _drift(fit: PoseFit, seat: str) -> Drift | None:
     test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
     if test <= DRIFT * float(chi2.isf(CHANCE, size)):
         return None
-    moved = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
-    return Drift(seat, float(np.linalg.norm(moved[:3])), float(np.linalg.norm(moved[3:])), test)
+    change = np.zeros(6)
+    change[:size] = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
+    arm = np.concatenate([p.closure.measured.T - p.seat.origin for p, _, _ in own])
+    moved = np.linalg.norm(change[:3] + np.cross(change[3:], arm), axis=1)
+    return Drift(seat, float(moved.mean()), float(np.linalg.norm(change[3:])), test)
