@@ -147,20 +147,15 @@ def _subtitle(run: PoseRun) -> str:
 def _tiles(result: PoseIdentification) -> list[Tile]:
     validation, fit = result.cross_validation, result.fit
     orders = result.search.orders if result.search else ()
+    fitted, before = result.residual_means
     return [
         Tile(
             "Error where it was not fitted",
             f"{validation.mean * MM:.3f} mm",
             f"mean; 95 % below {validation.quantile * MM:.3f} mm",
         ),
-        Tile(
-            "Nominal robot",
-            f"{result.residual_nominal.mean() * MM:.3f} mm",
-            "mean, seats and targets fitted",
-        ),
-        Tile(
-            "Fitted poses", f"{result.residual.mean() * MM:.3f} mm", f"mean of {result.table.size}"
-        ),
+        Tile("Nominal robot", f"{before * MM:.3f} mm", "mean, seats and targets fitted"),
+        Tile("Fitted poses", f"{fitted * MM:.3f} mm", f"mean of {validation.counting.sum()}"),
         Tile("Joint errors", str(len(orders)), "orders found by evidence"),
         Tile("Unknowns", str(fit.model.unknowns.count), f"{fit.iterations} iterations"),
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 from rich.markup import escape
 
+from ballbar.result.compare_poses import PoseComparison
 from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM
 
@@ -42,4 +43,14 @@ def say_poses(out: Console, run: PoseRun) -> None:
     out.print(
         f"stated TCP uncertainty within the fitted ranges: mean {sigma * MM:.4f} mm (1 sigma, "
         "all axes together)"
+    )
+
+
+def say_pose_comparison(out: Console, comparison: PoseComparison) -> None:
+    """Print how far the identified robot is from the true one."""
+    tcp, before = comparison.tcp, comparison.tcp_nominal
+    out.print(
+        f"TCP error within the fitted ranges: mean {tcp.mean * MM:.4f} mm, "
+        f"largest {tcp.maximum * MM:.4f} mm "
+        f"(nominal robot {before.mean * MM:.3f} and {before.maximum * MM:.3f} mm)"
     )

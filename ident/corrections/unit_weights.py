@@ -61,9 +61,7 @@ def _felt(levers: Array) -> list[tuple[int, int]]:
         others: list[Array] = []
         for k in range(j, len(levers)):
             varying = levers[j, k] - levers[j, k].mean()
-            if varying.std() > _LEVER and all(
-                (varying - o).std() > _LEVER for o in others
-            ):
+            if varying.std() > _LEVER and all((varying - o).std() > _LEVER for o in others):
                 others.append(varying)
                 pairs.append((j, k))
     return pairs

@@ -37,6 +37,8 @@ class LinearModel:
     prior_gradient: Array  # (P,) of half the prior's cost
     prior_normal: Array  # (P, P)
     regions: NDArray[np.intp]  # (N,) folds of the cross-validation
+    # (N,) number of the pose from 0: the errors of several targets at one pose are alike
+    poses: NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -124,12 +126,16 @@ class _Scores:
         rest = flat - cho_solve(normal, present @ flat.T).T @ present
         self._rest: Array = rest.reshape(candidates.shape)  # what the model cannot take over
         self._residual = model.residual.reshape(-1)
+        self._order = np.argsort(model.poses, kind="stable")
+        self._starts = np.flatnonzero(np.diff(model.poses[self._order], prepend=-1))
 
     def tests(self) -> Array:
         """(C,) of each candidate: s' V^-1 s, V from the scores of single poses."""
         equations, poses = self._shape
         rest = self._rest.reshape(len(self._rest), 2, equations, poses)
         each = np.einsum("cien,en->cin", rest, self._residual.reshape(equations, poses))
+        if len(self._starts) < poses:
+            each = np.add.reduceat(each[:, :, self._order], self._starts, axis=2)
         score = each.sum(axis=2)
         variance = np.einsum("cin,cjn->cij", each, each)
         variance += 1e-12 * np.trace(variance, axis1=1, axis2=2)[:, None, None] * np.eye(2)

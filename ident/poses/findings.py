@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from cell.arrays import Array
 from ident.poses.fit import PoseFit, median_scale, whitened_lengths
@@ -19,7 +20,8 @@ from ident.poses.fit import PoseFit, median_scale, whitened_lengths
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 UNSETTLED = 4.5  # likewise, of a residual along the last move
 ALONG = 0.95  # cosine between residual and last move from which it lies along it
-DRIFT = 45.0  # score of six drifting directions; chance exceeds 23 in one of a thousand
+DRIFT = 2.0  # times the score of drifting directions that chance exceeds in one of a thousand
+CHANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,45 +84,41 @@ def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
 
 def _drifts(fit: PoseFit) -> tuple[Drift, ...]:
     """Seats that move in proportion to time, where times are given."""
+    seats = {g.seat for g in fit.model.table.groups if g.time is not None}
+    drifts = (_drift(fit, seat) for seat in fit.model.unknowns.seats if seat in seats)
+    return tuple(drift for drift in drifts if drift is not None)
+
+
+def _drift(fit: PoseFit, seat: str) -> Drift | None:
+    """What a seat drifts, if the score of its shifts, and of its turns where they are seen, is
+    beyond chance.
+    """
     equations, layout = fit.equations, fit.model.unknowns
-    out = []
-    for seat, part in layout.seats.items():
-        own = [
-            k
-            for k, point in enumerate(equations.points)
-            if point.group.seat == seat and point.group.time is not None
-        ]
-        if not own or part.stop - part.start < 6:
-            continue
-        time = np.concatenate([np.asarray(equations.points[k].group.time) for k in own])
-        span = float(np.ptp(time))
-        if span <= 0.0:
-            continue
-        gram = np.zeros((layout.count, 6))
-        blocks = []
-        for k in own:
-            clock = (np.asarray(equations.points[k].group.time) - time.min()) / span
-            column = equations.jacobians[k][part] * clock
-            flat = equations.jacobians[k].reshape(layout.count, -1)
-            gram += flat @ column.reshape(6, -1).T
-            blocks.append(column)
-        solved = np.linalg.solve(equations.normal, gram)
-        score, variance, information = np.zeros(6), np.zeros((6, 6)), np.zeros((6, 6))
-        for k, column in zip(own, blocks, strict=True):
-            rest = column - np.einsum("pen,pk->ken", equations.jacobians[k], solved)
-            each = (rest * equations.residuals[k]).sum(axis=1)
-            score += each.sum(axis=1)
-            variance += each @ each.T
-            information += rest.reshape(6, -1) @ rest.reshape(6, -1).T
-        test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
-        if test > DRIFT:
-            size = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
-            arm = np.concatenate(
-                [
-                    (equations.points[k].closure.measured.T - equations.points[k].seat.origin)
-                    for k in own
-                ]
-            )
-            moved = np.linalg.norm(size[:3] + np.cross(size[3:], arm), axis=1)
-            out.append(Drift(seat, float(moved.mean()), float(np.linalg.norm(size[3:])), test))
-    return tuple(out)
+    part = layout.seats[seat]
+    size = part.stop - part.start
+    every = zip(equations.points, equations.jacobians, equations.residuals, strict=True)
+    own = [each for each in every if each[0].group.seat == seat and each[0].group.time is not None]
+    times = [np.asarray(point.group.time) for point, _, _ in own]
+    first, span = min(t.min() for t in times), float(np.ptp(np.concatenate(times)))
+    if span <= 0.0:
+        return None
+    columns = [each[1][part] * ((t - first) / span) for each, t in zip(own, times, strict=True)]
+    gram = np.zeros((layout.count, size))
+    for (_, jacobian, _), column in zip(own, columns, strict=True):
+        gram += jacobian.reshape(layout.count, -1) @ column.reshape(size, -1).T
+    solved = np.linalg.solve(equations.normal, gram)
+    score, variance, information = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+    for (_, jacobian, residual), column in zip(own, columns, strict=True):
+        rest = column - np.einsum("pen,pk->ken", jacobian, solved)
+        each = (rest * residual).sum(axis=1)
+        score += each.sum(axis=1)
+        variance += each @ each.T
+        information += rest.reshape(size, -1) @ rest.reshape(size, -1).T
+    test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
+    if test <= DRIFT * float(chi2.isf(CHANCE, size)):
+        return None
+    change = np.zeros(6)
+    change[:size] = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
+    arm = np.concatenate([p.closure.measured.T - p.seat.origin for p, _, _ in own])
+    moved = np.linalg.norm(change[:3] + np.cross(change[3:], arm), axis=1)
+    return Drift(seat, float(moved.mean()), float(np.linalg.norm(change[3:])), test)
