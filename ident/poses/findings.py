@@ -2,8 +2,8 @@
 
 Outliers are recognised by the length of the whitened residual against its median. A pose read
 before the robot stood still has its residual along the last move: the joint angles were not yet, or
-no longer, those of the measurement. A drifting base shows as a score of the seat's motion in proportion to
-time (White 1982, as in ident.estimator.order_search).
+no longer, those of the measurement. A drifting base shows as a score of the seat's motion in
+proportion to time (White 1982, as in ident.estimator.order_search).
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ class PosePlant(Strict):
 
 
 class GeometryErrors(Strict):
-    """The DH parameters of all rows deviate, and so do the Hayati angles of parallel axes; drawn."""
+    """Deviations of the DH parameters of all rows and of the Hayati angles of parallel axes."""
 
     sigma_m: Size = Field(5.0e-4, description="Standard deviation of lengths. Assumed.")
     sigma_rad: Size = Field(1.0e-3, description="Standard deviation of angles. Assumed.")

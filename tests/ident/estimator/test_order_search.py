@@ -28,6 +28,7 @@ def linear_model(angles: Array, errors: Array, seed: int = 0) -> LinearModel:
         prior_gradient=np.zeros(2),
         prior_normal=1e-6 * np.eye(2),
         regions=joint_regions(angles.T),
+        poses=np.arange(n),
     )
 
 
