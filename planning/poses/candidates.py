@@ -24,6 +24,7 @@ DAMPING = 1e-4  # [m^2] added to the squared lever: no axis runs away near a sin
 CLOSED = 1e-7  # [m] rest of the distance or position at which a pose counts as closed
 BATCH = 2000  # poses drawn at a time
 MOST_BATCHES = 60  # after which too few feasible poses are an error
+FIRST_BATCHES = 8  # without a feasible pose, after which none is expected
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,14 +81,14 @@ def random_candidates(setup: Setup, count: int, rng: np.random.Generator) -> Can
 
 def _of_station(setup: Setup, index: int, count: int, rng: np.random.Generator) -> Candidates:
     screen, parts, have = Screen(), list[Array](), 0
-    for _ in range(MOST_BATCHES):
+    for batch in range(1, MOST_BATCHES + 1):
         drawn = rng.uniform(setup.lower, setup.upper, (BATCH, setup.robot.joints))
         axes = feasible(setup, index, drawn, rng, screen)[0]
         parts.append(axes)
         have += len(axes)
-        if have >= count:
+        if have >= count or (batch >= FIRST_BATCHES and not have):
             break
-    if have < setup.request.poses:
+    if have < min(count, setup.request.poses):
         station = setup.stations[index]
         raise InputError(
             f"{setup.request.name}: only {have} poses of {setup.robot.name} can be measured from "

@@ -22,7 +22,7 @@ Axes = Annotated[tuple[float, ...], Field(min_length=5, max_length=8)]
 Cone = Annotated[float, Field(gt=0.0, le=180.0)]
 
 
-class PlannedSeat(Strict):
+class SeatEntry(Strict):
     """One placement of the instrument, or one socket."""
 
     name: str = Field("seat", description="As `seat` of poses.yaml.")
@@ -35,7 +35,7 @@ class PlannedSeat(Strict):
     cone_deg: Cone = Field(180.0, description="Largest angle from `axis`.")
 
 
-class PlannedTarget(Strict):
+class TargetEntry(Strict):
     """One ball or reflector on the flange."""
 
     name: str = Field("target", description="As `target` of poses.yaml.")
@@ -90,10 +90,10 @@ class PosePlanRequest(Strict):
     ]
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
     instrument: str = Field(description="A file of cell/instruments, or a path.")
-    seats: Annotated[tuple[PlannedSeat, ...], Field(min_length=1)] = Field(
+    seats: Annotated[tuple[SeatEntry, ...], Field(min_length=1)] = Field(
         description="Placements of the instrument."
     )
-    targets: Annotated[tuple[PlannedTarget, ...], Field(min_length=1)] = Field(
+    targets: Annotated[tuple[TargetEntry, ...], Field(min_length=1)] = Field(
         description="Targets on the flange. The predicted TCP error is that of the first."
     )
     distances: tuple[KnownDistances, ...] = Field(

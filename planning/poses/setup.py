@@ -21,7 +21,7 @@ from cell.load import load_instrument, load_robot
 from cell.poses import KnownDistance
 from ident.poses.unknowns import nominal_chain
 from ident.robot.accuracy import accuracy_grid
-from planning.poses.request import PlannedSeat, PlannedTarget, PosePlanRequest
+from planning.poses.request import PosePlanRequest, SeatEntry, TargetEntry
 
 TURN = 2.0 * np.pi  # [rad] an axis that turns further is planned over half a turn to either side
 
@@ -140,7 +140,7 @@ def _check_length(key: str, values: tuple[float, ...], robot: Robot) -> None:
         )
 
 
-def _station(seat: PlannedSeat, target: PlannedTarget) -> Station:
+def _station(seat: SeatEntry, target: TargetEntry) -> Station:
     return Station(
         seat=seat.name,
         target=target.name,
@@ -151,7 +151,7 @@ def _station(seat: PlannedSeat, target: PlannedTarget) -> Station:
     )
 
 
-def _aim(part: PlannedSeat | PlannedTarget) -> Aim | None:
+def _aim(part: SeatEntry | TargetEntry) -> Aim | None:
     if part.axis is None:
         return None
     axis = np.array(part.axis)

@@ -1,109 +1,160 @@
-"""Still poses of a drawn robot, simulated: geometry, sag, joint errors and the instrument's noise.
-
-The robot's errors are drawn from the distributions below and are no part of a prediction: what an
-identification makes of the poses is compared with the robot itself.
-"""
+"""Tables of still poses of a robot whose errors are known."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cell.arrays import Array
-from cell.chain import Chain, Frames, forward
-from cell.poses import PoseTable
-from cell.robot_angles import controller_to_joints
-from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from cell.chain import Chain, Frames, forward, joint_screws
+from cell.descriptions import Robot
+from cell.load import load_robot
+from cell.poses import KnownDistance, Measured, PoseGroup, PoseTable
+from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.poses.closure import Placement, target_frames
 from ident.poses.joint_corrections import joint_displacements, regressors_at
-from ident.poses.unknowns import robot_parameters
-from ident.robot.accuracy import TcpError, position_error
-from ident.robot.identified_arm import IdentifiedArm
-from planning.poses.candidates import Candidates
-from planning.poses.information import expected_group
-from planning.poses.setup import Setup, Station
+from ident.poses.unknowns import nominal_chain, robot_parameters
 
-LENGTH, ANGLE = 3e-4, 1e-3  # [m], [rad] sigma of DH parameters
-SAG = 2e-4  # [rad/m] sigma of a coefficient of ident.corrections.unit_weights
-RIPPLE, ORDERS = 2e-5, (1, 2, 3)  # [rad] amplitude of each order of each joint
-PLACED = 5e-3  # [m], [rad] sigma of seats and targets about where the request has them
+TARGET = Placement(np.eye(3), np.array([0.03, -0.02, 0.12]))
+TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+SEAT = Placement(TURN, np.array([1.9, -0.7, 0.4]))
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnRobot:
-    """A robot with errors, and where seats and targets really are."""
+class TrueRobot:
+    """A robot with drawn errors; it puts its target where the table says."""
 
-    setup: Setup
+    name: str
+    robot: Robot  # nominal
     chain: Chain
-    coefficients: Array
-    seats: dict[str, Placement]
-    targets: dict[str, Placement]
+    corrections: tuple[Correction, ...]
+    values: Array
 
-    def frames(self, q: Array, target: str) -> Frames:
-        """Frames at joint angles q (N, J) [rad]; the last is that of the target."""
-        robot = self.setup.robot
-        corrections = _corrections(self.setup)
-        regressors = regressors_at(robot, corrections, q)
-        moved = q + joint_displacements(robot, corrections, self.coefficients, regressors)
-        return target_frames(forward(self.chain, moved), self.targets[target])
+    def positions(self, q: Array, target: Placement = TARGET) -> Array:
+        """(N, 3) [m] of a target in the base frame."""
+        return self.frames(q, target).tip.T
 
-    def measured(self, poses: Candidates, rng: np.random.Generator) -> PoseTable:
-        """What the instrument measures of poses, with its noise."""
-        setup = self.setup
-        groups = []
-        for k in np.unique(poses.station):
-            station: Station = setup.stations[k]
-            axes = poses.axes[poses.station == k]
-            group = expected_group(setup, station, axes)
-            q = controller_to_joints(setup.robot, axes)
-            frames, seat = self.frames(q, station.target), self.seats[station.seat]
-            rod = seat.rotation.T @ (frames.tip - seat.origin[:, None])
-            values = group.values
-            if group.measured == "length":
-                values = np.linalg.norm(rod, axis=0)[:, None]
-            elif group.measured == "point":
-                values = rod.T
-            elif group.measured == "pose":
-                turned = np.einsum("ji,jkn->ikn", seat.rotation, frames.rotation())
-                values = np.concatenate((rod, rotvec_from_matrix(turned))).T
-            noise = group.sigma[:, : values.shape[1]] * rng.standard_normal(values.shape)
-            groups.append(replace(group, values=values + noise))
-        return PoseTable(setup.request.name, setup.robot, tuple(groups), setup.distances)
-
-    def error_of(self, arm: IdentifiedArm) -> TcpError:
-        """TCP error of an identified robot over the workspace, base aligned."""
-        grid, target = self.setup.grid, self.setup.stations[0].target
-        return position_error(arm.tool(grid), self.frames(grid, target).tip.T)
+    def frames(self, q: Array, target: Placement) -> Frames:
+        """Frames of the robot; the last is that of a target."""
+        regressors = regressors_at(self.robot, self.corrections, q)
+        moved = joint_displacements(self.robot, self.corrections, self.values, regressors)
+        return target_frames(forward(self.chain, q + moved), target)
 
 
-def drawn_robot(setup: Setup, rng: np.random.Generator) -> DrawnRobot:
-    """A robot with every error drawn."""
-    rows = {
-        kind: getattr(setup.chain, kind).copy() for kind in ("a", "d", "alpha", "theta", "beta")
-    }
-    for parameter in robot_parameters(setup.chain):
-        sigma = LENGTH if parameter.is_length else ANGLE
-        rows[parameter.kind][parameter.row] += sigma * rng.standard_normal()
-    weights, ripple = _corrections(setup)
-    sag = SAG * np.abs(rng.standard_normal(len(weights.coefficients)))
-    turns = RIPPLE * rng.standard_normal(len(ripple.coefficients))
-    return DrawnRobot(
-        setup=setup,
-        chain=Chain(**rows),
-        coefficients=np.concatenate((sag, turns)),
-        seats={s.seat: _placed(s.origin, rng) for s in setup.stations},
-        targets={s.target: _placed(s.point, rng) for s in setup.stations},
+def true_robot(
+    name: str = "ur5",
+    *,
+    seed: int = 1,
+    orders: Sequence[tuple[int, int]] = (),
+    amplitude: float = 2e-4,
+    sag: float = 3e-4,
+) -> TrueRobot:
+    """Errors of 0.3 mm and 0.5 mrad in every parameter, and sag [rad/m]."""
+    rng, robot = np.random.default_rng(seed), load_robot(name)
+    nominal = nominal_chain(robot)
+    rows = {f.name: getattr(nominal, f.name).copy() for f in fields(Chain)}
+    for parameter in robot_parameters(robot):
+        rows[parameter.kind][parameter.row] += rng.normal(
+            0.0, 3e-4 if parameter.is_length else 5e-4
+        )
+    corrections: tuple[Correction, ...] = (unit_weights(robot),)
+    values = [sag * rng.normal(size=len(corrections[0].coefficients))]
+    if orders:
+        corrections = (*corrections, joint_harmonics(orders))
+        angle = rng.uniform(-np.pi, np.pi, len(orders))
+        values.append(amplitude * np.column_stack((np.cos(angle), np.sin(angle))).reshape(-1))
+    return TrueRobot(name, robot, Chain(**rows), corrections, np.concatenate(values))
+
+
+def angles(name: str, count: int, seed: int = 0, share: float = 0.6) -> Array:
+    """(N, J) [rad] random angles over the middle of each range."""
+    robot = load_robot(name)
+    half = np.minimum(0.5 * share * (robot.axis_upper - robot.axis_lower), 2.0)
+    middle = 0.5 * (robot.axis_upper + robot.axis_lower)
+    rng = np.random.default_rng([seed, 3])
+    return middle + half * rng.uniform(-1.0, 1.0, (count, robot.a.size))
+
+
+def table_of(
+    true: TrueRobot,
+    measured: Measured = "point",
+    *,
+    count: int = 200,
+    noise: float = 2e-5,
+    seed: int = 0,
+    q: Array | None = None,
+) -> PoseTable:
+    """Poses measured with white noise [m]; lengths from three seats, sockets of three sites."""
+    robot, rng = true.robot, np.random.default_rng([seed, 5])
+    q = angles(true.name, count, seed) if q is None else q
+    groups = []
+    if measured in ("point", "pose"):
+        frames = true.frames(q, TARGET)
+        place = (frames.tip.T - SEAT.origin) @ SEAT.rotation
+        place = place + rng.normal(0.0, noise, place.shape)
+        if measured == "pose":
+            turn = Rotation.from_matrix(np.einsum("ji,jkn->nik", SEAT.rotation, frames.rotation()))
+            turn = Rotation.from_rotvec(rng.normal(0.0, 1e-4, (len(q), 3))) * turn
+            place = np.hstack((place, turn.as_rotvec()))
+        sigma = np.full(place.shape, noise)
+        groups.append(group(measured, "tracker", q, place, sigma))
+    if measured == "length":
+        for k, seat in enumerate(([1.2, -0.9, 0.1], [-1.1, -0.8, 0.2], [0.2, 1.4, -0.1])):
+            away = np.linalg.norm(true.positions(q) - seat, axis=1)[:, None]
+            away = away + rng.normal(0.0, noise, away.shape)
+            groups.append(group("length", f"seat {k}", q, away, np.full(away.shape, noise)))
+    return PoseTable(true.name, robot, tuple(groups))
+
+
+def socket_table(true: TrueRobot, *, count: int = 24, noise: float = 3e-5) -> PoseTable:
+    """The target put into pairs of sockets 50 mm apart, by Newton steps on the true robot."""
+    robot, rng = true.robot, np.random.default_rng(11)
+    groups, distances = [], []
+    for site in range(3):
+        start = true.positions(angles(true.name, 1, seed=40 + site))[0]
+        for hole in (0, 1):
+            socket = start + 0.05 * hole * np.eye(3)[0]
+            q = reached(true, socket + rng.normal(0.0, noise, (count, 3)), seed=100 + site)
+            seat = f"{site}/{hole}"
+            groups.append(
+                group("socket", seat, q, np.zeros((len(q), 0)), np.full((len(q), 3), noise))
+            )
+        distances.append(KnownDistance((f"{site}/0", f"{site}/1"), 0.05, 2e-4))
+    return PoseTable(true.name, robot, tuple(groups), tuple(distances))
+
+
+def reached(true: TrueRobot, places: Array, *, seed: int) -> Array:
+    """(N, J) [rad] angles at which the true target stands at places (N, 3) [m]: damped Newton."""
+    q = angles(true.name, 4 * len(places), seed)
+    wanted = np.tile(places, (4, 1))
+    for _ in range(25):
+        frames = true.frames(q, TARGET)
+        jacobian = joint_screws(frames)[: q.shape[1], :3].transpose(2, 1, 0)
+        error = wanted - frames.tip.T
+        square = jacobian @ jacobian.transpose(0, 2, 1) + 1e-6 * np.eye(3)
+        step = np.einsum("ncj,nc->nj", jacobian, np.linalg.solve(square, error[..., None])[..., 0])
+        largest = np.abs(step).max(axis=1, keepdims=True)
+        q = q + step * np.minimum(1.0, 0.3 / np.maximum(largest, 1e-12))
+    close = np.linalg.norm(wanted - true.positions(q), axis=1) < 1e-7
+    return q[np.flatnonzero(close)[: len(places)]]
+
+
+def group(
+    measured: Measured, seat: str, q: Array, values: Array, sigma: Array, target: str = "ball"
+) -> PoseGroup:
+    """A group of poses as from a file of one row each."""
+    return PoseGroup(
+        measured=measured,
+        seat=seat,
+        target=target,
+        q=q,
+        values=values,
+        sigma=sigma,
+        rows=np.arange(2, len(q) + 2),
+        file="table.csv",
     )
-
-
-def _corrections(setup: Setup) -> tuple:  # type: ignore[type-arg]
-    orders = [(joint, order) for joint in range(setup.robot.joints) for order in ORDERS]
-    return unit_weights(setup.robot), joint_harmonics(orders)
-
-
-def _placed(origin: Array, rng: np.random.Generator) -> Placement:
-    turn = matrix_from_rotvec(PLACED * rng.standard_normal((3, 1)))[:, :, 0]
-    return Placement(turn, origin + PLACED * rng.standard_normal(3))
