@@ -24,7 +24,7 @@ from planning.poses.setup import Setup, Station
 # and 0.09 for the wrist; the upper arm of the IRB 2400 is 0.31 of its chain.
 ARM, WRIST = 0.045, 0.03
 LAST_ROWS = 3  # that are the wrist
-ROD = 0.02  # [m] radius of a rod; planning.clearance
+ROD = 0.02  # [m] radius of a rod, planning.clearance, and of the stem of a target, assumed
 SHORT = 1e-6  # [m] a row that has no body of its own
 FAR = 1.0  # [m] beyond which distances are not distinguished
 BOX_POINTS = 8  # of a capsule's axis that are compared with a box
@@ -67,7 +67,7 @@ def arm_of(setup: Setup, station: Station) -> Arm:
     bodies = [body for body in lengths if body[2] > SHORT]
     total = sum(length for _, _, length in lengths[:-1])
     end = np.cumsum([length for _, _, length in bodies])
-    radii = np.array([total * (ARM if i < chain.rows - LAST_ROWS else WRIST) for i, _, _ in bodies])
+    radii = np.array([_radius(chain.rows, total, row) for row, _, _ in bodies])
     begin = np.concatenate(([0.0], end[:-1]))
     clearance = setup.request.limits.clearance_m
     pairs = tuple(
@@ -78,6 +78,13 @@ def arm_of(setup: Setup, station: Station) -> Arm:
     )
     rows, parts = tuple(b[0] for b in bodies), tuple(b[1] for b in bodies)
     return Arm(rows=rows, parts=parts, radii=radii, begin=begin, end=end, pairs=pairs)
+
+
+def _radius(rows: int, total: float, row: int) -> float:
+    """[m] of the capsule of a DH row; `row` equals `rows` for the target's."""
+    if row == rows:
+        return ROD
+    return total * (ARM if row < rows - LAST_ROWS else WRIST)
 
 
 def station_frames(setup: Setup, station: Station, axes: Array) -> Frames:

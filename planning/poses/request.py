@@ -78,7 +78,7 @@ class PoseWorkspace(Strict):
 
 
 class PosePlanRequest(Strict):
-    """A request for still poses, such as `scenarios/plans/irb1600_tracker.yaml`."""
+    """A request for still poses, such as `scenarios/plans/irb2400_tracker.yaml`."""
 
     schema_: Annotated[Literal["ballbar-pose-plan/1"], Field(alias="schema")]
     name: Annotated[

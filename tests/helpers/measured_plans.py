@@ -79,17 +79,17 @@ class DrawnRobot:
         return position_error(arm.tool(grid), self.frames(grid, target).tip.T)
 
 
-def drawn_robot(setup: Setup, rng: np.random.Generator) -> DrawnRobot:
-    """A robot with every error drawn."""
+def drawn_robot(setup: Setup, rng: np.random.Generator, *, ripple: float = RIPPLE) -> DrawnRobot:
+    """A robot with every error drawn; ripple : [rad] amplitude of the joint errors."""
     rows = {
         kind: getattr(setup.chain, kind).copy() for kind in ("a", "d", "alpha", "theta", "beta")
     }
-    for parameter in robot_parameters(setup.chain):
+    for parameter in robot_parameters(setup.robot):
         sigma = LENGTH if parameter.is_length else ANGLE
         rows[parameter.kind][parameter.row] += sigma * rng.standard_normal()
-    weights, ripple = _corrections(setup)
+    weights, harmonics = _corrections(setup)
     sag = SAG * np.abs(rng.standard_normal(len(weights.coefficients)))
-    turns = RIPPLE * rng.standard_normal(len(ripple.coefficients))
+    turns = ripple * rng.standard_normal(len(harmonics.coefficients))
     return DrawnRobot(
         setup=setup,
         chain=Chain(**rows),

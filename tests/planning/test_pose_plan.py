@@ -196,9 +196,6 @@ def test_the_rows_add_up_to_the_information_of_an_identification(path: Path) -> 
 
 
 def test_the_rows_of_a_length_are_its_derivative() -> None:
-    """The loop closure of lengths raised an error for more than three poses: a cross product of
-    (2, 3, N) with (3, N) along the wrong axis.
-    """
     setup = changed(WIRE)
     information, station = information_of(setup), setup.stations[0]
     poses = random_candidates(setup, 20, np.random.default_rng(5))
@@ -288,6 +285,7 @@ def errors(plan: PosePlan, seeds: range) -> tuple[Array, Array]:
     return by_plan, by_random
 
 
+@pytest.mark.slow
 def test_the_real_error_follows_the_prediction(tracker: PosePlan, wire: PosePlan) -> None:
     """Robots with sag and with joint errors that are not fitted, as in docs/planning.md."""
     by_plan, by_random = errors(tracker, range(100, 105))
@@ -382,7 +380,9 @@ def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path:
 def test_programs_read_back_are_the_poses(tracker: PosePlan) -> None:
     text = rapid_poses(tracker)
     lines = text.splitlines()
-    targets = jointtarget_text(LogText("p.mod", "utf-8", lines, np.arange(1, len(lines) + 1), quoted=False))
+    targets = jointtarget_text(
+        LogText("p.mod", "utf-8", lines, np.arange(1, len(lines) + 1), quoted=False)
+    )
     read = np.array([[float(v) for v in line.split("\t")] for line in targets.lines[1:]])
     names = re.findall(r"CONST jointtarget (\w+):=", text)
     poses = [k for k, name in enumerate(names) if name.startswith("p")]
@@ -439,7 +439,10 @@ def test_a_request_that_does_not_fit_the_robot_is_refused(
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"seats": [{"position_m": [1.0, 0.0, 0.0]}, {"position_m": [1.0, 0.0, 0.2]}]}, r"expected another name than 'seat'"),
+        (
+            {"seats": [{"position_m": [1.0, 0.0, 0.0]}, {"position_m": [1.0, 0.0, 0.2]}]},
+            r"expected another name than 'seat'",
+        ),
         (
             {"targets": [{"position_m": [0.0, 0.0, 0.1], "cone_deg": 30}]},
             r"give axis beside cone_deg",
