@@ -33,7 +33,7 @@ from ident.complete_fit import FIRST_EXCESS, approached, fit_pose, posed
 from ident.corrections import CORRECTIONS
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
-from ident.estimator.model import JOINTS_AS_LOGGED, Model
+from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples, samples_of
 from ident.estimator.unknowns import kinematic_unknowns
@@ -96,7 +96,7 @@ def kinematic() -> None:
     def rival() -> Array:
         layout, start = kinematic_unknowns(samples.nominal, clock, chosen)
         here = ready()
-        model = Model(JOINTS_AS_LOGGED, None, (), layout, (here,))
+        model = Model(joints_as_logged(6), None, (), layout, (here,))
         ballbar = here.ballbar_angles(samples.nominal, clock)
         weights = model.weights(start, model.evaluate(start, 0, ballbar), excess)
 

@@ -70,8 +70,10 @@ class Gears:
         protect_fields(self)
 
 
+Key = Literal["links", "servo", "gears", "rotor_inertia_kg_m2"]  # optional, of a robot's file
+
 _KINEMATIC = "or simulate with `plant: {kind: kinematic}`"
-_NEEDED_FOR = {  # by key of a robot's file: what the data are, what needs them, the remedy
+_NEEDED_FOR: dict[Key, str] = {  # what the data are, what needs them, the remedy
     "links": "(masses): the dynamic plant, the planning of paths and the loads of gears need them. "
     f"Give mass, centre of mass and inertia of the base and of every link, {_KINEMATIC}.",
     "servo": "(gains of the joint servos): the dynamic plant and the planning of paths need them. "
@@ -130,6 +132,13 @@ class Robot:
         """J, the number of axes."""
         return int(self.a.size)
 
+    def lacks(self, key: Key) -> bool:
+        """Whether the robot's file does not state these optional data."""
+        return self._optional(key) is None
+
+    def _optional(self, key: Key) -> object:
+        return self.armature if key == "rotor_inertia_kg_m2" else getattr(self, key)
+
     @overload
     def required(self, key: Literal["links"]) -> tuple[Link, ...]: ...
     @overload
@@ -138,12 +147,14 @@ class Robot:
     def required(self, key: Literal["gears"]) -> Gears: ...
     @overload
     def required(self, key: Literal["rotor_inertia_kg_m2"]) -> Array: ...
-    def required(self, key: str) -> object:
+    @overload
+    def required(self, key: Key) -> object: ...
+    def required(self, key: Key) -> object:
         """Optional data of the robot, by their key in its file.
 
         Raises InputError that names the key, what needs it and the remedy if the file lacks it.
         """
-        data = self.armature if key == "rotor_inertia_kg_m2" else getattr(self, key)
+        data = self._optional(key)
         if data is None:
             raise InputError(f"robot {self.name} has no `{key}` {_NEEDED_FOR[key]}")
         return data

@@ -16,9 +16,13 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws
-from cell.errors import FailureError
+from cell.errors import FailureError, InputError
 from cell.rotation import rotvec_from_matrix
 
+REACHED = 1e-9  # [m, rad] of a pose that fewer than six joints take, far above rounding
+# [rad] twists of the arms that have a closed form, s = +1; those of an identified robot are close
+_ARM_ALPHA = np.array([-1.0, 0.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)
+_ARM_TOLERANCE = 0.1
 _ALPHA = np.array([1.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)  # ball-bar twists, thesis sec. 2.2
 
 
@@ -32,8 +36,18 @@ def robot_branches(chain: Chain, poses: Array) -> Array:
     poses : (N, 4, 4) tool frames in the base frame.
 
     Returns (4, N, 6) [rad] in the order elbow up and wrist +, up and -, down and +, down and -; NaN
-    where a pose is out of reach.
+    where a pose is out of reach. Raises InputError for a robot of another structure.
     """
+    mirrored = _ARM_ALPHA * (1.0, 1.0, 1.0, -1.0, -1.0, 1.0)
+    if chain.rows != 6 or not any(
+        np.allclose(chain.alpha, alpha, rtol=0.0, atol=_ARM_TOLERANCE)
+        for alpha in (_ARM_ALPHA, mirrored)
+    ):
+        raise InputError(
+            "paths of the tool are computed for robots of six axes with parallel axes 2 and 3 and "
+            "a spherical wrist only, and this robot is built otherwise. Take a path that was "
+            "recorded (path.kind: recorded), or identify a recording of the robot."
+        )
     rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
     wrist = tip - chain.a[5] * rotation[:, :, 0] - chain.d[5] * rotation[:, :, 2]
     shoulder = np.arctan2(wrist[:, 1], wrist[:, 0])
@@ -112,12 +126,13 @@ def _turned(alpha: Array, *angles: Array) -> Array:
 def refine(
     chain: Chain, q: Array, poses: Array, *, iterations: int = 20, tolerance: float = 1e-13
 ) -> Array:
-    """Joint angles that bring a six-joint chain exactly to each pose, by Newton steps from a start
-    close by.
+    """Joint angles that bring a chain exactly to each pose, by Newton steps from a start close by.
 
-    q : (N, 6) [rad] start; poses : (N, 4, 4) tool frames in the base frame.
+    More than six joints take the shortest steps, fewer reach only some poses.
 
-    Returns (N, 6) [rad]. Raises UnreachableError when a pose is not reached, or when a joint
+    q : (N, J) [rad] start; poses : (N, 4, 4) tool frames in the base frame.
+
+    Returns (N, J) [rad]. Raises UnreachableError when a pose is not reached, or when a joint
     Jacobian on the way is singular.
     """
     q = q.copy()
@@ -127,12 +142,13 @@ def refine(
         error = pose_error(target_rotation, target_tip, frames)
         jacobian = joint_screws(frames).transpose(2, 1, 0)
         try:
-            step = np.linalg.solve(jacobian, error.T[:, :, None])[:, :, 0]
+            step = _newton_step(jacobian, error)
         except np.linalg.LinAlgError:
             raise UnreachableError(_singular(jacobian, q)) from None
         # a step of more than 0.3 rad is a sign of a singularity, not of progress
         q += np.clip(step, -0.3, 0.3)
-        if np.abs(step).max() < tolerance:
+        reached = chain.rows >= 6 or np.abs(error).max() < REACHED
+        if np.abs(step).max() < tolerance and reached:
             return q
     bad = int(np.abs(step).max(axis=1).argmax())
     raise UnreachableError(
@@ -140,6 +156,13 @@ def refine(
         f"{iterations} steps; {np.linalg.norm(error[:3, bad]) * 1e3:.3g} mm are left. Move it into "
         "the reach of the arm, or start closer to it."
     )
+
+
+def _newton_step(jacobian: Array, error: Array) -> Array:
+    """(N, J) [rad] step of least squares and least length; jacobian : (N, 6, J), error : (6, N)."""
+    if jacobian.shape[1] == jacobian.shape[2]:
+        return np.asarray(np.linalg.solve(jacobian, error.T[:, :, None])[:, :, 0])
+    return np.asarray(np.einsum("njk,kn->nj", np.linalg.pinv(jacobian), error))
 
 
 def _singular(jacobian: Array, q: Array) -> str:
@@ -155,7 +178,7 @@ def _singular(jacobian: Array, q: Array) -> str:
 def refine_reachable(
     chain: Chain, q: Array, poses: Array, *, tolerance: float = 1e-13
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """As `refine`, for the poses that the chain can take: angles (K, 6) [rad], and which (N,)."""
+    """As `refine`, for the poses that the chain can take: angles (K, J) [rad], and which (N,)."""
     try:
         return refine(chain, q, poses, tolerance=tolerance), np.ones(len(q), dtype=bool)
     except UnreachableError:

@@ -28,8 +28,8 @@ class RobotLog:
     """
 
     t: Array  # (N,) [s] from the first row, strictly increasing
-    q: Array  # (N, 6) [rad] joint angles, DH convention
-    torque: Array | None = None  # (N, 6) [N m] of the motors, at the gears' outputs
+    q: Array  # (N, J) [rad] joint angles, DH convention
+    torque: Array | None = None  # (N, J) [N m] of the motors, at the gears' outputs
     segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock; None: a single one
     flags: NDArray[np.uint32] | None = None  # (N,) acquisition.flags of the row; None: no remarks
 
@@ -37,9 +37,10 @@ class RobotLog:
         _protect(self, "t", "q", "torque")
         _protect(self, "segment", dtype=np.uint16)
         _protect(self, "flags", dtype=np.uint32)
-        _check_series("robot log", self.t, self.q, 6)
+        joints = self.q.shape[-1]
+        _check_series("robot log", self.t, self.q, joints)
         if self.torque is not None:
-            _check_series("robot log, torque", self.t, self.torque, 6)
+            _check_series("robot log, torque", self.t, self.torque, joints)
         _check_marks("robot log", self.t, self.segment, self.flags)
 
 

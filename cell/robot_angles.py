@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike
 from cell.arrays import Array
 from cell.descriptions import Robot
 
+MAIN_AXES = 3  # they carry the arm; the axes behind them turn the wrist
 _BLOCK = 4096  # rows multiplied at a time: below it OpenBLAS computes in the calling thread
+
+
+def by_axis(joints: int, *, main: float, wrist: float) -> Array:
+    """(J,) one value for each of the main axes 1 to 3, and another for each axis behind them."""
+    return np.where(np.arange(joints) < MAIN_AXES, main, wrist)
 
 
 def motors_to_joints(robot: Robot, motors: ArrayLike) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections import CORRECTIONS
+from ident.corrections import CORRECTIONS, correction_named
 from ident.corrections.base import Correction
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
@@ -120,7 +120,9 @@ class _Run:
         """A fit with the first guess of the noise."""
         self.listener.progress("preparing the complete model")
         pose = posed(self.cell, self.recordings, names, self.options, faults)
-        sources = [r.logs.force_source(self.options.force) for r in self.recordings]
+        sources = [
+            r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings
+        ]
         if pose.model.masses is not None and "none" in sources:
             pose = continued(pose, self.listener)
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
@@ -176,11 +178,11 @@ def posed(
     faults: tuple[StepFault, ...] = (),
 ) -> Pose:
     """The complete model of some recordings, and where its fit starts."""
-    chosen = [CORRECTIONS[name](cell, recordings[0].samples.encoders) for name in corrections]
+    chosen = [correction_named(name, cell, recordings[0].samples.encoders) for name in corrections]
     slips = encoder_slips(faults)
     chosen += [] if slips is None else [slips]
     loaded = bool(NEEDS_LOADS & set(corrections))
-    sources = [r.logs.force_source(options.force) for r in recordings]
+    sources = [r.logs.force_source(options.force, cell.robot) for r in recordings]
     every = [
         with_tension(cell, r, source, clock_steps_of(faults, k), loaded=loaded)
         for k, (r, source) in enumerate(zip(recordings, sources, strict=True))

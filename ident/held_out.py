@@ -155,7 +155,7 @@ def _fit(
     listener: Listener,
 ) -> Fit:
     """The recording's own unknowns fitted to a given robot, ball-bar and coefficients."""
-    cell, source = robot.cell, recording.logs.force_source(options.force)
+    cell, source = robot.cell, recording.logs.force_source(options.force, robot.cell.robot)
     loaded = bool(NEEDS_LOADS & {c.name for c in robot.corrections})
     steps = clock_steps_of(faults, 0)
     samples = with_tension(cell, recording, source, steps, loaded=loaded)

@@ -17,7 +17,7 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from ident.complete_fit import coefficients_of, fit_complete, lasting
-from ident.corrections import CORRECTIONS
+from ident.corrections import CORRECTIONS, corrections_without_data
 from ident.estimator.fit import Fit
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import log_noise
@@ -40,7 +40,7 @@ from ident.result import (
 from ident.robot.accuracy import accuracy_grid, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
-from ident.verdict import PULL, Evidence, RecordingEvidence, Status, Verdict, judge
+from ident.verdict import PULL, Evidence, RecordingEvidence, Status, judge
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
@@ -91,7 +91,10 @@ def identify_together(
         simple = _result(cell, single, single[0].fit, options)
         if options.model == "dh" or not _asks_for_more(simple):
             return simple
-    corrections = list(CORRECTIONS) if options.corrections is None else list(options.corrections)
+    without = corrections_without_data(cell.robot)
+    corrections = [name for name in CORRECTIONS if name not in without]
+    if options.corrections is not None:
+        corrections = list(options.corrections)
     if automatic and len(single) == 1 and len(single[0].samples.encoders) < COMPLETE_ENCODERS:
         corrections = []  # step faults can be sized all the same
     return _result(
@@ -151,11 +154,18 @@ def _result(
     ]
     verdict = judge(evidence, each, cell, robot.nominal)
     if options.rod_sigma is not None and not complete:
-        unused = (
+        verdict = verdict.with_warning(
             "the measured rod length was not used: the dh model explains the recording and finds "
             "the rod by itself"
         )
-        verdict = Verdict(verdict.status, verdict.sentence, (*verdict.warnings, unused))
+    if complete and options.corrections is None:
+        without = corrections_without_data(cell.robot)
+        if without:
+            keys = dict.fromkeys(f"`{key}`" for lacking in without.values() for key in lacking)
+            verdict = verdict.with_warning(
+                f"{', '.join(without)} were not fitted: the file of robot {cell.robot.name} "
+                f"has no {', '.join(keys)}"
+            )
     return Identification(robot, estimates, statistics, verdict)
 
 
@@ -262,7 +272,7 @@ def _recording(
         start=single.start,
         step_faults=_step_faults(cell, single, fit, k),
         tension=fit.model.tension(fit.x, k) if loaded else None,
-        tension_source=single.logs.force_source(options.force) if loaded else "",
+        tension_source=single.logs.force_source(options.force, cell.robot) if loaded else "",
     )
 
 

@@ -11,17 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.clock import Clock
-from cell.descriptions import Cell
+from cell.descriptions import Cell, Robot
+from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
 from cell.inverse import UnreachableError
 from cell.logs import BallBarLog, ForceLog, RobotLog, segment_starts
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
-from ident.estimator.model import JOINTS_AS_LOGGED, Model
+from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples, sample_times, samples_of
 from ident.estimator.unknowns import kinematic_unknowns
 from ident.estimator.variance_components import rod_deviation
+from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import SILENT, FitOptions, ForceSource, Listener
 from ident.signals.smooth_log import SmoothLog, smooth_log
 from ident.start.automatic import Start, StartError, automatic_start, fit_hypothesis
@@ -39,12 +41,16 @@ class Logs:
     force: ForceLog | None = None  # of a sensor at the flange
     name: str = ""
 
-    def force_source(self, requested: ForceSource) -> str:
-        """What gives the rod's tension: `sensor`, `torque` or `none`."""
+    def force_source(self, requested: ForceSource, robot: Robot) -> str:
+        """What gives the rod's tension: `sensor`, `torque` or `none`.
+
+        Motor torques tell it only of a robot whose masses, friction and rotors are known.
+        """
         if requested in ("auto", "sensor") and self.force is not None:
             return "sensor"
-        if requested in ("auto", "torque") and self.robot.torque is not None:
-            return "torque"
+        known = not any(robot.lacks(key) for key in TORQUE_NEEDS)
+        if requested == "torque" or (requested == "auto" and known):
+            return "none" if self.robot.torque is None else "torque"
         return "none"
 
 
@@ -75,7 +81,17 @@ class RecordingFit:
 def fit_recording(
     cell: Cell, logs: Logs, options: FitOptions, listener: Listener = SILENT
 ) -> RecordingFit:
-    """The `dh` fit of one recording. Raises StartError when its logs cannot be brought together."""
+    """The `dh` fit of one recording.
+
+    Raises StartError when its logs cannot be brought together, InputError for the log of a robot
+    with another number of axes.
+    """
+    axes, stated = logs.robot.q.shape[1], cell.robot.joints
+    if axes != stated:
+        raise InputError(
+            f"the robot's log has {axes} joint angles, robot {cell.robot.name} has {stated} axes. "
+            "Name the robot that was recorded."
+        )
     listener.progress("smoothing both logs")
     robot, ballbar, encoders = smoothed(logs)
     excess = ExcessNoise(rod=ROD_SIGMA_START)
@@ -159,7 +175,7 @@ def identifiable_parameters(
     """
     seen = clock if samples.has_clock else None
     layout, x = kinematic_unknowns(geometry, seen, np.zeros(0, dtype=np.intp))
-    model = Model(JOINTS_AS_LOGGED, None, (), layout, (samples,))
+    model = Model(joints_as_logged(nominal.table.joints), None, (), layout, (samples,))
     point = model.evaluate(x, 0, samples.ballbar_angles(geometry, clock))
     if requested is None:
         requested = candidates(nominal.table, samples.encoders)

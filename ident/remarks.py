@@ -23,7 +23,9 @@ def log_remarks(samples: Samples, faults: Sequence[StepFault]) -> tuple[str, ...
                 f"the robot's clock stepped by {step.size * 1e3:+.1f} ms at row {step.row} of its "
                 "log; taken out of it"
             )
-    remarks += _left_out("robot", samples.robot.outliers, [f"joint {j}" for j in range(1, 7)])
+    remarks += _left_out(
+        "robot", samples.robot.outliers, [f"joint {j + 1}" for j in range(samples.joint_noise.size)]
+    )
     if samples.ballbar is not None:
         channels = [f"b{joint}" for joint in samples.encoders]
         remarks += _left_out("ball-bar", samples.ballbar.outliers, channels)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -64,6 +64,10 @@ class Verdict:
     @property
     def acceptable(self) -> bool:
         return self.status.acceptable
+
+    def with_warning(self, sentence: str) -> Verdict:
+        """The verdict with one more remark."""
+        return replace(self, warnings=(*self.warnings, sentence))
 
 
 @dataclass(frozen=True, eq=False)

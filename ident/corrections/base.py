@@ -1,6 +1,6 @@
 """What a correction is: an error source that displaces error channels of the mechanism.
 
-Channels are the six gears, the five ball-bar joints, the rod's length and the plate's bending. A
+Channels are the gears, the five ball-bar joints, the rod's length and the plate's bending. A
 correction names its unknown coefficients, each with a prior of physical size, and gives for every
 sample the regressors phi that multiply them; so the derivative of the residual is the channel's own
 column times phi (docs/theory).
@@ -17,8 +17,10 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.loads.gear_loads import Loads
 
-GEAR, BAR, ROD, PLATE = 0, 6, 11, 12  # first channel of each kind
-CHANNELS = 13
+# First channel of each kind. Those behind the gears count from the end, since the number of gears
+# is the robot's.
+GEAR, BAR, ROD, PLATE = 0, -7, -2, -1
+BEHIND_GEARS = 7  # channels
 
 # Half the backlash over the elastic deflection that the transition load causes: 1.5 N m for the
 # main axes of an IRB 2400. A wider transition biases the stiffness that is identified beside it, a
@@ -44,16 +46,16 @@ class State:
 
     t: Array  # (N,) [s] on the ball-bar's clock
     recording: int  # from 0
-    gears: Array  # (6, N) [rad] gear outputs as logged
+    gears: Array  # (J, N) [rad] gear outputs as logged
     bar: Array  # (5, N) [rad] ball-bar joint angles, encoder offsets included
     loads: Loads
     tension: Array  # (N,) [N] of the rod
-    width: Array  # (6,) [N m] load over which each gear changes the flank of its backlash
+    width: Array  # (J,) [N m] load over which each gear changes the flank of its backlash
     sharpness: float = 1.0  # below 1 flanks change over a wider load; for continuation
-    flanks: Array | None = None  # (6, N) of the backlash, where they are known otherwise
+    flanks: Array | None = None  # (J, N) of the backlash, where they are known otherwise
 
     def load_sign(self) -> Array:
-        """(6, N) flank of the backlash on which each gear lies, -1 to 1: smooth sign of load."""
+        """(J, N) flank of the backlash on which each gear lies, -1 to 1: smooth sign of load."""
         if self.flanks is not None:
             return self.flanks
         return smooth_sign(self.loads.gears(self.tension), self.width[:, None] / self.sharpness)

@@ -1,4 +1,4 @@
-"""Bending of the offset plate: a hinge a third of its length from axis 6 (thesis sec. 4.5)."""
+"""Bending of the offset plate: a hinge a third of its length from its foot (thesis sec. 4.5)."""
 
 from __future__ import annotations
 

@@ -18,8 +18,10 @@ import numpy as np
 from cell.arrays import Array
 from cell.chain import Frames, cross, joint_screws, screw
 from cell.geometry import BAR_ROWS, Geometry, Parameter, bar_frames, parameter_screw, robot_frames
-from cell.inverse import bar_angles, bar_roll
+from cell.inverse import UnreachableError, bar_angles, bar_roll
 from cell.rotation import inverse_left_jacobian, rotvec_from_matrix
+
+CLOSING_STEPS, CLOSED = 20, 1e-12  # [m, rad] of an error that is zero but for rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,7 @@ class Closure:
 
 
 def close_loop(geometry: Geometry, q: Array, b: Array) -> Closure:
-    """Loop-closure error at robot angles q (N, 6) and ball-bar angles b (N, 5) [rad].
+    """Loop-closure error at robot angles q (N, J) and ball-bar angles b (N, 5) [rad].
 
     The encoder offsets are parameters of the geometry (`btheta`), so b is what the encoders read.
     """
@@ -69,7 +71,7 @@ def runs_of_one_side(parameters: Sequence[Parameter]) -> Iterator[tuple[int, int
 
 
 def robot_joint_jacobian(closure: Closure) -> Array:
-    """(6, 6, N) derivative of the error with respect to each robot joint angle [rad]."""
+    """(J, 6, N) derivative of the error with respect to each robot joint angle [rad]."""
     return _error_of_robot_motion(closure, joint_screws(closure.robot))
 
 
@@ -86,11 +88,11 @@ def rod_jacobian(closure: Closure) -> Array:
 def plate_jacobian(closure: Closure) -> Array:
     """(6, N) derivative of the error with respect to the bending angle of the plate [rad].
 
-    The plate bends as a cantilever: a hinge a third of its length from the sixth axis
+    The plate bends as a cantilever: a hinge a third of its length from the last axis
     (thesis sec. 4.5).
     """
     robot = closure.robot
-    arm = 2.0 / 3.0 * closure.geometry["ra6"] * robot.x[-1]
+    arm = 2.0 / 3.0 * closure.geometry[closure.geometry.table.plate] * robot.x[-1]
     return -np.concatenate((cross(robot.y[-1], arm), robot.y[-1]))
 
 
@@ -106,12 +108,31 @@ def _error_of_robot_motion(closure: Closure, motion: Array) -> Array:
     return np.negative(motion, out=motion)
 
 
+def closed_angles(geometry: Geometry, q: Array, b: Array) -> tuple[Array, Array]:
+    """Robot and ball-bar angles (N, J), (N, 5) [rad] nearby at which the loop closes.
+
+    By Newton steps of least length from q and b. Raises UnreachableError if they do not converge.
+    """
+    angles = np.concatenate((q, b), axis=1)
+    for _ in range(CLOSING_STEPS):
+        closure = close_loop(geometry, angles[:, : q.shape[1]], angles[:, q.shape[1] :])
+        if np.abs(closure.error).max() < CLOSED:
+            return angles[:, : q.shape[1]], angles[:, q.shape[1] :]
+        columns = np.concatenate((robot_joint_jacobian(closure), bar_joint_jacobian(closure)))
+        inverse = np.linalg.pinv(columns.transpose(2, 1, 0))
+        angles = angles - np.einsum("njk,kn->nj", inverse, closure.error)
+    raise UnreachableError(
+        "the nominal robot and the ball-bar cannot be closed at the poses of the recording. Check "
+        "that both logs are of one run, and that robot and ball-bar are the declared ones."
+    )
+
+
 def complete_bar_angles(
     geometry: Geometry, q: Array, measured: Array, encoders: tuple[int, ...]
 ) -> Array:
     """(N, 5) [rad] ball-bar angles: as measured, or from the robot's pose where unmeasured.
 
-    q : (N, 6) [rad] robot joint angles. measured : (N, E) [rad], one column for each of the
+    q : (N, J) [rad] robot joint angles. measured : (N, E) [rad], one column for each of the
     `encoders` (joints 1 to 5). The unmeasured angles are those of an ideal ball-bar that holds the
     tool where the nominal robot puts it: starting values for `Whitening.unmeasured_step`.
     """

@@ -18,7 +18,7 @@ from cell.clock import Clock
 from cell.geometry import Geometry
 from ident.estimator.gauss_newton import Marquardt, Search, Stop, inverse, minimise
 from ident.estimator.iteration import Iteration, IterationCallback
-from ident.estimator.model import JOINTS_AS_LOGGED, Model
+from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.normal_equations import (
     NormalEquations,
@@ -179,7 +179,7 @@ def fit_kinematics(
     """
     seen = clock if samples.has_clock else None
     layout, x = kinematic_unknowns(start, seen, parameters, prior_sigma)
-    model = Model(JOINTS_AS_LOGGED, None, (), layout, (samples,))
+    model = Model(joints_as_logged(start.table.joints), None, (), layout, (samples,))
     ballbars = [samples.ballbar_angles(start, clock)]
     step = partial(fit, max_iterations=max_iterations, on_iteration=on_iteration)
     iterations = 0

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.geometry import BAR_ROWS, Geometry, ParameterTable, bar_frames
 from cell.inverse import UnreachableError, refine_reachable
-from ident.estimator.closure import close_loop, parameter_jacobian
+from ident.estimator.closure import close_loop, closed_angles, parameter_jacobian
 from ident.estimator.dependencies import STRUCTURAL, orthogonalised
 from ident.estimator.model import Evaluation, noise_columns
 from ident.estimator.noise import ExcessNoise
@@ -101,8 +101,12 @@ def _columns_on_nominal(
     chosen = np.unique(np.linspace(0, total - 1, min(SAMPLES, total)).round().astype(int))
     ballbar, at = point.ballbar[chosen], point.robot_time[chosen]
     logged = np.asarray(samples.robot.spline(at))
-    poses = bar_frames(geometry, ballbar).poses()
-    q, closes = refine_reachable(geometry.robot, logged, poses)
+    if geometry.table.joints < 6:  # the robot alone does not reach every pose of the ball-bar
+        q, ballbar = closed_angles(geometry, logged, ballbar)
+        closes = np.ones(chosen.size, dtype=bool)
+    else:
+        poses = bar_frames(geometry, ballbar).poses()
+        q, closes = refine_reachable(geometry.robot, logged, poses)
     if not closes.any():
         raise UnreachableError(
             f"the nominal robot reaches none of the {closes.size} poses that the ball-bar's angles "

@@ -17,9 +17,10 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry
+from cell.robot_angles import by_axis
 from ident.corrections.base import (
     BAR,
-    CHANNELS,
+    BEHIND_GEARS,
     GEAR,
     PLATE,
     ROD,
@@ -53,12 +54,14 @@ LINEAR_STEP = 1e-4  # [rad] a smaller step moves the tool less than 1e-8 of its 
 class Gearing:
     """How the channels of the robot act on its joints."""
 
-    to_joint: Array  # (6, 6) joints = channels @ to_joint
-    to_gear: Array  # (6, 6) its inverse
-    transition: Array  # (6,) [N m] load over which each gear changes the flank of its backlash
+    to_joint: Array  # (J, J) joints = channels @ to_joint
+    to_gear: Array  # (J, J) its inverse
+    transition: Array  # (J,) [N m] load over which each gear changes the flank of its backlash
 
 
-JOINTS_AS_LOGGED = Gearing(np.eye(6), np.eye(6), np.zeros(6))
+def joints_as_logged(joints: int) -> Gearing:
+    """The channels are the joints of the robot, so many."""
+    return Gearing(np.eye(joints), np.eye(joints), np.zeros(joints))
 
 
 def gearing(cell: Cell) -> Gearing:
@@ -84,15 +87,15 @@ class Evaluation:
 
     @cached_property
     def channel_speed(self) -> Array:
-        """(6, N) [rad/s] speed of the robot's channels."""
+        """(J, N) [rad/s] speed of the robot's channels."""
         speed = np.asarray(self.samples.robot.speed(self.robot_time))
         return (speed @ self.gearing.to_gear).T
 
     @cached_property
     def columns(self) -> Array:
-        """(CHANNELS, 6, N) change of the loop-closure error for a unit of each error channel."""
-        columns = np.empty((CHANNELS, *self.closure.error.shape))
+        """(J + 7, 6, N) change of the loop-closure error for a unit of each error channel."""
         joints = robot_joint_jacobian(self.closure)
+        columns = np.empty((len(joints) + BEHIND_GEARS, *self.closure.error.shape))
         np.einsum("gj,jcn->gcn", self.gearing.to_joint, joints, out=columns[GEAR:BAR])
         columns[BAR:ROD] = bar_joint_jacobian(self.closure)
         columns[ROD], columns[PLATE] = rod_jacobian(self.closure), plate_jacobian(self.closure)
@@ -244,7 +247,7 @@ class Model:
         out = np.zeros(evaluation.closure.error.shape)
         if evaluation.state is None:
             return out
-        moved = np.zeros((CHANNELS, evaluation.ballbar.shape[0]))
+        moved = np.zeros(evaluation.columns.shape[::2])
         values = iter(x[self.unknowns.coefficients])
         for correction in self.corrections:
             slopes = correction.slopes(evaluation.state) if correction.slopes else None
@@ -274,7 +277,7 @@ class Model:
             if hold or (moved < LOADS_GEOMETRY and drift < LOADS_CLOCK):
                 return previous.state.loads, previous.loads_at
         if self.masses is None:
-            return no_loads(at.size), (geometry, clock)
+            return no_loads(len(self.gearing.to_joint), at.size), (geometry, clock)
         log = self.recordings[k].robot
         q, speed, acceleration = (
             np.asarray(f) for f in (log.spline(at), log.arm(at, 1), log.arm(at, 2))
@@ -292,8 +295,9 @@ class Model:
         )
 
     def _displacements(self, x: Array, regressors: tuple[tuple[Array, ...], ...]) -> Array:
-        """(CHANNELS, N) displacement of each error channel: coefficients times regressors."""
-        moved = np.zeros((CHANNELS, regressors[0][0].size))
+        """(J + 7, N) displacement of each error channel: coefficients times regressors."""
+        joints = len(self.gearing.to_joint)
+        moved = np.zeros((joints + BEHIND_GEARS, regressors[0][0].size))
         values = iter(x[self.unknowns.coefficients])
         for correction, signals in zip(self.corrections, regressors, strict=True):
             for coefficient, signal in zip(correction.coefficients, signals, strict=True):
@@ -301,29 +305,30 @@ class Model:
         return moved
 
     def backlash_uncertainty(self, x: Array, evaluation: Evaluation) -> Array | float:
-        """(6, N) [rad] uncertainty of each gear's flank: the half width near a load reversal."""
+        """(J, N) [rad] uncertainty of each gear's flank: the half width near a load reversal."""
         names = [c.name for correction in self.corrections for c in correction.coefficients]
         if evaluation.state is None or "backlash1" not in names:
             return 0.0
         first = self.unknowns.coefficients.start + names.index("backlash1")
-        half = np.abs(x[first : first + 6])[:, None]
+        half = np.abs(x[first : first + len(self.gearing.to_joint)])[:, None]
         return np.asarray(half * (1.0 - evaluation.state.load_sign() ** 2))
 
 
 def noise_columns(
     evaluation: Evaluation, excess: ExcessNoise, uncertain: Array | float = 0.0
 ) -> Array:
-    """(12, 6, N) change of the loop-closure error for one sigma of each channel's noise.
+    """(J + 6, 6, N) change of the loop-closure error for one sigma of each channel's noise.
 
-    uncertain : (6, N) [rad] of the robot's channels beyond log noise and excess noise.
+    uncertain : (J, N) [rad] of the robot's channels beyond log noise and excess noise.
     """
     samples, columns = evaluation.samples, evaluation.columns
-    beyond = np.repeat([excess.gear, excess.wrist], 3)[:, None]
-    robot = np.sqrt(samples.joint_noise[:, None] ** 2 + beyond**2 + np.square(uncertain))
+    logged = samples.joint_noise[:, None]
+    beyond = by_axis(len(logged), main=excess.gear, wrist=excess.wrist)[:, None]
+    robot = np.sqrt(logged**2 + beyond**2 + np.square(uncertain))
     measured = np.array([j + 1 in samples.encoders for j in range(BAR_ROWS)])
     ballbar = np.where(measured, np.hypot(samples.encoder_noise, excess.bar), 0.0)
-    out = np.empty((PLATE, *columns.shape[1:]))
+    out = np.empty_like(columns)
     np.multiply(columns[GEAR:BAR], robot[:, None, :], out=out[GEAR:BAR])
     np.multiply(columns[BAR:ROD], ballbar[:, None, None], out=out[BAR:ROD])
     np.multiply(columns[ROD], excess.rod, out=out[ROD])
-    return out
+    return out[:PLATE]

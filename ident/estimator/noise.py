@@ -22,7 +22,7 @@ class ExcessNoise:
     """Standard deviations of the variance components: noise beyond what the logs show."""
 
     gear: float = 0.0  # [rad] of axes 1 to 3
-    wrist: float = 0.0  # [rad] of axes 4 to 6
+    wrist: float = 0.0  # [rad] of the axes behind them
     bar: float = 0.0  # [rad] of each ball-bar encoder: sub-divisional error
     rod: float = 0.0  # [m] of the rod's length
 
@@ -31,7 +31,7 @@ class ExcessNoise:
 class LogNoise:
     """Standard deviations of one row of each log."""
 
-    joint: Array  # (6,) [rad]
+    joint: Array  # (J,) [rad]
     encoder: Array  # (5,) [rad]; 0 where unmeasured
 
 

@@ -36,7 +36,7 @@ class Samples:
     encoders: tuple[int, ...]  # joints 1..5 of the ball-bar that are measured
     directions: Array  # (E,) +1 or -1, of each encoder against its declared direction
     times: Array  # (N,) [s]
-    joint_noise: Array  # (6,) [rad] standard deviation of the robot's angles at an instant
+    joint_noise: Array  # (J,) [rad] standard deviation of the robot's angles at an instant
     encoder_noise: Array  # (5,) [rad] of the ball-bar's; 0 where unmeasured
     tension: Array = field(default_factory=lambda: np.zeros(0))  # (N,) [N] measured; else zeros
     splines: csr_array = field(default_factory=lambda: csr_array((0, 0)))  # (K, N) of the tension

@@ -27,13 +27,13 @@ from cell.geometry import Geometry, bar_frames, robot_frames
 class Loads:
     """Loads of N samples: a known part, and a part per newton of rod tension."""
 
-    gear: Array  # (6, N) [N m] at the gears' outputs: what the motors must exert
-    gear_per_newton: Array  # (6, N) [m]
+    gear: Array  # (J, N) [N m] at the gears' outputs: what the motors must exert
+    gear_per_newton: Array  # (J, N) [m]
     plate: Array  # (N,) [N m] moment that bends the plate, positive along the tool's y
     plate_per_newton: Array  # (N,) [m]
 
     def gears(self, tension: Array) -> Array:
-        """(6, N) [N m] at a rod tension (N,) [N]."""
+        """(J, N) [N m] at a rod tension (N,) [N]."""
         return self.gear + self.gear_per_newton * tension
 
     def plate_moment(self, tension: Array) -> Array:
@@ -48,13 +48,18 @@ class MassModel:
     arm: list[list[Link]]
     bar: list[list[Link]]
     gravity: Array  # (3,) [m/s^2]
-    gear_to_joint: Array  # (6, 6)
+    gear_to_joint: Array  # (J, J)
 
 
 def mass_model(cell: Cell) -> MassModel:
-    """The cell files' masses."""
+    """The cell files' masses.
+
+    A robot without stated masses has none: its gears carry the ball-bar alone.
+    """
     return MassModel(
-        carried_bodies(cell),
+        [[] for _ in range(cell.robot.joints)]
+        if cell.robot.links is None
+        else carried_bodies(cell),
         [[link] for link in bar_bodies(cell)],
         cell.robot.gravity,
         cell.robot.gear_to_joint,
@@ -66,7 +71,7 @@ def loads(
 ) -> Loads:
     """Loads along a motion.
 
-    q, speed, acceleration : (N, 6) [rad, rad/s, rad/s^2] of the robot's joints. b : (N, 5) [rad]
+    q, speed, acceleration : (N, J) [rad, rad/s, rad/s^2] of the robot's joints. b : (N, 5) [rad]
     ball-bar angles as the encoders read. masses : of the cell.
     """
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
@@ -77,7 +82,7 @@ def loads(
     screws = joint_screws(robot)
     held = arm + (screws * weight).sum(axis=1)
     held_per_newton = (screws * per_newton).sum(axis=1)
-    hinge = robot.tip - (2.0 / 3.0 * geometry["ra6"]) * robot.x[-1]
+    hinge = robot.tip - (2.0 / 3.0 * geometry[geometry.table.plate]) * robot.x[-1]
     lever = cross(robot.y[-1], robot.tip - hinge)
     bend, bend_per_newton = (
         -(lever * w[:3]).sum(axis=0) - (robot.y[-1] * w[3:]).sum(axis=0)
@@ -88,14 +93,14 @@ def loads(
     )
 
 
-def no_loads(samples: int) -> Loads:
+def no_loads(joints: int, samples: int) -> Loads:
     """Where no correction asks for any."""
-    gears, none = np.zeros((6, samples)), np.zeros(samples)
+    gears, none = np.zeros((joints, samples)), np.zeros(samples)
     return Loads(gears, gears, none, none)
 
 
 def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Array:
-    """(6, N) [N m] at the gears' outputs: the unloaded robot at rest at q (N, 6) [rad]."""
+    """(J, N) [N m] at the gears' outputs: the unloaded robot at rest at q (N, J) [rad]."""
     return np.asarray(
         masses.gear_to_joint
         @ joint_torques(robot_frames(geometry, q), masses.arm, q, gravity=masses.gravity)

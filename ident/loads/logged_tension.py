@@ -40,14 +40,15 @@ def tension_splines(times: Array) -> csr_array:
 def torque_tension(
     cell: Cell, samples: Samples, geometry: Geometry, clock: Clock, t: Array, torque: Array | None
 ) -> Array:
-    """(N,) [N] at the samples, from motor torques (R, 6) [N m] logged at robot times t (R,) [s].
+    """(N,) [N] at the samples, from motor torques (R, J) [N m] logged at robot times t (R,) [s].
 
     geometry, clock : of the recording, as far as they are known.
 
-    Raises InputError when no torques were logged.
+    Raises InputError when no torques were logged, or the robot's file lacks what they need.
     """
     if torque is None:
         raise InputError("the robot's log has no motor torques; choose force auto, sensor or none")
+    cell.robot.required("links")  # the others are asked for where they are used
     middle, torque = _block_means(t, samples.robot.stamps, torque)
     times = clock.ballbar_time(middle)
     first, last = samples.times[0] - BEYOND, samples.times[-1] + BEYOND

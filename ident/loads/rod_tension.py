@@ -17,11 +17,15 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.chain import cross
-from cell.descriptions import Cell
+from cell.descriptions import Cell, Key
 from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.robot_angles import by_axis
 from ident.loads.gear_loads import Loads, mass_model, on_ballbar
 
-TORQUE_NOISE = np.array([2.0, 2.0, 2.0, 0.3, 0.3, 0.3])  # [N m] a row (notes/identification sec. 1)
+# [N m] a row, of main axes and wrist (notes/identification sec. 1)
+TORQUE_NOISE, TORQUE_NOISE_WRIST = 2.0, 0.3
+# Keys of the robot's file without which motor torques do not tell the tension.
+TORQUE_NEEDS: tuple[Key, ...] = ("links", "gears", "rotor_inertia_kg_m2")
 TORQUE_GAIN = 0.02  # likewise
 REVERSAL_SPEED = (
     0.012  # [rad/s] below it friction may have either sign (notes/identification sec. 5)
@@ -49,23 +53,22 @@ def from_motor_torque(
 ) -> Tension:
     """Tension from motor torques.
 
-    torque : (6, N) [N m] at the gears' outputs. carried : loads of the mass model. speed,
-    acceleration : (6, N) [rad/s, rad/s^2] of the gears. The result's theta holds six Coulomb
-    torques [N m], six viscous coefficients [N m s/rad], six gain errors.
+    torque : (J, N) [N m] at the gears' outputs. carried : loads of the mass model. speed,
+    acceleration : (J, N) [rad/s, rad/s^2] of the gears. The result's theta holds J Coulomb
+    torques [N m], J viscous coefficients [N m s/rad], J gain errors.
     """
-    n = torque.shape[1]
+    j, n = torque.shape
     gears = cell.robot.required("gears")
     coulomb, viscous = gears.coulomb, gears.viscous
     direction = speed / np.sqrt(speed**2 + FRICTION_WIDTH**2)
-    columns = np.zeros((18, 6, n))
-    for k in range(6):
-        columns[k, k], columns[6 + k, k], columns[12 + k, k] = direction[k], speed[k], torque[k]
-    prior = np.concatenate((coulomb, 2.0 * viscous, np.full(6, TORQUE_GAIN)))
-    mean = np.concatenate((coulomb, viscous, np.zeros(6)))
+    columns = np.zeros((3 * j, j, n))
+    for k in range(j):
+        columns[k, k], columns[j + k, k], columns[2 * j + k, k] = direction[k], speed[k], torque[k]
+    prior = np.concatenate((coulomb, 2.0 * viscous, np.full(j, TORQUE_GAIN)))
+    mean = np.concatenate((coulomb, viscous, np.zeros(j)))
+    noise = by_axis(j, main=TORQUE_NOISE, wrist=TORQUE_NOISE_WRIST)
     known = carried.gear + cell.robot.required("rotor_inertia_kg_m2")[:, None] * acceleration
-    sigma = np.hypot(
-        TORQUE_NOISE[:, None], coulomb[:, None] * np.exp(-((speed / REVERSAL_SPEED) ** 2))
-    )
+    sigma = np.hypot(noise[:, None], coulomb[:, None] * np.exp(-((speed / REVERSAL_SPEED) ** 2)))
     return _eliminated(torque - known, sigma, columns, carried.gear_per_newton, mean, prior)
 
 
@@ -75,7 +78,7 @@ def from_force_sensor(
     """Tension from a six-axis sensor at the flange, and the rms of its residual [sigma].
 
     wrench : (6, N) [N, N m] that plate and ball-bar exert on the flange, flange frame, at robot
-    angles q (N, 6) and ball-bar angles b (N, 5) [rad]. The result's theta holds six biases
+    angles q (N, J) and ball-bar angles b (N, 5) [rad]. The result's theta holds six biases
     [N, N m], six gain errors.
     """
     known, direction = _on_flange(cell, geometry, q, b)

@@ -45,7 +45,7 @@ class TargetError(ValueError):
 class CorrectedTargets:
     """Targets for the real robot, and the pose errors that the identified model predicts."""
 
-    q: Array  # (N, 6) [rad]
+    q: Array  # (N, J) [rad]
     position_before: Array  # (N,) [m] distance from the nominal pose with the nominal target
     angle_before: Array  # (N,) [rad]
     position_after: Array  # (N,) [m] likewise with the corrected target
@@ -55,7 +55,7 @@ class CorrectedTargets:
 def corrected_targets(robot: UnloadedRobot, nominal: Geometry, q: Array) -> CorrectedTargets:
     """Targets that reach the nominal poses.
 
-    robot : as identified. nominal : the geometry that the targets were planned with. q : (N, 6)
+    robot : as identified. nominal : the geometry that the targets were planned with. q : (N, J)
     [rad] targets as DH joint angles.
 
     Raises TargetError for rows out of range, out of reach or too near to a singularity.

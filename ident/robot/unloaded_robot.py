@@ -17,19 +17,21 @@ from cell.arrays import Array
 from cell.chain import joint_screws, screw
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
-from ident.corrections.base import BAR, CHANNELS, GEAR, Correction, State, backlash_transition
+from cell.robot_angles import by_axis
+from ident.corrections.base import BAR, BEHIND_GEARS, GEAR, Correction, State, backlash_transition
 from ident.loads.gear_loads import Loads, mass_model, own_weight
 
 # [N m] load under which backlash counts in the middle (notes/identification sec. 1, metric)
-UNDECIDED = np.array([3.0, 3.0, 3.0, 0.15, 0.15, 0.15])
+UNDECIDED, UNDECIDED_WRIST = 3.0, 0.15
 
 
 def backlash_flanks(load: Array) -> Array:
-    """(6, N) flank, -1, 0 or 1, on which gears at rest lie under a load (6, N) [N m].
+    """(J, N) flank, -1, 0 or 1, on which gears at rest lie under a load (J, N) [N m].
 
     0 where the load hardly decides.
     """
-    return np.where(np.abs(load) < UNDECIDED[:, None], 0.0, np.sign(load))
+    undecided = by_axis(len(load), main=UNDECIDED, wrist=UNDECIDED_WRIST)
+    return np.where(np.abs(load) < undecided[:, None], 0.0, np.sign(load))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +44,14 @@ class UnloadedRobot:
     values: Array | None = None  # of all coefficients, correction after correction
 
     def tool(self, q: Array) -> Array:
-        """(N, 3) [m] tool position, robot base frame, at logged joint angles q (N, 6) [rad]."""
+        """(N, 3) [m] tool position, robot base frame, at logged joint angles q (N, J) [rad]."""
         return robot_frames(self.geometry, self.joints(q)).tip.T
 
     def joints(self, q: Array) -> Array:
-        """(N, 6) [rad] actual joint angles at logged ones q (N, 6) [rad]."""
+        """(N, J) [rad] actual joint angles at logged ones q (N, J) [rad]."""
         if self.values is None or not self.corrections:
             return q
-        moved = np.zeros((CHANNELS, len(q)))
+        moved = np.zeros((self.cell.robot.joints + BEHIND_GEARS, len(q)))
         for value, (channel, regressor) in zip(self.values, self._regressors(q), strict=True):
             moved[channel] += value * regressor
         return np.asarray(q + moved[GEAR:BAR].T @ self.cell.robot.gear_to_joint)
@@ -57,7 +59,7 @@ class UnloadedRobot:
     def jacobian(self, q: Array, parameters: NDArray[np.intp]) -> Array:
         """(P + C, 3, N) change of the tool position [m] per unit of each unknown.
 
-        q : (N, 6) [rad]. The unknowns are the `parameters` (P,), indices into the table, then the
+        q : (N, J) [rad]. The unknowns are the `parameters` (P,), indices into the table, then the
         coefficients; those off the robot do not move the unloaded tool.
         """
         frames, none = robot_frames(self.geometry, self.joints(q)), np.zeros((3, len(q)))
@@ -68,13 +70,16 @@ class UnloadedRobot:
         if self.corrections:
             to_joint = self.cell.robot.gear_to_joint
             gears = np.einsum("gj,jcn->gcn", to_joint, joint_screws(frames)[:, :3])
-            columns += [gears[c] * s if c < BAR else none for c, s in self._regressors(q)]
+            columns += [gears[c] * s if c >= GEAR else none for c, s in self._regressors(q)]
         return np.stack(columns)
 
     def _regressors(self, q: Array) -> Iterator[tuple[int, Array]]:
         """Channel and regressor (N,) of every coefficient, at rest under the robot's own weight."""
         n = len(q)
-        weight, none = own_weight(mass_model(self.cell), self.geometry, q), np.zeros((6, n))
+        weight, none = (
+            own_weight(mass_model(self.cell), self.geometry, q),
+            np.zeros((self.cell.robot.joints, n)),
+        )
         state = State(
             t=np.zeros(n),
             recording=-1,

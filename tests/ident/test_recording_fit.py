@@ -168,14 +168,14 @@ def test_the_best_logged_signal_gives_the_tension_unless_another_is_requested(
     torques: Array | None = np.zeros((3, 6)) if torque else None
     robot = RobotLog(t, np.zeros((3, 6)), torque=torques)
     logs = Logs(robot, None, sensor() if force else None)
-    assert logs.force_source(requested) == source
+    assert logs.force_source(requested, CELL.robot) == source
 
 
 def test_logs_refuse_what_is_no_log() -> None:
     with pytest.raises(ValueError, match="do not increase strictly"):
         RobotLog(np.array([0.0, 0.0]), np.zeros((2, 6)))
     with pytest.raises(ValueError, match="do not fit"):
-        RobotLog(np.array([0.0, 1.0]), np.zeros((2, 5)))
+        RobotLog(np.array([0.0, 1.0]), np.zeros((3, 6)))
     with pytest.raises(ValueError, match="not distinct"):
         BallBarLog(np.array([0.0, 1.0]), np.zeros((2, 2)), (2, 1))
 

@@ -13,7 +13,7 @@ from ident.corrections import CORRECTIONS
 from ident.corrections.base import (
     BACKLASH_SHARE,
     BAR,
-    CHANNELS,
+    BEHIND_GEARS,
     GEAR,
     PLATE,
     ROD,
@@ -75,7 +75,7 @@ def test_every_coefficient_has_one_regressor_and_a_channel(
     names = [c.name for c in correction.coefficients]
     assert len(set(names)) == len(names)
     for c in correction.coefficients:
-        assert 0 <= c.channel < CHANNELS
+        assert -BEHIND_GEARS <= c.channel < 6
         assert c.sigma > 0.0
         assert c.mean >= 0.0
 
@@ -112,7 +112,7 @@ def test_an_elastic_gear_lags_by_its_load(state: State) -> None:
     correction = joint_compliance(CELL, ENCODERS)
     load = state.loads.gear + state.loads.gear_per_newton * state.tension
     assert np.array_equal(regressors(correction, state), -load)
-    assert [c.channel for c in correction.coefficients] == list(range(GEAR, BAR))
+    assert [c.channel for c in correction.coefficients] == list(range(GEAR, GEAR + 6))
     for i, c in enumerate(correction.coefficients):
         assert c.mean == pytest.approx(1.0 / CELL.robot.gears.stiffness[i])
         assert (c.name, c.unit) == (f"compliance{i + 1}", "rad/(N m)")

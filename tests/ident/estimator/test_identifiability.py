@@ -10,7 +10,7 @@ import pytest
 
 from cell.geometry import Geometry
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
-from ident.estimator.model import JOINTS_AS_LOGGED, Model
+from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
 from ident.estimator.unknowns import kinematic_unknowns
@@ -27,7 +27,7 @@ def judged_by(
 ) -> Identifiability:
     clock = NO_CLOCK_ERROR if samples.has_clock else None
     layout, x = kinematic_unknowns(geometry, clock, np.zeros(0, dtype=np.intp))
-    model = Model(JOINTS_AS_LOGGED, None, (), layout, (samples,))
+    model = Model(joints_as_logged(6), None, (), layout, (samples,))
     point = model.evaluate(x, 0, samples.ballbar_angles(geometry, NO_CLOCK_ERROR))
     requested = np.array([*candidates(TABLE, samples.encoders, complete=complete), *extra])
     return identifiable(point, ExcessNoise(rod=1e-6), NOMINAL, requested)

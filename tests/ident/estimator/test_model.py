@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
-from ident.corrections.base import BAR, CHANNELS, GEAR, PLATE, ROD
+from ident.corrections.base import BAR, BEHIND_GEARS, GEAR, PLATE, ROD
 from ident.estimator.closure import close_loop
 from ident.estimator.model import (
-    JOINTS_AS_LOGGED,
     LOADS_CLOCK,
     LOADS_GEOMETRY,
     Evaluation,
     Model,
     gearing,
+    joints_as_logged,
     noise_columns,
 )
 from ident.estimator.noise import ExcessNoise
@@ -31,7 +31,7 @@ NONE = np.zeros(0, dtype=np.intp)
 
 def kinematic_model(samples: Samples) -> tuple[Model, Array]:
     layout, x = kinematic_unknowns(NOMINAL, NO_CLOCK_ERROR if samples.has_clock else None, NONE)
-    return Model(JOINTS_AS_LOGGED, None, (), layout, (samples,)), x
+    return Model(joints_as_logged(6), None, (), layout, (samples,)), x
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def test_corrections_displace_gears_ball_bar_rod_and_plate(machine: CompleteMode
     """The error of the displaced angles and of what has no angle, from the regressors by hand."""
     point = evaluated(machine)
     values = iter(machine.x[machine.model.unknowns.coefficients])
-    moved = np.zeros((CHANNELS, 200))
+    moved = np.zeros((6 + BEHIND_GEARS, 200))
     for correction, regressors in zip(machine.model.corrections, point.regressors, strict=True):
         for coefficient, regressor in zip(correction.coefficients, regressors, strict=True):
             moved[coefficient.channel] += next(values) * regressor
@@ -294,8 +294,8 @@ def test_channels_of_the_complete_model_are_gears_those_of_kinematics_joints() -
     gears = gearing(CELL)
     assert gears.to_joint @ gears.to_gear == pytest.approx(np.eye(6), abs=1e-12)
     assert (gears.transition > 0.0).all()
-    assert np.array_equal(JOINTS_AS_LOGGED.to_joint, np.eye(6))
-    assert not JOINTS_AS_LOGGED.transition.any()
+    assert np.array_equal(joints_as_logged(6).to_joint, np.eye(6))
+    assert not joints_as_logged(6).transition.any()
 
 
 def test_the_time_column_is_the_derivative_with_the_clock_offset(machine: CompleteModel) -> None:
@@ -319,7 +319,7 @@ def test_noise_columns_scale_each_channel_by_its_own_noise(noisy: Samples) -> No
     excess = ExcessNoise(gear=3e-5, wrist=4e-5, bar=5e-5, rod=6e-6)
     uncertain = np.zeros((6, noisy.times.size))
     uncertain[2, 7] = 1e-3
-    sigma = np.zeros((PLATE, noisy.times.size))
+    sigma = np.zeros((12, noisy.times.size))
     sigma[:3], sigma[3:6] = np.hypot(1e-5, 3e-5), np.hypot(1e-5, 4e-5)
     sigma[[6, 7, 9, 10]] = np.hypot(1e-5, 5e-5)
     sigma[8] = 0.0  # b3 has no encoder: its motion is eliminated, not weighed

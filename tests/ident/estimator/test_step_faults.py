@@ -11,7 +11,7 @@ from cell.arrays import Array
 from cell.clock import Clock
 from ident.corrections.base import BAR, State
 from ident.estimator.fit import Fit, fit
-from ident.estimator.model import JOINTS_AS_LOGGED, Model
+from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.samples import Samples
 from ident.estimator.step_faults import (
     EXACT,
@@ -93,7 +93,7 @@ def fitted(ballbar: Array, faults: tuple[StepFault, ...] = (), louder: float = 1
     samples = samples_with(tuple(f.time for f in faults if f.kind == "clock"))
     samples = replace(samples, encoder_noise=louder * samples.encoder_noise)
     corrections = () if slips is None else (slips,)
-    model = Model(JOINTS_AS_LOGGED, None, corrections, layout, (samples,))
+    model = Model(joints_as_logged(6), None, corrections, layout, (samples,))
     return fit(model, x, [ballbar], EXCESS)
 
 
@@ -220,7 +220,7 @@ def paused(at: float, step: float, stamp: float | None) -> Fit:
     times = np.arange(2.0, 48.0, 0.2)
     samples = replace(samples_with(), robot=robot, ballbar=ballbar, times=times)
     layout, x = layout_of(())
-    model = Model(JOINTS_AS_LOGGED, None, (), layout, (samples,))
+    model = Model(joints_as_logged(6), None, (), layout, (samples,))
     rng = np.random.default_rng(44)
     angles = b.spline(warped(times - step * (times >= at)))
     angles = angles + NOISE * rng.standard_normal(angles.shape)
@@ -290,7 +290,7 @@ def state(times: Array, recording: int) -> State:
         recording=recording,
         gears=np.zeros((6, n)),
         bar=np.zeros((5, n)),
-        loads=no_loads(n),
+        loads=no_loads(6, n),
         tension=np.zeros(n),
         width=np.ones(6),
     )

@@ -132,7 +132,7 @@ def test_a_pulled_rod_pulls_the_tool_towards_the_base(moving: Motion) -> None:
 
 
 def test_where_no_correction_asks_for_loads_there_are_none() -> None:
-    nothing = no_loads(4)
+    nothing = no_loads(6, 4)
     assert not nothing.gears(np.ones(4)).any()
     assert not nothing.plate_moment(np.ones(4)).any()
     assert nothing.gear.shape == (6, 4)

@@ -13,6 +13,7 @@ from ident.loads.rod_tension import (
     SENSOR_BIAS,
     SENSOR_NOISE,
     TORQUE_NOISE,
+    TORQUE_NOISE_WRIST,
     Tension,
     from_force_sensor,
     from_motor_torque,
@@ -44,7 +45,8 @@ def test_a_planted_tension_is_found_from_torques_with_friction_and_a_gain_error(
 
 def test_the_stated_deviations_hold_for_white_noise_of_the_torques(moving: Motion) -> None:
     force = tension_at(moving.t)
-    found = from_torque(moving, moving.torque(force) + noise(moving, TORQUE_NOISE))
+    sigma = np.repeat([TORQUE_NOISE, TORQUE_NOISE_WRIST], 3)
+    found = from_torque(moving, moving.torque(force) + noise(moving, sigma))
     # Friction and gains are fitted to the same torques, so a little more than sigma is left.
     assert np.sqrt((((found.force - force) / found.sigma) ** 2).mean()) == pytest.approx(1, abs=0.2)
     assert ((found.theta_sigma > 0.0) & np.isfinite(found.theta_sigma)).all()
