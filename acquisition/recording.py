@@ -143,7 +143,7 @@ def _check_encoders(folder: Path, description: RecordingFile) -> None:
 
 def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotLog, ImportLog]:
     """The robot's log of a recording, and what was found in its files."""
-    dialect = dialect_of(folder, "robot", declared)
+    dialect = dialect_of(folder, "robot", declared).for_axes(robot.joints)
     source = LogSource(folder, "robot", declared, dialect, robot_layout(declared, dialect))
     tables, summaries = read_files(source)
     table = joined([without_sentinels(table, dialect.angles) for table in tables])
@@ -151,7 +151,7 @@ def read_robot(folder: Path, declared: SourceFile, robot: Robot) -> tuple[RobotL
     angles = read_angles(robot, table, _seconds(table), dialect.angles, reading)
     table, reset = _with_robot_jumps_checked(robot, table, angles)
     table, segments = find_segments(table, angles.joints, reset=reset)
-    joints = [f"joint {k}" for k in range(1, 7)]
+    joints = [f"joint {k}" for k in range(1, robot.joints + 1)]
     table = _with_damaged_values_checked(table, segments, angles.joints, joints)
     table = with_limits_checked(robot, table, angles.axes)
     used = _used(source, table, segments, summaries)

@@ -6,8 +6,9 @@ origin, so d = 0; of intersecting axes a = 0; of collinear axes neither. The dir
 one nearer to x_(i-1), so -90 < theta <= 90 deg, and at a right angle the one with a > 0.
 
 Standard rows have four numbers where a pose has six. What they cannot hold is left as a constant
-transform at either end: `T_base_tip = T_base_dh @ T_1 ... T_J @ T_flange_tip`. The height and the
-turn of the base about axis 1, and those of the tip about axis J, are in rows 1 and J.
+transform at either end: `T_base_tip = T_base_dh @ T_1 ... T_J @ T_flange_tip`. The height of the
+base and its turn about axis 1 are in row 1 where the base's z is parallel to that axis; likewise
+those of the tip in row J.
 """
 
 from __future__ import annotations
@@ -183,16 +184,14 @@ def _next_row(frame: _Frame, point: Array, z: Array, number: int) -> tuple[list[
 
 
 def _last_row(frame: _Frame, axes: JointAxes) -> tuple[list[float], _Frame]:
-    """Row J: along and about its axis up to the tip, as a, d, alpha, theta, and its frame."""
+    """Row J, as a, d, alpha, theta, and its frame: along its axis up to the tip.
+
+    And about it, if the tip's z axis is parallel to it; other turns are left to T_flange_tip.
+    """
     T_base_tip = axes.T_base_tip
     d = float((T_base_tip[:3, 3] - frame.origin) @ frame.z)
-    x = frame.x
-    for column in (0, 1):  # the tip's y where its x is parallel to the axis
-        square = T_base_tip[:3, column] - (T_base_tip[:3, column] @ frame.z) * frame.z
-        length = float(np.linalg.norm(square))
-        if length > NEARLY_PARALLEL:
-            x = square / length
-            break
+    square = _is_parallel(T_base_tip[:3, 2], frame.z)  # then the tip's x is square to the axis
+    x = T_base_tip[:3, 0] if square else frame.x
     row = [0.0, d, 0.0, _turn(frame.z, frame.x, x)]
     return row, _Frame(frame.origin + d * frame.z, x, frame.z)
 

@@ -204,7 +204,7 @@ def _robot_log(settings: SimulationSettings, cell: Cell, q: Array) -> Array:
     gears = q @ robot.joint_to_gear
     ripple = plant_effects(errors, cell, seed).transmission_error(gears)
     shown = (gears - ripple) @ robot.gear_to_joint
-    resolvers = resolver_effects(errors.resolver_error, seed=seed)
+    resolvers = resolver_effects(errors.resolver_error, joints=robot.joints, seed=seed)
     return np.asarray(motor_angles(robot, shown, errors, resolvers, seed) @ robot.transmission)
 
 

@@ -31,6 +31,7 @@ from sim.path_files import scenario_path
 from sim.plant.description import Plant, servo_gains
 from sim.plant.effects import PlantEffects, plant_effects
 from sim.plant.kinematic_plant import refuse_forces, run_kinematic
+from sim.plant.mjcf import ROBOT_JOINTS
 from sim.plant.mujoco_plant import run_plant
 from sim.settings import SimulationSettings
 from sim.streams import stream
@@ -78,7 +79,7 @@ def simulate(
     effects = plant_effects(errors, cell, seed)
     motion = _motion(settings, cell, true, effects, path, on_motion=on_motion)
     encoders = _encoders(settings, cell)
-    resolvers = resolver_effects(errors.resolver_error, seed=seed)
+    resolvers = resolver_effects(errors.resolver_error, joints=cell.robot.joints, seed=seed)
     times = log_times(float(motion.t[-1]), settings.clocks, seed=seed)
     rows = logged_rows(times, settings.clocks, seed=seed)
     logs = _log_truth(settings, encoders, resolvers, times, rows)
@@ -110,6 +111,11 @@ def _motion(
         if on_motion is not None:
             on_motion(cell, true, motion.t, motion.q, motion.b)
         return motion
+    if cell.robot.joints != len(ROBOT_JOINTS):
+        raise InputError(
+            f"plant.kind = mujoco: the dynamic plant is built for {len(ROBOT_JOINTS)} axes, robot "
+            f"{cell.robot.name} has {cell.robot.joints}. Use plant.kind = kinematic."
+        )
     if settings.path.kind == "recorded":
         _refuse_moving_start(path)
     effects = replace(effects, force_sensor=settings.logs.force_sensor is not None)

@@ -265,7 +265,7 @@ def without_sentinels(table: Table, columns: tuple[str, ...]) -> Table:
         column = columns[int(np.argmax(absent.all(axis=0)))]
         raise LogError(
             f"{table.location(0)}: column {column}: 9E9 in every row, which stands for an axis "
-            "that is not there. Name the columns of the six axes that are."
+            "that is not there. Name the columns of the axes that are."
         )
     drop = absent.any(axis=1)
     if drop.any():

@@ -63,13 +63,14 @@ class Dialect(Strict):
     separators: tuple[Separator, ...] = ()
     decimal: Literal["either", "point", "comma"] = "either"  # of numbers that are no integers
     time: TimeColumn
-    # Robot: the six motor angles, the six angles that the controller shows, or the six of the DH
-    # model.
+    # Robot: the motor angles, the angles that the controller shows, or those of the DH model; one
+    # column for each axis. Columns that count on from 1 are those of six axes and stand for as many
+    # as the robot has.
     motors: tuple[Selector, ...] = ()
     axes: tuple[Selector, ...] = ()
     joints: tuple[Selector, ...] = ()
     angle_unit: Literal["rad", "deg"] = "rad"
-    # Robot: what each motor exerts [N m at the motor], positive along its angle; all six or none.
+    # Robot: what each motor exerts [N m at the motor], positive along its angle; all or none.
     torques: tuple[Selector, ...] = ()
     # Number that grows with each row taken; the column may be absent.
     sequence: Selector | None = None
@@ -93,9 +94,11 @@ class Dialect(Strict):
         if (self.source == "force") != bool(self.wrench):
             raise ValueError("wrench: six columns, of a force sensor's log only")
         for key in (*kinds, "torques"):
-            columns = self._selectors(key)
-            if columns and len(columns) != 6:
-                raise ValueError(f"{key}: six columns, or one `re:` that finds six")
+            columns = getattr(self, key)
+            if columns and not 5 <= len(columns if len(columns) > 1 else self._selectors(key)) <= 8:
+                raise ValueError(
+                    f"{key}: one column for each axis, 5 to 8, or one `re:` that finds them"
+                )
         if self.wrench and len(self.wrench) != 6:
             raise ValueError("wrench: six columns")
         if not 0.0 < self.period_s[0] < self.period_s[1]:
@@ -109,16 +112,30 @@ class Dialect(Strict):
 
     @property
     def angles(self) -> tuple[str, ...]:
-        """The six columns of a robot's log that hold angles."""
+        """The columns of a robot's log that hold angles, in order of the axes."""
         return self._selectors(self.angle_kind)
 
     @property
     def torque_columns(self) -> tuple[str, ...]:
-        """The six columns of motor torques; empty where the dialect has none."""
+        """The columns of motor torques; empty where the dialect has none."""
         return self._selectors("torques")
 
-    def _selectors(self, key: str) -> tuple[str, ...]:
-        return spread(getattr(self, key), 6)
+    def for_axes(self, count: int) -> Dialect:
+        """The dialect with the columns of a robot of so many axes.
+
+        Raises DescriptionError if it names the columns of another number of axes.
+        """
+        columns = {key: self._selectors(key, count) for key in (self.angle_kind, "torques")}
+        for key, names in columns.items():
+            if names and len(names) != count:
+                raise DescriptionError(
+                    f"the dialect's {key} are {len(names)} columns, and the robot has {count} "
+                    "axes. Name one column for each axis."
+                )
+        return self.model_copy(update=columns)
+
+    def _selectors(self, key: str, count: int = 6) -> tuple[str, ...]:
+        return spread(getattr(self, key), count)
 
     @property
     def headerless(self) -> bool:

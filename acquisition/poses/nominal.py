@@ -17,7 +17,7 @@ from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import LogError
 from cell.instrument import Instrument
-from cell.pose_file import ValueColumns
+from cell.pose_file import AngleUnit, ValueColumns
 from cell.rigid_fit import nominal_frames, rigid_fit_rms
 
 FEWEST = 10  # poses: fewer lie on many robots
@@ -30,6 +30,7 @@ _TURN_OFF = np.deg2rad(3.0)  # [rad] median error of the turn between two poses
 _TURN_FITS = 0.3  # of that, by another convention
 _EULER = tuple("".join(axes) for axes in product("XYZ", repeat=3) if axes[0] != axes[1] != axes[2])
 _CONVENTIONS = (*_EULER, *map(str.lower, _EULER), "rotvec")
+_QUATERNIONS = ("quat_wxyz", "quat_xyzw")
 
 
 def reach(robot: Robot) -> float:
@@ -109,18 +110,12 @@ def check_rotations(
         return ()
     flange = nominal_frames(robot, q[chosen]).rotation().transpose(2, 0, 1)
     expected = _turns(flange)
-    off = _turn_error(declared, raw[chosen], angle, expected)
+    off = _turn_error(str(declared.rotation), raw[chosen], angle, expected)
     if off < _TURN_OFF:
         return ()
-    others = {
-        (name, unit): _turn_error(
-            declared.model_copy(update={"rotation": name}), raw[chosen], scale, expected
-        )
-        for name in _conventions(declared)
-        for unit, scale in (("rad", 1.0), ("deg", np.pi / 180.0))
-    }
-    (name, unit), least = min(others.items(), key=lambda item: item[1])
-    if least < min(_TURN_OFF, _TURN_FITS * off):
+    fitting = fitting_rotation(robot, q, raw)
+    if fitting is not None and fitting[2] < _TURN_FITS * off:
+        name, unit, least = fitting
         how = f"rotation: {name}" + ("" if name.startswith("quat") else f", angle_unit: {unit}")
         raise LogError(
             f"{rows.file}: the rotations read as {declared.rotation} do not turn as the flange of "
@@ -132,6 +127,27 @@ def check_rotations(
         f"of the catalogue robot {robot.name}: another convention, or another robot?"
     )
     return (finding("rotations off the nominal robot", "warning", rows.file, sentence, count=1),)
+
+
+def fitting_rotation(robot: Robot, q: Array, raw: Array) -> tuple[str, AngleUnit, float] | None:
+    """Convention, unit and error [rad] with which rotations turn as the flange does.
+
+    q : (N, J) [rad] joint angles. raw : (N, 3 or 4) columns of the rotations. None if there is no
+        such convention, or fewer poses than FEWEST.
+    """
+    chosen = judged(len(q))
+    if chosen.size < FEWEST:
+        return None
+    flange = nominal_frames(robot, q[chosen]).rotation().transpose(2, 0, 1)
+    expected, raw = _turns(flange), raw[chosen]
+    units: tuple[tuple[AngleUnit, float], ...] = (("rad", 1.0), ("deg", np.pi / 180.0))
+    errors = {
+        (name, unit): _turn_error(name, raw, scale, expected)
+        for name in (_QUATERNIONS if raw.shape[1] == 4 else _CONVENTIONS)
+        for unit, scale in units
+    }
+    (name, unit), least = min(errors.items(), key=lambda item: item[1])
+    return (name, unit, least) if least < _TURN_OFF else None
 
 
 def check_lengths(
@@ -166,16 +182,11 @@ def _other_unit(measured: float, expected: float, unit: str) -> str:
     return "Correct the unit under values in poses.yaml, or name the columns that were measured."
 
 
-def _conventions(declared: ValueColumns) -> tuple[str, ...]:
-    four = str(declared.rotation).startswith("quat")
-    return ("quat_wxyz", "quat_xyzw") if four else _CONVENTIONS
-
-
 def _turns(rotations: Array) -> Array:
     """(N-1,) [rad] angles between each rotation (N, 3, 3) and the next."""
     cosine = 0.5 * (np.einsum("nij,nij->n", rotations[:-1], rotations[1:]) - 1.0)
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def _turn_error(declared: ValueColumns, raw: Array, angle: float, expected: Array) -> float:
-    return float(np.median(np.abs(_turns(rotation(declared, raw, angle).as_matrix()) - expected)))
+def _turn_error(name: str, raw: Array, angle: float, expected: Array) -> float:
+    return float(np.median(np.abs(_turns(rotation(name, raw, angle).as_matrix()) - expected)))

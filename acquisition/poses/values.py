@@ -27,7 +27,7 @@ def si_values(declared: ValueColumns, raw: Array, length: float, angle: float) -
     values = position(declared, raw[:, :3], length, angle)
     if raw.shape[1] == 3:
         return values
-    return np.hstack((values, rotation(declared, raw[:, 3:], angle).as_rotvec()))
+    return np.hstack((values, rotation(str(declared.rotation), raw[:, 3:], angle).as_rotvec()))
 
 
 def position(declared: ValueColumns, raw: Array, length: float, angle: float) -> Array:
@@ -43,16 +43,19 @@ def position(declared: ValueColumns, raw: Array, length: float, angle: float) ->
     return np.stack(directions, axis=1)
 
 
-def rotation(declared: ValueColumns, raw: Array, angle: float) -> Rotation:
-    """Rotations of raw columns (N, 3) in units of `angle` [rad], or of quaternions (N, 4)."""
-    match declared.rotation:
+def rotation(convention: str, raw: Array, angle: float) -> Rotation:
+    """Rotations of raw columns (N, 3) in units of `angle` [rad], or of quaternions (N, 4).
+
+    convention : as in cell.pose_file.Rotation.
+    """
+    match convention:
         case "quat_wxyz":
             return Rotation.from_quat(raw[:, [1, 2, 3, 0]])
         case "quat_xyzw":
             return Rotation.from_quat(raw)
         case "rotvec":
             return Rotation.from_rotvec(raw * angle)
-    return Rotation.from_euler(str(declared.rotation), raw * angle)
+    return Rotation.from_euler(convention, raw * angle)
 
 
 def refuse_quaternions(declared: ValueColumns, rows: PoseRows, raw: Array) -> None:
@@ -112,8 +115,8 @@ def column_sigma(
     for k in range(3):
         step = np.zeros(3)
         step[k] = _STEP
-        turned = rotation(declared, angles + step, 1.0)
-        turn = turned * rotation(declared, angles - step, 1.0).inv()
+        turned = rotation(str(declared.rotation), angles + step, 1.0)
+        turn = turned * rotation(str(declared.rotation), angles - step, 1.0).inv()
         variance += (turn.as_rotvec() / (2.0 * _STEP) * spread[:, [k]]) ** 2
     return np.hstack((sigma, np.sqrt(variance)))
 

@@ -50,9 +50,16 @@ def checked(selector: str) -> str:
 
 
 def spread(selectors: Sequence[str], count: int) -> tuple[str, ...]:
-    """`count` selectors: those given, or one for each column that a single expression finds."""
+    """`count` selectors: those given, or one for each column that a single expression finds.
+
+    Names that count on from 1, as `q1` to `q6`, are continued or cut to the count.
+    """
     if len(selectors) == 1 and selectors[0].startswith(_REGEX):
         return tuple(f"{selectors[0]}[{k}/{count}]" for k in range(count))
+    if selectors and selectors[0].endswith("1"):
+        stem = selectors[0][:-1]
+        if list(selectors) == [f"{stem}{k + 1}" for k in range(len(selectors))]:
+            return tuple(f"{stem}{k + 1}" for k in range(count))
     return tuple(selectors)
 
 

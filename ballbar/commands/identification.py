@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from pydantic import ValidationError
@@ -18,6 +18,9 @@ from cell.files import claim_folder
 from ident.corrections import CORRECTIONS
 from ident.options import DEFAULT_SAMPLES, ForceSource, Listener, ModelName
 
+if TYPE_CHECKING:
+    from ident.poses.identify import PoseOptions
+
 commands = typer.Typer()
 
 
@@ -30,7 +33,8 @@ def identify(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders with recording.yaml and the device files, all of one robot.",
+            help="Folders with recording.yaml and the device files, or with poses.yaml, all of one "
+            "robot.",
             metavar="RECORDING",
         ),
     ],
@@ -71,6 +75,14 @@ def identify(
             metavar="METRES",
         ),
     ] = None,
+    joint_errors: Annotated[
+        str,
+        typer.Option(
+            help="Joint errors of still poses: search them (auto), do without (none), or keep "
+            "those of another result.",
+            metavar="auto|none|RESULT",
+        ),
+    ] = "auto",
     rerun: Annotated[
         bool, typer.Option("--rerun", help="Write the replay file run.rrd as well.")
     ] = False,
@@ -78,6 +90,7 @@ def identify(
 ) -> None:
     """Identify a robot from one or several recordings; test the result on held-out ones.
 
+    Recordings are logs of a moving robot (recording.yaml) or tables of still poses (poses.yaml).
     Writes calibration.yaml, import_report.json and report.html to DIR (default: the first
     RECORDING's folder with -identified appended). Exits with 1 when the fit or a held-out recording
     is not acceptable.
@@ -86,9 +99,12 @@ def identify(
     from ballbar.report.terminal import say_identification
     from ballbar.result.iterations import IterationLog
     from ballbar.result.names import OUTPUTS
+    from ballbar.result.pose_run import holds_poses
     from ballbar.result.run_recordings import identify_recordings
     from ballbar.run import write_outputs
 
+    if holds_poses(recordings[0]):
+        _identify_poses(recordings, validate or [], out_dir, joint_errors, as_json=as_json)
     names = [name.strip() for name in corrections.split(",")]
     settings = _settings(
         samples=samples,
@@ -115,6 +131,49 @@ def identify(
     say_identification(out, data)
     out.print(f"Results in {escape(str(folder))}")
     raise typer.Exit(0 if data.acceptable else 1)
+
+
+def _identify_poses(
+    folders: list[Path],
+    validate: list[Path],
+    out_dir: Path | None,
+    joint_errors: str,
+    *,
+    as_json: bool,
+) -> None:
+    """Still poses: identify, write calibration.yaml and report.html, say, and exit."""
+    from ballbar.commands.result_json import pose_run_data
+    from ballbar.report.pose_page import write_pose_report
+    from ballbar.report.pose_terminal import say_poses
+    from ballbar.result.names import CALIBRATION, REPORT
+    from ballbar.result.pose_calibration import write_pose_calibration
+    from ballbar.result.pose_run import identify_pose_folders
+
+    first = folders[0] if folders[0].is_dir() else folders[0].parent
+    folder = out_dir or first.with_name(first.resolve().name + "-identified")
+    claim_folder(folder, {CALIBRATION, REPORT}, "the result")
+    options = _pose_options(joint_errors)
+    with progress_bar() as progress:
+        run = identify_pose_folders(folders, validate, options=options, progress=progress)
+        write_pose_calibration(folder / CALIBRATION, run)
+        progress("writing the report")
+        write_pose_report(folder / REPORT, run, command=command_line())
+    if as_json:
+        say_json(pose_run_data(run, folder))
+    say_poses(out, run)
+    out.print(f"Results in {escape(str(folder))}")
+    raise typer.Exit(0 if run.acceptable else 1)
+
+
+def _pose_options(joint_errors: str) -> PoseOptions:
+    from ballbar.result.calibration import calibration_file
+    from ballbar.result.pose_calibration import load_pose_calibration
+    from ident.poses.identify import PoseOptions
+
+    if joint_errors in ("auto", "none"):
+        return PoseOptions(search=joint_errors == "auto")
+    learned = load_pose_calibration(calibration_file(Path(joint_errors))).joint_errors()
+    return PoseOptions(search=False, learned=learned)
 
 
 def _settings(**options: object) -> IdentifySettings:

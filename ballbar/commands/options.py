@@ -33,6 +33,13 @@ RecordingFolder = Annotated[
     Path,
     typer.Argument(help="Folder with recording.yaml and the device files.", metavar="RECORDING"),
 ]
+RecordingOrPoses = Annotated[
+    Path,
+    typer.Argument(
+        help="Folder with recording.yaml and the device files, or with poses.yaml.",
+        metavar="RECORDING",
+    ),
+]
 ResultFile = Annotated[
     Path, typer.Argument(help="A calibration.yaml, or the folder that holds it.", metavar="RESULT")
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -11,12 +12,13 @@ import typer
 from rich.markup import escape
 
 from acquisition.times import TIME_FORMS
-from ballbar.commands.options import AT_THE_CELL, AsJson, RecordingFolder, say_json
+from ballbar.commands.options import AT_THE_CELL, AsJson, RecordingOrPoses, say_json
 from ballbar.terminal import err, out
 from cell.errors import InputError
 from cell.recording import SourceName
 
 commands = typer.Typer()
+_POSES = "Options of still poses"
 
 
 @commands.command(
@@ -81,20 +83,31 @@ def record(
 
 @commands.command(
     rich_help_panel=AT_THE_CELL,
-    epilog="Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer the questions",
+    epilog="Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer the questions; of "
+    "still poses: `ballbar new runs/tracker --poses poses.csv --robot ur10`",
 )
 def new(
     folder: Annotated[Path, typer.Argument(help="Recording folder to make.", metavar="DIR")],
     robot_log: Annotated[
-        Path,
+        Path | None,
         typer.Argument(help="The robot's log.", metavar="ROBOTLOG", exists=True, dir_okay=False),
-    ],
+    ] = None,
     ballbar_log: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             help="The ball-bar's log.", metavar="BALLBARLOG", exists=True, dir_okay=False
         ),
-    ],
+    ] = None,
+    poses: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="A table of still poses instead of two logs; may be repeated for files of the "
+            "same columns.",
+            metavar="TABLE",
+            exists=True,
+            dir_okay=False,
+        ),
+    ] = None,
     robot: Annotated[str | None, typer.Option(help="Robot, by name or .yaml file.")] = None,
     ballbar: Annotated[str | None, typer.Option(help="Ball-bar, by name or .yaml file.")] = None,
     robot_dialect: Annotated[
@@ -127,17 +140,92 @@ def new(
     bits: Annotated[
         int | None, typer.Option(help="Bits of the encoders' interpolation.", min=8, max=13)
     ] = None,
+    instrument: Annotated[
+        str | None,
+        typer.Option(
+            help="Of poses: instrument of cell/instruments, or a .yaml file.",
+            rich_help_panel=_POSES,
+        ),
+    ] = None,
+    joints: Annotated[
+        str | None,
+        typer.Option(
+            help="Columns of the joint angles, in the order of the axes, by name or number.",
+            metavar="COLUMN,...",
+            rich_help_panel=_POSES,
+        ),
+    ] = None,
+    joint_unit: Annotated[
+        str | None, typer.Option(help="rad or deg.", rich_help_panel=_POSES)
+    ] = None,
+    values: Annotated[
+        str | None,
+        typer.Option(
+            help="Columns of what was measured: a length, x y z, or x y z and a rotation; "
+            "'x_t - x_dif' is a difference.",
+            metavar="COLUMN,...",
+            rich_help_panel=_POSES,
+        ),
+    ] = None,
+    value_unit: Annotated[
+        str | None, typer.Option(help="m, cm, mm, um or inch.", rich_help_panel=_POSES)
+    ] = None,
+    rotation: Annotated[
+        str | None,
+        typer.Option(
+            help="Convention of rotations: XYZ and the like about moving axes, xyz about fixed "
+            "ones, rotvec, quat_wxyz, quat_xyzw.",
+            rich_help_panel=_POSES,
+        ),
+    ] = None,
+    angle_unit: Annotated[
+        str | None, typer.Option(help="Of rotations: rad or deg.", rich_help_panel=_POSES)
+    ] = None,
+    seat: Annotated[
+        str | None, typer.Option(help="Name of the instrument's placement.", rich_help_panel=_POSES)
+    ] = None,
+    target: Annotated[
+        str | None,
+        typer.Option(help="Name of the ball or reflector on the flange.", rich_help_panel=_POSES),
+    ] = None,
     yes: Annotated[
         bool,
         typer.Option("--yes", help="Take every proposal without asking; fail where there is none."),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make a recording folder from two log files.
+    """Make a recording folder from two log files, or poses.yaml from a table of still poses.
 
     What the files show is proposed; what they cannot show is asked for. The folder appears only
     once it has been read without error.
     """
+    ask = partial(_ask, take_proposals=yes, as_json=as_json)
+    if poses:
+        if robot_log is not None:
+            raise InputError("give either --poses or two logs, not both.")
+        _new_poses(
+            folder,
+            poses,
+            {
+                "robot": robot,
+                "instrument": instrument,
+                "joints": joints,
+                "joint_unit": joint_unit,
+                "values": values,
+                "value_unit": value_unit,
+                "rotation": rotation,
+                "angle_unit": angle_unit,
+                "seat": seat,
+                "target": target,
+            },
+            ask,
+            as_json=as_json,
+        )
+        return
+    if robot_log is None or ballbar_log is None:
+        raise InputError(
+            "name the robot's log and the ball-bar's log, or a table of still poses with --poses."
+        )
     from ballbar.recordings.check import check_data, check_lines
     from ballbar.recordings.new_recording import Answers, new_recording
 
@@ -152,13 +240,35 @@ def new(
         lines=lines,
         bits=bits,
     )
-    ask = partial(_ask, take_proposals=yes, as_json=as_json)
     recording = new_recording(folder, robot_log, ballbar_log, answers, ask)
     if as_json:
         say_json({"recording": str(folder), **check_data(recording, None)})
     _say_page(check_lines(recording, None))
     name = escape(str(folder))
     out.print(f"Made {name}. Look at recording.yaml in it, then: ballbar check {name}")
+
+
+def _new_poses(
+    folder: Path,
+    tables: list[Path],
+    given: dict[str, str | None],
+    ask: Callable[[str, str | None], str],
+    *,
+    as_json: bool,
+) -> None:
+    """Makes a folder with poses.yaml and prints what was written; given : options by name."""
+    from ballbar.recordings.check_poses import pose_data, pose_lines
+    from ballbar.recordings.new_poses import PoseAnswers, new_poses
+
+    content, text = new_poses(folder, tables, PoseAnswers(**given), ask)
+    if as_json:
+        say_json({"poses_file": str(folder / "poses.yaml"), **pose_data(content)})
+    _say_page(pose_lines(content))
+    name = escape(str(folder))
+    out.print(f"Wrote {name}/poses.yaml:")
+    for line in text.splitlines():
+        out.print(f"  {escape(line)}")
+    out.print(f"Look at it, then: ballbar check {name}")
 
 
 def _ask(question: str, proposal: str | None, *, take_proposals: bool, as_json: bool) -> str:
@@ -183,7 +293,7 @@ def _ask(question: str, proposal: str | None, *, take_proposals: bool, as_json: 
     epilog="Example: `ballbar check runs/irb2400/recording`, or for programs with `--json`",
 )
 def check(
-    recording: RecordingFolder,
+    recording: RecordingOrPoses,
     explain_reading: Annotated[
         bool,
         typer.Option(
@@ -197,25 +307,57 @@ def check(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Read a recording and report its content and what was repaired; nothing is identified."""
+    """Read a recording or a table of still poses, and report its content and what was repaired.
+
+    Nothing is identified.
+    """
+    from ballbar.recordings.check_poses import holds_poses
+
+    read = _check_poses if holds_poses(recording) else _check_recording
+    repaired = read(recording, explain_reading=explain_reading and not as_json, as_json=as_json)
+    if strict and repaired:
+        err.print(
+            f"[red]not as logged:[/] {repaired} kinds of repairs were needed, and --strict "
+            "allows none"
+        )
+        raise typer.Exit(1)
+
+
+def _check_recording(folder: Path, *, explain_reading: bool, as_json: bool) -> int:
+    """Prints the page of a recording; gives how many kinds of repairs were needed."""
     from acquisition import explain_lines, read_recording
     from ballbar.recordings.check import aligned, check_data, check_lines, repairs
 
-    if explain_reading and not as_json:
-        for line in explain_lines(recording):
-            out.print(escape(line))
-        out.print()
-    content = read_recording(recording)
+    if explain_reading:
+        _say_reasons(explain_lines(folder))
+    content = read_recording(folder)
     alignment = aligned(content)
     if as_json:
         say_json(check_data(content, alignment))
     _say_page(check_lines(content, alignment))
-    if strict and (repaired := repairs(content)):
-        err.print(
-            f"[red]not as logged:[/] {len(repaired)} kinds of repairs were needed, and --strict "
-            "allows none"
-        )
-        raise typer.Exit(1)
+    return len(repairs(content.report))
+
+
+def _check_poses(path: Path, *, explain_reading: bool, as_json: bool) -> int:
+    """Prints the page of still poses; gives how many kinds of repairs were needed."""
+    from acquisition.poses import import_poses
+    from ballbar.recordings.check import repairs
+    from ballbar.recordings.check_poses import explain_pose_lines, pose_data, pose_lines
+    from cell.pose_file import load_poses_file, pose_file_path
+
+    if explain_reading:
+        _say_reasons(explain_pose_lines(load_poses_file(pose_file_path(path))))
+    content = import_poses(path)
+    if as_json:
+        say_json(pose_data(content))
+    _say_page(pose_lines(content))
+    return len(repairs(content.report))
+
+
+def _say_reasons(lines: list[str]) -> None:
+    for line in lines:
+        out.print(escape(line))
+    out.print()
 
 
 _LOG = "A table with time stamps, or a recording folder."

@@ -17,6 +17,7 @@ from sim.recording_files import truth_path
 if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.claims.run import Judged
     from ballbar.result.compare import Comparison
+    from ballbar.result.pose_run import PoseRun
     from ballbar.result.run_data import RunData
     from ballbar.sweep.run import Outcome
     from ident.robot.accuracy import TcpError
@@ -36,6 +37,20 @@ def run_data(data: RunData, folder: Path) -> dict[str, object]:
         "plant": plant_data(data.simulation) if data.simulation else None,
         "comparison": comparison_data(data.comparison) if data.comparison else None,
         "limits": [asdict(limit) | {"met": limit.met} for limit in data.limits],
+    }
+
+
+def pose_run_data(run: PoseRun, folder: Path) -> dict[str, object]:
+    """JSON of `identify` on still poses: the calibration written to `folder`."""
+    from ballbar.result.pose_calibration import load_pose_calibration
+
+    file = load_pose_calibration(folder / CALIBRATION)
+    return {
+        "acceptable": run.acceptable,
+        "sentence": run.identification.verdict.sentence,
+        "folder": str(folder),
+        "files": sorted(entry.name for entry in folder.iterdir() if entry.name in OUTPUTS),
+        "calibration": file.model_dump(mode="json", by_alias=True),
     }
 
 

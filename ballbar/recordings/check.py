@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acquisition import CoarseAlignment, Recording, coarse_alignment, find_dwells, report_lines
-from acquisition.report import Finding
+from acquisition.report import Finding, ImportReport
 from ballbar.units import MS
 from cell.arrays import Array
 from cell.logs import segment_starts
@@ -56,9 +56,9 @@ def import_reports(recordings: Mapping[str, Recording]) -> str:
     return json.dumps(data, indent=2, allow_nan=False) + "\n"
 
 
-def repairs(recording: Recording) -> list[Finding]:
+def repairs(report: ImportReport) -> list[Finding]:
     """What was changed or left out while reading."""
-    return [finding for finding in recording.report.findings if finding.severity == "repaired"]
+    return [finding for finding in report.findings if finding.severity == "repaired"]
 
 
 def aligned(recording: Recording) -> CoarseAlignment | None:

@@ -149,9 +149,7 @@ def _link(link: Link) -> str:
     m = link.inertia
     inertia = np.array([m[0, 0], m[1, 1], m[2, 2], m[0, 1], m[0, 2], m[1, 2]])
     inertia[np.abs(inertia) < 1e-9 * np.trace(m)] = 0.0  # rounding of the turn
-    values = ", ".join(
-        f"{value + 0.0:.9g}" for value in np.where(np.abs(inertia) < 1e-15, 0, inertia)
-    )
+    values = ", ".join(f"{value:.9g}" for value in inertia)
     return f"{{mass_kg: {link.mass:.9g}, com_m: {_list(link.com, 9)}, inertia_kg_m2: [{values}]}}"
 
 

@@ -122,7 +122,7 @@ class _Scores:
         normal = cho_factor(present @ present.T + model.prior_normal)
         flat = candidates.reshape(-1, present.shape[1])
         rest = flat - cho_solve(normal, present @ flat.T).T @ present
-        self._rest = rest.reshape(candidates.shape)  # what the model cannot take over
+        self._rest: Array = rest.reshape(candidates.shape)  # what the model cannot take over
         self._residual = model.residual.reshape(-1)
 
     def tests(self) -> Array:
@@ -143,7 +143,7 @@ class _Scores:
         raw, own = self._raw[chosen], self._rest[chosen].copy()
         schur = raw @ own.T + np.eye(2) / self._prior**2
         self._residual = self._residual - np.linalg.solve(schur, raw @ self._residual) @ own
-        flat = self._rest.reshape(-1, self._rest.shape[2])
+        flat = self._rest.reshape(-1, raw.shape[1])
         dgemm(-1.0, own.T, np.linalg.solve(schur, raw @ flat.T), 1.0, flat.T, overwrite_c=1)
 
     def aliases(self, chosen: int, highest: int) -> tuple[int, ...]:

@@ -23,9 +23,9 @@ def regressors_at(robot: Robot, corrections: Sequence[Correction], q: Array) -> 
         recording=-1,
         gears=(q @ robot.joint_to_gear).T,
         bar=np.zeros((0, n)),
-        loads=no_loads(n),
+        loads=no_loads(q.shape[1], n),
         tension=np.zeros(n),
-        width=np.zeros(0),
+        width=np.zeros(q.shape[1]),
     )
     rows = [regressor for c in corrections for regressor in c.regressors(state)]
     return np.stack(rows) if rows else np.zeros((0, n))

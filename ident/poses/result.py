@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from cell.arrays import Array
 from cell.poses import PoseTable
 from ident.estimator.order_search import OrderSearch
-from ident.poses.cross_validation import CrossValidation
+from ident.poses.cross_validation import (
+    LEVEL,
+    CrossValidation,
+    mahalanobis,
+    position_rows,
+    spread_of,
+)
 from ident.poses.findings import Findings
 from ident.poses.fit import PoseFit
 from ident.robot.identified_arm import IdentifiedArm
@@ -50,6 +58,25 @@ class PoseIdentification:
     def residual_nominal(self) -> Array:
         """(N,) [m] likewise of the nominal robot."""
         return position_errors(self.nominal)
+
+    def errors(self, table: PoseTable) -> Array:
+        """(N, 3) [m] measured minus predicted positions of poses of this result's own seats.
+
+        Robot base frame; along the rod where lengths were measured.
+        """
+        points = replace(self.fit.model, table=table).evaluate(self.fit.x)
+        return np.concatenate([point.closure.error[:3].T for point in points])
+
+    def within(self, table: PoseTable) -> NDArray[np.bool_]:
+        """(N,) whether poses of this result's own seats lie in their stated 95 % regions."""
+        model, validation = replace(self.fit.model, table=table), self.cross_validation
+        out = []
+        for point in model.evaluate(self.fit.x):
+            rows = position_rows(point)
+            spread = spread_of(model.jacobian(self.fit.x, point, rows), self.fit.covariance)
+            square = mahalanobis(rows(point.closure.error), spread, validation.sigma**2)
+            out.append(square <= validation.factor * chi2.ppf(LEVEL, len(rows.matrix)))
+        return np.concatenate(out)
 
     def arm(self, target: str | None = None) -> IdentifiedArm:
         """The identified robot with one of its targets; by default the table's first."""

@@ -17,6 +17,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Robot
+from cell.geometry import Parameter, parameter_table
 from cell.poses import PoseTable
 from cell.rotation import matrix_from_rotvec
 from ident.corrections.base import Correction
@@ -26,24 +27,6 @@ from ident.poses.closure import Placement
 # predict as well; 1 mrad and 0.3 mm are too tight (docs/real_robots, priors).
 ANGLE_PRIOR, LENGTH_PRIOR = 2e-3, 7e-4  # [rad], [m]
 PLACEMENT_PRIOR = 1.0  # [m, rad] of seats and targets about their start: keeps steps finite
-PARALLEL = 1e-6  # sine of the twist below which two axes are nominally parallel
-
-
-@dataclass(frozen=True)
-class RobotParameter:
-    """One DH parameter of the robot."""
-
-    name: str
-    kind: str  # as in cell.chain.KINDS
-    row: int  # from 0
-
-    @property
-    def is_length(self) -> bool:
-        return self.kind in ("a", "d")
-
-    @property
-    def unit(self) -> str:
-        return "m" if self.is_length else "rad"
 
 
 def nominal_chain(robot: Robot) -> Chain:
@@ -51,16 +34,12 @@ def nominal_chain(robot: Robot) -> Chain:
     return Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.a.size))
 
 
-def robot_parameters(chain: Chain) -> tuple[RobotParameter, ...]:
+def robot_parameters(robot: Robot) -> tuple[Parameter, ...]:
     """The parameters of a robot that still poses can tell from seats and targets."""
-    last = chain.rows - 1
-    parallel = [i for i in range(last) if abs(np.sin(chain.alpha[i])) < PARALLEL]
-    fixed = {("d", 0), ("theta", 0), ("a", last), ("d", last), ("theta", last), ("alpha", last)}
-    fixed |= {("d", i + 1) for i in parallel}
-    rows = range(chain.rows)
-    listed = [(k, i) for k in ("a", "d", "alpha", "theta") for i in rows]
-    listed += [("beta", i) for i in parallel]
-    return tuple(RobotParameter(f"r{k}{i + 1}", k, i) for k, i in listed if (k, i) not in fixed)
+    table = parameter_table(robot)
+    of_targets = {f"r{kind}{table.joints}" for kind in ("a", "d", "theta", "alpha", "beta")}
+    fixed = {*table.gauge, *of_targets}
+    return tuple(p for p in table.parameters if p.side == "robot" and p.name not in fixed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +50,7 @@ class PoseUnknowns:
     mean: Array  # (P,) of the prior [m, rad, unit of the coefficient]
     sigma: Array  # (P,)
     chain: Chain  # nominal
-    parameters: tuple[RobotParameter, ...]
+    parameters: tuple[Parameter, ...]
     seats: dict[str, slice]
     targets: dict[str, slice]
     seat_starts: dict[str, Placement]
@@ -120,7 +99,7 @@ def pose_unknowns(
     """Unknowns of a table. seats, targets : where they start; chain : nominal."""
     framed = {g.seat for g in table.groups if g.measured in ("point", "pose")}
     whole = {g.target for g in table.groups if g.measured == "pose"}
-    parameters = robot_parameters(chain)
+    parameters = robot_parameters(table.robot)
     names: list[str] = []
     mean: list[float] = []
     sigma: list[float] = []

@@ -16,10 +16,10 @@ from scipy.stats import chi2
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws, screw
 from cell.descriptions import Robot
+from cell.geometry import Parameter
 from ident.corrections.base import Correction
 from ident.poses.closure import Placement, target_frames
 from ident.poses.joint_corrections import channels, joint_displacements, regressors_at
-from ident.poses.unknowns import RobotParameter
 
 LEVEL = 0.95
 RANGE_MARGIN = np.deg2rad(1.0)  # [rad] past the last fitted angle that still counts as inside
@@ -36,7 +36,7 @@ class IdentifiedArm:
     target: Placement  # in the flange's frame
     seat: Placement  # of the instrument in the robot's base frame: positions are told from there
     seat_turns: bool  # whether the seat is a whole frame, or a point
-    parameters: tuple[RobotParameter, ...]
+    parameters: tuple[Parameter, ...]
     covariance: Array  # (U, U) of parameters, coefficients, the target's position and the seat
     discrepancy: float  # [m] of what the model leaves unexplained, along each axis
     factor: float  # of the region's size, over that of chi-square

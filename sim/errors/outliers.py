@@ -41,9 +41,9 @@ class Outliers(Strict):
             )
         return self
 
-    def on_robot(self, rows: int, seed: int) -> Array:
-        """(N, 6) [rad] errors of the joint angles of N rows; 0 where a value is right."""
-        return self._drawn(rows, 6, self.robot_probability, stream(seed, "outliers_robot"))
+    def on_robot(self, rows: int, joints: int, seed: int) -> Array:
+        """(N, J) [rad] errors of the joint angles of N rows; 0 where a value is right."""
+        return self._drawn(rows, joints, self.robot_probability, stream(seed, "outliers_robot"))
 
     def on_ballbar(self, rows: int, encoders: int, seed: int) -> Array:
         """(N, E) [rad] errors of what E encoders read in N rows; 0 where a value is right."""

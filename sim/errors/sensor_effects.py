@@ -81,13 +81,13 @@ class EncoderEffects(Strict):
 
 
 class ResolverEffects(Strict):
-    """Errors of the six resolvers."""
+    """Errors of the motors' resolvers."""
 
     motors: tuple[Harmonics, ...]
     quantum_rad: float
 
     def read_angles(self, motors: Array) -> Array:
-        """(N, 6) [rad] readings of the converters at motor angles (N, 6) [rad]."""
+        """(N, J) [rad] readings of the converters at motor angles (N, J) [rad]."""
         read = np.stack(
             [m + _sum(harmonics, m) for m, harmonics in zip(motors.T, self.motors, strict=True)],
             axis=1,
@@ -126,13 +126,15 @@ def encoder_effects(
     )
 
 
-def resolver_effects(errors: ResolverError | None, *, seed: int) -> ResolverEffects | None:
-    """Errors of the six resolvers as a scenario states them; None where it states none."""
+def resolver_effects(
+    errors: ResolverError | None, *, joints: int, seed: int
+) -> ResolverEffects | None:
+    """Errors of the resolvers of so many motors by a scenario; None where it states none."""
     if errors is None:
         return None
     rng = stream(seed, "resolver_error")
     return ResolverEffects(
-        motors=tuple(_drawn((1, 2), errors.amplitude_rad, rng) for _ in range(6)),
+        motors=tuple(_drawn((1, 2), errors.amplitude_rad, rng) for _ in range(joints)),
         quantum_rad=errors.quantum_rad,
     )
 

@@ -89,10 +89,10 @@ def healthy_status(cycles: NDArray[np.int64]) -> NDArray[np.int64]:
 def motor_angles(
     robot: Robot, q: Array, errors: ErrorSettings, resolvers: ResolverEffects | None, seed: int
 ) -> Array:
-    """(N, 6) [rad] motor angles that the robot logs at joint angles q (N, 6) [rad]."""
+    """(N, J) [rad] motor angles that the robot logs at joint angles q (N, J) [rad]."""
     sigma = errors.joint_noise.sigma_rad if errors.joint_noise else 0.0
     logged = q + stream(seed, "joint_noise").normal(0.0, sigma, q.shape)
     if errors.outliers:
-        logged += errors.outliers.on_robot(len(q), seed)
+        logged += errors.outliers.on_robot(len(q), q.shape[1], seed)
     motors = joints_to_motors(robot, logged)
     return resolvers.read_angles(motors) if resolvers else motors

@@ -34,17 +34,18 @@ def write_twincat_plc(
 
 
 def write_abb_motor(path: Path, stamps: Array, motors: Array, torques: Array | None = None) -> None:
-    """Write a robot log: `time,m1..m6[,tau1..tau6]` in s, rad and N m.
+    """Write a robot log: `time,m1..mJ[,tau1..tauJ]` in s, rad and N m.
 
-    stamps : (N,) [s] on the robot's clock. motors : (N, 6) [rad]. torques : (N, 6) [N m] at the
+    stamps : (N,) [s] on the robot's clock. motors : (N, J) [rad]. torques : (N, J) [N m] at the
         motors, if they are logged.
     """
     # 1e-9 rad of a motor is 1e-11 rad of its joint, 1e-6 N m is 1e-4 N m there.
-    names, forms = ["time", *(f"m{i + 1}" for i in range(6))], ["%.6f", *["%.9f"] * 6]
+    joints = range(1, motors.shape[1] + 1)
+    names, forms = ["time", *(f"m{i}" for i in joints)], ["%.6f", *["%.9f"] * len(joints)]
     columns = [stamps, motors]
     if torques is not None:
-        names += [f"tau{i + 1}" for i in range(6)]
-        forms += ["%.6f"] * 6
+        names += [f"tau{i}" for i in joints]
+        forms += ["%.6f"] * len(joints)
         columns.append(torques)
     _write_table(path, names, forms, np.column_stack(columns))
 

@@ -39,8 +39,8 @@ class Ripple:
 class PlantEffects:
     """Elasticity, backlash, ripple and friction of one machine."""
 
-    gear_stiffness: Array | None = None  # (6,) [N m/rad]; None: rigid gears
-    # (6,) [rad] half widths of the dead band and of the hysteresis loop
+    gear_stiffness: Array | None = None  # (J,) [N m/rad]; None: rigid gears
+    # (J,) [rad] half widths of the dead band and of the hysteresis loop
     gear_backlash: Array = field(default_factory=lambda: np.zeros(6))
     gear_hysteresis: Array = field(default_factory=lambda: np.zeros(6))
     ripples: tuple[Ripple, ...] = ()
@@ -54,7 +54,7 @@ class PlantEffects:
     force_sensor: bool = False  # whether the flange's force and torque are measured
 
     def transmission_error(self, gears: Array) -> Array:
-        """(N, 6) [rad] error delta of each gear at output angles g (N, 6) [rad].
+        """(N, J) [rad] error delta of each gear at output angles g (N, J) [rad].
 
         The motor shows g - delta(g).
         """
@@ -78,7 +78,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
         )
     robot, bar = cell.robot, cell.ballbar
     compliance, gap = errors.joint_compliance, errors.gear_backlash
-    stiffness, none = None, np.zeros(6)
+    stiffness, none = None, np.zeros(robot.joints)
     dead_band = hysteresis = none
     if compliance is not None:
         rng = stream(seed, "joint_compliance")
@@ -113,6 +113,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
 
 def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
     ripples: list[Ripple] = []
+    joints = cell.robot.joints
     if (table := errors.transmission_error) is not None:
         rng = stream(seed, "transmission_error")
         for gear, harmonics in enumerate(cell.robot.required("gears").harmonics):
@@ -121,11 +122,11 @@ def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
                 for order, size in harmonics
             ]
     if (cycloid := errors.cycloid_ripple) is not None:
-        phases = stream(seed, "cycloid_ripple").uniform(0.0, 2.0 * np.pi, 6)
+        phases = stream(seed, "cycloid_ripple").uniform(0.0, 2.0 * np.pi, joints)
         for axis in cycloid.axes:
             ripples += _cycloid(axis - 1, cycloid, float(phases[axis - 1]))
     if (sine := errors.sinusoidal_gear_error) is not None:
-        phases = stream(seed, "sinusoidal_gear_error").uniform(0.0, 2.0 * np.pi, 6)
+        phases = stream(seed, "sinusoidal_gear_error").uniform(0.0, 2.0 * np.pi, joints)
         for axis in sine.axes:
             order = (
                 1.0
@@ -166,7 +167,7 @@ def _cycloid(gear: int, cycloid: CycloidRipple, phase: float) -> list[Ripple]:
 
 
 def _spread(nominal: Array, spread: float, rng: np.random.Generator) -> Array:
-    return nominal * np.exp(spread * rng.standard_normal(6))
+    return nominal * np.exp(spread * rng.standard_normal(nominal.size))
 
 
 def _default(stated: float | None, usual: float) -> float:

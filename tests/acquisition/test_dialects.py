@@ -91,7 +91,7 @@ def test_columns_apart_by_blanks(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"axes": ["A1", "A2"]}, "axes: six columns, or one `re:` that finds six"),
+        ({"axes": ["A1", "A2"]}, "axes: one column for each axis, 5 to 8, or one `re:`"),
         ({"motors": [f"m{k}" for k in range(6)]}, "names one of motors, axes and joints"),
         ({"axes": ["re:(a+)+$"]}, "repeated groups and more than 3"),
         ({"axes": ["re:.*.*.*.*x"]}, "repeated groups and more than 3"),

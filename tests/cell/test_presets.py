@@ -14,6 +14,7 @@ import pytest
 from cell import load
 from cell.chain import Chain, forward
 from cell.descriptions import Robot
+from cell.geometry import parameter_table
 from cell.load import load_robot, robot_names
 from cell.robot_angles import controller_to_joints, joints_to_axes
 from tests.helpers.published_urdf import PUBLISHED, tip_pose
@@ -61,10 +62,11 @@ def test_flange_of_a_shipped_robot_is_where_its_urdf_has_it(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(PUBLISHED))
 def test_neighbours_that_are_parallel_are_known(name: str) -> None:
     robot = load_robot(name)
-    parallel = np.flatnonzero(np.abs(np.sin(robot.alpha[:-1])) < 1e-12) + 1
-    assert tuple(parallel) == PARALLEL[name]
-    assert (robot.alpha[parallel - 1] == 0.0).all()  # not 180 deg: signs are the controller's
-    assert (robot.d[parallel - 1] == 0.0).all()
+    parallel = parameter_table(robot).hayati_rows[:-1]  # the last is that across the plate
+    assert tuple(row + 1 for row in parallel) == PARALLEL[name]
+    for row in parallel:
+        assert robot.alpha[row] == 0.0  # not 180 deg: signs are the controller's
+        assert robot.d[row] == 0.0
 
 
 @pytest.mark.parametrize("name", sorted(PUBLISHED))

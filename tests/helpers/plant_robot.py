@@ -49,7 +49,7 @@ class PlantRobot:
         )
         self.effects: PlantEffects = plant_effects(scenario.errors, self.cell, scenario.seed)
         self.resolvers: ResolverEffects | None = resolver_effects(
-            scenario.errors.resolver_error, seed=scenario.seed
+            scenario.errors.resolver_error, joints=self.cell.robot.joints, seed=scenario.seed
         )
 
     def hold(self, targets: Array) -> HeldPoses:

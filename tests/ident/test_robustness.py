@@ -63,7 +63,7 @@ def motion(rows: int = 4000) -> tuple[np.ndarray, np.ndarray]:
 def test_outliers_are_told_from_motion() -> None:
     t, angles = motion()
     assert not damaged_bursts(t, angles).any()
-    thrown = Outliers().on_robot(t.size, 3)[:, :2]
+    thrown = Outliers().on_robot(t.size, 6, 3)[:, :2]
     found = damaged_bursts(t, angles + thrown)
     large = np.abs(thrown) > 1e-3
     assert found[large].mean() > 0.98
@@ -79,7 +79,7 @@ def test_a_jerk_of_the_motion_is_no_outlier() -> None:
 
 def test_outliers_have_the_asked_share_and_size() -> None:
     asked = Outliers(robot_probability=0.1, size_rad=(1e-3, 1e-2))
-    thrown = asked.on_robot(20_000, 1)
+    thrown = asked.on_robot(20_000, 6, 1)
     hit = thrown[thrown != 0.0]
     assert hit.size / 20_000 == pytest.approx(0.1, rel=0.05)
     assert ((thrown != 0.0).sum(axis=1) <= 1).all()

@@ -1,0 +1,342 @@
+"""`ballbar new --poses`: makes a folder with poses.yaml from a table of still poses.
+
+What names and numbers of the table show is taken and printed: columns of the joint angles, of the
+measured values and of their deviations, units, the convention of rotations. What they do not show
+is a question. An answer is checked at once, and the whole file is read once before the folder is
+made.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+import yaml
+
+from acquisition.poses import PoseImport, import_poses
+from acquisition.poses.columns import read_rows
+from acquisition.poses.joints import joint_angles
+from acquisition.poses.nominal import fitting_rotation
+from acquisition.poses.proposals import (
+    ColumnNames,
+    angle_unit,
+    column_names,
+    column_values,
+    joint_columns,
+    length_columns,
+    length_unit,
+    named_column,
+    position_columns,
+    rotation_columns,
+    sigma_columns,
+    stated_unit,
+)
+from acquisition.poses.text import FileKind, pose_text
+from acquisition.poses.times import pose_stamps
+from acquisition.table.text import LogText
+from ballbar.recordings.new_recording import Ask
+from cell.arrays import Array
+from cell.descriptions import Robot
+from cell.errors import InputError, LogError
+from cell.files import write_whole
+from cell.instrument import Instrument
+from cell.load import instrument_names, load_instrument, load_robot, robot_names
+from cell.pose_file import AngleUnit, JointColumns, LengthUnit, PoseTime
+from cell.poses import COLUMNS
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseAnswers:
+    """Answers that the user gave as options; None where the table shows it, or a question is."""
+
+    robot: str | None = None
+    instrument: str | None = None
+    joints: str | None = None  # columns, separated by commas
+    joint_unit: str | None = None
+    values: str | None = None  # columns, separated by commas
+    value_unit: str | None = None
+    rotation: str | None = None
+    angle_unit: str | None = None
+    seat: str | None = None
+    target: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """A table, and who answers questions about it."""
+
+    text: LogText
+    kind: FileKind
+    columns: ColumnNames
+    ask: Ask
+
+    def answer(
+        self, given: str | None, question: str, proposal: str | None, check: Callable[[str], T]
+    ) -> T:
+        """The checked answer to a question: an option's, or the user's, who is asked again.
+
+        Raises InputError for an option, or a proposal, that is wrong.
+        """
+        if given is not None:
+            return check(given)
+        question = f"{self.text.file}: {question}"
+        reply = self.ask(question, proposal)
+        while True:
+            try:
+                return check(reply)
+            except InputError as error:
+                if reply == proposal:
+                    raise
+                reply = self.ask(f"{error}\n{question}", None)
+
+    def names(self, count: int) -> Callable[[str], list[int | str]]:
+        """A check of an answer that names `count` columns."""
+
+        def check(reply: str) -> list[int | str]:
+            written = [part.strip() for part in reply.split(",") if part.strip()]
+            chosen: list[int | str] = [int(p) if p.isdigit() else p for p in written]
+            if len(chosen) != count and not reply.startswith("re:"):
+                raise InputError(
+                    f"{reply!r}: {len(chosen)} columns, expected {count}, separated by commas."
+                )
+            if len(chosen) == count:
+                column_values(self.text, self.kind, chosen)
+            return chosen
+
+        return check
+
+
+def new_poses(
+    folder: Path, tables: Sequence[Path], answers: PoseAnswers, ask: Ask
+) -> tuple[PoseImport, str]:
+    """Makes the folder with poses.yaml and copies of the tables; gives its poses and its text.
+
+    The first table answers for all: the others have the same columns.
+    Raises InputError if the folder holds something, an answer is missing, or the tables cannot be
+    read in the way that was answered; then nothing is left behind.
+    """
+    if folder.exists() and (folder.is_file() or any(folder.iterdir())):
+        raise InputError(
+            f"{folder}: exists and holds something; nothing was written. Choose another folder."
+        )
+    if len({table.name for table in tables}) < len(tables):
+        raise InputError("two of the tables have the same name; rename one of them.")
+    description = _description(tables, answers, ask)
+    aside = folder.with_name(f".{folder.name}.part")
+    shutil.rmtree(aside, ignore_errors=True)
+    try:
+        (aside / "raw").mkdir(parents=True)
+        for table in tables:
+            shutil.copyfile(table, aside / "raw" / table.name)
+        for key in ("robot", "instrument"):
+            if description[key].endswith(".yaml"):
+                shutil.copyfile(description[key], aside / Path(description[key]).name)
+                description[key] = Path(description[key]).name
+        # Lists of columns on one line.
+        text = yaml.safe_dump(
+            description, sort_keys=False, allow_unicode=True, width=98, default_flow_style=None
+        )
+        write_whole(aside / "poses.yaml", text.encode())
+        import_poses(aside)
+        if folder.exists():
+            folder.rmdir()
+        aside.rename(folder)
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+    return import_poses(folder), text
+
+
+def _description(tables: Sequence[Path], answers: PoseAnswers, ask: Ask) -> dict[str, Any]:
+    """The content of poses.yaml."""
+    text, kind = pose_text(tables[0], tables[0].name)
+    table = _Table(text, kind, column_names(text), ask)
+    robots, instruments = ", ".join(robot_names()), ", ".join(instrument_names())
+    name, robot = table.answer(
+        answers.robot, f"which robot? ({robots}, or a .yaml file)", None, _robot
+    )
+    measured_by, instrument = table.answer(
+        answers.instrument, f"which instrument? ({instruments}, or a .yaml file)", None, _instrument
+    )
+    joints = _joints(table, robot, answers)
+    description = {
+        "files": [f"raw/{path.name}" for path in tables],
+        "joints": joints,
+        **_values(table, robot, instrument, joints, answers),
+    }
+    for key, pattern in (("seat", r"^(seat|station|setup)$"), ("target", r"^(target|smr|ball)$")):
+        column = named_column(table.columns, pattern)
+        given = getattr(answers, key)
+        if given or column:
+            description[key] = given or {"column": column}
+    if (time := named_column(table.columns, r"time|stamp|date")) and _tells_time(table, time):
+        description["time"] = {"column": time}
+    if temperature := named_column(table.columns, r"temp"):
+        description["temperature"] = {"column": temperature}
+    return {
+        "schema": "ballbar-poses/1",
+        "kind": "real",
+        "robot": name,
+        "instrument": measured_by,
+        "tables": [description],
+        "notes": "",
+    }
+
+
+def _tells_time(table: _Table, column: str) -> bool:
+    """Whether the stamps of a column show their form; a spreadsheet may have cut them."""
+    try:
+        rows = read_rows(table.text, table.kind, [column], [column])
+        stamps, _ = pose_stamps(PoseTime(column=column), column, rows)
+    except LogError:
+        return False
+    return stamps is not None
+
+
+def _robot(reply: str) -> tuple[str, Robot]:
+    return reply, load_robot(reply)
+
+
+def _instrument(reply: str) -> tuple[str, Instrument]:
+    return reply, load_instrument(reply)
+
+
+def _joints(table: _Table, robot: Robot, answers: PoseAnswers) -> dict[str, Any]:
+    """The joints of a table: columns and unit."""
+    axes = int(robot.a.size)
+    seen = joint_columns(table.columns, axes)
+    if table.kind != "table" and answers.joints is None and not seen:
+        columns: list[int | str] = []
+    else:
+        given = answers.joints or (", ".join(seen[0]) if len(seen) == 1 else None)
+        columns = table.answer(
+            given,
+            f"which {axes} columns hold the joint angles, in the order of the axes? Columns: "
+            f"{table.columns.words}.",
+            ", ".join(seen[0]) if seen else None,
+            table.names(axes),
+        )
+    unit = stated_unit([str(column) for column in columns])
+    if not columns or (columns[0] != "" and str(columns[0]).startswith("re:")):
+        certain = None
+    else:
+        guess, sure = angle_unit(column_values(table.text, table.kind, columns))
+        certain = unit if unit in get_args(AngleUnit) else guess if sure else None
+        unit = certain or guess
+    chosen = table.answer(
+        answers.joint_unit or certain,
+        "unit of the joint angles? (rad or deg)",
+        unit,
+        _one_of(get_args(AngleUnit)),
+    )
+    return {"columns": columns, "unit": chosen}
+
+
+def _values(
+    table: _Table,
+    robot: Robot,
+    instrument: Instrument,
+    joints: dict[str, Any],
+    answers: PoseAnswers,
+) -> dict[str, Any]:
+    """The values and sigma of a table; nothing of a socket."""
+    measured = instrument.measured
+    if measured == "socket":
+        return {}
+    used = [str(column) for column in joints["columns"]]
+    if measured == "length":
+        seen = length_columns(table.columns, used)
+        what = "the length"
+    else:
+        seen = position_columns(table.columns, used)
+        what = "x, y and z" if measured == "point" else "x, y, z and the rotation"
+    if measured == "pose":
+        seen = [(*xyz, *turn) for xyz in seen if (turn := rotation_columns(table.columns, xyz))]
+    count = COLUMNS[measured]
+    columns = table.answer(
+        answers.values or (", ".join(seen[0]) if len(seen) == 1 else None),
+        f"which columns hold {what}? A difference is written as `x_t - x_dif`. Columns: "
+        f"{table.columns.words}.",
+        ", ".join(seen[0]) if seen else None,
+        _either(table.names(count), table.names(7)) if measured == "pose" else table.names(count),
+    )
+    q = joint_angles(robot, JointColumns(), *_joint_values(table, robot, joints))
+    values: dict[str, Any] = {"columns": columns}
+    values["unit"] = _length_unit(table, robot, q, columns, answers)
+    if measured == "pose":
+        values |= _rotation(table, robot, q, columns, answers)
+    names = [str(column) for column in columns]
+    sigma = sigma_columns(table.columns, names)
+    return {"values": values, **({"sigma": {"columns": list(sigma)}} if sigma else {})}
+
+
+def _joint_values(table: _Table, robot: Robot, joints: dict[str, Any]) -> tuple[Array, AngleUnit]:
+    columns = joints["columns"] or [f"rax_{k + 1}" for k in range(int(robot.a.size))]
+    return column_values(table.text, table.kind, columns), joints["unit"]
+
+
+def _length_unit(
+    table: _Table, robot: Robot, q: Array, columns: list[int | str], answers: PoseAnswers
+) -> str:
+    """The unit of lengths: stated by the names, or that in which points spread as the flange."""
+    units = get_args(LengthUnit)
+    names = [str(column) for column in columns]
+    certain = stated_unit(names[:3])
+    proposal = None
+    if certain not in units:
+        certain = None
+        if len(columns) >= 3:
+            points = column_values(table.text, table.kind, columns[:3])
+            proposal = length_unit(robot, q, points) if len(points) == len(q) else None
+    return table.answer(
+        answers.value_unit or certain or proposal,
+        f"unit of {', '.join(names[:3])}? ({', '.join(units)})",
+        proposal,
+        _one_of(units),
+    )
+
+
+def _rotation(
+    table: _Table, robot: Robot, q: Array, columns: list[int | str], answers: PoseAnswers
+) -> dict[str, Any]:
+    """Convention and unit of rotations: those with which they turn as the flange does."""
+    raw = column_values(table.text, table.kind, columns[3:])
+    seen = fitting_rotation(robot, q, raw) if len(raw) == len(q) else None
+    convention = table.answer(
+        answers.rotation or (seen[0] if seen else None),
+        "convention of the rotation? (XYZ and the like about moving axes, xyz about fixed ones, "
+        "rotvec, quat_wxyz, quat_xyzw)",
+        None,
+        str,
+    )
+    if convention.startswith("quat"):
+        return {"rotation": convention}
+    unit = table.answer(
+        answers.angle_unit or (seen[1] if seen else None),
+        "unit of the rotation's angles? (rad or deg)",
+        None,
+        _one_of(get_args(AngleUnit)),
+    )
+    return {"angle_unit": unit, "rotation": convention}
+
+
+def _one_of(choices: Sequence[str]) -> Callable[[str], str]:
+    """A check of an answer that is one of several words."""
+
+    def check(reply: str) -> str:
+        if reply.strip() not in choices:
+            raise InputError(f"{reply!r} is none of {', '.join(choices)}.")
+        return reply.strip()
+
+    return check
+
+
+def _either(first: Callable[[str], T], second: Callable[[str], T]) -> Callable[[str], T]:
+    def check(reply: str) -> T:
+        return (second if reply.count(",") == 6 else first)(reply)
+
+    return check

@@ -1,0 +1,320 @@
+"""report.html of an identification from still poses; the look of the report on logs.
+
+PoseRun -> verdict, tiles, errors, parameters, joint errors, seats and targets, provenance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from ballbar.figure_style import AFTER, BEFORE, PURPLE
+from ballbar.report.figures import (
+    AFTER_SCALE,
+    BEFORE_SCALE,
+    STYLE,
+    WIDTH,
+    Curve,
+    as_svg,
+    cumulative,
+    workspace_map,
+)
+from ballbar.report.numbers import listed, significant
+from ballbar.report.provenance import InputFile, hashed, versions, without_folders
+from ballbar.report.summary import Tile
+from ballbar.result.pose_run import PoseRun
+from ballbar.units import MM, MRAD, URAD
+from cell.arrays import Array
+from cell.files import write_whole
+from cell.pose_file import pose_file_path
+from ident.poses.result import PoseIdentification
+from ident.verdict import Status
+
+_BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}
+_HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
+_SOURCES = {
+    "length": "distances",
+    "point": "points",
+    "pose": "whole poses",
+    "socket": "touched sockets",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One unknown of the robot."""
+
+    name: str
+    unit: str
+    nominal: str
+    identified: str
+    deviation: str
+    sigma: str
+    known: bool
+
+
+@dataclass(frozen=True)
+class RangeRow:
+    """Fitted range of a joint."""
+
+    joint: int
+    lower: str
+    upper: str
+
+
+@dataclass(frozen=True)
+class OrderRow:
+    """A joint error found by evidence."""
+
+    joint: int
+    order: int
+    amplitude: str
+    score: str
+    gain: str
+    aliases: str
+
+
+def write_pose_report(path: Path, run: PoseRun, *, command: str) -> None:
+    """Write the report, whole or not at all; command : as the user typed it."""
+    page = render_pose_report(run, command=command, written=datetime.now(UTC))
+    write_whole(path, page.encode())
+
+
+def render_pose_report(run: PoseRun, *, command: str, written: datetime) -> str:
+    """The page as text; the same inputs give the same text."""
+    environment = Environment(
+        loader=PackageLoader("ballbar.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    result = run.identification
+    outcomes = [outcome for _, _, outcome in run.held_out]
+    failed = [outcome.name for outcome in outcomes if not outcome.acceptable]
+    verdict = result.verdict
+    return environment.get_template("poses.html").render(
+        title=run.name,
+        subtitle=_subtitle(run),
+        band=_BANDS.get(verdict.status, "bad") if run.acceptable else "bad",
+        heading=f"Held-out poses not explained: {', '.join(failed)}"
+        if failed
+        else _HEADINGS.get(verdict.status, "Not acceptable"),
+        sentences=[*(outcome.sentence for outcome in outcomes), verdict.sentence],
+        warnings=verdict.warnings,
+        tiles=_tiles(result),
+        cumulative=_error_figure(result),
+        maps=_maps(result),
+        spectra=_spectra(result),
+        orders=_orders(result),
+        parameters=_parameters(result),
+        sag=_coefficients(result, "unit_weights"),
+        ranges=_ranges(result),
+        placements=_placements(result),
+        groups=[
+            (
+                p.group.seat,
+                p.group.target,
+                p.group.file,
+                p.group.size,
+                _SOURCES[p.group.measured],
+                significant(float(np.linalg.norm(p.closure.error[:3], axis=0).mean()) * MM, 3),
+            )
+            for p in result.fit.equations.points
+        ],
+        findings=[f for _, _, content in run.folders for f in content.report.findings],
+        command=without_folders(command),
+        versions=versions(simulated=False),
+        inputs=_inputs(run),
+        written=f"{written:%Y-%m-%d %H:%M:%S} UTC",
+    )
+
+
+def _subtitle(run: PoseRun) -> str:
+    table = run.identification.table
+    kinds = listed(sorted({_SOURCES[g.measured] for g in table.groups}))
+    return f"{table.robot.title}; {table.size} still poses, {kinds}."
+
+
+def _tiles(result: PoseIdentification) -> list[Tile]:
+    validation, fit = result.cross_validation, result.fit
+    found = result.search.found if result.search else ()
+    return [
+        Tile(
+            "Error where it was not fitted",
+            f"{validation.mean * MM:.3f} mm",
+            f"mean; 95 % below {validation.quantile * MM:.3f} mm",
+        ),
+        Tile(
+            "Nominal robot",
+            f"{result.residual_nominal.mean() * MM:.3f} mm",
+            "mean, seats and targets fitted",
+        ),
+        Tile(
+            "Fitted poses", f"{result.residual.mean() * MM:.3f} mm", f"mean of {result.table.size}"
+        ),
+        Tile("Joint errors", str(len(found)), "orders found by evidence"),
+        Tile("Unknowns", str(fit.model.unknowns.count), f"{fit.iterations} iterations"),
+    ]
+
+
+def _error_figure(result: PoseIdentification) -> Markup:
+    curves = [
+        Curve("nominal robot", result.residual_nominal, BEFORE),
+        Curve("identified, regions left out", result.cross_validation.error, PURPLE),
+        Curve("identified, fitted poses", result.residual, AFTER),
+    ]
+    return cumulative(curves, label="error of a pose")
+
+
+def _maps(result: PoseIdentification) -> list[Markup]:
+    places = np.concatenate([p.target.tip.T for p in result.fit.equations.points])
+    before = workspace_map(
+        places, result.residual_nominal, (), label="nominal robot", colours=BEFORE_SCALE
+    )
+    after = workspace_map(
+        places,
+        result.cross_validation.error,
+        (),
+        label="identified, regions left out",
+        colours=AFTER_SCALE,
+    )
+    return [before, after]
+
+
+def _spectra(result: PoseIdentification) -> Markup | None:
+    """Score of every order before and after the search, joint by joint."""
+    if result.search is None:
+        return None
+    before, after = result.search.spectrum_before, result.search.spectrum_after
+    orders = np.arange(1, before.shape[1] + 1)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(2.0 * WIDTH, 1.25 * len(before)))
+        panels = figure.subplots(len(before), 1, sharex=True, squeeze=False)[:, 0]
+        for joint, (axes, first, last) in enumerate(zip(panels, before, after, strict=True)):
+            axes.vlines(orders - 0.13, 0.0, first, color=BEFORE, linewidth=2.4, label="before")
+            axes.vlines(orders + 0.13, 0.0, last, color=AFTER, linewidth=2.4, label="after")
+            axes.set_ylabel(f"joint {joint + 1}")
+            axes.set_ylim(0.0, None)
+            axes.set_xlim(0.0, orders[-1] + 1)
+        panels[0].legend(ncols=2, loc="upper right")
+        panels[-1].set_xlabel("order [cycles a turn]")
+        return as_svg(figure)
+
+
+def _orders(result: PoseIdentification) -> list[OrderRow]:
+    if result.search is None:
+        return []
+    layout, x = result.fit.model.unknowns, result.fit.x
+    values = dict(zip(layout.names, x.tolist(), strict=True))
+    rows = []
+    for o in result.search.found:
+        name = f"joint{o.joint + 1}_{o.order}"
+        size = float(np.hypot(values[f"{name}_cos"], values[f"{name}_sin"]))
+        rows.append(
+            OrderRow(
+                o.joint + 1,
+                o.order,
+                f"{size * URAD:.0f}",
+                f"{o.score:.0f}",
+                f"{o.gain * 100.0:.1f}",
+                ", ".join(str(a) for a in o.aliases),
+            )
+        )
+    return rows
+
+
+def _parameters(result: PoseIdentification) -> list[Row]:
+    layout = result.fit.model.unknowns
+    sigma, gain = result.sigma, result.information_gain
+    rows = []
+    for k, parameter in enumerate(layout.parameters, start=layout.geometry.start):
+        scale, unit = (MM, "mm") if parameter.is_length else (MRAD, "mrad")
+        value, nominal = float(result.fit.x[k]), float(layout.mean[k])
+        rows.append(
+            Row(
+                parameter.name,
+                unit,
+                f"{nominal * scale:.3f}",
+                f"{value * scale:.3f}",
+                f"{(value - nominal) * scale:+.3f}",
+                f"{sigma[parameter.name] * scale:.3f}",
+                gain[parameter.name] > 0.5,
+            )
+        )
+    return rows
+
+
+def _coefficients(result: PoseIdentification, correction: str) -> list[Row]:
+    layout, at = result.fit.model.unknowns, result.fit.model.unknowns.coefficients.start
+    gain = result.information_gain
+    rows: list[Row] = []
+    for c in result.fit.model.corrections:
+        for k, coefficient in enumerate(c.coefficients, start=at):
+            if c.name == correction:
+                name = coefficient.name
+                rows.append(
+                    Row(
+                        name,
+                        "urad/m",
+                        "0",
+                        f"{result.fit.x[k] * URAD:.1f}",
+                        f"{result.fit.x[k] * URAD:+.1f}",
+                        f"{result.sigma[name] * URAD:.1f}",
+                        gain[name] > 0.5,
+                    )
+                )
+        at += len(c.coefficients)
+    del layout
+    return rows
+
+
+def _ranges(result: PoseIdentification) -> list[RangeRow]:
+    low, high = np.rad2deg(result.table.q.min(axis=0)), np.rad2deg(result.table.q.max(axis=0))
+    return [
+        RangeRow(j + 1, f"{a:.1f}", f"{b:.1f}")
+        for j, (a, b) in enumerate(zip(low, high, strict=True))
+    ]
+
+
+def _placements(result: PoseIdentification) -> list[tuple[str, list[str], list[str]]]:
+    """Seats and targets: name, position, sigma [mm]."""
+    layout, x = result.fit.model.unknowns, result.fit.x
+    deviations = np.sqrt(np.diag(result.fit.covariance))
+    rows = []
+    for kind, places, place in (
+        ("seat", layout.seats, layout.seat),
+        ("target", layout.targets, layout.target),
+    ):
+        for name, part in places.items():
+            origin: Array = place(x, name).origin
+            rows.append(
+                (
+                    f"{kind} {name}",
+                    [f"{v * MM:.3f}" for v in origin],
+                    [f"{v * MM:.3f}" for v in deviations[part][:3]],
+                )
+            )
+    return rows
+
+
+def _inputs(run: PoseRun) -> list[InputFile]:
+    """poses.yaml and the files that it reads, by their last part."""
+    folders: Sequence[tuple[str, Path]] = [
+        *((name, folder) for name, folder, _ in run.folders),
+        *((outcome.name, folder) for folder, _, outcome in run.held_out),
+    ]
+    out = []
+    for name, folder in folders:
+        file = pose_file_path(folder)
+        entry = hashed(file.parent, file.name)
+        out.append(InputFile(f"{name}/{entry.name}", entry.size, entry.sha256))
+    return out

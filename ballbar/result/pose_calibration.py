@@ -1,0 +1,340 @@
+"""calibration.yaml of a robot identified from still poses (schema `ballbar-calibration/2`).
+
+The same file as that of logs: `parameters`, `corrections`, `recordings`, `fit`. Instead of clocks
+and encoders it holds seats and targets, the fitted range of every joint, and what cross-validation
+says of poses that were not fitted.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field
+
+from ballbar.result.calibration import SCHEMA, CoefficientEntry, ParameterEntry
+from ballbar.result.pose_run import PoseRun
+from cell.arrays import Array
+from cell.chain import Chain
+from cell.descriptions import Robot
+from cell.errors import InputError
+from cell.files import write_yaml
+from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from cell.schema import Strict
+from cell.strict_yaml import check_schema, load_yaml, parse_model
+from ident.corrections.base import Correction
+from ident.corrections.joint_harmonics import joint_harmonics
+from ident.corrections.unit_weights import unit_weights
+from ident.poses.closure import Placement
+from ident.poses.identify import JointErrors
+from ident.poses.unknowns import nominal_chain
+from ident.robot.identified_arm import IdentifiedArm
+
+Three = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
+_HARMONIC = re.compile(r"joint(\d+)_(\d+)_(cos|sin)")
+KNOWN = 0.5  # information gain below which a parameter stands at its prior
+
+
+class PlacementEntry(Strict):
+    """A seat in the robot's base frame, or a target in the flange's."""
+
+    position_m: Three
+    position_sigma_m: Three
+    rotation_vector_rad: Three | None = None  # None for a point
+
+
+class GroupEntry(Strict):
+    """Poses of one seat and one target."""
+
+    file: str
+    measured: Literal["length", "point", "pose", "socket"]
+    seat: str
+    target: str
+    poses: int
+    position_rms_m: float  # distance of measurement and model
+
+
+class RangeEntry(Strict):
+    """Range of a joint's angle over which the robot was fitted."""
+
+    lower_rad: float
+    upper_rad: float
+
+
+class OrderEntry(Strict):
+    """A joint error that was found by evidence."""
+
+    joint: int  # from 1
+    order: int  # cycles a turn
+    score: float
+    gain: float
+    aliases: tuple[int, ...] = ()
+
+
+class CrossValidationEntry(Strict):
+    """Errors of poses in regions of joint space that were not fitted."""
+
+    mean_m: float
+    quantile_95_m: float
+    sigma_m: float  # along each axis
+    region_factor: float  # of the 95 % region, over that of chi-square
+
+
+class PoseHeldOutEntry(Strict):
+    """A table of poses that took no part in the identification."""
+
+    name: str
+    sentence: str
+    acceptable: bool
+    poses: int
+    mean_m: float
+    quantile_95_m: float
+    nominal_mean_m: float
+
+
+class PoseFitEntry(Strict):
+    """How the fit went."""
+
+    status: str
+    verdict: str
+    warnings: tuple[str, ...]
+    iterations: int
+    unknowns: int
+    poses: int
+    tcp_sigma_mean_m: float  # of a pose within the fitted ranges, all axes together
+    discrepancy_m: float  # of a fitted pose from the model, along each axis
+    residual_mean_m: float
+    nominal_mean_m: float  # of the robot as its file has it, seats and targets fitted
+
+
+class PoseCalibrationFile(Strict):
+    """Schema of calibration.yaml with model `poses`."""
+
+    model_config = ConfigDict(populate_by_name=True)  # `schema` is a method of pydantic's
+
+    schema_: Annotated[Literal["ballbar-calibration/2"], Field(alias="schema")]
+    robot: str
+    instrument: str
+    model: Literal["poses"]
+    parameters: dict[str, ParameterEntry]
+    corrections: dict[str, dict[str, CoefficientEntry]] = Field(default_factory=dict)
+    orders: tuple[OrderEntry, ...] = ()
+    seats: dict[str, PlacementEntry]
+    targets: dict[str, PlacementEntry]
+    ranges: Annotated[tuple[RangeEntry, ...], Field(min_length=5, max_length=8)]
+    recordings: Annotated[tuple[GroupEntry, ...], Field(min_length=1)]
+    cross_validation: CrossValidationEntry
+    fit: PoseFitEntry
+    held_out: tuple[PoseHeldOutEntry, ...] = ()
+
+    def chain(self, robot: Robot) -> Chain:
+        """DH rows of the identified robot; what the file does not name is nominal."""
+        nominal = nominal_chain(robot)
+        rows = {f.name: getattr(nominal, f.name).copy() for f in fields(Chain)}
+        for name, entry in self.parameters.items():
+            parts = re.fullmatch(r"r(a|d|alpha|theta|beta)(\d+)", name)
+            if parts is None or not 1 <= int(parts[2]) <= robot.a.size:
+                raise InputError(f"parameters.{name}: no parameter of a robot of {robot.title}")
+            rows[parts[1]][int(parts[2]) - 1] = entry.value
+        return Chain(**rows)
+
+    def joint_errors(self) -> JointErrors:
+        """The joint errors, to be kept in another identification."""
+        return _joint_errors(self.corrections.get("joint_harmonics", {}))
+
+    def arm(self, robot: Robot, target: str | None = None) -> IdentifiedArm:
+        """The identified robot with one of its targets, by default the first.
+
+        Its regions are those of cross-validation alone, which the covariance of the parameters is
+        part of.
+        """
+        corrections, values = self._corrections(robot)
+        name = target or next(iter(self.targets))
+        seat = next(iter(self.seats.values()))
+        validation = self.cross_validation
+        spread = validation.mean_m / np.sqrt(8.0 / np.pi)  # of a normal error of three axes
+        return IdentifiedArm(
+            robot=robot,
+            chain=self.chain(robot),
+            corrections=corrections,
+            values=values,
+            target=_placement(self.targets[name]),
+            seat=_placement(seat),
+            seat_turns=False,
+            parameters=(),
+            covariance=np.zeros((values.size + 6, values.size + 6)),
+            discrepancy=max(validation.sigma_m, spread),
+            factor=validation.region_factor,
+            lower=np.array([r.lower_rad for r in self.ranges]),
+            upper=np.array([r.upper_rad for r in self.ranges]),
+        )
+
+    def _corrections(self, robot: Robot) -> tuple[tuple[Correction, ...], Array]:
+        made: list[Correction] = []
+        values: list[float] = []
+        for name, entries in self.corrections.items():
+            if name == "unit_weights":
+                correction = unit_weights(robot)
+            else:
+                correction = joint_harmonics(_joint_errors(entries).orders)
+            expected = [c.name for c in correction.coefficients]
+            if list(entries) != expected:
+                raise InputError(
+                    f"corrections.{name}: expected the coefficients {', '.join(expected[:4])} ... "
+                    f"of robot {robot.title}; was the robot's file changed since?"
+                )
+            made.append(correction)
+            values += [entry.value for entry in entries.values()]
+        return tuple(made), np.array(values)
+
+
+def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
+    """The content of calibration.yaml for an identification from still poses."""
+    result, description = run.identification, run.folders[0][2].description
+    fit, layout, verdict = result.fit, result.fit.model.unknowns, result.verdict
+    sigma, gain = result.sigma, result.information_gain
+    machine = range(layout.geometry.start, layout.geometry.stop)
+    arm, validation = result.arm(), result.cross_validation
+    named = list(layout.names)
+    entries: dict[str, dict[str, CoefficientEntry]] = {}
+    at = layout.coefficients.start
+    for correction in fit.model.corrections:
+        own = {}
+        for k, c in enumerate(correction.coefficients, start=at):
+            own[c.name] = CoefficientEntry(
+                value=float(fit.x[k]),
+                sigma=float(np.sqrt(fit.covariance[k, k])),
+                prior=float(layout.mean[k]),
+                prior_sigma=float(layout.sigma[k]),
+                information_gain=float(1.0 - min(1.0, fit.covariance[k, k] / layout.sigma[k] ** 2)),
+                unit=c.unit,
+            )
+        at += len(correction.coefficients)
+        entries[correction.name] = own
+    return PoseCalibrationFile(
+        schema_=SCHEMA,
+        robot=description.robot,
+        instrument=description.instrument,
+        model="poses",
+        parameters={
+            named[i]: ParameterEntry(
+                nominal=float(layout.mean[i]),
+                value=float(fit.x[i]),
+                sigma=sigma[named[i]] if gain[named[i]] > KNOWN else None,
+                identified=gain[named[i]] > KNOWN,
+            )
+            for i in machine
+        },
+        corrections=entries,
+        orders=()
+        if result.search is None
+        else tuple(
+            OrderEntry(
+                joint=o.joint + 1, order=o.order, score=o.score, gain=o.gain, aliases=o.aliases
+            )
+            for o in result.search.found
+        ),
+        seats={
+            name: _entry(
+                layout.seat(fit.x, name), fit.covariance, part, whole=name in layout.framed
+            )
+            for name, part in layout.seats.items()
+        },
+        targets={
+            name: _entry(
+                layout.target(fit.x, name), fit.covariance, part, whole=name in layout.framed
+            )
+            for name, part in layout.targets.items()
+        },
+        ranges=tuple(
+            RangeEntry(lower_rad=float(low), upper_rad=float(high))
+            for low, high in zip(arm.lower, arm.upper, strict=True)
+        ),
+        recordings=tuple(
+            GroupEntry(
+                file=point.group.file,
+                measured=point.group.measured,
+                seat=point.group.seat,
+                target=point.group.target,
+                poses=point.group.size,
+                position_rms_m=float(np.sqrt((point.closure.error[:3] ** 2).sum(axis=0).mean())),
+            )
+            for point in fit.equations.points
+        ),
+        cross_validation=CrossValidationEntry(
+            mean_m=validation.mean,
+            quantile_95_m=validation.quantile,
+            sigma_m=validation.sigma,
+            region_factor=validation.factor,
+        ),
+        fit=PoseFitEntry(
+            status=verdict.status,
+            verdict=verdict.sentence,
+            warnings=verdict.warnings,
+            iterations=fit.iterations,
+            unknowns=layout.count,
+            poses=result.table.size,
+            tcp_sigma_mean_m=float(arm.sigma(result.table.q).mean()),
+            discrepancy_m=fit.discrepancy.position,
+            residual_mean_m=float(result.residual.mean()),
+            nominal_mean_m=float(result.residual_nominal.mean()),
+        ),
+        held_out=tuple(
+            PoseHeldOutEntry(
+                name=outcome.name,
+                sentence=outcome.sentence,
+                acceptable=outcome.acceptable,
+                poses=outcome.error.size,
+                mean_m=float(outcome.error.mean()),
+                quantile_95_m=float(np.quantile(outcome.error, 0.95)),
+                nominal_mean_m=float(outcome.nominal.mean()),
+            )
+            for _, _, outcome in run.held_out
+        ),
+    )
+
+
+def write_pose_calibration(path: Path, run: PoseRun) -> None:
+    """Write calibration.yaml, whole or not at all."""
+    file = pose_calibration(run)
+    write_yaml(path, file.model_dump(mode="json", by_alias=True, exclude_none=True))
+
+
+def load_pose_calibration(path: Path) -> PoseCalibrationFile:
+    """Read a calibration.yaml of still poses.
+
+    Raises DescriptionError naming file, line and key.
+    """
+    document = load_yaml(path)
+    check_schema(document, SCHEMA, "Identify the poses again with ballbar identify.")
+    return parse_model(document, PoseCalibrationFile)
+
+
+def _entry(place: Placement, covariance: Array, part: slice, *, whole: bool) -> PlacementEntry:
+    deviations = np.sqrt(np.diag(covariance)[part][:3])
+    turn = rotvec_from_matrix(place.rotation[:, :, None])[:, 0]
+    return PlacementEntry(
+        position_m=tuple(place.origin.tolist()),
+        position_sigma_m=tuple(deviations.tolist()),
+        rotation_vector_rad=tuple(turn.tolist()) if whole else None,
+    )
+
+
+def _placement(entry: PlacementEntry) -> Placement:
+    turn = np.array(entry.rotation_vector_rad or (0.0, 0.0, 0.0))
+    return Placement(matrix_from_rotvec(turn[:, None])[:, :, 0], np.array(entry.position_m))
+
+
+def _joint_errors(entries: dict[str, CoefficientEntry]) -> JointErrors:
+    orders: list[tuple[int, int]] = []
+    for name in entries:
+        parts = _HARMONIC.fullmatch(name)
+        if parts is None:
+            raise InputError(f"corrections.joint_harmonics.{name}: expected joint2_17_cos or alike")
+        pair = (int(parts[1]) - 1, int(parts[2]))
+        if pair not in orders:
+            orders.append(pair)
+    return JointErrors(tuple(orders), tuple(entry.value for entry in entries.values()))

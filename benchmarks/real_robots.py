@@ -1,0 +1,360 @@
+"""Identification of real robots from public measurements: the table of docs/real_robots.md.
+
+    python -m benchmarks.real_robots --data ../shared/real_robots [--splits 4] [--only NAME ...]
+
+Errors are of poses that were not fitted, in mm, mean (95 %), mean over the splits. The data are not
+part of the project; docs/real_robots.md says where they come from.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import real_robots_tables as tables
+from cell.arrays import Array
+from cell.poses import PoseGroup, PoseTable
+from ident.estimator.regions import joint_regions
+from ident.poses.held_out import placed
+from ident.poses.identify import JointErrors, PoseOptions, identify_poses
+from ident.poses.result import PoseIdentification
+from ident.robot.accuracy import position_error
+
+MM = 1e3
+JUDGED = 3000  # poses, of series A, that were not fitted
+SEATS = np.array([[0.9, -0.7, -0.2], [-0.9, -0.7, 0.1], [0.1, 1.1, 0.4]])  # [m] from the middle
+GAP = 0.15  # [rad] between the angles that were fitted and those that are judged
+SAG_ONLY = PoseOptions(search=False)
+
+
+@dataclass(frozen=True)
+class Line:
+    """One row of the table."""
+
+    name: str
+    what: str
+    measured: str
+    target: str
+
+
+@dataclass(frozen=True)
+class Data:
+    """The folder with the data, and how many splits are drawn."""
+
+    folder: Path
+    splits: int
+
+
+def ur5(data: Data) -> Iterator[Line]:
+    """600 grid poses fitted; the other 400, and 20 random ones."""
+    grid, random = tables.ur5_grid(data.folder), tables.ur5_random(data.folder)
+    groups = tuple(replace(g, seat=grid.seats[0], target=grid.targets[0]) for g in random.groups)
+    random = replace(random, groups=groups)
+    other, twenty, covered, seen = [], [], [], []
+    for seed in range(data.splits):
+        fitted, judged = split(grid, 600, seed)
+        result = identify_poses(fitted)
+        other.append(norms(result, judged))
+        twenty.append(norms(result, random))
+        covered.append(result.within(judged).mean())
+        seen.append(result.within(random).mean())
+    yield Line("UR5", "600 grid poses fitted; 20 random poses", shown(twenty), "0.067")
+    yield Line("UR5", "the other 400", shown(other), "0.058")
+    yield Line("UR5", "95 % region holds, grid; random", shares(covered, seen), "93 to 98 %")
+    yield from few(grid, "UR5", data)
+
+
+def ur10_a(data: Data) -> Iterator[Line]:
+    """1500 poses of series A fitted, 3000 judged; halves of the time; regions left out."""
+    table = tables.ur10_a(data.folder)
+    errors, sag, covered, seconds, found = [], [], [], [], []
+    for seed in range(data.splits):
+        fitted, judged = split(table, 1500, seed, JUDGED)
+        began = time.perf_counter()
+        result = identify_poses(fitted)
+        seconds.append(time.perf_counter() - began)
+        errors.append(norms(result, judged))
+        covered.append(result.within(judged).mean())
+        found.append(len(result.search.found) if result.search else 0)
+        sag.append(norms(identify_poses(fitted, SAG_ONLY), judged))
+    yield Line("UR10 A", "1500 fitted, 3000 judged", shown(errors), "0.12, each below 0.13")
+    yield Line("UR10 A", "largest mean of a split", f"{max(e.mean() for e in errors):.3f}", "0.13")
+    yield Line("UR10 A", "the same with sag alone", shown(sag), "")
+    yield Line("UR10 A", "orders found", f"{min(found)} to {max(found)}", "")
+    yield Line("UR10 A", "95 % region holds", shares(covered), "93 to 98 %")
+    yield Line("UR10 A", "seconds, 1500 poses, everything", f"{np.median(seconds):.1f}", "6")
+    first = np.arange(table.size) < table.size // 2
+    halves, sag = [], []
+    for seed in range(data.splits):
+        fitted = drawn(table.part(first), 1500, seed)
+        judged = drawn(table.part(~first), JUDGED, seed)
+        halves.append(norms(identify_poses(fitted), judged))
+        sag.append(norms(identify_poses(fitted, SAG_ONLY), judged))
+    yield Line("UR10 A", "first half of the time fitted", shown(halves), "0.21")
+    yield Line("UR10 A", "the same with sag alone", shown(sag), "")
+    regions = joint_regions(table.q)
+    left, sag = [], []
+    for region in range(8):
+        fitted = drawn(table.part(regions != region), 1500, region)
+        judged = drawn(table.part(regions == region), JUDGED, region)
+        left.append(norms(identify_poses(fitted), judged))
+        sag.append(norms(identify_poses(fitted, SAG_ONLY), judged))
+    yield Line("UR10 A", "one of 8 regions left out", shown(left), "0.18")
+    yield Line("UR10 A", "the same with sag alone", shown(sag), "")
+    yield from few(table, "UR10 A", data)
+
+
+def ur10_b(data: Data) -> Iterator[Line]:
+    """Series B split by pose: 255 of its poses occur twice."""
+    table = tables.ur10_b(data.folder)
+    errors, covered = [], []
+    for seed in range(data.splits):
+        fitted, judged = split_by_pose(table, table.size // 2, seed)
+        result = identify_poses(fitted)
+        errors.append(norms(result, judged))
+        covered.append(result.within(judged).mean())
+    yield Line("UR10 B", "half fitted, half judged, split by pose", shown(errors), "0.14")
+    yield Line("UR10 B", "95 % region holds", shares(covered), "93 to 98 %")
+    yield from few(table, "UR10 B", data)
+
+
+def transfer(data: Data) -> Iterator[Line]:
+    """Joint errors learned on A; base, target, geometry and sag refitted on B."""
+    a, b = tables.ur10_a(data.folder), tables.ur10_b(data.folder)
+    for count, target in ((b.size // 2, "0.31"), (60, "0.34")):
+        kept, without = [], []
+        for seed in range(data.splits):
+            fitted, judged = split_by_pose(b, count, seed)
+            options = PoseOptions(search=False, learned=learned(drawn(a, 1500, seed)))
+            kept.append(norms(identify_poses(fitted, options), judged))
+            without.append(norms(identify_poses(fitted, SAG_ONLY), judged))
+        yield Line("UR10 A to B", f"{count} poses of B refitted", shown(kept), target)
+        yield Line("UR10 A to B", "the same without what A taught", shown(without), "")
+
+
+def lengths(data: Data) -> Iterator[Line]:
+    """Distances of the T-Mac's origin to three seats, judged as points."""
+    table = as_points(tables.ur10_b(data.folder))
+    ratios, errors = [], []
+    for seed in range(data.splits):
+        fitted, judged = split_by_pose(table, table.size // 2, seed)
+        points = norms(identify_poses(fitted), judged)
+        by_length = identify_poses(as_lengths(fitted))
+        measured = judged.groups[0].values
+        aligned = position_error(by_length.arm().tool(judged.q), measured).error
+        ratios.append(float(aligned.mean() / points.mean()))
+        errors.append(aligned * MM)
+    yield Line("UR10 B", "lengths to three seats, judged as points", shown(errors), "")
+    each = ", ".join(f"{r:.2f}" for r in ratios)
+    yield Line(
+        "UR10 B", "the same over the fit to points", f"{np.mean(ratios):.2f} ({each})", "1.15"
+    )
+
+
+def pandas(data: Data) -> Iterator[Line]:
+    """Sockets: some sites fitted, the others judged by the distance to the socket's own point."""
+    table = tables.panda(data.folder, "panda_3")
+    sites = sites_of(table)
+    errors, covered = [], []
+    for parity in (0, 1):
+        result = identify_poses(with_sites(table, sites[parity::2]))
+        held = with_sites(table, sites[1 - parity :: 2])
+        error, inside = judged_sockets(result, held)
+        errors.append(error)
+        covered.append(inside)
+    yield Line("panda_3", "every second site fitted", shown(errors), "0.17")
+    yield Line("panda_3", "95 % region holds", shares(covered), "93 to 98 %")
+    table = tables.panda(data.folder, "panda_6")
+    sites, errors = sites_of(table), []
+    for site in sites:
+        result = identify_poses(with_sites(table, [site]))
+        errors.append(judged_sockets(result, with_sites(table, [s for s in sites if s != site]))[0])
+    yield Line("panda_6", "one site fitted, mean of the three", shown(errors), "0.25")
+
+
+def nothing(data: Data) -> Iterator[Line]:
+    """Orders found where there is none: white noise on the angles of UR5 and UR10."""
+    found = 0
+    for seed in range(20):
+        table = (tables.ur5_grid if seed % 2 else tables.ur10_a)(data.folder)
+        fitted = drawn(table, 600, seed)
+        result = identify_poses(fitted, SAG_ONLY)
+        noise = np.random.default_rng([seed, 7])
+        group = as_points(fitted).groups[0]
+        seat = result.fit.model.unknowns.seat(result.fit.x, group.seat)
+        exact = (result.arm().tool(group.q) - seat.origin) @ seat.rotation
+        values = exact + noise.normal(0.0, 5e-5, exact.shape)
+        again = identify_poses(replace(fitted, groups=(replace(group, values=values),)))
+        found += len(again.search.found) if again.search else 0
+    yield Line("white noise", "orders found in 20 draws where there is none", str(found), "0")
+
+
+def outside(data: Data) -> Iterator[Line]:
+    """Poses beyond the fitted range of an axis."""
+    table = tables.ur10_a(data.folder)
+    for joint in range(3):
+        off = table.q[:, joint] - np.median(table.q[:, joint])
+        result = identify_poses(drawn(table.part(off < -GAP), 1500, joint))
+        judged = drawn(table.part(off > GAP), JUDGED, joint)
+        errors = norms(result, judged)
+        arm = result.arm()
+        told = float(np.isinf(arm.sigma(judged.q)).mean())
+        yield Line(
+            "UR10 A",
+            f"axis {joint + 1} beyond its fitted range; said to be unknown",
+            f"{errors.mean():.2f}; {told:.0%}",
+            "no confident sigma",
+        )
+
+
+def few(table: PoseTable, name: str, data: Data) -> Iterator[Line]:
+    """From 60 poses."""
+    errors, covered = [], []
+    for seed in range(2 * data.splits):
+        fitted, judged = split_by_pose(table, 60, seed)
+        judged = drawn(judged, JUDGED, seed)
+        result = identify_poses(fitted)
+        errors.append(norms(result, judged))
+        covered.append(result.within(judged).mean())
+    yield Line(name, "60 poses fitted", shown(errors), "")
+    yield Line(name, "95 % region holds, from 60 poses", shares(covered), "93 to 98 %")
+
+
+def learned(table: PoseTable) -> JointErrors:
+    """The joint errors of an identification."""
+    result = identify_poses(table)
+    orders = result.search.pairs if result.search else []
+    layout, x = result.fit.model.unknowns, result.fit.x
+    names = [f"joint{j + 1}_{n}_{wave}" for j, n in orders for wave in ("cos", "sin")]
+    return JointErrors(tuple(orders), tuple(float(x[layout.names.index(n)]) for n in names))
+
+
+def split(
+    table: PoseTable, count: int, seed: int, judged: int | None = None
+) -> tuple[PoseTable, PoseTable]:
+    """So many random poses, and the others, or some of them."""
+    order = np.random.default_rng(seed).permutation(table.size)
+    last = None if judged is None else count + judged
+    return table.part(mask(table, order[:count])), table.part(mask(table, order[count:last]))
+
+
+def split_by_pose(table: PoseTable, count: int, seed: int) -> tuple[PoseTable, PoseTable]:
+    """About so many poses and the others; equal poses stay together."""
+    pose = np.unique(table.q.round(4), axis=0, return_inverse=True)[1].ravel()
+    rank = np.random.default_rng(seed).permutation(pose.max() + 1)
+    fitted = rank[pose] < count / table.size * rank.size
+    return table.part(fitted), table.part(~fitted)
+
+
+def drawn(table: PoseTable, count: int, seed: int) -> PoseTable:
+    """So many random poses of a table, or all where there are fewer."""
+    order = np.random.default_rng([seed, 1]).permutation(table.size)
+    return table.part(mask(table, order[:count]))
+
+
+def mask(table: PoseTable, chosen: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """(N,) whether a pose is among the chosen ones."""
+    out = np.zeros(table.size, dtype=bool)
+    out[chosen] = True
+    return out
+
+
+def norms(result: PoseIdentification, table: PoseTable) -> Array:
+    """(N,) [mm] errors of poses of the result's own seats."""
+    return np.asarray(np.linalg.norm(result.errors(table), axis=1) * MM)
+
+
+def as_points(table: PoseTable) -> PoseTable:
+    """The positions of whole poses."""
+    groups = tuple(
+        replace(g, measured="point", values=g.values[:, :3], sigma=g.sigma[:, :3])
+        for g in table.groups
+    )
+    return replace(table, groups=groups)
+
+
+def as_lengths(table: PoseTable) -> PoseTable:
+    """The distances of measured points to three fixed seats, which nobody knows."""
+    groups: list[PoseGroup] = []
+    for g in table.groups:
+        seats = g.values.mean(axis=0) + SEATS
+        for k, seat in enumerate(seats):
+            away = np.linalg.norm(g.values - seat, axis=1)[:, None]
+            groups.append(
+                replace(
+                    g, measured="length", seat=f"seat {k + 1}", values=away, sigma=g.sigma[:, :1]
+                )
+            )
+    return replace(table, groups=tuple(groups))
+
+
+def sites_of(table: PoseTable) -> list[str]:
+    """Names of the sites of a table of socket pairs."""
+    return sorted({seat.rpartition("/")[0] for seat in table.seats})
+
+
+def with_sites(table: PoseTable, sites: Sequence[str]) -> PoseTable:
+    """The sockets of some sites."""
+    groups = tuple(g for g in table.groups if g.seat.rpartition("/")[0] in sites)
+    distances = tuple(d for d in table.distances if d.seats[0].rpartition("/")[0] in sites)
+    return replace(table, groups=groups, distances=distances)
+
+
+def judged_sockets(result: PoseIdentification, table: PoseTable) -> tuple[Array, float]:
+    """(N,) [mm] distances to each socket's own point; share within the stated 95 % regions."""
+    arm, layout = result.arm(), result.fit.model.unknowns
+    known = {name: layout.target(result.fit.x, name) for name in layout.targets}
+    fit = placed(arm, table, known)
+    errors = np.concatenate([p.closure.error[:3].T for p in fit.equations.points])
+    away = np.linalg.norm(errors, axis=1) * MM
+    return away, float(
+        replace(arm, lower=arm.lower - 9, upper=arm.upper + 9).within(table.q, errors).mean()
+    )
+
+
+def shown(errors: Sequence[Array]) -> str:
+    """Mean (95 %), range of the means of the splits."""
+    means = [float(e.mean()) for e in errors]
+    high = np.mean([np.quantile(e, 0.95) for e in errors])
+    return f"{np.mean(means):.3f} ({high:.3f}), {min(means):.3f} to {max(means):.3f}"
+
+
+def shares(*each: Sequence[float]) -> str:
+    """Mean and range of shares."""
+    return "; ".join(f"{np.mean(s):.1%} ({min(s):.1%} to {max(s):.1%})" for s in each)
+
+
+STUDIES: dict[str, Callable[[Data], Iterator[Line]]] = {
+    "ur5": ur5,
+    "ur10_a": ur10_a,
+    "ur10_b": ur10_b,
+    "transfer": transfer,
+    "lengths": lengths,
+    "pandas": pandas,
+    "nothing": nothing,
+    "outside": outside,
+}
+
+
+def main() -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description="Identification of real robots.")
+    parser.add_argument("--data", type=Path, default=tables.DATA)
+    parser.add_argument("--splits", type=int, default=4)
+    parser.add_argument("--only", nargs="*", choices=STUDIES, default=list(STUDIES))
+    options = parser.parse_args()
+    data = Data(options.data, options.splits)
+    print("| data | what | measured | target |\n|---|---|---|---|", flush=True)
+    for name in options.only:
+        for line in STUDIES[name](data):
+            print(f"| {line.name} | {line.what} | {line.measured} | {line.target} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
