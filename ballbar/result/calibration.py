@@ -224,7 +224,7 @@ def calibration_of(data: RunData) -> CalibrationFile:
     return CalibrationFile(
         schema_=SCHEMA,
         robot=description.robot,
-        instrument=description.ballbar,
+        instrument=description.measured_by,
         plate=description.plate,
         model=result.model,
         parameters=_parameters(shared, robot.nominal, robot.geometry, robot.sigma),
