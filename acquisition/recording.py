@@ -125,7 +125,15 @@ def read_recording(folder: Path) -> Recording:
         findings=tuple(finding for log in logs for finding in log.findings),
     )
     rows = {name: log.rows for name, log in imported.items()}
-    return Recording(description, robot_log, ballbar_log, force_log, report, rows, length_log)
+    return Recording(
+        description=description,
+        robot_log=robot_log,
+        ballbar_log=ballbar_log,
+        force_log=force_log,
+        report=report,
+        rows=rows,
+        length_log=length_log,
+    )
 
 
 def _check_encoders(folder: Path, description: RecordingFile) -> None:

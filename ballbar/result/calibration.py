@@ -60,6 +60,7 @@ class NoiseEntry(Strict):
 
     joint_rad: tuple[float, ...]
     encoder_rad: dict[str, float]
+    length_m: float | None = None  # of a sensed length
 
 
 class CoefficientEntry(Strict):
@@ -305,6 +306,7 @@ def _recording(estimate: RecordingEstimate) -> RecordingEntry:
         noise=NoiseEntry(
             joint_rad=tuple(estimate.noise.joint.tolist()),
             encoder_rad=dict(zip(names, noise.tolist(), strict=True)),
+            length_m=estimate.noise.length or None,
         ),
         residuals=ResidualEntry(
             samples=estimate.samples,

@@ -121,8 +121,8 @@ def _scan(data: _Data, free: Array, step: float, sigma: float) -> LengthScan:
         score[chosen] = overlap[chosen] * np.log((signal[chosen] + floor) / (cost + floor))
         unknowns[chosen] = x * prior
     least = np.linalg.svd(p, full_matrices=False)[2][2]
-    kept = unknowns[:, [0, 1, 2, 3, -1]]
-    return LengthScan(LagScan(lags, score, overlap), centre, kept, scale, least)
+    of_length = unknowns[:, [0, 1, 2, 3, -1]]
+    return LengthScan(LagScan(lags, score, overlap), centre, of_length, scale, least)
 
 
 @dataclass(frozen=True, eq=False)

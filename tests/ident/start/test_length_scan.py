@@ -45,7 +45,7 @@ def test_a_path_in_a_plane_leaves_a_seat_on_either_side() -> None:
     scan, index = best_lengths(points, NO_MOVES, length, STEP, zero_sigma=1e-9, count=3)[0]
     above, below = sorted(scan.seats(index), key=lambda s: -s[2])
     np.testing.assert_allclose(below, seat, atol=1e-3)
-    np.testing.assert_allclose(above, seat + [0.0, 0.0, 0.8], atol=1e-3)
+    np.testing.assert_allclose(above, seat + np.array([0.0, 0.0, 0.8]), atol=1e-3)
 
 
 def test_a_short_stroke_is_seen_once_the_robots_parameters_are_free() -> None:
