@@ -1,4 +1,4 @@
-"""A scenario of still poses: simulate, read, identify, compare with the truth, write the results."""
+"""A scenario of still poses: simulate, read, identify, compare with the truth, write results."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def ur10_a(data: Data) -> Iterator[Line]:
         seconds.append(time.perf_counter() - began)
         errors.append(norms(result, judged))
         covered.append(result.within(judged).mean())
-        found.append(len(result.search.found) if result.search else 0)
+        found.append(len(result.search.orders) if result.search else 0)
         sag.append(norms(identify_poses(fitted, SAG_ONLY), judged))
     yield Line("UR10 A", "1500 fitted, 3000 judged", shown(errors), "0.12, each below 0.13")
     yield Line("UR10 A", "largest mean of a split", f"{max(e.mean() for e in errors):.3f}", "0.13")
@@ -147,9 +147,9 @@ def lengths(data: Data) -> Iterator[Line]:
         points = norms(identify_poses(fitted), judged)
         by_length = identify_poses(as_lengths(fitted))
         measured = judged.groups[0].values
-        aligned = position_error(by_length.arm().tool(judged.q), measured).error
+        aligned = position_error(by_length.arm().tool(judged.q), measured).error * MM
         ratios.append(float(aligned.mean() / points.mean()))
-        errors.append(aligned * MM)
+        errors.append(aligned)
     yield Line("UR10 B", "lengths to three seats, judged as points", shown(errors), "")
     each = ", ".join(f"{r:.2f}" for r in ratios)
     yield Line(
@@ -191,7 +191,7 @@ def nothing(data: Data) -> Iterator[Line]:
         exact = (result.arm().tool(group.q) - seat.origin) @ seat.rotation
         values = exact + noise.normal(0.0, 5e-5, exact.shape)
         again = identify_poses(replace(fitted, groups=(replace(group, values=values),)))
-        found += len(again.search.found) if again.search else 0
+        found += len(again.search.orders) if again.search else 0
     yield Line("white noise", "orders found in 20 draws where there is none", str(found), "0")
 
 

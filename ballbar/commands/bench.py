@@ -137,9 +137,7 @@ def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = Fals
     out.print(f"Recording {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
 
 
-def _simulate_poses(
-    settings: PoseScenario, scenario: Path, folder: Path, *, as_json: bool
-) -> None:
+def _simulate_poses(settings: PoseScenario, scenario: Path, folder: Path, *, as_json: bool) -> None:
     """Simulates a scenario of still poses."""
     from ballbar.commands.result_json import pose_simulation_data
     from ballbar.run_poses import simulate_pose_scenario

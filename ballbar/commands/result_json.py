@@ -19,8 +19,8 @@ if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.result.compare import Comparison
     from ballbar.result.pose_run import PoseRun
     from ballbar.result.run_data import RunData
-    from ballbar.sweep.run import Outcome
     from ballbar.run_poses import PoseScenarioRun
+    from ballbar.sweep.run import Outcome
     from ident.robot.accuracy import TcpError
     from sim.poses.simulate import PoseSimulation
     from sim.simulate import Simulation

@@ -22,8 +22,8 @@ from cell.descriptions import Link, Robot
 from cell.rotation import quat_wxyz
 
 _LIMITS = (
-    "Joint limits: the range of each DH joint over the box of axis limits; effort 0: the cell "
-    "files state none."
+    "Joint limits: the range of each DH joint over the box of axis limits; effort or velocity 0: "
+    "the cell files state none."
 )
 _INERTIA_DIGITS = 12  # decimals of [kg m^2]; what is beyond is rounding of turned tensors
 
@@ -34,7 +34,9 @@ def urdf(result: Result) -> str:
     robot.append(_comment([*notes(result), _LIMITS]))
     ET.SubElement(robot, "link", name="base_link")
     poses, (lower, upper) = _placements(result.chain), _joint_range(result.cell.robot)
-    speed = np.abs(result.cell.robot.controller_to_joint.T) @ result.cell.robot.axis_speed_max
+    known = np.isfinite(result.cell.robot.axis_speed_max).all()
+    fastest = result.cell.robot.axis_speed_max if known else np.zeros(result.chain.rows)
+    speed = np.abs(result.cell.robot.controller_to_joint.T) @ fastest
     parent = "base_link"
     for i, body in enumerate(_bodies(result)):
         link = ET.SubElement(robot, "link", name=f"link_{i + 1}")
@@ -53,7 +55,7 @@ def urdf(result: Result) -> str:
         ET.SubElement(joint, "limit", bounds | {"effort": "0", "velocity": number(speed[i])})
         parent = f"link_{i + 1}"
     ET.SubElement(robot, "link", name="tool0")
-    _urdf_joint(robot, "tool_joint", "fixed", parent, "tool0", poses[6])
+    _urdf_joint(robot, "tool_joint", "fixed", parent, "tool0", poses[-1])
     return _text(robot)
 
 
@@ -89,7 +91,7 @@ def mjcf(result: Result) -> str:
             axis="0 0 1",
             range=_numbers([lower[i], upper[i]]),
         )
-    rotation, place = poses[6]
+    rotation, place = poses[-1]
     ET.SubElement(
         parent, "site", name="tool", pos=_numbers(place), quat=_numbers(quat_wxyz(rotation))
     )
@@ -97,15 +99,15 @@ def mjcf(result: Result) -> str:
 
 
 def _placements(chain: Chain) -> list[tuple[Array, Array]]:
-    """Pose of links 1 to 6 and of the tool, each in the frame before it.
+    """Pose of links 1 to J and of the tool, each in the frame before it.
 
-    Returns seven of (rotation (3, 3), translation (3,) [m]).
+    Returns J + 1 of (rotation (3, 3), translation (3,) [m]).
     """
     return [(np.eye(3), np.zeros(3)), *row_placements(chain)]
 
 
 def _bodies(result: Result) -> list[Link]:
-    """Links 1 to 6, the plate merged into the sixth."""
+    """Links 1 to J, the plate merged into the last."""
     return [_joined(links) for links in carried_bodies(result.cell)]
 
 
@@ -121,7 +123,7 @@ def _joined(links: list[Link]) -> Link:
 
 
 def _joint_range(robot: Robot) -> tuple[Array, Array]:
-    """Smallest and largest angle (6,) [rad] of each joint over the box of axis limits."""
+    """Smallest and largest angle (J,) [rad] of each joint over the box of axis limits."""
     shares, offset = robot.controller_to_joint, robot.controller_offset
     ends = np.stack((robot.axis_lower[:, None] * shares, robot.axis_upper[:, None] * shares))
     return offset + ends.min(axis=0).sum(axis=0), offset + ends.max(axis=0).sum(axis=0)

@@ -20,7 +20,7 @@ from cell.robot_angles import joints_to_motors
 _HOW = (
     "HOW TO USE",
     "1. motor_offset_rad: the change of each motor's angle that corrects the joint offsets rtheta.",
-    "   Save the present calibration offsets first. Change all six, since the motors of the wrist",
+    "   Save the present calibration offsets first. Change them all, since the motors of the wrist",
     "   turn each other's axes, and watch the axis angles that the controller shows",
     "   while the robot does not move: they must change by axis_change_deg. If they change in the",
     "   other direction, your controller has the opposite sign convention: take the negative.",
@@ -33,7 +33,7 @@ _HOW = (
 
 
 def motor_offsets(result: Result) -> Array:
-    """(6,) [rad] change of the motors' angles by the identified joint offsets."""
+    """(J,) [rad] change of the motors' angles by the identified joint offsets."""
     geometry, nominal = result.calibration.geometry.robot, result.calibration.nominal.robot
     return joints_to_motors(result.cell.robot, geometry.theta - nominal.theta)
 
@@ -63,15 +63,17 @@ def rapid_module(result: Result) -> str:
         *notes(result),
     ]
     lines = [f"MODULE {_short(result.name)}_identified", *(f"  ! {text}" for text in comments)]
-    lines += [f"  CONST dnum {name}{{6}} := [{_listed(six)}];" for name, six in values.items()]
+    size = f"{{{robot.joints}}}"
+    lines += [f"  CONST dnum {name}{size} := [{_listed(v)}];" for name, v in values.items()]
     lines.append(f"  CONST dnum dh_tool_beta_deg := {number(np.degrees(rows.tool_beta))};")
-    lines += [f"  CONST dnum {name}{{6}} := [{_listed(six)}];" for name, six in sigmas.items()]
+    lines += [f"  CONST dnum {name}{size} := [{_listed(v)}];" for name, v in sigmas.items()]
     return "".join(f"{line}\n" for line in [*lines, "ENDMODULE"])
 
 
 def _sigma(result: Result, kind: str, factor: float) -> list[float]:
-    """Standard deviations of rows 1 to 6, times `factor`; -1 where a parameter is nominal."""
-    entries = (result.calibration.file.parameters[f"r{kind}{i + 1}"] for i in range(6))
+    """Standard deviations of the rows, times `factor`; -1 where a parameter is nominal."""
+    rows = range(1, result.chain.rows + 1)
+    entries = (result.calibration.file.parameters[f"r{kind}{i}"] for i in rows)
     return [-1.0 if entry.sigma is None else entry.sigma * float(factor) for entry in entries]
 
 

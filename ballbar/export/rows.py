@@ -9,6 +9,7 @@ sec. 4.1 (product of exponentials).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,6 @@ from cell.arrays import Array
 from cell.chain import Chain, forward
 from cell.errors import InputError
 
-PARALLEL_ROW = 1  # joint 2, whose axis is nearly parallel to the next
 _PARALLEL = 1e-6  # [rad] angle of two axes below which their common normal is lost in rounding
 
 
@@ -44,9 +44,19 @@ def standard_rows(chain: Chain) -> Rows:
     return rows
 
 
-def hayati_rows(chain: Chain) -> Rows:
-    """Standard DH rows, but in row 2, of nearly parallel axes, an angle beta replaces d."""
-    rows, i = _rows_of(chain), PARALLEL_ROW
+def hayati_rows(chain: Chain, parallel: Sequence[int]) -> Rows:
+    """Standard DH rows, but in those of nearly parallel axes an angle beta replaces d.
+
+    parallel : these rows, from 0, in ascending order.
+    """
+    rows = _rows_of(chain)
+    for i in parallel:
+        _to_hayati_inplace(rows, i)
+    return rows
+
+
+def _to_hayati_inplace(rows: Rows, i: int) -> None:
+    """Makes row i one of Hayati's with the same next axis, which row i + 1 begins on."""
     rotation, tip = _end_of(rows, i)
     axis = rotation[:, 2]
     e = float(tip[2] / axis[2])
@@ -56,7 +66,6 @@ def hayati_rows(chain: Chain) -> Rows:
     along = _turn_z(rows.theta[i]).T @ axis
     rows.beta[i], rows.alpha[i] = np.arcsin(along[0]), np.arctan2(-along[1], along[2])
     _carry_inplace(rows, i, rotation, e)
-    return rows
 
 
 def product_of_exponentials(chain: Chain) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from ballbar.export.result import Result, notes
 from ballbar.export.rows import Rows, hayati_rows, product_of_exponentials, standard_rows
 from cell.arrays import Array
 
-_TOOL = "Row `tool` has no joint: after row 6 the tool turns about its y by beta."
+_TOOL = "Row `tool` has no joint: after the last row the tool turns about its y by beta."
 _HEADER = "joint,a_m,d_m,alpha_rad,theta_rad,beta_rad"
 
 
@@ -23,20 +23,22 @@ def dh_table(result: Result) -> str:
     comments = ["Standard DH: T = product over rows of Rz(theta + q) Tz(d) Tx(a) Rx(alpha).", _TOOL]
     if np.any(result.chain.beta[:-1]):
         comments += [
-            "The fit has a Hayati angle at joints 2 and 3: their common normal, and with it d of",
-            "rows 2 and 3, may lie far away.",
+            "The fit has a Hayati angle at nearly parallel axes: their common normal, and with it",
+            "d of both rows, may lie far away.",
         ]
     return _table(result, comments, _HEADER, _dh_lines(standard_rows(result.chain)))
 
 
 def hayati_table(result: Result) -> str:
-    """Table of standard DH rows, joint 2 by Hayati: `Rz(theta + q) Tx(a) Rx(alpha) Ry(beta)`."""
+    """Table of DH rows, parallel axes by Hayati: `Rz(theta + q) Tx(a) Rx(alpha) Ry(beta)`."""
+    parallel = result.calibration.geometry.table.hayati_rows[:-1]
+    joints = ", ".join(f"{row + 1} (nearly parallel to {row + 2})" for row in parallel)
     comments = [
-        "DH with Hayati's row for joint 2, nearly parallel to joint 3:",
+        f"DH with Hayati's rows for joints: {joints or 'none'}:",
         "Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta), d = 0.",
         _TOOL,
     ]
-    return _table(result, comments, _HEADER, _dh_lines(hayati_rows(result.chain)))
+    return _table(result, comments, _HEADER, _dh_lines(hayati_rows(result.chain, parallel)))
 
 
 def modified_dh_table(result: Result) -> str:
@@ -50,7 +52,7 @@ def modified_dh_table(result: Result) -> str:
     beta = np.concatenate((np.zeros(rows.a.size), [rows.tool_beta]))
     comments = [
         "Modified DH (Craig): T = product over rows of Rx(alpha) Tx(a) Rz(theta + q) Tz(d).",
-        _TOOL.replace("after row 6", "last"),
+        _TOOL.replace("after the last row", "last"),
     ]
     return _table(result, comments, _HEADER, _lines(a, d, alpha, theta, beta))
 
@@ -59,8 +61,8 @@ def poe_table(result: Result) -> str:
     """Table of the screw axes in the base frame and the home pose."""
     screws, home = product_of_exponentials(result.chain)
     comments = [
-        "Product of exponentials, base frame: T = exp([S1] q1) ... exp([S6] q6) M.",
-        "Rows 1 to 6: screw axis S = (w, v), v = -w x p in m.",
+        "Product of exponentials, base frame: T = exp([S1] q1) ... exp([SJ] qJ) M.",
+        "Rows 1 to J: screw axis S = (w, v), v = -w x p in m.",
         "Rows M1 to M3: the upper rows of the home pose M, four numbers each.",
     ]
     lines = [_csv(str(i + 1), screw) for i, screw in enumerate(screws)]

@@ -146,7 +146,7 @@ def _subtitle(run: PoseRun) -> str:
 
 def _tiles(result: PoseIdentification) -> list[Tile]:
     validation, fit = result.cross_validation, result.fit
-    found = result.search.found if result.search else ()
+    orders = result.search.orders if result.search else ()
     fitted, before = result.residual_means
     return [
         Tile(
@@ -154,13 +154,9 @@ def _tiles(result: PoseIdentification) -> list[Tile]:
             f"{validation.mean * MM:.3f} mm",
             f"mean; 95 % below {validation.quantile * MM:.3f} mm",
         ),
-        Tile(
-            "Nominal robot",
-            f"{before * MM:.3f} mm",
-            "mean, seats and targets fitted",
-        ),
+        Tile("Nominal robot", f"{before * MM:.3f} mm", "mean, seats and targets fitted"),
         Tile("Fitted poses", f"{fitted * MM:.3f} mm", f"mean of {validation.counting.sum()}"),
-        Tile("Joint errors", str(len(found)), "orders found by evidence"),
+        Tile("Joint errors", str(len(orders)), "orders found by evidence"),
         Tile("Unknowns", str(fit.model.unknowns.count), f"{fit.iterations} iterations"),
     ]
 
@@ -215,7 +211,7 @@ def _orders(result: PoseIdentification) -> list[OrderRow]:
     layout, x = result.fit.model.unknowns, result.fit.x
     values = dict(zip(layout.names, x.tolist(), strict=True))
     rows = []
-    for o in result.search.found:
+    for o in result.search.orders:
         name = f"joint{o.joint + 1}_{o.order}"
         size = float(np.hypot(values[f"{name}_cos"], values[f"{name}_sin"]))
         rows.append(

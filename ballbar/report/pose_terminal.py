@@ -31,11 +31,11 @@ def say_poses(out: Console, run: PoseRun) -> None:
         f"target{'s' * (targets > 1)}, in {fit.iterations} iterations"
     )
     if result.search is not None:
-        found = ", ".join(f"joint {o.joint + 1}: {o.order}" for o in result.search.found[:8])
-        more = len(result.search.found) - 8
+        names = ", ".join(f"joint {o.joint + 1}: {o.order}" for o in result.search.orders[:8])
+        more = len(result.search.orders) - 8
         out.print(
             escape(
-                f"joint errors found (cycles a turn): {found or 'none'}"
+                f"joint errors found (cycles a turn): {names or 'none'}"
                 + (f" and {more} more" if more > 0 else "")
             )
         )

@@ -235,7 +235,7 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             OrderEntry(
                 joint=o.joint + 1, order=o.order, score=o.score, gain=o.gain, aliases=o.aliases
             )
-            for o in result.search.found
+            for o in result.search.orders
         ),
         seats={
             name: _entry(

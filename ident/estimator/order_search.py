@@ -42,7 +42,7 @@ class LinearModel:
 
 
 @dataclass(frozen=True)
-class OrderFound:
+class JointOrder:
     """One joint error that the data ask for."""
 
     joint: int  # from 0
@@ -56,14 +56,14 @@ class OrderFound:
 class OrderSearch:
     """The outcome of a search."""
 
-    found: tuple[OrderFound, ...]
+    orders: tuple[JointOrder, ...]
     spectrum_before: Array  # (J, ORDERS) score of every candidate before the search
     spectrum_after: Array  # (J, ORDERS) and after it
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
         """Joint, from 0, and order of each."""
-        return [(o.joint, o.order) for o in self.found]
+        return [(o.joint, o.order) for o in self.orders]
 
 
 def search_orders(model: LinearModel, prior: float, *, highest: int = ORDERS) -> OrderSearch:
@@ -76,7 +76,7 @@ def search_orders(model: LinearModel, prior: float, *, highest: int = ORDERS) ->
     scores = _Scores(model, candidates, prior)
     limit = 2.0 * np.log(len(candidates)) + THRESHOLD
     taken: list[int] = []
-    found: list[OrderFound] = []
+    orders: list[JointOrder] = []
     first = scores.tests()
     level, tests = grams.plain(), first
     while len(taken) < LARGEST:
@@ -91,15 +91,15 @@ def search_orders(model: LinearModel, prior: float, *, highest: int = ORDERS) ->
         chosen, level = int(ranked[best]), float(levels[best])
         taken.append(chosen)
         joint, order = divmod(chosen, highest)
-        found.append(
-            OrderFound(
+        orders.append(
+            JointOrder(
                 joint, order + 1, float(tests[chosen]), float(gain), scores.aliases(chosen, highest)
             )
         )
         scores.take(chosen)
         tests = scores.tests()
     shape = (len(model.joints), highest)
-    return OrderSearch(tuple(found), first.reshape(shape), tests.reshape(shape))
+    return OrderSearch(tuple(orders), first.reshape(shape), tests.reshape(shape))
 
 
 def _candidates(model: LinearModel, highest: int) -> Array:

@@ -70,8 +70,8 @@ def cross_validated(fit: PoseFit) -> CrossValidation:
             held = region == fold
             rest[:, held] += np.einsum("pen,p->en", move[:, :, held], step)
     spreads = [spread_of(move, fit.covariance) for move in moves]
-    kept = [robust > 0.0 for robust in equations.robust]
-    judged = list(zip(rests, spreads, kept, strict=True))
+    weighted = [robust > 0.0 for robust in equations.robust]
+    judged = list(zip(rests, spreads, weighted, strict=True))
     count = sum(rest[:, k].size for rest, _, k in judged)
     known = sum(float(np.trace(s[k], axis1=1, axis2=2).sum()) for _, s, k in judged)
     square = sum(float((rest[:, k] ** 2).sum()) for rest, _, k in judged)
@@ -83,7 +83,7 @@ def cross_validated(fit: PoseFit) -> CrossValidation:
     ]
     return CrossValidation(
         error=np.concatenate([np.linalg.norm(rest, axis=0) for rest in rests]),
-        counting=np.concatenate(kept),
+        counting=np.concatenate(weighted),
         sigma=float(np.sqrt(variance)),
         factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
     )

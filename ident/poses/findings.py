@@ -1,9 +1,9 @@
 """What the residuals of still poses show beside the model: outliers, unsettled poses, drift.
 
-Outliers are found by the length of the whitened residual against its median. A pose read before the
-robot stood still has its residual along the last move: the joint angles were not yet, or no longer,
-those of the measurement. A drifting base shows as a score of the seat's motion in proportion to
-time (White 1982, as in ident.estimator.order_search).
+Outliers are recognised by the length of the whitened residual against its median. A pose read
+before the robot stood still has its residual along the last move: the joint angles were not yet, or
+no longer, those of the measurement. A drifting base shows as a score of the seat's motion in
+proportion to time (White 1982, as in ident.estimator.order_search).
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def findings_of(fit: PoseFit) -> Findings:
 
 def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
     """Poses whose residual lies along the last move, more than one of them and in one direction."""
-    found: list[int] = []
+    candidates: list[int] = []
     signs: list[float] = []
     first = 0
     for point, weights in zip(fit.equations.points, fit.equations.weights, strict=True):
@@ -72,21 +72,21 @@ def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
             cosine = (along * residual).sum(axis=0) / np.maximum(size, np.finfo(float).tiny)
             far = lengths[first : first + n] > UNSETTLED
             for i in np.flatnonzero(far & (np.abs(cosine) > ALONG)):
-                found.append(first + int(i))
+                candidates.append(first + int(i))
                 signs.append(float(np.sign(cosine[i])))
         first += n
-    if len(found) < 2:
+    if len(candidates) < 2:
         return np.zeros(0, dtype=np.intp)
     direction = np.sign(sum(signs))
-    kept = [i for i, s in zip(found, signs, strict=True) if s == direction]
-    return np.array(kept if len(kept) > 0.7 * len(found) else [], dtype=np.intp)
+    aligned = [i for i, s in zip(candidates, signs, strict=True) if s == direction]
+    return np.array(aligned if len(aligned) > 0.7 * len(candidates) else [], dtype=np.intp)
 
 
 def _drifts(fit: PoseFit) -> tuple[Drift, ...]:
     """Seats that move in proportion to time, where times are given."""
     seats = {g.seat for g in fit.model.table.groups if g.time is not None}
-    found = (_drift(fit, seat) for seat in fit.model.unknowns.seats if seat in seats)
-    return tuple(drift for drift in found if drift is not None)
+    drifts = (_drift(fit, seat) for seat in fit.model.unknowns.seats if seat in seats)
+    return tuple(drift for drift in drifts if drift is not None)
 
 
 def _drift(fit: PoseFit, seat: str) -> Drift | None:

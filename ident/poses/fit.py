@@ -140,7 +140,14 @@ def fit_poses(
             break
     equations = pose_equations(model, x, discrepancy, robust)
     covariance = inverse(equations.normal)
-    return PoseFit(model, equations, discrepancy, covariance, iterations, converged)
+    return PoseFit(
+        model=model,
+        equations=equations,
+        discrepancy=discrepancy,
+        covariance=covariance,
+        iterations=iterations,
+        converged=converged,
+    )
 
 
 def pose_equations(
@@ -164,7 +171,15 @@ def pose_equations(
         normal += np.outer(row, row)
         gradient += row * value
     return PoseEquations(
-        x, points, weights, tuple(robust), residuals, jacobians, normal, gradient, cost
+        x=x,
+        points=points,
+        weights=weights,
+        robust=tuple(robust),
+        residuals=residuals,
+        jacobians=jacobians,
+        normal=normal,
+        gradient=gradient,
+        cost=cost,
     )
 
 

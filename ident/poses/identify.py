@@ -81,7 +81,7 @@ def identify_poses(
     if options.search:
         progress("searching joint errors")
         search = search_orders(linearised(fit), PRIOR)
-        if search.found:
+        if search.orders:
             progress("fitting everything together")
             fit = _with_orders(fit, search)
             fit, findings = _without_unsettled(fit)

@@ -1,4 +1,4 @@
-"""What to make of an identification from still poses, in words."""
+"""What to make of an identification from still poses: status and sentence."""
 
 from __future__ import annotations
 
@@ -128,16 +128,16 @@ def _of_parameters(result: PoseIdentification) -> list[str]:
 
 
 def _of_orders(result: PoseIdentification) -> list[str]:
-    if result.search is None or not result.search.found:
+    if result.search is None or not result.search.orders:
         return []
-    out, found = [], result.search.found
-    low = [f"joint {o.joint + 1}: {o.order}" for o in found if o.order <= LOWEST_CERTAIN]
+    out, orders = [], result.search.orders
+    low = [f"joint {o.joint + 1}: {o.order}" for o in orders if o.order <= LOWEST_CERTAIN]
     if low:
         out.append(
             f"low orders were found ({_listed(low)}); they may stand for another smooth error of "
             "the robot rather than of that joint"
         )
-    alike = [o for o in found if o.aliases]
+    alike = [o for o in orders if o.aliases]
     if alike:
         each = [
             f"joint {o.joint + 1}: {o.order} or {' or '.join(str(a) for a in o.aliases[:4])}"

@@ -89,7 +89,7 @@ def _singular(robot: UnloadedRobot, nominal: Geometry, q: Array) -> dict[int, st
     faults = {}
     wanted, actual = robot_frames(nominal, q), robot_frames(robot.geometry, q)
     error = pose_error(wanted.rotation(), wanted.tip, actual)
-    u, s, vt = np.linalg.svd(joint_screws(actual).transpose(2, 1, 0))
+    u, s, vt = np.linalg.svd(joint_screws(actual).transpose(2, 1, 0), full_matrices=False)
     along = np.einsum("nji,jn->ni", u, error)
     step = np.einsum("nij,ni->nj", vt, along / np.maximum(s, 1e-12))
     for row in np.flatnonzero(np.abs(step).max(axis=1) > LARGEST_CORRECTION):

@@ -57,7 +57,9 @@ def choose_poses(
         everywhere = instrument.measured in ("point", "pose")
         groups = [targets] if everywhere else [{name: targets[name]} for name in targets]
         for group in groups:
-            drawn = _Draw(settings, instrument, arm, limits, seats[seat.name], tuple(group.values()))
+            drawn = _Draw(
+                settings, instrument, arm, limits, seats[seat.name], tuple(group.values())
+            )
             q = _enough(drawn, rng, f"seat {seat.name}, target {', '.join(group)}")
             order = first + np.arange(len(q))
             out += [Stand(seat.name, name, q, order) for name in group]

@@ -170,9 +170,7 @@ def _add_arm(spec: mujoco.MjSpec, arm: TrueArm, target: Place) -> None:
         spring.damping[0] = DAMPING * float(arm.gear_stiffness[i])
 
 
-def _add_rod(
-    spec: mujoco.MjSpec, instrument: Instrument, settings: PosePlant, seat: Place
-) -> None:
+def _add_rod(spec: mujoco.MjSpec, instrument: Instrument, settings: PosePlant, seat: Place) -> None:
     """Two halves of equal mass, the second on the slide; the end held in the tool's cup."""
     half, length = 0.5 * settings.rod_mass_kg, instrument.nominal
     across = half * (length**2 / 48.0 + _ROD_RADIUS**2 / 4.0)

@@ -71,8 +71,7 @@ class PosesSettings(Strict):
         -90.0, description="Least elevation of a rod or wire over the horizontal."
     )
     tilt_max_deg: Annotated[float, Field(ge=10.0, le=180.0)] = Field(
-        180.0,
-        description="Largest angle between straight down and the line from flange to target.",
+        180.0, description="Largest angle between straight down and the line from flange to target."
     )
 
     @model_validator(mode="after")
@@ -99,7 +98,8 @@ class PosePlant(Strict):
         500.0, description="Spring of a rod's length sensor, without force at mid range. Assumed."
     )
     rod_friction_N: Annotated[float, Field(ge=0.0)] = Field(
-        0.3, description="Friction of a rod's slide; what is left of it at a pose is drawn. Assumed."
+        0.3,
+        description="Friction of a rod's slide; what is left of it at a pose is drawn. Assumed.",
     )
     wire_tension_N: Annotated[float, Field(gt=0.0)] = Field(
         6.0, description="Tension of a draw-wire. Assumed."
@@ -107,7 +107,7 @@ class PosePlant(Strict):
 
 
 class GeometryErrors(Strict):
-    """The DH parameters of all rows deviate, and so do the Hayati angles of parallel axes; drawn."""
+    """Deviations of the DH parameters of all rows and of the Hayati angles of parallel axes."""
 
     sigma_m: Size = Field(5.0e-4, description="Standard deviation of lengths. Assumed.")
     sigma_rad: Size = Field(1.0e-3, description="Standard deviation of angles. Assumed.")

@@ -1,6 +1,6 @@
 """One simulated table of still poses before it is written: poses, plant, readings, and the truth.
 
-    poses chosen -> true arm (or MuJoCo with rod or wire) -> readings -> faults -> rows
+poses chosen -> true arm (or MuJoCo with rod or wire) -> readings -> faults -> rows
 """
 
 from __future__ import annotations

@@ -103,7 +103,9 @@ def true_arm(robot: Robot, errors: PoseErrors, seed: int) -> TrueArm:
     if errors.unit_weights is not None:
         drawn = np.abs(stream(seed, "unit_weights").standard_normal(weights.shape))
         weights = np.triu(drawn) * errors.unit_weights.sigma_rad_per_m
-    return TrueArm(robot, _geometry(robot, errors, seed), _ripples(robot, errors, seed), weights, stiffness)
+    return TrueArm(
+        robot, _geometry(robot, errors, seed), _ripples(robot, errors, seed), weights, stiffness
+    )
 
 
 def nominal_arm(robot: Robot) -> TrueArm:
@@ -134,9 +136,7 @@ def _ripples(robot: Robot, errors: PoseErrors, seed: int) -> tuple[Ripple, ...]:
                 f"errors.joint_harmonics: axis {harmonic.axis}, but {robot.name} has "
                 f"{robot.joints} axes."
             )
-        out.append(
-            Ripple(harmonic.axis - 1, harmonic.order, harmonic.amplitude_rad, float(phase))
-        )
+        out.append(Ripple(harmonic.axis - 1, harmonic.order, harmonic.amplitude_rad, float(phase)))
     if (drawn := errors.drawn_harmonics) is not None:
         rng = stream(seed, "drawn_harmonics")
         gears = rng.integers(0, robot.joints, drawn.count)
