@@ -113,8 +113,10 @@ def socket_poses(
     for seat, y in (("left", -0.025), ("right", 0.025)):
         wanted = np.array([0.45, y, 0.1]) + play * rng.standard_normal((3 * count, 3))
         q = arm.drawn(rng, 3 * count)
-        for _ in range(25):
-            error = wanted - arm.target(q, ball)
+        for k in range(18):  # the sag is computed once the ball is nearly there
+            pose = arm.rigid(q)
+            near = pose[:, :3, :3] @ ball + pose[:, :3, 3]
+            error = wanted - (arm.target(q, ball) if k > 13 else near)
             q = np.clip(q + _step(arm, q, ball, error), arm.limits[:, 0], arm.limits[:, 1])
         good = np.linalg.norm(wanted - arm.target(q, ball), axis=1) < 1e-8
         found.append(q[good][:count])
