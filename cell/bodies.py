@@ -10,12 +10,17 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.chain import Chain, forward
-from cell.descriptions import Cell, Link
+from cell.descriptions import Cell, Link, Robot
 
 
 def robot_bodies(cell: Cell) -> list[Link]:
     """Links 1..J of the robot, each in the frame that turns with its joint."""
-    return _local(_robot_chain(cell), cell.robot.required("links")[1:])
+    return bodies_of_robot(cell.robot)
+
+
+def bodies_of_robot(robot: Robot) -> list[Link]:
+    """Links 1..J of a robot without plate, likewise."""
+    return _local(_robot_chain(robot), robot.required("links")[1:])
 
 
 def carried_bodies(cell: Cell) -> list[list[Link]]:
@@ -40,14 +45,13 @@ def flange_on_last_link(cell: Cell) -> tuple[Array, Array]:
 
     Returns its rotation (3, 3) and translation (3,) [m].
     """
-    frames = forward(_robot_chain(cell), np.zeros((1, cell.robot.joints)))
+    frames = forward(_robot_chain(cell.robot), np.zeros((1, cell.robot.joints)))
     turned = frames.rotation(-2)[:, :, 0].T
     offset = frames.origin[-1, :, 0] - frames.origin[-2, :, 0]
     return turned @ frames.rotation()[:, :, 0], turned @ offset
 
 
-def _robot_chain(cell: Cell) -> Chain:
-    robot = cell.robot
+def _robot_chain(robot: Robot) -> Chain:
     return Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
 
 
