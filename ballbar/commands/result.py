@@ -124,18 +124,36 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
 @commands.command(
     rich_help_panel=RESULT,
     epilog="Example: `ballbar export runs/irb2400 --to urdf --out irb2400.urdf`, or "
-    "`ballbar export runs/irb2400 --to dh`",
+    "`ballbar export runs/irb2400 --to hayati`, or "
+    "`ballbar export results/ur10 --into ur10.urdf --out ur10-identified.urdf`",
 )
 def export(
     result: ResultFile,
     to: Annotated[
-        Format,
+        Format | None,
         typer.Option(
             "--to",
             help="Robot model (urdf, mjcf), table (dh; mdh: Craig's DH; hayati; poe: screw axes), "
-            "RAPID data (abb), or everything (json).",
+            "RAPID data (abb), kinematics of ur_description (ur-kinematics), or everything (json).",
         ),
-    ],
+    ] = None,
+    into: Annotated[
+        Path | None,
+        typer.Option(
+            "--into",
+            help="URDF or xacro of the robot: written anew with the identified joint origins, all "
+            "else as it is.",
+            metavar="FILE",
+        ),
+    ] = None,
+    joints: Annotated[
+        str,
+        typer.Option(
+            "--joints",
+            help="Turning joints of FILE from base to tip, if it has more than the robot.",
+            metavar="NAME,NAME",
+        ),
+    ] = "",
     file: Annotated[
         Path | None,
         typer.Option("--out", help="New file. Default: print to the terminal.", metavar="FILE"),
@@ -148,18 +166,33 @@ def export(
     standard deviation of every parameter, and which parameters are nominal.
     """
     from ballbar.export.formats import export_summary, exported
+    from ballbar.export.into_urdf import changed_lines, into_file
     from ballbar.export.result import load_result
 
+    if (to is None) == (into is None):
+        raise InputError("give either --to FORMAT or --into FILE.")
+    if joints and into is None:
+        raise InputError("--joints names joints of the file of --into; give both or none.")
     robot = load_result(result)
-    text = exported(robot, to)
-    if file is not None:
-        write_new(file, text.encode())
-    if as_json:
-        say_json(export_summary(robot, to, text, file))
-    elif file is None:
-        typer.echo(text, nl=False)
+    lines: list[str] = []
+    if into is not None:
+        names = [name.strip() for name in joints.split(",") if name.strip()]
+        changed = into_file(robot, into, names)
+        content, lines = changed.content, changed_lines(changed, robot)
     else:
-        out.print(f"Wrote {escape(str(file))}. Not in it: {escape('; '.join(robot.left_out))}")
+        assert to is not None  # one of the two is given
+        content = exported(robot, to).encode()
+        lines = [f"Not in it: {'; '.join(robot.left_out)}", *robot.range_notes]
+    if file is not None:
+        write_new(file, content)
+    if as_json:
+        say_json(export_summary(robot, to or "into", content, file))
+    elif file is None:
+        typer.echo(content.decode(), nl=False)
+    else:
+        out.print(f"Wrote {escape(str(file))}")
+        for line in lines:
+            out.print(escape(line))
 
 
 @commands.command(
