@@ -123,6 +123,34 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
 
 @commands.command(
     rich_help_panel=RESULT,
+    epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`",
+)
+def verify(
+    result: ResultFile,
+    poses: Annotated[
+        Path, typer.Argument(help="Folder with poses.yaml, about ten still poses.", metavar="DIR")
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Does a stored calibration of still poses still hold? About ten new poses tell.
+
+    Only the seats of the instrument (and new targets) are fitted. An unchanged robot fails in 2 of
+    100 checks. Where something changed, a single cause is named if it explains the errors: the zero
+    of one joint, a target that moved, the scale of the measured values, one bad pose. Exits with 1
+    when the calibration does not hold.
+    """
+    from acquisition.poses import read_poses
+    from ballbar.result.verification import say_verification, verification_data, verify_poses
+
+    verification = verify_poses(result, read_poses(poses))
+    if as_json:
+        say_json(verification_data(verification))
+    say_verification(out, verification)
+    raise typer.Exit(0 if verification.holds else 1)
+
+
+@commands.command(
+    rich_help_panel=RESULT,
     epilog="Example: `ballbar export runs/irb2400 --to urdf --out irb2400.urdf`, or "
     "`ballbar export runs/irb2400 --to hayati`, or "
     "`ballbar export results/ur10 --into ur10.urdf --out ur10-identified.urdf`",
