@@ -74,7 +74,8 @@ Key = Literal["links", "servo", "gears", "rotor_inertia_kg_m2"]  # optional, of 
 
 _KINEMATIC = "or simulate with `plant: {kind: kinematic}`"
 _NEEDED_FOR: dict[Key, str] = {  # what the data are, what needs them, the remedy
-    "links": "(masses): the dynamic plant, the planning of paths and the loads of gears need them. "
+    "links": "(masses): the dynamic plant, the planning of paths, the loads of gears and exported "
+    "models need them. "
     f"Give mass, centre of mass and inertia of the base and of every link, {_KINEMATIC}.",
     "servo": "(gains of the joint servos): the dynamic plant and the planning of paths need them. "
     f"Give kp and kv of each axis, {_KINEMATIC}.",

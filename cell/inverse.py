@@ -30,6 +30,15 @@ class UnreachableError(FailureError):
     """A pose that the mechanism cannot take."""
 
 
+def has_arm_structure(chain: Chain) -> bool:
+    """Whether a robot is of the structure that has a closed form."""
+    mirrored = _ARM_ALPHA * (1.0, 1.0, 1.0, -1.0, -1.0, 1.0)
+    return chain.rows == 6 and any(
+        np.allclose(chain.alpha, alpha, rtol=0.0, atol=_ARM_TOLERANCE)
+        for alpha in (_ARM_ALPHA, mirrored)
+    )
+
+
 def robot_branches(chain: Chain, poses: Array) -> Array:
     """Joint angles of the nominal robot in its four configurations with the arm in front.
 
@@ -38,11 +47,7 @@ def robot_branches(chain: Chain, poses: Array) -> Array:
     Returns (4, N, 6) [rad] in the order elbow up and wrist +, up and -, down and +, down and -; NaN
     where a pose is out of reach. Raises InputError for a robot of another structure.
     """
-    mirrored = _ARM_ALPHA * (1.0, 1.0, 1.0, -1.0, -1.0, 1.0)
-    if chain.rows != 6 or not any(
-        np.allclose(chain.alpha, alpha, rtol=0.0, atol=_ARM_TOLERANCE)
-        for alpha in (_ARM_ALPHA, mirrored)
-    ):
+    if not has_arm_structure(chain):
         raise InputError(
             "paths of the tool are computed for robots of six axes with parallel axes 2 and 3 and "
             "a spherical wrist only, and this robot is built otherwise. Take a path that was "

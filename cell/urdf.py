@@ -133,6 +133,8 @@ def parse_urdf(text: str, source: str) -> Urdf:
         if name in links:
             raise DescriptionError(f"{source}: link {name} stands here twice. Rename one.")
         links[name] = _inertial(element, f"{source}: link {name}")
+    if not links:
+        raise DescriptionError(f"{source}: holds no link. Name the URDF of the robot.")
     if len(links) > MAX_LINKS:
         raise DescriptionError(
             f"{source}: {len(links)} links, more than {MAX_LINKS}. Leave out all but the robot."

@@ -94,8 +94,8 @@ class Dialect(Strict):
         if (self.source == "force") != bool(self.wrench):
             raise ValueError("wrench: six columns, of a force sensor's log only")
         for key in (*kinds, "torques"):
-            columns = getattr(self, key)
-            if columns and not 5 <= len(columns if len(columns) > 1 else self._selectors(key)) <= 8:
+            columns = self._selectors(key)
+            if columns and not 5 <= len(columns) <= 8:
                 raise ValueError(
                     f"{key}: one column for each axis, 5 to 8, or one `re:` that finds them"
                 )
@@ -134,8 +134,10 @@ class Dialect(Strict):
                 )
         return self.model_copy(update=columns)
 
-    def _selectors(self, key: str, count: int = 6) -> tuple[str, ...]:
-        return spread(getattr(self, key), count)
+    def _selectors(self, key: str, count: int | None = None) -> tuple[str, ...]:
+        """The columns as listed, those of one expression as six, or all as so many."""
+        listed = getattr(self, key)
+        return spread(listed, count or (6 if len(listed) == 1 else len(listed)))
 
     @property
     def headerless(self) -> bool:

@@ -1,7 +1,7 @@
 """Files of joint targets: CSV with a header, a target in each row, as joint or axis angles.
 
-    q1,q2,q3,q4,q5,q6                 rad, joint angles of the DH model
-    axis1_deg,...,axis6_deg           deg, axis angles as the controller shows and takes them
+    q1,q2,...,qJ                      rad, joint angles of the DH model
+    axis1_deg,...,axisJ_deg           deg, axis angles as the controller shows and takes them
 
 Other columns (names, speeds, times) are carried through as they are.
 """
@@ -21,8 +21,15 @@ from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.robot_angles import controller_to_joints, joints_to_axes
 
-JOINTS = tuple(f"q{i + 1}" for i in range(6))
-AXES = tuple(f"axis{i + 1}_deg" for i in range(6))
+
+def joint_columns(robot: Robot) -> tuple[str, ...]:
+    """Names of the columns of joint angles."""
+    return tuple(f"q{i + 1}" for i in range(robot.joints))
+
+
+def axis_columns(robot: Robot) -> tuple[str, ...]:
+    """Names of the columns of axis angles."""
+    return tuple(f"axis{i + 1}_deg" for i in range(robot.joints))
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +40,8 @@ class TargetFile:
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]  # line number of each row in the file, from 1
-    columns: tuple[str, ...]  # JOINTS or AXES
-    q: Array  # (N, 6) [rad] DH joint angles
+    columns: tuple[str, ...]  # of joint or axis angles
+    q: Array  # (N, J) [rad] DH joint angles
 
 
 def read_targets(path: Path, robot: Robot) -> TargetFile:
@@ -53,11 +60,10 @@ def read_targets(path: Path, robot: Robot) -> TargetFile:
             f'{path}:{reader.line_num}: {error}; save the file as CSV with comma and " as quote'
         ) from None
     if not table:
-        raise InputError(
-            f"{path}: is empty; expected a header with {', '.join(JOINTS)} or {', '.join(AXES)}"
-        )
+        either = " or ".join(", ".join(f(robot)) for f in (joint_columns, axis_columns))
+        raise InputError(f"{path}: is empty; expected a header with {either}")
     header = tuple(name.strip() for name in table[0][1])
-    columns = _columns(path, header)
+    columns = _columns(path, header, robot)
     if len(table) == 1:
         raise InputError(f"{path}: has a header and no target; add a row for each target")
     lines, rows = zip(*table[1:], strict=True)
@@ -68,16 +74,20 @@ def read_targets(path: Path, robot: Robot) -> TargetFile:
             for line, row in zip(lines, rows, strict=True)
         ]
     )
-    q = values if columns == JOINTS else controller_to_joints(robot, np.radians(values))
+    q = (
+        values
+        if columns == joint_columns(robot)
+        else controller_to_joints(robot, np.radians(values))
+    )
     return TargetFile(path=path, header=header, rows=rows, lines=lines, columns=columns, q=q)
 
 
 def targets_text(targets: TargetFile, robot: Robot, q: Array) -> str:
     """Text of the file with new targets, all digits of each number.
 
-    q : (N, 6) [rad] joint angles of the DH model.
+    q : (N, J) [rad] joint angles of the DH model.
     """
-    values = q if targets.columns == JOINTS else np.degrees(joints_to_axes(robot, q))
+    values = q if targets.columns == joint_columns(robot) else np.degrees(joints_to_axes(robot, q))
     places = [targets.header.index(name) for name in targets.columns]
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -90,15 +100,16 @@ def targets_text(targets: TargetFile, robot: Robot, q: Array) -> str:
     return out.getvalue()
 
 
-def _columns(path: Path, header: tuple[str, ...]) -> tuple[str, ...]:
-    """The columns of the targets: JOINTS or AXES. Raises InputError if the header has not one."""
-    kinds = [names for names in (JOINTS, AXES) if any(name in header for name in names)]
+def _columns(path: Path, header: tuple[str, ...], robot: Robot) -> tuple[str, ...]:
+    """The columns of the targets, of one kind. Raises InputError if the header has not one."""
+    joints, axes = joint_columns(robot), axis_columns(robot)
+    kinds = [names for names in (joints, axes) if any(name in header for name in names)]
     if len(kinds) != 1:
         content = "both kinds of angles" if kinds else "no angles"
         hint = " Separate columns by commas." if ";" in "".join(header) else ""
         raise InputError(
-            f"{path}:1: {content} in the header; expected {', '.join(JOINTS)} [rad] or "
-            f"{', '.join(AXES)} [deg].{hint}"
+            f"{path}:1: {content} in the header; expected {', '.join(joints)} [rad] or "
+            f"{', '.join(axes)} [deg].{hint}"
         )
     for name in kinds[0]:
         if (count := header.count(name)) != 1:

@@ -25,7 +25,7 @@ class Correction:
 
     targets: TargetFile
     corrected: CorrectedTargets
-    axis_changes: Array  # (N, 6) [rad] corrected minus given axis angles
+    axis_changes: Array  # (N, J) [rad] corrected minus given axis angles
     included: tuple[str, ...]  # effects beyond geometry that were taken into account
     warnings: tuple[str, ...]
 
@@ -90,12 +90,13 @@ def correction_lines(correction: Correction) -> list[str]:
     c = correction.corrected
     position, angle = c.position_before * MM, c.angle_before * MRAD
     largest = np.degrees(np.abs(correction.axis_changes).max(axis=0))
+    degrees = ", ".join(f"{v:.3f}" for v in largest)
     return [
         f"{len(c.q)} targets corrected for {', '.join(['geometry', *correction.included])}",
         "pose error that the identified robot has at the given targets: "
         f"mean {position.mean():.3f} mm, largest {position.max():.3f} mm; "
         f"mean {angle.mean():.3f} mrad",
-        f"largest correction of axes 1 to 6: {', '.join(f'{v:.3f}' for v in largest)} deg",
+        f"largest correction of axes 1 to {len(largest)}: {degrees} deg",
         *(f"care: {warning}" for warning in correction.warnings),
     ]
 

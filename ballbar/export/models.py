@@ -21,8 +21,8 @@ from cell.descriptions import Link, Robot
 from cell.rotation import quat_wxyz, roll_pitch_yaw
 
 _LIMITS = (
-    "Joint limits: the range of each DH joint over the box of axis limits; effort 0: the cell "
-    "files state none."
+    "Joint limits: the range of each DH joint over the box of axis limits; effort or velocity 0: "
+    "the cell files state none."
 )
 _NO_MASSES = "Masses and inertias: the robot's file states none, so none are in this file."
 _BOUNDS = (

@@ -21,7 +21,7 @@ from cell.robot_angles import joints_to_motors
 _HOW = (
     "HOW TO USE",
     "1. motor_offset_rad: the change of each motor's angle that corrects the joint offsets rtheta.",
-    "   Save the present calibration offsets first. Change all of them, since the motors of the wrist",
+    "   Save the present calibration offsets first. Change them all, since the motors of the wrist",
     "   turn each other's axes, and watch the axis angles that the controller shows",
     "   while the robot does not move: they must change by axis_change_deg. If they change in the",
     "   other direction, your controller has the opposite sign convention: take the negative.",

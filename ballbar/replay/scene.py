@@ -71,9 +71,11 @@ def quat_xyzw(rotation: Array) -> Array:
 
 def _bodies(motion: CellMotion) -> list[tuple[str, Frames, int]]:
     """Every body of the mechanism, its chain and the frame that it moves with; frame 0 stands."""
-    links = [(f"{CELL}/robot/{f'link{i}' if i else 'base'}", motion.robot, i) for i in range(7)]
+    last = len(motion.robot.x) - 1
+    names = ("base", *(f"link{i + 1}" for i in range(last)))
+    links = [(f"{CELL}/robot/{name}", motion.robot, i) for i, name in enumerate(names)]
     bar = [(f"{CELL}/ballbar/{name}", motion.bar, i) for i, name in enumerate(BAR_BODIES)]
-    return [*links, (f"{CELL}/plate", motion.robot, 6), *bar]
+    return [*links, (f"{CELL}/plate", motion.robot, last), *bar]
 
 
 def _mesh(shape: Mesh, *, opacity: int = 255) -> rr.Mesh3D:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import cycle, islice
 
 import numpy as np
 import rerun as rr
@@ -61,8 +62,12 @@ def recording_series(
 ) -> dict[str, Series]:
     """Every plot of a recording that needs no truth, by entity."""
     estimate, log = fitted.estimate, fitted.recording.ballbar_log
-    joints = [f"q{i}" for i in range(1, 7)]
-    series = {JOINTS: Series(motion.t, np.degrees(motion.q), joints, LINES)}
+    joints = [f"q{i + 1}" for i in range(motion.q.shape[1])]
+    series = {
+        JOINTS: Series(
+            motion.t, np.degrees(motion.q), joints, list(islice(cycle(LINES), len(joints)))
+        )
+    }
     if log is not None:
         rows = np.arange(0, log.t.size, thinning(log.t))
         series[ENCODERS] = Series(

@@ -20,6 +20,7 @@ from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Cell
 from cell.geometry import Geometry
+from cell.inverse import has_arm_structure
 
 PAINT = (236, 106, 32)  # the orange of many industrial robots
 DARK = (62, 65, 70)
@@ -136,10 +137,12 @@ def block(
 def robot_shapes(cell: Cell) -> tuple[Mesh, ...]:
     """Base in the robot's base frame, then link i in frame i.
 
-    Frame 6 is the tool's, so link 6 ends before the plate.
+    The last frame is the tool's, so the last link ends before the plate.
     """
     robot = cell.robot
-    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(6))
+    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
+    if not has_arm_structure(chain):
+        return _plain_robot(cell, chain)
     width = 0.13 * float(robot.a[1])  # half the width of the upper arm
     return (
         _base(float(robot.d[0]), width),
@@ -150,6 +153,24 @@ def robot_shapes(cell: Cell) -> tuple[Mesh, ...]:
         _wrist(chain, width, float(robot.d[5])),
         _flange(cell, width),
     )
+
+
+def _plain_robot(cell: Cell, chain: Chain) -> tuple[Mesh, ...]:
+    """A robot of any structure: a joint's housing and a tube along d and a of each row."""
+    width = 0.07 * float(np.abs(chain.a).sum() + np.abs(chain.d).sum()) / 2.0
+    foot = cylinder(np.zeros(3), 0.3 * width * Z, 2.0 * width, DARK)
+    links = [_plain_link(chain, row, width) for row in range(chain.rows - 1)]
+    return foot, *links, _flange(cell, width)
+
+
+def _plain_link(chain: Chain, row: int, width: float) -> Mesh:
+    point, direction = _axis(chain, row)
+    corner, half = point + chain.d[row] * direction, 0.8 * width * direction
+    parts = [cylinder(point - half, point + half, 0.8 * width, DARK)]
+    for begin, end in ((point, corner), (corner, np.zeros(3))):
+        if np.linalg.norm(end - begin) > width:
+            parts.append(cylinder(begin, end, 0.6 * width, PAINT))
+    return joined(parts)
 
 
 def plate_shape(cell: Cell) -> Mesh:
@@ -262,7 +283,7 @@ def _wrist(chain: Chain, width: float, flange: float) -> Mesh:
 
 def _flange(cell: Cell, width: float) -> Mesh:
     face = _mount(cell)
-    return cylinder(face - 0.27 * cell.robot.d[5] * Z, face, 0.42 * width, STEEL)
+    return cylinder(face - 0.27 * max(cell.robot.d[-1], 0.1 * width) * Z, face, 0.42 * width, STEEL)
 
 
 def _stand(height: float) -> Mesh:

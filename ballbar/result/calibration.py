@@ -6,6 +6,7 @@ also when there is only one.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -266,7 +267,14 @@ def calibration_of(data: RunData) -> CalibrationFile:
 
 def write_calibration(path: Path, data: RunData) -> None:
     """Write calibration.yaml, whole or not at all."""
-    file = calibration_of(data)
+    file, recorded = calibration_of(data), data.recordings[0].folder
+    # Descriptions of the user's own are named from the recording's folder, and here from this one.
+    own = {
+        key: Path(os.path.relpath(recorded / name, path.parent)).as_posix()
+        for key in ("robot", "instrument", "plate")
+        if (name := getattr(file, key)).endswith(".yaml")
+    }
+    file = file.model_copy(update=own)
     write_yaml(path, file.model_dump(mode="json", by_alias=True, exclude_none=True))
 
 

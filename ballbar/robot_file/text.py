@@ -73,6 +73,8 @@ def is_identity(pose: Array) -> bool:
 
 
 def _comment(text: str) -> Iterable[str]:
+    """Lines of a comment; signs that end a line in YAML, in a joint's name, become blanks."""
+    text = "".join(sign if sign.isprintable() else " " for sign in text)
     lines = textwrap.wrap(text, _WIDTH, break_long_words=False, break_on_hyphens=False)
     yield from (f"# {line}\n" for line in lines)
 

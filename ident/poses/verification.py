@@ -6,6 +6,7 @@ of a pose that was not fitted (`IdentifiedArm.discrepancy`) has as many degrees 
 coordinates are left after the fit. Its distribution is a Gamma distribution of that mean. Its shape
 is that of chi-square where the stated 95 % region of one pose is; where the region is wider, the
 tails are heavier, and the shape is the one that has this quantile (for a single pose, exactly).
+The variance is itself an estimate, which the limit allows for as Fisher's F does.
 
 What changed is sought among single causes: each is one more unknown, and the one that explains the
 errors is named if the rest would pass as unchanged, or nearly so, and no other one does as well.
@@ -18,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import chi2, gamma
+from scipy.stats import chi2, f, gamma
 
 from cell.arrays import Array
 from cell.errors import InputError
@@ -34,6 +35,9 @@ from ident.robot.identified_arm import LEVEL, IdentifiedArm, range_sentence
 FALSE_ALARMS = 0.02  # share of checks of an unchanged robot that call it changed
 LEAST_FREEDOM = 6  # degrees of freedom below which nothing could be told
 LEAST_SHAPE = 0.5  # of the Gamma distribution of one pose: heavier tails have no more quantile
+# degrees of freedom of the variance itself, which comes from eight regions of one table: several
+# hundred poses do not make a change of a few per cent significant
+CERTAINTY = 150
 ROUNDS = 4  # of applying a cause and fitting again: a change of 0.1 rad is not linear
 NEARLY = 1.5  # of the limit, below which what a cause leaves is as of an unchanged robot
 RIVAL = 6.0  # sum of squares by which a cause must be better than the next one, about 2.4 sigma
@@ -196,7 +200,9 @@ def limit_of(freedom: int, factor: float) -> float:
 
     shape = LEAST_SHAPE if excess(LEAST_SHAPE) < 0.0 else float(brentq(excess, LEAST_SHAPE, 1.5))
     own = shape / 3.0  # per coordinate; 1/2 for chi-square
-    return float(gamma.ppf(1.0 - FALSE_ALARMS, own * freedom) / own)
+    limit = float(gamma.ppf(1.0 - FALSE_ALARMS, own * freedom) / own)
+    known = float(chi2.ppf(1.0 - FALSE_ALARMS, freedom))
+    return limit * freedom * float(f.ppf(1.0 - FALSE_ALARMS, freedom, CERTAINTY)) / known
 
 
 def _causes(

@@ -133,6 +133,16 @@ def test_masses_of_a_urdf_are_in_the_robot_base_frame(tmp_path: Path) -> None:
     np.testing.assert_allclose(T_base_dh[:, :3] @ robot.gravity, [0.0, 0.0, -9.81], atol=1e-9)
 
 
+def test_the_name_of_a_joint_cannot_end_the_comment_it_stands_in(tmp_path: Path) -> None:
+    """PyYAML, too, ends a line at U+2028; what followed stood in the file as a key."""
+    urdf, file = tmp_path / "arm.urdf", tmp_path / "arm.yaml"
+    text = urdf_text(PUBLISHED["irb120"].joints, name="arm &#10;dh: 3")
+    urdf.write_text(text.replace('name="joint1"', 'name="j&#8232;title: x&#10;links: 3"'))
+    code, _, err = ballbar("robot", "new", "arm", "--urdf", urdf, "--out", file)
+    assert code == 0, err
+    assert load_robot(str(file)).title == "arm \ndh: 3"
+
+
 def test_a_table_of_standard_rows(tmp_path: Path) -> None:
     table, file = tmp_path / "ur5.csv", tmp_path / "mine.yaml"
     table.write_text(CSV)

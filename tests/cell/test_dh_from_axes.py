@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from cell.arrays import Array
 from cell.dh_from_axes import AxesError, DHForm, JointAxes, dh_from_axes, dh_from_modified
+from cell.load import load_robot
 from tests.helpers.published_urdf import PUBLISHED, Joint, tip_pose, turn
 
 ROUNDING = 1e-12  # [m, -] some ten products of matrices of order 1
@@ -149,4 +150,22 @@ def test_modified_rows_of_the_panda_give_its_standard_rows() -> None:
     np.testing.assert_array_equal(form.chain.a, [0, 0, 0.0825, -0.0825, 0, 0.088, 0])
     np.testing.assert_array_equal(form.chain.alpha[:3], [-quarter, quarter, quarter])
     axes = axes_of(PUBLISHED["panda"].joints[:-1])  # up to link 7
+    assert largest_difference(form, axes) < ROUNDING
+
+
+@pytest.mark.parametrize("name", sorted(set(PUBLISHED) - {"gp25"}))
+def test_rows_are_those_of_the_shipped_description(name: str) -> None:
+    chain, robot = dh_from_axes(axes_of(PUBLISHED[name].joints)).chain, load_robot(name)
+    for key in ("a", "d", "alpha", "theta"):  # 1e-8: quarter turns of ten digits at UR
+        np.testing.assert_allclose(getattr(chain, key), getattr(robot, key), atol=1e-8)
+
+
+def test_a_last_axis_parallel_to_its_neighbour_is_not_turned_to_the_tip() -> None:
+    joints = list(PUBLISHED["irb120"].joints)
+    joints[5:] = [Joint((0.1, 0, 0), (0, 1, 0)), Joint((0, 0, 0), None, (np.pi / 2, 0, 0))]
+    axes = axes_of(tuple(joints))  # axes 5 and 6 along +y, the tip's z along -y
+    np.testing.assert_allclose(axes.T_base_tip[:3, 2], [0, -1, 0], atol=1e-15)
+    form = dh_from_axes(axes)
+    assert form.sign[5] == 1.0
+    assert form.chain.alpha[4] == 0.0
     assert largest_difference(form, axes) < ROUNDING

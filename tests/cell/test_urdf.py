@@ -138,7 +138,7 @@ BOMB = '<!DOCTYPE robot [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]><robot name=
             '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="a"/></robot>',
             "holds xacro macros. Expand them first",
         ),
-        ("<robot/>", "0 roots|no root"),
+        ("<robot/>", "holds no link"),
         ('<robot><link name="a"/><link name="a"/></robot>', "link a stands here twice"),
         ('<robot><link name="a"/><link name="b"/></robot>', r"2 roots \(a, b\)"),
         ("<robot><link/></robot>", "a link has no name"),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from cell.arrays import Array
 from cell.clock import Clock
@@ -17,6 +18,7 @@ from cell.inverse import bar_angles
 from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
 from ident.estimator.closure import closed_angles
+from tests.helpers.device_logs import EPOCH, PER_RAD, description
 
 # a [m], d [m], alpha [deg], theta [deg]: UR5e (Universal Robots, DH parameters of the UR5e),
 # LBR iiwa 14 R820 (its standard DH rows).
@@ -112,3 +114,31 @@ def other_minute(cell: Cell, rows: Rows, *, step: float = 0.01) -> OtherMinute:
     q = start + np.radians(SWING_DEG) * np.sin(turns + np.arange(len(rows)))
     b = np.unwrap(bar_angles(robot_frames(nominal, q).poses(), origin), axis=0)
     return OtherMinute(nominal, t, *closed_angles(nominal, q, b))
+
+
+def write_other_recording(folder: Path, rows: Rows, logs: tuple[RobotLog, BallBarLog]) -> Path:
+    """A recording folder with the robot's file in it, joint angles in rad and counters."""
+    robot, bar = logs
+    (folder / "raw").mkdir(parents=True)
+    (folder / "other.yaml").write_text(robot_text(rows), encoding="utf-8")
+    names = [f"q{k + 1}" for k in range(len(rows))]
+    lines = [
+        ",".join(("time", *names)),
+        *(",".join(map(repr, row)) for row in np.column_stack((robot.t, robot.q)).tolist()),
+    ]
+    (folder / "raw/robot.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    counts = np.rint(bar.angles * PER_RAD).astype(np.int64).astype(np.uint32).astype(np.int64)
+    stamps = EPOCH + np.rint(bar.t * 1e9).astype(np.int64)
+    columns = [f"b{joint}" for joint in bar.joints]
+    lines = [
+        ";".join(("time", *columns)),
+        *(";".join(map(str, row)) for row in np.column_stack((stamps, counts)).tolist()),
+    ]
+    (folder / "raw/ballbar.csv").write_text("\r\n".join(lines) + "\r\n", newline="")
+    data = description()
+    data["robot"] = "other.yaml"
+    data["sources"]["robot"]["dialect"] = "joint-rad"
+    for encoder in data["encoders"].values():
+        encoder["sign"] = 1
+    (folder / "recording.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    return folder
