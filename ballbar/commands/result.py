@@ -84,17 +84,37 @@ def compare_files(
 ) -> None:
     """Compare a calibration with the truth of a simulated run, or with another calibration.
 
-    Prints the TCP error over the workspace and the deviations of the parameters.
+    Prints the TCP error over the workspace and the deviations of the parameters. Two results of
+    still poses are compared over the poses that both were fitted to.
     """
     from ballbar.commands.result_json import comparison_data
     from ballbar.report.terminal import say_comparison
-    from ballbar.result.calibration import calibration_file, load_calibration
+    from ballbar.result.calibration import calibration_file, holds_pose_result, load_calibration
 
     calibration, reference = calibration_file(calibration), calibration_file(reference)
+    if holds_pose_result(calibration):
+        _compare_poses(calibration, reference, as_json=as_json)
+        return
     comparison = _compared(load_calibration(calibration), calibration, reference)
     if as_json:
         say_json(comparison_data(comparison))
     say_comparison(out, comparison)
+
+
+def _compare_poses(calibration: Path, reference: Path, *, as_json: bool) -> None:
+    """Two results of still poses."""
+    from ballbar.result.pose_calibration import load_pose_calibration
+    from ballbar.result.pose_compare import compare_poses, pose_comparison_data, say_pose_comparison
+
+    if reference.name.endswith(".truth.yaml"):
+        raise InputError(
+            f"{reference}: a result of still poses is compared with another one, not with a truth "
+            "file."
+        )
+    comparison = compare_poses(load_pose_calibration(calibration), load_pose_calibration(reference))
+    if as_json:
+        say_json(pose_comparison_data(comparison))
+    say_pose_comparison(out, comparison)
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
@@ -122,8 +142,7 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
 
 
 @commands.command(
-    rich_help_panel=RESULT,
-    epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`",
+    rich_help_panel=RESULT, epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`"
 )
 def verify(
     result: ResultFile,

@@ -14,13 +14,13 @@ from cell.arrays import Array
 from cell.errors import InputError
 from cell.files import write_new
 from cell.robot_angles import joints_to_axes
+from ident.robot.identified_arm import range_sentence
 from ident.robot.inverse_calibration import (
     CorrectedTargets,
     TargetError,
     corrected_arm_targets,
     corrected_targets,
 )
-from ident.robot.identified_arm import range_sentence
 
 _FAULTS_SHOWN = 3  # targets that cannot be corrected, in one message
 _LINES_SHOWN = 5  # of targets outside the fitted ranges

@@ -137,7 +137,8 @@ def _constants(tips: Array, rows: Array) -> tuple[Array, Array]:
         system[k, :, 9:] = -np.kron(eye, rows[k, :3, :3].T)
     null = np.linalg.svd(system.reshape(-1, 18), full_matrices=False)[2][-1]
     scale = np.sign(np.linalg.det(null[9:].reshape(3, 3))) or 1.0
-    inverse_turn, base_turn = (_nearest(scale * part.reshape(3, 3)) for part in (null[:9], null[9:]))
+    parts = (null[:9].reshape(3, 3), null[9:].reshape(3, 3))
+    inverse_turn, base_turn = (_nearest(scale * part) for part in parts)
     # positions: p_t + R_t y = R_B p_r + b with y = -R_F^-1 p_F
     matrix = np.concatenate((np.tile(np.eye(3), (n, 1, 1)), -tips[:, :3, :3]), axis=2)
     right = tips[:, :3, 3] - rows[:, :3, 3] @ base_turn.T

@@ -61,7 +61,8 @@ def rapid_module(result: AnyResult) -> str:
     comments = [
         *_HOW,
         "DH: T = product over rows of Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta). beta is 0 but",
-        "at nearly parallel axes, where it replaces d (Hayati). Then the tool turns about its y by dh_tool_beta_deg.",
+        "at nearly parallel axes, where it replaces d (Hayati). Then the tool turns about its y",
+        "by dh_tool_beta_deg.",
         "Sigma -1: not identified, nominal.",
         *notes(result),
     ]

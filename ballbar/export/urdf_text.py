@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from xml.parsers import expat
 
@@ -44,8 +45,8 @@ class JointText:
         text = (self.axis if key == "axis" else self.origin.get(key)) or default
         if _MACRO.search(text):
             raise InputError(
-                f"{file}: joint {self.name}: {key} = {text!r} is an expression. Only numbers can be "
-                "changed in place: expand the file (xacro FILE.xacro > robot.urdf), or write the "
+                f"{file}: joint {self.name}: {key} = {text!r} is an expression. Only numbers can "
+                "be changed in place: expand the file (xacro FILE.xacro > robot.urdf), or write the "
                 "numbers."
             )
         try:
@@ -102,8 +103,7 @@ def before_origin(joints: Mapping[str, JointText], names: Sequence[str], file: P
     """(4, 4) [m] pose of each joint's parent link in the child link of the joint before it."""
     by_child = {joint.child: joint for joint in joints.values()}
     chosen = [_named(joints, name, file) for name in names]
-    pairs = zip(chosen[:-1], chosen[1:], strict=True)
-    return [np.eye(4), *(_between(by_child, a, b, file) for a, b in pairs)]
+    return [np.eye(4), *(_between(by_child, a, b, file) for a, b in pairwise(chosen))]
 
 
 def with_origins(content: bytes, origins: Sequence[tuple[JointText, Array]]) -> bytes:

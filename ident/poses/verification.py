@@ -99,8 +99,8 @@ class Verification:
     def sentence(self) -> str:
         """Whether it holds, in words."""
         numbers = (
-            f"{self.error.size} poses to {self.error.mean() * 1e3:.3f} mm; expected of an unchanged "
-            f"robot {self.predicted * 1e3:.3f} mm, at most {self.largest_mean * 1e3:.3f} mm in 98 "
+            f"{self.error.size} poses to {self.error.mean() * 1e3:.3f} mm; expected of an "
+            f"unchanged robot {self.predicted * 1e3:.3f} mm, at most {self.largest_mean * 1e3:.3f} mm in 98 "
             "of 100 checks"
         )
         if self.holds:
@@ -206,11 +206,7 @@ def limit_of(freedom: int, factor: float) -> float:
 
 
 def _causes(
-    check: _Check,
-    table: PoseTable,
-    model: PoseModel,
-    equations: PoseEquations,
-    names: list[str],
+    check: _Check, table: PoseTable, model: PoseModel, equations: PoseEquations, names: list[str]
 ) -> tuple[Cause, ...]:
     """Single causes, best first, by linearised equations; then the best of each kind exactly."""
     joints = [("joint", str(j + 1)) for j in range(check.arm.robot.joints)]
@@ -323,9 +319,7 @@ def _single_poses(model: PoseModel, equations: PoseEquations, names: list[str]) 
     return found
 
 
-def _clear(
-    causes: tuple[Cause, ...], square: float, freedom: int, factor: float
-) -> Cause | None:
+def _clear(causes: tuple[Cause, ...], square: float, freedom: int, factor: float) -> Cause | None:
     """The first cause, if it explains the change and no other one does nearly as well."""
     best, *others = causes
     left = freedom - best.size.size

@@ -77,8 +77,8 @@ def corrected_arm_targets(arm: IdentifiedArm, q: Array) -> CorrectedTargets:
     """
     if arm.robot.joints < FULL:
         raise ValueError(
-            f"{arm.robot.title}: {arm.robot.joints} axes cannot keep a whole pose, so targets cannot "
-            "be corrected"
+            f"{arm.robot.title}: {arm.robot.joints} axes cannot keep a whole pose, so targets "
+            "cannot be corrected"
         )
     return _corrected(arm.robot, arm.chain, nominal_chain(arm.robot), arm.joints, q)
 

@@ -1,4 +1,4 @@
-"""Tables of still poses of a robot with drawn errors: points, lengths or sockets, by plain numpy."""
+"""Tables of still poses of a robot with drawn errors: points or lengths."""
 
 from __future__ import annotations
 
