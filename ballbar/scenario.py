@@ -1,4 +1,8 @@
-"""A scenario: one simulated run, its identification, and the limits of an acceptable result."""
+"""A scenario: one simulated run, its identification, and the limits of an acceptable result.
+
+A robot that moves with the double ball-bar has a `path`; one that stands still before any other
+instrument has `poses`.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from cell.errors import DescriptionError
 from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
-from cell.strict_yaml import load_model
+from cell.strict_yaml import load_yaml, parse_model
 from ident.corrections import CORRECTIONS
 from ident.options import FitOptions, ForceSource, ModelName
 from ident.thesis.costs import ENCODERS_NEEDED
+from sim.poses.settings import PoseSimulationSettings
 from sim.settings import SimulationSettings
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"  # beside the packages, in the tree and installed
@@ -145,6 +150,24 @@ class Scenario(SimulationSettings):
         return self
 
 
+class PoseAcceptSettings(Strict):
+    """Limits of errors against the truth; a run beyond one of them exits with code 1."""
+
+    tcp_mean_mm: Annotated[float, Field(gt=0.0)] | None = Field(
+        None, description="Mean TCP error over random poses within the fitted ranges of the joints."
+    )
+    tcp_max_mm: Annotated[float, Field(gt=0.0)] | None = Field(
+        None, description="Largest TCP error over the same poses."
+    )
+
+
+class PoseScenario(PoseSimulationSettings):
+    """One YAML file of scenarios/ with still poses."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_\-]+$")]
+    accept: PoseAcceptSettings = PoseAcceptSettings()
+
+
 def scenario_file(name: str | Path) -> Path:
     """The file of a scenario: the path itself, or the shipped scenario of that name.
 
@@ -166,6 +189,23 @@ def scenario_file(name: str | Path) -> Path:
 def load_scenario(path: str | Path) -> Scenario:
     """The checked scenario of a file, or the shipped one of a bare name.
 
+    Raises DescriptionError naming file, line and key, also for a scenario of still poses.
+    """
+    scenario = load_any_scenario(path)
+    if isinstance(scenario, PoseScenario):
+        raise DescriptionError(
+            f"{scenario_file(path)}: a scenario of still poses, and this needs one with a path. "
+            "`ballbar run` and `ballbar simulate` take it."
+        )
+    return scenario
+
+
+def load_any_scenario(path: str | Path) -> Scenario | PoseScenario:
+    """The checked scenario of a file or of a shipped name: of still poses if it has `poses`.
+
     Raises DescriptionError naming file, line and key.
     """
-    return load_model(scenario_file(path), Scenario)
+    document = load_yaml(scenario_file(path))
+    if "poses" in document.data:
+        return parse_model(document, PoseScenario)
+    return parse_model(document, Scenario)

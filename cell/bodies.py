@@ -14,12 +14,12 @@ from cell.descriptions import Cell, Link, Robot
 
 
 def robot_bodies(cell: Cell) -> list[Link]:
-    """Links 1..J of the robot, each in the frame that turns with its joint."""
-    return bodies_of_robot(cell.robot)
+    """Links 1..J of the cell's robot, each in the frame that turns with its joint."""
+    return link_bodies(cell.robot)
 
 
-def bodies_of_robot(robot: Robot) -> list[Link]:
-    """Links 1..J of a robot without plate, likewise."""
+def link_bodies(robot: Robot) -> list[Link]:
+    """Links 1..J of a robot, each in the frame that turns with its joint."""
     return _local(_robot_chain(robot), robot.required("links")[1:])
 
 

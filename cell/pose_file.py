@@ -32,40 +32,67 @@ Rotation = Annotated[
 
 
 class NamedColumn(Strict):
-    """A text or number that stands in each row."""
+    """A column that holds a name or a number of each row."""
 
-    column: Column
+    column: Column = Field(description="Name in the header, or number from 1.")
 
 
 class JointColumns(Strict):
     """The joint angles of each pose."""
 
-    columns: tuple[Column, ...] = ()  # one an axis, or one `re:`; none for a list of jointtargets
-    unit: AngleUnit | None = None
-    # what they are: those that the controller shows, or those of the DH model
-    angles: Literal["axes", "joints"] = "axes"
-    # own files, as many as the table has, paired with its rows by their order
-    files: tuple[str, ...] = ()
+    columns: tuple[Column, ...] = Field(
+        default=(),
+        description="One for each axis, in their order, or one `re:` that finds them. None for a "
+        "list of jointtargets (RAPID) or messages of KUKA RSI.",
+    )
+    unit: AngleUnit | None = Field(
+        default=None, description="Only a unit in brackets in the header makes it unnecessary."
+    )
+    angles: Literal["axes", "joints"] = Field(
+        default="axes",
+        description="Axis angles as the controller shows them, or joint angles of the DH model.",
+    )
+    files: tuple[str, ...] = Field(
+        default=(),
+        description="Files that hold the angles alone, as many as the table has: their rows are "
+        "paired by order.",
+    )
 
 
 class ValueColumns(Strict):
-    """What the instrument measured of each pose."""
+    """What the instrument measured of each pose: a length, x y z, or x y z and a rotation."""
 
-    columns: Annotated[tuple[Column, ...], Field(min_length=1, max_length=7)]
-    unit: LengthUnit | None = None  # of lengths
-    angle_unit: AngleUnit | None = None  # of rotations, and of azimuth and elevation
-    rotation: Rotation | None = None  # of the last three or four columns of a pose
-    # the first three are azimuth, elevation (or angle from the zenith) and distance
-    spherical: Literal["elevation", "zenith"] | None = None
-    offset_m: float = 0.0  # added to every measured length
+    columns: tuple[Column, ...] = Field(
+        min_length=1, max_length=7, description='A difference is written as "x_t - x_dif".'
+    )
+    unit: LengthUnit | None = Field(default=None, description="Of lengths; as for joints.")
+    angle_unit: AngleUnit | None = Field(
+        default=None, description="Of rotations, azimuth and elevation."
+    )
+    rotation: Rotation | None = Field(
+        default=None,
+        description="Of the last columns of a pose: angles about moving axes (`XYZ`) or fixed ones "
+        "(`xyz`), in the order of scipy's `Rotation.from_euler`; `rotvec`; `quat_wxyz`; "
+        "`quat_xyzw`.",
+    )
+    spherical: Literal["elevation", "zenith"] | None = Field(
+        default=None,
+        description="The first three columns are azimuth, elevation above the horizontal (or "
+        "angle from the zenith) and distance.",
+    )
+    offset_m: float = Field(default=0.0, description="Added to every measured length.")
 
 
 class Sigma(Strict):
     """Standard deviation of what was measured: columns beside the values, or constants."""
 
-    columns: tuple[Column, ...] = ()  # in the units of the values, one for each of them
-    length_m: Positive | None = None
-    rotation_rad: Positive | None = None  # of a pose, about each axis
+    columns: tuple[Column, ...] = Field(
+        default=(), description="One for each of the values, in their units."
+    )
+    length_m: Positive | None = Field(default=None, description="Of lengths and positions.")
+    rotation_rad: Positive | None = Field(
+        default=None, description="Of the rotation of a pose, about each axis."
+    )
 
     @model_validator(mode="after")
     def _either(self) -> Self:
@@ -77,23 +104,35 @@ class Sigma(Strict):
 class PoseTime(Strict):
     """When each pose was taken."""
 
-    column: Column
-    form: str | None = None  # of acquisition.times, where the stamps do not show it
+    column: Column = Field(description="Name in the header, or number from 1.")
+    form: str | None = Field(
+        default=None,
+        description="Of the stamps where they do not show it: `s`, `ms`, `unix-s`, ... "
+        "Dates, and digits such as 20200714163904, show it.",
+    )
 
 
 class PoseTableFile(Strict):
-    """Files of one kind, and what their columns hold."""
+    """Files with the same columns, and what these hold."""
 
-    files: Annotated[tuple[str, ...], Field(min_length=1)]
-    sheet: str | None = None  # of a workbook; the first one
+    files: tuple[str, ...] = Field(
+        min_length=1, description="Paths from the folder of poses.yaml; .gz, .bz2 and .xz too."
+    )
+    sheet: str | None = Field(default=None, description="Of a workbook; else its first sheet.")
     joints: JointColumns
-    values: ValueColumns | None = None  # none for a socket
-    sigma: Sigma | None = None  # the instrument's
-    instrument: str | None = None  # another one than that of the whole file
-    seat: str | NamedColumn = "seat"  # placement of the instrument
-    target: str | NamedColumn = "target"  # ball or reflector on the flange
+    values: ValueColumns | None = Field(default=None, description="None for a socket.")
+    sigma: Sigma | None = Field(default=None, description="Else that of the instrument.")
+    instrument: str | None = Field(
+        default=None, description="Another instrument than that of the other tables."
+    )
+    seat: str | NamedColumn = Field(
+        default="seat", description="Placement of the instrument: a name, or a column."
+    )
+    target: str | NamedColumn = Field(
+        default="target", description="Ball or reflector on the flange: a name, or a column."
+    )
     time: PoseTime | None = None
-    temperature: NamedColumn | None = None  # [deg C]
+    temperature: NamedColumn | None = Field(default=None, description="Column in deg C.")
 
     @model_validator(mode="after")
     def _joint_files_pair(self) -> Self:
@@ -105,10 +144,12 @@ class PoseTableFile(Strict):
 
 
 class KnownDistances(Strict):
-    """Distance between two seats, of one pair or several, that something else tells."""
+    """Distances between seats that something else states, such as the drawing of a fixture."""
 
-    pairs: Annotated[tuple[Annotated[tuple[str, str], Field()], ...], Field(min_length=1)]
-    length_m: Positive | None = None  # that of the instrument's two seats
+    pairs: tuple[tuple[str, str], ...] = Field(min_length=1, description="Names of two seats each.")
+    length_m: Positive | None = Field(
+        default=None, description="Else the distance that the instrument's file states."
+    )
     sigma_m: Positive | None = None
 
     @model_validator(mode="after")
@@ -122,13 +163,13 @@ class KnownDistances(Strict):
 
 
 class PosesFile(Strict):
-    """poses.yaml"""
+    """Still poses of one robot."""
 
     schema_: Annotated[Literal["ballbar-poses/1"], Field(alias="schema")]
     kind: Literal["simulated", "real"]
-    robot: str  # a file of cell/robots, or a path relative to this file
-    instrument: str  # a file of cell/instruments, or a path
-    tables: Annotated[tuple[PoseTableFile, ...], Field(min_length=1)]
+    robot: str = Field(description="A file of cell/robots, or a path from this file.")
+    instrument: str = Field(description="A file of cell/instruments, or a path from this file.")
+    tables: tuple[PoseTableFile, ...] = Field(min_length=1)
     distances: tuple[KnownDistances, ...] = ()
     notes: str = ""
 

@@ -11,6 +11,8 @@ swapped.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from cell.arrays import Array
@@ -25,31 +27,40 @@ def nominal_frames(robot: Robot, q: Array) -> Frames:
     return forward(Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.a.size)), q)
 
 
-def rigid_fit_rms(frames: Frames, points: Array, *, mirrored: bool = False) -> float:
-    """[m] root mean square distance of measured points (N, 3) [m] to the nominal ones on them.
+@dataclass(frozen=True, eq=False)
+class RigidFit:
+    """Nominal flange and target moved onto measured points."""
 
-    mirrored : the points are those of a left-handed frame.
+    rotation: Array  # (3, 3) R, from the robot's base to the measuring frame
+    rms: float  # [m] root mean square distance that is left
+    width: float  # [m] of the points across their longest direction; R is known if it is not 0
+
+
+def rigid_fit(frames: Frames, points: Array, *, mirrored: bool = False) -> RigidFit:
+    """The nominal robot on measured points (N, 3) [m].
+
+    frames : of the robot at N poses. mirrored : the points are those of a left-handed frame.
     """
     position, turns = frames.tip.T, frames.rotation().transpose(2, 0, 1)  # (N, 3), (N, 3, 3)
-    centre = points.mean(axis=0)
-    tool, rest = np.zeros(3), np.inf
-    centred = turns - turns.mean(axis=0)
+    position, turns = position - position.mean(axis=0), turns - turns.mean(axis=0)
+    points = points - points.mean(axis=0)
+    tool, rms, rotation = np.zeros(3), np.inf, np.eye(3)
     for _ in range(_ROUNDS):
-        nominal = position + turns @ tool
-        nominal -= nominal.mean(axis=0)
-        rotation = kabsch(nominal, points - centre, mirrored=mirrored)
-        wanted = (points - centre) @ rotation - (position - position.mean(axis=0))
-        tool = np.linalg.lstsq(centred.reshape(-1, 3), wanted.ravel(), rcond=1e-9)[0]
-        residual = wanted - centred @ tool
-        rms = float(np.sqrt((residual * residual).sum(axis=1).mean()))
-        if rest - rms < 1e-4 * rms:
-            return rms
-        rest = rms
-    return rest
+        rotation = kabsch(position + turns @ tool, points, mirrored=mirrored)
+        wanted = points @ rotation - position
+        tool = np.linalg.lstsq(turns.reshape(-1, 3), wanted.ravel(), rcond=1e-9)[0]
+        residual = wanted - turns @ tool
+        before, rms = rms, float(np.sqrt((residual * residual).sum(axis=1).mean()))
+        if before - rms < 1e-4 * rms:
+            break
+    width = float(np.linalg.svd(points, compute_uv=False)[1] / np.sqrt(len(points)))
+    return RigidFit(rotation, rms, width)
 
 
 def kabsch(points: Array, target: Array, *, mirrored: bool = False) -> Array:
-    """(3, 3) rotation R with R @ point nearest to its target; both (N, 3) [m] with mean 0.
+    """(3, 3) rotation R with R @ point nearest to its target; both (N, 3) [m].
+
+    No shift is removed: subtract the means for that.
 
     mirrored : the best with determinant -1 instead of +1.
     """

@@ -1,4 +1,4 @@
-"""Reference pages from schemas: docs/calibration_file.md and docs/plan_request.md.
+"""Reference pages from schemas: calibration_file.md, plan_request.md and poses.md of docs/.
 
 python -m generators.schema_pages
 """
@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 
 from ballbar.result.calibration import CalibrationFile
 from cell.files import write_whole
+from cell.pose_file import PosesFile
 from generators.scenario_reference.keys import default_text, first_paragraph, models_in, values_text
 from planning.request import PlanRequest
 
@@ -38,6 +39,14 @@ that the run on soft servo keeps the limits themselves. A request that allows no
 with the limit that excludes most and the nearest miss. Clearance is that of MuJoCo's
 `mj_geomDistance` between capsules of robot and rod, the box of the plate, floor, pedestal and the
 boxes of `keep_out`; radii are assumed shares of the length of the upper arm.
+"""
+
+
+POSES = """# poses.yaml
+
+Describes tables of still poses: joint angles at which the robot stood, and what an instrument
+measured there. Written by `python -m generators.schema_pages` from the schema; do not edit. Steps
+and examples: [Read still poses](how_to/still_poses.md).
 """
 
 
@@ -83,6 +92,7 @@ class SchemaPage:
 PAGES = (
     SchemaPage("calibration_file.md", CALIBRATION, CalibrationFile, written_by_people=False),
     SchemaPage("plan_request.md", REQUEST, PlanRequest, written_by_people=True),
+    SchemaPage("poses.md", POSES, PosesFile, written_by_people=True),
 )
 
 

@@ -29,8 +29,11 @@ def read_rsi(path: Path, file: str, _time: str, layout: Layout) -> tuple[Table, 
 
     Raises LogError as other tables do: lines that are no whole message are torn lines.
     """
-    table, form = text_table(rsi_text(read_text(path, file)), layout)
-    return table, replace(form, separator="XML")
+    tabs = replace(layout, separators=("\t",), decimal="point")
+    table, form = text_table(rsi_text(read_text(path, file)), tabs)
+    # A message has dozens of values.
+    findings = tuple(entry for entry in table.findings if entry.kind != "column not used")
+    return replace(table, findings=findings), replace(form, separator="XML")
 
 
 def rsi_text(text: LogText) -> LogText:

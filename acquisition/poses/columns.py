@@ -34,6 +34,8 @@ UNITS = {  # as headers write them
 _TERMS = re.compile(r"(.+?) ([+-]) (.+)")
 _MISSING = {"", "nan", "-nan", "n/a", "na", "#n/a", "null", "none", "-", "--"}
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}([.,' ]\d{3})*[.,]\d+")
+# A quoted comma among fields that commas separate (acquisition.table.rows).
+_QUOTED_COMMA = re.compile(r"[+-]?\d+(\?\d+)+")
 REMEDIES = Remedies(
     description="poses.yaml",
     missing="Correct the name in poses.yaml, or give the number of the column, from 1.",
@@ -108,7 +110,12 @@ class PoseRows:
         try:
             value = float(cell) if "_" not in cell else np.inf
         except ValueError:
-            hint = " Thousands separators? Export without them." if _THOUSANDS.match(cell) else ""
+            hint = ""
+            if _QUOTED_COMMA.fullmatch(cell):
+                cell = cell.replace("?", ",")
+                hint = " A decimal comma, or thousands? Export with semicolons between the fields."
+            elif _THOUSANDS.fullmatch(cell):
+                hint = " Thousands separators? Export without them."
             raise LogError(
                 f"{self.location(row)}: column {selector}: {cell!r} is not a number.{hint} "
                 "Correct the cell, or export the file again."
@@ -122,9 +129,16 @@ class PoseRows:
 
 
 def header_names(text: LogText) -> set[str]:
-    """Every field, however separated, of the lines among which the header is."""
-    lines = text.lines[: PREAMBLE + 1]
-    return {field for line in lines for s in SEPARATORS for field in split_fields(line, s)}
+    """Every field, however separated, of the lines among which the header is.
+
+    Blanks separate only where nothing else does: names have blanks too.
+    """
+    names = set[str]()
+    for line in text.lines[: PREAMBLE + 1]:
+        others = [s for s in SEPARATORS if s != " " and s in line]
+        for separator in others or [" "]:
+            names.update(split_fields(line, separator))
+    return names
 
 
 def quantities(columns: Iterable[int | str], names: Collection[str]) -> tuple[Quantity, ...]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NoReturn
-
 import numpy as np
 
 from acquisition.poses.columns import PoseRows
@@ -45,25 +43,31 @@ def refuse_other_unit(
     turned = largest > (MOST_TURNS if unit == "rad" else np.rad2deg(MOST_TURNS))
     if not (turned or too_far):
         return
-    row, axis = np.unravel_index(int(np.abs(angles).argmax()), angles.shape)
-    if not turned:
-        row, axis = np.argwhere(far)[0]
-    _refuse(robot, declared, rows.location(int(judged[row])), angles, unit, int(row), int(axis))
+    place = np.unravel_index(int(np.abs(angles).argmax()), angles.shape)
+    row, axis = map(int, place if turned else np.argwhere(far)[0])
+    raise LogError(
+        f"{rows.location(int(judged[row]))}: {_column(declared, axis)}: {angles[row, axis]:.6g} "
+        f"read as {unit} puts {_beyond(robot, axes[row], axis)}. "
+        f"{_remedy(robot, declared, angles, unit)}"
+    )
 
 
-def _refuse(
-    robot: Robot,
-    declared: JointColumns,
-    location: str,
-    angles: Array,
-    unit: AngleUnit,
-    row: int,
-    axis: int,
-) -> NoReturn:
-    column = f"column {declared.columns[axis]}" if len(declared.columns) > axis else "the angle"
+def _column(declared: JointColumns, axis: int) -> str:
+    columns = declared.columns
+    return f"column {columns[axis]}" if len(columns) > axis else f"angle {axis + 1}"
+
+
+def _beyond(robot: Robot, axes: Array, axis: int) -> str:
+    """Where an axis of axes (J,) [rad] would stand, beside its limits."""
     lower, upper = np.rad2deg(robot.axis_lower[axis]), np.rad2deg(robot.axis_upper[axis])
-    q = joint_angles(robot, declared, angles[[row]], unit)
-    degrees = float(np.rad2deg(joints_to_axes(robot, q)[0, axis]))
+    return (
+        f"axis {axis + 1} of {robot.name} at {np.rad2deg(axes[axis]):.5g} deg, far beyond its "
+        f"limits {lower:.4g} to {upper:.4g} deg"
+    )
+
+
+def _remedy(robot: Robot, declared: JointColumns, angles: Array, unit: AngleUnit) -> str:
+    """Other readings of angles (N, J) in `unit` that fit the robot, or what else to look at."""
     others = [
         words
         for words, other, kind in (
@@ -75,17 +79,14 @@ def _refuse(
         if (other, kind) != (unit, declared.angles)
         and _fits(robot, declared.model_copy(update={"angles": kind}), angles, other)
     ]
-    remedy = (
+    if not others:
+        return (
+            "Name the columns that hold the robot's angles, in the order of its axes, and the "
+            "right robot."
+        )
+    return (
         f"With {' or '.join(others)} all angles stay within the limits: write so under joints in "
         "poses.yaml."
-        if others
-        else "Name the columns that hold the robot's angles, in the order of its axes, and the "
-        "right robot."
-    )
-    raise LogError(
-        f"{location}: {column}: {angles[row, axis]:.6g} read as {unit} puts axis {axis + 1} of "
-        f"{robot.name} at {degrees:.5g} deg, far beyond its limits {lower:.4g} to {upper:.4g} deg. "
-        f"{remedy}"
     )
 
 

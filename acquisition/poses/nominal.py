@@ -6,27 +6,31 @@ or angles turned about other axes. A little wrong is the identifier's matter.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.poses.columns import PoseRows
 from acquisition.poses.values import rotation
 from acquisition.report import Finding, finding
 from cell.arrays import Array
+from cell.chain import Frames
 from cell.descriptions import Robot
 from cell.errors import LogError
 from cell.instrument import Instrument
 from cell.pose_file import AngleUnit, ValueColumns
-from cell.rigid_fit import nominal_frames, rigid_fit_rms
+from cell.rigid_fit import nominal_frames, rigid_fit
 
 FEWEST = 10  # poses: fewer lie on many robots
 MOST_JUDGED = 400  # poses; more show nothing new
 _LARGE, _SMALL = 2.2, 1.0 / 200.0  # spread of positions, as a share of the robot's reach
+_TOOL = 0.5  # [m] no target is further from the flange
 _MOVED = 0.1  # of the reach: spread of the nominal flange that must show in the positions
 _BETTER = 5.0  # times smaller residual of a mirrored frame
 _FITS = 0.05  # of the reach: a nominal robot within it is the right one
-_TURN_OFF = np.deg2rad(3.0)  # [rad] median error of the turn between two poses
+_TURN_OFF = np.deg2rad(3.0)  # [rad] median error of the rotations
 _TURN_FITS = 0.3  # of that, by another convention
 _EULER = tuple("".join(axes) for axes in product("XYZ", repeat=3) if axes[0] != axes[1] != axes[2])
 _CONVENTIONS = (*_EULER, *map(str.lower, _EULER), "rotvec")
@@ -38,9 +42,22 @@ def reach(robot: Robot) -> float:
     return float(np.hypot(robot.a, robot.d).sum())
 
 
-def judged(count: int) -> Array:
+def judged(count: int) -> NDArray[np.intp]:
     """(K,) rows that checks look at: all, or MOST_JUDGED spread evenly over `count`."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST_JUDGED)).astype(np.intp))
+
+
+def spread_of(points: Array) -> float:
+    """[m] width of points (N, 3) [m]: twice the distance from their middle that nine in ten keep.
+
+    Single wrong points do not change it.
+    """
+    return 2.0 * float(np.quantile(_off_middle(points), 0.9))
+
+
+def _off_middle(points: Array) -> Array:
+    """(N,) [m] distance of points (N, 3) [m] from their median."""
+    return np.asarray(np.linalg.norm(points - np.median(points, axis=0), axis=1))
 
 
 def check_positions(
@@ -50,12 +67,11 @@ def check_positions(
 
     Raises LogError for points in another unit and for a left-handed frame.
     """
-    chosen = judged(len(q))
+    chosen, every = judged(len(q)), points
     frames, points = nominal_frames(robot, q[chosen]), points[chosen]
-    spread = float(np.linalg.norm(np.ptp(points, axis=0)))
-    moved = float(np.linalg.norm(np.ptp(frames.tip.T, axis=0)))
+    spread, moved = spread_of(points), spread_of(frames.tip.T)
     length = reach(robot)
-    far = spread > _LARGE * length
+    far = spread > _LARGE * length + 2.0 * _TOOL
     near_by = spread < _SMALL * length and moved > _MOVED * length
     if far or near_by:
         what = "more than the robot reaches" if far else "though its flange moves"
@@ -66,9 +82,31 @@ def check_positions(
         )
     if chosen.size < FEWEST:
         return ()
-    direct = rigid_fit_rms(frames, points)
+    within = _off_middle(points) < 2.0 * (length + _TOOL)
+    frames, points = nominal_frames(robot, q[chosen][within]), points[within]
+    return (*_out_of_reach(robot, rows, every), *_off_nominal(robot, rows, frames, points))
+
+
+def _out_of_reach(robot: Robot, rows: PoseRows, points: Array) -> tuple[Finding, ...]:
+    """A finding about points (N, 3) [m] that no pose of the robot reaches beside the others."""
+    far = np.flatnonzero(_off_middle(points) >= 2.0 * (reach(robot) + _TOOL))
+    if not far.size:
+        return ()
+    sentence = "the point lies further from the others than the robot reaches."
+    lines = rows.line[far]
+    return (finding("point out of reach", "warning", rows.file, sentence, lines=lines),)
+
+
+def _off_nominal(
+    robot: Robot, rows: PoseRows, frames: Frames, points: Array
+) -> tuple[Finding, ...]:
+    """A finding about points (K, 3) [m] that are not those of the catalogue robot.
+
+    Raises LogError if they are their mirror image.
+    """
+    length, direct = reach(robot), rigid_fit(frames, points).rms
     if direct > _FITS * length:
-        mirror = rigid_fit_rms(frames, points, mirrored=True)
+        mirror = rigid_fit(frames, points, mirrored=True).rms
         if mirror * _BETTER < direct and mirror < _FITS * length:
             raise LogError(
                 f"{rows.file}: the measured points fit {robot.name} only as their mirror image "
@@ -90,64 +128,90 @@ def better_as_rad(robot: Robot, as_deg: Array, as_rad: Array, points: Array) -> 
     """
     chosen = judged(len(points))
     degrees, radians = (
-        rigid_fit_rms(nominal_frames(robot, q[chosen]), points[chosen]) for q in (as_deg, as_rad)
+        rigid_fit(nominal_frames(robot, q[chosen]), points[chosen]).rms for q in (as_deg, as_rad)
     )
     return radians < degrees
 
 
-def check_rotations(
-    robot: Robot, rows: PoseRows, q: Array, declared: ValueColumns, raw: Array, angle: float
-) -> tuple[Finding, ...]:
-    """A finding if measured rotations do not turn as the flange does at angles q (N, J) [rad].
+@dataclass(frozen=True, eq=False)
+class Orientations:
+    """Rotations of the nominal flange in the measuring frame, which positions tell."""
 
-    raw : (N, 3 or 4) columns of the rotation, angles in units of `angle` [rad]. The angle of the
-        turn between two poses depends on no frame, so it needs no fit.
+    expected: Array  # (K, 3, 3)
+    chosen: NDArray[np.intp]  # (K,) their rows
 
-    Raises LogError if another convention or unit fits.
+    def error(self, convention: str, raw: Array, angle: float) -> float:
+        """[rad] median turn of the target on the flange about its mean, which should not turn.
+
+        raw : (N, 3 or 4) columns of measured rotations, angles in units of `angle` [rad].
+        """
+        measured = rotation(convention, raw[self.chosen], angle).as_matrix()
+        on_flange = self.expected.transpose(0, 2, 1) @ measured
+        u, _, vt = np.linalg.svd(on_flange.mean(axis=0))
+        mean = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        cosine = 0.5 * (np.einsum("ij,nij->n", mean, on_flange) - 1.0)
+        return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+    def fitting(self, raw: Array) -> tuple[str, AngleUnit, float] | None:
+        """Convention, unit and error [rad] with which rotations raw (N, 3 or 4) fit best.
+
+        None if none fits.
+        """
+        units: tuple[tuple[AngleUnit, float], ...] = (("rad", 1.0), ("deg", np.pi / 180.0))
+        errors = {
+            (name, unit): self.error(name, raw, scale)
+            for name in (_QUATERNIONS if raw.shape[1] == 4 else _CONVENTIONS)
+            for unit, scale in units
+        }
+        (name, unit), least = min(errors.items(), key=lambda item: item[1])
+        return (name, unit, least) if least < _TURN_OFF else None
+
+
+def orientations(robot: Robot, q: Array, points: Array) -> Orientations | None:
+    """What the flange's rotations should be at q (N, J) [rad], by the measured points (N, 3) [m].
+
+    None if the points are few, on a line, or not those of the robot.
     """
     chosen = judged(len(q))
     if chosen.size < FEWEST:
+        return None
+    frames = nominal_frames(robot, q[chosen])
+    fit = rigid_fit(frames, points[chosen])
+    if fit.rms > _FITS * reach(robot) or fit.width < 3.0 * fit.rms:
+        return None
+    return Orientations(fit.rotation @ frames.rotation().transpose(2, 0, 1), chosen)
+
+
+def check_rotations(
+    robot: Robot,
+    rows: PoseRows,
+    expected: Orientations | None,
+    declared: ValueColumns,
+    raw: Array,
+    angle: float,
+) -> tuple[Finding, ...]:
+    """A finding if measured rotations do not turn as the flange does.
+
+    raw : (N, 3 or 4) columns of the rotation, angles in units of `angle` [rad].
+
+    Raises LogError if another convention or unit fits.
+    """
+    if expected is None or (off := expected.error(str(declared.rotation), raw, angle)) < _TURN_OFF:
         return ()
-    flange = nominal_frames(robot, q[chosen]).rotation().transpose(2, 0, 1)
-    expected = _turns(flange)
-    off = _turn_error(str(declared.rotation), raw[chosen], angle, expected)
-    if off < _TURN_OFF:
-        return ()
-    fitting = fitting_rotation(robot, q, raw)
+    fitting = expected.fitting(raw)
     if fitting is not None and fitting[2] < _TURN_FITS * off:
         name, unit, least = fitting
         how = f"rotation: {name}" + ("" if name.startswith("quat") else f", angle_unit: {unit}")
         raise LogError(
             f"{rows.file}: the rotations read as {declared.rotation} do not turn as the flange of "
-            f"{robot.name} does (median {np.rad2deg(off):.3g} deg off between two poses); with "
-            f"`{how}` they do ({np.rad2deg(least):.2g} deg). Write so under values in poses.yaml."
+            f"{robot.name} does ({np.rad2deg(off):.3g} deg off, median); with `{how}` they do "
+            f"({np.rad2deg(least):.2g} deg). Write so under values in poses.yaml."
         )
     sentence = (
-        f"the turn between two poses is {np.rad2deg(off):.3g} deg (median) off that of the flange "
-        f"of the catalogue robot {robot.name}: another convention, or another robot?"
+        f"the rotations are {np.rad2deg(off):.3g} deg (median) off those of the flange of the "
+        f"catalogue robot {robot.name}: another convention, or another robot?"
     )
     return (finding("rotations off the nominal robot", "warning", rows.file, sentence, count=1),)
-
-
-def fitting_rotation(robot: Robot, q: Array, raw: Array) -> tuple[str, AngleUnit, float] | None:
-    """Convention, unit and error [rad] with which rotations turn as the flange does.
-
-    q : (N, J) [rad] joint angles. raw : (N, 3 or 4) columns of the rotations. None if there is no
-        such convention, or fewer poses than FEWEST.
-    """
-    chosen = judged(len(q))
-    if chosen.size < FEWEST:
-        return None
-    flange = nominal_frames(robot, q[chosen]).rotation().transpose(2, 0, 1)
-    expected, raw = _turns(flange), raw[chosen]
-    units: tuple[tuple[AngleUnit, float], ...] = (("rad", 1.0), ("deg", np.pi / 180.0))
-    errors = {
-        (name, unit): _turn_error(name, raw, scale, expected)
-        for name in (_QUATERNIONS if raw.shape[1] == 4 else _CONVENTIONS)
-        for unit, scale in units
-    }
-    (name, unit), least = min(errors.items(), key=lambda item: item[1])
-    return (name, unit, least) if least < _TURN_OFF else None
 
 
 def check_lengths(
@@ -180,13 +244,3 @@ def _other_unit(measured: float, expected: float, unit: str) -> str:
         if name != unit and 0.2 < measured / here * scale / max(expected, 1e-9) < 5.0:
             return f"In {name}? Write `unit: {name}` under values in poses.yaml."
     return "Correct the unit under values in poses.yaml, or name the columns that were measured."
-
-
-def _turns(rotations: Array) -> Array:
-    """(N-1,) [rad] angles between each rotation (N, 3, 3) and the next."""
-    cosine = 0.5 * (np.einsum("nij,nij->n", rotations[:-1], rotations[1:]) - 1.0)
-    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
-
-
-def _turn_error(name: str, raw: Array, angle: float, expected: Array) -> float:
-    return float(np.median(np.abs(_turns(rotation(name, raw, angle).as_matrix()) - expected)))

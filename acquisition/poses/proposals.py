@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.poses.columns import UNITS, PoseRows, header_names, quantities, read_rows
-from acquisition.poses.nominal import judged
+from acquisition.poses.nominal import judged, spread_of
 from acquisition.poses.text import FileKind
 from acquisition.poses.values import METRES
 from acquisition.table.fields import SEPARATORS, is_number, split_fields
@@ -94,7 +94,7 @@ def joint_columns(columns: ColumnNames, axes: int) -> list[tuple[str, ...]]:
             family.replace("#", "1")
         ):
             fitting.append(tuple(name for _, name in ordered))
-    return sorted(fitting, key=lambda found: not _MEASURED.search(found[0]))
+    return sorted(fitting, key=lambda family: not _MEASURED.search(family[0]))
 
 
 def position_columns(columns: ColumnNames, used: Sequence[str]) -> list[tuple[str, ...]]:
@@ -209,9 +209,8 @@ def length_unit(robot: Robot, q: Array, points: Array) -> str | None:
     None if the robot hardly moves, or none fits.
     """
     chosen = judged(len(q))
-    flange = nominal_frames(robot, q[chosen]).tip.T
-    expected = float(np.linalg.norm(np.ptp(flange, axis=0)))
-    spread = float(np.linalg.norm(np.ptp(points[chosen], axis=0)))
+    expected = spread_of(nominal_frames(robot, q[chosen]).tip.T)
+    spread = spread_of(points[chosen])
     if expected < 0.05 or spread == 0.0:  # [m]
         return None
     ratios = {unit: abs(np.log(spread * scale / expected)) for unit, scale in METRES.items()}

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.poses.file_poses import FilePoses, TableContext, file_poses
+from acquisition.poses.declared import TableContext
+from acquisition.poses.file_poses import FilePoses, file_poses
 from acquisition.report import Finding, ImportReport
 from cell.errors import DescriptionError
 from cell.instrument import Instrument

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
@@ -15,6 +16,10 @@ from rich.markup import escape
 from ballbar.commands.options import TEST_BENCH, AsJson, Out, ScenarioFile, command_line, say_json
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar
 from cell.errors import InputError
+
+if TYPE_CHECKING:  # each command loads what it shows alone
+    from ballbar.result.compare import Limit
+    from ballbar.scenario import PoseScenario
 
 CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous integration
 
@@ -39,16 +44,20 @@ def run(
     """Simulate a scenario, identify the robot from its logs, and compare it with the truth.
 
     Writes recording/, calibration.yaml, import_report.json, report.html and run.rrd to DIR (default
-    runs/NAME). Exits with 1 when a limit under `accept` is not met.
+    runs/NAME); of a scenario of still poses recording/, calibration.yaml and report.html. Exits
+    with 1 when a limit under `accept` is not met.
     """
     from ballbar.commands.result_json import run_data
     from ballbar.replay.live import live_run
     from ballbar.report.terminal import say_comparison, say_identification, say_plant
     from ballbar.run import run_scenario
-    from ballbar.scenario import load_scenario
+    from ballbar.scenario import PoseScenario, load_any_scenario
 
-    settings = load_scenario(scenario)
+    settings = load_any_scenario(scenario)
     folder = out_dir or Path("runs") / settings.name
+    if isinstance(settings, PoseScenario):
+        _run_poses(settings, scenario, folder, live=live, as_json=as_json)
+        return
     with live_run() if live else nullcontext() as window, progress_bar() as progress:
         data = run_scenario(
             settings, scenario, folder, command=command_line(), progress=progress, live=window
@@ -60,13 +69,44 @@ def run(
         say_plant(out, data.simulation)
     if data.comparison is not None:
         say_comparison(out, data.comparison)
-    for limit in data.limits:
-        word = "[green]met   [/]" if limit.met else "[red]missed[/]"
-        measured = f"{limit.measured:.3g} {limit.unit}".strip()
-        out.print(f"  {word} {limit.what} {measured} (limit {limit.allowed:g})")
+    _say_limits(data.limits)
     report = escape(str(folder / "report.html"))
     out.print(f"Look at {report}, or: ballbar replay {escape(str(folder))}")
     raise typer.Exit(0 if data.acceptable else 1)
+
+
+def _run_poses(
+    settings: PoseScenario, scenario: Path, folder: Path, *, live: bool, as_json: bool
+) -> None:
+    """Runs a scenario of still poses, and exits."""
+    from ballbar.commands.result_json import pose_scenario_data
+    from ballbar.report.pose_terminal import say_pose_comparison, say_poses
+    from ballbar.run_poses import run_pose_scenario
+
+    if live:
+        raise InputError(
+            f"{scenario}: --live shows a motion, and in a scenario of still poses nothing moves. "
+            "Leave it out."
+        )
+    with progress_bar() as progress:
+        data = run_pose_scenario(
+            settings, scenario, folder, command=command_line(), progress=progress
+        )
+    if as_json:
+        say_json(pose_scenario_data(data, folder))
+    say_poses(out, data.run)
+    out.print(escape(data.simulation.plant))
+    say_pose_comparison(out, data.comparison)
+    _say_limits(data.limits)
+    out.print(f"Look at {escape(str(folder / 'report.html'))}")
+    raise typer.Exit(0 if data.acceptable else 1)
+
+
+def _say_limits(limits: Sequence[Limit]) -> None:
+    for limit in limits:
+        word = "[green]met   [/]" if limit.met else "[red]missed[/]"
+        measured = f"{limit.measured:.3g} {limit.unit}".strip()
+        out.print(f"  {word} {limit.what} {measured} (limit {limit.allowed:g})")
 
 
 @commands.command(
@@ -81,17 +121,34 @@ def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = Fals
     from ballbar.commands.result_json import simulation_data
     from ballbar.report.terminal import say_plant
     from ballbar.run import simulate_scenario
-    from ballbar.scenario import load_scenario
+    from ballbar.scenario import PoseScenario, load_any_scenario
     from sim.recording_files import truth_path
 
-    settings = load_scenario(scenario)
+    settings = load_any_scenario(scenario)
     folder = out_dir or Path("runs") / f"{settings.name}-recording"
+    if isinstance(settings, PoseScenario):
+        _simulate_poses(settings, scenario, folder, as_json=as_json)
+        return
     with progress_bar() as progress:
         simulation = simulate_scenario(settings, scenario, folder, progress=progress)
     if as_json:
         say_json(simulation_data(simulation, folder))
     say_plant(out, simulation)
     out.print(f"Recording {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
+
+
+def _simulate_poses(settings: PoseScenario, scenario: Path, folder: Path, *, as_json: bool) -> None:
+    """Simulates a scenario of still poses."""
+    from ballbar.commands.result_json import pose_simulation_data
+    from ballbar.run_poses import simulate_pose_scenario
+    from sim.recording_files import truth_path
+
+    with progress_bar() as progress:
+        simulation = simulate_pose_scenario(settings, scenario, folder, progress=progress)
+    if as_json:
+        say_json(pose_simulation_data(simulation, folder))
+    out.print(escape(simulation.plant))
+    out.print(f"Poses {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
 
 
 @commands.command(

@@ -250,7 +250,7 @@ def correct(
     path: Annotated[
         Path,
         typer.Argument(
-            help="CSV file with columns q1 to q6 [rad, DH joints] or axis1_deg to axis6_deg "
+            help="CSV file with columns q1, q2, ... [rad, DH joints] or axis1_deg, axis2_deg, ... "
             "[controller].",
             metavar="PATH.csv",
         ),

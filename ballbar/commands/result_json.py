@@ -19,8 +19,10 @@ if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.result.compare import Comparison
     from ballbar.result.pose_run import PoseRun
     from ballbar.result.run_data import RunData
+    from ballbar.run_poses import PoseScenarioRun
     from ballbar.sweep.run import Outcome
     from ident.robot.accuracy import TcpError
+    from sim.poses.simulate import PoseSimulation
     from sim.simulate import Simulation
 
 
@@ -51,6 +53,30 @@ def pose_run_data(run: PoseRun, folder: Path) -> dict[str, object]:
         "folder": str(folder),
         "files": sorted(entry.name for entry in folder.iterdir() if entry.name in OUTPUTS),
         "calibration": file.model_dump(mode="json", by_alias=True),
+    }
+
+
+def pose_scenario_data(data: PoseScenarioRun, folder: Path) -> dict[str, object]:
+    """JSON of `run` on a scenario of still poses: as `pose_run_data`, comparison and limits."""
+    return pose_run_data(data.run, folder) | {
+        "acceptable": data.acceptable,
+        "plant": data.simulation.plant,
+        "comparison": {
+            "tcp_error": _tcp(data.comparison.tcp),
+            "tcp_error_nominal": _tcp(data.comparison.tcp_nominal),
+        },
+        "limits": [asdict(limit) | {"met": limit.met} for limit in data.limits],
+    }
+
+
+def pose_simulation_data(simulation: PoseSimulation, folder: Path) -> dict[str, object]:
+    """JSON of `simulate` on a scenario of still poses: table, truth file, and the plant."""
+    force = simulation.truth.force
+    return {
+        "recording": str(folder),
+        "truth": str(truth_path(folder)),
+        "plant": simulation.plant,
+        "force_N": None if force is None else list(force),
     }
 
 

@@ -21,7 +21,7 @@ from ballbar.result.calibration import (
     load_calibration,
 )
 from ballbar.result.pose_calibration import PoseCalibration, load_pose_calibration
-from cell.bodies import bodies_of_robot, carried_bodies
+from cell.bodies import link_bodies, carried_bodies
 from cell.chain import Chain
 from cell.descriptions import Cell, Link, Robot
 from cell.errors import InputError
@@ -171,7 +171,7 @@ class PoseResult:
     @property
     def links(self) -> list[Link] | None:
         """Links 1 to J where the robot's file states masses."""
-        return None if self.robot.links is None else bodies_of_robot(self.robot)
+        return None if self.robot.links is None else link_bodies(self.robot)
 
     @property
     def frame_notes(self) -> list[str]:

@@ -19,7 +19,7 @@ import yaml
 from acquisition.poses import PoseImport, import_poses
 from acquisition.poses.columns import read_rows
 from acquisition.poses.joints import joint_angles
-from acquisition.poses.nominal import fitting_rotation
+from acquisition.poses.nominal import orientations
 from acquisition.poses.proposals import (
     ColumnNames,
     angle_unit,
@@ -36,6 +36,7 @@ from acquisition.poses.proposals import (
 )
 from acquisition.poses.text import FileKind, pose_text
 from acquisition.poses.times import pose_stamps
+from acquisition.poses.values import METRES
 from acquisition.table.text import LogText
 from ballbar.recordings.new_recording import Ask
 from cell.arrays import Array
@@ -268,7 +269,7 @@ def _values(
     values: dict[str, Any] = {"columns": columns}
     values["unit"] = _length_unit(table, robot, q, columns, answers)
     if measured == "pose":
-        values |= _rotation(table, robot, q, columns, answers)
+        values |= _rotation(table, robot, q, columns, values["unit"], answers)
     names = [str(column) for column in columns]
     sigma = sigma_columns(table.columns, names)
     return {"values": values, **({"sigma": {"columns": list(sigma)}} if sigma else {})}
@@ -301,11 +302,17 @@ def _length_unit(
 
 
 def _rotation(
-    table: _Table, robot: Robot, q: Array, columns: list[int | str], answers: PoseAnswers
+    table: _Table, robot: Robot, q: Array, columns: list[int | str], unit: str, answers: PoseAnswers
 ) -> dict[str, Any]:
-    """Convention and unit of rotations: those with which they turn as the flange does."""
-    raw = column_values(table.text, table.kind, columns[3:])
-    seen = fitting_rotation(robot, q, raw) if len(raw) == len(q) else None
+    """Convention and unit of rotations: those with which they turn as the flange does.
+
+    unit : of the positions.
+    """
+    raw = column_values(table.text, table.kind, columns)
+    expected = None
+    if len(raw) == len(q):
+        expected = orientations(robot, q, METRES[unit] * raw[:, :3])
+    seen = None if expected is None else expected.fitting(raw[:, 3:])
     convention = table.answer(
         answers.rotation or (seen[0] if seen else None),
         "convention of the rotation? (XYZ and the like about moving axes, xyz about fixed ones, "
@@ -315,13 +322,13 @@ def _rotation(
     )
     if convention.startswith("quat"):
         return {"rotation": convention}
-    unit = table.answer(
+    turned = table.answer(
         answers.angle_unit or (seen[1] if seen else None),
         "unit of the rotation's angles? (rad or deg)",
         None,
         _one_of(get_args(AngleUnit)),
     )
-    return {"angle_unit": unit, "rotation": convention}
+    return {"angle_unit": turned, "rotation": convention}
 
 
 def _one_of(choices: Sequence[str]) -> Callable[[str], str]:

@@ -10,21 +10,17 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
 from ballbar.report.figures import (
     AFTER_SCALE,
     BEFORE_SCALE,
-    STYLE,
-    WIDTH,
     Curve,
-    as_svg,
     cumulative,
+    order_spectra,
     workspace_map,
 )
 from ballbar.report.numbers import listed, significant
@@ -146,22 +142,17 @@ def _subtitle(run: PoseRun) -> str:
 
 def _tiles(result: PoseIdentification) -> list[Tile]:
     validation, fit = result.cross_validation, result.fit
-    found = result.search.found if result.search else ()
+    orders = result.search.orders if result.search else ()
+    fitted, before = result.residual_means
     return [
         Tile(
             "Error where it was not fitted",
             f"{validation.mean * MM:.3f} mm",
             f"mean; 95 % below {validation.quantile * MM:.3f} mm",
         ),
-        Tile(
-            "Nominal robot",
-            f"{result.residual_nominal.mean() * MM:.3f} mm",
-            "mean, seats and targets fitted",
-        ),
-        Tile(
-            "Fitted poses", f"{result.residual.mean() * MM:.3f} mm", f"mean of {result.table.size}"
-        ),
-        Tile("Joint errors", str(len(found)), "orders found by evidence"),
+        Tile("Nominal robot", f"{before * MM:.3f} mm", "mean, seats and targets fitted"),
+        Tile("Fitted poses", f"{fitted * MM:.3f} mm", f"mean of {validation.counting.sum()}"),
+        Tile("Joint errors", str(len(orders)), "orders found by evidence"),
         Tile("Unknowns", str(fit.model.unknowns.count), f"{fit.iterations} iterations"),
     ]
 
@@ -191,23 +182,9 @@ def _maps(result: PoseIdentification) -> list[Markup]:
 
 
 def _spectra(result: PoseIdentification) -> Markup | None:
-    """Score of every order before and after the search, joint by joint."""
     if result.search is None:
         return None
-    before, after = result.search.spectrum_before, result.search.spectrum_after
-    orders = np.arange(1, before.shape[1] + 1)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(2.0 * WIDTH, 1.25 * len(before)))
-        panels = figure.subplots(len(before), 1, sharex=True, squeeze=False)[:, 0]
-        for joint, (axes, first, last) in enumerate(zip(panels, before, after, strict=True)):
-            axes.vlines(orders - 0.13, 0.0, first, color=BEFORE, linewidth=2.4, label="before")
-            axes.vlines(orders + 0.13, 0.0, last, color=AFTER, linewidth=2.4, label="after")
-            axes.set_ylabel(f"joint {joint + 1}")
-            axes.set_ylim(0.0, None)
-            axes.set_xlim(0.0, orders[-1] + 1)
-        panels[0].legend(ncols=2, loc="upper right")
-        panels[-1].set_xlabel("order [cycles a turn]")
-        return as_svg(figure)
+    return order_spectra(result.search.spectrum_before, result.search.spectrum_after)
 
 
 def _orders(result: PoseIdentification) -> list[OrderRow]:
@@ -216,7 +193,7 @@ def _orders(result: PoseIdentification) -> list[OrderRow]:
     layout, x = result.fit.model.unknowns, result.fit.x
     values = dict(zip(layout.names, x.tolist(), strict=True))
     rows = []
-    for o in result.search.found:
+    for o in result.search.orders:
         name = f"joint{o.joint + 1}_{o.order}"
         size = float(np.hypot(values[f"{name}_cos"], values[f"{name}_sin"]))
         rows.append(

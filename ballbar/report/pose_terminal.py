@@ -5,6 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 from rich.markup import escape
 
+from ballbar.result.compare_poses import PoseComparison
 from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM
 
@@ -30,11 +31,11 @@ def say_poses(out: Console, run: PoseRun) -> None:
         f"target{'s' * (targets > 1)}, in {fit.iterations} iterations"
     )
     if result.search is not None:
-        found = ", ".join(f"joint {o.joint + 1}: {o.order}" for o in result.search.found[:8])
-        more = len(result.search.found) - 8
+        names = ", ".join(f"joint {o.joint + 1}: {o.order}" for o in result.search.orders[:8])
+        more = len(result.search.orders) - 8
         out.print(
             escape(
-                f"joint errors found (cycles a turn): {found or 'none'}"
+                f"joint errors found (cycles a turn): {names or 'none'}"
                 + (f" and {more} more" if more > 0 else "")
             )
         )
@@ -42,4 +43,14 @@ def say_poses(out: Console, run: PoseRun) -> None:
     out.print(
         f"stated TCP uncertainty within the fitted ranges: mean {sigma * MM:.4f} mm (1 sigma, "
         "all axes together)"
+    )
+
+
+def say_pose_comparison(out: Console, comparison: PoseComparison) -> None:
+    """Print how far the identified robot is from the true one."""
+    tcp, before = comparison.tcp, comparison.tcp_nominal
+    out.print(
+        f"TCP error within the fitted ranges: mean {tcp.mean * MM:.4f} mm, "
+        f"largest {tcp.maximum * MM:.4f} mm "
+        f"(nominal robot {before.mean * MM:.3f} and {before.maximum * MM:.3f} mm)"
     )

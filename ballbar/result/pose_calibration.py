@@ -287,7 +287,7 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             OrderEntry(
                 joint=o.joint + 1, order=o.order, score=o.score, gain=o.gain, aliases=o.aliases
             )
-            for o in result.search.found
+            for o in result.search.orders
         ),
         seats={
             name: _entry(
@@ -331,8 +331,8 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             poses=result.table.size,
             tcp_sigma_mean_m=float(arm.sigma(result.table.q).mean()),
             discrepancy_m=fit.discrepancy.position,
-            residual_mean_m=float(result.residual.mean()),
-            nominal_mean_m=float(result.residual_nominal.mean()),
+            residual_mean_m=result.residual_means[0],
+            nominal_mean_m=result.residual_means[1],
         ),
         held_out=tuple(
             PoseHeldOutEntry(

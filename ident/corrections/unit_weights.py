@@ -48,9 +48,9 @@ def torques(frames: Frames, down: Array) -> Array:
     rows, n = frames.x_link.shape[0], frames.tip.shape[1]
     out = np.zeros((rows, rows, n))
     for j in range(rows):
-        pull = cross(down[:, None] * np.ones(n), frames.z[j])  # g x z: lever . that is the torque
+        pull = cross(down[:, None] * np.ones(n), frames.z[j])  # (z x r) . g = r . (g x z)
         for k in range(j, rows):
-            out[j, k] = ((frames.origin[k + 1] - frames.origin[j]) * -pull).sum(axis=0)
+            out[j, k] = ((frames.origin[k + 1] - frames.origin[j]) * pull).sum(axis=0)
     return out
 
 
@@ -58,10 +58,10 @@ def _felt(levers: Array) -> list[tuple[int, int]]:
     """Joints and frames, from 0, whose torques vary and differ from each other's."""
     pairs: list[tuple[int, int]] = []
     for j in range(len(levers)):
-        kept: list[Array] = []
+        others: list[Array] = []
         for k in range(j, len(levers)):
             varying = levers[j, k] - levers[j, k].mean()
-            if varying.std() > _LEVER and all((varying - o).std() > _LEVER for o in kept):
-                kept.append(varying)
+            if varying.std() > _LEVER and all((varying - o).std() > _LEVER for o in others):
+                others.append(varying)
                 pairs.append((j, k))
     return pairs

@@ -37,10 +37,12 @@ class LinearModel:
     prior_gradient: Array  # (P,) of half the prior's cost
     prior_normal: Array  # (P, P)
     regions: NDArray[np.intp]  # (N,) folds of the cross-validation
+    # (N,) number of the pose from 0: the errors of several targets at one pose are alike
+    poses: NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class OrderFound:
+class JointOrder:
     """One joint error that the data ask for."""
 
     joint: int  # from 0
@@ -54,14 +56,14 @@ class OrderFound:
 class OrderSearch:
     """The outcome of a search."""
 
-    found: tuple[OrderFound, ...]
+    orders: tuple[JointOrder, ...]
     spectrum_before: Array  # (J, ORDERS) score of every candidate before the search
     spectrum_after: Array  # (J, ORDERS) and after it
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
         """Joint, from 0, and order of each."""
-        return [(o.joint, o.order) for o in self.found]
+        return [(o.joint, o.order) for o in self.orders]
 
 
 def search_orders(model: LinearModel, prior: float, *, highest: int = ORDERS) -> OrderSearch:
@@ -74,7 +76,7 @@ def search_orders(model: LinearModel, prior: float, *, highest: int = ORDERS) ->
     scores = _Scores(model, candidates, prior)
     limit = 2.0 * np.log(len(candidates)) + THRESHOLD
     taken: list[int] = []
-    found: list[OrderFound] = []
+    orders: list[JointOrder] = []
     first = scores.tests()
     level, tests = grams.plain(), first
     while len(taken) < LARGEST:
@@ -89,15 +91,15 @@ def search_orders(model: LinearModel, prior: float, *, highest: int = ORDERS) ->
         chosen, level = int(ranked[best]), float(levels[best])
         taken.append(chosen)
         joint, order = divmod(chosen, highest)
-        found.append(
-            OrderFound(
+        orders.append(
+            JointOrder(
                 joint, order + 1, float(tests[chosen]), float(gain), scores.aliases(chosen, highest)
             )
         )
         scores.take(chosen)
         tests = scores.tests()
     shape = (len(model.joints), highest)
-    return OrderSearch(tuple(found), first.reshape(shape), tests.reshape(shape))
+    return OrderSearch(tuple(orders), first.reshape(shape), tests.reshape(shape))
 
 
 def _candidates(model: LinearModel, highest: int) -> Array:
@@ -124,12 +126,16 @@ class _Scores:
         rest = flat - cho_solve(normal, present @ flat.T).T @ present
         self._rest: Array = rest.reshape(candidates.shape)  # what the model cannot take over
         self._residual = model.residual.reshape(-1)
+        self._order = np.argsort(model.poses, kind="stable")
+        self._starts = np.flatnonzero(np.diff(model.poses[self._order], prepend=-1))
 
     def tests(self) -> Array:
         """(C,) of each candidate: s' V^-1 s, V from the scores of single poses."""
         equations, poses = self._shape
         rest = self._rest.reshape(len(self._rest), 2, equations, poses)
         each = np.einsum("cien,en->cin", rest, self._residual.reshape(equations, poses))
+        if len(self._starts) < poses:
+            each = np.add.reduceat(each[:, :, self._order], self._starts, axis=2)
         score = each.sum(axis=2)
         variance = np.einsum("cin,cjn->cij", each, each)
         variance += 1e-12 * np.trace(variance, axis1=1, axis2=2)[:, None, None] * np.eye(2)

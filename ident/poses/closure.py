@@ -66,7 +66,7 @@ def close_pose_loop(
         along = rod / np.maximum(np.linalg.norm(rod, axis=0), np.finfo(float).tiny)
         place = seat_origin + values[:, 0] * along
         across = _across(along)
-        aim = np.concatenate((np.cross(across, along, axis=1), across), axis=1)
+        aim = np.stack([np.concatenate((cross(axis, rod), axis)) for axis in across])
         free = np.concatenate((aim, ball))
     elif measured == "socket":
         place, free = np.repeat(seat_origin, n, axis=1), ball

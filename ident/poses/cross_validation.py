@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from cell.arrays import Array
@@ -29,18 +30,19 @@ class CrossValidation:
     """Errors of poses in regions that were not fitted."""
 
     error: Array  # (N,) [m] of the target's position; along the rod where lengths were measured
+    counting: NDArray[np.bool_]  # (N,) all but the poses that the fit left out as far off
     sigma: float  # [m] discrepancy along each axis, the instrument's noise included
     factor: float  # squared Mahalanobis distance that holds LEVEL, over that of chi-square
 
     @property
     def mean(self) -> float:
         """[m]"""
-        return float(self.error.mean())
+        return float(self.error[self.counting].mean())
 
     @property
     def quantile(self) -> float:
         """[m] below which LEVEL of the errors lie."""
-        return float(np.quantile(self.error, LEVEL))
+        return float(np.quantile(self.error[self.counting], LEVEL))
 
 
 def cross_validated(fit: PoseFit) -> CrossValidation:
@@ -68,17 +70,20 @@ def cross_validated(fit: PoseFit) -> CrossValidation:
             held = region == fold
             rest[:, held] += np.einsum("pen,p->en", move[:, :, held], step)
     spreads = [spread_of(move, fit.covariance) for move in moves]
-    count = sum(rest.size for rest in rests)
-    known = sum(float(np.trace(s, axis1=1, axis2=2).sum()) for s in spreads)
-    square = sum(float((rest**2).sum()) for rest in rests)
+    weighted = [robust > 0.0 for robust in equations.robust]
+    judged = list(zip(rests, spreads, weighted, strict=True))
+    count = sum(rest[:, k].size for rest, _, k in judged)
+    known = sum(float(np.trace(s[k], axis1=1, axis2=2).sum()) for _, s, k in judged)
+    square = sum(float((rest[:, k] ** 2).sum()) for rest, _, k in judged)
     declared = min(float(g.sigma[:, :3].min()) for g in model.table.groups)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
     ratios = [
-        mahalanobis(rest, spread, variance) / chi2.ppf(LEVEL, len(rest))
-        for rest, spread in zip(rests, spreads, strict=True)
+        mahalanobis(rest[:, k], spread[k], variance) / chi2.ppf(LEVEL, len(rest))
+        for rest, spread, k in judged
     ]
     return CrossValidation(
         error=np.concatenate([np.linalg.norm(rest, axis=0) for rest in rests]),
+        counting=np.concatenate(weighted),
         sigma=float(np.sqrt(variance)),
         factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
     )

@@ -1,9 +1,9 @@
 """What the residuals of still poses show beside the model: outliers, unsettled poses, drift.
 
-Outliers are found by the length of the whitened residual against its median. A pose read before the
-robot stood still has its residual along the last move: the joint angles were not yet, or no longer,
-those of the measurement. A drifting base shows as a score of the seat's motion in proportion to
-time (White 1982, as in ident.estimator.order_search).
+Outliers are recognised by the length of the whitened residual against its median. A pose read
+before the robot stood still has its residual along the last move: the joint angles were not yet, or
+no longer, those of the measurement. A drifting base shows as a score of the seat's motion in
+proportion to time (White 1982, as in ident.estimator.order_search).
 """
 
 from __future__ import annotations
@@ -12,14 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from cell.arrays import Array
-from ident.poses.fit import PoseFit
+from ident.poses.fit import PoseFit, median_scale, whitened_lengths
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 UNSETTLED = 4.5  # likewise, of a residual along the last move
 ALONG = 0.95  # cosine between residual and last move from which it lies along it
-DRIFT = 45.0  # score of six drifting directions; chance exceeds 23 in one of a thousand
+DRIFT = 2.0  # times the score of drifting directions that chance exceeds in one of a thousand
+CHANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,7 @@ class Drift:
     """A seat that moves in proportion to time while it measures."""
 
     seat: str
-    shift: float  # [m] from the first pose to the last
+    shift: float  # [m] of the targets, mean, from the first pose to the last
     turn: float  # [rad]
     score: float
 
@@ -43,14 +45,8 @@ class Findings:
 
 def lengths_of(fit: PoseFit) -> Array:
     """(N,) each pose's whitened residual over the median-based scale of all."""
-    equations = fit.equations
-    each = np.concatenate(
-        [
-            np.sqrt((residual**2).sum(axis=0) / len(residual)) / np.maximum(robust, 1e-12)
-            for residual, robust in zip(equations.residuals, equations.robust, strict=True)
-        ]
-    )
-    return each / max(float(np.median(each)), np.finfo(float).tiny) * 0.9
+    lengths = whitened_lengths(fit.equations)
+    return np.concatenate(lengths) / max(median_scale(lengths), np.finfo(float).tiny)
 
 
 def findings_of(fit: PoseFit) -> Findings:
@@ -63,7 +59,7 @@ def findings_of(fit: PoseFit) -> Findings:
 
 def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
     """Poses whose residual lies along the last move, more than one of them and in one direction."""
-    found: list[int] = []
+    candidates: list[int] = []
     signs: list[float] = []
     first = 0
     for point, weights in zip(fit.equations.points, fit.equations.weights, strict=True):
@@ -76,51 +72,53 @@ def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
             cosine = (along * residual).sum(axis=0) / np.maximum(size, np.finfo(float).tiny)
             far = lengths[first : first + n] > UNSETTLED
             for i in np.flatnonzero(far & (np.abs(cosine) > ALONG)):
-                found.append(first + int(i))
+                candidates.append(first + int(i))
                 signs.append(float(np.sign(cosine[i])))
         first += n
-    if len(found) < 2:
+    if len(candidates) < 2:
         return np.zeros(0, dtype=np.intp)
     direction = np.sign(sum(signs))
-    kept = [i for i, s in zip(found, signs, strict=True) if s == direction]
-    return np.array(kept if len(kept) > 0.7 * len(found) else [], dtype=np.intp)
+    aligned = [i for i, s in zip(candidates, signs, strict=True) if s == direction]
+    return np.array(aligned if len(aligned) > 0.7 * len(candidates) else [], dtype=np.intp)
 
 
 def _drifts(fit: PoseFit) -> tuple[Drift, ...]:
     """Seats that move in proportion to time, where times are given."""
+    seats = {g.seat for g in fit.model.table.groups if g.time is not None}
+    drifts = (_drift(fit, seat) for seat in fit.model.unknowns.seats if seat in seats)
+    return tuple(drift for drift in drifts if drift is not None)
+
+
+def _drift(fit: PoseFit, seat: str) -> Drift | None:
+    """What a seat drifts, if the score of its shifts, and of its turns where they are seen, is
+    beyond chance.
+    """
     equations, layout = fit.equations, fit.model.unknowns
-    out = []
-    for seat, part in layout.seats.items():
-        own = [
-            k
-            for k, point in enumerate(equations.points)
-            if point.group.seat == seat and point.group.time is not None
-        ]
-        if not own or part.stop - part.start < 6:
-            continue
-        time = np.concatenate([np.asarray(equations.points[k].group.time) for k in own])
-        span = float(np.ptp(time))
-        if span <= 0.0:
-            continue
-        gram = np.zeros((layout.count, 6))
-        blocks = []
-        for k in own:
-            clock = (np.asarray(equations.points[k].group.time) - time.min()) / span
-            column = equations.jacobians[k][part] * clock
-            flat = equations.jacobians[k].reshape(layout.count, -1)
-            gram += flat @ column.reshape(6, -1).T
-            blocks.append(column)
-        solved = np.linalg.solve(equations.normal, gram)
-        score, variance, information = np.zeros(6), np.zeros((6, 6)), np.zeros((6, 6))
-        for k, column in zip(own, blocks, strict=True):
-            rest = column - np.einsum("pen,pk->ken", equations.jacobians[k], solved)
-            each = (rest * equations.residuals[k]).sum(axis=1)
-            score += each.sum(axis=1)
-            variance += each @ each.T
-            information += rest.reshape(6, -1) @ rest.reshape(6, -1).T
-        test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
-        if test > DRIFT:
-            size = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
-            shift, turn = float(np.linalg.norm(size[:3])), float(np.linalg.norm(size[3:]))
-            out.append(Drift(seat, shift, turn, test))
-    return tuple(out)
+    part = layout.seats[seat]
+    size = part.stop - part.start
+    every = zip(equations.points, equations.jacobians, equations.residuals, strict=True)
+    own = [each for each in every if each[0].group.seat == seat and each[0].group.time is not None]
+    times = [np.asarray(point.group.time) for point, _, _ in own]
+    first, span = min(t.min() for t in times), float(np.ptp(np.concatenate(times)))
+    if span <= 0.0:
+        return None
+    columns = [each[1][part] * ((t - first) / span) for each, t in zip(own, times, strict=True)]
+    gram = np.zeros((layout.count, size))
+    for (_, jacobian, _), column in zip(own, columns, strict=True):
+        gram += jacobian.reshape(layout.count, -1) @ column.reshape(size, -1).T
+    solved = np.linalg.solve(equations.normal, gram)
+    score, variance, information = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+    for (_, jacobian, residual), column in zip(own, columns, strict=True):
+        rest = column - np.einsum("pen,pk->ken", jacobian, solved)
+        each = (rest * residual).sum(axis=1)
+        score += each.sum(axis=1)
+        variance += each @ each.T
+        information += rest.reshape(size, -1) @ rest.reshape(size, -1).T
+    test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
+    if test <= DRIFT * float(chi2.isf(CHANCE, size)):
+        return None
+    change = np.zeros(6)
+    change[:size] = -np.linalg.lstsq(information, score, rcond=1e-10)[0]
+    arm = np.concatenate([p.closure.measured.T - p.seat.origin for p, _, _ in own])
+    moved = np.linalg.norm(change[:3] + np.cross(change[3:], arm), axis=1)
+    return Drift(seat, float(moved.mean()), float(np.linalg.norm(change[3:])), test)

@@ -25,6 +25,7 @@ from ident.poses.unknowns import PoseUnknowns
 
 HUBER = 3.0  # of the root mean square of a pose's whitened residual (docs/real_robots)
 GROSS = 10.0  # likewise: a pose further off is left out
+MEDIAN = 0.9  # of the root mean square of three normal numbers
 TAILS = 4.0  # degrees of freedom of the priors' Student distribution
 ROUNDS = 15  # of new discrepancies and weights
 SETTLED = 0.01  # relative change of the discrepancies that ends them
@@ -139,7 +140,14 @@ def fit_poses(
             break
     equations = pose_equations(model, x, discrepancy, robust)
     covariance = inverse(equations.normal)
-    return PoseFit(model, equations, discrepancy, covariance, iterations, converged)
+    return PoseFit(
+        model=model,
+        equations=equations,
+        discrepancy=discrepancy,
+        covariance=covariance,
+        iterations=iterations,
+        converged=converged,
+    )
 
 
 def fit_unweighted(model: PoseModel, x: Array, discrepancy: Discrepancy) -> PoseEquations:
@@ -170,21 +178,39 @@ def pose_equations(
         normal += np.outer(row, row)
         gradient += row * value
     return PoseEquations(
-        x, points, weights, tuple(robust), residuals, jacobians, normal, gradient, cost
+        x=x,
+        points=points,
+        weights=weights,
+        robust=tuple(robust),
+        residuals=residuals,
+        jacobians=jacobians,
+        normal=normal,
+        gradient=gradient,
+        cost=cost,
     )
 
 
 def robust_weights(equations: PoseEquations) -> tuple[Array, ...]:
     """(N,) square root of Huber's weight of each group's poses, by the scale of all residuals."""
-    lengths = [
-        np.sqrt((weights(point.closure.error) ** 2).sum(axis=0) / len(weights.matrix))
-        for point, weights in zip(equations.points, equations.weights, strict=True)
-    ]
-    scale = max(1.0, float(np.median(np.concatenate(lengths))) / 0.9)
+    lengths = whitened_lengths(equations)
+    scale = max(1.0, median_scale(lengths))
     return tuple(
         np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(v, 1e-9))) * (v < GROSS * scale)
         for v in lengths
     )
+
+
+def whitened_lengths(equations: PoseEquations) -> list[Array]:
+    """(N,) root mean square of each pose's whitened residual, robust weights left out."""
+    return [
+        np.sqrt((weights(point.closure.error) ** 2).sum(axis=0) / len(weights.matrix))
+        for point, weights in zip(equations.points, equations.weights, strict=True)
+    ]
+
+
+def median_scale(lengths: Sequence[Array]) -> float:
+    """Scale of whitened lengths that a few wrong poses do not move: 1 for white noise."""
+    return float(np.median(np.concatenate(lengths))) / MEDIAN
 
 
 def widened(declared: PoseUnknowns, x: Array) -> PoseUnknowns:

@@ -81,7 +81,7 @@ def identify_poses(
     if options.search:
         progress("searching joint errors")
         search = search_orders(linearised(fit), PRIOR)
-        if search.found:
+        if search.orders:
             progress("fitting everything together")
             fit = _with_orders(fit, search)
             fit, findings = _without_unsettled(fit)
@@ -127,6 +127,7 @@ def linearised(fit: PoseFit) -> LinearModel:
         prior_gradient=(equations.x - layout.mean) / layout.sigma**2,
         prior_normal=prior,
         regions=joint_regions(model.table.q[::step]),
+        poses=np.unique(model.table.q[::step], axis=0, return_inverse=True)[1].reshape(-1),
     )
 
 
@@ -182,7 +183,9 @@ def _without_unsettled(fit: PoseFit) -> tuple[PoseFit, Findings]:
         return fit, findings
     left_out: NDArray[np.intp] = findings.unsettled
     again = fit_poses(fit.model, fit.x, fit.discrepancy, left_out=left_out)
-    return again, replace(findings_of(again), unsettled=left_out)
+    after = findings_of(again)
+    outliers = np.setdiff1d(after.outliers, left_out)
+    return again, replace(after, outliers=outliers, unsettled=left_out)
 
 
 def _check_enough(table: PoseTable, layout: PoseUnknowns) -> None:

@@ -59,6 +59,12 @@ class PoseIdentification:
         """(N,) [m] likewise of the nominal robot."""
         return position_errors(self.nominal)
 
+    @property
+    def residual_means(self) -> tuple[float, float]:
+        """[m] means of `residual` and `residual_nominal` over the poses that count."""
+        counting = self.cross_validation.counting
+        return float(self.residual[counting].mean()), float(self.residual_nominal[counting].mean())
+
     def errors(self, table: PoseTable) -> Array:
         """(N, 3) [m] measured minus predicted positions of poses of this result's own seats.
 

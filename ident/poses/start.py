@@ -63,10 +63,10 @@ def start_of_poses(table: PoseTable, chain: Chain) -> PoseStart:
             if same := [g for g in groups if g.measured in kinds]:
                 poses = _gathered(same, chain)
                 if kinds[0] == "length":
-                    found, place = _lengths(poses, place)
+                    placed, place = _lengths(poses, place)
                 else:
-                    found, place = (_sockets if kinds[0] == "socket" else _points)(poses)
-                seats = found | seats
+                    placed, place = (_sockets if kinds[0] == "socket" else _points)(poses)
+                seats = placed | seats
         assert place is not None  # every target stands in a group
         whole = [g for g in groups if g.measured == "pose"]
         turn = _target_rotation(_gathered(whole, chain), seats) if whole else np.eye(3)
@@ -154,10 +154,10 @@ def _lengths(poses: _Poses, known: Placement | None) -> tuple[dict[str, Placemen
         if best is None or fitted.cost < best.cost:
             best = fitted
     assert best is not None  # there is at least one trial
-    seats_found = {
+    seats_placed = {
         name: Placement(np.eye(3), best.x[3 * j : 3 * j + 3]) for j, name in enumerate(poses.names)
     }
-    return seats_found, Placement(np.eye(3), best.x[3 * s :])
+    return seats_placed, Placement(np.eye(3), best.x[3 * s :])
 
 
 def _trilaterated(point: Array, length: Array) -> Array:
@@ -169,16 +169,16 @@ def _trilaterated(point: Array, length: Array) -> Array:
 
 def _without_far(matrix: Array, right: Array) -> Array:
     """Least squares of blocks (N, 3, U) against (N, 3), poses far off left out."""
-    kept = np.ones(len(right), dtype=bool)
+    counting = np.ones(len(right), dtype=bool)
     for _ in range(_ROUNDS):
-        rows = matrix[kept].reshape(-1, matrix.shape[2])
-        solution = np.linalg.lstsq(rows, right[kept].reshape(-1), rcond=1e-9)[0]
+        rows = matrix[counting].reshape(-1, matrix.shape[2])
+        solution = np.linalg.lstsq(rows, right[counting].reshape(-1), rcond=1e-9)[0]
         distance = np.linalg.norm(matrix @ solution - right, axis=1)
-        limit = _FAR * np.median(distance[kept])
+        limit = _FAR * np.median(distance[counting])
         now = distance <= limit
-        if (now == kept).all() or limit == 0.0:
+        if (now == counting).all() or limit == 0.0:
             break
-        kept = now
+        counting = now
     return np.asarray(solution)
 
 

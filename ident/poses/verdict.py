@@ -1,4 +1,4 @@
-"""What to make of an identification from still poses, in words."""
+"""What to make of an identification from still poses: status and sentence."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ STRANGE = 3e-3  # [m] cross-validated: industrial robots, identified, stay below
 PULL = 5.0  # prior deviations: a joint's offset set wrongly, or another robot
 OVERFITTED = 1.8  # cross-validated error over that of the fitted poses
 NO_GAIN = 0.9  # of the nominal robot's error: less than a tenth was won
+LOST = 0.1  # of the poses: so many outliers have a cause
 NARROW = np.deg2rad(20.0)  # [rad] range of a joint's angles that tells little of it
 LOWEST_CERTAIN = 4  # orders up to it may stand for another smooth error of the joints
 LISTED = 5  # rows that a warning names
@@ -31,12 +32,14 @@ def judge_poses(result: PoseIdentification) -> Verdict:
 def _judged(result: PoseIdentification) -> tuple[Status, str]:
     """The first rule that applies."""
     fit, validation = result.fit, result.cross_validation
+    fitted, before = result.residual_means
+    lost = int((~validation.counting).sum())
     what = "distance" if _only_lengths(result.table) else "position"
     nominal = float(np.median(result.residual_nominal))
     errors = (
         f"poses in regions of joint space that were not fitted are predicted to "
         f"{validation.mean * 1e3:.3f} mm in {what} (95 %: {validation.quantile * 1e3:.3f} mm); "
-        f"with the nominal robot {result.residual_nominal.mean() * 1e3:.3f} mm"
+        f"with the nominal robot {before * 1e3:.3f} mm"
     )
     if validation.mean > STRANGE or not np.isfinite(validation.mean):
         return Status.IMPLAUSIBLE, (
@@ -47,12 +50,16 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
         return Status.NOT_CONVERGED, (
             f"Not converged after {fit.iterations} iterations: do not use these parameters."
         )
+    if lost > LOST * result.table.size:
+        return Status.SUSPECT, (
+            f"Usable, with care: {lost} of {result.table.size} poses lie too far from the model to "
+            f"count. Look for what they have in common. Of the others, {errors}."
+        )
     if validation.mean > NO_GAIN * nominal:
         return Status.SUSPECT, (
             f"Usable, with care: little was won over the nominal robot; {errors}. Measure more "
             "poses, spread over all joints."
         )
-    fitted = float(result.residual.mean())
     if validation.mean > OVERFITTED * fitted:
         return Status.SUSPECT, (
             f"Usable, with care: too few poses for so many parameters; fitted ones lie within "
@@ -77,10 +84,11 @@ def _warnings(result: PoseIdentification) -> list[str]:
             f"{_listed([names[i] for i in findings.unsettled])}; wait longer before reading"
         )
     for drift in findings.drifts:
+        turn = f" and {drift.turn * 1e3:.3f} mrad" if drift.turn else ""
         out.append(
-            f"{drift.seat} drifts against the robot by {drift.shift * 1e3:.3f} mm and "
-            f"{drift.turn * 1e3:.3f} mrad over the measurement; it is not part of the model: "
-            "measure reference points, or in a shorter time"
+            f"{drift.seat} drifts against the robot by {drift.shift * 1e3:.3f} mm{turn} over the "
+            "measurement; it is not part of the model: measure reference points, or in a shorter "
+            "time"
         )
     steps = np.rad2deg(fit.model.angle_noise * np.sqrt(12.0))
     if steps.any():
@@ -114,22 +122,22 @@ def _of_parameters(result: PoseIdentification) -> list[str]:
     if not far:
         return []
     return [
-        f"far from the catalogue: {', '.join(far)}; a joint's zero that was set wrongly, or the "
-        "robot's file"
+        f"far from the catalogue: {', '.join(far)}; a joint's zero may have been set wrongly, or the "
+        "robot's file is of another variant"
     ]
 
 
 def _of_orders(result: PoseIdentification) -> list[str]:
-    if result.search is None or not result.search.found:
+    if result.search is None or not result.search.orders:
         return []
-    out, found = [], result.search.found
-    low = [f"joint {o.joint + 1}: {o.order}" for o in found if o.order <= LOWEST_CERTAIN]
+    out, orders = [], result.search.orders
+    low = [f"joint {o.joint + 1}: {o.order}" for o in orders if o.order <= LOWEST_CERTAIN]
     if low:
         out.append(
             f"low orders were found ({_listed(low)}); they may stand for another smooth error of "
             "the robot rather than of that joint"
         )
-    alike = [o for o in found if o.aliases]
+    alike = [o for o in orders if o.aliases]
     if alike:
         each = [
             f"joint {o.joint + 1}: {o.order} or {' or '.join(str(a) for a in o.aliases[:4])}"

@@ -35,7 +35,7 @@ class IdentifiedArm:
     corrections: tuple[Correction, ...]
     values: Array  # (C,) of all coefficients, correction after correction
     target: Placement  # in the flange's frame
-    seat: Placement  # of the instrument in the robot's base frame: positions are told from there
+    seat: Placement  # of the instrument in the robot's base frame: positions are relative to it
     seat_turns: bool  # whether the seat is a whole frame, or a point
     parameters: tuple[Parameter, ...]
     covariance: Array  # (U, U) of parameters, coefficients, the target's position and the seat
@@ -111,7 +111,7 @@ class IdentifiedArm:
 
 
 def range_sentence(axes: dict[int, tuple[float, float]]) -> str:
-    """What `IdentifiedArm.out_of_range` found, in words."""
+    """What `IdentifiedArm.out_of_range` found, as a sentence."""
     parts = [
         f"axis {axis} ({np.rad2deg(low):.1f} to {np.rad2deg(high):.1f} deg)"
         for axis, (low, high) in axes.items()

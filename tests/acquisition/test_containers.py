@@ -42,6 +42,7 @@ from tests.helpers.container_files import (
     json_lines,
     mcap,
     mpe,
+    rsi,
     scope,
 )
 from tests.helpers.damaged_files import campaign, families
@@ -86,6 +87,7 @@ ALL: dict[str, Callable[[Path], Written]] = {
     "scope, commas": lambda _: scope(separator=","),
     "scope, colons": lambda _: scope(separator=":"),
     "json lines": lambda _: json_lines(),
+    "rsi": lambda _: rsi(),
     "egm": lambda _: egm(),
     "db3": db3,
     "mcap": lambda _: mcap(),
@@ -116,7 +118,7 @@ def test_every_cut_is_seen(kind: str, tmp_path: Path) -> None:
         assert findings or len(table) == ROWS or between_records(written, stop)
 
 
-@pytest.mark.parametrize("kind", ["scope", "json lines", "egm", "mpe"])
+@pytest.mark.parametrize("kind", ["scope", "json lines", "rsi", "egm", "mpe"])
 def test_packed_files_are_read_as_well(kind: str, tmp_path: Path) -> None:
     written = ALL[kind](tmp_path)
     packed = Written(
@@ -134,7 +136,7 @@ def test_packed_files_are_read_as_well(kind: str, tmp_path: Path) -> None:
 def between_records(written: Written, stop: int) -> bool:
     """Whether a file without mark of its end, cut there, is a shorter one and nothing else."""
     match written.suffix:
-        case ".jsonl":
+        case ".jsonl" | ".xml":
             return written.content[stop - 1 : stop] == b"\n"
         case ".egm":
             return read_frames(written.content[:stop]).torn is None
@@ -682,6 +684,7 @@ def test_a_changed_bit_in_an_mcap_bag_is_refused(tmp_path: Path) -> None:
 
 OTHER_UNITS: dict[str, Callable[[Path], Written]] = {
     "json lines": lambda _: json_lines(scale=np.pi / 180.0),
+    "rsi": lambda _: rsi(scale=np.pi / 180.0),
     "egm": lambda _: egm(scale=np.pi / 180.0),
     "mpe": lambda _: mpe(scale=np.pi / 180.0),
     "db3": lambda folder: db3(folder, scale=180.0 / np.pi),
@@ -734,3 +737,17 @@ def test_a_dialect_with_another_unit_of_time_is_refused(tmp_path: Path) -> None:
             wrong,
             Layout((), dict.fromkeys(("time", *AXES), "float")),
         )
+
+
+def test_a_message_of_rsi_that_is_cut_is_a_torn_line(tmp_path: Path) -> None:
+    written = rsi(rows=200)
+    lines = written.content.decode().split("\n")
+    lines[17] = lines[17][:90]
+    table, findings = read(tmp_path, written, "\n".join(lines).encode())
+    assert findings == [("torn line", "repaired")]
+    assert len(table) == 199
+    lines[40] = lines[41] = lines[42] = "<Rob>"
+    with pytest.raises(LogError, match="4 of 200 rows do not have the header's number of fields"):
+        read(tmp_path, written, "\n".join(lines).encode())
+    with pytest.raises(LogError, match="is no message <Rob"):
+        read(tmp_path, written, b'<Rob Type="KUKA">\n')

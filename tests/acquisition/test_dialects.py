@@ -147,3 +147,22 @@ def test_a_damaged_name_in_the_header_does_not_change_the_order_of_joints(damage
     names[2] = damaged
     assert [find(selector, names) for selector in selectors] == [[]] * 6
     assert "not alike but for one number that counts on" in why_not(selectors[0], names)
+
+
+@pytest.mark.parametrize("separator", [" ", ","])
+def test_a_record_of_ur_rtde(tmp_path: Path, separator: str) -> None:
+    names = ["timestamp", *(f"{kind}_q_{k}" for kind in ("target", "actual") for k in range(6))]
+    axes = np.deg2rad(AXES_DEG)
+    table = np.column_stack((1000.0 + ROBOT_T, axes + 1e-3, axes))
+    rows = [separator.join(f"{value:.12f}" for value in row) for row in table.tolist()]
+    use = put("sources", "robot", "dialect", value="ur-rtde")
+    assert_read(write(tmp_path, robot=[separator.join(names), *rows], change=use))
+
+
+def test_degrees_in_a_record_of_ur_rtde_are_refused(tmp_path: Path) -> None:
+    names = ["timestamp", *(f"actual_q_{k}" for k in range(6))]
+    table = np.column_stack((ROBOT_T, AXES_DEG))
+    rows = [" ".join(f"{value:.9f}" for value in row) for row in table.tolist()]
+    use = put("sources", "robot", "dialect", value="ur-rtde")
+    with pytest.raises(LogError, match="Degrees where radians are declared"):
+        read_recording(write(tmp_path, robot=[" ".join(names), *rows], change=use))

@@ -10,7 +10,7 @@ import yaml
 from acquisition import read_recording
 from ballbar.commands import recordings
 from tests.helpers.command_line import ballbar
-from tests.helpers.container_files import Written, egm, json_lines, mcap, mpe, scope
+from tests.helpers.container_files import Written, egm, json_lines, mcap, mpe, rsi, scope
 from tests.helpers.device_logs import bar_lines, robot_lines
 
 SAID = ["--robot", "irb2400", "--ballbar", "lund_600"]
@@ -39,7 +39,13 @@ def test_options_and_accepted_proposals_make_a_folder_that_reads(
 
 @pytest.mark.parametrize(
     ("make", "dialect"),
-    [(mcap, "ros-joint-state"), (egm, "abb-egm"), (json_lines, "comau-json"), (mpe, "abb-mpe")],
+    [
+        (mcap, "ros-joint-state"),
+        (egm, "abb-egm"),
+        (json_lines, "comau-json"),
+        (mpe, "abb-mpe"),
+        (rsi, "kuka-rsi"),
+    ],
 )
 def test_logs_that_are_no_tables_are_recognised_by_their_first_bytes(
     make: Callable[[], Written], dialect: str, tmp_path: Path

@@ -98,6 +98,23 @@ def json_lines(rows: int = ROWS, scale: float = 1.0) -> Written:
     )
 
 
+# ---- KUKA RSI
+
+
+def rsi(rows: int = ROWS, scale: float = 1.0) -> Written:
+    """Messages of KUKA RSI, one a line."""
+    angles, time = angles_deg(rows, scale), 4_208_163_634 + 4 * np.arange(rows)
+    lines = [
+        '<Rob Type="KUKA"><RIst X="445.0" Y="0.0" Z="790.0"/><AIPos '
+        + " ".join(f'A{k + 1}="{angle!r}"' for k, angle in enumerate(row))
+        + f'/><Delay D="0"/><IPOC>{stamp}</IPOC></Rob>'
+        for row, stamp in zip(angles.tolist(), time.tolist(), strict=True)
+    ]
+    names = tuple(f"AIPos.{axis}" for axis in ("A1", "A2", "A3", "A4", "A5", "A6"))
+    content = ("\n".join(lines) + "\n").encode()
+    return Written("kuka-rsi", ".xml", content, {"IPOC": time, **_named(names, angles)})
+
+
 # ---- EGM
 
 

@@ -1,0 +1,58 @@
+"""A robot identified from still poses against the truth that they were simulated from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ballbar.result.compare import Limit
+from ballbar.scenario import PoseAcceptSettings
+from ballbar.units import MM
+from ident.poses.result import PoseIdentification
+from ident.poses.unknowns import nominal_chain
+from ident.robot.accuracy import TcpError, position_error
+from sim.poses.truth import PoseTruth
+
+POSES = 800  # as many as the accuracy grid of a moving robot
+_SEED = 2400  # the poses are part of the metric: the same for everyone
+
+
+@dataclass(frozen=True, eq=False)
+class PoseComparison:
+    """How far the first target is from where the true robot has it, base frames aligned."""
+
+    target: str
+    tcp: TcpError  # of the identified robot
+    tcp_nominal: TcpError  # of the nominal one, its target fitted to the same poses
+
+
+def compare_poses_with_truth(result: PoseIdentification, truth: PoseTruth) -> PoseComparison:
+    """TCP error over random poses within the fitted ranges of all joints."""
+    name, arm = result.table.targets[0], result.arm()
+    shares = np.random.default_rng(_SEED).uniform(size=(POSES, arm.robot.joints))
+    q = arm.lower + shares * (arm.upper - arm.lower)
+    actual = truth.arm.target(q, truth.targets[name].position)
+    before = result.nominal
+    bare = replace(
+        arm,
+        chain=nominal_chain(arm.robot),
+        corrections=(),
+        values=np.zeros(0),
+        target=before.model.unknowns.target(before.x, name),
+    )
+    return PoseComparison(
+        name, position_error(arm.tool(q), actual), position_error(bare.tool(q), actual)
+    )
+
+
+def pose_limits(comparison: PoseComparison, accept: PoseAcceptSettings) -> tuple[Limit, ...]:
+    """Every limit that the scenario states."""
+    measured = {
+        "tcp_mean_mm": ("TCP error, mean", comparison.tcp.mean * MM),
+        "tcp_max_mm": ("TCP error, largest", comparison.tcp.maximum * MM),
+    }
+    return tuple(
+        Limit(*measured[key], float(allowed), "mm")
+        for key, allowed in accept.model_dump(exclude_none=True).items()
+    )

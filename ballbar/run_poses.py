@@ -1,0 +1,81 @@
+"""A scenario of still poses: simulate, read, identify, compare with the truth, write results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ballbar.report.pose_page import write_pose_report
+from ballbar.result.compare import Limit
+from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth, pose_limits
+from ballbar.result.names import CALIBRATION, RECORDING, REPORT
+from ballbar.result.pose_calibration import write_pose_calibration
+from ballbar.result.pose_run import PoseRun, identify_pose_folders
+from ballbar.run import Progress
+from ballbar.scenario import PoseScenario
+from cell.errors import InputError
+from cell.files import claim_folder
+from cell.pose_file import load_poses_file
+from sim.poses.files import TABLE, write_poses
+from sim.poses.simulate import PoseSimulation, simulate_poses
+from sim.recording_files import truth_path
+
+
+@dataclass(frozen=True, eq=False)
+class PoseScenarioRun:
+    """A scenario of still poses from simulation to limits."""
+
+    simulation: PoseSimulation
+    run: PoseRun
+    comparison: PoseComparison
+    limits: tuple[Limit, ...]
+
+    @property
+    def acceptable(self) -> bool:
+        """Whether the verdict is acceptable and every limit met."""
+        return self.run.acceptable and all(limit.met for limit in self.limits)
+
+
+def simulate_pose_scenario(
+    scenario: PoseScenario, scenario_file: Path, folder: Path, *, progress: Progress
+) -> PoseSimulation:
+    """Simulates a scenario of still poses and writes its table.
+
+    Raises InputError when the scenario cannot be run, or when `folder` holds something else or real
+    poses.
+    """
+    claim_folder(folder, {"poses.yaml", TABLE}, "a table of poses")
+    if (folder / "poses.yaml").exists() and load_poses_file(folder / "poses.yaml").kind == "real":
+        raise InputError(
+            f"{folder}: holds real poses; nothing was written. Choose another folder with --out."
+        )
+    progress("simulating the poses")
+    files = scenario_file.parent
+    try:
+        simulation = simulate_poses(scenario, relative_to=files)
+    except InputError as error:
+        raise InputError(f"{scenario_file}: {error}") from None
+    progress("writing the table")
+    write_poses(simulation, scenario, folder, relative_to=files)
+    return simulation
+
+
+def run_pose_scenario(
+    scenario: PoseScenario, scenario_file: Path, out: Path, *, command: str, progress: Progress
+) -> PoseScenarioRun:
+    """Simulates, identifies, compares with the truth, and writes calibration.yaml and report.html.
+
+    command : the command line, for the report.
+
+    Raises InputError when the scenario cannot be run, or when `out` holds something else.
+    """
+    known = {RECORDING, truth_path(out / RECORDING).name, CALIBRATION, REPORT}
+    claim_folder(out, known, "a run")
+    folder = out / RECORDING
+    simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
+    run = identify_pose_folders([folder], progress=progress)
+    comparison = compare_poses_with_truth(run.identification, simulation.truth)
+    write_pose_calibration(out / CALIBRATION, run)
+    progress("writing the report")
+    write_pose_report(out / REPORT, run, command=command)
+    return PoseScenarioRun(simulation, run, comparison, pose_limits(comparison, scenario.accept))

@@ -1,0 +1,1 @@
+"""Still poses measured by any instrument: the true robot, its poses, the readings, the files."""

@@ -1,0 +1,181 @@
+"""Poses at which a robot stands before an instrument: random, within what both can reach.
+
+Joint angles are drawn over the axis limits. A tracker sees any of them; for a rod, a wire or a
+socket the target is then brought to where the instrument can measure it, with its orientation as
+it happens to be. The operator who does so sees the true robot: its target is brought there, not the
+nominal one's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.errors import InputError
+from cell.instrument import Instrument
+from cell.point_inverse import reach_points
+from cell.robot_angles import controller_to_joints
+from sim.poses.settings import PosesSettings
+from sim.poses.true_arm import Place, TrueArm
+
+_BATCH = 400  # poses drawn at a time
+_BATCHES = 100
+_INSIDE = 0.05  # of the range: how far from its ends a reading is aimed at
+_MARGIN = np.deg2rad(1.0)  # [rad] of the axis limits
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """What one seat measures of one target: N poses and their places in the order of time."""
+
+    seat: str
+    target: str
+    q: Array  # (N, J) [rad] shown by the robot, before it logs them
+    order: NDArray[np.intp]  # (N,) number of each pose in the whole measurement
+
+
+def choose_poses(
+    settings: PosesSettings,
+    instrument: Instrument,
+    arm: TrueArm,
+    seats: dict[str, Place],
+    targets: dict[str, Place],
+    rng: np.random.Generator,
+) -> tuple[Stand, ...]:
+    """Poses of every seat and target.
+
+    Raises InputError where too few are found.
+    """
+    limits = _limits(settings, arm)
+    out: list[Stand] = []
+    first = 0
+    for seat in settings.seats:
+        everywhere = instrument.measured in ("point", "pose")
+        groups = [targets] if everywhere else [{name: targets[name]} for name in targets]
+        for group in groups:
+            drawn = _Draw(
+                settings, instrument, arm, limits, seats[seat.name], tuple(group.values())
+            )
+            q = _enough(drawn, rng, f"seat {seat.name}, target {', '.join(group)}")
+            order = first + np.arange(len(q))
+            out += [Stand(seat.name, name, q, order) for name in group]
+            first += len(q)
+    return tuple(out)
+
+
+@dataclass(frozen=True, eq=False)
+class _Draw:
+    """Where to draw poses from."""
+
+    settings: PosesSettings
+    instrument: Instrument
+    arm: TrueArm
+    limits: tuple[Array, Array]  # (J,) [rad] of the axes
+    seat: Place
+    targets: tuple[Place, ...]
+
+    def batches(self, rng: np.random.Generator) -> Iterator[Array]:
+        """(K, J) [rad] poses that can be measured."""
+        robot, (lower, upper) = self.arm.robot, self.limits
+        for _ in range(_BATCHES):
+            axes = rng.uniform(lower, upper, (_BATCH, robot.joints))
+            q = controller_to_joints(robot, axes)
+            shares = rng.uniform(size=_BATCH)
+            if self.instrument.measured in ("length", "socket"):
+                q = self._brought(q, shares)
+            yield q[self._acceptable(q)]
+
+    def _brought(self, q: Array, shares: Array) -> Array:
+        """Poses with the target within the range of rod, wire or socket; shares : (N,) of it."""
+        point, seat = self.targets[0].position, self.seat.position
+        rod = self.arm.target(q, point) - seat
+        distance = np.linalg.norm(rod, axis=1)
+        short, long = self._range
+        inside = (distance >= short) & (distance <= long)
+        length = np.where(inside, distance, short + shares * (long - short))
+        wanted = seat + rod * (length / np.maximum(distance, 1e-9))[:, None]
+        lower, upper = self.limits
+        q, reached = reach_points(
+            self.arm.robot,
+            self.arm.chain,
+            point,
+            q,
+            wanted,
+            lower=lower,
+            upper=upper,
+            position=lambda angles: self.arm.target(angles, point),
+            tolerance=1e-6,
+        )
+        return q[reached]
+
+    @property
+    def _range(self) -> tuple[float, float]:
+        """[m] at which readings are aimed."""
+        if self.instrument.measured == "socket":
+            return 0.0, 0.0
+        margin = _INSIDE * (self.instrument.upper - self.instrument.lower)
+        return self.instrument.lower + margin, self.instrument.upper - margin
+
+    def _acceptable(self, q: Array) -> NDArray[np.bool_]:
+        """(N,) whether a pose stands above the floor, upright enough, and can be measured."""
+        settings, flange = self.settings, self.arm.flange(q)
+        good = flange.origin[2:, 2].min(axis=0) > settings.lowest_m
+        for target in self.targets:
+            place = flange.tip.T + np.einsum("ijn,j->ni", flange.rotation(), target.position)
+            good &= place[:, 2] > settings.lowest_m
+            rod = place - self.seat.position
+            distance = np.maximum(np.linalg.norm(rod, axis=1), 1e-9)
+            if self.instrument.measured != "socket":
+                good &= (distance > self.instrument.lower) & (distance < self.instrument.upper)
+                good &= rod[:, 2] / distance >= np.sin(np.deg2rad(settings.elevation_min_deg))
+            down = flange.tip[2] - place[:, 2]
+            stylus = max(float(np.linalg.norm(target.position)), 1e-9)
+            good &= down / stylus >= np.cos(np.deg2rad(settings.tilt_max_deg)) - 1e-9
+        return np.asarray(good)
+
+
+def _limits(settings: PosesSettings, arm: TrueArm) -> tuple[Array, Array]:
+    """(J,) [rad] limits of the axes. Raises InputError where they are not those of this robot."""
+    robot = arm.robot
+    out = []
+    for key, stated, own, side in (
+        ("axis_lower_deg", settings.axis_lower_deg, robot.axis_lower, 1.0),
+        ("axis_upper_deg", settings.axis_upper_deg, robot.axis_upper, -1.0),
+    ):
+        if stated is not None and len(stated) != robot.joints:
+            raise InputError(
+                f"poses.{key}: {len(stated)} angles, but {robot.name} has {robot.joints} axes."
+            )
+        limit = own if stated is None else np.deg2rad(stated)
+        beyond = np.flatnonzero(side * (limit - own) < -1e-9)
+        if beyond.size:
+            axis = int(beyond[0])
+            raise InputError(
+                f"poses.{key}: {np.rad2deg(limit[axis]):g} deg of axis {axis + 1} is beyond the "
+                f"robot's own limit {np.rad2deg(own[axis]):g} deg."
+            )
+        out.append(limit + side * _MARGIN)
+    lower, upper = out
+    if (empty := np.flatnonzero(lower >= upper)).size:
+        raise InputError(
+            f"poses.axis_lower_deg and axis_upper_deg leave axis {empty[0] + 1} no range; "
+            f"{2.0 * np.rad2deg(_MARGIN):g} deg are kept from the limits."
+        )
+    return lower, upper
+
+
+def _enough(draw: _Draw, rng: np.random.Generator, where: str) -> Array:
+    count, found = draw.settings.count, list[Array]()
+    for batch in draw.batches(rng):
+        found.append(batch)
+        if sum(map(len, found)) >= count:
+            return np.concatenate(found)[:count]
+    raise InputError(
+        f"poses.count: of {_BATCH * _BATCHES} random poses only {sum(map(len, found))} can be "
+        f"measured from {where}; {count} are wanted. Move the seat to where the robot reaches all "
+        "round it, or widen poses.tilt_max_deg, lowest_m and the axis limits."
+    )

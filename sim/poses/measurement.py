@@ -1,0 +1,139 @@
+"""What an instrument reads of a target, with its noise; outliers, drift and logged angles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from cell.chain import cross, forward
+from cell.instrument import Instrument
+from cell.poses import COLUMNS
+from cell.robot_angles import joints_to_axes
+from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from sim.poses.settings import PoseErrors
+from sim.poses.true_arm import Place, TrueArm
+from sim.streams import stream
+
+
+@dataclass(frozen=True, eq=False)
+class SeatMotion:
+    """How the seats move against the robot's base from the first pose to the last."""
+
+    shift: Array  # (3,) [m]
+    turn: Array  # (3,) [rad] about the base's origin
+
+    def at(self, seat: Place, share: Array) -> tuple[Array, Array]:
+        """Origin (3, N) [m] and rotation (3, 3, N) of a seat at shares (N,) of the whole time."""
+        turn = matrix_from_rotvec(self.turn[:, None] * share)
+        origin = np.einsum("ijn,j->in", turn, seat.position) + self.shift[:, None] * share
+        return origin, np.einsum("ijn,jk->ikn", turn, seat.rotation)
+
+
+def seat_motion(errors: PoseErrors, seed: int) -> SeatMotion:
+    """The drawn drift of the seats."""
+    directions = stream(seed, "drift").standard_normal((2, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    drift = errors.drift
+    sizes = (drift.shift_m, drift.turn_rad) if drift else (0.0, 0.0)
+    return SeatMotion(sizes[0] * directions[0], sizes[1] * directions[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """N targets as they truly stand, from one seat."""
+
+    rod: Array  # (3, N) [m] from the seat to the target, base frame
+    seat_rotation: Array  # (3, 3, N)
+    target_rotation: Array  # (3, 3, N) base frame
+
+
+def reading(
+    arm: TrueArm, q: Array, target: Place, seat: tuple[Array, Array], sag: Array | None = None
+) -> Reading:
+    """Where a target stands at shown angles q (N, J) [rad].
+
+    seat : origin (3, N) and rotation (3, 3, N). sag : (N, J) [rad] actual joint angles, where a
+        plant has found them; otherwise those under the arm's own weight.
+    """
+    frames = arm.flange(q) if sag is None else forward(arm.chain, sag)
+    place = frames.tip + np.einsum("ijn,j->in", frames.rotation(), target.position)
+    rotation = np.einsum("ijn,jk->ikn", frames.rotation(), target.rotation)
+    return Reading(place - seat[0], seat[1], rotation)
+
+
+def measured(
+    instrument: Instrument, exact: Reading, *, scale: float, rng: np.random.Generator
+) -> Array:
+    """(N, M) [m, rad] values of an instrument, M as in cell.poses.COLUMNS.
+
+    scale : of the noise, along the line of sight and across it.
+    """
+    n = exact.rod.shape[1]
+    noise = scale * rng.standard_normal((6, n))
+    if instrument.measured == "socket":
+        return np.zeros((n, 0))
+    distance = np.linalg.norm(exact.rod, axis=0)
+    along = instrument.sigma_length * noise[0]
+    if instrument.measured == "length":
+        return np.asarray((distance + along)[:, None])
+    local = np.einsum("jin,jn->in", exact.seat_rotation, exact.rod)
+    sight = local / distance
+    across = np.cross(sight, np.eye(3)[np.abs(sight).argmin(axis=0)].T, axis=0)
+    across /= np.linalg.norm(across, axis=0)
+    other = cross(sight, across)
+    sideways = instrument.sigma_direction * distance
+    local = local + along * sight + sideways * (noise[1] * across + noise[2] * other)
+    if instrument.measured == "point":
+        return np.asarray(local.T)
+    turn = matrix_from_rotvec(instrument.sigma_rotation * noise[3:])
+    rotation = np.einsum("jin,jkn->ikn", exact.seat_rotation, exact.target_rotation)
+    rotvec = rotvec_from_matrix(np.einsum("ijn,jkn->ikn", turn, rotation))
+    return np.hstack((local.T, rotvec.T))
+
+
+def outliers(errors: PoseErrors, instrument: Instrument, count: int, seed: int) -> Array:
+    """(N, 3) [m] what is added to readings: to a length the first of them; 0 where one is right.
+
+    A socket's are added to the place of the ball.
+    """
+    rng = stream(seed, "outliers")
+    out = np.zeros((count, 3))
+    if errors.outliers is None:
+        return out
+    width = min(3, COLUMNS[instrument.measured]) or 3
+    wrong = rng.uniform(size=count) < errors.outliers.share
+    low, high = np.log(errors.outliers.size_m)
+    sizes = np.exp(rng.uniform(low, high, count))
+    directions = rng.standard_normal((count, width))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    out[wrong, :width] = sizes[wrong, None] * directions[wrong]
+    return out
+
+
+def unsettled(errors: PoseErrors, q: Array, seed: int) -> tuple[Array, NDArray[np.bool_]]:
+    """Angles (N, J) [rad] at which those poses were read that were read too early, and which (N,).
+
+    q : (N, J) [rad] of all poses in the order of time.
+    """
+    early = np.zeros(len(q), dtype=bool)
+    if errors.unsettled is None:
+        return q, early
+    early = stream(seed, "unsettled").uniform(size=len(q)) < errors.unsettled.share
+    early[0] = False
+    missing = errors.unsettled.fraction * np.diff(q, axis=0, prepend=q[:1])
+    return np.where(early[:, None], q - missing, q), early
+
+
+def logged_axes(arm: TrueArm, errors: PoseErrors, q: Array, seed: int) -> Array:
+    """(N, J) [rad] axis angles in the table, of shown angles q (N, J) [rad]."""
+    noise = stream(seed, "joint_noise").standard_normal(q.shape)
+    if errors.joint_noise is not None:
+        q = q + errors.joint_noise.sigma_rad * noise
+    axes = joints_to_axes(arm.robot, q)
+    if errors.rounding is not None:
+        step = np.deg2rad(errors.rounding.step_deg)
+        axes = np.round(axes / step) * step
+    return axes

@@ -1,0 +1,45 @@
+"""Corrections of still poses: unit weights against potential energy, orders against their wave."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cell.chain import forward
+from cell.load import load_robot
+from ident.corrections.joint_harmonics import joint_harmonics
+from ident.corrections.unit_weights import torques, unit_weights
+from ident.poses.joint_corrections import joint_displacements, regressors_at
+from ident.poses.unknowns import nominal_chain
+
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "irb120"])
+def test_the_torque_of_a_unit_weight_is_the_slope_of_its_height(name: str) -> None:
+    """Virtual work: torque about an axis = change of `down . O_k` per radian of that joint."""
+    chain = nominal_chain(load_robot(name))
+    q = np.random.default_rng(3).uniform(-2.0, 2.0, (5, chain.rows))
+    levers = torques(forward(chain, q), DOWN)
+    step = 1e-6
+    for j in range(chain.rows):
+        ahead, behind = (forward(chain, q + s * np.eye(chain.rows)[j]) for s in (step, -step))
+        slope = np.einsum("c,kcn->kn", DOWN, ahead.origin - behind.origin) / (2.0 * step)
+        assert np.abs(levers[j] - slope[1:]).max() < 1e-9
+
+
+def test_every_axis_that_feels_a_weight_has_a_coefficient_and_the_vertical_one_has_none() -> None:
+    correction = unit_weights(load_robot("ur5"))
+    joints = {c.name[-1] for c in correction.coefficients}
+    assert joints == {"2", "3", "4", "5"}  # axis 6: its frame's origin lies on it
+
+
+def test_the_terms_of_an_order_are_its_cosine_and_sine() -> None:
+    robot = load_robot("ur5")
+    q = np.random.default_rng(5).uniform(-2.0, 2.0, (7, 6))
+    correction = joint_harmonics([(1, 17)])
+    rows = regressors_at(robot, [correction], q)
+    assert np.allclose(rows, [np.cos(17.0 * q[:, 1]), np.sin(17.0 * q[:, 1])])
+    moved = joint_displacements(robot, [correction], np.array([1e-4, 2e-4]), rows)
+    assert np.allclose(moved[:, 1], 1e-4 * rows[0] + 2e-4 * rows[1])
+    assert not moved[:, [0, 2, 3, 4, 5]].any()

@@ -1,0 +1,85 @@
+"""Joint errors are found by evidence, and only where there is some."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from ident.corrections.joint_harmonics import PRIOR
+from ident.estimator.order_search import LinearModel, search_orders
+from ident.estimator.regions import REGIONS, joint_regions
+
+POSES, EQUATIONS, JOINTS = 400, 3, 4
+
+
+def linear_model(angles: Array, errors: Array, seed: int = 0) -> LinearModel:
+    """White noise of unit variance beside joint errors (J, N) [rad]; two unknowns are present."""
+    rng = np.random.default_rng(seed)
+    n = angles.shape[1]
+    joints = 1e4 * rng.normal(size=(len(angles), EQUATIONS, n))
+    residual = rng.normal(size=(EQUATIONS, n)) + np.einsum("jen,jn->en", joints, errors)
+    jacobian = rng.normal(size=(2, EQUATIONS, n))
+    return LinearModel(
+        jacobian=jacobian,
+        residual=residual,
+        joints=joints,
+        angles=angles,
+        prior_gradient=np.zeros(2),
+        prior_normal=1e-6 * np.eye(2),
+        regions=joint_regions(angles.T),
+        poses=np.arange(n),
+    )
+
+
+def uniform_angles(seed: int = 3) -> Array:
+    return np.random.default_rng(seed).uniform(-np.pi, np.pi, (JOINTS, POSES))
+
+
+def test_orders_that_are_there_are_found_the_strongest_first() -> None:
+    angles = uniform_angles()
+    errors = np.zeros_like(angles)
+    errors[1] += 3e-4 * np.cos(17.0 * angles[1] + 0.3)
+    errors[3] += 1e-4 * np.sin(8.0 * angles[3])
+    search = search_orders(linear_model(angles, errors), PRIOR)
+    assert search.pairs == [(1, 17), (3, 8)]
+    assert search.spectrum_before[1, 16] == search.spectrum_before.max()
+    assert search.spectrum_after.max() < 25.0
+    assert search.orders[0].gain > search.orders[1].gain > 0.005
+
+
+def test_white_noise_has_none() -> None:
+    angles = uniform_angles()
+    for seed in range(5):
+        assert search_orders(linear_model(angles, np.zeros_like(angles), seed), PRIOR).orders == ()
+
+
+def test_a_smooth_error_of_poses_that_is_no_order_of_a_joint_is_not_taken_for_many() -> None:
+    """A product of two angles' sines can be no sum of orders of single joints."""
+    angles = uniform_angles()
+    errors = np.zeros_like(angles)
+    errors[0] += 1e-4 * np.sin(angles[1]) * np.sin(angles[2])
+    assert len(search_orders(linear_model(angles, errors), PRIOR).orders) <= 1
+
+
+def test_orders_that_a_grid_of_angles_does_not_tell_apart_are_listed() -> None:
+    """On steps of 10 degrees 11 cycles a turn are the same as 25, with the sine turned round."""
+    angles = uniform_angles()
+    angles[2] = np.deg2rad(10.0) * np.round(angles[2] / np.deg2rad(10.0))
+    errors = np.zeros_like(angles)
+    errors[2] += 3e-4 * np.cos(11.0 * angles[2])
+    (found, *_) = search_orders(linear_model(angles, errors), PRIOR).orders
+    assert {found.order, *found.aliases} >= {11, 25}
+
+
+@pytest.mark.parametrize("count", [17, 100, 1001])
+def test_regions_are_contiguous_and_of_about_equal_size(count: int) -> None:
+    q = np.random.default_rng(1).normal(size=(count, 6)) * [3.0, 2.0, 1.5, 1.0, 0.5, 0.2]
+    region = joint_regions(q)
+    sizes = np.bincount(region)
+    assert region.min() == 0
+    assert sizes.size == REGIONS
+    assert sizes.max() - sizes.min() <= REGIONS
+    first = q[np.isin(region, range(REGIONS // 2))][:, 0]  # the widest direction is cut first
+    second = q[~np.isin(region, range(REGIONS // 2))][:, 0]
+    assert abs(first.mean() - second.mean()) > 3.0

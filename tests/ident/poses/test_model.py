@@ -1,0 +1,105 @@
+"""Loop closure of still poses and its derivatives, against plain geometry and differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.poses import PoseTable
+from ident.corrections.joint_harmonics import joint_harmonics
+from ident.corrections.unit_weights import unit_weights
+from ident.estimator.whitening import Whitening
+from ident.poses.closure import close_pose_loop
+from ident.poses.cross_validation import position_rows
+from ident.poses.model import Discrepancy, PoseModel
+from ident.poses.start import start_of_poses
+from ident.poses.unknowns import nominal_chain, pose_unknowns, robot_parameters
+from tests.helpers.still_poses import SEAT, TARGET, socket_table, table_of, true_robot
+
+
+def model_of(table: PoseTable) -> PoseModel:
+    """Geometry, sag and two joint errors."""
+    chain = nominal_chain(table.robot)
+    start = start_of_poses(table, chain)
+    corrections = (unit_weights(table.robot), joint_harmonics([(1, 3), (2, 17)]))
+    layout = pose_unknowns(table, chain, start.seats, start.targets, corrections)
+    return PoseModel(table, layout, corrections, np.zeros(table.robot.a.size))
+
+
+@pytest.mark.parametrize("measured", ["length", "point", "pose", "socket"])
+def test_jacobian_is_the_difference_of_the_whitened_residual(measured: str) -> None:
+    """All unknowns, at a value away from the start; the weights are held."""
+    true = true_robot("ur5")
+    table = socket_table(true, count=4) if measured == "socket" else table_of(true, measured)  # type: ignore[arg-type]
+    model = model_of(table)
+    rng = np.random.default_rng(2)
+    x = model.unknowns.mean + rng.normal(0.0, 2e-3, model.unknowns.count)
+    points = model.evaluate(x)
+    weights = [model.weights(p, Discrepancy(1e-4, 1e-4)) for p in points]
+    found = [model.jacobian(x, p, w) for p, w in zip(points, weights, strict=True)]
+    step = 1e-6
+    for i, name in enumerate(model.unknowns.names):
+        ahead, behind = (
+            [w(p.closure.error) for p, w in zip(model.evaluate(at), weights, strict=True)]
+            for at in (x + step * np.eye(x.size)[i], x - step * np.eye(x.size)[i])
+        )
+        for jacobian, plus, minus in zip(found, ahead, behind, strict=True):
+            expected = (plus - minus) / (2.0 * step)
+            scale = np.abs(expected).max() + 1.0
+            assert np.abs(jacobian[i] - expected).max() < 2e-5 * scale, name
+
+
+def test_a_joint_without_sensor_leaves_what_the_sensors_tell() -> None:
+    """One equation of a length, three of a point or a socket, six of a pose."""
+    true = true_robot("ur5")
+    for measured, equations in (("length", 1), ("point", 3), ("pose", 6)):
+        model = model_of(table_of(true, measured, count=60))  # type: ignore[arg-type]
+        point = model.evaluate(model.unknowns.mean)[0]
+        weights = model.weights(point, Discrepancy(1e-4, 1e-4))
+        assert weights.matrix.shape == (equations, 6, 60)
+
+
+def test_the_whitened_residual_of_a_length_is_its_own_error_over_its_sigma() -> None:
+    """Elimination of the universal and the ball joint leaves the direction along the rod."""
+    table = table_of(true_robot("ur5"), "length", count=50)
+    model = model_of(table)
+    point = model.evaluate(model.unknowns.mean)[0]
+    weights: Whitening = model.weights(point, Discrepancy(0.0))
+    seat = model.unknowns.seat(model.unknowns.mean, point.group.seat)
+    away = np.linalg.norm(point.target.tip - seat.origin[:, None], axis=0)
+    expected = (point.group.values[:, 0] - away) / np.hypot(2e-5, 1e-7)  # floor of the covariance
+    assert np.allclose(np.abs(weights(point.closure.error)[0]), np.abs(expected), rtol=1e-6)
+    along = position_rows(point)(point.closure.error)[0]
+    assert np.allclose(along, point.group.values[:, 0] - away, atol=1e-12)
+
+
+def test_a_pose_closes_at_the_true_placements() -> None:
+    true = true_robot("ur5")
+    table = table_of(true, "pose", noise=0.0)
+    group = table.groups[0]
+    frames = true.frames(group.q, TARGET)
+    closure = close_pose_loop("pose", group.values, SEAT, frames)
+    assert np.abs(closure.error[:3]).max() < 1e-12
+    assert np.abs(closure.error[3:]).max() < 1e-3  # white noise of 0.1 mrad on the orientation
+
+
+def test_parameters_that_seats_and_targets_can_take_over_stay_nominal() -> None:
+    names = {p.name for p in robot_parameters(table_of(true_robot("ur10")).robot)}
+    assert not names & {"rd1", "rtheta1", "ra6", "rd6", "rtheta6", "ralpha6", "rd3", "rd4"}
+    assert {"rbeta2", "rbeta3", "rd2", "ralpha3"} <= names
+    panda = {p.name for p in robot_parameters(table_of(true_robot("panda")).robot)}
+    assert not any(name.startswith("rbeta") for name in panda)
+    assert "ra7" not in panda
+    assert "ra6" in panda
+
+
+def test_rounded_angles_count_less() -> None:
+    """Their noise goes through the Jacobian of the joints."""
+    model = model_of(table_of(true_robot("ur5")))
+    coarse = replace(model, angle_noise=np.full(6, 1e-3))
+    for weigh, larger in ((model, False), (coarse, True)):
+        point = weigh.evaluate(weigh.unknowns.mean)[0]
+        residual = weigh.weights(point, Discrepancy(1e-5))(point.closure.error)
+        assert (np.abs(residual).mean() < 10.0) == larger
