@@ -102,19 +102,24 @@ def compare_files(
 
 
 def _compare_poses(calibration: Path, reference: Path, *, as_json: bool) -> None:
-    """Two results of still poses."""
+    """A result of still poses against another one, or against the truth."""
+    from ballbar.result.compare_pose_results import (
+        compare_pose_results,
+        compare_pose_truth,
+        result_comparison_data,
+        say_result_comparison,
+    )
     from ballbar.result.pose_calibration import load_pose_calibration
-    from ballbar.result.pose_compare import compare_poses, pose_comparison_data, say_pose_comparison
+    from sim.poses.truth import load_pose_truth
 
+    result = load_pose_calibration(calibration)
     if reference.name.endswith(".truth.yaml"):
-        raise InputError(
-            f"{reference}: a result of still poses is compared with another one, not with a truth "
-            "file."
-        )
-    comparison = compare_poses(load_pose_calibration(calibration), load_pose_calibration(reference))
+        comparison = compare_pose_truth(result, load_pose_truth(reference, result.robot))
+    else:
+        comparison = compare_pose_results(result, load_pose_calibration(reference))
     if as_json:
-        say_json(pose_comparison_data(comparison))
-    say_pose_comparison(out, comparison)
+        say_json(result_comparison_data(comparison))
+    say_result_comparison(out, comparison)
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:

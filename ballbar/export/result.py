@@ -21,7 +21,7 @@ from ballbar.result.calibration import (
     load_calibration,
 )
 from ballbar.result.pose_calibration import PoseCalibration, load_pose_calibration
-from cell.bodies import link_bodies, carried_bodies
+from cell.bodies import carried_bodies, link_bodies
 from cell.chain import Chain
 from cell.descriptions import Cell, Link, Robot
 from cell.errors import InputError

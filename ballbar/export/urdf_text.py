@@ -46,8 +46,8 @@ class JointText:
         if _MACRO.search(text):
             raise InputError(
                 f"{file}: joint {self.name}: {key} = {text!r} is an expression. Only numbers can "
-                "be changed in place: expand the file (xacro FILE.xacro > robot.urdf), or write the "
-                "numbers."
+                "be changed in place: expand the file (xacro FILE.xacro > robot.urdf), or write "
+                "the numbers."
             )
         try:
             numbers = tuple(float(word) for word in text.split())

@@ -100,8 +100,8 @@ class Verification:
         """Whether it holds, in words."""
         numbers = (
             f"{self.error.size} poses to {self.error.mean() * 1e3:.3f} mm; expected of an "
-            f"unchanged robot {self.predicted * 1e3:.3f} mm, at most {self.largest_mean * 1e3:.3f} mm in 98 "
-            "of 100 checks"
+            f"unchanged robot {self.predicted * 1e3:.3f} mm, at most "
+            f"{self.largest_mean * 1e3:.3f} mm in 98 of 100 checks"
         )
         if self.holds:
             return f"Holds: {numbers}."

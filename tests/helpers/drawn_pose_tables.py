@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from cell.arrays import Array
 from cell.chain import Chain, forward
@@ -63,8 +64,6 @@ def point_table(
     noise : [m] along each axis. zero : (J,) [rad] added to the angles by the robot. scale : of the
     measured values.
     """
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415
-
     frames = forward(drawn.chain, q + (0.0 if zero is None else zero))
     places = frames.tip.T + np.einsum("ijn,j->ni", frames.rotation(), target)
     turn = Rotation.from_rotvec(SEAT_TURN).as_matrix()
@@ -104,10 +103,3 @@ def length_table(
             )
         )
     return PoseTable("drawn", drawn.robot, tuple(groups))
-
-
-def without_row(table: PoseTable, row: int) -> PoseTable:
-    """The table without one of its poses, by its place."""
-    chosen = np.ones(table.size, dtype=bool)
-    chosen[row] = False
-    return replace(table.part(chosen), name=table.name)

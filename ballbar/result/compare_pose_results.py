@@ -1,12 +1,13 @@
-"""Two results of still poses of one robot against each other.
+"""A result of still poses against another one of the same robot, or against the simulated truth.
 
 The tool's difference is taken over poses within the fitted ranges of both, with the base aligned:
 where the first frame lies is a gauge of each result. Parameters are compared by z, their difference
-over the standard deviation of both.
+over the standard deviation of both; against a truth they also differ by what the gauge holds.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,10 +16,13 @@ from rich.markup import escape
 
 from ballbar.result.pose_calibration import PoseCalibration
 from ballbar.units import MM
+from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.geometry import parameter_named
-from ident.poses.unknowns import nominal_chain
+from cell.geometry import parameter_named, parameter_table
+from ident.poses.unknowns import nominal_chain, robot_parameters
 from ident.robot.accuracy import TcpError, position_error
+from ident.robot.identified_arm import IdentifiedArm
+from sim.poses.truth import PoseTruth
 
 POSES = 1000
 NOTABLE = 3.0  # z of a parameter that differs
@@ -41,21 +45,21 @@ class ParameterDifference:
 
 
 @dataclass(frozen=True, eq=False)
-class PoseComparison:
+class ResultComparison:
     """How far two results are from each other."""
 
     target: str  # whose position is compared
     own_target: bool  # whether both results have it
     tcp: TcpError  # of the first against the second
     tcp_nominal: TcpError  # of the nominal robot against the second
-    predicted: tuple[float, float]  # [m] mean errors that the cross-validations state
+    predicted: tuple[float, ...]  # [m] mean errors that the cross-validations state
     parameters: tuple[ParameterDifference, ...]  # largest z first
     unlike_ranges: tuple[int, ...]  # axes, from 1, of which less than half is common
 
 
-def compare_poses(
+def compare_pose_results(
     first: PoseCalibration, second: PoseCalibration, target: str | None = None
-) -> PoseComparison:
+) -> ResultComparison:
     """Two results of one robot. target : by default the first one that both have.
 
     Raises InputError for unlike robots, and where an axis has no angle within both fitted ranges.
@@ -81,37 +85,56 @@ def compare_poses(
         other = replace(other, target=model.target)
     share = np.random.default_rng(_SEED).random((POSES, first.robot.joints))
     q = lower + share * (upper - lower)
-    chain = nominal_chain(first.robot)
-    bare = replace(model, chain=chain, corrections=(), values=np.zeros(0))
     reference = other.tool(q)
     spans = np.maximum(first.upper - first.lower, second.upper - second.lower)
-    return PoseComparison(
+    return ResultComparison(
         target=name,
         own_target=name in shared,
         tcp=position_error(model.tool(q), reference),
-        tcp_nominal=position_error(bare.tool(q), reference),
+        tcp_nominal=position_error(_nominal(model).tool(q), reference),
         predicted=(first.file.cross_validation.mean_m, second.file.cross_validation.mean_m),
-        parameters=_parameters(first, second),
+        parameters=_differences(first, _stated(second)),
         unlike_ranges=tuple(int(j) + 1 for j in np.flatnonzero(upper - lower < 0.5 * spans)),
     )
 
 
-def say_pose_comparison(out: Console, comparison: PoseComparison) -> None:
+def compare_pose_truth(result: PoseCalibration, truth: PoseTruth) -> ResultComparison:
+    """A result against the truth of the table that it was simulated from."""
+    name = next(iter(result.targets))
+    if name not in truth.targets:
+        raise InputError(
+            f"target {name} is not in the truth, which has {', '.join(truth.targets)}. Name the "
+            "truth file of this table."
+        )
+    arm = result.arm(name)
+    share = np.random.default_rng(_SEED).random((POSES, arm.robot.joints))
+    q = arm.lower + share * (arm.upper - arm.lower)
+    actual = truth.arm.target(q, truth.targets[name].position)
+    return ResultComparison(
+        target=name,
+        own_target=True,
+        tcp=position_error(arm.tool(q), actual),
+        tcp_nominal=position_error(_nominal(arm).tool(q), actual),
+        predicted=(result.file.cross_validation.mean_m,),
+        parameters=_differences(result, _true(truth, arm.robot)),
+        unlike_ranges=(),
+    )
+
+
+def say_result_comparison(out: Console, comparison: ResultComparison) -> None:
     """Print the tool's difference, then the parameters that differ."""
     tcp, nominal = comparison.tcp, comparison.tcp_nominal
     whose = "of both" if comparison.own_target else "of the first"
     out.print(
         escape(
-            f"TCP difference over {POSES} poses within both fitted ranges, base aligned, target "
+            f"TCP difference over {POSES} poses within the fitted ranges, base aligned, target "
             f"{comparison.target} {whose}: mean {tcp.mean * MM:.4f} mm, largest "
-            f"{tcp.maximum * MM:.4f} mm (nominal robot against the second: "
+            f"{tcp.maximum * MM:.4f} mm (nominal robot: "
             f"{nominal.mean * MM:.3f} and {nominal.maximum * MM:.3f} mm)"
         )
     )
-    first, second = comparison.predicted
-    out.print(
-        f"their cross-validations state mean errors of {first * MM:.4f} and {second * MM:.4f} mm"
-    )
+    stated = " and ".join(f"{mean * MM:.4f}" for mean in comparison.predicted)
+    out.print(f"mean error by cross-validation: {stated} mm")
     notable = [p for p in comparison.parameters if abs(p.z) > NOTABLE]
     listed = ", ".join(p.text for p in notable[:LISTED])
     more = f" and {len(notable) - LISTED} more" if len(notable) > LISTED else ""
@@ -124,7 +147,7 @@ def say_pose_comparison(out: Console, comparison: PoseComparison) -> None:
         out.print(f"[yellow]warning:[/] less than half of the fitted range is common: axes {axes}")
 
 
-def pose_comparison_data(comparison: PoseComparison) -> dict[str, object]:
+def result_comparison_data(comparison: ResultComparison) -> dict[str, object]:
     """JSON of `compare` for results of still poses, SI units."""
     return {
         "target": comparison.target,
@@ -138,15 +161,37 @@ def pose_comparison_data(comparison: PoseComparison) -> dict[str, object]:
     }
 
 
-def _parameters(first: PoseCalibration, second: PoseCalibration) -> tuple[ParameterDifference, ...]:
+def _nominal(arm: IdentifiedArm) -> IdentifiedArm:
+    """The nominal robot with the identified one's target."""
+    return replace(arm, chain=nominal_chain(arm.robot), corrections=(), values=np.zeros(0))
+
+
+def _stated(result: PoseCalibration) -> dict[str, tuple[float, float]]:
+    """Value and standard deviation of every identified parameter."""
+    entries = result.file.parameters.items()
+    return {name: (e.value, e.sigma) for name, e in entries if e.sigma is not None}
+
+
+def _true(truth: PoseTruth, robot: Robot) -> dict[str, tuple[float, float]]:
+    """True values, sigma 0; of parallel axes the first d has what the others differ by."""
+    nominal, chain = nominal_chain(robot), truth.arm.chain
+    d = chain.d.copy()
+    for name in reversed(parameter_table(robot).hayati[:-1]):
+        row = parameter_named(name).row
+        d[row] += d[row + 1] - nominal.d[row + 1]
+    values = {"d": d, "a": chain.a, "alpha": chain.alpha, "theta": chain.theta, "beta": chain.beta}
+    return {p.name: (float(values[p.kind][p.row]), 0.0) for p in robot_parameters(robot)}
+
+
+def _differences(
+    first: PoseCalibration, reference: Mapping[str, tuple[float, float]]
+) -> tuple[ParameterDifference, ...]:
     out = []
-    for name, entry in first.file.parameters.items():
-        other = second.file.parameters.get(name)
-        if other is None or entry.sigma is None or other.sigma is None:
-            continue
-        difference = entry.value - other.value
-        sigma = float(np.hypot(entry.sigma, other.sigma))
-        out.append(ParameterDifference(name, difference, difference / sigma))
+    for name, (value, sigma) in _stated(first).items():
+        if name in reference:
+            difference = value - reference[name][0]
+            both = float(np.hypot(sigma, reference[name][1]))
+            out.append(ParameterDifference(name, difference, difference / both))
     return tuple(sorted(out, key=lambda p: -abs(p.z)))
 
 
