@@ -145,7 +145,9 @@ def test_a_drifting_tracker_is_named_with_its_size(tmp_path: Path) -> None:
     _, _, result = identified(scenario("ur10e_tracker", errors), tmp_path / "t")
     (drift,) = result.findings.drifts
     assert drift.shift == pytest.approx(2e-4, rel=0.1)
-    assert any(w.startswith("tracker drifts against the robot by 0.") for w in result.verdict.warnings)
+    assert any(
+        w.startswith("tracker drifts against the robot by 0.") for w in result.verdict.warnings
+    )
 
 
 def test_drift_shows_in_lengths_too_seat_by_seat(tmp_path: Path) -> None:

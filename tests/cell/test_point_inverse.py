@@ -21,7 +21,9 @@ def chain_of(name: str) -> Chain:
 @pytest.mark.parametrize("name", ["irb2400", "ur10e", "panda"])
 def test_the_point_comes_to_its_place_within_the_limits_of_the_axes(name: str) -> None:
     robot, chain, rng = load_robot(name), chain_of(name), np.random.default_rng(3)
-    q = controller_to_joints(robot, rng.uniform(robot.axis_lower, robot.axis_upper, (120, robot.joints)))
+    q = controller_to_joints(
+        robot, rng.uniform(robot.axis_lower, robot.axis_upper, (120, robot.joints))
+    )
     reachable, _ = point_columns(chain, POINT, q)
     start = q[rng.permutation(len(q))]
     limits = {"lower": robot.axis_lower, "upper": robot.axis_upper}

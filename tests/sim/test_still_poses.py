@@ -42,9 +42,7 @@ CELLS: dict[str, dict[str, Any]] = {
             "seats": [
                 {"name": "hall", "position_m": [2.0, 1.0, 0.5], "rotvec_rad": [0.1, -0.2, 2.8]}
             ],
-            "targets": [
-                {"name": "mac", "position_m": [0, 0, 0.1], "rotvec_rad": [0.3, 0.2, -0.1]}
-            ],
+            "targets": [{"name": "mac", "position_m": [0, 0, 0.1], "rotvec_rad": [0.3, 0.2, -0.1]}],
         },
     },
     "socket_pair_50": {
@@ -220,9 +218,7 @@ def test_a_robot_without_masses_is_kinematic_and_the_sentence_says_so() -> None:
         ),
     ],
 )
-def test_poses_that_cannot_be_are_refused(
-    name: str, section: dict[str, Any], message: str
-) -> None:
+def test_poses_that_cannot_be_are_refused(name: str, section: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         simulated(name, poses=CELLS[name]["poses"] | section)
 
