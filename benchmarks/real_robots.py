@@ -1,6 +1,7 @@
 """Identification of real robots from public measurements: the table of docs/real_robots.md.
 
     python -m benchmarks.real_robots --data ../shared/real_robots [--splits 4] [--only NAME ...]
+        [--figures docs/images/real_robots]
 
 Errors are of poses that were not fitted, in mm, mean (95 %), mean over the splits. The data are not
 part of the project; docs/real_robots.md says where they come from.
@@ -17,8 +18,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ballbar.figure_style import AFTER, BEFORE, PURPLE, to_hundredths
+from ballbar.report.figures import Curve, cumulative, order_spectra
 from benchmarks import real_robots_tables as tables
 from cell.arrays import Array
+from cell.files import write_whole
 from cell.poses import PoseGroup, PoseTable
 from ident.estimator.regions import joint_regions
 from ident.poses.held_out import placed
@@ -342,18 +346,40 @@ STUDIES: dict[str, Callable[[Data], Iterator[Line]]] = {
 }
 
 
+def write_figures(data: Data, folder: Path) -> None:
+    """Spectrum of the joint errors of series A, and the errors of poses that were not fitted."""
+    fitted, judged = split(tables.ur10_a(data.folder), 1500, 0, JUDGED)
+    result, sag = identify_poses(fitted), identify_poses(fitted, SAG_ONLY)
+    assert result.search is not None  # searched by default
+    spectra = order_spectra(result.search.spectrum_before, result.search.spectrum_after)
+    nominal = replace(result.nominal.model, table=judged).evaluate(result.nominal.x)
+    before = np.concatenate([np.linalg.norm(p.closure.error[:3], axis=0) for p in nominal])
+    curves = [
+        Curve("nominal robot", before, BEFORE),
+        Curve("geometry and sag", norms(sag, judged) / MM, PURPLE),
+        Curve("and joint errors found by evidence", norms(result, judged) / MM, AFTER),
+    ]
+    folder.mkdir(parents=True, exist_ok=True)
+    named = {"ur10_orders": spectra, "ur10_errors": cumulative(curves, label="error of a pose")}
+    for name, svg in named.items():
+        write_whole(folder / f"{name}.svg", to_hundredths(str(svg)).encode())
+
+
 def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description="Identification of real robots.")
     parser.add_argument("--data", type=Path, default=tables.DATA)
     parser.add_argument("--splits", type=int, default=4)
     parser.add_argument("--only", nargs="*", choices=STUDIES, default=list(STUDIES))
+    parser.add_argument("--figures", type=Path, help="Folder to write two figures to.")
     options = parser.parse_args()
     data = Data(options.data, options.splits)
     print("| data | what | measured | target |\n|---|---|---|---|", flush=True)
     for name in options.only:
         for line in STUDIES[name](data):
             print(f"| {line.name} | {line.what} | {line.measured} | {line.target} |", flush=True)
+    if options.figures is not None:
+        write_figures(data, options.figures)
 
 
 if __name__ == "__main__":

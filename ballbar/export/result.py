@@ -13,7 +13,7 @@ from cell.chain import Chain
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Parameter
-from cell.load import load_cell
+from cell.load import load_measured_cell
 
 EFFECTS = {
     "joint_compliance": "compliance of the gears under the robot's own weight",
@@ -74,7 +74,7 @@ def load_result(path: Path) -> Result:
         )
     calibration = load_calibration(file)
     names = calibration.file
-    cell = load_cell(names.robot, names.instrument, names.plate, relative_to=file.parent)
+    cell = load_measured_cell(names.robot, names.instrument, names.plate, relative_to=file.parent)
     return Result(file, hashlib.sha256(file.read_bytes()).hexdigest(), calibration, cell)
 
 

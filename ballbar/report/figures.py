@@ -196,6 +196,22 @@ def whitened_histogram(whitened: Array) -> Markup:
         return as_svg(figure)
 
 
+def order_spectra(before: Array, after: Array) -> Markup:
+    """Score (J, K) of the first K orders of every joint, before the search for them and after."""
+    orders = np.arange(1, before.shape[1] + 1)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(2.0 * WIDTH, 1.25 * len(before)))
+        panels = figure.subplots(len(before), 1, sharex=True, squeeze=False)[:, 0]
+        for joint, (axes, first, last) in enumerate(zip(panels, before, after, strict=True)):
+            axes.vlines(orders - 0.13, 0.0, first, color=BEFORE, linewidth=2.4, label="before")
+            axes.vlines(orders + 0.13, 0.0, last, color=AFTER, linewidth=2.4, label="after")
+            axes.set(ylabel=f"joint {joint + 1}", xlim=(0.0, orders[-1] + 1))
+            axes.set_ylim(bottom=0.0)
+        panels[0].legend(ncols=2, loc="upper right")
+        panels[-1].set_xlabel("order [cycles a turn]")
+        return as_svg(figure)
+
+
 def one_panel(height: float) -> tuple[Figure, Axes]:
     """A figure of a height [in] with one plot."""
     figure = Figure(figsize=(WIDTH, height))

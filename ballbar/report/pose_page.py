@@ -10,21 +10,17 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
 from ballbar.report.figures import (
     AFTER_SCALE,
     BEFORE_SCALE,
-    STYLE,
-    WIDTH,
     Curve,
-    as_svg,
     cumulative,
+    order_spectra,
     workspace_map,
 )
 from ballbar.report.numbers import listed, significant
@@ -186,23 +182,9 @@ def _maps(result: PoseIdentification) -> list[Markup]:
 
 
 def _spectra(result: PoseIdentification) -> Markup | None:
-    """Score of every order before and after the search, joint by joint."""
     if result.search is None:
         return None
-    before, after = result.search.spectrum_before, result.search.spectrum_after
-    orders = np.arange(1, before.shape[1] + 1)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(2.0 * WIDTH, 1.25 * len(before)))
-        panels = figure.subplots(len(before), 1, sharex=True, squeeze=False)[:, 0]
-        for joint, (axes, first, last) in enumerate(zip(panels, before, after, strict=True)):
-            axes.vlines(orders - 0.13, 0.0, first, color=BEFORE, linewidth=2.4, label="before")
-            axes.vlines(orders + 0.13, 0.0, last, color=AFTER, linewidth=2.4, label="after")
-            axes.set_ylabel(f"joint {joint + 1}")
-            axes.set_ylim(0.0, None)
-            axes.set_xlim(0.0, orders[-1] + 1)
-        panels[0].legend(ncols=2, loc="upper right")
-        panels[-1].set_xlabel("order [cycles a turn]")
-        return as_svg(figure)
+    return order_spectra(result.search.spectrum_before, result.search.spectrum_after)
 
 
 def _orders(result: PoseIdentification) -> list[OrderRow]:
