@@ -1,4 +1,4 @@
-"""Inverse kinematics of a point: the point arrives, the limits hold, what is out of reach is said."""
+"""Inverse kinematics of a point: it arrives within the limits, or is stated not to."""
 
 from __future__ import annotations
 
@@ -21,11 +21,13 @@ def chain_of(name: str) -> Chain:
 @pytest.mark.parametrize("name", ["irb2400", "ur10e", "panda"])
 def test_the_point_comes_to_its_place_within_the_limits_of_the_axes(name: str) -> None:
     robot, chain, rng = load_robot(name), chain_of(name), np.random.default_rng(3)
-    q = controller_to_joints(robot, rng.uniform(robot.axis_lower, robot.axis_upper, (120, robot.joints)))
+    q = controller_to_joints(
+        robot, rng.uniform(robot.axis_lower, robot.axis_upper, (120, robot.joints))
+    )
     reachable, _ = point_columns(chain, POINT, q)
     start = q[rng.permutation(len(q))]
     limits = {"lower": robot.axis_lower, "upper": robot.axis_upper}
-    found, reached = reach_points(robot, chain, POINT, start, reachable, **limits)
+    found, reached = reach_points(robot, chain, point=POINT, q=start, wanted=reachable, **limits)
     assert reached.mean() > 0.5, "from starts anywhere; the others are stuck at limits"
     place, _ = point_columns(chain, POINT, found[reached])
     assert np.abs(place - reachable[reached]).max() < 1e-9
@@ -38,7 +40,9 @@ def test_a_place_beyond_the_arm_is_not_reached() -> None:
     robot = load_robot("irb120")
     limits = {"lower": robot.axis_lower, "upper": robot.axis_upper}
     wanted = np.array([[3.0, 0.0, 0.5]])
-    _, reached = reach_points(robot, chain_of("irb120"), POINT, np.zeros((1, 6)), wanted, **limits)
+    _, reached = reach_points(
+        robot, chain_of("irb120"), point=POINT, q=np.zeros((1, 6)), wanted=wanted, **limits
+    )
     assert not reached.any()
 
 
@@ -51,9 +55,9 @@ def test_an_arm_that_differs_from_the_chain_is_brought_there_as_it_is() -> None:
     q, reached = reach_points(
         robot,
         chain,
-        POINT,
-        start,
-        wanted,
+        point=POINT,
+        q=start,
+        wanted=wanted,
         position=lambda angles: point_columns(bent, POINT, angles)[0],
         **limits,
     )

@@ -42,9 +42,7 @@ CELLS: dict[str, dict[str, Any]] = {
             "seats": [
                 {"name": "hall", "position_m": [2.0, 1.0, 0.5], "rotvec_rad": [0.1, -0.2, 2.8]}
             ],
-            "targets": [
-                {"name": "mac", "position_m": [0, 0, 0.1], "rotvec_rad": [0.3, 0.2, -0.1]}
-            ],
+            "targets": [{"name": "mac", "position_m": [0, 0, 0.1], "rotvec_rad": [0.3, 0.2, -0.1]}],
         },
     },
     "socket_pair_50": {
@@ -202,8 +200,8 @@ def test_a_robot_without_masses_is_kinematic_and_the_sentence_says_so() -> None:
     assert sentence.startswith("The poses are kinematic: irb120's file states no masses")
     with pytest.raises(InputError, match=r"plant.kind = mujoco: irb120's file states no masses"):
         simulated("drawwire_2m", plant={"kind": "mujoco"})
-    with pytest.raises(InputError, match="errors.unit_weights stand for masses"):
-        errors = {"joint_compliance": {}, "unit_weights": {}}
+    errors: dict[str, Any] = {"joint_compliance": {}, "unit_weights": {}}
+    with pytest.raises(InputError, match=r"errors.unit_weights stand for masses"):
         simulated("qc20w_300", errors, plant={"kind": "mujoco"})
 
 
@@ -220,9 +218,7 @@ def test_a_robot_without_masses_is_kinematic_and_the_sentence_says_so() -> None:
         ),
     ],
 )
-def test_poses_that_cannot_be_are_refused(
-    name: str, section: dict[str, Any], message: str
-) -> None:
+def test_poses_that_cannot_be_are_refused(name: str, section: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         simulated(name, poses=CELLS[name]["poses"] | section)
 
