@@ -22,14 +22,21 @@ _PUBLIC = {
     "ident.recording_fit": "Logs",
     "ident.result": "Identification",
     "ident.held_out": "HeldOut held_out",
+    "cell.poses": "PoseGroup PoseTable",
+    "acquisition.poses.reading": "read_poses",
+    "ident.poses.identify": "PoseOptions identify_poses",
+    "ident.poses.result": "PoseIdentification",
+    "ident.poses.verification": "Verification verify",
+    "ident.robot.identified_arm": "IdentifiedArm",
     "ident.robot.accuracy": "TcpError accuracy_grid position_error tcp_error",
-    "ident.robot.inverse_calibration": "CorrectedTargets corrected_targets",
+    "ident.robot.inverse_calibration": "CorrectedTargets corrected_arm_targets corrected_targets",
     "ident.robot.unloaded_robot": "UnloadedRobot",
     "sim.recording_files": "write_recording",
     "sim.simulate": "Simulation simulate",
     "sim.truth": "Truth load_truth",
     "ballbar.scenario": "Scenario load_scenario scenario_file",
     "ballbar.result.calibration": "Calibration load_calibration write_calibration",
+    "ballbar.result.pose_calibration": "PoseCalibration",
     "ballbar.result.run_data": "RunData",
     "ballbar.result.run_recordings": "identify_recordings",
 }
@@ -37,11 +44,13 @@ _HOME = {name: module for module, names in _PUBLIC.items() for name in names.spl
 __all__ = sorted(_HOME)  # noqa: PLE0605  the table is the list
 
 if TYPE_CHECKING:  # the same names, for type checkers and editors
+    from acquisition.poses.reading import read_poses as read_poses
     from acquisition.recording import Recording as Recording
     from acquisition.recording import read_recording as read_recording
     from ballbar.result.calibration import Calibration as Calibration
     from ballbar.result.calibration import load_calibration as load_calibration
     from ballbar.result.calibration import write_calibration as write_calibration
+    from ballbar.result.pose_calibration import PoseCalibration as PoseCalibration
     from ballbar.result.run_data import RunData as RunData
     from ballbar.result.run_recordings import identify_recordings as identify_recordings
     from ballbar.scenario import Scenario as Scenario
@@ -60,19 +69,28 @@ if TYPE_CHECKING:  # the same names, for type checkers and editors
     from cell.logs import BallBarLog as BallBarLog
     from cell.logs import ForceLog as ForceLog
     from cell.logs import RobotLog as RobotLog
+    from cell.poses import PoseGroup as PoseGroup
+    from cell.poses import PoseTable as PoseTable
     from ident.held_out import HeldOut as HeldOut
     from ident.held_out import held_out as held_out
     from ident.identify import identify as identify
     from ident.identify import identify_together as identify_together
     from ident.options import FitOptions as FitOptions
     from ident.options import Listener as Listener
+    from ident.poses.identify import PoseOptions as PoseOptions
+    from ident.poses.identify import identify_poses as identify_poses
+    from ident.poses.result import PoseIdentification as PoseIdentification
+    from ident.poses.verification import Verification as Verification
+    from ident.poses.verification import verify as verify
     from ident.recording_fit import Logs as Logs
     from ident.result import Identification as Identification
     from ident.robot.accuracy import TcpError as TcpError
     from ident.robot.accuracy import accuracy_grid as accuracy_grid
     from ident.robot.accuracy import position_error as position_error
     from ident.robot.accuracy import tcp_error as tcp_error
+    from ident.robot.identified_arm import IdentifiedArm as IdentifiedArm
     from ident.robot.inverse_calibration import CorrectedTargets as CorrectedTargets
+    from ident.robot.inverse_calibration import corrected_arm_targets as corrected_arm_targets
     from ident.robot.inverse_calibration import corrected_targets as corrected_targets
     from ident.robot.unloaded_robot import UnloadedRobot as UnloadedRobot
     from sim.recording_files import write_recording as write_recording

@@ -66,6 +66,19 @@ def inverse_left_jacobian(rotvec: Array, vectors: Array) -> Array:
     return np.asarray(np.einsum("ijn,...jn->...in", matrix, vectors))
 
 
+def roll_pitch_yaw(rotation: Array) -> Array:
+    """(3,) [rad] roll, pitch, yaw of a rotation matrix (3, 3) = Rz(yaw) Ry(pitch) Rx(roll).
+
+    Yaw and pitch are those of what is left without the roll, so that they are exact to rounding
+    also where the pitch is nearly a quarter turn and the roll by itself is not determined.
+    """
+    roll = float(np.arctan2(rotation[2, 1], rotation[2, 2]))
+    cos, sin = np.cos(roll), np.sin(roll)
+    rest = rotation @ np.array([[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]])
+    pitch, yaw = np.arctan2(-rest[2, 0], rest[2, 2]), np.arctan2(-rest[0, 1], rest[1, 1])
+    return np.array([roll, pitch, yaw])
+
+
 def quat_wxyz(rotation: Array) -> Array:
     """(4,) unit quaternion of a rotation matrix (3, 3), scalar part first as MuJoCo wants it.
 

@@ -172,7 +172,7 @@ def _pose_options(joint_errors: str) -> PoseOptions:
 
     if joint_errors in ("auto", "none"):
         return PoseOptions(search=joint_errors == "auto")
-    learned = load_pose_calibration(calibration_file(Path(joint_errors))).joint_errors()
+    learned = load_pose_calibration(calibration_file(Path(joint_errors))).file.joint_errors()
     return PoseOptions(search=False, learned=learned)
 
 

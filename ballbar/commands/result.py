@@ -84,17 +84,42 @@ def compare_files(
 ) -> None:
     """Compare a calibration with the truth of a simulated run, or with another calibration.
 
-    Prints the TCP error over the workspace and the deviations of the parameters.
+    Prints the TCP error over the workspace and the deviations of the parameters. Two results of
+    still poses are compared over the poses that both were fitted to.
     """
     from ballbar.commands.result_json import comparison_data
     from ballbar.report.terminal import say_comparison
-    from ballbar.result.calibration import calibration_file, load_calibration
+    from ballbar.result.calibration import calibration_file, holds_pose_result, load_calibration
 
     calibration, reference = calibration_file(calibration), calibration_file(reference)
+    if holds_pose_result(calibration):
+        _compare_poses(calibration, reference, as_json=as_json)
+        return
     comparison = _compared(load_calibration(calibration), calibration, reference)
     if as_json:
         say_json(comparison_data(comparison))
     say_comparison(out, comparison)
+
+
+def _compare_poses(calibration: Path, reference: Path, *, as_json: bool) -> None:
+    """A result of still poses against another one, or against the truth."""
+    from ballbar.result.compare_pose_results import (
+        compare_pose_results,
+        compare_pose_truth,
+        result_comparison_data,
+        say_result_comparison,
+    )
+    from ballbar.result.pose_calibration import load_pose_calibration
+    from sim.poses.truth import load_pose_truth
+
+    result = load_pose_calibration(calibration)
+    if reference.name.endswith(".truth.yaml"):
+        comparison = compare_pose_truth(result, load_pose_truth(reference, result.robot))
+    else:
+        comparison = compare_pose_results(result, load_pose_calibration(reference))
+    if as_json:
+        say_json(result_comparison_data(comparison))
+    say_result_comparison(out, comparison)
 
 
 def _compared(model: Calibration, calibration: Path, reference: Path) -> Comparison:
@@ -124,20 +149,65 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
 
 
 @commands.command(
+    rich_help_panel=RESULT, epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`"
+)
+def verify(
+    result: ResultFile,
+    poses: Annotated[
+        Path, typer.Argument(help="Folder with poses.yaml, about ten still poses.", metavar="DIR")
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Does a stored calibration of still poses still hold? About ten new poses tell.
+
+    Only the seats of the instrument (and new targets) are fitted. An unchanged robot fails in 2 of
+    100 checks. Where something changed, a single cause is named if it explains the errors: the zero
+    of one joint, a target that moved, the scale of the measured values, one bad pose. Exits with 1
+    when the calibration does not hold.
+    """
+    from acquisition.poses import read_poses
+    from ballbar.result.verification import say_verification, verification_data, verify_poses
+
+    verification = verify_poses(result, read_poses(poses))
+    if as_json:
+        say_json(verification_data(verification))
+    say_verification(out, verification)
+    raise typer.Exit(0 if verification.holds else 1)
+
+
+@commands.command(
     rich_help_panel=RESULT,
     epilog="Example: `ballbar export runs/irb2400 --to urdf --out irb2400.urdf`, or "
-    "`ballbar export runs/irb2400 --to dh`",
+    "`ballbar export runs/irb2400 --to hayati`, or "
+    "`ballbar export results/ur10 --into ur10.urdf --out ur10-identified.urdf`",
 )
 def export(
     result: ResultFile,
     to: Annotated[
-        Format,
+        Format | None,
         typer.Option(
             "--to",
             help="Robot model (urdf, mjcf), table (dh; mdh: Craig's DH; hayati; poe: screw axes), "
-            "RAPID data (abb), or everything (json).",
+            "RAPID data (abb), kinematics of ur_description (ur-kinematics), or everything (json).",
         ),
-    ],
+    ] = None,
+    into: Annotated[
+        Path | None,
+        typer.Option(
+            "--into",
+            help="URDF or xacro of the robot: written anew with the identified joint origins, all "
+            "else as it is.",
+            metavar="FILE",
+        ),
+    ] = None,
+    joints: Annotated[
+        str,
+        typer.Option(
+            "--joints",
+            help="Turning joints of FILE from base to tip, if it has more than the robot.",
+            metavar="NAME,NAME",
+        ),
+    ] = "",
     file: Annotated[
         Path | None,
         typer.Option("--out", help="New file. Default: print to the terminal.", metavar="FILE"),
@@ -150,18 +220,33 @@ def export(
     standard deviation of every parameter, and which parameters are nominal.
     """
     from ballbar.export.formats import export_summary, exported
+    from ballbar.export.into_urdf import changed_lines, into_file
     from ballbar.export.result import load_result
 
+    if (to is None) == (into is None):
+        raise InputError("give either --to FORMAT or --into FILE.")
+    if joints and into is None:
+        raise InputError("--joints names joints of the file of --into; give both or none.")
     robot = load_result(result)
-    text = exported(robot, to)
-    if file is not None:
-        write_new(file, text.encode())
-    if as_json:
-        say_json(export_summary(robot, to, text, file))
-    elif file is None:
-        typer.echo(text, nl=False)
+    lines: list[str] = []
+    if into is not None:
+        names = [name.strip() for name in joints.split(",") if name.strip()]
+        changed = into_file(robot, into, names)
+        content, lines = changed.content, changed_lines(changed, robot)
     else:
-        out.print(f"Wrote {escape(str(file))}. Not in it: {escape('; '.join(robot.left_out))}")
+        assert to is not None  # one of the two is given
+        content = exported(robot, to).encode()
+        lines = [f"Not in it: {'; '.join(robot.left_out)}", *robot.range_notes]
+    if file is not None:
+        write_new(file, content)
+    if as_json:
+        say_json(export_summary(robot, to or "into", content, file))
+    elif file is None:
+        typer.echo(content.decode(), nl=False)
+    else:
+        out.print(f"Wrote {escape(str(file))}")
+        for line in lines:
+            out.print(escape(line))
 
 
 @commands.command(

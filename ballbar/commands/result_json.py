@@ -46,7 +46,7 @@ def pose_run_data(run: PoseRun, folder: Path) -> dict[str, object]:
     """JSON of `identify` on still poses: the calibration written to `folder`."""
     from ballbar.result.pose_calibration import load_pose_calibration
 
-    file = load_pose_calibration(folder / CALIBRATION)
+    file = load_pose_calibration(folder / CALIBRATION).file
     return {
         "acceptable": run.acceptable,
         "sentence": run.identification.verdict.sentence,

@@ -8,15 +8,24 @@ from pathlib import Path
 import numpy as np
 
 from ballbar.compensation.joint_targets import TargetFile, read_targets, targets_text
-from ballbar.export.result import EFFECTS, Result
+from ballbar.export.result import EFFECTS, AnyResult, PoseResult
 from ballbar.units import MM, MRAD
 from cell.arrays import Array
 from cell.errors import InputError
 from cell.files import write_new
 from cell.robot_angles import joints_to_axes
-from ident.robot.inverse_calibration import CorrectedTargets, TargetError, corrected_targets
+from ident.robot.identified_arm import range_sentence
+from ident.robot.inverse_calibration import (
+    CorrectedTargets,
+    TargetError,
+    corrected_arm_targets,
+    corrected_targets,
+)
 
 _FAULTS_SHOWN = 3  # targets that cannot be corrected, in one message
+_LINES_SHOWN = 5  # of targets outside the fitted ranges
+_OF_LOGS = ("joint_compliance", "gear_backlash", "gear_ripple")  # effects that they may identify
+_OF_POSES = ("unit_weights",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,40 +39,68 @@ class Correction:
     warnings: tuple[str, ...]
 
 
-def correct_file(path: Path, result: Result) -> Correction:
+def correct_file(path: Path, result: AnyResult) -> Correction:
     """Corrected targets of a CSV file. Raises InputError naming file and line."""
-    robot = result.cell.robot
+    robot = result.robot
     targets = read_targets(path, robot)
     try:
-        corrected = corrected_targets(
-            result.calibration.unloaded_robot(result.cell), result.calibration.nominal, targets.q
-        )
+        corrected = _corrected(result, targets.q)
     except TargetError as error:
         faults = [f"{path}:{targets.lines[k]}: {why}" for k, why in sorted(error.faults.items())]
         shown, more = faults[:_FAULTS_SHOWN], len(faults) - _FAULTS_SHOWN
         rest = [f"and {more} more targets"] if more > 0 else []
         raise InputError("\n".join(["nothing was written.", *shown, *rest])) from None
     identified = result.calibration.file.corrections
-    status = result.calibration.file.fit.status
+    expected = _OF_POSES if isinstance(result, PoseResult) else _OF_LOGS
+    missing = [name for name in expected if name not in identified]
     return Correction(
         targets=targets,
         corrected=corrected,
         axis_changes=joints_to_axes(robot, corrected.q) - joints_to_axes(robot, targets.q),
         included=tuple(effect for name, effect in EFFECTS.items() if name in identified),
-        warnings=tuple(_warnings(status, [name for name in EFFECTS if name not in identified])),
+        warnings=(*_warnings(result.status, missing), *_outside(result, targets)),
     )
 
 
-def write_corrected(out: Path, correction: Correction, result: Result) -> None:
+def _corrected(result: AnyResult, q: Array) -> CorrectedTargets:
+    """Corrected targets (N, J) [rad]; raises TargetError, and InputError for five axes."""
+    if isinstance(result, PoseResult):
+        try:
+            return corrected_arm_targets(result.calibration.arm(), q)
+        except TargetError:
+            raise
+        except ValueError as error:
+            raise InputError(str(error)) from None
+    robot = result.calibration.unloaded_robot(result.cell)
+    return corrected_targets(robot, result.calibration.nominal, q)
+
+
+def _outside(result: AnyResult, targets: TargetFile) -> list[str]:
+    """Targets beyond the fitted range of an axis, with their lines and the range."""
+    if not isinstance(result, PoseResult):
+        return []
+    arm = result.calibration.arm()
+    inside = arm.covered(targets.q)
+    if inside.all():
+        return []
+    lines = [str(line) for line, counts in zip(targets.lines, inside, strict=True) if not counts]
+    more = f" and {len(lines) - _LINES_SHOWN} more" if len(lines) > _LINES_SHOWN else ""
+    return [
+        f"targets of line {', '.join(lines[:_LINES_SHOWN])}{more} are "
+        f"{range_sentence(arm.out_of_range(targets.q))}"
+    ]
+
+
+def write_corrected(out: Path, correction: Correction, result: AnyResult) -> None:
     """Writes the corrected targets to a new file, completely or not at all.
 
     Raises InputError if the file exists.
     """
-    text = targets_text(correction.targets, result.cell.robot, correction.corrected.q)
+    text = targets_text(correction.targets, result.robot, correction.corrected.q)
     write_new(out, text.encode())
 
 
-def correction_data(correction: Correction, result: Result, out: Path) -> dict[str, object]:
+def correction_data(correction: Correction, result: AnyResult, out: Path) -> dict[str, object]:
     """JSON of `correct`, SI units."""
     c = correction.corrected
     return {

@@ -1,4 +1,4 @@
-"""The identified robot as URDF and MJCF: six links with the masses of the cell files, and a tool.
+"""The identified robot as URDF and MJCF: J links, with masses where they are known, and its tools.
 
 Link i turns about its own z axis; its frame is the end of DH row i-1 at joint angle zero. Joint
 angles are those of the DH model: a parallel rod or wrist coupling is not in the tree, so the
@@ -13,61 +13,68 @@ from typing import Any
 
 import numpy as np
 
-from ballbar.export.result import Result, notes
+from ballbar.export.result import AnyResult, notes
 from ballbar.export.tables import number
 from cell.arrays import Array
-from cell.bodies import carried_bodies
 from cell.chain import Chain, row_placements
 from cell.descriptions import Link, Robot
-from cell.rotation import quat_wxyz
+from cell.rotation import quat_wxyz, roll_pitch_yaw
 
 _LIMITS = (
     "Joint limits: the range of each DH joint over the box of axis limits; effort or velocity 0: "
     "the cell files state none."
 )
+_NO_MASSES = "Masses and inertias: the robot's file states none, so none are in this file."
+_BOUNDS = (
+    "MuJoCo refuses moving bodies without mass: boundmass and boundinertia make the model load. "
+    "They are no masses of the robot: the model serves kinematics, not dynamics."
+)
+_LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9  # [kg], [kg m^2] so small that nobody takes them for any
 _INERTIA_DIGITS = 12  # decimals of [kg m^2]; what is beyond is rounding of turned tensors
 
 
-def urdf(result: Result) -> str:
+def urdf(result: AnyResult) -> str:
     """URDF with plain names and without references to files: fit for xacro's include."""
     robot = ET.Element("robot", name=result.name)
-    robot.append(_comment([*notes(result), _LIMITS]))
+    links = result.links
+    robot.append(_comment([*notes(result), _LIMITS, *([] if links else [_NO_MASSES])]))
     ET.SubElement(robot, "link", name="base_link")
-    poses, (lower, upper) = _placements(result.chain), _joint_range(result.cell.robot)
-    known = np.isfinite(result.cell.robot.axis_speed_max).all()
-    fastest = result.cell.robot.axis_speed_max if known else np.zeros(result.chain.rows)
-    speed = np.abs(result.cell.robot.controller_to_joint.T) @ fastest
+    poses, (lower, upper) = _placements(result.chain), _joint_range(result.robot)
+    speed = _joint_speed(result.robot)
     parent = "base_link"
-    for i, body in enumerate(_bodies(result)):
+    for i in range(result.robot.joints):
         link = ET.SubElement(robot, "link", name=f"link_{i + 1}")
-        inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=_numbers(body.com), rpy="0 0 0")
-        ET.SubElement(inertial, "mass", value=number(body.mass))
-        tensor = {
-            f"i{'xyz'[r]}{'xyz'[c]}": number(round(float(body.inertia[r, c]), _INERTIA_DIGITS))
-            for r in range(3)
-            for c in range(r, 3)
-        }
-        ET.SubElement(inertial, "inertia", tensor)
+        if links:
+            _urdf_inertial(link, links[i])
         joint = _urdf_joint(robot, f"joint_{i + 1}", "revolute", parent, f"link_{i + 1}", poses[i])
         ET.SubElement(joint, "axis", xyz="0 0 1")
         bounds = {"lower": number(lower[i]), "upper": number(upper[i])}
         ET.SubElement(joint, "limit", bounds | {"effort": "0", "velocity": number(speed[i])})
         parent = f"link_{i + 1}"
-    ET.SubElement(robot, "link", name="tool0")
-    _urdf_joint(robot, "tool_joint", "fixed", parent, "tool0", poses[-1])
+    first, *others = result.tools.items()
+    name, place = first
+    ET.SubElement(robot, "link", name=name)
+    _urdf_joint(robot, "tool_joint", "fixed", parent, name, poses[-1])
+    for other, place in others:
+        ET.SubElement(robot, "link", name=other)
+        pose = (place.rotation, place.origin)
+        _urdf_joint(robot, f"{other}_joint", "fixed", name, other, pose)
     return _text(robot)
 
 
-def mjcf(result: Result) -> str:
-    """MJCF of the unloaded robot, with a site `tool`."""
+def mjcf(result: AnyResult) -> str:
+    """MJCF of the unloaded robot, with a site for each tool; that of logs is named `tool`."""
     root = ET.Element("mujoco", model=result.name)
-    root.append(_comment(notes(result)))
-    ET.SubElement(root, "compiler", angle="radian", autolimits="true")
-    ET.SubElement(root, "option", gravity=_numbers(result.cell.robot.gravity))
+    links = result.links
+    root.append(_comment([*notes(result), *([] if links else [_NO_MASSES, _BOUNDS])]))
+    options = {"angle": "radian", "autolimits": "true"}
+    if not links:
+        options |= {"boundmass": number(_LEAST_MASS), "boundinertia": number(_LEAST_INERTIA)}
+    ET.SubElement(root, "compiler", options)
+    ET.SubElement(root, "option", gravity=_numbers(result.robot.gravity))
     parent: ET.Element = ET.SubElement(root, "worldbody")
-    poses, (lower, upper) = _placements(result.chain), _joint_range(result.cell.robot)
-    for i, body in enumerate(_bodies(result)):
+    poses, (lower, upper) = _placements(result.chain), _joint_range(result.robot)
+    for i in range(result.robot.joints):
         rotation, place = poses[i]
         parent = ET.SubElement(
             parent,
@@ -76,14 +83,8 @@ def mjcf(result: Result) -> str:
             pos=_numbers(place),
             quat=_numbers(quat_wxyz(rotation)),
         )
-        tensor = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].round(_INERTIA_DIGITS)
-        ET.SubElement(
-            parent,
-            "inertial",
-            pos=_numbers(body.com),
-            mass=number(body.mass),
-            fullinertia=_numbers(tensor),
-        )
+        if links:
+            _mjcf_inertial(parent, links[i])
         ET.SubElement(
             parent,
             "joint",
@@ -91,35 +92,53 @@ def mjcf(result: Result) -> str:
             axis="0 0 1",
             range=_numbers([lower[i], upper[i]]),
         )
-    rotation, place = poses[-1]
-    ET.SubElement(
-        parent, "site", name="tool", pos=_numbers(place), quat=_numbers(quat_wxyz(rotation))
-    )
+    turn, shift = poses[-1]
+    for name, tool in result.tools.items():
+        ET.SubElement(
+            parent,
+            "site",
+            name="tool" if name == "tool0" else name,
+            pos=_numbers(shift + turn @ tool.origin),
+            quat=_numbers(quat_wxyz(turn @ tool.rotation)),
+        )
     return _text(root)
 
 
+def _urdf_inertial(link: ET.Element, body: Link) -> None:
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "origin", xyz=_numbers(body.com), rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=number(body.mass))
+    tensor = {
+        f"i{'xyz'[r]}{'xyz'[c]}": number(round(float(body.inertia[r, c]), _INERTIA_DIGITS))
+        for r in range(3)
+        for c in range(r, 3)
+    }
+    ET.SubElement(inertial, "inertia", tensor)
+
+
+def _mjcf_inertial(parent: ET.Element, body: Link) -> None:
+    tensor = body.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].round(_INERTIA_DIGITS)
+    ET.SubElement(
+        parent,
+        "inertial",
+        pos=_numbers(body.com),
+        mass=number(body.mass),
+        fullinertia=_numbers(tensor),
+    )
+
+
 def _placements(chain: Chain) -> list[tuple[Array, Array]]:
-    """Pose of links 1 to J and of the tool, each in the frame before it.
+    """Pose of links 1 to J and of the flange or tool, each in the frame before it.
 
     Returns J + 1 of (rotation (3, 3), translation (3,) [m]).
     """
     return [(np.eye(3), np.zeros(3)), *row_placements(chain)]
 
 
-def _bodies(result: Result) -> list[Link]:
-    """Links 1 to J, the plate merged into the last."""
-    return [_joined(links) for links in carried_bodies(result.cell)]
-
-
-def _joined(links: list[Link]) -> Link:
-    """Several rigid links as one."""
-    mass = sum(link.mass for link in links)
-    com = sum((link.mass * link.com for link in links), np.zeros(3)) / mass
-    inertia = np.zeros((3, 3))
-    for link in links:
-        arm = link.com - com
-        inertia += link.inertia + link.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return Link(mass, com, inertia)
+def _joint_speed(robot: Robot) -> Array:
+    """(J,) [rad/s] largest speed of each joint; 0 where the robot's file states none."""
+    speed = np.abs(robot.controller_to_joint.T) @ np.nan_to_num(robot.axis_speed_max, posinf=0.0)
+    return np.asarray(speed)
 
 
 def _joint_range(robot: Robot) -> tuple[Array, Array]:
@@ -135,15 +154,8 @@ def _urdf_joint(
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=_numbers(pose[1]), rpy=_numbers(_roll_pitch_yaw(pose[0])))
+    ET.SubElement(joint, "origin", xyz=_numbers(pose[1]), rpy=_numbers(roll_pitch_yaw(pose[0])))
     return joint
-
-
-def _roll_pitch_yaw(rotation: Array) -> Array:
-    """(3,) [rad] roll, pitch, yaw of a rotation (3, 3) = Rz(yaw) Ry(pitch) Rx(roll)."""
-    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
-    pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
-    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
 
 
 def _numbers(values: Iterable[float]) -> str:

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ballbar.export.result import Result, notes
-from ballbar.export.rows import standard_rows
+from ballbar.export.result import AnyResult, notes
+from ballbar.export.rows import hayati_rows, parallel_rows
 from ballbar.export.tables import number
 from ballbar.units import MM
 from cell.arrays import Array
@@ -32,16 +33,16 @@ _HOW = (
 )
 
 
-def motor_offsets(result: Result) -> Array:
+def motor_offsets(result: AnyResult) -> Array:
     """(J,) [rad] change of the motors' angles by the identified joint offsets."""
-    geometry, nominal = result.calibration.geometry.robot, result.calibration.nominal.robot
-    return joints_to_motors(result.cell.robot, geometry.theta - nominal.theta)
+    return joints_to_motors(result.robot, result.chain.theta - result.nominal.theta)
 
 
-def rapid_module(result: Result) -> str:
+def rapid_module(result: AnyResult) -> str:
     """A RAPID module of constants."""
-    rows, robot = standard_rows(result.chain), result.cell.robot
-    joint_change = result.chain.theta - result.calibration.nominal.robot.theta
+    robot = result.robot
+    rows = hayati_rows(result.chain, parallel_rows(result.nominal))
+    joint_change = result.chain.theta - result.nominal.theta
     values = {
         "motor_offset_rad": motor_offsets(result),
         "axis_change_deg": np.degrees(joint_change @ robot.joint_to_axis),
@@ -49,6 +50,7 @@ def rapid_module(result: Result) -> str:
         "dh_d_mm": rows.d * MM,
         "dh_alpha_deg": np.degrees(rows.alpha),
         "dh_theta_deg": np.degrees(rows.theta),
+        "dh_beta_deg": np.degrees(rows.beta),
     }
     sigmas = {
         "sigma_a_mm": _sigma(result, "a", MM),
@@ -58,28 +60,36 @@ def rapid_module(result: Result) -> str:
     }
     comments = [
         *_HOW,
-        "Standard DH: T = product over rows of Rz(theta + q) Tz(d) Tx(a) Rx(alpha).",
-        "Then the tool turns about its y by dh_tool_beta_deg. Sigma -1: not identified, nominal.",
+        "DH: T = product over rows of Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta). beta is 0 but",
+        "at nearly parallel axes, where it replaces d (Hayati). Then the tool turns about its y",
+        "by dh_tool_beta_deg.",
+        "Sigma -1: not identified, nominal.",
         *notes(result),
     ]
     lines = [f"MODULE {_short(result.name)}_identified", *(f"  ! {text}" for text in comments)]
-    size = f"{{{robot.joints}}}"
-    lines += [f"  CONST dnum {name}{size} := [{_listed(v)}];" for name, v in values.items()]
+    lines += [_constants(name, axes) for name, axes in values.items()]
     lines.append(f"  CONST dnum dh_tool_beta_deg := {number(np.degrees(rows.tool_beta))};")
-    lines += [f"  CONST dnum {name}{size} := [{_listed(v)}];" for name, v in sigmas.items()]
+    lines += [_constants(name, axes) for name, axes in sigmas.items()]
     return "".join(f"{line}\n" for line in [*lines, "ENDMODULE"])
 
 
-def _sigma(result: Result, kind: str, factor: float) -> list[float]:
-    """Standard deviations of the rows, times `factor`; -1 where a parameter is nominal."""
-    rows = range(1, result.chain.rows + 1)
-    entries = (result.calibration.file.parameters[f"r{kind}{i}"] for i in rows)
+def _sigma(result: AnyResult, kind: str, factor: float) -> list[float]:
+    """Standard deviations of rows 1 to J, times `factor`; -1 where a parameter is nominal."""
+    named = {parameter.name: parameter for parameter in result.parameters}
+    rows = range(1, result.robot.joints + 1)
+    entries = [result.entry(named[f"r{kind}{i}"]) for i in rows]
     return [-1.0 if entry.sigma is None else entry.sigma * float(factor) for entry in entries]
 
 
 def _short(name: str) -> str:
     """The name cut for RAPID, whose names have at most 32 characters and begin with a letter."""
     return ("r" if not name[:1].isalpha() else "") + name[:20]
+
+
+def _constants(name: str, values: ArrayLike) -> str:
+    """A RAPID array of constants, one for each axis."""
+    numbers = np.asarray(values, dtype=np.float64).tolist()
+    return f"  CONST dnum {name}{{{len(numbers)}}} := [{_listed(numbers)}];"
 
 
 def _listed(values: Iterable[float]) -> str:

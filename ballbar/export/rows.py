@@ -9,7 +9,7 @@ sec. 4.1 (product of exponentials).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +17,12 @@ import numpy as np
 from cell.arrays import Array
 from cell.chain import Chain, forward
 from cell.errors import InputError
+from cell.geometry import PARALLEL
 
 _PARALLEL = 1e-6  # [rad] angle of two axes below which their common normal is lost in rounding
+# [m] along an axis from the present origin to the common normal: beyond the reach of any arm, d of
+# two rows are large numbers that cancel, and a program with seven digits loses the robot
+FAR = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +40,8 @@ class Rows:
 def standard_rows(chain: Chain) -> Rows:
     """Standard DH rows of a chain.
 
-    Raises InputError where axes are so nearly parallel that their common normal is not defined.
+    Raises InputError where axes are so nearly parallel that their common normal is not defined or
+    far away.
     """
     rows = _rows_of(chain)
     for i in np.flatnonzero(rows.beta):
@@ -44,25 +49,39 @@ def standard_rows(chain: Chain) -> Rows:
     return rows
 
 
-def hayati_rows(chain: Chain, parallel: Sequence[int]) -> Rows:
-    """Standard DH rows, but in those of nearly parallel axes an angle beta replaces d.
+def parallel_rows(nominal: Chain) -> list[int]:
+    """Rows, from 0, whose axis is nominally parallel to the next one."""
+    return [int(i) for i in np.flatnonzero(np.abs(np.sin(nominal.alpha[:-1])) < PARALLEL)]
 
-    parallel : these rows, from 0, in ascending order.
+
+def hayati_rows(chain: Chain, parallel: Iterable[int]) -> Rows:
+    """Standard DH rows, but in rows of nearly parallel axes an angle beta replaces d.
+
+    parallel : those rows, from 0, `parallel_rows`.
     """
     rows = _rows_of(chain)
-    for i in parallel:
+    by_beta = sorted(parallel)
+    for i in np.flatnonzero(rows.beta).tolist():
+        if i not in by_beta:
+            _to_common_normal_inplace(rows, i)
+    for i in by_beta:
         _to_hayati_inplace(rows, i)
     return rows
 
 
 def _to_hayati_inplace(rows: Rows, i: int) -> None:
-    """Makes row i one of Hayati's with the same next axis, which row i + 1 begins on."""
+    """Makes row i one of Hayati's with the same next axis, theta within a quarter turn of now."""
     rotation, tip = _end_of(rows, i)
-    axis = rotation[:, 2]
+    axis, start = rotation[:, 2], float(rows.theta[i])
     e = float(tip[2] / axis[2])
     across = tip - e * axis  # point of the next axis in the plane of this joint
-    rows.theta[i] = np.arctan2(across[1], across[0])
-    rows.a[i], rows.d[i] = np.hypot(across[0], across[1]), 0.0
+    length = float(np.hypot(across[0], across[1]))
+    if length > 0.0:
+        theta = float(np.arctan2(across[1], across[0]))
+        if np.cos(theta - start) < 0.0:
+            theta, length = theta + np.pi, -length
+        rows.theta[i] = start + float(np.arctan2(np.sin(theta - start), np.cos(theta - start)))
+    rows.a[i], rows.d[i] = length, 0.0
     along = _turn_z(rows.theta[i]).T @ axis
     rows.beta[i], rows.alpha[i] = np.arcsin(along[0]), np.arctan2(-along[1], along[2])
     _carry_inplace(rows, i, rotation, e)
@@ -118,6 +137,13 @@ def _to_common_normal_inplace(rows: Rows, i: int) -> None:
     theta = start + float(np.arctan2(np.sin(theta - start), np.cos(theta - start)))
     x, y = _turn_z(theta).T[:2]
     e = -float(tip @ y) / sine
+    if abs(e) > FAR:
+        raise InputError(
+            f"joints {i + 1} and {i + 2} are {np.degrees(abs(sine)):.3g} deg from parallel and "
+            f"carry a Hayati angle (rbeta{i + 1}): their common normal lies {abs(e):.0f} m along "
+            "the axis, which rows of a DH table would hold as large lengths that cancel. Export "
+            "with --to hayati."
+        )
     rows.a[i], rows.d[i] = tip @ x, tip[2] - e * axis[2]
     rows.alpha[i], rows.theta[i], rows.beta[i] = np.arctan2(sine, axis[2]), theta, 0.0
     _carry_inplace(rows, i, rotation, e)

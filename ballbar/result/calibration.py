@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -18,6 +18,7 @@ from pydantic import ConfigDict, Field
 from ballbar.result.names import CALIBRATION
 from ballbar.result.run_data import RunData
 from cell.descriptions import Cell
+from cell.errors import DescriptionError
 from cell.files import write_yaml
 from cell.geometry import Geometry, table_of_names
 from cell.schema import Strict
@@ -35,7 +36,11 @@ from ident.result import (
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 
+if TYPE_CHECKING:
+    from ballbar.result.pose_calibration import PoseCalibration
+
 SCHEMA = "ballbar-calibration/2"
+POSES = "poses"  # `model` of a result of still poses
 
 
 class ParameterEntry(Strict):
@@ -190,6 +195,17 @@ class Calibration:
     """A calibration as read back."""
 
     file: CalibrationFile
+
+    @staticmethod
+    def load(path: Path | str) -> Calibration | PoseCalibration:
+        """A calibration.yaml, or the one in a folder: of logs, or of still poses.
+
+        Raises DescriptionError naming file, line and key.
+        """
+        from ballbar.result.pose_calibration import load_pose_calibration  # noqa: PLC0415  circular
+
+        file = calibration_file(Path(path))
+        return load_pose_calibration(file) if holds_pose_result(file) else load_calibration(file)
 
     @property
     def geometry(self) -> Geometry:
@@ -362,11 +378,21 @@ def calibration_file(path: Path) -> Path:
     return path / CALIBRATION if path.is_dir() else path
 
 
+def holds_pose_result(path: Path) -> bool:
+    """Whether a calibration.yaml is the result of still poses rather than of logs."""
+    return load_yaml(path).data.get("model") == POSES
+
+
 def load_calibration(path: Path) -> Calibration:
-    """Read calibration.yaml.
+    """Read the calibration.yaml of logs.
 
     Raises DescriptionError naming file, line and key; an older schema is refused by name.
     """
     document = load_yaml(path)
     check_schema(document, SCHEMA, "Identify the recording again with ballbar identify.")
+    if document.data.get("model") == POSES:
+        raise DescriptionError(
+            f"{path}: is the result of still poses; here one of logs is needed. "
+            "Calibration.load reads both."
+        )
     return Calibration(parse_model(document, CalibrationFile))

@@ -7,21 +7,24 @@ says of poses that were not fitted.
 
 from __future__ import annotations
 
+import os
 import re
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from ballbar.result.calibration import SCHEMA, CoefficientEntry, ParameterEntry
+from ballbar.result.calibration import POSES, SCHEMA, CoefficientEntry, ParameterEntry
 from ballbar.result.pose_run import PoseRun
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Robot
-from cell.errors import InputError
+from cell.errors import DescriptionError, InputError
 from cell.files import write_yaml
+from cell.load import load_robot
+from cell.pose_file import pose_file_path
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from cell.schema import Strict
 from cell.strict_yaml import check_schema, load_yaml, parse_model
@@ -44,6 +47,18 @@ class PlacementEntry(Strict):
     position_m: Three
     position_sigma_m: Three
     rotation_vector_rad: Three | None = None  # None for a point
+
+    @property
+    def turned(self) -> bool:
+        """Whether its orientation is known."""
+        return self.rotation_vector_rad is not None
+
+    @property
+    def placement(self) -> Placement:
+        """The frame; a point is not turned."""
+        turn = np.array(self.rotation_vector_rad or (0.0, 0.0, 0.0))
+        rotation = matrix_from_rotvec(turn[:, None])[:, :, 0]
+        return Placement(rotation, np.array(self.position_m))
 
 
 class GroupEntry(Strict):
@@ -153,6 +168,8 @@ class PoseCalibrationFile(Strict):
         """
         corrections, values = self._corrections(robot)
         name = target or next(iter(self.targets))
+        if name not in self.targets:
+            raise InputError(f"target {name!r}: the result has {', '.join(self.targets)}")
         seat = next(iter(self.seats.values()))
         validation = self.cross_validation
         spread = validation.mean_m / np.sqrt(8.0 / np.pi)  # of a normal error of three axes
@@ -161,8 +178,8 @@ class PoseCalibrationFile(Strict):
             chain=self.chain(robot),
             corrections=corrections,
             values=values,
-            target=_placement(self.targets[name]),
-            seat=_placement(seat),
+            target=self.targets[name].placement,
+            seat=seat.placement,
             seat_turns=False,
             parameters=(),
             covariance=np.zeros((values.size + 6, values.size + 6)),
@@ -189,6 +206,41 @@ class PoseCalibrationFile(Strict):
             made.append(correction)
             values += [entry.value for entry in entries.values()]
         return tuple(made), np.array(values)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseCalibration:
+    """A calibration of still poses as read back, with the robot that it names."""
+
+    file: PoseCalibrationFile
+    robot: Robot  # nominal
+
+    @property
+    def chain(self) -> Chain:
+        """DH rows of the identified robot, up to the flange."""
+        return self.file.chain(self.robot)
+
+    @property
+    def targets(self) -> dict[str, Placement]:
+        """Targets in the flange's frame; of a point only the origin is known."""
+        return {name: entry.placement for name, entry in self.file.targets.items()}
+
+    @property
+    def lower(self) -> Array:
+        """(J,) [rad] least angle of each joint that was fitted."""
+        return np.array([entry.lower_rad for entry in self.file.ranges])
+
+    @property
+    def upper(self) -> Array:
+        """(J,) [rad] largest angle of each joint that was fitted."""
+        return np.array([entry.upper_rad for entry in self.file.ranges])
+
+    def arm(self, target: str | None = None) -> IdentifiedArm:
+        """The identified robot with one of its targets, by default the first.
+
+        Raises InputError for a target that is not in the file.
+        """
+        return self.file.arm(self.robot, target)
 
 
 def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
@@ -298,19 +350,34 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
 
 
 def write_pose_calibration(path: Path, run: PoseRun) -> None:
-    """Write calibration.yaml, whole or not at all."""
+    """Write calibration.yaml, whole or not at all; it names the robot's file as seen from there."""
     file = pose_calibration(run)
+    if file.robot.endswith(".yaml"):
+        named = pose_file_path(run.folders[0][1]).parent / file.robot
+        seen = os.path.relpath(named.resolve(), path.parent.resolve())
+        file = file.model_copy(update={"robot": Path(seen).as_posix()})
     write_yaml(path, file.model_dump(mode="json", by_alias=True, exclude_none=True))
 
 
-def load_pose_calibration(path: Path) -> PoseCalibrationFile:
-    """Read a calibration.yaml of still poses.
+def load_pose_calibration(path: Path) -> PoseCalibration:
+    """Read a calibration.yaml of still poses, and the robot's file that it names.
 
     Raises DescriptionError naming file, line and key.
     """
     document = load_yaml(path)
     check_schema(document, SCHEMA, "Identify the poses again with ballbar identify.")
-    return parse_model(document, PoseCalibrationFile)
+    if document.data.get("model") != POSES:
+        raise DescriptionError(
+            f"{path}: is the result of logs; here one of still poses (poses.yaml) is needed."
+        )
+    file = parse_model(document, PoseCalibrationFile)
+    robot = load_robot(file.robot, relative_to=path.parent)
+    if len(file.ranges) != robot.joints:
+        raise DescriptionError(
+            f"{path}: ranges of {len(file.ranges)} joints, robot {file.robot} has {robot.joints}. "
+            "Was the robot's file changed since?"
+        )
+    return PoseCalibration(file, robot)
 
 
 def _entry(place: Placement, covariance: Array, part: slice, *, whole: bool) -> PlacementEntry:
@@ -321,11 +388,6 @@ def _entry(place: Placement, covariance: Array, part: slice, *, whole: bool) -> 
         position_sigma_m=tuple(deviations.tolist()),
         rotation_vector_rad=tuple(turn.tolist()) if whole else None,
     )
-
-
-def _placement(entry: PlacementEntry) -> Placement:
-    turn = np.array(entry.rotation_vector_rad or (0.0, 0.0, 0.0))
-    return Placement(matrix_from_rotvec(turn[:, None])[:, :, 0], np.array(entry.position_m))
 
 
 def _joint_errors(entries: dict[str, CoefficientEntry]) -> JointErrors:

@@ -150,6 +150,13 @@ def fit_poses(
     )
 
 
+def fit_unweighted(model: PoseModel, x: Array, discrepancy: Discrepancy) -> PoseEquations:
+    """Normal equations at the minimum from x (P,), every pose in full, the discrepancy given."""
+    robust = tuple(np.ones(group.size) for group in model.table.groups)
+    problem = _Problem(model, x, discrepancy, robust)
+    return minimise(problem, Stop(decrease=NEGLIGIBLE), max_iterations=15).equations
+
+
 def pose_equations(
     model: PoseModel, x: Array, discrepancy: Discrepancy, robust: Sequence[Array]
 ) -> PoseEquations:

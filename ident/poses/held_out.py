@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.arrays import Array
-from cell.chain import Chain
 from cell.poses import PoseTable
 from ident.poses.closure import Placement
 from ident.poses.fit import PoseFit, fit_poses
 from ident.poses.model import PoseModel
 from ident.poses.result import PoseIdentification, position_errors
-from ident.poses.start import start_of_poses
+from ident.poses.start import PoseStart, start_of_poses
 from ident.poses.unknowns import PoseUnknowns, nominal_chain, pose_unknowns
 from ident.robot.identified_arm import IdentifiedArm, range_sentence
 
@@ -75,15 +74,20 @@ def held_out_poses(result: PoseIdentification, table: PoseTable) -> PoseHeldOut:
 
 def placed(arm: IdentifiedArm, table: PoseTable, known: dict[str, Placement]) -> PoseFit:
     """Seats of a table, and targets that are not known, fitted to a robot that is held."""
-    chain: Chain = arm.chain
-    start = start_of_poses(table, chain)
+    layout = held_layout(arm, table, start_of_poses(table, arm.chain), known)
+    noise = np.zeros(table.robot.joints)
+    return fit_poses(PoseModel(table, layout, arm.corrections, noise), layout.mean.copy())
+
+
+def held_layout(
+    arm: IdentifiedArm, table: PoseTable, start: PoseStart, known: dict[str, Placement]
+) -> PoseUnknowns:
+    """Unknowns of a table with the robot and the known targets held, seats free from `start`."""
     targets = start.targets | {name: known[name] for name in table.targets if name in known}
-    layout = pose_unknowns(table, chain, start.seats, targets, arm.corrections)
+    layout = pose_unknowns(table, arm.chain, start.seats, targets, arm.corrections)
     mean = layout.mean.copy()
     mean[layout.coefficients] = arm.values
-    layout = replace(layout, mean=mean, sigma=_held(layout, [t for t in targets if t in known]))
-    noise = np.zeros(table.robot.a.size)
-    return fit_poses(PoseModel(table, layout, arm.corrections, noise), mean.copy())
+    return replace(layout, mean=mean, sigma=_held(layout, [t for t in targets if t in known]))
 
 
 def _held(layout: PoseUnknowns, targets: list[str]) -> Array:

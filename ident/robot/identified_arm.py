@@ -7,6 +7,7 @@ of the error, so the stated uncertainty there is infinite.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,7 +54,12 @@ class IdentifiedArm:
         return target_frames(forward(self.chain, self.joints(q)), self.target)
 
     def tool(self, q: Array) -> Array:
-        """(N, 3) [m] position of the target, robot base frame, at angles q (N, J) [rad]."""
+        """(N, 3) [m] position of the target, robot base frame, at angles q (N, J) [rad].
+
+        Warns of poses outside the range of an axis that was fitted; `sigma` is infinite there.
+        """
+        if axes := self.out_of_range(q):
+            warnings.warn(f"some poses are {range_sentence(axes)}", stacklevel=2)
         return self.frames(q).tip.T
 
     def jacobian(self, q: Array) -> Array:

@@ -11,21 +11,24 @@ fixed to it. Source: Mooring, Roth & Driels 1991 (accuracy compensation).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from cell.arrays import Array
-from cell.chain import Frames, joint_screws
+from cell.chain import Chain, Frames, forward, joint_screws
 from cell.descriptions import Robot
-from cell.geometry import Geometry, robot_frames
+from cell.geometry import Geometry
 from cell.inverse import pose_error, refine_reachable
 from cell.robot_angles import joints_to_axes
+from ident.poses.unknowns import nominal_chain
+from ident.robot.identified_arm import IdentifiedArm
 from ident.robot.unloaded_robot import UnloadedRobot
 
 # [rad] thirty times what geometry needs away from singularities; more is a sign of one
 LARGEST_CORRECTION = 0.1
+FULL = 6  # axes that a whole pose needs
 _CONVERGED = 1e-11  # [rad] last Newton step; rounding leaves 1e-13 near a singularity
 # Iterations of the fixed point; transmission error changes by less than 1 % of the change of its
 # angle, so six reach rounding.
@@ -60,12 +63,35 @@ def corrected_targets(robot: UnloadedRobot, nominal: Geometry, q: Array) -> Corr
 
     Raises TargetError for rows out of range, out of reach or too near to a singularity.
     """
-    faults = _out_of_range(robot.cell.robot, q, "given") | _singular(robot, nominal, q)
+    own = robot.cell.robot
+    return _corrected(own, robot.geometry.robot, nominal.robot, robot.joints, q)
+
+
+def corrected_arm_targets(arm: IdentifiedArm, q: Array) -> CorrectedTargets:
+    """Targets that reach the catalogue robot's poses, for a robot identified from still poses.
+
+    q : (N, J) [rad] targets as DH joint angles; of seven axes and more the shortest way is taken.
+
+    Raises TargetError as `corrected_targets`, and ValueError for fewer than six axes, which cannot
+    keep a whole pose.
+    """
+    if arm.robot.joints < FULL:
+        raise ValueError(
+            f"{arm.robot.title}: {arm.robot.joints} axes cannot keep a whole pose, so targets "
+            "cannot be corrected"
+        )
+    return _corrected(arm.robot, arm.chain, nominal_chain(arm.robot), arm.joints, q)
+
+
+def _corrected(
+    robot: Robot, chain: Chain, nominal: Chain, joints_at: Callable[[Array], Array], q: Array
+) -> CorrectedTargets:
+    """joints_at : actual joint angles (N, J) [rad] at logged ones."""
+    faults = _out_of_range(robot, q, "given") | _singular(chain, nominal, q)
     if faults:
         raise TargetError(faults)
-    wanted = robot_frames(nominal, q)
-    chain, poses = robot.geometry.robot, wanted.poses()
-    joints, reached = refine_reachable(chain, q, poses, tolerance=_CONVERGED)
+    wanted = forward(nominal, q)
+    joints, reached = refine_reachable(chain, q, wanted.poses(), tolerance=_CONVERGED)
     if not reached.all():
         unreached = (
             "the identified robot does not reach the wanted pose near this target. Move the target."
@@ -73,21 +99,20 @@ def corrected_targets(robot: UnloadedRobot, nominal: Geometry, q: Array) -> Corr
         raise TargetError({int(row): unreached for row in np.flatnonzero(~reached)})
     target = joints
     for _ in range(_ITERATIONS):
-        target = joints - (robot.joints(target) - target)
-    faults = _out_of_range(robot.cell.robot, target, "corrected")
+        target = joints - (joints_at(target) - target)
+    faults = _out_of_range(robot, target, "corrected")
     if faults:
         raise TargetError(faults)
     before, after = (
-        _distance(wanted, robot_frames(robot.geometry, robot.joints(commanded)))
-        for commanded in (q, target)
+        _distance(wanted, forward(chain, joints_at(commanded))) for commanded in (q, target)
     )
     return CorrectedTargets(target, *before, *after)
 
 
-def _singular(robot: UnloadedRobot, nominal: Geometry, q: Array) -> dict[int, str]:
+def _singular(chain: Chain, nominal: Chain, q: Array) -> dict[int, str]:
     """Rows whose first Newton step is out of proportion."""
     faults = {}
-    wanted, actual = robot_frames(nominal, q), robot_frames(robot.geometry, q)
+    wanted, actual = forward(nominal, q), forward(chain, q)
     error = pose_error(wanted.rotation(), wanted.tip, actual)
     u, s, vt = np.linalg.svd(joint_screws(actual).transpose(2, 1, 0), full_matrices=False)
     along = np.einsum("nji,jn->ni", u, error)

@@ -161,6 +161,7 @@ def read_rapid(text: str, q: Array) -> Array:
             pose
             @ shift("x", data["dh_a_mm"][i] / 1e3)
             @ turn("x", np.radians(data["dh_alpha_deg"][i]))
+            @ turn("y", np.radians(data["dh_beta_deg"][i]))
         )
     return np.asarray(pose @ turn("y", np.radians(data["dh_tool_beta_deg"][0])))
 
@@ -225,10 +226,19 @@ def test_every_format_has_a_reader_here() -> None:
     assert set(READERS) == set(FORMATS) == set(get_args(Format))
 
 
+def is_refused(to: Format, result: Result) -> bool:
+    """A table of rows without Hayati's angle, of a robot that has a significant one."""
+    return to in ("dh", "mdh") and result.chain.beta[1] != 0.0
+
+
 @pytest.mark.parametrize("to", FORMATS)
 def test_every_format_read_back_puts_the_tool_where_our_kinematics_does(
     to: Format, result: Result, angles: Array
 ) -> None:
+    if is_refused(to, result):
+        with pytest.raises(InputError, match=r"their common normal lies \d+ m .* --to hayati"):
+            exported(result, to)
+        return
     assert_same_poses(READERS[to](exported(result, to), angles), result, angles)
 
 
@@ -236,6 +246,8 @@ def test_every_format_read_back_puts_the_tool_where_our_kinematics_does(
 def test_every_format_says_what_it_leaves_out_and_what_stayed_nominal(
     to: Format, result: Result
 ) -> None:
+    if is_refused(to, result):
+        return
     text = exported(result, to)
     if to == "json":
         data = json.loads(text)
@@ -336,9 +348,9 @@ def test_the_larger_robot_is_exported_alike(tmp_path: Path) -> None:
 
 
 def test_export_prints_or_writes_a_new_file(tmp_path: Path, result: Result) -> None:
-    code, said, _ = ballbar("export", result.file.parent, "--to", "dh")
+    code, said, _ = ballbar("export", result.file.parent, "--to", "hayati")
     assert code == 0
-    assert said == exported(result, "dh")
+    assert said == exported(result, "hayati")
     file = tmp_path / "robot.urdf"
     code, said, _ = ballbar("export", result.file, "--to", "urdf", "--out", file, "--json")
     assert code == 0

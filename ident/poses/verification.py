@@ -1,0 +1,375 @@
+"""Does a stored calibration still hold? A few still poses against an identified robot.
+
+Fitted are the seats, and targets that the identification did not see; the robot and its known
+targets are held. Of N poses with E measured coordinates the sum of squared errors over the variance
+of a pose that was not fitted (`IdentifiedArm.discrepancy`) has as many degrees of freedom as
+coordinates are left after the fit. Its distribution is a Gamma distribution of that mean. Its shape
+is that of chi-square where the stated 95 % region of one pose is; where the region is wider, the
+tails are heavier, and the shape is the one that has this quantile (for a single pose, exactly).
+The variance is itself an estimate, which the limit allows for as Fisher's F does.
+
+What changed is sought among single causes: each is one more unknown, and the one that explains the
+errors is named if the rest would pass as unchanged, or nearly so, and no other one does as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import chi2, f, gamma
+
+from cell.arrays import Array
+from cell.errors import InputError
+from cell.poses import PoseGroup, PoseTable
+from ident.poses.closure import Placement
+from ident.poses.fit import PoseEquations, fit_unweighted
+from ident.poses.held_out import held_layout
+from ident.poses.model import Discrepancy, PoseModel
+from ident.poses.start import start_of_poses
+from ident.poses.unknowns import PoseUnknowns
+from ident.robot.identified_arm import LEVEL, IdentifiedArm, range_sentence
+
+FALSE_ALARMS = 0.02  # share of checks of an unchanged robot that call it changed
+LEAST_FREEDOM = 6  # degrees of freedom below which nothing could be told
+LEAST_SHAPE = 0.5  # of the Gamma distribution of one pose: heavier tails have no more quantile
+# degrees of freedom of the variance itself, which comes from eight regions of one table: several
+# hundred poses do not make a change of a few per cent significant
+CERTAINTY = 150
+ROUNDS = 4  # of applying a cause and fitting again: a change of 0.1 rad is not linear
+NEARLY = 1.5  # of the limit, below which what a cause leaves is as of an unchanged robot
+RIVAL = 6.0  # sum of squares by which a cause must be better than the next one, about 2.4 sigma
+# to the sum of squares, per unknown of a cause: the criterion of Akaike 1974 asks 2; a target has
+# three unknowns, and among ten causes the best of many is taken
+PRICE = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """One change since the identification that may explain the errors."""
+
+    kind: str  # joint, target, scale or pose
+    name: str  # joint from 1, name of the target, or file and row of the pose
+    size: Array  # (K,) [rad], [m] or [1]
+    sigma: Array  # (K,)
+    square: float  # sum of squares that it leaves
+
+    @property
+    def sentence(self) -> str:
+        """The cause and its size."""
+        size, sigma = float(np.linalg.norm(self.size)), float(np.linalg.norm(self.sigma))
+        if self.kind == "joint":
+            value = float(self.size[0]) * 1e3
+            return f"joint {self.name} zero by {value:+.2f} mrad (sigma {sigma * 1e3:.2f} mrad)"
+        if self.kind == "target":
+            return f"target {self.name} moved by {size * 1e3:.3f} mm (sigma {sigma * 1e3:.3f} mm)"
+        if self.kind == "scale":
+            value = float(self.size[0]) * 1e6
+            return f"scale of the measured values by {value:+.0f} ppm (sigma {sigma * 1e6:.0f} ppm)"
+        return f"pose {self.name} by {size * 1e3:.3f} mm"
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """A stored calibration against a few poses of today."""
+
+    name: str
+    error: Array  # (N,) [m] of the poses within the fitted ranges
+    square: float  # sum of squared errors, over the variance of a pose that was not fitted
+    freedom: int  # degrees of freedom
+    limit: float  # of `square`, exceeded in FALSE_ALARMS of checks of an unchanged robot
+    predicted: float  # [m] mean error of an unchanged robot
+    causes: tuple[Cause, ...]  # best first; empty where the calibration holds
+    cause: Cause | None  # that explains the change clearly
+    outside: int  # poses that do not count
+    out_of_range: Mapping[int, tuple[float, float]]  # axes of those, and their ranges [rad]
+
+    @property
+    def holds(self) -> bool:
+        return self.square <= self.limit
+
+    @property
+    def largest_mean(self) -> float:
+        """[m] about the mean error at the limit."""
+        return self.predicted * float(np.sqrt(self.limit / self.freedom))
+
+    @property
+    def sentence(self) -> str:
+        """Whether it holds, in words."""
+        numbers = (
+            f"{self.error.size} poses to {self.error.mean() * 1e3:.3f} mm; expected of an "
+            f"unchanged robot {self.predicted * 1e3:.3f} mm, at most "
+            f"{self.largest_mean * 1e3:.3f} mm in 98 of 100 checks"
+        )
+        if self.holds:
+            return f"Holds: {numbers}."
+        if self.cause is not None and self.cause.kind == "pose":
+            return (
+                f"One pose stands out, {self.cause.sentence}; the others agree with the "
+                f"calibration. Measure it again. {numbers}."
+            )
+        if self.cause is not None:
+            return f"Changed since: {self.cause.sentence}; {numbers}."
+        return (
+            f"Changed: {numbers}. No single cause (zero of a joint, target, scale of the measured "
+            "values, one bad pose) explains it clearly: identify the robot again."
+        )
+
+    @property
+    def warnings(self) -> list[str]:
+        """Poses that do not count."""
+        if not self.outside:
+            return []
+        return [
+            f"{self.outside} poses do not count: they are {range_sentence(dict(self.out_of_range))}"
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Check:
+    """What is held: robot, targets, variance."""
+
+    arm: IdentifiedArm
+    known: dict[str, Placement]
+    sigma: float  # [m] of a pose, along each axis
+
+    def fit(self, table: PoseTable) -> tuple[PoseModel, PoseEquations]:
+        """Seats and unknown targets of a table, every pose counting in full."""
+        start = start_of_poses(table, self.arm.chain)
+        layout = held_layout(self.arm, table, start, self.known)
+        model = PoseModel(table, layout, self.arm.corrections, np.zeros(self.arm.robot.joints))
+        exact = replace(model, table=_without_noise(table))
+        return exact, fit_unweighted(exact, layout.mean.copy(), Discrepancy(self.sigma, 1.0))
+
+
+def verify(
+    arm: IdentifiedArm, targets: Mapping[str, Placement], mean: float, table: PoseTable
+) -> Verification:
+    """Whether an identified robot still explains a few poses.
+
+    targets : those of the identification, by name; others of the table are fitted. mean : [m] error
+    of poses that cross-validation predicts.
+
+    Raises InputError where too few poses lie within the fitted ranges.
+    """
+    inside = arm.covered(table.q)
+    names = [f"{g.file}:{row}" for g in table.groups for row in g.rows]
+    if not inside.any():
+        raise InputError(f"{table.name}: all poses are {range_sentence(arm.out_of_range(table.q))}")
+    part = _positions(table.part(inside))
+    declared = max((float(g.sigma[:, :3].max()) for g in part.groups), default=0.0)
+    check = _Check(arm, dict(targets), max(arm.discrepancy, declared))
+    _check_enough(part, check)
+    model, equations = check.fit(part)
+    freedom = _freedom(part, model.unknowns, check)
+    limit = limit_of(freedom, arm.factor)
+    square = equations.cost
+    causes: tuple[Cause, ...] = ()
+    cause = None
+    if square > limit:
+        kept = [name for name, counts in zip(names, inside, strict=True) if counts]
+        causes = _causes(check, part, model, equations, kept)
+        cause = _clear(causes, square, freedom, arm.factor)
+    error = np.concatenate([np.linalg.norm(p.closure.error[:3], axis=0) for p in equations.points])
+    coordinates = equations.equations
+    return Verification(
+        name=table.name,
+        error=error,
+        square=square,
+        freedom=freedom,
+        limit=limit,
+        predicted=mean * max(1.0, check.sigma / arm.discrepancy) * np.sqrt(freedom / coordinates),
+        causes=causes,
+        cause=cause,
+        outside=int((~inside).sum()),
+        out_of_range=arm.out_of_range(table.q),
+    )
+
+
+def limit_of(freedom: int, factor: float) -> float:
+    """Sum of squares that an unchanged robot exceeds in FALSE_ALARMS of the checks.
+
+    factor : squared size of the stated 95 % region of one pose, over that of chi-square.
+    """
+    wanted = max(1.0, factor) * chi2.ppf(LEVEL, 3) / 3.0
+
+    def excess(shape: float) -> float:
+        return float(gamma.ppf(LEVEL, shape) / shape - wanted)
+
+    shape = LEAST_SHAPE if excess(LEAST_SHAPE) < 0.0 else float(brentq(excess, LEAST_SHAPE, 1.5))
+    own = shape / 3.0  # per coordinate; 1/2 for chi-square
+    limit = float(gamma.ppf(1.0 - FALSE_ALARMS, own * freedom) / own)
+    known = float(chi2.ppf(1.0 - FALSE_ALARMS, freedom))
+    return limit * freedom * float(f.ppf(1.0 - FALSE_ALARMS, freedom, CERTAINTY)) / known
+
+
+def _causes(
+    check: _Check, table: PoseTable, model: PoseModel, equations: PoseEquations, names: list[str]
+) -> tuple[Cause, ...]:
+    """Single causes, best first, by linearised equations; then the best of each kind exactly."""
+    joints = [("joint", str(j + 1)) for j in range(check.arm.robot.joints)]
+    known = [("target", name) for name in table.targets if name in check.known]
+    measured = any(group.values.shape[1] for group in table.groups)
+    scale = [("scale", "")] if measured else []
+    found = []
+    for kind, name in (*joints, *known, *scale):
+        first = _linear(model, equations, _columns(model, equations, kind, name), kind, name)
+        if first is not None:
+            found.append(_refined(check, table, first))
+    found += _single_poses(model, equations, names)
+    return tuple(sorted(found, key=lambda c: c.square + PRICE * c.size.size))
+
+
+def _refined(check: _Check, table: PoseTable, first: Cause) -> Cause:
+    """A cause with its size from repeated fits of the table with the cause taken away."""
+    cause, size = first, np.zeros(first.size.size)
+    best = first.square
+    for _ in range(ROUNDS):
+        size = size + cause.size
+        changed, again = _applied(check, table, replace(first, size=size))
+        model, equations = again.fit(changed)
+        best = equations.cost
+        columns = _columns(model, equations, first.kind, first.name)
+        step = _linear(model, equations, columns, first.kind, first.name)
+        if step is None or best - step.square < 0.01:
+            break
+        cause = step
+    return replace(first, size=size, square=best)
+
+
+def _applied(check: _Check, table: PoseTable, cause: Cause) -> tuple[PoseTable, _Check]:
+    """Table and held robot with a cause in them."""
+    if cause.kind == "target":
+        known = check.known[cause.name]
+        moved = Placement(known.rotation, known.origin + cause.size)
+        return table, replace(check, known={**check.known, cause.name: moved})
+    groups = []
+    for group in table.groups:
+        if cause.kind == "scale":
+            groups.append(replace(group, values=group.values * (1.0 + float(cause.size[0]))))
+        else:
+            q = group.q.copy()
+            q[:, int(cause.name) - 1] += float(cause.size[0])
+            groups.append(replace(group, q=q))
+    return replace(table, groups=tuple(groups)), check
+
+
+def _columns(model: PoseModel, equations: PoseEquations, kind: str, name: str) -> list[Array]:
+    """(K, E, N) of every group: change of the whitened residual per unit of a cause."""
+    out = []
+    triples = zip(equations.points, equations.weights, equations.jacobians, strict=True)
+    for point, weights, jacobian in triples:
+        group, n = point.group, point.group.size
+        if kind == "joint":
+            out.append(weights(point.joint_columns[int(name) - 1][None]))
+        elif kind == "target":
+            own = jacobian[model.unknowns.targets[name]][:3]
+            out.append(own if group.target == name else np.zeros((3, *own.shape[1:])))
+        else:
+            moved = np.zeros((1, 6, n))
+            moved[0, :3] = point.closure.measured - point.seat.origin[:, None]
+            if group.measured == "socket":
+                moved[:] = 0.0
+            out.append(weights(moved))
+    return out
+
+
+def _linear(
+    model: PoseModel, equations: PoseEquations, columns: list[Array], kind: str, name: str
+) -> Cause | None:
+    """A cause by one step of least squares; None where the poses cannot tell it from the seats."""
+    free = np.flatnonzero(model.unknowns.sigma > 0.5)
+    normal = equations.normal[np.ix_(free, free)]
+    count = len(columns[0])
+    cross, own = np.zeros((count, free.size)), np.zeros((count, count))
+    right = np.zeros(count)
+    for column, jacobian, residual in zip(
+        columns, equations.jacobians, equations.residuals, strict=True
+    ):
+        flat = column.reshape(count, -1)
+        cross += flat @ jacobian[free].reshape(free.size, -1).T
+        own += flat @ flat.T
+        right += flat @ residual.reshape(-1)
+    solved = np.linalg.solve(normal, np.column_stack((cross.T, equations.gradient[free])))
+    rest = own - cross @ solved[:, :-1]
+    right = right - cross @ solved[:, -1]
+    if np.linalg.eigvalsh(rest)[0] <= 1e-6 * max(np.linalg.eigvalsh(own)[-1], 1e-300):
+        return None
+    covariance = np.linalg.inv(rest)
+    size = -covariance @ right
+    square = equations.cost - float(right @ covariance @ right)
+    return Cause(kind, name, size, np.sqrt(np.diag(covariance)), square)
+
+
+def _single_poses(model: PoseModel, equations: PoseEquations, names: list[str]) -> list[Cause]:
+    """Each pose by itself: what the others leave when it does not count."""
+    found, first = [], 0
+    for k, point in enumerate(equations.points):
+        rows = len(equations.weights[k].matrix)
+        for i in range(point.group.size):
+            columns = [np.zeros((rows, *residual.shape)) for residual in equations.residuals]
+            columns[k][np.arange(rows), np.arange(rows), i] = 1.0
+            cause = _linear(model, equations, columns, "pose", names[first + i])
+            if cause is not None:
+                length = float(np.linalg.norm(point.closure.error[:3, i]))
+                found.append(replace(cause, size=np.full(rows, length / np.sqrt(rows))))
+        first += point.group.size
+    return found
+
+
+def _clear(causes: tuple[Cause, ...], square: float, freedom: int, factor: float) -> Cause | None:
+    """The first cause, if it explains the change and no other one does nearly as well."""
+    best, *others = causes
+    left = freedom - best.size.size
+    if left < 1 or best.square > NEARLY * limit_of(left, factor):
+        return None
+    priced = [c.square + PRICE * c.size.size for c in causes]
+    if square - priced[0] < RIVAL or (others and priced[1] - priced[0] < RIVAL):
+        return None
+    return best
+
+
+def _positions(table: PoseTable) -> PoseTable:
+    """The table with poses as points: nothing is stated of rotations that were not fitted."""
+    groups: list[PoseGroup] = []
+    for group in table.groups:
+        if group.measured == "pose":
+            point = replace(
+                group, measured="point", values=group.values[:, :3], sigma=group.sigma[:, :3]
+            )
+            groups.append(point)
+        else:
+            groups.append(group)
+    return replace(table, groups=tuple(groups))
+
+
+def _without_noise(table: PoseTable) -> PoseTable:
+    """The table without noise of its own: the variance of a pose holds the instrument's."""
+    groups = tuple(replace(g, sigma=np.zeros_like(g.sigma)) for g in table.groups)
+    return replace(table, groups=groups)
+
+
+def _freedom(table: PoseTable, layout: PoseUnknowns, check: _Check) -> int:
+    places = [part for name, part in layout.targets.items() if name not in check.known]
+    places += list(layout.seats.values())
+    unknowns = sum(int(part.stop - part.start) for part in places)
+    return _coordinates(table) + len(table.distances) - unknowns
+
+
+def _coordinates(table: PoseTable) -> int:
+    return sum((1 if g.measured == "length" else 3) * g.size for g in table.groups)
+
+
+def _check_enough(table: PoseTable, check: _Check) -> None:
+    framed = {g.seat for g in table.groups if g.measured == "point"}
+    unknowns = sum(6 if seat in framed else 3 for seat in table.seats)
+    unknowns += 3 * sum(target not in check.known for target in table.targets)
+    least = unknowns + LEAST_FREEDOM
+    if _coordinates(table) + len(table.distances) < least:
+        raise InputError(
+            f"{table.name}: {table.size} poses within the fitted ranges give "
+            f"{_coordinates(table)} coordinates for {unknowns} of the seats and new targets: at "
+            f"least {least} are needed. Measure about ten poses."
+        )

@@ -1,0 +1,394 @@
+"""What is done with a result of still poses: exports, a changed URDF, correct, verify, compare.
+
+The result is made without a fit: catalogue rows with drawn errors, joint errors, sag, two targets.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from ballbar import Calibration, PoseCalibration
+from ballbar.export.formats import exported
+from ballbar.export.into_urdf import into_file
+from ballbar.export.result import PoseResult, load_result
+from ballbar.export.ur_kinematics import LINKS, ur_chain
+from ballbar.result.compare_pose_results import compare_pose_results
+from cell.arrays import Array
+from cell.chain import forward
+from cell.errors import DescriptionError, InputError
+from cell.urdf import chain_between, parse_urdf
+from ident.poses.unknowns import nominal_chain
+from ident.robot.inverse_calibration import corrected_arm_targets
+from tests.ballbar import test_export
+from tests.helpers.command_line import ballbar
+from tests.helpers.drawn_pose_tables import drawn_robot, point_table
+from tests.helpers.pose_results import write_pose_result, write_pose_table
+from tests.helpers.published_urdf import PUBLISHED, PublishedUrdf
+
+ROBOTS = ("ur10", "panda", "irb2400", "irb1600")
+EXACT = 1e-9  # [m, rad]
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def result(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> PoseResult:
+    folder = tmp_path_factory.mktemp(request.param)
+    write_pose_result(folder / "calibration.yaml", request.param, seed=1)
+    loaded = load_result(folder)
+    assert isinstance(loaded, PoseResult)
+    return loaded
+
+
+def angles(result: PoseResult, count: int = 200) -> Array:
+    return np.random.default_rng(2).uniform(-1.5, 1.5, (count, result.robot.joints))
+
+
+def flange_of(result: PoseResult, q: Array) -> Array:
+    return forward(result.chain, q).poses()
+
+
+def target_of(result: PoseResult, q: Array, name: str) -> Array:
+    place = result.calibration.targets[name]
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = place.rotation, place.origin
+    return np.asarray(flange_of(result, q) @ pose)
+
+
+def read_urdf(text: str, q: Array, link: str) -> Array:
+    urdf = parse_urdf(text, "urdf")
+    chain = chain_between(urdf, "base_link", link)
+    return chain.tip_poses(q)
+
+
+def read_mjcf(text: str, q: Array, site: str) -> Array:
+    model = mujoco.MjModel.from_xml_string(text)
+    data, out = mujoco.MjData(model), np.tile(np.eye(4), (len(q), 1, 1))
+    for k in range(len(q)):
+        data.qpos[:] = q[k]
+        mujoco.mj_kinematics(model, data)
+        out[k, :3, :3] = data.site(site).xmat.reshape(3, 3)
+        out[k, :3, 3] = data.site(site).xpos
+    return out
+
+
+@pytest.mark.parametrize("read", [read_urdf, read_mjcf])
+def test_models_have_flange_and_targets_where_the_identified_robot_has_them(
+    read: Callable[[str, Array, str], Array], result: PoseResult
+) -> None:
+    q = angles(result)
+    text = exported(result, "urdf" if read is read_urdf else "mjcf")
+    assert np.abs(read(text, q, "flange") - flange_of(result, q)).max() < EXACT
+    for name in result.calibration.targets:
+        frame = f"target_{name.replace(' ', '_')}"
+        assert np.abs(read(text, q, frame) - target_of(result, q, name)).max() < EXACT
+
+
+@pytest.mark.parametrize(("to", "order"), [("hayati", "zZXxy"), ("dh", "zZXxy"), ("mdh", "xXzZy")])
+def test_tables_end_at_the_flange(to: str, order: str, result: PoseResult) -> None:
+    q = angles(result)
+    if to != "hayati" and result.robot.name != "panda":  # parallel axes, and a significant angle
+        with pytest.raises(InputError, match=r"joints 2 and 3 are .* Export with --to hayati"):
+            exported(result, to)  # type: ignore[arg-type]
+        return
+    text = exported(result, to)  # type: ignore[arg-type]
+    found = test_export.along_table(text.replace("\nflange,", "\ntool,"), q, order)
+    assert np.abs(found - flange_of(result, q)).max() < EXACT
+    assert re.search(r"targets on it: big ball at \(.*\) m; frame at .* rotation vector", text)
+
+
+def test_an_angle_below_its_own_sigma_is_dropped_and_said(tmp_path: Path) -> None:
+    """A DH table would hold it as lengths of hundreds of metres that cancel."""
+    file = write_pose_result(tmp_path / "calibration.yaml", "irb2400", seed=1)
+    content = yaml.safe_load(file.read_text())
+    content["parameters"]["rbeta2"] |= {"value": 1e-5, "sigma": 2e-5, "identified": True}
+    file.write_text(yaml.safe_dump(content, sort_keys=False))
+    text = exported(load_result(tmp_path), "dh")
+    assert "DROPPED: rbeta2 = 1e-05 rad, below its sigma of 2e-05 rad; --to hayati has it." in text
+    assert max(abs(float(row["d_m"])) for row in test_export.table(text)) < 2.0
+
+
+def test_screws_and_rapid_data_are_of_every_axis(result: PoseResult) -> None:
+    screws = test_export.table(exported(result, "poe"))
+    assert [row["row"] for row in screws][:-3] == [str(j + 1) for j in range(result.robot.joints)]
+    data = dict(re.findall(r"CONST dnum (\w+)\{\d\} := \[(.*)\];", exported(result, "abb")))
+    assert {len(values.split(",")) for values in data.values()} == {result.robot.joints}
+
+
+def test_every_format_states_fitted_ranges_and_what_it_leaves_out(result: PoseResult) -> None:
+    for to in ("urdf", "mjcf", "hayati", "poe", "abb"):
+        text = exported(result, to)  # type: ignore[arg-type]
+        assert "outside the fitted range of a joint the error is unknown" in text
+        assert "joint 1: -114.6 to 114.6 deg (-2.0 to 2.0 rad)" in text
+        assert "sag of the joints under the arm's weight (unit_weights, identified)" in text
+        assert "joint errors that repeat with each turn (joint_harmonics, identified)" in text
+        assert re.search(r"rd1 = [\d.]+ m, NOMINAL: not identified", text)
+    data = json.loads(exported(result, "json"))
+    assert data["fitted_ranges"][0] == {"lower_rad": -2.0, "upper_rad": 2.0}
+    assert data["orders"][0]["order"] == 17
+    assert data["cross_validation"]["region_factor"] == 1.1
+    assert set(data["corrections"]) == {"unit_weights", "joint_harmonics"}
+
+
+def test_masses_are_written_only_where_the_robots_file_has_them(result: PoseResult) -> None:
+    urdf, mjcf = exported(result, "urdf"), exported(result, "mjcf")
+    known = result.robot.links is not None
+    assert ("<inertial>" in urdf) == ("<inertial" in mjcf) == known
+    assert ("the robot's file states none, so none are in this file" in urdf) == (not known)
+    assert ("the model serves kinematics, not dynamics" in mjcf) == (not known)
+
+
+def urdf_of(published: PublishedUrdf) -> str:
+    """The published joints, with comments and odd spaces, and a branch beside the chain."""
+    lines = ['<?xml version="1.0"?>', "<robot name='x'><!-- mine -->", '<link name="l0"/>']
+    for i, joint in enumerate(published.joints):
+        xyz, rpy = (" ".join(map(repr, v)) for v in (joint.xyz, joint.rpy))
+        kind = "revolute" if joint.axis else "fixed"
+        axis = f"<axis xyz='{' '.join(map(str, joint.axis))}'/>" if joint.axis else ""
+        origin = f"<origin\n   rpy = '{rpy}'  xyz=\"{xyz}\" />"
+        if joint.xyz == (0, 0, 0) and joint.rpy == (0.0, 0.0, 0.0):
+            origin = ""
+        lines.append(
+            f'<link name="l{i + 1}"/><joint type="{kind}" name="j{i + 1}">{axis}'
+            f'<parent link="l{i}"/> <child link="l{i + 1}"/>{origin} <!-- <origin xyz="9 9 9"/> -->'
+            "</joint>"
+        )
+    lines.append('<transmission name="t"><joint name="j1"><x/></joint></transmission>')
+    return "\n".join([*lines, "</robot>", ""])
+
+
+@pytest.mark.parametrize("name", ["ur10", "panda", "irb1600", "kr10_r1100", "iiwa14", "gp25"])
+def test_an_existing_urdf_has_the_identified_kinematics_and_keeps_the_rest(
+    name: str, tmp_path: Path
+) -> None:
+    """Axes of either sign, along x, y or z, and fixed joints behind the flange."""
+    write_pose_result(tmp_path / "calibration.yaml", name, seed=3)
+    result, file = load_result(tmp_path), tmp_path / "robot.urdf"
+    file.write_text(urdf_of(PUBLISHED[name]))
+    changed = into_file(result, file)
+    assert changed.error < EXACT
+    before, after = file.read_text(), changed.content.decode()
+    numbers = r"<origin[^>]*/>"
+    assert re.sub(numbers, "", before) == re.sub(numbers, "", after)
+    assert after.count('<!-- <origin xyz="9 9 9"/> -->') == before.count("9 9 9")
+
+    tips = [chain_between(parse_urdf(t, "x"), "l0") for t in (before, after)]
+    count, rng = result.robot.joints, np.random.default_rng(4)
+    u = rng.uniform(-1.5, 1.5, (100, count))
+    old, new = (chain.tip_poses(u) for chain in tips)
+    sign = np.sign(np.diag(result.robot.controller_to_joint))
+    nominal = forward(nominal_chain(result.robot), u * sign).poses()
+    identified = forward(result.chain, u * sign).poses()
+    # base and tool are constants that hold nominally; here they follow from the first pose
+    flange_to_tip = np.linalg.inv(nominal) @ np.linalg.inv(_base(old, nominal)) @ old
+    assert np.ptp(flange_to_tip, axis=0).max() < 1e-5, "digits of the published file"
+    expected = _base(old, nominal) @ identified @ flange_to_tip[0]
+    assert np.abs(new - expected).max() < 1e-5
+    assert 1e-4 < np.abs(new - old)[:, :3, 3].max() < 2e-2
+    assert changed.shift.max() < 5e-3, "links stay near their places"
+    assert changed.turn.max() < 1e-2
+
+
+def _base(tips: Array, rows: Array) -> Array:
+    """Pose of the rows' base in the file's base link: of all presets a turn about z, or none."""
+    for turn in (0.0, np.pi, np.pi / 2, -np.pi / 2):
+        for flip in (0.0, np.pi):
+            base = np.eye(4)
+            base[:3, :3] = Rotation.from_euler("ZX", [turn, flip]).as_matrix()
+            tool = np.linalg.inv(rows) @ np.linalg.inv(base) @ tips
+            if np.ptp(tool, axis=0).max() < 1e-5:
+                return base
+    raise AssertionError("no base found")
+
+
+def test_a_xacro_is_changed_where_numbers_stand_and_refused_at_expressions(tmp_path: Path) -> None:
+    write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=3)
+    result, file = load_result(tmp_path), tmp_path / "robot.urdf.xacro"
+    text = urdf_of(PUBLISHED["ur10"]).replace("<robot name='x'>", XACRO)
+    text = text.replace("</robot>", "</xacro:macro></robot>")
+    text = re.sub(r'name="(j\d)"', r'name="${prefix}\1"', text)
+    file.write_text(text)
+    changed = into_file(result, file)
+    assert changed.joints[0] == "${prefix}j1"
+    assert changed.content.decode().startswith(text[:200])
+    named = into_file(result, file, ["j1", "j2", "j3", "j4", "j5", "j6"])
+    assert named.content == changed.content
+    file.write_text(text.replace("0.163941", "${d4}"))
+    with pytest.raises(InputError, match=r"joint \$\{prefix\}j4: xyz = .* is an expression"):
+        into_file(result, file)
+
+
+XACRO = (
+    '<robot xmlns:xacro="http://wiki.ros.org/xacro" name="x">\n'
+    '<xacro:property name="d4" value="0.163941"/>\n<xacro:macro name="arm" params="prefix">'
+)
+
+
+def test_a_file_of_another_robot_is_refused(tmp_path: Path) -> None:
+    write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=3)
+    result, file = load_result(tmp_path), tmp_path / "robot.urdf"
+    file.write_text(urdf_of(PUBLISHED["ur5"]))
+    with pytest.raises(InputError, match="its geometry is not that of the nominal robot ur10"):
+        into_file(result, file)
+    file.write_text(urdf_of(PUBLISHED["panda"]))
+    with pytest.raises(InputError, match=r"no chain of 6 .*|its geometry is not"):
+        into_file(result, file)
+    with pytest.raises(InputError, match=r"there is no joint elbow. Joints that turn: j1, j2"):
+        into_file(result, file, ["elbow"])
+    with pytest.raises(InputError, match=r"joint j3 .* lies between j2 and j4|does not hang on"):
+        into_file(result, file, ["j1", "j2", "j4", "j5", "j6", "j7"])
+    file.write_text("<!DOCTYPE robot><robot/>")
+    with pytest.raises(InputError, match="holds <!DOCTYPE>, which is refused"):
+        into_file(result, file)
+
+
+def test_the_kinematics_of_ur_description_are_the_identified_ones(tmp_path: Path) -> None:
+    write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=3)
+    result = load_result(tmp_path)
+    content = yaml.safe_load(exported(result, "ur-kinematics"))["kinematics"]
+    assert content.pop("hash").startswith("calib_")
+    assert list(content) == list(LINKS)
+    origins = [
+        (tuple(v[k] for k in "xyz"), tuple(v[k] for k in ("roll", "pitch", "yaw")))
+        for v in content.values()
+    ]
+    q = np.random.default_rng(5).uniform(-3.0, 3.0, (100, 6))
+    found = ur_chain(origins).tip_poses(q)
+    assert np.abs(found - forward(result.chain, q).poses()).max() < EXACT
+    assert content["forearm"]["x"] == pytest.approx(-0.612, abs=2e-3)
+    assert content["wrist_1"]["z"] == pytest.approx(0.163941, abs=2e-3)
+    write_pose_result(tmp_path / "p" / "calibration.yaml", "panda", seed=3)
+    with pytest.raises(InputError, match="is the format of Universal Robots' arms"):
+        exported(load_result(tmp_path / "p"), "ur-kinematics")
+
+
+def test_the_command_writes_a_new_file_and_names_the_ranges(tmp_path: Path) -> None:
+    write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=3)
+    file, new = tmp_path / "robot.urdf", tmp_path / "new.urdf"
+    file.write_text(urdf_of(PUBLISHED["ur10"]))
+    code, said, _ = ballbar("export", tmp_path, "--into", file, "--out", new)
+    assert code == 0
+    assert re.search(r"j4: 0\.\d+ mm, \d\.\d+ mrad", said)
+    assert "outside the fitted range of a joint" in said
+    code, _, error = ballbar("export", tmp_path, "--into", file, "--to", "dh")
+    assert (code, "give either --to FORMAT or --into FILE" in error) == (2, True)
+
+
+@pytest.mark.parametrize("name", ["ur10", "panda"])
+def test_corrected_targets_reach_the_nominal_poses(name: str, tmp_path: Path) -> None:
+    write_pose_result(tmp_path / "calibration.yaml", name, seed=1)
+    result = load_result(tmp_path)
+    assert isinstance(result, PoseResult)
+    arm = result.calibration.arm()
+    q = np.array([[0.3, -0.7, 0.9, -1.1, 0.8, 0.6, 0.2]])[:, : result.robot.joints]
+    if name == "panda":
+        q[0, 5] = 1.6
+    done = corrected_arm_targets(arm, q)
+    wanted = forward(nominal_chain(arm.robot), q)
+    reached = forward(arm.chain, arm.joints(done.q))
+    assert np.abs(reached.poses() - wanted.poses()).max() < EXACT
+    assert done.position_before[0] > 1e-4
+    header = ",".join(f"q{j + 1}" for j in range(result.robot.joints))
+    far = q.copy()
+    far[0, 0] = 2.4  # fitted to 2.0
+    rows = [",".join(map(str, row)) for row in (*q, *far)]
+    (tmp_path / "t.csv").write_text("\n".join([header, *rows, ""]))
+    code, said, _ = ballbar("correct", tmp_path / "t.csv", "--with", tmp_path)
+    assert code == 0
+    assert "targets of line 3 are outside the fitted range of axis 1 (-114.6 to 114.6 deg)" in said
+    written = np.loadtxt(tmp_path / "t-corrected.csv", delimiter=",", skiprows=1)
+    assert np.abs(written[0] - done.q[0]).max() < 1e-12
+
+
+def test_a_prediction_outside_the_fitted_range_warns_and_has_no_finite_sigma(
+    result: PoseResult,
+) -> None:
+    arm = result.calibration.arm()
+    q = np.zeros((2, result.robot.joints))
+    q[1, 0] = 2.4
+    with pytest.warns(UserWarning, match=r"outside the fitted range of axis 1 \(-114.6 to 114.6"):
+        position = arm.tool(q)
+    assert np.isfinite(position).all()
+    assert arm.sigma(q)[1] == np.inf
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        arm.tool(q[:1])
+    with pytest.raises(InputError, match="target 'none': the result has big ball, frame"):
+        result.calibration.arm("none")
+
+
+def test_calibration_load_reads_both_kinds(tmp_path: Path, result: PoseResult) -> None:
+    assert isinstance(Calibration.load(result.file.parent), PoseCalibration)
+    assert isinstance(Calibration.load(str(result.file)), PoseCalibration)
+    code, _, _ = ballbar("compare", tmp_path / "none", result.file)
+    assert code == 2
+    from ballbar import load_calibration  # noqa: PLC0415
+
+    with pytest.raises(DescriptionError, match="is the result of still poses; here one of logs"):
+        load_calibration(result.file)
+
+
+def test_two_results_of_one_robot_are_compared_where_both_were_fitted(tmp_path: Path) -> None:
+    first = Calibration.load(write_pose_result(tmp_path / "a.yaml", "ur10", seed=1))
+    assert isinstance(first, PoseCalibration)
+    same = compare_pose_results(first, first)
+    assert same.tcp.maximum < EXACT
+    assert all(p.z == 0.0 for p in same.parameters)
+    changed = yaml.safe_load((tmp_path / "a.yaml").read_text())
+    changed["parameters"]["rtheta4"]["value"] += 1e-3
+    changed["ranges"][2] |= {"lower_rad": -0.5, "upper_rad": 0.2}
+    (tmp_path / "b.yaml").write_text(yaml.safe_dump(changed, sort_keys=False))
+    code, said, _ = ballbar("compare", tmp_path / "a.yaml", tmp_path / "b.yaml")
+    assert code == 0
+    assert "rtheta4 -1.0000 mrad (z -35.4)" in said, "1 mrad over sqrt(2) times 20 urad"
+    assert "less than half of the fitted range is common: axes 3" in said
+    second = Calibration.load(tmp_path / "b.yaml")
+    assert isinstance(second, PoseCalibration)
+    tcp = compare_pose_results(first, second).tcp
+    assert 2e-5 < tcp.mean < 1e-3
+    code, said, _ = ballbar("compare", tmp_path / "a.yaml", tmp_path / "b.yaml", "--json")
+    assert json.loads(said)["tcp_difference"]["mean_m"] == pytest.approx(tcp.mean)
+    other = Calibration.load(write_pose_result(tmp_path / "c.yaml", "ur5", seed=1))
+    assert isinstance(other, PoseCalibration)
+    with pytest.raises(InputError, match="Compare calibrations of the same robot"):
+        compare_pose_results(first, other)
+
+
+def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    file = write_pose_result(tmp_path / "r" / "calibration.yaml", "ur10", seed=1)
+    result = load_result(file)
+    assert isinstance(result, PoseResult)
+    arm = result.calibration.arm("big ball")
+    drawn = replace(drawn_robot("ur10", rng), chain=arm.chain)
+    q = rng.uniform(-1.5, 1.5, (10, 6))
+    table = point_table(drawn, arm.joints(q), 3e-5, rng, target=arm.target.origin)
+    write_pose_table(tmp_path / "same", table, "ur10", q, "big ball")
+    code, said, _ = ballbar("verify", tmp_path / "r", tmp_path / "same")
+    assert (code, said.startswith("Holds: 10 poses to 0.0")) == (0, True), said
+    q[:, 3] -= 2e-3
+    write_pose_table(tmp_path / "changed", table, "ur10", q, "big ball")
+    code, said, _ = ballbar("verify", tmp_path / "r", tmp_path / "changed", "--json")
+    data = json.loads(said)
+    assert code == 1
+    assert data["sentence"].startswith("Changed since: joint 4 zero by +")
+    assert data["causes"][0]["size"][0] == pytest.approx(2e-3, abs=1e-4)
+    write_pose_table(tmp_path / "other", table, "ur5", q, "big ball")
+    code, _, error = ballbar("verify", tmp_path / "r", tmp_path / "other")
+    assert (code, "is of robot" in error) == (2, True)
+
+
+def test_a_replay_is_asked_for_what_there_is(tmp_path: Path) -> None:
+    write_pose_result(tmp_path / "calibration.yaml", "ur10", seed=1)
+    code, _, error = ballbar("replay", tmp_path)
+    assert code == 2
+    assert "no replay file" in error
