@@ -39,9 +39,9 @@ def say_poses(out: Console, run: PoseRun) -> None:
                 + (f" and {more} more" if more > 0 else "")
             )
         )
-    sigma = result.arm().sigma(result.table.q).mean()
+    sigma = result.tcp_sigma.mean()
     out.print(
-        f"stated TCP uncertainty within the fitted ranges: mean {sigma * MM:.4f} mm (1 sigma, "
+        f"stated TCP uncertainty over the fitted ranges: mean {sigma * MM:.4f} mm (1 sigma, "
         "all axes together)"
     )
 

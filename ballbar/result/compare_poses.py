@@ -14,9 +14,6 @@ from ident.poses.unknowns import nominal_chain
 from ident.robot.accuracy import TcpError, position_error
 from sim.poses.truth import PoseTruth
 
-POSES = 800  # as many as the accuracy grid of a moving robot
-_SEED = 2400  # the poses are part of the metric: the same for everyone
-
 
 @dataclass(frozen=True, eq=False)
 class PoseComparison:
@@ -30,8 +27,7 @@ class PoseComparison:
 def compare_poses_with_truth(result: PoseIdentification, truth: PoseTruth) -> PoseComparison:
     """TCP error over random poses within the fitted ranges of all joints."""
     name, arm = result.table.targets[0], result.arm()
-    shares = np.random.default_rng(_SEED).uniform(size=(POSES, arm.robot.joints))
-    q = arm.lower + shares * (arm.upper - arm.lower)
+    q = arm.workspace()
     actual = truth.arm.target(q, truth.targets[name].position)
     before = result.nominal
     bare = replace(

@@ -119,7 +119,7 @@ class PoseFitEntry(Strict):
     iterations: int
     unknowns: int
     poses: int
-    tcp_sigma_mean_m: float  # of a pose within the fitted ranges, all axes together
+    tcp_sigma_mean_m: float  # over the fitted ranges, all axes together
     discrepancy_m: float  # of a fitted pose from the model, along each axis
     residual_mean_m: float
     nominal_mean_m: float  # of the robot as its file has it, seats and targets fitted
@@ -329,7 +329,7 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
             iterations=fit.iterations,
             unknowns=layout.count,
             poses=result.table.size,
-            tcp_sigma_mean_m=float(arm.sigma(result.table.q).mean()),
+            tcp_sigma_mean_m=float(result.tcp_sigma.mean()),
             discrepancy_m=fit.discrepancy.position,
             residual_mean_m=result.residual_means[0],
             nominal_mean_m=result.residual_means[1],

@@ -18,11 +18,13 @@ from scipy.stats import chi2
 
 from cell.arrays import Array
 from ident.estimator.regions import joint_regions
+from ident.estimator.uncertainty import inflation_factors
 from ident.estimator.whitening import Whitening
 from ident.poses.fit import PoseFit
 from ident.poses.model import GroupPoint
 
 LEVEL = 0.95
+BLOCKS = 32  # regions whose poses share what the model leaves over
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +89,29 @@ def cross_validated(fit: PoseFit) -> CrossValidation:
         sigma=float(np.sqrt(variance)),
         factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
     )
+
+
+def robust_covariance(fit: PoseFit) -> Array:
+    """(P, P) covariance of the unknowns where neighbouring poses share what the model leaves over.
+
+    The block sandwich of logs (ident.estimator.uncertainty), its blocks regions of joint space
+    instead of time.
+    """
+    equations, layout = fit.equations, fit.model.unknowns
+    blocks = joint_regions(fit.model.table.q, BLOCKS)
+    scores = np.concatenate(
+        [
+            np.einsum("pen,en->pn", jacobian, residual)
+            for jacobian, residual in zip(equations.jacobians, equations.residuals, strict=True)
+        ],
+        axis=1,
+    )
+    sums = np.zeros((layout.count, blocks.max() + 1))
+    np.add.at(sums.T, blocks, scores.T)
+    inflation = inflation_factors(fit.covariance, scores @ scores.T, sums)
+    prior = fit.covariance @ (fit.covariance / layout.sigma[:, None] ** 2)
+    robust = (fit.covariance - prior) * np.outer(inflation, inflation) + prior
+    return np.asarray(0.5 * (robust + robust.T))
 
 
 def position_rows(point: GroupPoint) -> Whitening:

@@ -21,7 +21,7 @@ from ident.corrections.unit_weights import unit_weights
 from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
 from ident.estimator.regions import joint_regions
 from ident.poses.closure import Placement
-from ident.poses.cross_validation import cross_validated
+from ident.poses.cross_validation import cross_validated, robust_covariance
 from ident.poses.findings import Findings, findings_of
 from ident.poses.fit import PoseFit, fit_poses
 from ident.poses.model import PoseModel
@@ -82,6 +82,7 @@ def identify_poses(
             fit = _with_orders(fit, search)
             fit, findings = _without_unsettled(fit)
     progress("cross-validating")
+    fit = replace(fit, covariance=robust_covariance(fit))
     validation = cross_validated(fit)
     return PoseIdentification(table, fit, nominal, search, validation, findings)
 

@@ -71,6 +71,12 @@ class PoseIdentification:
         counting = self.cross_validation.counting
         return float(self.residual[counting].mean()), float(self.residual_nominal[counting].mean())
 
+    @cached_property
+    def tcp_sigma(self) -> Array:
+        """(G,) [m] stated uncertainty of the first target over the fitted ranges, all axes."""
+        arm = self.arm()
+        return arm.sigma(arm.workspace())
+
     def errors(self, table: PoseTable) -> Array:
         """(N, 3) [m] measured minus predicted positions of poses of this result's own seats.
 

@@ -19,6 +19,7 @@ OVERFITTED = 1.8  # cross-validated error over that of the fitted poses
 NO_GAIN = 0.9  # of the nominal robot's error: less than a tenth was won
 LOST = 0.1  # of the poses: so many outliers have a cause
 NARROW = np.deg2rad(20.0)  # [rad] range of a joint's angles that tells little of it
+LOCAL = 2.0  # stated uncertainty over the fitted ranges against that beside the poses
 LOWEST_CERTAIN = 4  # orders up to it may stand for another smooth error of the joints
 LISTED = 5  # rows that a warning names
 
@@ -109,6 +110,12 @@ def _warnings(result: PoseIdentification) -> list[str]:
         out.append(
             f"joints that hardly moved: {each}; their parameters stay near the catalogue and the "
             "result holds only where they stood"
+        )
+    away, beside = (float(s.mean()) for s in (result.tcp_sigma, result.arm().sigma(table.q)))
+    if away > LOCAL * beside:
+        out.append(
+            f"the poses cover a part of the ranges of their joints: beside them the stated TCP "
+            f"uncertainty is {beside * 1e3:.3f} mm, over the ranges {away * 1e3:.3f} mm"
         )
     out += _of_parameters(result)
     out += _of_orders(result)

@@ -23,6 +23,8 @@ from ident.poses.closure import Placement, target_frames
 from ident.poses.joint_corrections import channels, joint_displacements, regressors_at
 
 LEVEL = 0.95
+WORKSPACE = 800  # poses, as many as the accuracy grid of a moving robot
+_WORKSPACE_SEED = 2400  # the poses are part of the metric
 RANGE_MARGIN = np.deg2rad(1.0)  # [rad] past the last fitted angle that still counts as inside
 
 
@@ -99,6 +101,11 @@ class IdentifiedArm:
         whole[~inside] = np.eye(3)
         square = np.einsum("nc,nc->n", error, np.linalg.solve(whole, error[..., None])[..., 0])
         return np.asarray(np.where(inside, square <= self.factor * chi2.ppf(LEVEL, 3), True))
+
+    def workspace(self) -> Array:
+        """(G, J) [rad] the same random angles within the fitted ranges for everyone."""
+        shares = np.random.default_rng(_WORKSPACE_SEED).uniform(size=(WORKSPACE, self.robot.joints))
+        return np.asarray(self.lower + shares * (self.upper - self.lower))
 
     def out_of_range(self, q: Array) -> dict[int, tuple[float, float]]:
         """Axes, from 1, that leave their fitted range [rad] at some of the poses q (N, J)."""
