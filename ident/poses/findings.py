@@ -8,15 +8,17 @@ proportion to time (White 1982, as in ident.estimator.order_search).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from cell.arrays import Array
+from cell.poses import PoseGroup
 from ident.poses.fit import PoseFit, median_scale, whitened_lengths
-from ident.poses.model import GroupPoint
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 UNSETTLED = 4.5  # likewise, of a residual along the last move
@@ -65,11 +67,13 @@ def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
     candidates: list[int] = []
     signs: list[float] = []
     first = 0
-    for point, weights in zip(fit.equations.points, fit.equations.weights, strict=True):
+    for point, weights, move in zip(
+        fit.equations.points, fit.equations.weights, _last_moves(fit), strict=True
+    ):
         n = point.group.size
         residual = weights(point.closure.error)
         if len(residual) >= 3 and n > 1:
-            along = weights(_last_move(point))
+            along = weights(move)
             size = np.linalg.norm(along, axis=0) * np.linalg.norm(residual, axis=0)
             cosine = (along * residual).sum(axis=0) / np.maximum(size, np.finfo(float).tiny)
             far = lengths[first : first + n] > UNSETTLED
@@ -84,12 +88,35 @@ def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
     return np.array(aligned if len(aligned) > 0.7 * len(candidates) else [], dtype=np.intp)
 
 
-def _last_move(point: GroupPoint) -> Array:
-    """(6, N) change of the error for the whole last move; zero where the row before is missing."""
-    moved = np.zeros_like(point.group.q)
-    follows = np.flatnonzero(np.diff(point.group.rows) == 1) + 1
-    moved[follows] = point.group.q[follows] - point.group.q[follows - 1]
-    return np.asarray(np.einsum("jcn,nj->cn", point.joint_columns, moved))
+def _last_moves(fit: PoseFit) -> list[Array]:
+    """(6, N) of every group: change of the error for the whole last move of the robot."""
+    groups = [point.group for point in fit.equations.points]
+    return [
+        np.asarray(np.einsum("jcn,nj->cn", point.joint_columns, moved))
+        for point, moved in zip(fit.equations.points, last_moves(groups), strict=True)
+    ]
+
+
+def last_moves(groups: Sequence[PoseGroup]) -> list[Array]:
+    """(N, J) [rad] of every group: how far the robot moved since it last stood elsewhere.
+
+    Several targets at one pose, rows with the same angles, have the same move. Zero where the row
+    before is missing.
+    """
+    moves = [np.zeros_like(group.q) for group in groups]
+    for file in dict.fromkeys(group.file for group in groups):
+        rows = sorted(
+            (int(row), k, i)
+            for k, group in enumerate(groups)
+            if group.file == file
+            for i, row in enumerate(group.rows)
+        )
+        for (before, k, i), (row, own, at) in pairwise(rows):
+            if row - before > 1:
+                continue
+            moved = groups[own].q[at] - groups[k].q[i]
+            moves[own][at] = moved if moved.any() else moves[k][i]
+    return moves
 
 
 def _unfinished(fit: PoseFit) -> float:
@@ -99,9 +126,9 @@ def _unfinished(fit: PoseFit) -> float:
     """
     equations = fit.equations
     columns = [
-        weights(_last_move(point)) * robust
-        for point, weights, robust in zip(
-            equations.points, equations.weights, equations.robust, strict=True
+        weights(move) * robust
+        for move, weights, robust in zip(
+            _last_moves(fit), equations.weights, equations.robust, strict=True
         )
     ]
     parts = list(zip(equations.jacobians, equations.residuals, columns, strict=True))
