@@ -72,6 +72,8 @@ def _of_recording(folder: Path, recording: Recording, source: SourceName) -> Cha
         return ChannelLog(name, robot.t, robot.q, joints, robot.segment)
     if source == "ballbar" and bar is not None:
         return ChannelLog(name, bar.t, bar.angles, tuple(f"b{j}" for j in bar.joints), bar.segment)
+    if source == "length" and (length := recording.length_log) is not None:
+        return ChannelLog(name, length.t, length.length[:, None], ("length",), length.segment)
     if source == "force" and force is not None:
         return ChannelLog(name, force.t, force.wrench, WRENCH)
     raise InputError(f"{folder}: recording.yaml has no sources.{source}. Name one that it has.")

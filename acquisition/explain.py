@@ -13,6 +13,7 @@ from acquisition.sources import (
     dialect_of,
     force_layout,
     inside,
+    length_layout,
     robot_layout,
     time_form,
 )
@@ -43,12 +44,13 @@ def explain_lines(folder: Path) -> list[str]:
     """
     description = load_recording_file(folder)
     lines = [
-        f"recording of robot {description.robot}, ball-bar {description.ballbar}, plate "
+        f"recording of robot {description.robot}, {_held_by(description)}, plate "
         f"{description.plate} (recording.yaml)"
     ]
     declared: dict[SourceName, SourceFile | None] = {
         "robot": description.sources.robot,
         "ballbar": description.sources.ballbar,
+        "length": description.sources.length,
         "force": description.sources.force,
     }
     for name, source in declared.items():
@@ -75,6 +77,11 @@ def explain_lines(folder: Path) -> list[str]:
     return lines
 
 
+def _held_by(description: RecordingFile) -> str:
+    kind = "instrument" if description.ballbar is None else "ball-bar"
+    return f"{kind} {description.measured_by}"
+
+
 def _layout(
     name: SourceName, source: SourceFile, dialect: Dialect, description: RecordingFile
 ) -> Layout:
@@ -83,6 +90,10 @@ def _layout(
             return robot_layout(source, dialect)
         case "ballbar":
             return ballbar_layout(source, dialect, dict(sorted(description.encoders.items())))
+        case "length":
+            if description.sources.length is None:
+                raise ValueError("a recording without sources.length")
+            return length_layout(description.sources.length, dialect)
         case "force":
             return force_layout(source, dialect)
 
@@ -100,6 +111,10 @@ def _meaning(dialect: Dialect, description: RecordingFile) -> list[str]:
             _encoder(name, encoder, dialect.status.get(name))
             for name, encoder in sorted(description.encoders.items())
         ]
+    if description.sources.length is not None and dialect.source == "length":
+        length = description.sources.length
+        zero = f" from {length.zero_m:g} m on" if length.zero_m else ""
+        return [f"length in {length.unit}{zero}, column {length.column} (recording.yaml)"]
     return ["forces in N, torques in N m: what the flange feels, in its own frame"]
 
 

@@ -1,7 +1,7 @@
 """A recording folder to clean angles and loads: every source read by its dialect, on its own clock.
 
     recording.yaml -> dialects -> tables -> stamps in order -> counts or motor angles -> rad ->
-    segments -> RobotLog, BallBarLog, ForceLog
+    segments -> RobotLog, BallBarLog or LengthLog, ForceLog
 
 Each stage takes a table and gives a new one, with what it found. What was repaired on the way
 stands in the import report; what cannot be repaired is an error with file and line.
@@ -51,6 +51,7 @@ from acquisition.sources import (
     dialect_of,
     force_layout,
     joined,
+    length_layout,
     read_files,
     refuse_few,
     robot_layout,
@@ -61,17 +62,22 @@ from acquisition.table.table import Table
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
-from cell.load import load_robot
-from cell.logs import BallBarLog, ForceLog, RobotLog
+from cell.instrument import Instrument
+from cell.load import load_instrument, load_robot
+from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog
 from cell.neighbours import Rows
 from cell.recording import (
     EncoderFitting,
     EncoderName,
+    LengthFile,
     RecordingFile,
     SourceFile,
     SourceName,
     load_recording_file,
 )
+
+METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+REACH = 0.1  # of the stroke beyond its ends: data sheets state less than sensors show
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +86,11 @@ class Recording:
 
     description: RecordingFile
     robot_log: RobotLog
-    ballbar_log: BallBarLog | None  # none for a sensor-less ball-bar
+    ballbar_log: BallBarLog | None  # none for a bar without encoders
     force_log: ForceLog | None  # none without a force sensor
     report: ImportReport
     rows: dict[SourceName, LogRows] = field(default_factory=dict)
+    length_log: LengthLog | None = None  # of an instrument whose rod or wire is sensed
 
 
 def read_recording(folder: Path) -> Recording:
@@ -102,11 +109,14 @@ def read_recording(folder: Path) -> Recording:
     robot = load_robot(description.robot, relative_to=folder)
     sources, imported = description.sources, dict[SourceName, ImportLog]()
     robot_log, imported["robot"] = read_robot(folder, sources.robot, robot)
-    ballbar_log, force_log = None, None
+    ballbar_log, length_log, force_log = None, None, None
     if sources.ballbar is not None:
         ballbar_log, imported["ballbar"] = read_ballbar(
             folder, sources.ballbar, description.encoders, robot_moves=moves(robot_log.q)
         )
+    if sources.length is not None:
+        instrument = load_instrument(description.instrument or "", relative_to=folder)
+        length_log, imported["length"] = _read_length(folder, sources.length, instrument)
     if sources.force is not None:
         force_log, imported["force"] = _read_force(folder, sources.force)
     logs = imported.values()
@@ -115,7 +125,15 @@ def read_recording(folder: Path) -> Recording:
         findings=tuple(finding for log in logs for finding in log.findings),
     )
     rows = {name: log.rows for name, log in imported.items()}
-    return Recording(description, robot_log, ballbar_log, force_log, report, rows)
+    return Recording(
+        description=description,
+        robot_log=robot_log,
+        ballbar_log=ballbar_log,
+        force_log=force_log,
+        report=report,
+        rows=rows,
+        length_log=length_log,
+    )
 
 
 def _check_encoders(folder: Path, description: RecordingFile) -> None:
@@ -232,6 +250,33 @@ def _with_some_usable(table: Table) -> Table:
             "throughout. Check their cables."
         )
     return table
+
+
+def _read_length(
+    folder: Path, declared: LengthFile, instrument: Instrument
+) -> tuple[LengthLog, ImportLog]:
+    """The log of a length sensor. Raises LogError if the instrument cannot be that long."""
+    dialect = dialect_of(folder, "length", declared)
+    source = LogSource(folder, "length", declared, dialect, length_layout(declared, dialect))
+    tables, summaries = read_files(source)
+    table = joined(tables)
+    length = table.columns[declared.column] * METRES[declared.unit] + declared.zero_m
+    table, segments = find_segments(table, length[:, None])
+    table = _with_damaged_values_checked(table, segments, length[:, None], ["length"])
+    used = _used(source, table, segments, summaries)
+    chosen = used.of(length)
+    margin = REACH * (instrument.upper - instrument.lower)
+    outside = (chosen < instrument.lower - margin) | (chosen > instrument.upper + margin)
+    if outside.any():
+        row = int(np.argmax(outside))
+        raise LogError(
+            f"{used.table.location(row)}: a length of {chosen[row]:.6g} m, and {instrument.title} "
+            f"reaches from {instrument.lower:g} to {instrument.upper:g} m. Is {declared.column} in "
+            f"{declared.unit}, and zero at {declared.zero_m:g} m? Correct unit or zero_m of "
+            "sources.length in recording.yaml."
+        )
+    log = LengthLog(used.t, chosen, segments.segment[used.rows], used.table.flags)
+    return log, used.imported
 
 
 def _read_force(folder: Path, declared: SourceFile) -> tuple[ForceLog, ImportLog]:

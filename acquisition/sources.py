@@ -22,13 +22,18 @@ from acquisition.times import TIME_FORMS, TimeCells, TimeForm, recognised, stamp
 from cell.arrays import Array
 from cell.errors import DescriptionError, LogError
 from cell.neighbours import Mask
-from cell.recording import EncoderFitting, EncoderName, SourceFile, SourceName
+from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile, SourceName
 from cell.schema_errors import nearest
 
 # The complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix
 # nothing.
 MINIMUM_ROWS = 50
-_DEVICES: dict[SourceName, str] = {"robot": "robot", "ballbar": "ballbar", "force": "force sensor"}
+_DEVICES: dict[SourceName, str] = {
+    "robot": "robot",
+    "ballbar": "ballbar",
+    "length": "length sensor",
+    "force": "force sensor",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +85,11 @@ def ballbar_layout(
     counters = [encoder.column for encoder in fitted.values()]
     optional = _all(status, "integer") | _sequence(dialect)
     return _layout(source, dialect, _all(counters, "integer"), optional)
+
+
+def length_layout(source: LengthFile, dialect: Dialect) -> Layout:
+    """The columns of a length sensor's log."""
+    return _layout(source, dialect, {source.column: "float"}, _sequence(dialect))
 
 
 def force_layout(source: SourceFile, dialect: Dialect) -> Layout:

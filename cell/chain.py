@@ -82,12 +82,18 @@ class Frames:
 
 
 def forward(
-    chain: Chain, q: Array, *, base_rotation: Array | None = None, base_origin: Array | None = None
+    chain: Chain,
+    q: Array,
+    *,
+    base_rotation: Array | None = None,
+    base_origin: Array | None = None,
+    slide: tuple[int, Array] | None = None,
 ) -> Frames:
     """Frames of the chain at every sample.
 
     q : (N, J) [rad] joint angles. base_rotation, base_origin : (3, 3), (3,) [m] pose of the chain's
-        base; by default the identity.
+        base; by default the identity. slide : row, from 0, of a prismatic joint, and (N,) [m] by
+        which it lengthens that row's d.
 
     Raises ValueError if `q` has not one column per row.
     """
@@ -108,7 +114,8 @@ def forward(
         across = cos[i] * y - sin[i] * x
         ca, sa = np.cos(chain.alpha[i]), np.sin(chain.alpha[i])
         turned_y, turned_z = ca * across + sa * z, ca * z - sa * across
-        origin[i + 1] = origin[i] + chain.d[i] * z + chain.a[i] * x_link[i]
+        along = chain.d[i] + slide[1] if slide and slide[0] == i else chain.d[i]
+        origin[i + 1] = origin[i] + along * z + chain.a[i] * x_link[i]
         if chain.beta[i] == 0.0:
             axes[0, i + 1], axes[1, i + 1], axes[2, i + 1] = x_link[i], turned_y, turned_z
         else:

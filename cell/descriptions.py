@@ -199,6 +199,8 @@ class BallBar:
     encoder_bits: int  # interpolation of one line
     encoder_noise_sigma: float  # [rad] white, per sample
     links: tuple[Link, ...]  # link 1..5; ball-bar base frame, all b = 0
+    # [m] shortest and longest length of a rod whose length is sensed; None for a rigid one
+    stroke: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         protect_fields(self)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cell.descriptions import Cell, Robot
 
 BAR_ROWS = 5  # one per joint
+ROD_ROW = 2  # of the ball-bar, from 0: its d is the rod's length
 PARALLEL = 1e-6  # sine of the nominal twist below which neighbouring axes are parallel
 _KINDS = ("a", "d", "alpha", "theta")
 _NAME = re.compile(r"([rb])(a|d|alpha|theta|beta)([1-9])|o(t?)([xyz])")
@@ -234,10 +235,15 @@ def robot_frames(geometry: Geometry, q: Array) -> Frames:
 def bar_frames(geometry: Geometry, b: Array) -> Frames:
     """Frames of the ball-bar at encoder angles b (N, 5) [rad]; the last is that of the tool.
 
-    The encoder offsets are part of btheta.
+    The encoder offsets are part of btheta. Of a telescoping bar b is (N, 6), its last column the
+    extension [m] of the rod beyond bd3.
     """
     return forward(
-        geometry.bar, b, base_rotation=geometry.bar_base_rotation, base_origin=geometry.origin
+        geometry.bar,
+        b[:, :BAR_ROWS],
+        base_rotation=geometry.bar_base_rotation,
+        base_origin=geometry.origin,
+        slide=(ROD_ROW, b[:, BAR_ROWS]) if b.shape[1] > BAR_ROWS else None,
     )
 
 

@@ -17,6 +17,9 @@ from pydantic import Field, model_validator
 
 from cell.arrays import Array
 from cell.description_files import NominalAngle, NotNegative, Positive
+from cell.descriptions import BallBar, Link
+from cell.geometry import ROD_ROW
+from cell.inverse import BAR_ALPHA
 from cell.poses import Measured
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
@@ -44,6 +47,8 @@ class JointFile(Strict):
     lower_m: NotNegative | None = None
     upper_m: Positive | None = None
     sigma_m: NotNegative = 0.0  # noise of a length; play of a socket
+    # of the length where the sensor reads the nominal one; 0: calibrated, and taken as exact
+    zero_sigma_m: NotNegative = 0.0
     sigma_rad: NotNegative = 0.0  # noise of an angle
 
 
@@ -93,6 +98,7 @@ class Instrument:
     lower: float  # [m] shortest and longest length
     upper: float
     sigma_length: float  # [m] of the sensed length, or play of a socket
+    sigma_zero: float  # [m] of the sensed length's zero; 0: calibrated
     sigma_direction: float  # [rad] of the sensed angles that point at the target
     sigma_rotation: float  # [rad] of the target's sensed orientation, each axis
     distance: tuple[float, float] | None = None  # [m] between two seats, and its sigma
@@ -129,9 +135,43 @@ def instrument_of(name: str, file: InstrumentFile) -> Instrument:
         lower=length.lower_m or 0.0,
         upper=length.upper_m or 0.0,
         sigma_length=length.sigma_m,
+        sigma_zero=length.zero_sigma_m,
         sigma_direction=max(turning, default=0.0),
         sigma_rotation=file.chain[-1].sigma_rad if measured == "pose" else 0.0,
         distance=None if distance is None else (distance.length_m, distance.sigma_m),
+    )
+
+
+def telescoping_bar(instrument: Instrument) -> BallBar:
+    """A length instrument as a massless ball-bar without encoders whose rod is sensed.
+
+    Universal joint and ball are the five revolute joints of a ball-bar, in one point each; `bd3` is
+    the length where the sensor reads the nominal one. Raises ValueError for another instrument.
+    """
+    if instrument.measured != "length":
+        raise ValueError(f"instrument {instrument.name} measures a {instrument.measured}")
+    zero: Array = np.zeros(5)
+    rod = zero.copy()
+    rod[ROD_ROW] = instrument.nominal
+    body = Link(0.0, np.zeros(3), np.zeros((3, 3)))
+    return BallBar(
+        name=instrument.name,
+        title=instrument.title,
+        a=zero,
+        d=rod,
+        alpha=BAR_ALPHA,
+        theta=zero,
+        length_tolerance=instrument.sigma_zero,
+        axial_stiffness=np.inf,
+        axial_damping=0.0,
+        joint_damping=zero,
+        friction_torque=0.0,
+        backlash=0.0,
+        encoder_lines=1,
+        encoder_bits=0,
+        encoder_noise_sigma=0.0,
+        links=(body,) * 5,
+        stroke=(instrument.lower, instrument.upper),
     )
 
 

@@ -23,7 +23,8 @@ REACHED = 1e-9  # [m, rad] of a pose that fewer than six joints take, far above 
 # [rad] twists of the arms that have a closed form, s = +1; those of an identified robot are close
 _ARM_ALPHA = np.array([-1.0, 0.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)
 _ARM_TOLERANCE = 0.1
-_ALPHA = np.array([1.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)  # ball-bar twists, thesis sec. 2.2
+# [rad] twists of the ball-bar, thesis sec. 2.2
+BAR_ALPHA = np.array([1.0, -1.0, 1.0, -1.0, 0.0]) * (np.pi / 2.0)
 
 
 class UnreachableError(FailureError):
@@ -116,8 +117,8 @@ def bar_roll(rotation: Array, b1: Array, b2: Array, b4: Array, b5: Array) -> Arr
 
     rotation : (N, 3, 3) of the tool frame in the base. b1, b2, b4, b5 : (N,) [rad].
     """
-    gimbal = _turned(_ALPHA[:2], b1, b2)
-    universal = _turned(_ALPHA[2:], np.zeros_like(b4), b4, b5)
+    gimbal = _turned(BAR_ALPHA[:2], b1, b2)
+    universal = _turned(BAR_ALPHA[2:], np.zeros_like(b4), b4, b5)
     about_rod = gimbal.transpose(0, 2, 1) @ rotation @ universal.transpose(0, 2, 1)
     return np.arctan2(about_rod[:, 1, 0], about_rod[:, 0, 0])
 

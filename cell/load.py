@@ -24,9 +24,9 @@ from cell.description_files import (
 )
 from cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
 from cell.errors import DescriptionError
-from cell.instrument import Instrument, InstrumentFile, instrument_of
+from cell.instrument import Instrument, InstrumentFile, instrument_of, telescoping_bar
 from cell.schema_errors import nearest
-from cell.strict_yaml import load_model
+from cell.strict_yaml import load_model, load_yaml
 
 F = TypeVar("F")
 D = TypeVar("D")
@@ -41,6 +41,42 @@ def load_cell(robot: str, ballbar: str, plate: str, *, relative_to: Path | None 
         load_ballbar(ballbar, relative_to=relative_to),
         load_plate(plate, relative_to=relative_to),
     )
+
+
+def load_measured_cell(
+    robot: str, instrument: str, plate: str, *, relative_to: Path | None = None
+) -> Cell:
+    """As `load_cell`, held by a ball-bar or by an instrument that measures a length.
+
+    instrument : a shipped ball-bar or instrument, or a path; a file shows by its schema which one
+    it describes. An instrument stands in the cell as a massless ball-bar whose rod is sensed.
+    """
+    if _describes_instrument(instrument, relative_to):
+        bar = load_telescoping_bar(instrument, relative_to=relative_to)
+    else:
+        bar = load_ballbar(instrument, relative_to=relative_to)
+    plate_of_cell = load_plate(plate, relative_to=relative_to)
+    return Cell(load_robot(robot, relative_to=relative_to), bar, plate_of_cell)
+
+
+def _describes_instrument(name_or_path: str, relative_to: Path | None) -> bool:
+    if not name_or_path.endswith(".yaml"):
+        return name_or_path in instrument_names()
+    document = load_yaml((relative_to or Path()) / name_or_path)
+    schema = document.data.get("schema")
+    return isinstance(schema, str) and schema.startswith("ballbar-instrument/")
+
+
+def load_telescoping_bar(name_or_path: str, *, relative_to: Path | None = None) -> BallBar:
+    """An instrument that measures a length, as a massless ball-bar whose rod is sensed."""
+    instrument = load_instrument(name_or_path, relative_to=relative_to)
+    try:
+        return telescoping_bar(instrument)
+    except ValueError as error:
+        raise DescriptionError(
+            f"{error}, not a length over time. Its measurements are still poses, or name another "
+            "instrument."
+        ) from None
 
 
 def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:

@@ -70,6 +70,26 @@ class BallBarLog:
 
 
 @dataclass(frozen=True, eq=False)
+class LengthLog:
+    """Length of a telescoping ball-bar or a draw-wire on the sensor's clock.
+
+    Raises ValueError as RobotLog does.
+    """
+
+    t: Array  # (N,) [s] from the first row, strictly increasing
+    length: Array  # (N,) [m] as read: the declared zero included, the sensor's own error not
+    segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock; None: a single one
+    flags: NDArray[np.uint32] | None = None  # (N,) acquisition.flags of the row; None: no remarks
+
+    def __post_init__(self) -> None:
+        _protect(self, "t", "length")
+        _protect(self, "segment", dtype=np.uint16)
+        _protect(self, "flags", dtype=np.uint32)
+        _check_series("length log", self.t, self.length[:, None], 1)
+        _check_marks("length log", self.t, self.segment, self.flags)
+
+
+@dataclass(frozen=True, eq=False)
 class ForceLog:
     """Force and torque that plate and ball-bar exert on the flange, on the force sensor's clock.
 

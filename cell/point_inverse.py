@@ -18,6 +18,7 @@ from cell.descriptions import Robot
 from cell.robot_angles import controller_to_joints, joints_to_axes
 
 _ITERATIONS = 60
+_CORRECTIONS = 12  # of an arm that differs a little from the chain; each gains two digits
 _DAMPING = 0.02  # [m] of the least squares: a hundredth of a usual arm's reach
 _LONGEST = 0.3  # [rad] of one step: beyond it the arm is no longer the linear one
 Position = Callable[[Array], Array]  # from joint angles (N, J) [rad] to places (N, 3) [m]
@@ -56,20 +57,31 @@ def reach_points(
     Returns joint angles (N, J) [rad] and which of them reach their place (N,).
     """
     axes = np.clip(joints_to_axes(robot, q), lower, upper)
-    for _ in range(_ITERATIONS):
-        q = controller_to_joints(robot, axes)
-        place, columns = point_columns(chain, point, q)
-        error = wanted - (place if position is None else position(q))
-        if np.abs(error).max() < tolerance:
+    if position is not None:  # which takes longer, so that most of the way is the chain's
+        nearly, _ = reach_points(robot, chain, point, q, wanted, lower=lower, upper=upper)
+        axes = joints_to_axes(robot, nearly)
+    reached = np.zeros(len(axes), dtype=bool)
+    for _ in range(_ITERATIONS if position is None else _CORRECTIONS):
+        (left,) = np.nonzero(~reached)
+        if not left.size:
             break
+        angles = controller_to_joints(robot, axes[left])
+        place, columns = point_columns(chain, point, angles)
+        error = wanted[left] - (place if position is None else position(angles))
+        reached[left] = np.abs(error).max(axis=1) < tolerance
         columns = columns @ robot.controller_to_joint.T  # per radian of the axes
-        step = _damped(columns, error)
-        # An axis at its limit cannot help: the others take its part.
-        stuck = ((axes <= lower) & (step < 0.0)) | ((axes >= upper) & (step > 0.0))
-        step = np.where(stuck, 0.0, _damped(columns * ~stuck[:, None], error))
-        scale = np.maximum(np.abs(step).max(axis=1, keepdims=True) / _LONGEST, 1.0)
-        axes = np.clip(axes + step / scale, lower, upper)
-    return q, np.asarray(np.abs(error).max(axis=1) < tolerance)
+        step = _within(axes[left], columns, error, lower, upper)
+        axes[left] = np.where(reached[left, None], axes[left], axes[left] + step)
+        axes = np.clip(axes, lower, upper)
+    return controller_to_joints(robot, axes), reached
+
+
+def _within(axes: Array, columns: Array, error: Array, lower: Array, upper: Array) -> Array:
+    """(N, J) [rad] steps; an axis at its limit cannot help, and the others take its part."""
+    step = _damped(columns, error)
+    stuck = ((axes <= lower) & (step < 0.0)) | ((axes >= upper) & (step > 0.0))
+    step = np.where(stuck, 0.0, _damped(columns * ~stuck[:, None], error))
+    return np.asarray(step / np.maximum(np.abs(step).max(axis=1, keepdims=True) / _LONGEST, 1.0))
 
 
 def _damped(columns: Array, error: Array) -> Array:

@@ -7,16 +7,17 @@ parameter.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from cell.errors import DescriptionError
 from cell.schema import Strict
+from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
 
 EncoderName = Literal["b1", "b2", "b3", "b4", "b5"]
-SourceName = Literal["robot", "ballbar", "force"]  # the sources of a recording
+SourceName = Literal["robot", "ballbar", "length", "force"]  # the sources of a recording
 
 
 class SourceFile(Strict):
@@ -31,12 +32,27 @@ class SourceFile(Strict):
     quantised: bool = False
 
 
+class LengthFile(SourceFile):
+    """The device files of a sensor of one length, and the column that holds it."""
+
+    column: str
+    unit: Literal["m", "mm", "um"] = "mm"
+    zero_m: float = 0.0  # length where the column is zero, as the instrument declares it
+
+
 class Sources(Strict):
     """The sources of a recording."""
 
     robot: SourceFile
     ballbar: SourceFile | None = None  # none for a ball-bar without encoders
+    length: LengthFile | None = None  # of an instrument whose rod or wire is sensed
     force: SourceFile | None = None  # six-axis sensor at the flange, on a clock of its own
+
+    @property
+    def every(self) -> tuple[SourceFile, ...]:
+        """Those that the recording has."""
+        optional = (self.ballbar, self.length, self.force)
+        return (self.robot, *(source for source in optional if source is not None))
 
 
 class EncoderFitting(Strict):
@@ -54,11 +70,36 @@ class RecordingFile(Strict):
     schema_: Annotated[Literal["ballbar-recording/1"], Field(alias="schema")]
     kind: Literal["simulated", "real"]
     robot: str  # a file of cell/robots, or a path relative to this file
-    ballbar: str  # a file of cell/ballbars, or a path
+    ballbar: str | None = None  # a file of cell/ballbars, or a path
+    # a file of cell/instruments, or a path: what measured the length, in place of a ball-bar
+    instrument: str | None = None
     plate: str = "plate_250"  # a file of cell/plates, or a path
     sources: Sources
     encoders: dict[EncoderName, EncoderFitting] = Field(default_factory=dict)
     notes: str = ""
+
+    @model_validator(mode="after")
+    def _ballbar_or_instrument(self) -> Self:
+        if (self.ballbar is None) == (self.instrument is None):
+            message = "expected either ballbar or instrument: what stood between floor and tool"
+            raise wrong_key("ballbar", message=message)
+        of_length = self.sources.length is not None
+        if of_length != (self.instrument is not None):
+            message = (
+                "expected sources.length of an instrument that measures a length, and only then"
+            )
+            raise wrong_key("sources", message=message)
+        if of_length and (self.sources.ballbar is not None or self.encoders):
+            message = "an instrument that measures a length has no encoders; leave out " + (
+                "encoders" if self.encoders else "sources.ballbar"
+            )
+            raise wrong_key("encoders" if self.encoders else "sources", message=message)
+        return self
+
+    @property
+    def measured_by(self) -> str:
+        """The ball-bar or the instrument that held the tool."""
+        return self.ballbar or self.instrument or ""
 
 
 def load_recording_file(folder: Path) -> RecordingFile:

@@ -16,6 +16,7 @@ from ballbar.result.calibration import CalibrationFile
 from cell.files import write_whole
 from cell.pose_file import PosesFile
 from generators.scenario_reference.keys import default_text, first_paragraph, models_in, values_text
+from planning.poses.request import PosePlanRequest
 from planning.request import PlanRequest
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -47,6 +48,15 @@ POSES = """# poses.yaml
 Describes tables of still poses: joint angles at which the robot stood, and what an instrument
 measured there. Written by `python -m generators.schema_pages` from the schema; do not edit. Steps
 and examples: [Read still poses](how_to/still_poses.md).
+"""
+POSE_REQUEST = """# Pose plan request
+
+The file of `ballbar plan REQUEST` for still poses; `scenarios/plans/irb2400_tracker.yaml` is a
+short one. Written by `python -m generators.schema_pages` from the schema; do not edit. Steps:
+[Plan still poses](how_to/plan_still_poses.md). Method: [Planning](planning.md#still-poses).
+
+Lists of axes have one value for each axis of the robot. Lengths within the stroke of a draw-wire or
+telescoping ball-bar, the reach of a tracker and the noise follow from the instrument's file.
 """
 
 
@@ -92,6 +102,7 @@ class SchemaPage:
 PAGES = (
     SchemaPage("calibration_file.md", CALIBRATION, CalibrationFile, written_by_people=False),
     SchemaPage("plan_request.md", REQUEST, PlanRequest, written_by_people=True),
+    SchemaPage("pose_plan_request.md", POSE_REQUEST, PosePlanRequest, written_by_people=True),
     SchemaPage("poses.md", POSES, PosesFile, written_by_people=True),
 )
 

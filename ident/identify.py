@@ -23,7 +23,7 @@ from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import log_noise
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
-from ident.estimator.unknowns import fixed_names
+from ident.estimator.unknowns import declared_names, fixed_names
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
 from ident.remarks import log_remarks
@@ -210,18 +210,19 @@ def _robot(
             for c, position in zip(corrections, positions, strict=True)
         ),
         tcp_sigma=_tcp_sigma(cell, fit, stated.covariance),
-        dropped=_dropped(first, fit, at_prior),
+        dropped=_dropped(cell, first, fit, at_prior),
     )
 
 
 def _dropped(
-    first: RecordingFit, fit: Fit, at_prior: Sequence[str]
+    cell: Cell, first: RecordingFit, fit: Fit, at_prior: Sequence[str]
 ) -> tuple[DroppedParameter, ...]:
     """The parameters left at nominal; of a complete fit also those that stand at their priors."""
     if fit is first.fit:
         return first.subset.dropped
     reasons = {d.name: d for d in first.subset.dropped}
-    fixed = [d for d in first.subset.dropped if d.name in fixed_names(first.nominal.table)]
+    never = fixed_names(first.nominal.table, declared_names(cell))
+    fixed = [d for d in first.subset.dropped if d.name in never]
     return (*fixed, *(reasons.get(n, DroppedParameter(n, "prior", ())) for n in at_prior))
 
 

@@ -15,13 +15,13 @@ from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
 from cell.inverse import UnreachableError
-from cell.logs import BallBarLog, ForceLog, RobotLog, segment_starts
+from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, segment_starts
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples, sample_times, samples_of
-from ident.estimator.unknowns import kinematic_unknowns
+from ident.estimator.unknowns import declared_names, kinematic_unknowns
 from ident.estimator.variance_components import rod_deviation
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import SILENT, FitOptions, ForceSource, Listener
@@ -40,6 +40,7 @@ class Logs:
     ballbar: BallBarLog | None  # None for a ball-bar without encoders
     force: ForceLog | None = None  # of a sensor at the flange
     name: str = ""
+    length: LengthLog | None = None  # of a telescoping bar or a draw-wire, in place of `ballbar`
 
     def force_source(self, requested: ForceSource, robot: Robot) -> str:
         """What gives the rod's tension: `sensor`, `torque` or `none`.
@@ -93,12 +94,20 @@ def fit_recording(
             "Name the robot that was recorded."
         )
     listener.progress("smoothing both logs")
-    robot, ballbar, encoders = smoothed(logs)
+    robot, ballbar, encoders = smoothed(logs, cell.ballbar.length)
     excess = ExcessNoise(rod=ROD_SIGMA_START)
     nominal = nominal_geometry(cell, np.zeros(3))
     listener.progress("aligning the logs and finding the ball-bar")
     spacing = (robot.end - robot.start) / options.samples
-    start = automatic_start(robot, ballbar, encoders, nominal, excess, spacing=spacing)
+    start = automatic_start(
+        robot,
+        ballbar,
+        encoders,
+        nominal,
+        excess,
+        spacing=spacing,
+        zero_sigma=cell.ballbar.length_tolerance,
+    )
     chosen = start.chosen
     if listener.on_iteration:  # once more, to be followed alone among its rivals
         hypothesis, report = chosen.hypothesis, listener.on_iteration
@@ -109,7 +118,8 @@ def fit_recording(
     samples = samples_of(robot, ballbar, encoders, directions, times, spacing=first_spacing)
     geometry, clock = chosen.fit.geometry(), chosen.fit.clock()
     try:
-        subset = identifiable_parameters(samples, geometry, clock, excess, nominal)
+        requested = candidates(nominal.table, encoders, declared=declared_names(cell))
+        subset = identifiable_parameters(samples, geometry, clock, excess, nominal, requested)
     except UnreachableError as error:
         raise StartError(str(error)) from None
     callback = listener.on_iteration
@@ -127,8 +137,13 @@ def fit_recording(
     return RecordingFit(logs, nominal, start, subset, final, iterations)
 
 
-def smoothed(logs: Logs) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
-    """Both logs as splines, and the encoders of the ball-bar."""
+def smoothed(
+    logs: Logs, rod_length: float = 0.0
+) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
+    """Both logs as splines, and the encoders of the ball-bar.
+
+    A sensed length is given as the rod's extension [m] beyond its nominal `rod_length` [m].
+    """
     robot = smooth_log(
         logs.robot.t,
         logs.robot.q,
@@ -136,6 +151,15 @@ def smoothed(logs: Logs) -> tuple[SmoothLog, SmoothLog | None, tuple[int, ...]]:
         starts=segment_starts(logs.robot.segment),
         checked=logs.robot.flags is not None,
     )
+    if logs.length is not None:
+        extension = smooth_log(
+            logs.length.t,
+            logs.length.length[:, None] - rod_length,
+            widest_knot_spacing=WIDEST_KNOT_SPACING,
+            starts=segment_starts(logs.length.segment),
+            checked=logs.length.flags is not None,
+        )
+        return robot, extension, ()
     if logs.ballbar is None:
         return robot, None, ()
     ballbar = smooth_log(

@@ -27,8 +27,15 @@ def log_remarks(samples: Samples, faults: Sequence[StepFault]) -> tuple[str, ...
         "robot", samples.robot.outliers, [f"joint {j + 1}" for j in range(samples.joint_noise.size)]
     )
     if samples.ballbar is not None:
-        channels = [f"b{joint}" for joint in samples.encoders]
-        remarks += _left_out("ball-bar", samples.ballbar.outliers, channels)
+        channels = [f"b{joint}" for joint in samples.encoders] or ["length"]
+        log = "length" if samples.measures_length else "ball-bar"
+        remarks += _left_out(log, samples.ballbar.outliers, channels)
+        remarks += [
+            f"the length jumped by {step.size * 1e3:+.4f} mm at row {step.row} of its log; taken "
+            "out of it"
+            for step in samples.ballbar.steps
+            if samples.measures_length and step.channel is not None
+        ]
     return tuple(remarks)
 
 

@@ -142,7 +142,7 @@ class Dialect(Strict):
     @property
     def headerless(self) -> bool:
         """Whether all columns that it names are counted, so that no header is needed."""
-        columns = () if self.source == "ballbar" else (*self.angles, *self.wrench)
+        columns = () if self.source in ("ballbar", "length") else (*self.angles, *self.wrench)
         return by_position((self.time.column, *columns))
 
 

@@ -24,7 +24,9 @@ def plan(
     request: Annotated[
         Path,
         typer.Argument(
-            help="Planning request, such as scenarios/plans/irb2400.yaml.", metavar="REQUEST"
+            help="Planning request, such as scenarios/plans/irb2400.yaml for a ball-bar or "
+            "scenarios/plans/irb2400_tracker.yaml for still poses.",
+            metavar="REQUEST",
         ),
     ],
     out_dir: Out = None,
@@ -57,15 +59,22 @@ def plan(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Plan a trajectory for the cell, predict what it identifies, and write programs that run it.
+    """Plan a trajectory or still poses for the cell, predict what they identify, write programs.
 
-    Writes path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and programs for ABB (.mod) and
-    Comau (.pdl) to DIR (default runs/NAME-plan). Exits with 1 when the trajectory violates a limit
-    in MuJoCo. Ctrl-C stops the search and keeps the best trajectory so far.
+    For a ball-bar: path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and programs for ABB
+    (.mod) and Comau (.pdl) in DIR (default runs/NAME-plan). Exits with 1 when the trajectory
+    violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best trajectory so far.
+
+    For still poses of another instrument: poses.csv, poses.yaml, plan.yaml and the programs. Exits
+    with 1 when a move between two poses comes too close.
     """
     from ballbar.commands.result_json import plan_data
     from ballbar.plan.show import default_folder, parse_position, plan_path
+    from planning.poses.request import holds_pose_request
 
+    if holds_pose_request(request):
+        _refuse_path_options({"--path": path, "--position": position, "--what-if": what_if})
+        raise typer.Exit(_plan_poses(request, out_dir, seconds, as_json=as_json))
     base = None if position is None else parse_position(position)
     folder = out_dir or default_folder(request)
     if as_json:
@@ -83,3 +92,25 @@ def plan(
     if as_json:
         say_json(plan_data(folder, feasible=feasible))
     raise typer.Exit(0 if feasible else 1)
+
+
+def _plan_poses(request: Path, folder: Path | None, seconds: float, *, as_json: bool) -> int:
+    """Plans still poses; returns the exit code."""
+    from ballbar.commands.result_json import plan_data
+    from ballbar.plan.poses import default_pose_folder, plan_poses
+
+    folder = folder or default_pose_folder(request)
+    if as_json:
+        silence()
+    clear = plan_poses(request, folder=folder, seconds=seconds, out=out, err=err)
+    if as_json:
+        say_json(plan_data(folder, feasible=clear))
+    return 0 if clear else 1
+
+
+def _refuse_path_options(options: dict[str, object]) -> None:
+    from cell.errors import InputError
+
+    for name, value in options.items():
+        if value:
+            raise InputError(f"{name} belongs to trajectories; a plan of still poses has none.")

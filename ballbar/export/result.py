@@ -26,7 +26,7 @@ from cell.chain import Chain
 from cell.descriptions import Cell, Link, Robot
 from cell.errors import InputError
 from cell.geometry import Parameter, parameter_table
-from cell.load import load_cell
+from cell.load import load_measured_cell
 from ident.poses.closure import Placement
 from ident.poses.unknowns import nominal_chain
 
@@ -221,7 +221,7 @@ def load_result(path: Path) -> AnyResult:
         return PoseResult(file, digest, load_pose_calibration(file))
     calibration = load_calibration(file)
     names = calibration.file
-    cell = load_cell(names.robot, names.instrument, names.plate, relative_to=file.parent)
+    cell = load_measured_cell(names.robot, names.instrument, names.plate, relative_to=file.parent)
     return Result(file, digest, calibration, cell)
 
 

@@ -76,6 +76,9 @@ def _logs(recording: Recording) -> list[tuple[str, Array, tuple[int, ...], list[
     logs = [("robot", robot.t, segment_starts(robot.segment), _dwells(robot.t, robot.q))]
     if bar is not None:
         logs.append(("ball-bar", bar.t, segment_starts(bar.segment), _dwells(bar.t, bar.angles)))
+    if recording.length_log is not None:
+        t, length = recording.length_log.t, recording.length_log.length[:, None]
+        logs.append(("length", t, segment_starts(recording.length_log.segment), _dwells(t, length)))
     if force is not None:
         logs.append(("force", force.t, (), []))
     return logs
@@ -109,7 +112,7 @@ def _log_lines(recording: Recording) -> list[str]:
         elif name != "force":
             line += "; no dwell"
         lines.append(line)
-    if bar is None:
+    if bar is None and recording.length_log is None:
         lines.append("no encoders: the ball-bar's length is the only measurement")
     return lines
 

@@ -15,10 +15,11 @@ from scipy.spatial.transform import Rotation
 from ballbar.result.run_data import FittedRecording
 from cell.arrays import Array
 from cell.chain import Frames
-from cell.geometry import Geometry, bar_frames, robot_frames
-from cell.logs import BallBarLog
+from cell.clock import Clock
+from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
+from cell.logs import BallBarLog, LengthLog
 from cell.statistics import rms
-from ident.estimator.closure import complete_bar_angles
+from ident.estimator.closure import complete_bar_angles, pointing_bar
 from ident.result import RecordingEstimate
 from ident.robot.accuracy import accuracy_grid
 from sim.simulate import Simulation
@@ -59,13 +60,20 @@ def cell_motion(fitted: FittedRecording) -> CellMotion:
     log, geometry = fitted.recording.robot_log, fitted.estimate.geometry
     rows = np.arange(0, log.t.size, thinning(log.t))
     t, q = log.t[rows], log.q[rows]
+    length = fitted.recording.length_log
+    if length is not None:
+        return moving_cell(geometry, t, q, _telescoping(fitted.estimate, length, t, q))
     b = _bar_angles(fitted.estimate, fitted.recording.ballbar_log, t, q)
     return moving_cell(geometry, t, q, b)
 
 
 def moving_cell(geometry: Geometry, t: Array, q: Array, b: Array) -> CellMotion:
-    """A mechanism at t (N,) [s], robot angles q (N, 6) [rad] and ball-bar angles b (N, 5) [rad]."""
-    return CellMotion(t=t, q=q, robot=robot_frames(geometry, q), b=b, bar=bar_frames(geometry, b))
+    """A mechanism at t (N,) [s], robot angles q (N, J) [rad] and ball-bar angles b (N, 5) [rad].
+
+    b : (N, 6) of a telescoping bar, as in `bar_frames`.
+    """
+    robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
+    return CellMotion(t=t, q=q, robot=robot, b=b[:, :BAR_ROWS], bar=bar)
 
 
 def thinning(t: Array) -> int:
@@ -131,6 +139,16 @@ def logged_joints(fitted: FittedRecording, t: Array) -> Array:
 def rms_norm(vectors: Array) -> float:
     """Root mean square of the norms of vectors (N, 3), in their unit."""
     return rms(np.linalg.norm(vectors, axis=1))
+
+
+def _telescoping(estimate: RecordingEstimate, log: LengthLog, t: Array, q: Array) -> Array:
+    """(N, 6) angles and extension that `bar_frames` takes, at rows of the robot's log."""
+    geometry, clock = estimate.geometry, estimate.clock or Clock(0.0, 0.0)
+    distance = np.linalg.norm(robot_frames(geometry, q).tip.T - geometry.origin, axis=1)
+    t_length = clock.ballbar_time(t)
+    sensed = np.interp(t_length, log.t, log.length) - estimate.nominal["bd3"]
+    extension = np.where(_covered(log.t, t_length), sensed, distance - geometry["bd3"])
+    return pointing_bar(geometry, q, extension)
 
 
 def _bar_angles(estimate: RecordingEstimate, log: BallBarLog | None, t: Array, q: Array) -> Array:

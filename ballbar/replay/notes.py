@@ -85,10 +85,13 @@ def _gain(comparison: Comparison | None) -> str:
 def _setup(data: RunData) -> str:
     robot = data.identification.robot
     encoders = ", ".join(f"b{joint}" for joint in robot.encoders)
+    sensed = f"encoders {encoders}" if encoders else "no encoders"
+    if robot.cell.ballbar.stroke is not None:
+        sensed = "length sensed"
     lengths = " + ".join(f"{r.recording.robot_log.t[-1]:.0f} s" for r in data.recordings)
     return (
         f"{robot.cell.robot.title} on {robot.cell.ballbar.title}; "
-        f"{f'encoders {encoders}' if encoders else 'no encoders'}; "
+        f"{sensed}; "
         f"{'simulated' if data.simulation else 'recorded'}, {lengths}."
     )
 

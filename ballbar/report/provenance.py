@@ -80,7 +80,7 @@ def input_files(recording: Recording, folder: Path) -> list[InputFile]:
     file = recording.description
     own = [
         name
-        for name in (file.robot, file.ballbar, file.plate)
+        for name in (file.robot, file.measured_by, file.plate)
         if name.endswith(".yaml") and not _is_absolute(name)
     ]
     return [

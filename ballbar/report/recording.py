@@ -178,6 +178,8 @@ def _noise_rows(fitted: FittedRecording) -> list[NoiseRow]:
         NoiseRow(f"robot joint {joint}", significant(sigma * URAD), MISSING)
         for joint, sigma in enumerate(noise.joint.tolist(), start=1)
     ]
+    if fitted.recording.length_log is not None:
+        rows.append(NoiseRow("length [µm]", significant(noise.length * UM), MISSING))
     for name, fitting in sorted(fitted.recording.description.encoders.items()):
         sigma = float(noise.encoder[int(name[1]) - 1])
         count = 2.0 * np.pi / (fitting.lines * 2.0**fitting.bits)

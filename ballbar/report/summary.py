@@ -64,6 +64,8 @@ def summary(data: RunData, tcp: TcpView) -> Summary:
 def _subtitle(data: RunData) -> str:
     robot = data.identification.robot
     encoders = f"{len(robot.encoders)} encoders" if robot.encoders else "no encoders"
+    if robot.cell.ballbar.stroke is not None:
+        encoders = "its length sensed"
     recordings = [fitted.recording for fitted in data.recordings]
     kinds = listed(sorted({recording.description.kind for recording in recordings}))
     measured = f"{kinds} recording of {recordings[0].robot_log.t[-1]:.0f} s"

@@ -66,6 +66,7 @@ class NoiseEntry(Strict):
 
     joint_rad: tuple[float, ...]
     encoder_rad: dict[str, float]
+    length_m: float | None = None  # of a sensed length
 
 
 class CoefficientEntry(Strict):
@@ -241,7 +242,7 @@ def calibration_of(data: RunData) -> CalibrationFile:
     return CalibrationFile(
         schema_=SCHEMA,
         robot=description.robot,
-        instrument=description.ballbar,
+        instrument=description.measured_by,
         plate=description.plate,
         model=result.model,
         parameters=_parameters(shared, robot.nominal, robot.geometry, robot.sigma),
@@ -329,6 +330,7 @@ def _recording(estimate: RecordingEstimate) -> RecordingEntry:
         noise=NoiseEntry(
             joint_rad=tuple(estimate.noise.joint.tolist()),
             encoder_rad=dict(zip(names, noise.tolist(), strict=True)),
+            length_m=estimate.noise.length or None,
         ),
         residuals=ResidualEntry(
             samples=estimate.samples,

@@ -14,7 +14,7 @@ from acquisition import Recording, read_recording
 from ballbar.result.run_data import FittedRecording, RunData, Validation
 from ballbar.scenario import IdentifySettings
 from cell.errors import InputError
-from cell.load import load_cell
+from cell.load import load_cell, load_measured_cell
 from cell.recording import load_recording_file
 from ident.held_out import held_out
 from ident.identify import identify_together
@@ -45,7 +45,8 @@ def identify_recordings(
     for folder, recording in zip(every, read, strict=True):
         _check_force(settings, folder, recording)
     first = read[0].description
-    cell = load_cell(first.robot, first.ballbar, first.plate, relative_to=folders[0])
+    load = load_measured_cell if first.ballbar is None else load_cell
+    cell = load(first.robot, first.measured_by, first.plate, relative_to=folders[0])
     options, count = settings.options, len(folders)
     logs = [_logs(name, recording) for name, recording in zip(names, read, strict=True)]
     result = identify_together(cell, logs[:count], options=options, listener=listener)
@@ -101,7 +102,9 @@ def _validated(
 
 
 def _logs(name: str, recording: Recording) -> Logs:
-    return Logs(recording.robot_log, recording.ballbar_log, recording.force_log, name)
+    return Logs(
+        recording.robot_log, recording.ballbar_log, recording.force_log, name, recording.length_log
+    )
 
 
 def _check_settings(settings: IdentifySettings, folders: Sequence[Path]) -> None:
@@ -131,7 +134,7 @@ def _check_same_cell(folders: Sequence[Path]) -> None:
         other = load_recording_file(folder)
         pairs = (
             ("robot", first.robot, other.robot),
-            ("ball-bar", first.ballbar, other.ballbar),
+            ("ball-bar or instrument", first.measured_by, other.measured_by),
             ("plate", first.plate, other.plate),
         )
         for what, name, here in pairs:

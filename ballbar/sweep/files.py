@@ -81,8 +81,8 @@ def _named(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _recording_files(folder: Path, name: str) -> list[str]:
     """recording.yaml, the device files, and the descriptions that are not the shipped ones."""
     content = load_recording_file(folder / name)
-    sources = filter(None, (content.sources.robot, content.sources.ballbar, content.sources.force))
+    sources = content.sources.every
     device = [file for source in sources for file in source.files]
-    described = [content.robot, content.ballbar, content.plate]
+    described = [content.robot, content.measured_by, content.plate]
     own = [file for file in described if file.endswith(".yaml")]
     return [f"{name}/{file}" for file in ("recording.yaml", *device, *own)]

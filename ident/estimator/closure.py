@@ -43,6 +43,8 @@ class Closure:
 def close_loop(geometry: Geometry, q: Array, b: Array) -> Closure:
     """Loop-closure error at robot angles q (N, J) and ball-bar angles b (N, 5) [rad].
 
+    Of a bar whose rod is sensed b is (N, 6), as in cell.geometry.bar_frames.
+
     The encoder offsets are parameters of the geometry (`btheta`), so b is what the encoders read.
     """
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
@@ -111,8 +113,10 @@ def _error_of_robot_motion(closure: Closure, motion: Array) -> Array:
 def closed_angles(geometry: Geometry, q: Array, b: Array) -> tuple[Array, Array]:
     """Robot and ball-bar angles (N, J), (N, 5) [rad] nearby at which the loop closes.
 
+    b : (N, 5) [rad], or (N, 6) with the rod's extension [m], which stays.
     By Newton steps of least length from q and b. Raises UnreachableError if they do not converge.
     """
+    count = q.shape[1] + BAR_ROWS
     angles = np.concatenate((q, b), axis=1)
     for _ in range(CLOSING_STEPS):
         closure = close_loop(geometry, angles[:, : q.shape[1]], angles[:, q.shape[1] :])
@@ -120,11 +124,35 @@ def closed_angles(geometry: Geometry, q: Array, b: Array) -> tuple[Array, Array]
             return angles[:, : q.shape[1]], angles[:, q.shape[1] :]
         columns = np.concatenate((robot_joint_jacobian(closure), bar_joint_jacobian(closure)))
         inverse = np.linalg.pinv(columns.transpose(2, 1, 0))
-        angles = angles - np.einsum("njk,kn->nj", inverse, closure.error)
+        angles[:, :count] -= np.einsum("njk,kn->nj", inverse, closure.error)
     raise UnreachableError(
         "the nominal robot and the ball-bar cannot be closed at the poses of the recording. Check "
         "that both logs are of one run, and that robot and ball-bar are the declared ones."
     )
+
+
+def pointing_bar(geometry: Geometry, q: Array, extension: Array) -> Array:
+    """(N, 6) angles [rad] and extension [m] of a bar that points at the tool, in the tool's pose.
+
+    q : (N, J) [rad] robot joint angles. extension : (N,) [m] sensed, of the rod beyond bd3. The
+    loop then is open along the rod alone.
+    """
+    angles = bar_angles(robot_frames(geometry, q).poses(), geometry.origin) - geometry.bar.theta
+    return np.column_stack((angles, extension))
+
+
+def beside_rod(closure: Closure) -> Array:
+    """(5, 6, N) changes of the error that the unsensed joints of a telescoping bar can make.
+
+    Shifts of the tool across the rod [m], and every turn of it [rad]. They span what the five
+    joints move, also where the rod is vertical or along the tool's axis and the joints' own columns
+    lose a direction.
+    """
+    out = np.zeros((5, *closure.error.shape))
+    out[0, :3], out[1, :3] = closure.bar.x[2], closure.bar.y[2]
+    for axis in range(3):
+        out[2 + axis, 3 + axis] = 1.0
+    return out
 
 
 def complete_bar_angles(

@@ -12,6 +12,7 @@ nominal loop along the measured path.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,19 +54,26 @@ class Identifiability:
 
 
 def candidates(
-    table: ParameterTable, encoders: tuple[int, ...], *, complete: bool = False
+    table: ParameterTable,
+    encoders: tuple[int, ...],
+    *,
+    complete: bool = False,
+    declared: Sequence[str] | None = None,
 ) -> NDArray[np.intp]:
     """Indices of the parameters worth identifying, in the order of thesis sec. 3.3.
 
-    The offset plate is never among them: it is the known length that fixes the scale. complete :
-    also the rest of the ball-bar, its base tilt and the Hayati angles, which the thesis leaves out.
+    complete : also the rest of the ball-bar, its base tilt and the Hayati angles, which the thesis
+    leaves out. declared : names that are never among them; default the offset plate, the known
+    length that fixes the scale. Where it may be identified it comes last.
     """
+    declared = (table.plate,) if declared is None else declared
     offsets = [f"btheta{joint}" for joint in encoders]
-    names = [*offsets, "ox", "oy", "oz", *table.robot, "bd3"]
+    robot = [name for name in table.robot if name != table.plate]
+    names = [*offsets, "ox", "oy", "oz", *robot, "bd3", table.plate]
     if complete:
         bar = [f"b{kind}{row + 1}" for kind in ("a", "d", "alpha") for row in range(BAR_ROWS)]
         names += [*table.hayati, *(name for name in bar if name != "bd3"), "otx", "oty"]
-    return np.array([table.index[name] for name in names if name != table.plate])
+    return np.array([table.index[name] for name in names if name not in declared])
 
 
 def identifiable(

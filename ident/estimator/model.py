@@ -31,8 +31,10 @@ from ident.corrections.base import (
 from ident.estimator.closure import (
     Closure,
     bar_joint_jacobian,
+    beside_rod,
     close_loop,
     plate_jacobian,
+    pointing_bar,
     robot_joint_jacobian,
     rod_jacobian,
 )
@@ -108,7 +110,12 @@ class Evaluation:
 
     @property
     def unmeasured_columns(self) -> Array:
-        """(m, 6, N) change of the loop-closure error per radian of each unmeasured joint."""
+        """(m, 6, N) change of the loop-closure error per radian of each unmeasured joint.
+
+        Where the length is measured: per metre or radian of what the joints can move together.
+        """
+        if self.samples.measures_length:
+            return beside_rod(self.closure)
         return np.asarray(self.columns[BAR:ROD][self.samples.unmeasured])
 
     def with_ballbar_step(self, step: Array) -> Evaluation:
@@ -157,6 +164,8 @@ class Model:
     ) -> Evaluation:
         """Loop-closure error of recording k at x (P,), ball-bar angles (N, 5) [rad].
 
+        Where the length is measured, the bar points at the tool whatever the angles.
+
         previous : an evaluation nearby. Its loads are reused where geometry and clock moved less
         than LOADS_GEOMETRY and LOADS_CLOCK, its regressors where they do not depend on loads and
         the clocks are alike. hold_loads : reuse the loads whenever the clocks are alike, as a trial
@@ -166,6 +175,8 @@ class Model:
         geometry, clock = layout.geometry(x, k), layout.clock(x, k)
         at = self.robot_times(x, k)
         q = np.asarray(samples.robot.spline(at))
+        if samples.measures_length:
+            ballbar = pointing_bar(geometry, q, samples.extension)
         if not self.corrections:
             closure = close_loop(geometry, q, ballbar)
             return Evaluation(samples, closure, ballbar, self.gearing, clock, at)
@@ -183,7 +194,7 @@ class Model:
             t=samples.times,
             recording=k,
             gears=(q @ self.gearing.to_gear).T,
-            bar=ballbar.T + geometry.bar.theta[:, None],
+            bar=ballbar[:, :BAR_ROWS].T + geometry.bar.theta[:, None],
             loads=carried,
             tension=self.tension(x, k),
             width=self.gearing.transition,
@@ -191,9 +202,11 @@ class Model:
         )
         regressors = self._regressors(state, reusable)
         moved = self._displacements(x, regressors)
-        closure = close_loop(
-            geometry, q + moved[GEAR:BAR].T @ self.gearing.to_joint, ballbar + moved[BAR:ROD].T
-        )
+        joints = q + moved[GEAR:BAR].T @ self.gearing.to_joint
+        if samples.measures_length:
+            closure = close_loop(geometry, joints, pointing_bar(geometry, joints, ballbar[:, -1]))
+        else:
+            closure = close_loop(geometry, joints, ballbar + moved[BAR:ROD].T)
         error = closure.error + rod_jacobian(closure) * moved[ROD]
         error += plate_jacobian(closure) * moved[PLATE]
         return Evaluation(
@@ -232,7 +245,10 @@ class Model:
         samples = self.recordings[k]
         point = self.evaluate(x, k, ballbar, previous)
         used = weights or self.weights(x, point, excess)
-        for _ in range(UNMEASURED_STEPS if samples.unmeasured else 0):
+        # a bar that points at the tool leaves its joints nothing to absorb
+        for _ in range(
+            0 if samples.measures_length or not samples.unmeasured else UNMEASURED_STEPS
+        ):
             step = used.unmeasured_step(point.closure.error)
             step = np.clip(step, -MAX_UNMEASURED_STEP, MAX_UNMEASURED_STEP)
             stepped = point.with_ballbar_step(step)
@@ -330,5 +346,5 @@ def noise_columns(
     out = np.empty_like(columns)
     np.multiply(columns[GEAR:BAR], robot[:, None, :], out=out[GEAR:BAR])
     np.multiply(columns[BAR:ROD], ballbar[:, None, None], out=out[BAR:ROD])
-    np.multiply(columns[ROD], excess.rod, out=out[ROD])
+    np.multiply(columns[ROD], np.hypot(excess.rod, samples.length_noise), out=out[ROD])
     return out[:PLATE]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from scipy.sparse import csr_array
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import BAR_ROWS, Geometry
-from ident.estimator.closure import complete_bar_angles
+from ident.estimator.closure import complete_bar_angles, pointing_bar
 from ident.signals.smooth_log import SmoothLog, smoothing
 
 MARGIN = 0.3  # [s] inside both logs, so that the clock may still move during the fit
@@ -32,7 +33,8 @@ class Samples:
     """One recording, ready to be compared with a mechanism."""
 
     robot: SmoothLog
-    ballbar: SmoothLog | None  # None for a ball-bar without encoders
+    # Encoder angles, or of a bar without encoders the sensed length; None where nothing is sensed
+    ballbar: SmoothLog | None
     encoders: tuple[int, ...]  # joints 1..5 of the ball-bar that are measured
     directions: Array  # (E,) +1 or -1, of each encoder against its declared direction
     times: Array  # (N,) [s]
@@ -41,10 +43,25 @@ class Samples:
     tension: Array = field(default_factory=lambda: np.zeros(0))  # (N,) [N] measured; else zeros
     splines: csr_array = field(default_factory=lambda: csr_array((0, 0)))  # (K, N) of the tension
     clock_steps: tuple[float, ...] = ()  # [s] instants at which one of the clocks was set
+    length_noise: float = 0.0  # [m] of the sensed length; 0 where none is
 
     @property
     def has_clock(self) -> bool:
         return self.ballbar is not None
+
+    @property
+    def measures_length(self) -> bool:
+        """Whether the second log is of the rod's length, not of angles."""
+        return self.ballbar is not None and not self.encoders
+
+    @cached_property
+    def extension(self) -> Array:
+        """(N,) [m] sensed length of the rod beyond its nominal one, at the instants."""
+        return self._sensed(self.times)[:, 0]
+
+    def _sensed(self, t: Array) -> Array:
+        """(N, C) [rad, m] what the second log holds at instants t (N,) [s]."""
+        return np.zeros((t.size, 0)) if self.ballbar is None else np.asarray(self.ballbar.spline(t))
 
     @property
     def unmeasured(self) -> list[int]:
@@ -68,14 +85,15 @@ class Samples:
     def ballbar_angles(self, geometry: Geometry, clock: Clock, t: Array | None = None) -> Array:
         """(N, 5) [rad] at instants t (N,) [s]: measured, or from the robot's pose where unmeasured.
 
+        Where the length is measured: (N, 6), the last column the extension [m].
+
         t : the instants of the samples where it is not given.
         """
         t = self.times if t is None else t
-        measured = np.zeros((t.size, 0))
-        if self.ballbar is not None:
-            measured = np.asarray(self.ballbar.spline(t)) * self.directions
         q = np.asarray(self.robot.spline(self.robot_time(clock, t)))
-        return complete_bar_angles(geometry, q, measured, self.encoders)
+        if self.measures_length:
+            return pointing_bar(geometry, q, self._sensed(t)[:, 0])
+        return complete_bar_angles(geometry, q, self._sensed(t) * self.directions, self.encoders)
 
     def after_clock_steps(self) -> Array:
         """(S, N) 1 from each clock step on, 0 before it."""
@@ -105,9 +123,11 @@ def samples_of(
     spacing : [s] between independent samples; that of the times where it is not given.
     """
     spacing = float(np.median(np.diff(times))) if spacing is None else spacing
-    encoder_noise = np.zeros(BAR_ROWS)
-    if ballbar is not None:
+    encoder_noise, length_noise = np.zeros(BAR_ROWS), 0.0
+    if ballbar is not None and encoders:
         encoder_noise[[j - 1 for j in encoders]] = ballbar.sample_sigma(spacing)
+    elif ballbar is not None:
+        length_noise = float(ballbar.sample_sigma(spacing)[0])
     return Samples(
         robot=robot,
         ballbar=ballbar,
@@ -118,6 +138,7 @@ def samples_of(
         encoder_noise=encoder_noise,
         tension=np.zeros(times.size),
         splines=csr_array((0, times.size)),
+        length_noise=length_noise,
     )
 
 

@@ -65,7 +65,7 @@ def step_faults_in_logs(
     for step in samples.ballbar.steps:
         if step.channel is None:
             faults.append(_removed(recording, 0, step.time, step.size))
-        else:
+        elif not samples.measures_length:
             size = float(samples.directions[step.channel]) * step.size
             faults.append(_removed(recording, samples.encoders[step.channel], step.time, size))
     for step in samples.robot.steps:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
-from cell.geometry import Geometry, ParameterTable, parameter_named
+from cell.geometry import Geometry, ParameterTable, parameter_named, parameter_table
 from ident.corrections.base import Correction
 
 LENGTH_PRIOR = (
@@ -38,6 +38,7 @@ GAIN_PRIOR = 0.03  # of a measured rod force: two gains of 2 % (notes/identifica
 TENSION_PRIOR = 60.0  # [N] of a knot of an unmeasured rod force (notes/identification sec. 4)
 MAX_OFFSET_STEP = 3.0  # [s] a longer step leaves the region where the splines say anything
 MAX_SKEW = 2e-3  # [1] twenty times the worst free-running clock of notes/log_formats
+KNOWN_LENGTH = 1e-5  # [m] standard deviation up to which a length of the cell is taken as exact
 BASE_POSE = ("ox", "oy", "oz", "otx", "oty")
 
 
@@ -51,9 +52,25 @@ def shared_names(table: ParameterTable) -> tuple[str, ...]:
     return tuple(name for name in table.names if not belongs_to_recording(name))
 
 
-def fixed_names(table: ParameterTable) -> tuple[str, ...]:
-    """Parameters that are never identified: gauge and plate."""
-    return (*table.gauge, table.plate)
+def declared_names(cell: Cell) -> tuple[str, ...]:
+    """Parameters that stay as the files declare them, the lengths that fix the scale among them.
+
+    Of a ball-bar that is the plate. A sensed length fixes the scale itself, so there the plate is
+    declared only if its file says that it is known, and bd3 only if the sensor's zero was
+    calibrated. What else is in the joints of such a bar its length does not show.
+    """
+    table, bar = parameter_table(cell.robot), cell.ballbar
+    if bar.stroke is None:
+        return (table.plate,)
+    plate = (table.plate,) if cell.plate.length_sigma <= KNOWN_LENGTH else ()
+    zero = ("bd3",) if bar.length_tolerance <= KNOWN_LENGTH else ()
+    joints = (n for n in table.names if n.startswith(("ba", "bd", "balpha")) and n != "bd3")
+    return (*plate, *zero, *joints)
+
+
+def fixed_names(table: ParameterTable, declared: Sequence[str] | None = None) -> tuple[str, ...]:
+    """Parameters that are never identified: gauge, and those of `declared_names`; default plate."""
+    return (*table.gauge, *((table.plate,) if declared is None else declared))
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +189,8 @@ def complete_unknowns(
     """
     build = _Builder()
     table = nominal.table
-    shared = [name for name in shared_names(table) if name not in fixed_names(table)]
+    fixed = fixed_names(table, declared_names(cell))
+    shared = [name for name in shared_names(table) if name not in fixed]
     for name in shared:
         build.add(name, nominal[name], _prior(cell, name, rod_sigma))
     first = len(build.names)
@@ -257,6 +275,8 @@ class _Builder:
 def _prior(cell: Cell, name: str, rod_sigma: float | None) -> float:
     """[m, rad] prior sigma of one shared parameter."""
     parameter = parameter_named(name)
+    if name == parameter_table(cell.robot).plate:
+        return cell.plate.length_sigma
     if name == "bd3":
         return cell.ballbar.length_tolerance if rod_sigma is None else rod_sigma
     if parameter.side == "bar":

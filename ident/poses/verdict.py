@@ -122,8 +122,8 @@ def _of_parameters(result: PoseIdentification) -> list[str]:
     if not far:
         return []
     return [
-        f"far from the catalogue: {', '.join(far)}; a joint's zero may have been set wrongly, or the "
-        "robot's file is of another variant"
+        f"far from the catalogue: {', '.join(far)}; a joint's zero may have been set wrongly, or "
+        "the robot's file is of another variant"
     ]
 
 

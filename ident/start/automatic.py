@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from cell.chain import screw
 from cell.clock import Clock
 from cell.errors import FailureError
-from cell.geometry import Geometry, ParameterTable, robot_frames
+from cell.geometry import Geometry, ParameterTable, parameter_named, robot_frames
 from cell.inverse import bar_roll
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.gauss_newton import SingularError
@@ -34,10 +35,12 @@ from ident.estimator.samples import overlap, sample_times, samples_of
 from ident.estimator.unknowns import fixed_names
 from ident.signals.smooth_log import SmoothLog
 from ident.start.lag_scan import Branch, Pair, PairScan, best_lags, scan_lags, subsample
+from ident.start.length_scan import best_lengths
 from ident.start.sphere import Sphere, sphere_candidates
 
 SCAN_STEP = 0.02  # [s] of the lags
 SPHERE_STEP = 0.1  # [s]
+LENGTH_ROWS = 6000  # of the grid on which a sensed length is compared, at most
 LAGS = 5  # kept of the scan
 LAG_SEPARATION = 2.0  # [s] nearer maxima belong to one peak
 SAMPLES = 400  # of a hypothesis' fit
@@ -106,11 +109,14 @@ def automatic_start(
     excess: ExcessNoise,
     *,
     spacing: float,
+    zero_sigma: float = 0.0,
 ) -> Start:
     """Starting values for a recording.
 
+    ballbar : without encoders it is the sensed extension of the rod [m].
     nominal : catalogue geometry; its base position and encoder offsets are ignored.
     spacing : [s] between the samples of the fit that follows.
+    zero_sigma : [m] of the sensed length's zero.
 
     Raises StartError when the logs share no motion or hold no complete pair of encoders.
     """
@@ -125,8 +131,12 @@ def automatic_start(
             f"encoders {encoders}: half a gimbal is fitted; use b1 with b2 and b4 with b5, or "
             "leave the odd one out"
         )
+    if ballbar is not None and not encoders:
+        every = _lengths(robot, ballbar, nominal, zero_sigma)
+    else:
+        every = _hypotheses(robot, ballbar, encoders, nominal)
     candidates = []
-    for hypothesis in islice(_hypotheses(robot, ballbar, encoders, nominal), HYPOTHESES):
+    for hypothesis in islice(every, HYPOTHESES):
         candidate = fit_hypothesis(hypothesis, robot, ballbar, encoders, excess, spacing)
         if candidate is not None:
             candidates.append(candidate)
@@ -190,6 +200,33 @@ def _aligned(
                 geometry = _with_base(nominal, sphere, offsets)
                 score = float(scan.score[index])
                 yield Hypothesis(Clock(offset, 0.0), directions, geometry, score)
+
+
+def _lengths(
+    robot: SmoothLog, extension: SmoothLog, nominal: Geometry, zero_sigma: float
+) -> Iterator[Hypothesis]:
+    """Hypotheses of the best lags of a sensed length."""
+    longest = max(robot.end - robot.start, extension.end - extension.start)
+    step = max(SCAN_STEP, longest / LENGTH_ROWS)
+    q = np.asarray(robot.spline(_grid(robot, step)))
+    frames, table = robot_frames(nominal, q), nominal.table
+    free = [name for name in table.robot if name not in fixed_names(table)]
+    moves = [screw(frames, p.kind, p.row)[:3] for p in map(parameter_named, free)]
+    length = nominal["bd3"] + np.asarray(extension.spline(_grid(extension, step)))[:, 0]
+    best = best_lengths(
+        frames.tip.T,
+        GEOMETRY_SIGMA * np.array(moves),
+        length,
+        step,
+        zero_sigma=zero_sigma,
+        count=LAGS,
+    )
+    for scan, index in best:
+        offset = subsample(scan.scan, index) * step + robot.start - extension.start
+        zero = {"bd3": nominal["bd3"] + scan.zero(index)}
+        for x, y, z in scan.seats(index):
+            geometry = nominal.replaced({"ox": float(x), "oy": float(y), "oz": float(z)} | zero)
+            yield Hypothesis(Clock(offset, 0.0), (), geometry, float(scan.scan.score[index]))
 
 
 def _readings(turning: int, tilting: int, branch: Branch) -> dict[int, tuple[int, float]]:

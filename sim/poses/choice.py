@@ -23,7 +23,7 @@ from sim.poses.settings import PosesSettings
 from sim.poses.true_arm import Place, TrueArm
 
 _BATCH = 400  # poses drawn at a time
-_BATCHES = 100
+_BATCHES, _HOPELESS = 100, 5  # drawn at most; and if not one pose was found
 _INSIDE = 0.05  # of the range: how far from its ends a reading is aimed at
 _MARGIN = np.deg2rad(1.0)  # [rad] of the axis limits
 
@@ -169,13 +169,16 @@ def _limits(settings: PosesSettings, arm: TrueArm) -> tuple[Array, Array]:
 
 
 def _enough(draw: _Draw, rng: np.random.Generator, where: str) -> Array:
-    count, found = draw.settings.count, list[Array]()
+    count, found, poses = draw.settings.count, list[Array](), 0
     for batch in draw.batches(rng):
         found.append(batch)
-        if sum(map(len, found)) >= count:
+        poses += len(batch)
+        if poses >= count:
             return np.concatenate(found)[:count]
+        if not poses and len(found) == _HOPELESS:
+            break
     raise InputError(
-        f"poses.count: of {_BATCH * _BATCHES} random poses only {sum(map(len, found))} can be "
+        f"poses.count: of {_BATCH * len(found)} random poses only {poses} can be "
         f"measured from {where}; {count} are wanted. Move the seat to where the robot reaches all "
         "round it, or widen poses.tilt_max_deg, lowest_m and the axis limits."
     )

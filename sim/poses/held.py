@@ -110,7 +110,7 @@ def _each(
             spring = float(model.jnt_stiffness[joints + 1]) * float(data.qpos[joints + 4])
             force = spring + float(friction[k])
         else:
-            force = -float(data.actuator_force[0])
+            force = -float(model.actuator_gear[0, 0] * data.actuator_force[0])
         yield data.qpos[:joints].copy(), force
 
 

@@ -1,0 +1,178 @@
+"""What stands in the cell of a request: robot, instrument, seats, targets and axis limits, in SI.
+
+A station is a seat with a target: one placement of the instrument that measures one ball or
+reflector on the flange. Poses are planned in the controller's axis angles, since limits apply to
+them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.chain import Chain
+from cell.descriptions import Robot
+from cell.errors import InputError
+from cell.instrument import Instrument
+from cell.load import load_instrument, load_robot
+from cell.poses import KnownDistance
+from ident.poses.unknowns import nominal_chain
+from ident.robot.accuracy import accuracy_grid
+from planning.poses.request import PosePlanRequest, SeatEntry, TargetEntry
+
+TURN = 2.0 * np.pi  # [rad] an axis that turns further is planned over half a turn to either side
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """A direction and the largest angle from it; None where any direction will do."""
+
+    axis: Array  # (3,) unit vector
+    angle: float  # [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Station:
+    """A seat and a target."""
+
+    seat: str
+    target: str
+    origin: Array  # (3,) [m] of the seat, robot base frame
+    point: Array  # (3,) [m] of the target, flange frame
+    seat_aim: Aim | None  # base frame
+    target_aim: Aim | None  # flange frame
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A request with its descriptions read and checked."""
+
+    request: PosePlanRequest
+    robot: Robot
+    chain: Chain  # nominal
+    instrument: Instrument
+    stations: tuple[Station, ...]
+    distances: tuple[KnownDistance, ...]
+    lower: Array  # (J,) [rad] axis angles within which poses are planned
+    upper: Array  # (J,) [rad]
+    shortest: float  # [m] distance of a target from its seat; 0 for sockets
+    longest: float  # [m]
+
+    @property
+    def grid(self) -> Array:
+        """(G, J) [rad] DH joint angles over which the TCP error counts."""
+        box = self.request.workspace
+        if box is None:
+            return accuracy_grid(self.robot)
+        lower, upper = np.radians(box.lower_deg), np.radians(box.upper_deg)
+        return accuracy_grid(replace(self.robot, accuracy_lower=lower, accuracy_upper=upper))
+
+
+def setup_of(request: PosePlanRequest, *, relative_to: Path) -> Setup:
+    """The cell of a request; relative_to : folder of the request's file.
+
+    Raises DescriptionError for a wrong description, InputError for limits that allow nothing.
+    """
+    robot = load_robot(request.robot, relative_to=relative_to)
+    instrument = load_instrument(request.instrument, relative_to=relative_to)
+    lower, upper = _axis_box(request, robot)
+    limits, stroke = request.limits, instrument.upper - instrument.lower
+    margin = limits.stroke_margin_share * stroke if instrument.measured == "length" else 0.0
+    _check_workspace(request, robot)
+    return Setup(
+        request=request,
+        robot=robot,
+        chain=nominal_chain(robot),
+        instrument=instrument,
+        stations=tuple(_station(s, t) for s in request.seats for t in request.targets),
+        distances=_distances(request, instrument),
+        lower=lower,
+        upper=upper,
+        shortest=instrument.lower + margin,
+        longest=instrument.upper - margin,
+    )
+
+
+def _axis_box(request: PosePlanRequest, robot: Robot) -> tuple[Array, Array]:
+    """Lowest and highest axis angles (J,) [rad]."""
+    limits = request.limits
+    margin = np.radians(limits.axis_margin_deg)
+    lower, upper = robot.axis_lower + margin, robot.axis_upper - margin
+    wide = upper - lower > TURN
+    lower = np.where(wide, np.maximum(lower, -0.5 * TURN), lower)
+    upper = np.where(wide, np.minimum(upper, 0.5 * TURN), upper)
+    for key, values in (
+        ("axis_lower_deg", limits.axis_lower_deg),
+        ("axis_upper_deg", limits.axis_upper_deg),
+    ):
+        if values is None:
+            continue
+        _check_length(f"limits.{key}", values, robot)
+        if key == "axis_lower_deg":
+            lower = np.maximum(robot.axis_lower + margin, np.radians(values))
+        else:
+            upper = np.minimum(robot.axis_upper - margin, np.radians(values))
+    empty = np.flatnonzero(lower >= upper)
+    if empty.size:
+        axis = int(empty[0])
+        raise InputError(
+            f"{request.name}: limits leave axis {axis + 1} nothing between "
+            f"{np.degrees(lower[axis]):.4g} and {np.degrees(upper[axis]):.4g} deg. Widen "
+            "axis_lower_deg and axis_upper_deg, or reduce axis_margin_deg."
+        )
+    return lower, upper
+
+
+def _check_workspace(request: PosePlanRequest, robot: Robot) -> None:
+    if request.workspace is not None:
+        for key in ("lower_deg", "upper_deg"):
+            _check_length(f"workspace.{key}", getattr(request.workspace, key), robot)
+
+
+def _check_length(key: str, values: tuple[float, ...], robot: Robot) -> None:
+    if len(values) != robot.joints:
+        raise InputError(
+            f"{key}: {len(values)} values, but {robot.name} has {robot.joints} axes. Give one for "
+            "each axis."
+        )
+
+
+def _station(seat: SeatEntry, target: TargetEntry) -> Station:
+    return Station(
+        seat=seat.name,
+        target=target.name,
+        origin=np.array(seat.position_m),
+        point=np.array(target.position_m),
+        seat_aim=_aim(seat),
+        target_aim=_aim(target),
+    )
+
+
+def _aim(part: SeatEntry | TargetEntry) -> Aim | None:
+    if part.axis is None:
+        return None
+    axis = np.array(part.axis)
+    return Aim(axis / np.linalg.norm(axis), np.radians(part.cone_deg))
+
+
+def _distances(request: PosePlanRequest, instrument: Instrument) -> tuple[KnownDistance, ...]:
+    out = []
+    for k, declared in enumerate(request.distances):
+        stated = (declared.length_m, declared.sigma_m)
+        length, sigma = stated if None not in stated else instrument.distance or (None, None)
+        if length is None or sigma is None:
+            raise InputError(
+                f"distances[{k}]: length_m is missing, and {instrument.name} states no distance "
+                "of its own. Add length_m and sigma_m."
+            )
+        names = [seat.name for seat in request.seats]
+        for name in (name for pair in declared.pairs for name in pair):
+            if name not in names:
+                raise InputError(
+                    f"distances[{k}]: {name!r} is none of the seats {', '.join(names)}. Correct it."
+                )
+        out += [KnownDistance(pair, length, sigma) for pair in declared.pairs]
+    return tuple(out)

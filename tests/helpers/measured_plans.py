@@ -1,0 +1,109 @@
+"""Still poses of a drawn robot, simulated: geometry, sag, joint errors and the instrument's noise.
+
+The robot's errors are drawn from the distributions below and are no part of a prediction: what an
+identification makes of the poses is compared with the robot itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.chain import Chain, Frames, forward
+from cell.poses import PoseTable
+from cell.robot_angles import controller_to_joints
+from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
+from ident.corrections.joint_harmonics import joint_harmonics
+from ident.corrections.unit_weights import unit_weights
+from ident.poses.closure import Placement, target_frames
+from ident.poses.joint_corrections import joint_displacements, regressors_at
+from ident.poses.unknowns import robot_parameters
+from ident.robot.accuracy import TcpError, position_error
+from ident.robot.identified_arm import IdentifiedArm
+from planning.poses.candidates import Candidates
+from planning.poses.information import expected_group
+from planning.poses.setup import Setup, Station
+
+LENGTH, ANGLE = 3e-4, 1e-3  # [m], [rad] sigma of DH parameters
+SAG = 2e-4  # [rad/m] sigma of a coefficient of ident.corrections.unit_weights
+RIPPLE, ORDERS = 2e-5, (1, 2, 3)  # [rad] amplitude of each order of each joint
+PLACED = 5e-3  # [m], [rad] sigma of seats and targets about where the request has them
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnRobot:
+    """A robot with errors, and where seats and targets really are."""
+
+    setup: Setup
+    chain: Chain
+    coefficients: Array
+    seats: dict[str, Placement]
+    targets: dict[str, Placement]
+
+    def frames(self, q: Array, target: str) -> Frames:
+        """Frames at joint angles q (N, J) [rad]; the last is that of the target."""
+        robot = self.setup.robot
+        corrections = _corrections(self.setup)
+        regressors = regressors_at(robot, corrections, q)
+        moved = q + joint_displacements(robot, corrections, self.coefficients, regressors)
+        return target_frames(forward(self.chain, moved), self.targets[target])
+
+    def measured(self, poses: Candidates, rng: np.random.Generator) -> PoseTable:
+        """What the instrument measures of poses, with its noise."""
+        setup = self.setup
+        groups = []
+        for k in np.unique(poses.station):
+            station: Station = setup.stations[k]
+            axes = poses.axes[poses.station == k]
+            group = expected_group(setup, station, axes)
+            q = controller_to_joints(setup.robot, axes)
+            frames, seat = self.frames(q, station.target), self.seats[station.seat]
+            rod = seat.rotation.T @ (frames.tip - seat.origin[:, None])
+            values = group.values
+            if group.measured == "length":
+                values = np.linalg.norm(rod, axis=0)[:, None]
+            elif group.measured == "point":
+                values = rod.T
+            elif group.measured == "pose":
+                turned = np.einsum("ji,jkn->ikn", seat.rotation, frames.rotation())
+                values = np.concatenate((rod, rotvec_from_matrix(turned))).T
+            noise = group.sigma[:, : values.shape[1]] * rng.standard_normal(values.shape)
+            groups.append(replace(group, values=values + noise))
+        return PoseTable(setup.request.name, setup.robot, tuple(groups), setup.distances)
+
+    def error_of(self, arm: IdentifiedArm) -> TcpError:
+        """TCP error of an identified robot over the workspace, base aligned."""
+        grid, target = self.setup.grid, self.setup.stations[0].target
+        return position_error(arm.tool(grid), self.frames(grid, target).tip.T)
+
+
+def drawn_robot(setup: Setup, rng: np.random.Generator, *, ripple: float = RIPPLE) -> DrawnRobot:
+    """A robot with every error drawn; ripple : [rad] amplitude of the joint errors."""
+    rows = {
+        kind: getattr(setup.chain, kind).copy() for kind in ("a", "d", "alpha", "theta", "beta")
+    }
+    for parameter in robot_parameters(setup.robot):
+        sigma = LENGTH if parameter.is_length else ANGLE
+        rows[parameter.kind][parameter.row] += sigma * rng.standard_normal()
+    weights, harmonics = _corrections(setup)
+    sag = SAG * np.abs(rng.standard_normal(len(weights.coefficients)))
+    turns = ripple * rng.standard_normal(len(harmonics.coefficients))
+    return DrawnRobot(
+        setup=setup,
+        chain=Chain(**rows),
+        coefficients=np.concatenate((sag, turns)),
+        seats={s.seat: _placed(s.origin, rng) for s in setup.stations},
+        targets={s.target: _placed(s.point, rng) for s in setup.stations},
+    )
+
+
+def _corrections(setup: Setup) -> tuple:  # type: ignore[type-arg]
+    orders = [(joint, order) for joint in range(setup.robot.joints) for order in ORDERS]
+    return unit_weights(setup.robot), joint_harmonics(orders)
+
+
+def _placed(origin: Array, rng: np.random.Generator) -> Placement:
+    turn = matrix_from_rotvec(PLACED * rng.standard_normal((3, 1)))[:, :, 0]
+    return Placement(turn, origin + PLACED * rng.standard_normal(3))

@@ -1,0 +1,89 @@
+"""One sensed length identifies a robot: a telescoping bar with a short stroke, and a draw-wire."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.clock import Clock
+from ident.held_out import held_out
+from ident.identify import identify_together
+from ident.options import FitOptions
+from ident.result import Identification
+from ident.verdict import Status
+from tests.helpers.length_recordings import LengthRun, bar_run, wire_run
+
+DH = FitOptions(model="dh", samples=1000)
+
+
+def deviations(result: Identification, run: LengthRun) -> dict[str, float]:
+    """Errors of the identified parameters and of the clock in their stated deviations."""
+    (recording,) = result.recordings
+    assert recording.clock is not None
+    out = {
+        name: (result.robot.geometry[name] - run.true[name]) / sigma
+        for name, sigma in result.robot.sigma.items()
+    }
+    offset, skew = recording.clock_sigma
+    out["offset"] = (recording.clock.offset - run.clock.offset) / offset
+    out["skew"] = (recording.clock.skew - run.clock.skew) / skew
+    return out
+
+
+@pytest.mark.parametrize(("offset", "seed"), [(0.002, 1), (1.0, 2)])
+@pytest.mark.parametrize("make", [bar_run, wire_run])
+def test_clock_and_geometry_lie_within_the_stated_deviations(
+    make: type[LengthRun], offset: float, seed: int
+) -> None:
+    run = make(Clock(offset, 5e-5), seed=seed)
+    result = identify_together(run.cell, [run.logs], options=DH)
+    assert result.verdict.status is Status.GOOD
+    off = deviations(result, run)
+    assert abs(off["offset"]) < 3.0
+    assert abs(off["skew"]) < 3.0
+    # 24 correlated deviations scatter about 1; the largest of them is below 4
+    assert np.sqrt(np.mean(np.square(list(off.values())))) < 1.6, off
+    assert max(map(abs, off.values())) < 4.0, off
+    assert {"rd4", "ra2", "rtheta6"} <= set(result.robot.sigma)
+    assert ("bd3" in result.robot.sigma) == (make is wire_run)  # the bar was calibrated
+
+
+def test_what_a_point_cannot_see_stays_at_its_nominal_value() -> None:
+    run = wire_run(Clock(0.3, 0.0), seed=3)
+    result = identify_together(run.cell, [run.logs], options=DH)
+    dropped = {d.name: d.reason for d in result.robot.dropped}
+    assert dropped["ralpha6"] == "no effect"
+    assert {"rd1", "rtheta1", "rd3"} <= set(dropped)
+    assert result.robot.geometry["ralpha6"] == result.robot.nominal["ralpha6"]
+    assert result.robot.geometry["ra6"] == result.robot.nominal["ra6"]  # the plate is known
+
+
+def test_a_tool_of_unknown_length_is_identified_with_a_calibrated_bar() -> None:
+    run = bar_run(Clock(0.3, 0.0), seed=4)
+    cell = replace(run.cell, plate=replace(run.cell.plate, length_sigma=1e-3))
+    result = identify_together(cell, [run.logs], options=DH)
+    error = result.robot.geometry["ra6"] - run.true["ra6"]
+    assert abs(error) < 4.0 * result.robot.sigma["ra6"] < 1e-4
+
+
+def test_an_identified_robot_explains_a_held_out_length() -> None:
+    fitted, other = (wire_run(Clock(0.3, 0.0), seed=5, motion=motion) for motion in (1, 2))
+    result = identify_together(fitted.cell, [fitted.logs], options=DH)
+    outcome = held_out(result, other.logs, options=DH)
+    assert outcome.acceptable, outcome.sentence
+    assert outcome.nominal.position_rms > 10.0 * outcome.identified.position_rms
+
+
+def test_two_lengths_are_fitted_together() -> None:
+    runs = [wire_run(Clock(0.3, 0.0), seed=6, motion=motion) for motion in (1, 2)]
+    options = FitOptions(corrections=(), samples=600)
+    result = identify_together(runs[0].cell, [run.logs for run in runs], options=options)
+    assert result.verdict.acceptable, result.verdict.sentence
+    off = {
+        name: abs(result.robot.geometry[name] - runs[0].true[name]) / sigma
+        for name, sigma in result.robot.sigma.items()
+        if not name.startswith("rbeta")
+    }
+    assert max(off.values()) < 4.0, off
