@@ -151,7 +151,7 @@ def lengths(data: Data) -> Iterator[Line]:
         points = norms(identify_poses(fitted), judged)
         by_length = identify_poses(as_lengths(fitted))
         measured = judged.groups[0].values
-        aligned = position_error(by_length.arm().tool(judged.q), measured).error * MM
+        aligned = position_error(by_length.arm().frames(judged.q).tip.T, measured).error * MM
         ratios.append(float(aligned.mean() / points.mean()))
         errors.append(aligned)
     yield Line("UR10 B", "lengths to three seats, judged as points", shown(errors), "")
@@ -192,7 +192,7 @@ def nothing(data: Data) -> Iterator[Line]:
         noise = np.random.default_rng([seed, 7])
         group = as_points(fitted).groups[0]
         seat = result.fit.model.unknowns.seat(result.fit.x, group.seat)
-        exact = (result.arm().tool(group.q) - seat.origin) @ seat.rotation
+        exact = (result.arm().frames(group.q).tip.T - seat.origin) @ seat.rotation
         values = exact + noise.normal(0.0, 5e-5, exact.shape)
         again = identify_poses(replace(fitted, groups=(replace(group, values=values),)))
         found += len(again.search.orders) if again.search else 0

@@ -38,10 +38,10 @@ def point_columns(chain: Chain, point: Array, q: Array) -> tuple[Array, Array]:
 def reach_points(
     robot: Robot,
     chain: Chain,
+    *,
     point: Array,
     q: Array,
     wanted: Array,
-    *,
     lower: Array,
     upper: Array,
     position: Position | None = None,
@@ -58,7 +58,9 @@ def reach_points(
     """
     axes = np.clip(joints_to_axes(robot, q), lower, upper)
     if position is not None:  # which takes longer, so that most of the way is the chain's
-        nearly, _ = reach_points(robot, chain, point, q, wanted, lower=lower, upper=upper)
+        nearly, _ = reach_points(
+            robot, chain, point=point, q=q, wanted=wanted, lower=lower, upper=upper
+        )
         axes = joints_to_axes(robot, nearly)
     reached = np.zeros(len(axes), dtype=bool)
     for _ in range(_ITERATIONS if position is None else _CORRECTIONS):
@@ -89,4 +91,5 @@ def _damped(columns: Array, error: Array) -> Array:
     damping = _DAMPING * np.minimum(1.0, 10.0 * np.linalg.norm(error, axis=1))
     square = columns @ columns.transpose(0, 2, 1)
     square += (damping**2 + 1e-12)[:, None, None] * np.eye(3)
-    return np.einsum("ncj,nc->nj", columns, np.linalg.solve(square, error[..., None])[..., 0])
+    pull = np.linalg.solve(square, error[..., None])[..., 0]
+    return np.asarray(np.einsum("ncj,nc->nj", columns, pull))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from ballbar.scenario import Scenario
+from ballbar.scenario import PoseScenario, Scenario
 from cell.load import load_cell
 from generators.scenario_reference.keys import (
     field_at,
@@ -81,6 +81,16 @@ Default from: {origin}
 </tr>
 """
 
+POSES_HEAD = """
+# Scenarios of still poses
+
+A scenario with `poses` in place of `path`: the robot stands before a telescoping ball-bar, a
+draw-wire, a tracker or a socket ([instruments](poses.md)). `ballbar run` writes a table of poses,
+identifies the robot from it and compares it with the truth. The file of the robot needs no masses:
+without them, and before an instrument that does not pull, the poses are kinematic, and the run says
+so.
+"""
+
 SIZES_HEAD = """
 ## Sizes of the effects
 
@@ -105,7 +115,8 @@ def page_text(sizes: list[dict[str, str]]) -> str:
         f"{r['tool_um']} | {r['q_urad']} | {r['b_urad']} | {r['rod_N']} |\n"
         for r in sizes
     )
-    return HEAD.format(contents=contents) + "".join(_sections()) + SIZES_HEAD + "".join(rows)
+    moving = HEAD.format(contents=contents) + "".join(_sections()) + SIZES_HEAD + "".join(rows)
+    return moving + POSES_HEAD + "".join(_pose_sections())
 
 
 def _sections() -> Iterator[str]:
@@ -117,6 +128,26 @@ def _sections() -> Iterator[str]:
             yield f"\n## {section}\n\n{first_paragraph(model)}\n"
             yield from table(section, model)
             yield from _pictures(section)
+
+
+def _pose_sections() -> Iterator[str]:
+    """Likewise of a scenario of still poses, its sources without pictures."""
+    yield "\n## At the top of a scenario of still poses\n"
+    yield from table("", PoseScenario)
+    for section, info in PoseScenario.model_fields.items():
+        for model in models_in(info.annotation):
+            yield f"\n## {section} (still poses)\n\n{first_paragraph(model)}\n"
+            yield from table(section, model)
+            for name, field in model.model_fields.items():
+                for inner in models_in(field.annotation):
+                    yield _pose_source(f"{section}.{name}", field, inner)
+
+
+def _pose_source(key: str, field: FieldInfo, model: type[BaseModel]) -> str:
+    items = "\n".join(list_item(name, each) for name, each in model.model_fields.items())
+    many = "A list." if values_text(field).startswith("list of") else ""
+    notes = [first_paragraph(model), field.description or "", many]
+    return f"\n**`{key}`** {' '.join(note for note in notes if note)}\n\n{items}\n"
 
 
 def _pictures(section: str) -> Iterator[str]:

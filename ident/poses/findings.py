@@ -16,9 +16,11 @@ from scipy.stats import chi2
 
 from cell.arrays import Array
 from ident.poses.fit import PoseFit, median_scale, whitened_lengths
+from ident.poses.model import GroupPoint
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 UNSETTLED = 4.5  # likewise, of a residual along the last move
+SHARE_OF_MOVE = 30.0  # score of a share of the last move; chance exceeds 11 in one of a thousand
 ALONG = 0.95  # cosine between residual and last move from which it lies along it
 DRIFT = 2.0  # times the score of drifting directions that chance exceeds in one of a thousand
 CHANCE = 1e-3
@@ -40,6 +42,7 @@ class Findings:
 
     outliers: NDArray[np.intp]
     unsettled: NDArray[np.intp]
+    unfinished: float  # share of the last move by which all angles were read early; 0: not seen
     drifts: tuple[Drift, ...]
 
 
@@ -54,7 +57,7 @@ def findings_of(fit: PoseFit) -> Findings:
     lengths = lengths_of(fit)
     unsettled = _unsettled(fit, lengths)
     outliers = np.setdiff1d(np.flatnonzero(lengths > OUTLIER), unsettled)
-    return Findings(outliers, unsettled, _drifts(fit))
+    return Findings(outliers, unsettled, _unfinished(fit), _drifts(fit))
 
 
 def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
@@ -66,8 +69,7 @@ def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
         n = point.group.size
         residual = weights(point.closure.error)
         if len(residual) >= 3 and n > 1:
-            moved = np.vstack((np.zeros(point.group.q.shape[1]), np.diff(point.group.q, axis=0)))
-            along = weights(np.einsum("jcn,nj->cn", point.joint_columns, moved))
+            along = weights(_last_move(point))
             size = np.linalg.norm(along, axis=0) * np.linalg.norm(residual, axis=0)
             cosine = (along * residual).sum(axis=0) / np.maximum(size, np.finfo(float).tiny)
             far = lengths[first : first + n] > UNSETTLED
@@ -80,6 +82,43 @@ def _unsettled(fit: PoseFit, lengths: Array) -> NDArray[np.intp]:
     direction = np.sign(sum(signs))
     aligned = [i for i, s in zip(candidates, signs, strict=True) if s == direction]
     return np.array(aligned if len(aligned) > 0.7 * len(candidates) else [], dtype=np.intp)
+
+
+def _last_move(point: GroupPoint) -> Array:
+    """(6, N) change of the error for the whole last move; zero where the row before is missing."""
+    moved = np.zeros_like(point.group.q)
+    follows = np.flatnonzero(np.diff(point.group.rows) == 1) + 1
+    moved[follows] = point.group.q[follows] - point.group.q[follows - 1]
+    return np.asarray(np.einsum("jcn,nj->cn", point.joint_columns, moved))
+
+
+def _unfinished(fit: PoseFit) -> float:
+    """Share of the last move by which all angles were read early; 0 where chance explains it.
+
+    A score test of one unknown that turns every pose by that share, as the orders are tested.
+    """
+    equations = fit.equations
+    columns = [
+        weights(_last_move(point)) * robust
+        for point, weights, robust in zip(
+            equations.points, equations.weights, equations.robust, strict=True
+        )
+    ]
+    parts = list(zip(equations.jacobians, equations.residuals, columns, strict=True))
+    gram = sum(
+        jacobian.reshape(len(jacobian), -1) @ column.reshape(-1) for jacobian, _, column in parts
+    )
+    solved = np.linalg.solve(equations.normal, gram)
+    score = variance = information = 0.0
+    for jacobian, residual, column in parts:
+        rest = column - np.einsum("pen,p->en", jacobian, solved)
+        each = (rest * residual).sum(axis=0)
+        score += float(each.sum())
+        variance += float((each * each).sum())
+        information += float((rest * rest).sum())
+    if variance == 0.0 or score * score <= SHARE_OF_MOVE * variance:
+        return 0.0
+    return -score / information
 
 
 def _drifts(fit: PoseFit) -> tuple[Drift, ...]:

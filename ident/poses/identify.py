@@ -28,7 +28,6 @@ from ident.poses.model import PoseModel
 from ident.poses.result import PoseIdentification
 from ident.poses.start import start_of_poses
 from ident.poses.unknowns import PoseUnknowns, nominal_chain, pose_unknowns
-from ident.poses.verdict import judge_poses
 
 HELD = 1e-9  # of a prior's sigma: below what data could tell
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
@@ -48,7 +47,6 @@ class PoseOptions:
     """What an identification from still poses shall do."""
 
     search: bool = True  # for joint errors
-    expected: tuple[tuple[int, int], ...] = ()  # joint, from 0, and order: in the model at once
     learned: JointErrors | None = None
 
 
@@ -68,8 +66,6 @@ def identify_poses(
     progress("finding seats and targets")
     start = start_of_poses(table, chain)
     fixed = [unit_weights(table.robot), *_learned(options)]
-    if options.expected:
-        fixed.append(joint_harmonics(options.expected))
     layout = pose_unknowns(table, chain, start.seats, start.targets, fixed)
     _check_enough(table, layout)
     model = PoseModel(table, layout, tuple(fixed), noise)
@@ -87,8 +83,7 @@ def identify_poses(
             fit, findings = _without_unsettled(fit)
     progress("cross-validating")
     validation = cross_validated(fit)
-    result = PoseIdentification(table, fit, nominal, search, validation, findings, verdict=None)  # type: ignore[arg-type]
-    return replace(result, verdict=judge_poses(result))
+    return PoseIdentification(table, fit, nominal, search, validation, findings)
 
 
 def rounding(q: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from ident.poses.cross_validation import (
 )
 from ident.poses.findings import Findings
 from ident.poses.fit import PoseFit
+from ident.poses.verdict import judge_poses
 from ident.robot.identified_arm import IdentifiedArm
 from ident.verdict import Verdict
 
@@ -34,7 +36,11 @@ class PoseIdentification:
     search: OrderSearch | None  # None where joint errors were not searched
     cross_validation: CrossValidation
     findings: Findings
-    verdict: Verdict
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Status, sentence and warnings."""
+        return judge_poses(self)
 
     @property
     def sigma(self) -> dict[str, float]:

@@ -83,6 +83,12 @@ def _warnings(result: PoseIdentification) -> list[str]:
             f"lie along the last move) and were left out: "
             f"{_listed([names[i] for i in findings.unsettled])}; wait longer before reading"
         )
+    if findings.unfinished:
+        out.append(
+            f"the joint angles were read with {abs(findings.unfinished):.2%} of the last move "
+            "missing: before the robot stood still, or before it had settled; wait longer before "
+            "reading"
+        )
     for drift in findings.drifts:
         turn = f" and {drift.turn * 1e3:.3f} mrad" if drift.turn else ""
         out.append(

@@ -58,7 +58,12 @@ def choose_poses(
         groups = [targets] if everywhere else [{name: targets[name]} for name in targets]
         for group in groups:
             drawn = _Draw(
-                settings, instrument, arm, limits, seats[seat.name], tuple(group.values())
+                settings=settings,
+                instrument=instrument,
+                arm=arm,
+                limits=limits,
+                seat=seats[seat.name],
+                targets=tuple(group.values()),
             )
             q = _enough(drawn, rng, f"seat {seat.name}, target {', '.join(group)}")
             order = first + np.arange(len(q))
@@ -102,9 +107,9 @@ class _Draw:
         q, reached = reach_points(
             self.arm.robot,
             self.arm.chain,
-            point,
-            q,
-            wanted,
+            point=point,
+            q=q,
+            wanted=wanted,
             lower=lower,
             upper=upper,
             position=lambda angles: self.arm.target(angles, point),
@@ -169,16 +174,16 @@ def _limits(settings: PosesSettings, arm: TrueArm) -> tuple[Array, Array]:
 
 
 def _enough(draw: _Draw, rng: np.random.Generator, where: str) -> Array:
-    count, found, poses = draw.settings.count, list[Array](), 0
+    count, batches, poses = draw.settings.count, list[Array](), 0
     for batch in draw.batches(rng):
-        found.append(batch)
+        batches.append(batch)
         poses += len(batch)
         if poses >= count:
-            return np.concatenate(found)[:count]
-        if not poses and len(found) == _HOPELESS:
+            return np.concatenate(batches)[:count]
+        if not poses and len(batches) == _HOPELESS:
             break
     raise InputError(
-        f"poses.count: of {_BATCH * len(found)} random poses only {poses} can be "
+        f"poses.count: of {_BATCH * len(batches)} random poses only {poses} can be "
         f"measured from {where}; {count} are wanted. Move the seat to where the robot reaches all "
         "round it, or widen poses.tilt_max_deg, lowest_m and the axis limits."
     )

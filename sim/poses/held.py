@@ -69,7 +69,7 @@ def hold_with_instrument(
     """
     model = compiled(_spec(arm, instrument, settings, seat, target))
     data = mujoco.MjData(model)
-    held = list(_each(model, data, arm, seat, target, q, friction))
+    held = list(_each(model, data, arm, seat=seat, target=target, q=q, friction=friction))
     return HeldByInstrument(
         np.stack([joints for joints, _ in held]), np.array([force for _, force in held])
     )
@@ -84,6 +84,7 @@ def _each(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     arm: TrueArm,
+    *,
     seat: Place,
     target: Place,
     q: Array,

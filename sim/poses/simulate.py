@@ -88,7 +88,17 @@ def simulate_poses(settings: PoseSimulationSettings, *, relative_to: Path) -> Po
     rows = _rows(stands, tuple(targets))
     faults = outliers(settings.errors, instrument, rows.order.size, settings.seed)[rows.place]
     motion = seat_motion(settings.errors, settings.seed)
-    world = _World(settings, instrument, arm, seats, targets, motion, kind, rows, faults)
+    world = _World(
+        settings=settings,
+        instrument=instrument,
+        arm=arm,
+        seats=seats,
+        targets=targets,
+        motion=motion,
+        kind=kind,
+        rows=rows,
+        faults=faults,
+    )
     shown, values, force = world.measured(stands)
     return _as_simulation(world, stands, shown, values, force, sentence)
 
@@ -206,9 +216,9 @@ class _World:
         q, reached = reach_points(
             robot,
             self.arm.chain,
-            target.position,
-            q,
-            wanted,
+            point=target.position,
+            q=q,
+            wanted=wanted,
             lower=robot.axis_lower,
             upper=robot.axis_upper,
             position=lambda angles: self.arm.target(angles, target.position),

@@ -1,4 +1,4 @@
-"""Inverse kinematics of a point: the point arrives, the limits hold, what is out of reach is said."""
+"""Inverse kinematics of a point: it arrives within the limits, or is stated not to."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_the_point_comes_to_its_place_within_the_limits_of_the_axes(name: str) -
     reachable, _ = point_columns(chain, POINT, q)
     start = q[rng.permutation(len(q))]
     limits = {"lower": robot.axis_lower, "upper": robot.axis_upper}
-    found, reached = reach_points(robot, chain, POINT, start, reachable, **limits)
+    found, reached = reach_points(robot, chain, point=POINT, q=start, wanted=reachable, **limits)
     assert reached.mean() > 0.5, "from starts anywhere; the others are stuck at limits"
     place, _ = point_columns(chain, POINT, found[reached])
     assert np.abs(place - reachable[reached]).max() < 1e-9
@@ -40,7 +40,9 @@ def test_a_place_beyond_the_arm_is_not_reached() -> None:
     robot = load_robot("irb120")
     limits = {"lower": robot.axis_lower, "upper": robot.axis_upper}
     wanted = np.array([[3.0, 0.0, 0.5]])
-    _, reached = reach_points(robot, chain_of("irb120"), POINT, np.zeros((1, 6)), wanted, **limits)
+    _, reached = reach_points(
+        robot, chain_of("irb120"), point=POINT, q=np.zeros((1, 6)), wanted=wanted, **limits
+    )
     assert not reached.any()
 
 
@@ -53,9 +55,9 @@ def test_an_arm_that_differs_from_the_chain_is_brought_there_as_it_is() -> None:
     q, reached = reach_points(
         robot,
         chain,
-        POINT,
-        start,
-        wanted,
+        point=POINT,
+        q=start,
+        wanted=wanted,
         position=lambda angles: point_columns(bent, POINT, angles)[0],
         **limits,
     )

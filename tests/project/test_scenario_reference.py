@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from ballbar.scenario import Scenario
+from ballbar.scenario import PoseScenario, Scenario
 from generators.scenario_reference.figures import PLOTS
 from generators.scenario_reference.keys import list_item, unit_of, value_text
 from generators.scenario_reference.page import PAGE, page_text
@@ -131,6 +131,21 @@ def test_every_key_of_a_scenario_stands_on_the_page(page: str) -> None:
         assert f"\n### {key}\n" in page or f"| `{key}` |" in page, key
         if f"\n### {key}\n" in page and key not in SWITCHABLE:
             assert as_default(printed(row_of(page, key), key)) == info.default
+
+
+def test_every_key_of_a_scenario_of_still_poses_stands_on_the_page(page: str) -> None:
+    part = page.split("\n# Scenarios of still poses\n")[1]
+    for section, outer in PoseScenario.model_fields.items():
+        model = held_model(outer.annotation)
+        if model is None:
+            assert f"| `{section}` |" in part
+            continue
+        for name, info in model.model_fields.items():
+            key = f"{section}.{name}"
+            assert f"\n**`{key}`** " in part or f"| `{key}` |" in part, key
+            inner = held_model(info.annotation)
+            for each in inner.model_fields if inner else ():
+                assert f"- `{each}: " in part.split(f"**`{key}`** ")[1].split("\n**")[0]
 
 
 def test_limits_and_choices_are_those_of_the_schema(page: str) -> None:

@@ -200,8 +200,8 @@ def test_a_robot_without_masses_is_kinematic_and_the_sentence_says_so() -> None:
     assert sentence.startswith("The poses are kinematic: irb120's file states no masses")
     with pytest.raises(InputError, match=r"plant.kind = mujoco: irb120's file states no masses"):
         simulated("drawwire_2m", plant={"kind": "mujoco"})
-    with pytest.raises(InputError, match="errors.unit_weights stand for masses"):
-        errors = {"joint_compliance": {}, "unit_weights": {}}
+    errors: dict[str, Any] = {"joint_compliance": {}, "unit_weights": {}}
+    with pytest.raises(InputError, match=r"errors.unit_weights stand for masses"):
         simulated("qc20w_300", errors, plant={"kind": "mujoco"})
 
 
