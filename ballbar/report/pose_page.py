@@ -34,6 +34,7 @@ from cell.pose_file import pose_file_path
 from ident.poses.result import PoseIdentification
 from ident.verdict import Status
 
+KNOWN = 0.5  # information gain below which an unknown stands at its prior
 _BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}
 _HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
 _SOURCES = {
@@ -112,7 +113,7 @@ def render_pose_report(run: PoseRun, *, command: str, written: datetime) -> str:
         spectra=_spectra(result),
         orders=_orders(result),
         parameters=_parameters(result),
-        sag=_coefficients(result, "unit_weights"),
+        sag=_sag(result),
         ranges=_ranges(result),
         placements=_placements(result),
         groups=[
@@ -218,40 +219,35 @@ def _parameters(result: PoseIdentification) -> list[Row]:
         value, nominal = float(result.fit.x[k]), float(layout.mean[k])
         rows.append(
             Row(
-                parameter.name,
-                unit,
-                f"{nominal * scale:.3f}",
-                f"{value * scale:.3f}",
-                f"{(value - nominal) * scale:+.3f}",
-                f"{sigma[parameter.name] * scale:.3f}",
-                gain[parameter.name] > 0.5,
+                name=parameter.name,
+                unit=unit,
+                nominal=f"{nominal * scale:.3f}",
+                identified=f"{value * scale:.3f}",
+                deviation=f"{(value - nominal) * scale:+.3f}",
+                sigma=f"{sigma[parameter.name] * scale:.3f}",
+                known=gain[parameter.name] > KNOWN,
             )
         )
     return rows
 
 
-def _coefficients(result: PoseIdentification, correction: str) -> list[Row]:
-    layout, at = result.fit.model.unknowns, result.fit.model.unknowns.coefficients.start
-    gain = result.information_gain
-    rows: list[Row] = []
-    for c in result.fit.model.corrections:
-        for k, coefficient in enumerate(c.coefficients, start=at):
-            if c.name == correction:
-                name = coefficient.name
-                rows.append(
-                    Row(
-                        name,
-                        "urad/m",
-                        "0",
-                        f"{result.fit.x[k] * URAD:.1f}",
-                        f"{result.fit.x[k] * URAD:+.1f}",
-                        f"{result.sigma[name] * URAD:.1f}",
-                        gain[name] > 0.5,
-                    )
-                )
-        at += len(c.coefficients)
-    del layout
-    return rows
+def _sag(result: PoseIdentification) -> list[Row]:
+    """The coefficients of unit weights."""
+    values = dict(zip(result.fit.model.unknowns.names, result.fit.x.tolist(), strict=True))
+    corrections = [c for c in result.fit.model.corrections if c.name == "unit_weights"]
+    return [
+        Row(
+            name=c.name,
+            unit="urad/m",
+            nominal="0",
+            identified=f"{values[c.name] * URAD:.1f}",
+            deviation=f"{values[c.name] * URAD:+.1f}",
+            sigma=f"{result.sigma[c.name] * URAD:.1f}",
+            known=result.information_gain[c.name] > KNOWN,
+        )
+        for correction in corrections
+        for c in correction.coefficients
+    ]
 
 
 def _ranges(result: PoseIdentification) -> list[RangeRow]:

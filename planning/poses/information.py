@@ -193,6 +193,6 @@ def _nominal_arm(
         covariance=np.zeros((layout.count, layout.count)),
         discrepancy=0.0,
         factor=1.0,
-        lower=setup.lower,
-        upper=setup.upper,
+        lower=np.full(setup.robot.joints, -np.inf),
+        upper=np.full(setup.robot.joints, np.inf),
     )

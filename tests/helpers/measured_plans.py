@@ -76,7 +76,7 @@ class DrawnRobot:
     def error_of(self, arm: IdentifiedArm) -> TcpError:
         """TCP error of an identified robot over the workspace, base aligned."""
         grid, target = self.setup.grid, self.setup.stations[0].target
-        return position_error(arm.tool(grid), self.frames(grid, target).tip.T)
+        return position_error(arm.frames(grid).tip.T, self.frames(grid, target).tip.T)
 
 
 def drawn_robot(setup: Setup, rng: np.random.Generator, *, ripple: float = RIPPLE) -> DrawnRobot:
