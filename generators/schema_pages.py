@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from ballbar.result.calibration import CalibrationFile
+from ballbar.result.pose_calibration import PoseCalibrationFile
 from cell.files import write_whole
 from cell.pose_file import PosesFile
 from generators.scenario_reference.keys import default_text, first_paragraph, models_in, values_text
@@ -27,7 +28,22 @@ What an identification leaves, in SI units: lengths in m, angles in rad, times i
 
 A parameter that was not identified stands at its nominal value with `identified: false`, and
 `dropped` says why. Names of parameters: [Conventions](conventions.md). A file of another schema
-number is refused.
+number is refused. With `model: poses` the file is the result of still poses and has other keys:
+[calibration.yaml of still poses](pose_calibration_file.md).
+"""
+POSE_CALIBRATION = """# calibration.yaml of still poses
+
+What an identification from still poses leaves (`model: poses`), in SI units. Written by
+`python -m generators.schema_pages` from the schema; do not edit. The file of logs:
+[calibration.yaml](calibration_file.md).
+
+A parameter with `identified: false` is known from its prior more than from the poses; its value is
+that of the fit all the same, and belongs to the others. Gauge parameters (height and heading of the
+base, the last row) are nominal and not listed. Seats are frames in the robot's base frame, targets
+in the flange's; a point has no `rotation_vector_rad`. `ranges` are the joint angles that were
+fitted: beyond them the error is unknown, and every use of the result says so. The stated 95 %
+region of a pose is a sphere of `sigma_m` along each axis, `region_factor` times as large (squared)
+as that of chi-square with three degrees of freedom.
 """
 REQUEST = """# Plan request
 
@@ -101,6 +117,9 @@ class SchemaPage:
 
 PAGES = (
     SchemaPage("calibration_file.md", CALIBRATION, CalibrationFile, written_by_people=False),
+    SchemaPage(
+        "pose_calibration_file.md", POSE_CALIBRATION, PoseCalibrationFile, written_by_people=False
+    ),
     SchemaPage("plan_request.md", REQUEST, PlanRequest, written_by_people=True),
     SchemaPage("pose_plan_request.md", POSE_REQUEST, PosePlanRequest, written_by_people=True),
     SchemaPage("poses.md", POSES, PosesFile, written_by_people=True),

@@ -104,7 +104,9 @@ def identify(
     from ballbar.run import write_outputs
 
     if holds_poses(recordings[0]):
-        _identify_poses(recordings, validate or [], out_dir, joint_errors, as_json=as_json)
+        _identify_poses(
+            recordings, validate or [], out_dir, joint_errors, rerun=rerun, as_json=as_json
+        )
     names = [name.strip() for name in corrections.split(",")]
     settings = _settings(
         samples=samples,
@@ -139,25 +141,31 @@ def _identify_poses(
     out_dir: Path | None,
     joint_errors: str,
     *,
+    rerun: bool,
     as_json: bool,
 ) -> None:
     """Still poses: identify, write calibration.yaml and report.html, say, and exit."""
     from ballbar.commands.result_json import pose_run_data
     from ballbar.report.pose_page import write_pose_report
     from ballbar.report.pose_terminal import say_poses
-    from ballbar.result.names import CALIBRATION, REPORT
+    from ballbar.result.names import CALIBRATION, REPLAY, REPORT
     from ballbar.result.pose_calibration import write_pose_calibration
     from ballbar.result.pose_run import identify_pose_folders
 
     first = folders[0] if folders[0].is_dir() else folders[0].parent
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
-    claim_folder(folder, {CALIBRATION, REPORT}, "the result")
+    claim_folder(folder, {CALIBRATION, REPORT, REPLAY}, "the result")
     options = _pose_options(joint_errors)
     with progress_bar() as progress:
         run = identify_pose_folders(folders, validate, options=options, progress=progress)
         write_pose_calibration(folder / CALIBRATION, run)
         progress("writing the report")
         write_pose_report(folder / REPORT, run, command=command_line())
+        if rerun:
+            from ballbar.replay.pose_replay import write_pose_replay
+
+            progress("writing the replay")
+            write_pose_replay(folder / REPLAY, run)
     if as_json:
         say_json(pose_run_data(run, folder))
     say_poses(out, run)

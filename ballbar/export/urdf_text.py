@@ -125,13 +125,13 @@ def with_origins(content: bytes, origins: Sequence[tuple[JointText, Array]]) -> 
 def _with_values(tag: bytes, values: Mapping[str, str]) -> bytes:
     """A tag with other values of its attributes; absent ones are added after its name."""
     for key, value in values.items():
-        found = re.search(rb"(\s" + key.encode() + rb"\s*=\s*)([\"'])(.*?)\2", tag, re.DOTALL)
-        if found is None:
+        match = re.search(rb"(\s" + key.encode() + rb"\s*=\s*)([\"'])(.*?)\2", tag, re.DOTALL)
+        if match is None:
             name = re.match(rb"<[^\s/>]+", tag)
             assert name is not None  # it is a tag
             tag = tag[: name.end()] + f' {key}="{value}"'.encode() + tag[name.end() :]
         else:
-            tag = tag[: found.start(3)] + value.encode() + tag[found.end(3) :]
+            tag = tag[: match.start(3)] + value.encode() + tag[match.end(3) :]
     return tag
 
 
@@ -248,6 +248,6 @@ class _Reader:
     def _tag_place(self) -> tuple[int, int]:
         """Begin and end of the tag that is read now; a > within quotes does not end it."""
         begin = self._parser.CurrentByteIndex
-        found = re.compile(rb"<(?:[^\"'>]|\"[^\"]*\"|'[^']*')*>").match(self.content, begin)
-        assert found is not None  # expat has read it
-        return begin, found.end()
+        match = re.compile(rb"<(?:[^\"'>]|\"[^\"]*\"|'[^']*')*>").match(self.content, begin)
+        assert match is not None  # expat has read it
+        return begin, match.end()

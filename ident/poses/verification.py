@@ -33,7 +33,7 @@ from ident.poses.unknowns import PoseUnknowns
 from ident.robot.identified_arm import LEVEL, IdentifiedArm, range_sentence
 
 FALSE_ALARMS = 0.02  # share of checks of an unchanged robot that call it changed
-LEAST_FREEDOM = 6  # degrees of freedom below which nothing could be told
+LEAST_FREEDOM = 6  # degrees of freedom below which nothing could be stated
 LEAST_SHAPE = 0.5  # of the Gamma distribution of one pose: heavier tails have no more quantile
 # degrees of freedom of the variance itself, which comes from eight regions of one table: several
 # hundred poses do not make a change of a few per cent significant
@@ -97,7 +97,7 @@ class Verification:
 
     @property
     def sentence(self) -> str:
-        """Whether it holds, in words."""
+        """Whether it holds, and what changed."""
         numbers = (
             f"{self.error.size} poses to {self.error.mean() * 1e3:.3f} mm; expected of an "
             f"unchanged robot {self.predicted * 1e3:.3f} mm, at most "
@@ -169,8 +169,8 @@ def verify(
     causes: tuple[Cause, ...] = ()
     cause = None
     if square > limit:
-        kept = [name for name, counts in zip(names, inside, strict=True) if counts]
-        causes = _causes(check, part, model, equations, kept)
+        counting = [name for name, counts in zip(names, inside, strict=True) if counts]
+        causes = _causes(check, part, model, equations, counting)
         cause = _clear(causes, square, freedom, arm.factor)
     error = np.concatenate([np.linalg.norm(p.closure.error[:3], axis=0) for p in equations.points])
     coordinates = equations.equations
@@ -213,13 +213,13 @@ def _causes(
     known = [("target", name) for name in table.targets if name in check.known]
     measured = any(group.values.shape[1] for group in table.groups)
     scale = [("scale", "")] if measured else []
-    found = []
+    causes = []
     for kind, name in (*joints, *known, *scale):
         first = _linear(model, equations, _columns(model, equations, kind, name), kind, name)
         if first is not None:
-            found.append(_refined(check, table, first))
-    found += _single_poses(model, equations, names)
-    return tuple(sorted(found, key=lambda c: c.square + PRICE * c.size.size))
+            causes.append(_refined(check, table, first))
+    causes += _single_poses(model, equations, names)
+    return tuple(sorted(causes, key=lambda c: c.square + PRICE * c.size.size))
 
 
 def _refined(check: _Check, table: PoseTable, first: Cause) -> Cause:
@@ -305,7 +305,7 @@ def _linear(
 
 def _single_poses(model: PoseModel, equations: PoseEquations, names: list[str]) -> list[Cause]:
     """Each pose by itself: what the others leave when it does not count."""
-    found, first = [], 0
+    causes, first = [], 0
     for k, point in enumerate(equations.points):
         rows = len(equations.weights[k].matrix)
         for i in range(point.group.size):
@@ -314,9 +314,9 @@ def _single_poses(model: PoseModel, equations: PoseEquations, names: list[str]) 
             cause = _linear(model, equations, columns, "pose", names[first + i])
             if cause is not None:
                 length = float(np.linalg.norm(point.closure.error[:3, i]))
-                found.append(replace(cause, size=np.full(rows, length / np.sqrt(rows))))
+                causes.append(replace(cause, size=np.full(rows, length / np.sqrt(rows))))
         first += point.group.size
-    return found
+    return causes
 
 
 def _clear(causes: tuple[Cause, ...], square: float, freedom: int, factor: float) -> Cause | None:

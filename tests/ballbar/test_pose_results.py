@@ -30,8 +30,8 @@ from cell.errors import DescriptionError, InputError
 from cell.urdf import chain_between, parse_urdf
 from ident.poses.unknowns import nominal_chain
 from ident.robot.inverse_calibration import corrected_arm_targets
-from tests.ballbar import test_export
 from tests.helpers.command_line import ballbar
+from tests.helpers.dh_tables import along_table, table
 from tests.helpers.drawn_pose_tables import drawn_robot, point_table
 from tests.helpers.pose_results import write_pose_result, write_pose_table
 from tests.helpers.published_urdf import PUBLISHED, PublishedUrdf
@@ -101,7 +101,7 @@ def test_tables_end_at_the_flange(to: str, order: str, result: PoseResult) -> No
             exported(result, to)  # type: ignore[arg-type]
         return
     text = exported(result, to)  # type: ignore[arg-type]
-    found = test_export.along_table(text.replace("\nflange,", "\ntool,"), q, order)
+    found = along_table(text.replace("\nflange,", "\ntool,"), q, order)
     assert np.abs(found - flange_of(result, q)).max() < EXACT
     assert re.search(r"targets on it: big ball at \(.*\) m; frame at .* rotation vector", text)
 
@@ -114,11 +114,11 @@ def test_an_angle_below_its_own_sigma_is_dropped_and_said(tmp_path: Path) -> Non
     file.write_text(yaml.safe_dump(content, sort_keys=False))
     text = exported(load_result(tmp_path), "dh")
     assert "DROPPED: rbeta2 = 1e-05 rad, below its sigma of 2e-05 rad; --to hayati has it." in text
-    assert max(abs(float(row["d_m"])) for row in test_export.table(text)) < 2.0
+    assert max(abs(float(row["d_m"])) for row in table(text)) < 2.0
 
 
 def test_screws_and_rapid_data_are_of_every_axis(result: PoseResult) -> None:
-    screws = test_export.table(exported(result, "poe"))
+    screws = table(exported(result, "poe"))
     assert [row["row"] for row in screws][:-3] == [str(j + 1) for j in range(result.robot.joints)]
     data = dict(re.findall(r"CONST dnum (\w+)\{\d\} := \[(.*)\];", exported(result, "abb")))
     assert {len(values.split(",")) for values in data.values()} == {result.robot.joints}
@@ -385,6 +385,36 @@ def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
     write_pose_table(tmp_path / "other", table, "ur5", q, "big ball")
     code, _, error = ballbar("verify", tmp_path / "r", tmp_path / "other")
     assert (code, "is of robot" in error) == (2, True)
+
+
+def test_identify_writes_a_replay_where_it_is_requested(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    drawn = drawn_robot("ur10", rng)
+    q = drawn.angles(60, rng)
+    folder = write_pose_table(tmp_path / "t", point_table(drawn, q, 3e-5, rng), "ur10", q, "ball")
+    words = ("identify", folder, "--joint-errors", "none", "--rerun", "--out")
+    for name in ("a", "b"):
+        code, _, error = ballbar(*words, tmp_path / name)
+        assert code == 0, error
+    first = (tmp_path / "a" / "run.rrd").stat().st_size
+    assert first > 50_000
+    copy = tmp_path / "copy.rrd"
+    code, _, _ = ballbar("replay", tmp_path / "a", "--save", copy)
+    assert code == 0
+    assert copy.stat().st_size == first
+
+
+def test_the_drawn_arm_runs_along_the_rows_of_the_robot(result: PoseResult) -> None:
+    from ballbar.replay.pose_replay import skeleton  # noqa: PLC0415
+
+    q, chain = angles(result, 5), result.chain
+    arm = result.calibration.arm()
+    corners = skeleton(chain, arm.frames(q))
+    assert corners.shape == (5, 2 * chain.rows + 2, 3)
+    steps = np.linalg.norm(np.diff(corners, axis=1), axis=2)
+    along = np.stack((np.abs(chain.d), np.abs(chain.a)), axis=1).reshape(-1)
+    assert np.abs(steps[:, :-1] - along).max() < EXACT
+    assert np.abs(corners[:, -1] - arm.tool(q)).max() < EXACT
 
 
 def test_a_replay_is_asked_for_what_there_is(tmp_path: Path) -> None:

@@ -64,6 +64,16 @@ def test_the_example_from_arrays_finds_the_robot(capsys: pytest.CaptureFixture[s
     assert error_mm < 0.005  # the noise of the logs allows 0.002 mm
 
 
+def test_the_example_from_poses_finds_the_robot_and_what_changed(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    runpy.run_path(str(ROOT / "examples/from_poses.py"), run_name="__main__")
+    said = capsys.readouterr().out
+    assert said.startswith("Good fit")
+    assert float(said.split("joint 4 zero: ")[1].split()[0]) == pytest.approx(2.0, abs=0.05)  # mrad
+    assert "Changed since: joint 3 zero by +1.0" in said
+
+
 def test_the_example_from_a_recording_writes_its_calibration(
     recorded: Recorded,
     tmp_path: Path,
