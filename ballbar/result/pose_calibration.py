@@ -29,6 +29,7 @@ from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
 from cell.schema import Strict
 from cell.strict_yaml import check_schema, load_yaml, parse_model
 from ident.corrections.base import Correction
+from ident.corrections.joint_compliance import gear_compliance
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.poses.closure import Placement
@@ -195,6 +196,8 @@ class PoseCalibrationFile(Strict):
         for name, entries in self.corrections.items():
             if name == "unit_weights":
                 correction = unit_weights(robot)
+            elif name == "joint_compliance":
+                correction = gear_compliance(robot)
             else:
                 correction = joint_harmonics(_joint_errors(entries).orders)
             expected = [c.name for c in correction.coefficients]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cell.descriptions import Cell
+from cell.descriptions import Cell, Robot
 from ident.corrections.base import GEAR, Coefficient, Correction
 
 # Of the catalogue compliance: gears of one class differ by a factor of 1.7 (notes/parameters,
@@ -14,12 +14,17 @@ SPREAD = 0.5
 
 def joint_compliance(cell: Cell, encoders: tuple[int, ...]) -> Correction:
     """One compliance a gear [rad/(N m)]."""
+    return gear_compliance(cell.robot)
+
+
+def gear_compliance(robot: Robot) -> Correction:
+    """Likewise, of a robot whatever measures it."""
     return Correction(
         "joint_compliance",
         "elastic gears",
         tuple(
             Coefficient(f"compliance{i}", "rad/(N m)", float(c), SPREAD * float(c), GEAR + i - 1)
-            for i, c in enumerate(1.0 / cell.robot.required("gears").stiffness, start=1)
+            for i, c in enumerate(1.0 / robot.required("gears").stiffness, start=1)
         ),
         lambda state: list(-state.loads.gears(state.tension)),
         lambda state: list(-state.loads.gear_per_newton * np.ones_like(state.tension)),

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.poses import PoseTable
 from ident.corrections.base import Coefficient, Correction
+from ident.corrections.joint_compliance import gear_compliance
 from ident.corrections.joint_harmonics import PRIOR, joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
@@ -65,7 +67,7 @@ def identify_poses(
     noise = rounding(table.q) / np.sqrt(12.0)
     progress("finding seats and targets")
     start = start_of_poses(table, chain)
-    fixed = [unit_weights(table.robot), *_learned(options)]
+    fixed = [*sag(table.robot), *_learned(options)]
     layout = pose_unknowns(table, chain, start.seats, start.targets, fixed)
     _check_enough(table, layout)
     model = PoseModel(table, layout, tuple(fixed), noise)
@@ -85,6 +87,12 @@ def identify_poses(
     fit = replace(fit, covariance=robust_covariance(fit))
     validation = cross_validated(fit)
     return PoseIdentification(table, fit, nominal, search, validation, findings)
+
+
+def sag(robot: Robot) -> list[Correction]:
+    """Unit weights at the frames' origins; elastic gears too where masses and gears are stated."""
+    stated = robot.links is not None and robot.gears is not None
+    return [unit_weights(robot), *([gear_compliance(robot)] if stated else [])]
 
 
 def rounding(q: Array) -> Array:

@@ -6,11 +6,15 @@ The same corrections as those of logs (ident.corrections), at rest.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cell.arrays import Array
+from cell.bodies import link_bodies
+from cell.chain import Chain, forward
 from cell.descriptions import Robot
+from cell.dynamics import joint_torques
 from ident.corrections.base import Correction, State
 from ident.loads.gear_loads import no_loads
 
@@ -18,17 +22,28 @@ from ident.loads.gear_loads import no_loads
 def regressors_at(robot: Robot, corrections: Sequence[Correction], q: Array) -> Array:
     """(C, N) regressor of every coefficient at joint angles q (N, J) [rad], the robot at rest."""
     n = len(q)
+    loads = no_loads(q.shape[1], n)
+    if any(correction.slopes is not None for correction in corrections):
+        loads = replace(loads, gear=resting_loads(robot, q))
     state = State(
         t=np.zeros(n),
         recording=-1,
         gears=(q @ robot.joint_to_gear).T,
         bar=np.zeros((0, n)),
-        loads=no_loads(q.shape[1], n),
+        loads=loads,
         tension=np.zeros(n),
         width=np.zeros(q.shape[1]),
     )
     rows = [regressor for c in corrections for regressor in c.regressors(state)]
     return np.stack(rows) if rows else np.zeros((0, n))
+
+
+def resting_loads(robot: Robot, q: Array) -> Array:
+    """(J, N) [N m] at the gears' outputs under the weight of the links at q (N, J) [rad]."""
+    bodies = [[link] for link in link_bodies(robot)]
+    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
+    torques = joint_torques(forward(chain, q), bodies, q, gravity=robot.gravity)
+    return np.asarray(robot.gear_to_joint @ torques)
 
 
 def joint_displacements(

@@ -129,7 +129,7 @@ def unsettled(errors: PoseErrors, q: Array, seed: int) -> tuple[Array, NDArray[n
 
 def logged_axes(arm: TrueArm, errors: PoseErrors, q: Array, seed: int) -> Array:
     """(N, J) [rad] axis angles in the table, of shown angles q (N, J) [rad]."""
-    noise = stream(seed, "joint_noise").standard_normal(q.shape)
+    noise = stream(seed, "pose_joint_noise").standard_normal(q.shape)
     if errors.joint_noise is not None:
         q = q + errors.joint_noise.sigma_rad * noise
     axes = joints_to_axes(arm.robot, q)

@@ -96,7 +96,7 @@ def true_arm(robot: Robot, errors: PoseErrors, seed: int) -> TrueArm:
     stiffness = None
     if (compliance := errors.joint_compliance) is not None:
         robot.required("links")
-        spread = stream(seed, "joint_compliance").standard_normal(robot.joints)
+        spread = stream(seed, "pose_joint_compliance").standard_normal(robot.joints)
         catalogue = robot.required("gears").stiffness * compliance.scale
         stiffness = catalogue * np.exp(compliance.spread * spread)
     weights = np.zeros((robot.joints, robot.joints))
