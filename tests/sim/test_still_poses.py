@@ -272,7 +272,7 @@ def test_mujoco_sags_as_the_arm_does_where_the_rod_weighs_nothing(elastic: TrueA
     plant = {"rod_mass_kg": 1e-6, "rod_spring_N_per_m": 0.0}
     joints, _, _ = held(elastic, load_instrument("qc20w_300"), plant)
     sag = np.abs(elastic.joints(HELD_Q) - elastic.rotors(HELD_Q) @ elastic.robot.gear_to_joint)
-    assert sag.max() > 3e-4
+    assert sag.max() > 2e-4
     # two independent ways to the same angles; MuJoCo stops at 1e-8 rad/s
     assert joints == pytest.approx(elastic.joints(HELD_Q), abs=1e-8)
 
