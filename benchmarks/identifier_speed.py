@@ -30,7 +30,7 @@ from cell.descriptions import Cell
 from cell.load import load_cell
 from cell.threads import one_thread_each
 from ident.complete_fit import FIRST_EXCESS, approached, fit_pose, posed
-from ident.corrections import CORRECTIONS
+from ident.corrections import supported_corrections
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
 from ident.estimator.model import Model, joints_as_logged
@@ -140,7 +140,8 @@ def corrected(folder: Path, count: int) -> tuple[float, int]:
     """[ms] of a fit with all corrections, from the dh fit to the covariance; count of unknowns."""
     cell, logs = read(folder)
     options = FitOptions(force="torque", samples=count)
-    pose = posed(cell, [fit_recording(cell, logs, options)], list(CORRECTIONS), options)
+    corrections = supported_corrections(cell.robot)
+    pose = posed(cell, [fit_recording(cell, logs, options)], corrections, options)
 
     def fit() -> Fit:
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS)

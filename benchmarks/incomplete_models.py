@@ -20,7 +20,8 @@ import pandas as pd
 from ballbar.result.compare import identification_against_truth
 from cell.descriptions import Cell
 from cell.files import write_whole
-from ident.corrections import CORRECTIONS
+from cell.load import load_robot
+from ident.corrections import supported_corrections
 from ident.identify import identify_together
 from ident.options import FitOptions
 from tests.helpers.drawn_robots import ROOT, faulty, recorded, scenario_of
@@ -71,9 +72,10 @@ class Case:
     simulated: dict[str, object] = field(default_factory=dict)
 
 
+EVERY = supported_corrections(load_robot("irb2400"))
 CASES = (
     Case("complete model", False),
-    *(Case(f"without {name}", name != "rod_strain", (name,)) for name in CORRECTIONS),
+    *(Case(f"without {name}", name != "rod_strain", (name,)) for name in EVERY),
     Case(
         "orders 40 and 80 missing", True,
         believed=with_harmonics(lambda n, a: () if n in (40.0, 80.0) else ((n, a),)),
@@ -109,7 +111,7 @@ def row(number: int) -> dict[str, object]:
             for p in "ab"
         ]
     cell, truth = made[0][0], made[0][2]
-    corrections = tuple(name for name in CORRECTIONS if name not in case.without)
+    corrections = tuple(name for name in EVERY if name not in case.without)
     options = FitOptions(model="complete", corrections=corrections, force="torque")
     every = [logs for _, logs, _ in made]
     found = identify_together(case.believed(cell), every, options=options)

@@ -1,4 +1,4 @@
-"""Schemas of the YAML files of cell/robots, cell/ballbars and cell/plates.
+"""Schemas of the YAML files of cell/robots, cell/instruments and cell/plates.
 
 A robot needs only its DH rows, 5 to 8 of them, and the limits of its axes. Lists and matrices of
 its axes have one entry for each row.
@@ -275,7 +275,7 @@ class EncoderFile(Strict):
 
 
 class BallBarFile(Strict):
-    """Description of a ball-bar, cell/ballbars/*.yaml."""
+    """Description of a ball-bar, cell/instruments/*.yaml."""
 
     schema_: Annotated[Literal["ballbar-bar/1"], Field(alias="schema")]
     title: str

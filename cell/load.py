@@ -5,6 +5,7 @@ The schema of the files is cell.description_files; here their units become SI.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -26,12 +27,18 @@ from cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGai
 from cell.errors import DescriptionError
 from cell.instrument import Instrument, InstrumentFile, instrument_of, telescoping_bar
 from cell.schema_errors import nearest
-from cell.strict_yaml import load_model, load_yaml
+from cell.strict_yaml import load_model
 
 F = TypeVar("F")
 D = TypeVar("D")
 
 _FOLDER = Path(__file__).parent
+_SCHEMA = re.compile(r"^schema: ballbar-(\w+)/\d", re.MULTILINE)
+# What the files of cell/instruments describe, by the word of their schema.
+_INSTRUMENTS = {
+    "bar": "a ball-bar with encoders (ballbar-bar/1)",
+    "instrument": "another instrument (ballbar-instrument/1)",
+}
 
 
 def load_cell(robot: str, ballbar: str, plate: str, *, relative_to: Path | None = None) -> Cell:
@@ -60,11 +67,8 @@ def load_measured_cell(
 
 
 def _describes_instrument(name_or_path: str, relative_to: Path | None) -> bool:
-    if not name_or_path.endswith(".yaml"):
-        return name_or_path in instrument_names()
-    document = load_yaml((relative_to or Path()) / name_or_path)
-    schema = document.data.get("schema")
-    return isinstance(schema, str) and schema.startswith("ballbar-instrument/")
+    path = _find(name_or_path, "instruments", relative_to)
+    return path.is_file() and _kind(path) == "instrument"
 
 
 def load_telescoping_bar(name_or_path: str, *, relative_to: Path | None = None) -> BallBar:
@@ -113,8 +117,11 @@ def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
 
 
 def load_ballbar(name_or_path: str, *, relative_to: Path | None = None) -> BallBar:
-    """A ball-bar by its shipped name (`lund_600`), or from a file, as in `load_robot`."""
-    path = _find(name_or_path, "ballbars", relative_to)
+    """A ball-bar by its shipped name (`lund_600`), or from a file, as in `load_robot`.
+
+    Raises DescriptionError also for an instrument of another kind.
+    """
+    path = _find_instrument(name_or_path, "bar", relative_to)
     file = load_model(path, BallBarFile)
     return BallBar(
         name=path.stem,
@@ -149,8 +156,11 @@ def load_plate(name_or_path: str, *, relative_to: Path | None = None) -> Plate:
 
 
 def load_instrument(name_or_path: str, *, relative_to: Path | None = None) -> Instrument:
-    """An instrument by its shipped name (`tracker_point`), or from a file, as in `load_robot`."""
-    path = _find(name_or_path, "instruments", relative_to)
+    """An instrument by its shipped name (`tracker_point`), or from a file, as in `load_robot`.
+
+    Raises DescriptionError also for a sensed ball-bar, which `load_ballbar` reads.
+    """
+    path = _find_instrument(name_or_path, "instrument", relative_to)
     return instrument_of(path.stem, load_model(path, InstrumentFile))
 
 
@@ -161,7 +171,7 @@ def robot_names() -> list[str]:
 
 def ballbar_names() -> list[str]:
     """Names of the shipped ball-bars."""
-    return _names("ballbars")
+    return _instrument_names("bar")
 
 
 def plate_names() -> list[str]:
@@ -171,19 +181,46 @@ def plate_names() -> list[str]:
 
 def instrument_names() -> list[str]:
     """Names of the shipped instruments other than sensed ball-bars."""
-    return _names("instruments")
+    return _instrument_names("instrument")
 
 
 def _names(kind: str) -> list[str]:
     return sorted(path.stem for path in (_FOLDER / kind).glob("*.yaml"))
 
 
-def _find(name_or_path: str, kind: str, relative_to: Path | None) -> Path:
+def _instrument_names(schema: str) -> list[str]:
+    """Names of the shipped files of cell/instruments with one of the schemas of `_INSTRUMENTS`."""
+    return [n for n in _names("instruments") if _kind(_FOLDER / f"instruments/{n}.yaml") == schema]
+
+
+def _kind(path: Path) -> str | None:
+    """The word of a file's schema: `bar` of `ballbar-bar/1`; None where it states none."""
+    stated = _SCHEMA.search(path.read_text(encoding="utf-8", errors="replace"))
+    return stated[1] if stated else None
+
+
+def _find_instrument(name_or_path: str, schema: str, relative_to: Path | None) -> Path:
+    """The file of an instrument of one of the schemas of `_INSTRUMENTS`."""
+    path = _find(name_or_path, "instruments", relative_to, _instrument_names(schema))
+    stated = _kind(path) if path.is_file() else None
+    if stated != schema and stated in _INSTRUMENTS:
+        raise DescriptionError(
+            f"{name_or_path} is {_INSTRUMENTS[stated]}; expected {_INSTRUMENTS[schema]}: "
+            f"{', '.join(_instrument_names(schema))}, or a file of your own."
+        )
+    return path
+
+
+def _find(
+    name_or_path: str, kind: str, relative_to: Path | None, valid: list[str] | None = None
+) -> Path:
+    """A file by its path, or a shipped one by its name; valid : names that an error lists."""
     if name_or_path.endswith(".yaml"):
         return (relative_to or Path()) / name_or_path
     names = _names(kind)
     if name_or_path in names:
         return _FOLDER / kind / f"{name_or_path}.yaml"
+    names = names if valid is None else valid
     raise DescriptionError(
         f"unknown {kind.removesuffix('s')} {name_or_path!r}."
         f"{nearest(name_or_path, names, noun='name')} A file of your own ends in .yaml."

@@ -70,7 +70,7 @@ class RecordingFile(Strict):
     schema_: Annotated[Literal["ballbar-recording/1"], Field(alias="schema")]
     kind: Literal["simulated", "real"]
     robot: str  # a file of cell/robots, or a path relative to this file
-    ballbar: str | None = None  # a file of cell/ballbars, or a path
+    ballbar: str | None = None  # a file of cell/instruments, or a path
     # a file of cell/instruments, or a path: what measured the length, in place of a ball-bar
     instrument: str | None = None
     plate: str = "plate_250"  # a file of cell/plates, or a path

@@ -14,8 +14,9 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections import CORRECTIONS, correction_named
+from ident.corrections import belongs_to_machine, correction_named
 from ident.corrections.base import Correction
+from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
@@ -57,6 +58,9 @@ PER_UNKNOWN = (
 )
 
 
+Orders = Sequence[tuple[int, float]]
+
+
 @dataclass(frozen=True, eq=False)
 class Pose:
     """Where a fit begins."""
@@ -72,13 +76,17 @@ def fit_complete(
     corrections: Sequence[str],
     options: FitOptions,
     listener: Listener = SILENT,
+    *,
+    orders: Orders = (),
 ) -> Fit:
     """The joint fit of all recordings with the named corrections, step faults repaired.
 
+    orders : joint, from 0, and cycles a turn of periodic joint errors that were found.
     Corrections that the data do not support are left out, unless the options name them.
     """
-    run = _Run(cell, recordings, options, listener)
+    run = _Run(cell, recordings, options, listener, orders)
     lines, names = cell.ballbar.encoder_lines, list(corrections)
+    names += [JOINT_HARMONICS] if orders else []
     faults = tuple(
         fault
         for k, r in enumerate(recordings)
@@ -115,11 +123,12 @@ class _Run:
     recordings: Sequence[RecordingFit]
     options: FitOptions
     listener: Listener
+    orders: Orders
 
     def first(self, names: Sequence[str], faults: tuple[StepFault, ...]) -> Fit:
         """A fit with the first guess of the noise."""
         self.listener.progress("preparing the complete model")
-        pose = posed(self.cell, self.recordings, names, self.options, faults)
+        pose = posed(self.cell, self.recordings, names, self.options, faults, self.orders)
         sources = [
             r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings
         ]
@@ -176,9 +185,19 @@ def posed(
     corrections: Sequence[str],
     options: FitOptions,
     faults: tuple[StepFault, ...] = (),
+    orders: Orders = (),
 ) -> Pose:
-    """The complete model of some recordings, and where its fit starts."""
-    chosen = [correction_named(name, cell, recordings[0].samples.encoders) for name in corrections]
+    """The complete model of some recordings, and where its fit starts.
+
+    orders : joint, from 0, and cycles a turn of the joint errors, if they are a correction.
+    """
+    encoders = recordings[0].samples.encoders
+    chosen = [
+        joint_harmonics(orders)
+        if name == JOINT_HARMONICS
+        else correction_named(name, cell, encoders)
+        for name in corrections
+    ]
     slips = encoder_slips(faults)
     chosen += [] if slips is None else [slips]
     loaded = bool(NEEDS_LOADS & set(corrections))
@@ -287,7 +306,7 @@ def unsupported(result: Fit) -> set[str]:
 
 def lasting(result: Fit) -> list[Correction]:
     """The corrections that belong to the machine: encoder slips belong to a recording."""
-    return [c for c in result.model.corrections if c.name in CORRECTIONS]
+    return [c for c in result.model.corrections if belongs_to_machine(c)]
 
 
 def coefficients_of(result: Fit, correction: Correction) -> slice:

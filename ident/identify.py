@@ -17,16 +17,18 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from ident.complete_fit import coefficients_of, fit_complete, lasting
-from ident.corrections import CORRECTIONS, corrections_without_data
+from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
 from ident.estimator.fit import Fit
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import log_noise
+from ident.estimator.order_search import JointOrder
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
 from ident.estimator.unknowns import declared_names, fixed_names
+from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
-from ident.remarks import log_remarks
+from ident.remarks import joint_error_remark, log_remarks
 from ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
@@ -91,15 +93,18 @@ def identify_together(
         simple = _result(cell, single, single[0].fit, options)
         if options.model == "dh" or not _asks_for_more(simple):
             return simple
-    without = corrections_without_data(cell.robot)
-    corrections = [name for name in CORRECTIONS if name not in without]
+    corrections = supported_corrections(cell.robot)
     if options.corrections is not None:
         corrections = list(options.corrections)
     if automatic and len(single) == 1 and len(single[0].samples.encoders) < COMPLETE_ENCODERS:
         corrections = []  # step faults can be sized all the same
-    return _result(
-        cell, single, fit_complete(cell, single, corrections, options, listener), options
-    )
+    fit = fit_complete(cell, single, corrections, options, listener)
+    result = _result(cell, single, fit, options)
+    if automatic and corrections and may_have_joint_errors(result):
+        fit, orders = fit_joint_errors(cell, single, corrections, fit, options, listener)
+        if orders:
+            result = _result(cell, single, fit, options, orders)
+    return result
 
 
 def _asks_for_more(simple: Identification) -> bool:
@@ -110,9 +115,16 @@ def _asks_for_more(simple: Identification) -> bool:
 
 
 def _result(
-    cell: Cell, single: Sequence[RecordingFit], fit: Fit, options: FitOptions
+    cell: Cell,
+    single: Sequence[RecordingFit],
+    fit: Fit,
+    options: FitOptions,
+    orders: Sequence[JointOrder] = (),
 ) -> Identification:
-    """The result of a fit of one or several recordings; single : the dh fit of each."""
+    """The result of a fit of one or several recordings.
+
+    single : the dh fit of each. orders : of joint errors that were found by evidence.
+    """
     stated, layout = uncertainty(fit), fit.model.unknowns
     complete = fit is not single[0].fit
     known = stated.information_gain > MOSTLY_PRIOR
@@ -164,9 +176,17 @@ def _result(
             keys = dict.fromkeys(f"`{key}`" for lacking in without.values() for key in lacking)
             verdict = verdict.with_warning(
                 f"{', '.join(without)} were not fitted: the file of robot {cell.robot.name} "
-                f"has no {', '.join(keys)}"
+                f"has no {', '.join(keys)}{_substituted(robot)}"
             )
+    if orders and (remark := joint_error_remark(orders, robot.corrections)):
+        verdict = verdict.with_warning(remark)
     return Identification(robot, estimates, statistics, verdict)
+
+
+def _substituted(robot: RobotEstimate) -> str:
+    """What stands for corrections that were not fitted, as the end of a sentence."""
+    names = [c.name for c in robot.corrections if c.name in SUBSTITUTES]
+    return "".join(f"; {name} stands for {SUBSTITUTES[name]}" for name in names)
 
 
 def _robot(

@@ -1,10 +1,15 @@
-"""Remarks on what was repaired in the logs of a recording or left out of them."""
+"""Remarks on what was repaired in logs or left out of them, and on joint errors that were found."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from ident.corrections.joint_harmonics import harmonic_name
+from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
+from ident.result import CorrectionEstimate
 from ident.signals.smooth_log import Outliers
 from ident.signals.step_fault import StepFault
 
@@ -49,3 +54,24 @@ def _left_out(log: str, outliers: Outliers, channels: Sequence[str]) -> list[str
         f"{rows} {verb} left out: {channels[outliers.channels[first]]} first at t = "
         f"{outliers.times[first]:.2f} s"
     ]
+
+
+def joint_error_remark(
+    orders: Sequence[JointOrder], corrections: Sequence[CorrectionEstimate]
+) -> str:
+    """The joint errors that were found and lasted, with their amplitudes; empty if there are none.
+
+    corrections : of the result.
+    """
+    values = {c.name: c.value for correction in corrections for c in correction.coefficients}
+    parts = []
+    for o in orders:
+        name = harmonic_name(o.joint, o.order)
+        if f"{name}_cos" not in values:
+            continue
+        size = np.hypot(values[f"{name}_cos"], values[f"{name}_sin"])
+        others = f" (or {', '.join(f'{a:g}' for a in o.aliases)})" if o.aliases else ""
+        parts.append(
+            f"joint {o.joint + 1}: {o.order:g} cycles a turn{others}, {size * 1e6:.0f} urad"
+        )
+    return f"joint errors found by evidence: {'; '.join(parts)}" if parts else ""

@@ -16,7 +16,7 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry
-from ident.corrections import correction_named
+from ident.corrections import correction_of_result
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import ExcessNoise, LogNoise
 from ident.robot.unloaded_robot import UnloadedRobot
@@ -81,7 +81,10 @@ def unloaded_robot(
     corrections: Sequence[CorrectionEstimate],
 ) -> UnloadedRobot:
     """A robot with the identified corrections; encoders : of the ball-bar that found them."""
-    made = tuple(correction_named(c.name, cell, encoders) for c in corrections)
+    made = tuple(
+        correction_of_result(c.name, [k.name for k in c.coefficients], cell, encoders)
+        for c in corrections
+    )
     values = np.array([c.value for correction in corrections for c in correction.coefficients])
     return UnloadedRobot(cell, geometry, made, values)
 

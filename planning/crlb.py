@@ -21,7 +21,7 @@ from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import BAR_ROWS, Geometry
 from ident.complete_fit import FIRST_EXCESS
-from ident.corrections import CORRECTIONS
+from ident.corrections import correction_named, supported_corrections
 from ident.corrections.base import Correction
 from ident.estimator.gauss_newton import inverse
 from ident.estimator.model import Evaluation, Model, gearing
@@ -141,7 +141,10 @@ def predictor(
         masses=mass_model(cell),
         sensors=sensors,
         timing=timing,
-        corrections=tuple(make(cell, sensors.encoders) for make in CORRECTIONS.values()),
+        corrections=tuple(
+            correction_named(name, cell, sensors.encoders)
+            for name in supported_corrections(cell.robot)
+        ),
         grid=grid,
         samples=samples,
     )

@@ -50,7 +50,7 @@ class PlanCell(Strict):
     """What stands in the cell, and the region of the ball-bar."""
 
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
-    ballbar: str = Field(description="A file of cell/ballbars, or a path.")
+    ballbar: str = Field(description="A file of cell/instruments, or a path.")
     ballbar_choices: tuple[str, ...] = Field((), description="Ball-bars that may be used instead.")
     plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
     ballbar_position_m: Vector3 | None = Field(

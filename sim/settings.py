@@ -38,7 +38,7 @@ class CellSettings(Strict):
     """What stands in the cell, and where."""
 
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
-    ballbar: str = Field(description="A file of cell/ballbars, or a path.")
+    ballbar: str = Field(description="A file of cell/instruments, or a path.")
     plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
     ballbar_position_m: Position = Field(
         description="Centre of the sphere in the robot's base frame."

@@ -32,7 +32,7 @@ def record(
         str, typer.Option(help="Robot of cell/robots, or a .yaml file.", metavar="NAME")
     ],
     ballbar: Annotated[
-        str, typer.Option(help="Ball-bar of cell/ballbars, or a .yaml file.", metavar="NAME")
+        str, typer.Option(help="Ball-bar of cell/instruments, or a .yaml file.", metavar="NAME")
     ],
     plate: Annotated[
         str, typer.Option(help="Offset plate of cell/plates, or a .yaml file.", metavar="NAME")

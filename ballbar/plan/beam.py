@@ -15,7 +15,7 @@ was near 0.11 m.
 
 Rod: a tube of section A in tension becomes longer by F L / (E A). The thesis gives force, length
 and result, from which E A = 2.8e7 N follows: that of a standard-modulus carbon tube of the mass
-assumed in cell/ballbars.
+assumed in cell/instruments.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ ROD_FORCE = 150.0  # [N] thesis sec. 5.3
 ROD_LENGTH = 0.50  # [m] thesis sec. 5.3
 # Assumed: 57 % fibre of 230 GPa (Toray T700S) along the tube, in epoxy of 3 GPa: rule of mixtures.
 ROD_MODULUS = 0.57 * 230e9 + 0.43 * 3e9  # [Pa]
-# Mass per length of cell/ballbars by the density of the laminate, both assumed.
+# Mass per length of cell/instruments by the density of the laminate, both assumed.
 ROD_SECTION = 0.35 / 1600.0  # [m^2]
 
 CALCULATIONS: Mapping[str, partial[float]] = {  # results in SI units, by the names in claims

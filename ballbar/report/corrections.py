@@ -19,9 +19,14 @@ _UNITS = {
     "rad/(N m)": (1e6, "µrad/(N m)"),
     "m/N": (1e9, "nm/N"),
     "m": (1e6, "µm"),
+    "rad/m": (1e6, "µrad/m"),
 }  # SI to what is shown
 _INVERSE = {"rad/(N m)": "N m/rad", "m/N": "N/m"}
-_CHANNELS = {"ripple": "gear ", "encoder": "encoder b"}  # by the name of a harmonic
+_CHANNELS = {
+    "ripple": "gear ",
+    "encoder": "encoder b",
+    "joint": "joint ",
+}  # by the name of a harmonic
 
 
 @dataclass(frozen=True)

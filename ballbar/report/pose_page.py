@@ -31,6 +31,7 @@ from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array
 from cell.files import write_whole
 from cell.pose_file import pose_file_path
+from ident.corrections.joint_harmonics import harmonic_name
 from ident.poses.result import PoseIdentification
 from ident.verdict import Status
 
@@ -72,7 +73,7 @@ class OrderRow:
     """A joint error found by evidence."""
 
     joint: int
-    order: int
+    order: str
     amplitude: str
     score: str
     gain: str
@@ -195,16 +196,16 @@ def _orders(result: PoseIdentification) -> list[OrderRow]:
     values = dict(zip(layout.names, x.tolist(), strict=True))
     rows = []
     for o in result.search.orders:
-        name = f"joint{o.joint + 1}_{o.order}"
+        name = harmonic_name(o.joint, o.order)
         size = float(np.hypot(values[f"{name}_cos"], values[f"{name}_sin"]))
         rows.append(
             OrderRow(
                 o.joint + 1,
-                o.order,
+                f"{o.order:g}",
                 f"{size * URAD:.0f}",
                 f"{o.score:.0f}",
                 f"{o.gain * 100.0:.1f}",
-                ", ".join(str(a) for a in o.aliases),
+                ", ".join(f"{a:g}" for a in o.aliases),
             )
         )
     return rows

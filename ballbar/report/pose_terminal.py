@@ -31,7 +31,7 @@ def say_poses(out: Console, run: PoseRun) -> None:
         f"target{'s' * (targets > 1)}, in {fit.iterations} iterations"
     )
     if result.search is not None:
-        names = ", ".join(f"joint {o.joint + 1}: {o.order}" for o in result.search.orders[:8])
+        names = ", ".join(f"joint {o.joint + 1}: {o.order:g}" for o in result.search.orders[:8])
         more = len(result.search.orders) - 8
         out.print(
             escape(

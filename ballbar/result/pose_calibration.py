@@ -30,7 +30,7 @@ from cell.schema import Strict
 from cell.strict_yaml import check_schema, load_yaml, parse_model
 from ident.corrections.base import Correction
 from ident.corrections.joint_compliance import gear_compliance
-from ident.corrections.joint_harmonics import joint_harmonics
+from ident.corrections.joint_harmonics import joint_harmonics, orders_of
 from ident.corrections.unit_weights import unit_weights
 from ident.poses.closure import Placement
 from ident.poses.identify import JointErrors
@@ -38,7 +38,6 @@ from ident.poses.unknowns import nominal_chain
 from ident.robot.identified_arm import IdentifiedArm
 
 Three = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
-_HARMONIC = re.compile(r"joint(\d+)_(\d+)_(cos|sin)")
 KNOWN = 0.5  # information gain below which a parameter stands at its prior
 
 
@@ -84,10 +83,10 @@ class OrderEntry(Strict):
     """A joint error that was found by evidence."""
 
     joint: int  # from 1
-    order: int  # cycles a turn
+    order: int | float  # cycles a turn
     score: float
     gain: float
-    aliases: tuple[int, ...] = ()
+    aliases: tuple[int | float, ...] = ()
 
 
 class CrossValidationEntry(Strict):
@@ -159,7 +158,10 @@ class PoseCalibrationFile(Strict):
 
     def joint_errors(self) -> JointErrors:
         """The joint errors, to be kept in another identification."""
-        return _joint_errors(self.corrections.get("joint_harmonics", {}))
+        entries = self.corrections.get("joint_harmonics", {})
+        return JointErrors(
+            tuple(orders_of(entries)), tuple(entry.value for entry in entries.values())
+        )
 
     def arm(self, robot: Robot, target: str | None = None) -> IdentifiedArm:
         """The identified robot with one of its targets, by default the first.
@@ -199,7 +201,7 @@ class PoseCalibrationFile(Strict):
             elif name == "joint_compliance":
                 correction = gear_compliance(robot)
             else:
-                correction = joint_harmonics(_joint_errors(entries).orders)
+                correction = joint_harmonics(orders_of(entries))
             expected = [c.name for c in correction.coefficients]
             if list(entries) != expected:
                 raise InputError(
@@ -391,15 +393,3 @@ def _entry(place: Placement, covariance: Array, part: slice, *, whole: bool) -> 
         position_sigma_m=tuple(deviations.tolist()),
         rotation_vector_rad=tuple(turn.tolist()) if whole else None,
     )
-
-
-def _joint_errors(entries: dict[str, CoefficientEntry]) -> JointErrors:
-    orders: list[tuple[int, int]] = []
-    for name in entries:
-        parts = _HARMONIC.fullmatch(name)
-        if parts is None:
-            raise InputError(f"corrections.joint_harmonics.{name}: expected joint2_17_cos or alike")
-        pair = (int(parts[1]) - 1, int(parts[2]))
-        if pair not in orders:
-            orders.append(pair)
-    return JointErrors(tuple(orders), tuple(entry.value for entry in entries.values()))

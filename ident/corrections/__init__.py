@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from cell.descriptions import Cell, Key, Robot
 from ident.corrections.base import Correction, Maker
 from ident.corrections.encoder_harmonics import encoder_harmonics
 from ident.corrections.gear_backlash import gear_backlash
 from ident.corrections.gear_ripple import gear_ripple
 from ident.corrections.joint_compliance import joint_compliance
+from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
 from ident.corrections.plate_bending import plate_bending
 from ident.corrections.rod_strain import rod_strain
+from ident.corrections.unit_weights import unit_weights_of_cell
 
 CORRECTIONS: dict[str, Maker] = {
     "joint_compliance": joint_compliance,
@@ -18,6 +22,7 @@ CORRECTIONS: dict[str, Maker] = {
     "encoder_harmonics": encoder_harmonics,
     "rod_strain": rod_strain,
     "plate_bending": plate_bending,
+    "unit_weights": unit_weights_of_cell,
 }
 
 # Keys of the robot's file without which a correction cannot be formed.
@@ -26,6 +31,20 @@ REQUIRED: dict[str, tuple[Key, ...]] = {
     "gear_backlash": ("links", "gears"),
     "gear_ripple": ("gears",),
 }
+
+
+# What stands for a correction that the robot's file does not support, and for that one only.
+SUBSTITUTES = {"unit_weights": "joint_compliance"}
+
+
+def supported_corrections(robot: Robot) -> list[str]:
+    """Names of the corrections of a robot's complete model: those that its file supports."""
+    without = corrections_without_data(robot)
+    return [
+        name
+        for name in CORRECTIONS
+        if name not in without and (name not in SUBSTITUTES or SUBSTITUTES[name] in without)
+    ]
 
 
 def corrections_without_data(robot: Robot) -> dict[str, list[Key]]:
@@ -42,3 +61,20 @@ def correction_named(name: str, cell: Cell, encoders: tuple[int, ...]) -> Correc
     for key in REQUIRED.get(name, ()):
         cell.robot.required(key)
     return CORRECTIONS[name](cell, encoders)
+
+
+def belongs_to_machine(correction: Correction) -> bool:
+    """Whether a correction is the machine's: encoder slips are a recording's."""
+    return correction.name in CORRECTIONS or correction.name == JOINT_HARMONICS
+
+
+def correction_of_result(
+    name: str, coefficients: Sequence[str], cell: Cell, encoders: tuple[int, ...]
+) -> Correction:
+    """A correction of a result, formed again; coefficients : their names.
+
+    Raises InputError if the robot's file lacks what it needs, KeyError for an unknown name.
+    """
+    if name == JOINT_HARMONICS:
+        return joint_harmonics(orders_of(coefficients))
+    return correction_named(name, cell, encoders)

@@ -1,20 +1,28 @@
-"""Joint errors of whole orders, found by evidence: so many cycles a turn of a joint."""
+"""Periodic joint errors found by evidence: so many cycles a turn of a joint.
+
+The names of the coefficients (`joint2_17_cos`) hold the orders, so that a calibration file tells
+all that is needed to form the correction again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from cell.arrays import Array
+from cell.errors import InputError
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 
 # [rad] of each amplitude; 2e-4 gives the same (docs/real_robots, orders)
 PRIOR = 3e-4
 WAVES = {"cos": np.cos, "sin": np.sin}
+JOINT_HARMONICS = "joint_harmonics"
+_COEFFICIENT = re.compile(r"joint(\d+)_(\d+(?:\.\d+)?)_(?:cos|sin)")
 
 
-def joint_harmonics(orders: Sequence[tuple[int, int]]) -> Correction:
+def joint_harmonics(orders: Sequence[tuple[int, float]]) -> Correction:
     """Cosine and sine amplitudes [rad] of each pair of joint (from 0) and order."""
     terms = [(joint, order, wave) for joint, order in orders for wave in WAVES]
 
@@ -22,7 +30,30 @@ def joint_harmonics(orders: Sequence[tuple[int, int]]) -> Correction:
         return [WAVES[wave](order * state.gears[joint]) for joint, order, wave in terms]
 
     coefficients = tuple(
-        Coefficient(f"joint{joint + 1}_{order}_{wave}", "rad", 0.0, PRIOR, GEAR + joint)
+        Coefficient(f"{harmonic_name(joint, order)}_{wave}", "rad", 0.0, PRIOR, GEAR + joint)
         for joint, order, wave in terms
     )
-    return Correction("joint_harmonics", "errors of the joints", coefficients, regressors)
+    return Correction(JOINT_HARMONICS, "errors of the joints", coefficients, regressors)
+
+
+def harmonic_name(joint: int, order: float) -> str:
+    """What the names of both coefficients of a joint, from 0, and an order begin with."""
+    return f"joint{joint + 1}_{order:.10g}"
+
+
+def orders_of(names: Iterable[str]) -> list[tuple[int, float]]:
+    """Joint, from 0, and order of every pair of coefficients, by their names.
+
+    Raises InputError for a name that is none of this correction's.
+    """
+    orders: list[tuple[int, float]] = []
+    for name in names:
+        parts = _COEFFICIENT.fullmatch(name)
+        if parts is None:
+            raise InputError(
+                f"corrections.{JOINT_HARMONICS}.{name}: expected joint2_17_cos or alike"
+            )
+        pair = (int(parts[1]) - 1, float(parts[2]) if "." in parts[2] else int(parts[2]))
+        if pair not in orders:
+            orders.append(pair)
+    return orders

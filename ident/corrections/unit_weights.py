@@ -3,6 +3,7 @@
 A weight at the origin of frame k loads every joint j before it with the torque z_{j-1} x (O_k -
 O_{j-1}) . g; the joint yields by that torque times an unknown coefficient, which stands for mass
 times compliance. Gear compliance, and the links' bending where it acts like it, are both in it.
+The ball-bar's weight and the tension of its rod are not: of logs it stands for sag alone.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames, cross, forward
-from cell.descriptions import Robot
+from cell.descriptions import Cell, Robot
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 
 # [rad/m] of a coefficient: 3e-4 to 5e-3 agree from 60 poses on (docs/real_robots)
@@ -38,6 +39,11 @@ def unit_weights(robot: Robot) -> Correction:
         Coefficient(f"weight{k + 1}_joint{j + 1}", "rad/m", 0.0, PRIOR, GEAR + j) for j, k in pairs
     )
     return Correction("unit_weights", "sag under unknown weights", coefficients, regressors)
+
+
+def unit_weights_of_cell(cell: Cell, encoders: tuple[int, ...]) -> Correction:
+    """The unit weights of a cell's robot."""
+    return unit_weights(cell.robot)
 
 
 def torques(frames: Frames, down: Array) -> Array:

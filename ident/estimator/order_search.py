@@ -1,15 +1,18 @@
-"""Search by evidence for joint errors of whole orders that no data sheet lists.
+"""Search by evidence for periodic joint errors that no data sheet lists.
 
-Candidates are the cosine and sine of `n q_j` for every joint j and order n. In each step the
-candidates are ranked by a score test whose variance is that of the poses' own scores (sandwich
-form: White 1982; a pose's equations, and what is alike within it, count once). Of the best ones
-that is taken which lowers the blocked cross-validated residual most; the search ends when none
-lowers it by `GAIN`. Both work on the linearised model, so that everything follows from Gram
-matrices that are formed once. Method and settings: docs/real_robots, orders.
+Candidates are the cosine and sine of `n q_j` for joints j and orders n: cycles a turn, by default
+the whole ones. In each step the candidates are ranked by a score test whose variance is that of
+the poses' own scores (sandwich form: White 1982; a pose's equations, and what is alike within it,
+count once). Neighbouring samples of a log are autocorrelated: there the scores of a block of time
+count once (Liang & Zeger 1986). Of the best candidates that is taken which lowers the blocked
+cross-validated residual most; the search ends when none lowers it by `GAIN`. Both work on the
+linearised model, so that everything follows from Gram matrices that are formed once. Method and
+settings: docs/real_robots, orders.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,17 +34,19 @@ LARGEST = 60  # pairs; real robots needed 40
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """A fit linearised at its estimate, whitened: N poses with E equations each."""
+    """A fit linearised at its estimate, whitened: N samples with E equations each."""
 
     jacobian: Array  # (P, E, N) of the residual
     residual: Array  # (E, N)
-    joints: Array  # (J, E, N) of the residual, per radian of each joint
-    angles: Array  # (J, N) [rad] of the joints
+    joints: Array  # (J, E, N) of the residual, per radian of each joint's gear
+    angles: Array  # (J, N) [rad] of the gears; of most robots these are the joints
     prior_gradient: Array  # (P,) of half the prior's cost
     prior_normal: Array  # (P, P)
     regions: NDArray[np.intp]  # (N,) folds of the cross-validation
-    # (N,) number of the pose from 0: the errors of several targets at one pose are alike
-    poses: NDArray[np.intp]
+    # (N,) number from 0 of the group that counts once, because errors within it are alike: several
+    # targets at one pose, a block of time of a log
+    groups: NDArray[np.intp]
+    few: bool = False  # whether groups are some tens only, for which the test must allow
 
 
 @dataclass(frozen=True)
@@ -49,10 +54,10 @@ class JointOrder:
     """One joint error that the data ask for."""
 
     joint: int  # from 0
-    order: int
+    order: float  # cycles a turn
     score: float  # of the test, chi-square with two degrees of freedom where there is none
     gain: float  # share of the cross-validated sum of squares that it took away
-    aliases: tuple[int, ...]  # other orders that these angles hardly tell from it
+    aliases: tuple[float, ...]  # other orders that these angles hardly tell from it
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,24 +65,37 @@ class OrderSearch:
     """The outcome of a search."""
 
     orders: tuple[JointOrder, ...]
-    spectrum_before: Array  # (J, ORDERS) score of every candidate before the search
+    spectrum_before: Array  # (J, ORDERS) score of every whole order before the search
     spectrum_after: Array  # (J, ORDERS) and after it
 
     @property
-    def pairs(self) -> list[tuple[int, int]]:
+    def pairs(self) -> list[tuple[int, float]]:
         """Joint, from 0, and order of each."""
         return [(o.joint, o.order) for o in self.orders]
 
 
-def search_orders(model: LinearModel, prior: float, *, highest: int = ORDERS) -> OrderSearch:
+def whole_orders(joints: int) -> list[tuple[int, float]]:
+    """Every pair of joint, from 0, and whole order up to ORDERS."""
+    return [(joint, order) for joint in range(joints) for order in range(1, ORDERS + 1)]
+
+
+def search_orders(
+    model: LinearModel,
+    prior: float,
+    pairs: Sequence[tuple[int, float]] | None = None,
+    *,
+    threshold: float = THRESHOLD,
+) -> OrderSearch:
     """Joint errors that the data ask for, the strongest first.
 
-    prior : [rad] standard deviation of each amplitude.
+    prior : [rad] standard deviation of each amplitude. pairs : joint, from 0, and order of every
+    candidate; by default `whole_orders`. threshold : as `THRESHOLD`.
     """
-    candidates = _candidates(model, highest)
+    pairs = whole_orders(len(model.joints)) if pairs is None else pairs
+    candidates = _candidates(model, pairs)
     grams = _Grams(model, candidates, prior)
     scores = _Scores(model, candidates, prior)
-    limit = 2.0 * np.log(len(candidates)) + THRESHOLD
+    limit = 2.0 * np.log(len(candidates)) + threshold
     taken: list[int] = []
     orders: list[JointOrder] = []
     first = scores.tests()
@@ -93,26 +111,35 @@ def search_orders(model: LinearModel, prior: float, *, highest: int = ORDERS) ->
             break
         chosen, level = int(ranked[best]), float(levels[best])
         taken.append(chosen)
-        joint, order = divmod(chosen, highest)
-        orders.append(
-            JointOrder(
-                joint, order + 1, float(tests[chosen]), float(gain), scores.aliases(chosen, highest)
-            )
-        )
+        joint, order = pairs[chosen]
+        same = [k for k, pair in enumerate(pairs) if pair[0] == joint and k != chosen]
+        aliases = tuple(pairs[k][1] for k in scores.alike(chosen, same))
+        orders.append(JointOrder(joint, order, float(tests[chosen]), float(gain), aliases))
         scores.take(chosen)
         tests = scores.tests()
-    shape = (len(model.joints), highest)
-    return OrderSearch(tuple(orders), first.reshape(shape), tests.reshape(shape))
+    joints = len(model.joints)
+    return OrderSearch(
+        tuple(orders), _spectrum(pairs, first, joints), _spectrum(pairs, tests, joints)
+    )
 
 
-def _candidates(model: LinearModel, highest: int) -> Array:
-    """(C, 2, N E) columns of every pair of joint and order, joint after joint."""
-    n = np.arange(1, highest + 1)
-    out = np.empty((len(model.joints), highest, 2, *model.residual.shape))
-    for j, (column, angle) in enumerate(zip(model.joints, model.angles, strict=True)):
-        waves = np.stack((np.cos(n[:, None] * angle), np.sin(n[:, None] * angle)), axis=1)
-        np.multiply(column, waves[:, :, None], out=out[j])
-    return out.reshape(len(model.joints) * highest, 2, -1)
+def _spectrum(pairs: Sequence[tuple[int, float]], tests: Array, joints: int) -> Array:
+    """(J, ORDERS) scores of the whole orders, 0 where one is no candidate."""
+    out = np.zeros((joints, ORDERS))
+    for (joint, order), test in zip(pairs, tests, strict=True):
+        if order <= ORDERS and order == round(order):
+            out[joint, round(order) - 1] = test
+    return out
+
+
+def _candidates(model: LinearModel, pairs: Sequence[tuple[int, float]]) -> Array:
+    """(C, 2, N E) columns of every pair of joint and order."""
+    out = np.empty((len(pairs), 2, *model.residual.shape))
+    for (joint, order), columns in zip(pairs, out, strict=True):
+        angle = order * model.angles[joint]
+        waves = np.stack((np.cos(angle), np.sin(angle)))
+        np.multiply(model.joints[joint], waves[:, None], out=columns)
+    return out.reshape(len(pairs), 2, -1)
 
 
 ALIAS = 0.98  # correlation of two candidates' columns from which data hardly tell them apart
@@ -129,23 +156,29 @@ class _Scores:
         rest = flat - cho_solve(normal, present @ flat.T).T @ present
         self._rest: Array = rest.reshape(candidates.shape)  # what the model cannot take over
         self._residual = model.residual.reshape(-1)
-        self._order = np.argsort(model.poses, kind="stable")
-        self._starts = np.flatnonzero(np.diff(model.poses[self._order], prepend=-1))
+        self._order = np.argsort(model.groups, kind="stable")
+        self._starts = np.flatnonzero(np.diff(model.groups[self._order], prepend=-1))
+        self._few = model.few
 
     def tests(self) -> Array:
-        """(C,) of each candidate: s' V^-1 s, V from the scores of single poses."""
-        equations, poses = self._shape
-        rest = self._rest.reshape(len(self._rest), 2, equations, poses)
-        each = np.einsum("cien,en->cin", rest, self._residual.reshape(equations, poses))
-        if len(self._starts) < poses:
-            each = np.add.reduceat(each[:, :, self._order], self._starts, axis=2)
+        """(C,) of each candidate: s' V^-1 s, V from the scores of the groups."""
+        rest = self._rest.reshape(len(self._rest), 2, *self._shape)
+        each = self._of_groups(np.einsum("cien,en->cin", rest, self._residual.reshape(self._shape)))
         score = each.sum(axis=2)
+        if self._few:
+            information = self._of_groups(np.einsum("cien,cjen->cijn", rest, rest, optimize=True))
+            each = left_out(each, information, self._prior)
         variance = np.einsum("cin,cjn->cij", each, each)
         variance += 1e-12 * np.trace(variance, axis1=1, axis2=2)[:, None, None] * np.eye(2)
         variance += np.finfo(float).tiny * np.eye(2)
-        return np.asarray(
-            np.einsum("ci,ci->c", score, np.linalg.solve(variance, score[..., None])[..., 0])
-        )
+        tests = np.einsum("ci,ci->c", score, np.linalg.solve(variance, score[..., None])[..., 0])
+        return of_few(tests, self._starts.size) if self._few else np.asarray(tests)
+
+    def _of_groups(self, each: Array) -> Array:
+        """Sums (..., G) of (..., N) over the groups."""
+        if len(self._starts) == each.shape[-1]:
+            return each
+        return np.asarray(np.add.reduceat(each[..., self._order], self._starts, axis=-1))
 
     def take(self, chosen: int) -> None:
         """The chosen candidate becomes part of the model."""
@@ -155,15 +188,42 @@ class _Scores:
         flat = self._rest.reshape(-1, raw.shape[1])
         dgemm(-1.0, own.T, np.linalg.solve(schur, raw @ flat.T), 1.0, flat.T, overwrite_c=1)
 
-    def aliases(self, chosen: int, highest: int) -> tuple[int, ...]:
-        """Orders of the same joint whose columns are nearly combinations of the chosen ones."""
-        joint, order = divmod(chosen, highest)
+    def alike(self, chosen: int, others: Sequence[int]) -> list[int]:
+        """Those of other candidates whose columns are nearly combinations of the chosen ones."""
         own = np.linalg.qr(self._rest[chosen].T)[0]  # (R, 2)
-        others = self._rest[joint * highest : (joint + 1) * highest]
-        within = ((others @ own) ** 2).sum(axis=(1, 2))
-        whole = np.maximum((others**2).sum(axis=(1, 2)), np.finfo(float).tiny)
-        alike = np.flatnonzero(within / whole > ALIAS**2)
-        return tuple(int(k) + 1 for k in alike if k != order)
+        rest = self._rest[others]
+        within = ((rest @ own) ** 2).sum(axis=(1, 2))
+        whole = np.maximum((rest**2).sum(axis=(1, 2)), np.finfo(float).tiny)
+        return [others[int(k)] for k in np.flatnonzero(within / whole > ALIAS**2)]
+
+
+def left_out(scores: Array, information: Array, prior: float) -> Array:
+    """(C, 2, G) scores of the groups at the amplitudes that all other groups together give.
+
+    Where groups are few, an error that is there would fill the variance of the test by itself, the
+    more so the less they are alike. So the variance is that of the errors of prediction (CR3: Bell
+    & McCaffrey 2002).
+
+    scores : (C, 2, G). information : (C, 2, 2, G). prior : [rad] of the amplitudes.
+    """
+    whole = information.sum(axis=-1) + np.eye(2) / prior**2  # (C, 2, 2)
+    amplitude = np.linalg.solve(whole, scores.sum(axis=-1)[..., None])[..., 0]
+    each = np.moveaxis(information, -1, 1)  # (C, G, 2, 2)
+    left = scores.swapaxes(1, 2) - np.einsum("cgij,cj->cgi", each, amplitude)
+    share = np.einsum("cgij,cjk->cgik", each, np.linalg.inv(whole))
+    return np.asarray(np.linalg.solve(np.eye(2) - share, left[..., None])[..., 0].swapaxes(1, 2))
+
+
+def of_few(tests: Array, groups: int) -> Array:
+    """Statistics `s' V^-1 s` of G groups as chi-squares of two degrees of freedom, equally likely.
+
+    Of independent normal scores of alike groups, and V of the scores less their mean, `1 + s' V^-1
+    s / G` exceeds a value x with probability `x^(-(G - 2) / 2)` (Hotelling 1931). `left_out` makes
+    V larger than that by the square of `G / (G - 1)`.
+    """
+    if groups < 3:
+        return np.zeros_like(tests)
+    return np.asarray((groups - 2) * np.log1p(tests * groups / (groups - 1) ** 2))
 
 
 class _Grams:

@@ -40,7 +40,7 @@ GRIDS_DEG = (1.0, 0.5, 0.1, 0.05, 0.01)  # steps to which tables round their ang
 class JointErrors:
     """Joint errors learned elsewhere: their amplitudes are kept."""
 
-    orders: tuple[tuple[int, int], ...]  # joint, from 0, and order
+    orders: tuple[tuple[int, float], ...]  # joint, from 0, and order
     values: tuple[float, ...]  # [rad] cosine and sine amplitude of each
 
 
@@ -112,10 +112,10 @@ def rounding(q: Array) -> Array:
 
 def linearised(fit: PoseFit) -> LinearModel:
     """A fit at its estimate, as the search for joint errors takes it."""
-    equations, model = fit.equations, fit.model
+    equations, model, robot = fit.equations, fit.model, fit.model.table.robot
     rows = max(len(residual) for residual in equations.residuals)
     joints = [
-        weights(point.joint_columns) * robust
+        weights(np.einsum("gj,jcn->gcn", robot.gear_to_joint, point.joint_columns)) * robust
         for point, weights, robust in zip(
             equations.points, equations.weights, equations.robust, strict=True
         )
@@ -127,11 +127,11 @@ def linearised(fit: PoseFit) -> LinearModel:
         jacobian=_stacked(equations.jacobians, rows)[..., ::step],
         residual=_stacked(equations.residuals, rows)[..., ::step],
         joints=_stacked(joints, rows)[..., ::step],
-        angles=(model.table.q @ model.table.robot.joint_to_gear).T[:, ::step],
+        angles=(model.table.q @ robot.joint_to_gear).T[:, ::step],
         prior_gradient=(equations.x - layout.mean) / layout.sigma**2,
         prior_normal=prior,
         regions=joint_regions(model.table.q[::step]),
-        poses=np.unique(model.table.q[::step], axis=0, return_inverse=True)[1].reshape(-1),
+        groups=np.unique(model.table.q[::step], axis=0, return_inverse=True)[1].reshape(-1),
     )
 
 

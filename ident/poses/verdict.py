@@ -144,7 +144,7 @@ def _of_orders(result: PoseIdentification) -> list[str]:
     if result.search is None or not result.search.orders:
         return []
     out, orders = [], result.search.orders
-    low = [f"joint {o.joint + 1}: {o.order}" for o in orders if o.order <= LOWEST_CERTAIN]
+    low = [f"joint {o.joint + 1}: {o.order:g}" for o in orders if o.order <= LOWEST_CERTAIN]
     if low:
         out.append(
             f"low orders were found ({_listed(low)}); they may stand for another smooth error of "
@@ -153,7 +153,7 @@ def _of_orders(result: PoseIdentification) -> list[str]:
     alike = [o for o in orders if o.aliases]
     if alike:
         each = [
-            f"joint {o.joint + 1}: {o.order} or {' or '.join(str(a) for a in o.aliases[:4])}"
+            f"joint {o.joint + 1}: {o.order:g} or {' or '.join(f'{a:g}' for a in o.aliases[:4])}"
             for o in alike
         ]
         out.append(

@@ -14,8 +14,10 @@ from cell.descriptions import BallBar, Robot
 from cell.errors import DescriptionError
 from cell.load import (
     ballbar_names,
+    instrument_names,
     load_ballbar,
     load_cell,
+    load_instrument,
     load_plate,
     load_robot,
     plate_names,
@@ -358,8 +360,33 @@ def test_an_unknown_name_lists_the_shipped_ones_and_the_nearest() -> None:
         "ur5e. A file of your",
     ):
         load_robot("irb240")
-    with pytest.raises(DescriptionError, match=r"unknown ballbar '../ballbars/lund_600'"):
-        load_ballbar("../ballbars/lund_600")
+    with pytest.raises(DescriptionError, match=r"unknown instrument '../instruments/lund_600'"):
+        load_ballbar("../instruments/lund_600")
+
+
+def test_ballbars_and_other_instruments_share_a_folder_and_are_told_apart_by_schema(
+    tmp_path: Path,
+) -> None:
+    assert not set(ballbar_names()) & set(instrument_names())
+    assert {"qc20w_300", "tracker_point"} < set(instrument_names())
+    with pytest.raises(
+        DescriptionError,
+        match=r"tracker_point is another instrument \(ballbar-instrument/1\); expected a ball-bar "
+        r"with encoders \(ballbar-bar/1\): lund_1200, lund_600, lund_900, or a file of your own",
+    ):
+        load_ballbar("tracker_point")
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(
+        (SHIPPED / "instruments/lund_600.yaml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    assert load_ballbar("mine.yaml", relative_to=tmp_path).length == load_ballbar("lund_600").length
+    for name in ("lund_600", str(mine)):
+        with pytest.raises(
+            DescriptionError, match=r"is a ball-bar with encoders.*: drawwire_2m, qc20w"
+        ):
+            load_instrument(name)
+    with pytest.raises(DescriptionError, match=r"Did you mean lund_600\? Valid names: lund_1200"):
+        load_ballbar("lund_60")
 
 
 def test_a_path_is_taken_from_the_folder_of_the_file_that_names_it(tmp_path: Path) -> None:
@@ -448,13 +475,13 @@ def test_a_path_is_taken_from_the_folder_of_the_file_that_names_it(tmp_path: Pat
             "Valid keys: accuracy_lower_deg,",
         ),
         (
-            "ballbars/lund_600.yaml",
+            "instruments/lund_600.yaml",
             "d_m: 0.600",
             "d_m: 0.0",
             "dh[2].d_m = 0.0: expected the length of the rod, more than 0.",
         ),
         (
-            "ballbars/lund_600.yaml",
+            "instruments/lund_600.yaml",
             "bits: 12",
             "bits: 14",
             "encoder.bits = 14: expected 13 or less.",
@@ -483,7 +510,7 @@ def test_a_wrong_number_is_refused_with_its_line_key_and_value(
 def test_a_file_of_another_kind_is_recognised_by_its_schema(tmp_path: Path) -> None:
     path = tmp_path / "bar.yaml"
     path.write_text(
-        (SHIPPED / "ballbars/lund_600.yaml").read_text(encoding="utf-8"), encoding="utf-8"
+        (SHIPPED / "instruments/lund_600.yaml").read_text(encoding="utf-8"), encoding="utf-8"
     )
     with pytest.raises(
         DescriptionError, match=r"bar\.yaml:3: schema = 'ballbar-bar/1': expected 'ballbar-plate/1'"

@@ -22,6 +22,7 @@ def minute_logs(
     true: Geometry = NOMINAL,
     compliance: float = 0.0,
     ripple: float = 0.0,
+    joint_error: tuple[int, float, float] | None = None,
     slip: tuple[int, float, float] | None = None,
     torque: bool = False,
     robot_noise: float = NOISE,
@@ -31,7 +32,8 @@ def minute_logs(
     """Both logs in rows of 10 ms.
 
     compliance : of the gears, in units of the catalogue's, under `known_loads.tension_at`.
-    ripple : [rad] amplitude of the first listed harmonic. slip : joint, time on the ball-bar's
+    ripple : [rad] amplitude of the first listed harmonic. joint_error : gear from 0, cycles a turn
+    and amplitude [rad] of one more. slip : joint, time on the ball-bar's
     clock [s] and size [rad] of an encoder's slip. torque : whether motor torques are logged.
     robot_noise : [rad] white, of every joint; that of the encoders is NOISE.
     """
@@ -44,6 +46,9 @@ def minute_logs(
     gears = q @ CELL.robot.joint_to_gear
     gear, order, _ = harmonic_orders(CELL)[0]
     gears[:, gear] -= ripple * np.sin(order * gears[:, gear])
+    if joint_error is not None:
+        gear, order, amplitude = joint_error
+        gears[:, gear] -= amplitude * np.sin(order * gears[:, gear])
     q = gears @ CELL.robot.gear_to_joint + robot_noise * rng.standard_normal(q.shape)
     torques = motion.torque(tension_at(path.t)).T.copy() if torque else None
     robot = RobotLog(path.t, q, torque=torques)

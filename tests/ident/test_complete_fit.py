@@ -26,7 +26,7 @@ from ident.complete_fit import (
     with_likely_tension,
     with_tension,
 )
-from ident.corrections import CORRECTIONS
+from ident.corrections import CORRECTIONS, supported_corrections
 from ident.estimator.fit import Fit
 from ident.estimator.noise import ExcessNoise
 from ident.options import FitOptions, Listener
@@ -96,7 +96,7 @@ def test_corrections_that_the_options_name_stay(rippled: RecordingFit) -> None:
 def test_of_all_corrections_only_the_elastic_gears_of_an_elastic_robot_stay(
     elastic: RecordingFit,
 ) -> None:
-    result = fit_complete(CELL, [elastic], list(CORRECTIONS), OPTIONS)
+    result = fit_complete(CELL, [elastic], supported_corrections(CELL.robot), OPTIONS)
     assert result.converged
     (correction,) = lasting(result)
     assert correction.name == "joint_compliance"

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
-from ident.remarks import log_remarks
+from ident.remarks import joint_error_remark, log_remarks
+from ident.result import CoefficientEstimate, CorrectionEstimate
 from ident.signals.smooth_log import Outliers
 from ident.signals.step_fault import StepFault
 from ident.signals.steps import LogStep
@@ -67,3 +69,19 @@ def test_outliers_are_counted_by_rows_and_the_first_one_is_named(samples: Sample
         "2 of 60 000 robot rows are outliers and were left out: joint 1 first at t = 2.50 s",
         "1 of 60 000 ball-bar rows is an outlier and was left out: b4 first at t = 40.00 s",
     )
+
+
+def test_joint_errors_are_named_with_their_amplitudes_and_what_they_may_be_instead() -> None:
+    values = {"joint2_17_cos": 1.5e-4, "joint2_17_sin": -2e-4, "joint3_52.6_cos": 4e-5}
+    values["joint3_52.6_sin"] = 3e-5
+    correction = CorrectionEstimate(
+        "joint_harmonics",
+        "errors of the joints",
+        tuple(CoefficientEstimate(n, "rad", v, 1e-6, 0.0, 3e-4, 1.0) for n, v in values.items()),
+    )
+    orders = [JointOrder(1, 17, 50.0, 0.4, ()), JointOrder(2, 52.6, 30.0, 0.1, (52, 53))]
+    assert joint_error_remark(orders, [correction]) == (
+        "joint errors found by evidence: joint 2: 17 cycles a turn, 250 urad; "
+        "joint 3: 52.6 cycles a turn (or 52, 53), 50 urad"
+    )
+    assert joint_error_remark(orders, []) == ""  # the data did not support them in the end

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
+from cell.errors import InputError
 from ident.corrections import CORRECTIONS
+from ident.corrections.base import Correction
+from ident.corrections.joint_harmonics import joint_harmonics
 from ident.estimator.noise import ExcessNoise, log_noise
 from ident.result import (
     CoefficientEstimate,
@@ -32,9 +35,12 @@ ENCODERS = (1, 2, 4, 5)
 
 def estimate_of(name: str, value: float) -> CorrectionEstimate:
     """A correction with `value` standard deviations added to each prior."""
-    correction = CORRECTIONS[name](CELL, ENCODERS)
+    return estimate_from(CORRECTIONS[name](CELL, ENCODERS), value)
+
+
+def estimate_from(correction: Correction, value: float) -> CorrectionEstimate:
     return CorrectionEstimate(
-        name,
+        correction.name,
         correction.sentence,
         tuple(
             CoefficientEstimate(c.name, c.unit, c.mean + value * c.sigma, 0.1, c.mean, c.sigma, 0.9)
@@ -110,6 +116,20 @@ def test_without_corrections_the_unloaded_robot_is_kinematics_alone(q: Array) ->
     robot = unloaded_robot(CELL, NOMINAL, ENCODERS, ())
     assert robot.joints(q) is q
     assert robot.corrections == ()
+
+
+def test_joint_errors_are_formed_again_from_the_names_of_their_coefficients(q: Array) -> None:
+    ratio = 1.0 / abs(float(CELL.robot.transmission[1, 1]))  # 129.99
+    made = joint_harmonics([(1, 17), (0, 3), (1, ratio)])
+    estimate = estimate_from(made, 0.4)
+    robot = robot_of(estimate_of("joint_compliance", 0.1), estimate).unloaded()
+    compliance = CORRECTIONS["joint_compliance"](CELL, ENCODERS)
+    expected = UnloadedRobot(CELL, robot.geometry, (compliance, made), robot.values)
+    assert robot.tool(q) == pytest.approx(expected.tool(q), abs=1e-12)
+    assert robot.corrections[1].coefficients == made.coefficients
+    strange = replace(estimate.coefficients[0], name="joint2_17_tan")
+    with pytest.raises(InputError, match=r"joint_harmonics.joint2_17_tan: expected joint2_17_cos"):
+        robot_of(replace(estimate, coefficients=(strange,))).unloaded()
 
 
 def test_a_correction_that_the_program_does_not_know_is_refused_by_name() -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from cell.chain import forward
 from cell.load import load_robot
-from ident.corrections.joint_harmonics import joint_harmonics
+from ident.corrections import SUBSTITUTES, supported_corrections
+from ident.corrections.joint_harmonics import joint_harmonics, orders_of
 from ident.corrections.unit_weights import torques, unit_weights
 from ident.poses.joint_corrections import joint_displacements, regressors_at
 from ident.poses.unknowns import nominal_chain
@@ -43,3 +44,18 @@ def test_the_terms_of_an_order_are_its_cosine_and_sine() -> None:
     moved = joint_displacements(robot, [correction], np.array([1e-4, 2e-4]), rows)
     assert np.allclose(moved[:, 1], 1e-4 * rows[0] + 2e-4 * rows[1])
     assert not moved[:, [0, 2, 3, 4, 5]].any()
+
+
+def test_the_names_of_coefficients_hold_the_orders() -> None:
+    orders = [(1, 17), (5, 3), (0, 129.6)]
+    names = [c.name for c in joint_harmonics(orders).coefficients]
+    assert names[:2] == ["joint2_17_cos", "joint2_17_sin"]
+    assert orders_of(names) == orders
+
+
+def test_unit_weights_stand_for_the_compliance_of_a_robot_without_masses_and_for_no_other() -> None:
+    known, unknown = (supported_corrections(load_robot(name)) for name in ("irb2400", "ur10e"))
+    assert "joint_compliance" in known
+    assert "unit_weights" not in known
+    assert unknown == ["encoder_harmonics", "rod_strain", "plate_bending", "unit_weights"]
+    assert SUBSTITUTES == {"unit_weights": "joint_compliance"}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cell.arrays import Array
 from ident.corrections.joint_harmonics import PRIOR
-from ident.estimator.order_search import LinearModel, search_orders
+from ident.estimator.order_search import LinearModel, left_out, of_few, search_orders, whole_orders
 from ident.estimator.regions import REGIONS, joint_regions
 
 POSES, EQUATIONS, JOINTS = 400, 3, 4
@@ -28,7 +30,7 @@ def linear_model(angles: Array, errors: Array, seed: int = 0) -> LinearModel:
         prior_gradient=np.zeros(2),
         prior_normal=1e-6 * np.eye(2),
         regions=joint_regions(angles.T),
-        poses=np.arange(n),
+        groups=np.arange(n),
     )
 
 
@@ -83,3 +85,69 @@ def test_regions_are_contiguous_and_of_about_equal_size(count: int) -> None:
     first = q[np.isin(region, range(REGIONS // 2))][:, 0]  # the widest direction is cut first
     second = q[~np.isin(region, range(REGIONS // 2))][:, 0]
     assert abs(first.mean() - second.mean()) > 3.0
+
+
+BLOCKS = 24  # of a recording of little more than a minute
+
+
+def in_blocks(model: LinearModel) -> LinearModel:
+    samples = model.residual.shape[1]
+    return replace(model, groups=np.arange(samples) * BLOCKS // samples, few=True)
+
+
+def along_a_path(seed: int) -> LinearModel:
+    """Smooth motion, and a residual that is the same error over many neighbouring samples."""
+    rng = np.random.default_rng([seed, 8])
+    t = np.linspace(0.0, 2.0 * np.pi, POSES)
+    angles = np.stack([np.sin(n * t + n) for n in range(1, JOINTS + 1)])
+    model = linear_model(angles, np.zeros_like(angles), seed)
+    # slopes of a machine change with its posture, not from sample to sample
+    joints = 1e4 * np.cos(angles[:, None] + np.arange(EQUATIONS)[:, None] + 1.0)
+    steps = np.repeat(rng.normal(size=(EQUATIONS, BLOCKS * 2)), POSES // BLOCKS // 2 + 1, axis=1)
+    return replace(model, joints=joints, residual=steps[:, :POSES])
+
+
+def test_an_error_that_neighbouring_samples_share_is_no_evidence() -> None:
+    alone, together = 0, 0
+    for seed in range(10):
+        model = along_a_path(seed)
+        before = search_orders(model, PRIOR).spectrum_before
+        alone += int((before > 25.0).sum())
+        together += int((search_orders(in_blocks(model), PRIOR).spectrum_before > 25.0).sum())
+    assert alone > 100  # of 1600 candidates, where chance alone gives none
+    assert together <= 2
+
+
+def test_an_order_is_found_in_few_blocks_whose_size_differs() -> None:
+    """The plain statistic of 24 blocks cannot exceed 24, and 23 are asked for."""
+    angles = uniform_angles()
+    errors = np.zeros_like(angles)
+    errors[1] += 3e-4 * np.cos(17.0 * angles[1] + 0.3)
+    model = in_blocks(linear_model(angles, errors))
+    assert search_orders(model, PRIOR).pairs == [(1, 17)]
+    assert search_orders(replace(model, few=False), PRIOR).spectrum_before.max() <= BLOCKS
+
+
+def test_the_statistic_of_few_blocks_is_exceeded_as_often_as_chi_square() -> None:
+    """Scores of 20 blocks alike: of chi-square with two degrees 1 % exceed 9.21."""
+    rng, blocks, trials = np.random.default_rng(4), 20, 20000
+    scores = rng.normal(size=(trials, 2, blocks))
+    alike = np.broadcast_to(np.eye(2)[:, :, None], (trials, 2, 2, blocks))
+    each = left_out(scores, alike, prior=1e9)
+    variance = np.einsum("cig,cjg->cij", each, each)
+    total = scores.sum(axis=2)
+    plain = np.einsum("ci,cij,cj->c", total, np.linalg.inv(variance), total)
+    share = float((of_few(plain, blocks) > 9.21).mean())
+    assert share == pytest.approx(0.01, abs=0.003)  # of 200 +- 14 trials
+
+
+def test_candidates_may_be_any_orders() -> None:
+    angles = uniform_angles()
+    errors = np.zeros_like(angles)
+    errors[2] += 3e-4 * np.sin(52.6 * angles[2])
+    model = linear_model(angles, errors)
+    search = search_orders(model, PRIOR, [*whole_orders(JOINTS), (2, 52.6)])
+    assert search.pairs == [(2, 52.6)]
+    assert search.spectrum_before.shape == (JOINTS, 40)
+    without = [pair for pair in whole_orders(JOINTS) if pair != (1, 17)]
+    assert search_orders(model, PRIOR, without).spectrum_before[1, 16] == 0.0

@@ -89,6 +89,17 @@ def test_white_noise_has_no_orders() -> None:
         assert result.search.orders == ()
 
 
+def test_candidates_of_a_coupled_robot_move_what_their_correction_moves() -> None:
+    """Gear 2 of an IRB 2400 turns joint 3 too (parallel rod)."""
+    table = table_of(true_robot("irb2400"), count=60)
+    learned = JointErrors(((1, 3),), (0.0, 0.0))
+    fit = identify_poses(table, replace(PLAIN, learned=learned)).fit
+    model = linearised(fit)
+    column = model.jacobian[fit.model.unknowns.names.index("joint2_3_cos")]
+    expected = model.joints[1] * np.cos(3.0 * model.angles[1])
+    assert column == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+
+
 def test_joint_errors_learned_on_one_table_are_kept_on_another() -> None:
     true = true_robot("ur5", orders=[(1, 17)])
     taught = identify_poses(table_of(true, count=400))

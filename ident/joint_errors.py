@@ -1,0 +1,153 @@
+"""Periodic joint errors of a recorded robot that its file does not list, found by evidence.
+
+The complete fit is linearised at its estimate and searched as still poses are
+(ident.estimator.order_search). Neighbouring samples are autocorrelated: the scores of a block of
+time count once. Each search is followed by the complete fit with all orders so far: only what it
+has explained lets the noise levels fall and smaller errors show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.descriptions import Cell, Robot
+from ident.complete_fit import fit_complete
+from ident.corrections.base import BAR, GEAR
+from ident.corrections.gear_ripple import harmonic_orders
+from ident.corrections.joint_harmonics import JOINT_HARMONICS, PRIOR, orders_of
+from ident.estimator.fit import Fit
+from ident.estimator.normal_equations import jacobian
+from ident.estimator.order_search import (
+    JointOrder,
+    LinearModel,
+    OrderSearch,
+    search_orders,
+    whole_orders,
+)
+from ident.estimator.regions import joint_regions
+from ident.estimator.uncertainty import block_numbers
+from ident.options import FitOptions, Listener
+from ident.recording_fit import RecordingFit
+from ident.result import Identification
+from ident.verdict import Status
+
+SEARCHES = 3  # each followed by a complete fit
+SEARCHED = 4000  # samples, evenly taken, that a search needs at most
+# As order_search.THRESHOLD; blocks of time are few and differ, so a little more is asked: with 8 a
+# second, false order was found beside a true one in logs of a minute.
+THRESHOLD = 12.0
+MOTOR_TURNS = (1.0, 2.0)  # cycles a turn of the motor that are candidates too
+SAME_ORDER = 1e-3  # [cycles a turn]
+
+
+def may_have_joint_errors(result: Identification) -> bool:
+    """Whether a complete fit leaves something, or the robot's file lists no joint errors at all."""
+    gears, status = result.robot.cell.robot.gears, result.verdict.status
+    listed = gears is not None and any(gears.harmonics)
+    return status in (Status.SUSPECT, Status.MISFIT) or (status is Status.GOOD and not listed)
+
+
+def fit_joint_errors(
+    cell: Cell,
+    recordings: Sequence[RecordingFit],
+    corrections: Sequence[str],
+    fit: Fit,
+    options: FitOptions,
+    listener: Listener,
+) -> tuple[Fit, tuple[JointOrder, ...]]:
+    """The complete fit with the joint errors that the data ask for; and these, in order of search.
+
+    corrections : names of those that are fitted beside. fit : without joint errors.
+    """
+    orders: list[JointOrder] = []
+    for _ in range(SEARCHES):
+        listener.progress("searching joint errors")
+        search = search_joint_errors(fit, cell)
+        if not search.orders:
+            break
+        orders += search.orders
+        listener.progress(f"fitting again with {len(orders)} joint errors")
+        pairs = [(o.joint, o.order) for o in orders]
+        fit = fit_complete(cell, recordings, corrections, options, listener, orders=pairs)
+    return fit, tuple(orders)
+
+
+def search_joint_errors(fit: Fit, cell: Cell) -> OrderSearch:
+    """Joint errors that a complete fit leaves in its residual, the strongest first."""
+    known = [
+        pair
+        for correction in fit.model.corrections
+        for pair in (
+            orders_of(c.name for c in correction.coefficients)
+            if correction.name == JOINT_HARMONICS
+            else [(gear, order) for gear, order, _ in harmonic_orders(cell)]
+            if correction.name == "gear_ripple"
+            else ()
+        )
+    ]
+    pairs = candidate_orders(cell.robot, known)
+    return search_orders(linearised(fit), PRIOR, pairs, threshold=THRESHOLD)
+
+
+def candidate_orders(robot: Robot, known: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
+    """Whole orders of every gear's turn, and the first of its motor's; without the known ones."""
+    pairs = whole_orders(robot.joints)
+    for gear, ratio in enumerate(1.0 / np.abs(np.diag(robot.transmission))):
+        if abs(ratio - 1.0) > SAME_ORDER:
+            pairs += [(gear, turns * float(ratio)) for turns in MOTOR_TURNS]
+    return [
+        (gear, order)
+        for gear, order in pairs
+        if not any(gear == g and abs(order - o) < SAME_ORDER for g, o in known)
+    ]
+
+
+def linearised(fit: Fit) -> LinearModel:
+    """A complete fit at its estimate, the samples of all recordings beside each other."""
+    layout, linear = fit.model.unknowns, fit.linear
+    step = -(-sum(r.times.size for r in fit.model.recordings) // SEARCHED)
+    rows = max(len(residual) for residual in linear.residuals)
+    columns, residuals, joints, angles, q, blocks = [], [], [], [], [], []
+    count = 0
+    for k, (point, weights) in enumerate(zip(linear.evaluations, linear.weights, strict=True)):
+        logged = np.asarray(point.samples.robot.spline(point.robot_time))[::step]
+        number = count + block_numbers(point.samples.times[::step])
+        count = int(number[-1]) + 1
+        columns.append(_padded(_columns(fit, k)[..., ::step], rows))
+        residuals.append(_padded(linear.residuals[k][:, ::step], rows))
+        joints.append(_padded(weights(point.columns[GEAR:BAR])[..., ::step], rows))
+        angles.append((logged @ point.gearing.to_gear).T)
+        q.append(logged)
+        blocks.append(number)
+    return LinearModel(
+        jacobian=np.concatenate(columns, axis=-1),
+        residual=np.concatenate(residuals, axis=-1),
+        joints=np.concatenate(joints, axis=-1),
+        angles=np.concatenate(angles, axis=-1),
+        prior_gradient=(fit.x - layout.mean) / layout.sigma**2,
+        prior_normal=np.diag(layout.sigma**-2.0),
+        regions=joint_regions(np.concatenate(q)),
+        groups=np.concatenate(blocks),
+        few=True,
+    )
+
+
+def _columns(fit: Fit, k: int) -> Array:
+    """(P, E, N) whitened derivatives of recording k, the knots of its tension included."""
+    model, knots = fit.model, fit.model.unknowns.own[k].knots
+    out = np.zeros((model.unknowns.count, *fit.linear.residuals[k].shape))
+    for block in jacobian(model, fit.linear, k):
+        out[block.index, :, block.samples] = block.values
+        if block.slope is not None and knots is not None:
+            splines = model.recordings[k].splines[:, block.samples].toarray()
+            out[knots, :, block.samples] = splines[:, None] * block.slope
+    return out
+
+
+def _padded(part: Array, rows: int) -> Array:
+    """Equations (..., E, N) of a recording with zeros for those that only another one has."""
+    missing = [(0, 0)] * (part.ndim - 2) + [(0, rows - part.shape[-2]), (0, 0)]
+    return np.pad(part, missing)
