@@ -83,10 +83,10 @@ class OrderEntry(Strict):
     """A joint error that was found by evidence."""
 
     joint: int  # from 1
-    order: int | float  # cycles a turn
+    order: int  # cycles a turn; candidates at still poses are whole
     score: float
     gain: float
-    aliases: tuple[int | float, ...] = ()
+    aliases: tuple[int, ...] = ()
 
 
 class CrossValidationEntry(Strict):
@@ -290,7 +290,11 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
         if result.search is None
         else tuple(
             OrderEntry(
-                joint=o.joint + 1, order=o.order, score=o.score, gain=o.gain, aliases=o.aliases
+                joint=o.joint + 1,
+                order=round(o.order),
+                score=o.score,
+                gain=o.gain,
+                aliases=tuple(round(a) for a in o.aliases),
             )
             for o in result.search.orders
         ),
