@@ -31,6 +31,9 @@ from ident.poses.result import PoseIdentification
 from ident.robot.accuracy import position_error
 
 MM = 1e3
+NAMESPACES = (  # which a figure in a page of its own does without
+    'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+)
 JUDGED = 3000  # poses, of series A, that were not fitted
 SEATS = np.array([[0.9, -0.7, -0.2], [-0.9, -0.7, 0.1], [0.1, 1.1, 0.4]])  # [m] from the middle
 GAP = 0.15  # [rad] between the angles that were fitted and those that are judged
@@ -362,7 +365,8 @@ def write_figures(data: Data, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     named = {"ur10_orders": spectra, "ur10_errors": cumulative(curves, label="error of a pose")}
     for name, svg in named.items():
-        write_whole(folder / f"{name}.svg", to_hundredths(str(svg)).encode())
+        text = str(svg).replace("<svg ", f"<svg {NAMESPACES} ", 1)
+        write_whole(folder / f"{name}.svg", to_hundredths(text).encode())
 
 
 def main() -> None:
