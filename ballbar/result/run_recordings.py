@@ -134,7 +134,7 @@ def _check_same_cell(folders: Sequence[Path]) -> None:
         other = load_recording_file(folder)
         pairs = (
             ("robot", first.robot, other.robot),
-            ("ball-bar or instrument", first.measured_by, other.measured_by),
+            ("instrument", first.measured_by, other.measured_by),
             ("plate", first.plate, other.plate),
         )
         for what, name, here in pairs:

@@ -8,10 +8,30 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from cell.arrays import Array
 
+SAME_POSE = 5e-4  # [rad] between the angles of a pose that is measured again: servos' jitter
 REGIONS = 8  # 16 take twice the time and are hardly better (docs/real_robots)
+
+
+def pose_regions(q: Array, count: int = REGIONS) -> NDArray[np.intp]:
+    """(N,) as `joint_regions`, all measurements of one still pose in one region."""
+    pose = distinct_poses(q)
+    return joint_regions(q[np.unique(pose, return_index=True)[1]], count)[pose]
+
+
+def distinct_poses(q: Array) -> NDArray[np.intp]:
+    """(N,) number from 0 of the pose of each of the angles q (N, J) [rad].
+
+    A program that is repeated measures its poses again: what is so near counts as one pose.
+    """
+    pairs = cKDTree(q).query_pairs(SAME_POSE, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(q), len(q)))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
 
 
 def joint_regions(q: Array, count: int = REGIONS) -> NDArray[np.intp]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from cell.arrays import Array
-from ident.estimator.regions import joint_regions
+from ident.estimator.regions import pose_regions
 from ident.estimator.uncertainty import inflation_factors
 from ident.estimator.whitening import Whitening
 from ident.poses.fit import PoseFit
@@ -51,7 +51,7 @@ def cross_validated(fit: PoseFit) -> CrossValidation:
     """Errors of every pose with its region left out of the fit."""
     equations, model, count = fit.equations, fit.model, fit.model.unknowns.count
     regions = np.split(
-        joint_regions(model.table.q), np.cumsum([g.size for g in model.table.groups])[:-1]
+        pose_regions(model.table.q), np.cumsum([g.size for g in model.table.groups])[:-1]
     )
     rows = [position_rows(point) for point in equations.points]
     moves = [
@@ -98,7 +98,7 @@ def robust_covariance(fit: PoseFit) -> Array:
     instead of time.
     """
     equations, layout = fit.equations, fit.model.unknowns
-    blocks = joint_regions(fit.model.table.q, BLOCKS)
+    blocks = pose_regions(fit.model.table.q, BLOCKS)
     scores = np.concatenate(
         [
             np.einsum("pen,en->pn", jacobian, residual)

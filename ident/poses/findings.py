@@ -19,10 +19,12 @@ from scipy.stats import chi2
 from cell.arrays import Array
 from cell.poses import PoseGroup
 from ident.poses.fit import PoseFit, median_scale, whitened_lengths
+from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
 UNSETTLED = 4.5  # likewise, of a residual along the last move
-SHARE_OF_MOVE = 30.0  # score of a share of the last move; chance exceeds 11 in one of a thousand
+SHARE_OF_MOVE = 15.0  # score of a share of the last move; chance exceeds it in one of ten thousand
+SCALE = 4.0  # deviations from which the scale of the measured values is named
 ALONG = 0.95  # cosine between residual and last move from which it lies along it
 DRIFT = 2.0  # times the score of drifting directions that chance exceeds in one of a thousand
 CHANCE = 1e-3
@@ -146,6 +148,45 @@ def _unfinished(fit: PoseFit) -> float:
     if variance == 0.0 or score * score <= SHARE_OF_MOVE * variance:
         return 0.0
     return -score / information
+
+
+def scale_of(fit: PoseFit) -> tuple[float, float] | None:
+    """Scale of all measured values against the catalogue's lengths, and its standard deviation.
+
+    The robot's parameters take up a scale at the cost of their priors alone, so it is the priors as
+    declared that tell it. None where chance explains it.
+    """
+    equations, layout = fit.equations, fit.model.unknowns
+    declared = np.array([LENGTH_PRIOR if p.is_length else ANGLE_PRIOR for p in layout.parameters])
+    sigma = layout.sigma.copy()
+    sigma[layout.geometry] = declared
+    prior = np.diag(sigma**-2.0 - layout.sigma**-2.0)
+    normal = equations.normal + prior
+    gradient = equations.gradient + prior @ (equations.x - layout.mean)
+    cross, own, slope = np.zeros(layout.count), 0.0, 0.0
+    for point, weights, robust, jacobian, residual in zip(
+        equations.points,
+        equations.weights,
+        equations.robust,
+        equations.jacobians,
+        equations.residuals,
+        strict=True,
+    ):
+        if point.group.measured == "socket":
+            continue
+        moved = np.zeros((6, point.group.size))
+        moved[:3] = point.closure.measured - point.seat.origin[:, None]
+        column = weights(moved) * robust
+        cross += jacobian.reshape(layout.count, -1) @ column.reshape(-1)
+        own += float((column * column).sum())
+        slope += float((column * residual).sum())
+    solved = np.linalg.solve(normal, np.column_stack((cross, gradient)))
+    information = own - float(cross @ solved[:, 0])
+    if own == 0.0 or information <= 0.0:
+        return None
+    size = -(slope - float(cross @ solved[:, 1])) / information
+    deviation = 1.0 / np.sqrt(information)
+    return (-size, deviation) if abs(size) > SCALE * deviation else None
 
 
 def _drifts(fit: PoseFit) -> tuple[Drift, ...]:

@@ -21,7 +21,7 @@ from ident.corrections.joint_compliance import gear_compliance
 from ident.corrections.joint_harmonics import PRIOR, joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.order_search import LinearModel, OrderSearch, search_orders
-from ident.estimator.regions import joint_regions
+from ident.estimator.regions import distinct_poses, pose_regions
 from ident.poses.closure import Placement
 from ident.poses.cross_validation import cross_validated, robust_covariance
 from ident.poses.findings import Findings, findings_of
@@ -130,8 +130,8 @@ def linearised(fit: PoseFit) -> LinearModel:
         angles=(model.table.q @ robot.joint_to_gear).T[:, ::step],
         prior_gradient=(equations.x - layout.mean) / layout.sigma**2,
         prior_normal=prior,
-        regions=joint_regions(model.table.q[::step]),
-        groups=np.unique(model.table.q[::step], axis=0, return_inverse=True)[1].reshape(-1),
+        regions=pose_regions(model.table.q)[::step],
+        groups=distinct_poses(model.table.q)[::step],
     )
 
 

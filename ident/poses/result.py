@@ -19,7 +19,7 @@ from ident.poses.cross_validation import (
     position_rows,
     spread_of,
 )
-from ident.poses.findings import Findings
+from ident.poses.findings import Findings, scale_of
 from ident.poses.fit import PoseFit
 from ident.poses.verdict import judge_poses
 from ident.robot.identified_arm import IdentifiedArm
@@ -70,6 +70,14 @@ class PoseIdentification:
         """[m] means of `residual` and `residual_nominal` over the poses that count."""
         counting = self.cross_validation.counting
         return float(self.residual[counting].mean()), float(self.residual_nominal[counting].mean())
+
+    @cached_property
+    def scale_pull(self) -> tuple[float, float] | None:
+        """Scale by which all measured values differ from the catalogue's lengths, and its sigma.
+
+        None where chance explains it, or where nothing but sockets was measured.
+        """
+        return scale_of(self.fit)
 
     @cached_property
     def tcp_sigma(self) -> Array:

@@ -190,7 +190,7 @@ def _nearest_rotation(linear: Array, poses: _Poses) -> Array:
         raise PoseStartError(
             f"{files}: the measured points fit the robot only as a mirror image. Is the frame "
             "left-handed, or are two of its axes exchanged? Change the sign or the order of the "
-            "value columns."
+            "value columns; or the sign of a joint column, of joint 1 above all."
         )
     turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     return np.asarray(u @ turn @ vt)

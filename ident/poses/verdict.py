@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cell.poses import PoseTable
+from ident.estimator.regions import distinct_poses
 from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
 from ident.verdict import Status, Verdict
 
@@ -19,6 +20,7 @@ OVERFITTED = 1.8  # cross-validated error over that of the fitted poses
 NO_GAIN = 0.9  # of the nominal robot's error: less than a tenth was won
 LOST = 0.1  # of the poses: so many outliers have a cause
 NARROW = np.deg2rad(20.0)  # [rad] range of a joint's angles that tells little of it
+DISTINCT = 0.7  # share of the rows that are poses of their own
 LOCAL = 2.0  # stated uncertainty over the fitted ranges against that beside the poses
 LOWEST_CERTAIN = 4  # orders up to it may stand for another smooth error of the joints
 LISTED = 5  # rows that a warning names
@@ -42,6 +44,9 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
         f"{validation.mean * 1e3:.3f} mm in {what} (95 %: {validation.quantile * 1e3:.3f} mm); "
         f"with the nominal robot {before * 1e3:.3f} mm"
     )
+    if _only_lengths(result.table):
+        tool = float(result.tcp_sigma.mean())
+        errors += f"; stated TCP uncertainty over the fitted ranges {tool * 1e3:.3f} mm"
     if validation.mean > STRANGE or not np.isfinite(validation.mean):
         return Status.IMPLAUSIBLE, (
             f"Not the declared robot, or not its joint angles: {errors}. Check `robot`, the order, "
@@ -55,6 +60,12 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
         return Status.SUSPECT, (
             f"Usable, with care: {lost} of {result.table.size} poses lie too far from the model to "
             f"count. Look for what they have in common. Of the others, {errors}."
+        )
+    if validation.mean > result.residual_nominal.mean():
+        return Status.MISFIT, (
+            f"Misfit: the identified robot is worse than the nominal one where it was not fitted; "
+            f"{errors}. Do not use these parameters. Check the joint columns, and whether "
+            "instrument or target moved; measure more poses, spread over all joints."
         )
     if validation.mean > NO_GAIN * nominal:
         return Status.SUSPECT, (
@@ -103,6 +114,19 @@ def _warnings(result: PoseIdentification) -> list[str]:
         out.append(
             f"the angles of joints {axes} are rounded to {steps.max():g} deg; their weights allow "
             "for it, but exact angles would make a better robot"
+        )
+    if result.scale_pull is not None:
+        size, sigma = result.scale_pull
+        out.append(
+            f"the measured values are {size:+.3%} (sigma {sigma:.3%}) off the robot's catalogue "
+            "lengths, all in one proportion: check their unit, the instrument's scale and the "
+            "robot's variant; the scale of the result is that of the instrument"
+        )
+    distinct = int(distinct_poses(table.q).max()) + 1
+    if distinct < DISTINCT * table.size:
+        out.append(
+            f"the {table.size} rows are {distinct} poses, measured repeatedly; repeats tell of "
+            "noise, not of other poses"
         )
     ranges = np.ptp(table.q, axis=0)
     if (narrow := np.flatnonzero(ranges < NARROW)).size:

@@ -38,6 +38,8 @@ LEAST_SHAPE = 0.5  # of the Gamma distribution of one pose: heavier tails have n
 # degrees of freedom of the variance itself, which comes from eight regions of one table: several
 # hundred poses do not make a change of a few per cent significant
 CERTAINTY = 150
+SEEN = 4.0  # deviations by which a change must stand out
+UNSEEN = 3e-3  # [rad] change of a zero, about 2 mm at the tool, that a check has to show
 ROUNDS = 4  # of applying a cause and fitting again: a change of 0.1 rad is not linear
 NEARLY = 1.5  # of the limit, below which what a cause leaves is as of an unchanged robot
 RIVAL = 6.0  # sum of squares by which a cause must be better than the next one, about 2.4 sigma
@@ -83,6 +85,9 @@ class Verification:
     predicted: float  # [m] mean error of an unchanged robot
     causes: tuple[Cause, ...]  # best first; empty where the calibration holds
     cause: Cause | None  # that explains the change clearly
+    blind: Mapping[
+        int, float
+    ]  # joints, from 1, whose zero may have changed by so much [rad] unseen
     outside: int  # poses that do not count
     out_of_range: Mapping[int, tuple[float, float]]  # axes of those, and their ranges [rad]
 
@@ -103,6 +108,8 @@ class Verification:
             f"unchanged robot {self.predicted * 1e3:.3f} mm, at most "
             f"{self.largest_mean * 1e3:.3f} mm in 98 of 100 checks"
         )
+        if self.holds and self.blind:
+            return f"Holds as far as these poses tell, which is not far: {numbers}."
         if self.holds:
             return f"Holds: {numbers}."
         if self.cause is not None and self.cause.kind == "pose":
@@ -119,12 +126,20 @@ class Verification:
 
     @property
     def warnings(self) -> list[str]:
-        """Poses that do not count."""
-        if not self.outside:
-            return []
-        return [
-            f"{self.outside} poses do not count: they are {range_sentence(dict(self.out_of_range))}"
-        ]
+        """Poses that do not count, and changes that these poses cannot show."""
+        out = []
+        if self.outside:
+            outside = range_sentence(dict(self.out_of_range))
+            out.append(f"{self.outside} poses do not count: they are {outside}")
+        if self.blind:
+            each = ", ".join(
+                f"{joint} ({size * 1e3:.1f} mrad)" for joint, size in self.blind.items()
+            )
+            out.append(
+                f"changes of the zeros of these joints, up to the size named, would not show: "
+                f"{each}; spread the poses over the workspace"
+            )
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +187,7 @@ def verify(
         counting = [name for name, counts in zip(names, inside, strict=True) if counts]
         causes = _causes(check, part, model, equations, counting)
         cause = _clear(causes, square, freedom, arm.factor)
+    blind = _blind(check, model, equations)
     error = np.concatenate([np.linalg.norm(p.closure.error[:3], axis=0) for p in equations.points])
     coordinates = equations.equations
     return Verification(
@@ -183,6 +199,7 @@ def verify(
         predicted=mean * max(1.0, check.sigma / arm.discrepancy) * np.sqrt(freedom / coordinates),
         causes=causes,
         cause=cause,
+        blind=blind,
         outside=int((~inside).sum()),
         out_of_range=arm.out_of_range(table.q),
     )
@@ -203,6 +220,21 @@ def limit_of(freedom: int, factor: float) -> float:
     limit = float(gamma.ppf(1.0 - FALSE_ALARMS, own * freedom) / own)
     known = float(chi2.ppf(1.0 - FALSE_ALARMS, freedom))
     return limit * freedom * float(f.ppf(1.0 - FALSE_ALARMS, freedom, CERTAINTY)) / known
+
+
+def _blind(check: _Check, model: PoseModel, equations: PoseEquations) -> dict[int, float]:
+    """Joints, from 1, and the size [rad] up to which these poses hide a change of their zero.
+
+    The first and the last joint are left out: seats and targets take up their zeros.
+    """
+    out = {}
+    for joint in range(2, check.arm.robot.joints):
+        columns = _columns(model, equations, "joint", str(joint))
+        cause = _linear(model, equations, columns, "joint", str(joint))
+        size = np.inf if cause is None else SEEN * float(cause.sigma[0])
+        if size > UNSEEN:
+            out[joint] = size
+    return out
 
 
 def _causes(

@@ -346,7 +346,7 @@ def another_own_plate(folder: Path) -> None:
         (
             None,
             lambda f: changed(f, "ballbar: lund_600", "ballbar: lund_900"),
-            ["is of ball-bar lund_900", "of lund_600"],
+            ["is of instrument lund_900", "of lund_600"],
         ),
         (None, own_plate, ["is of plate plate.yaml", "of plate_250"]),
         (own_plate, another_own_plate, ["plate.yaml, whose content differs"]),

@@ -47,7 +47,7 @@ from planning.verify import (
 )
 from planning.what_if import answers, question
 from planning.workers import evaluating_processes
-from sim.errors.static_errors import true_geometry
+from sim.errors.static_errors import THESIS_3_1, true_geometry
 from sim.path import Lissajous
 from sim.path_files import LissajousFile, load_lissajous
 from tests.helpers.program_reader import read_pdl2, read_rapid
@@ -360,9 +360,7 @@ def test_the_expected_force_is_what_mujoco_measures(
     true = set_without_strain(
         true_geometry(trajectory.nominal, errors, plate_sigma=0.0, seed=0), trajectory.q[:1]
     )
-    deviations = np.array(
-        [[true.values[i] - trajectory.nominal.values[i]] for i in evaluator.force_model.drawn]
-    )
+    deviations = np.array([[true[name] - trajectory.nominal[name]] for name in THESIS_3_1])
     expected = predicted_forces(
         replace(evaluator.force_model, errors=deviations), trajectory
     ).tension[0]

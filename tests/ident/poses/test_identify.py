@@ -208,6 +208,39 @@ def test_a_zero_that_was_lost_is_found_and_named() -> None:
     assert re.search(r"rtheta3 \+(29|30)", far)
 
 
+def test_a_scale_of_the_measured_values_is_named() -> None:
+    """One per cent: the links would take it up, all in one proportion."""
+    table = table_of(true_robot("ur5"), count=60)
+    group = table.groups[0]
+    assert identify_poses(table, PLAIN).scale_pull is None
+    long = replace(table, groups=(replace(group, values=1.01 * group.values),))
+    result = identify_poses(long, PLAIN)
+    assert result.scale_pull is not None
+    assert result.scale_pull[0] == pytest.approx(0.01, abs=0.003)
+    assert any("all in one proportion" in warning for warning in result.verdict.warnings)
+
+
+def test_a_program_that_is_repeated_does_not_pass_for_many_poses() -> None:
+    """15 poses, 8 times each, the servos 0.1 mrad off: no orders, and honest errors."""
+    true = true_robot("ur5", orders=[(1, 6)])
+    q = np.tile(angles("ur5", 15, 2), (8, 1))
+    q = q + np.random.default_rng(1).normal(0.0, 1e-4, q.shape)
+    result = identify_poses(table_of(true, q=q))
+    assert result.search is not None
+    assert result.search.orders == ()
+    assert any("120 rows are 15 poses" in warning for warning in result.verdict.warnings)
+    assert result.cross_validation.mean > 0.7 * tcp_error(result, true)
+
+
+def test_a_robot_that_came_out_worse_than_nominal_is_not_acceptable() -> None:
+    """Ten poses, eight of them with an instrument that had been moved."""
+    table = table_of(true_robot("ur5"), count=40)
+    group = table.groups[0]
+    values = group.values + np.where(np.arange(40) % 3 == 0, 8e-3, 0.0)[:, None]
+    result = identify_poses(replace(table, groups=(replace(group, values=values),)), PLAIN)
+    assert not result.verdict.acceptable
+
+
 def test_another_robot_is_not_the_declared_one() -> None:
     table = table_of(true_robot("ur10"), count=100)
     result = identify_poses(replace(table, robot=load_robot("ur5")), PLAIN)
