@@ -22,6 +22,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, f, gamma
 
 from cell.arrays import Array
+from cell.chain import joint_screws
 from cell.errors import InputError
 from cell.poses import PoseGroup, PoseTable
 from ident.poses.closure import Placement
@@ -39,7 +40,7 @@ LEAST_SHAPE = 0.5  # of the Gamma distribution of one pose: heavier tails have n
 # hundred poses do not make a change of a few per cent significant
 CERTAINTY = 150
 SEEN = 4.0  # deviations by which a change must stand out
-UNSEEN = 3e-3  # [rad] change of a zero, about 2 mm at the tool, that a check has to show
+UNSEEN = 1e-3  # [m] of the target over the workspace: a larger change has to show
 ROUNDS = 4  # of applying a cause and fitting again: a change of 0.1 rad is not linear
 NEARLY = 1.5  # of the limit, below which what a cause leaves is as of an unchanged robot
 RIVAL = 6.0  # sum of squares by which a cause must be better than the next one, about 2.4 sigma
@@ -225,14 +226,16 @@ def limit_of(freedom: int, factor: float) -> float:
 def _blind(check: _Check, model: PoseModel, equations: PoseEquations) -> dict[int, float]:
     """Joints, from 1, and the size [rad] up to which these poses hide a change of their zero.
 
-    The first and the last joint are left out: seats and targets take up their zeros.
+    Those of them that would move the target by more than UNSEEN. The first and the last joint are
+    left out: seats and targets take up their zeros.
     """
-    out = {}
+    frames, out = check.arm.frames(check.arm.workspace()), {}
+    levers = np.sqrt((joint_screws(frames)[:, :3] ** 2).sum(axis=1).mean(axis=1))
     for joint in range(2, check.arm.robot.joints):
         columns = _columns(model, equations, "joint", str(joint))
         cause = _linear(model, equations, columns, "joint", str(joint))
         size = np.inf if cause is None else SEEN * float(cause.sigma[0])
-        if size > UNSEEN:
+        if size * levers[joint - 1] > UNSEEN:
             out[joint] = size
     return out
 

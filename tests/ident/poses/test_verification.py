@@ -178,3 +178,16 @@ def test_poses_beyond_a_fitted_range_do_not_count_and_too_few_are_refused(robot:
 def test_every_pose_counts_in_full_in_an_unweighted_fit() -> None:
     """The robust weights of an identification would hide one bad pose."""
     assert "robust" not in fit_unweighted.__annotations__
+
+
+def test_poses_at_one_spot_hold_nothing_that_is_worth_saying(robot: Stored) -> None:
+    """Ten poses within two degrees: seats take up what changed, and the check says so."""
+    rng = np.random.default_rng(9)
+    middle = robot.angles(rng, 1)
+    near = middle + np.deg2rad(2.0) * rng.uniform(-1.0, 1.0, (POSES, middle.shape[1]))
+    result = robot.check(point_table(robot.drawn, near, NOISE, rng))
+    assert {2, 3} <= set(result.blind)
+    assert "as far as these poses tell" in result.sentence
+    assert "would not show" in result.warnings[-1]
+    spread = robot.check(point_table(robot.drawn, robot.angles(rng, 20), NOISE, rng))
+    assert not {2, 3, 4} & set(spread.blind)
