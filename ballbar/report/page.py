@@ -9,7 +9,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from ballbar.report.machine import machine_section
 from ballbar.report.numbers import significant
@@ -31,16 +31,8 @@ def write_report(path: Path, data: RunData, *, command: str) -> None:
 
 def render_report(data: RunData, *, command: str, written: datetime) -> str:
     """The page as text; the same inputs give the same text."""
-    environment = Environment(
-        loader=PackageLoader("ballbar.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.globals["significant"] = significant
     view = tcp_view(data)
-    return environment.get_template("report.html").render(
+    return template("report.html").render(
         title=data.name,
         result=data.identification,
         against_truth=data.comparison is not None,
@@ -51,3 +43,16 @@ def render_report(data: RunData, *, command: str, written: datetime) -> str:
         recordings=recording_sections(data),
         provenance=provenance(data, command, written),
     )
+
+
+def template(name: str) -> Template:
+    """A page of ballbar/report/templates: text from files is escaped, a missing value an error."""
+    environment = Environment(
+        loader=PackageLoader("ballbar.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals["significant"] = significant
+    return environment.get_template(name)

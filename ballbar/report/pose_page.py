@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ballbar.figure_style import AFTER, BEFORE, PURPLE
@@ -24,6 +23,7 @@ from ballbar.report.figures import (
     workspace_map,
 )
 from ballbar.report.numbers import listed, significant
+from ballbar.report.page import template
 from ballbar.report.provenance import InputFile, hashed, versions, without_folders
 from ballbar.report.summary import Tile
 from ballbar.result.pose_run import PoseRun
@@ -88,18 +88,11 @@ def write_pose_report(path: Path, run: PoseRun, *, command: str) -> None:
 
 def render_pose_report(run: PoseRun, *, command: str, written: datetime) -> str:
     """The page as text; the same inputs give the same text."""
-    environment = Environment(
-        loader=PackageLoader("ballbar.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     result = run.identification
     outcomes = [outcome for _, _, outcome in run.held_out]
     failed = [outcome.name for outcome in outcomes if not outcome.acceptable]
     verdict = result.verdict
-    return environment.get_template("poses.html").render(
+    return template("poses.html").render(
         title=run.name,
         subtitle=_subtitle(run),
         band=_BANDS.get(verdict.status, "bad") if run.acceptable else "bad",
