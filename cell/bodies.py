@@ -11,6 +11,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.chain import Chain, forward
 from cell.descriptions import Cell, Link, Robot
+from cell.geometry import nominal_chain
 
 
 def robot_bodies(cell: Cell) -> list[Link]:
@@ -20,7 +21,7 @@ def robot_bodies(cell: Cell) -> list[Link]:
 
 def link_bodies(robot: Robot) -> list[Link]:
     """Links 1..J of a robot, each in the frame that turns with its joint."""
-    return _local(_robot_chain(robot), robot.required("links")[1:])
+    return _local(nominal_chain(robot), robot.required("links")[1:])
 
 
 def carried_bodies(cell: Cell) -> list[list[Link]]:
@@ -45,14 +46,10 @@ def flange_on_last_link(cell: Cell) -> tuple[Array, Array]:
 
     Returns its rotation (3, 3) and translation (3,) [m].
     """
-    frames = forward(_robot_chain(cell.robot), np.zeros((1, cell.robot.joints)))
+    frames = forward(nominal_chain(cell.robot), np.zeros((1, cell.robot.joints)))
     turned = frames.rotation(-2)[:, :, 0].T
     offset = frames.origin[-1, :, 0] - frames.origin[-2, :, 0]
     return turned @ frames.rotation()[:, :, 0], turned @ offset
-
-
-def _robot_chain(robot: Robot) -> Chain:
-    return Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
 
 
 def _local(chain: Chain, links: tuple[Link, ...]) -> list[Link]:

@@ -117,6 +117,11 @@ def parameter_table(robot: Robot) -> ParameterTable:
     return ParameterTable(robot.joints, (*parallel.tolist(), robot.joints - 1))
 
 
+def nominal_chain(robot: Robot) -> Chain:
+    """The robot's DH rows as its file has them, up to the bare flange."""
+    return Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
+
+
 def table_of_names(names: Iterable[str]) -> ParameterTable:
     """The table of the mechanism whose parameters have these names, in any order."""
     of_robot = [p for p in map(parameter_named, names) if p.side == "robot"]

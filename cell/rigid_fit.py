@@ -16,15 +16,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.arrays import Array
-from cell.chain import Chain, Frames, forward
+from cell.chain import Frames, forward
 from cell.descriptions import Robot
+from cell.geometry import nominal_chain
 
 _ROUNDS = 60  # of the two steps in turn; each shortens the way to the least squares solution
 
 
 def nominal_frames(robot: Robot, q: Array) -> Frames:
     """Frames of the catalogue robot at joint angles q (N, J) [rad]; the last is the flange's."""
-    return forward(Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.a.size)), q)
+    return forward(nominal_chain(robot), q)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,10 +25,9 @@ from cell.bodies import carried_bodies, link_bodies
 from cell.chain import Chain
 from cell.descriptions import Cell, Link, Robot
 from cell.errors import InputError
-from cell.geometry import Parameter, parameter_table
+from cell.geometry import Parameter, nominal_chain, parameter_table
 from cell.load import load_measured_cell
 from ident.poses.closure import Placement
-from ident.poses.unknowns import nominal_chain
 
 EFFECTS = {
     "joint_compliance": "compliance of the gears under the robot's own weight",

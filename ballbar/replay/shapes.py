@@ -19,7 +19,7 @@ from ballbar.replay.entities import STEEL, Colour
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Cell
-from cell.geometry import Geometry
+from cell.geometry import Geometry, nominal_chain
 from cell.inverse import has_arm_structure
 
 PAINT = (236, 106, 32)  # the orange of many industrial robots
@@ -140,7 +140,7 @@ def robot_shapes(cell: Cell) -> tuple[Mesh, ...]:
     The last frame is the tool's, so the last link ends before the plate.
     """
     robot = cell.robot
-    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
+    chain = nominal_chain(robot)
     if not has_arm_structure(chain):
         return _plain_robot(cell, chain)
     width = 0.13 * float(robot.a[1])  # half the width of the upper arm

@@ -26,6 +26,7 @@ from ballbar.report.numbers import listed, significant
 from ballbar.report.page import template
 from ballbar.report.provenance import InputFile, hashed, versions, without_folders
 from ballbar.report.summary import Tile
+from ballbar.result.pose_calibration import KNOWN
 from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array
@@ -35,7 +36,6 @@ from ident.corrections.joint_harmonics import harmonic_name
 from ident.poses.result import PoseIdentification
 from ident.verdict import Status
 
-KNOWN = 0.5  # information gain below which an unknown stands at its prior
 _BANDS = {Status.GOOD: "good", Status.SUSPECT: "care"}
 _HEADINGS = {Status.GOOD: "Acceptable", Status.SUSPECT: "Acceptable, with care"}
 _SOURCES = {

@@ -18,8 +18,8 @@ from ballbar.result.pose_calibration import PoseCalibration
 from ballbar.units import MM
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.geometry import parameter_named, parameter_table
-from ident.poses.unknowns import nominal_chain, robot_parameters
+from cell.geometry import nominal_chain, parameter_named, parameter_table
+from ident.poses.unknowns import robot_parameters
 from ident.robot.accuracy import TcpError, position_error
 from ident.robot.identified_arm import IdentifiedArm
 from sim.poses.truth import PoseTruth

@@ -9,8 +9,8 @@ import numpy as np
 from ballbar.result.compare import Limit
 from ballbar.scenario import PoseAcceptSettings
 from ballbar.units import MM
+from cell.geometry import nominal_chain
 from ident.poses.result import PoseIdentification
-from ident.poses.unknowns import nominal_chain
 from ident.robot.accuracy import TcpError, position_error
 from sim.poses.truth import PoseTruth
 

@@ -23,6 +23,7 @@ from cell.chain import Chain
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, InputError
 from cell.files import write_yaml
+from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.pose_file import pose_file_path
 from cell.rotation import matrix_from_rotvec, rotvec_from_matrix
@@ -34,7 +35,6 @@ from ident.corrections.joint_harmonics import joint_harmonics, orders_of
 from ident.corrections.unit_weights import unit_weights
 from ident.poses.closure import Placement
 from ident.poses.identify import JointErrors
-from ident.poses.unknowns import nominal_chain
 from ident.robot.identified_arm import IdentifiedArm
 
 Three = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballbar.robot_file.draft import RobotDraft
-from cell.chain import Chain, forward
+from cell.chain import forward
 from cell.descriptions import Robot
+from cell.geometry import nominal_chain
 from cell.robot_angles import controller_to_joints
 from cell.rotation import rotvec_from_matrix
 
@@ -32,7 +33,7 @@ class Difference:
 def difference(robot: Robot, draft: RobotDraft) -> Difference:
     """Tip poses of a description as it is read back, against those of the source."""
     axes = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (POSES, robot.joints))
-    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
+    chain = nominal_chain(robot)
     flange = forward(chain, controller_to_joints(robot, axes)).poses()
     poses = draft.form.T_base_dh @ flange @ draft.form.T_flange_tip
     expected = draft.tip_poses(axes)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cell.arrays import Array
-from cell.chain import Chain, Frames, forward
+from cell.chain import Frames, forward
 from cell.descriptions import Robot
+from cell.geometry import nominal_chain
 from cell.robot_angles import controller_to_joints
 
 _BEND = (0.12, -0.1, 0.08)  # share of the axis range, by axis: a pose that shows every row
@@ -14,7 +15,7 @@ _BEND = (0.12, -0.1, 0.08)  # share of the axis range, by axis: a pose that show
 
 def frames_at(robot: Robot, axes: Array) -> Frames:
     """Frames of the rows at axis angles (J,) [rad] of the controller; flange last."""
-    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
+    chain = nominal_chain(robot)
     return forward(chain, controller_to_joints(robot, axes)[None])
 
 

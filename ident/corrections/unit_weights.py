@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from cell.arrays import Array
-from cell.chain import Chain, Frames, cross, forward
+from cell.chain import Frames, cross, forward
 from cell.descriptions import Cell, Robot
+from cell.geometry import nominal_chain
 from ident.corrections.base import GEAR, Coefficient, Correction, State
 
 # [rad/m] of a coefficient: 3e-4 to 5e-3 agree from 60 poses on (docs/real_robots)
@@ -24,7 +25,7 @@ _SEED = 6
 
 def unit_weights(robot: Robot) -> Correction:
     """One coefficient [rad/m] for each joint and frame whose weight its axis can feel."""
-    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.a.size))
+    chain = nominal_chain(robot)
     down = robot.gravity / np.linalg.norm(robot.gravity)
     rng = np.random.default_rng(_SEED)
     q = rng.uniform(-np.pi, np.pi, (_TRIALS, chain.rows))

@@ -19,12 +19,12 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.clock import Clock
+from ident.estimator.samples import MARGIN
 from ident.estimator.uncertainty import block_numbers, inflation_factors
 from ident.signals.smooth_log import SmoothLog
 
 SHORTEST = 2.5  # [s] of overlap that is fitted
 FIRST_WINDOW, GROWTH = 60.0, 4.0  # [s] of the first refinement, and the factor to the next one
-MARGIN = 0.3  # [s] inside both logs, so that the clock may still move
 ITERATIONS, CONVERGED = 30, 1e-9  # [s] change of the clock anywhere in the overlap
 MAX_STEP = 0.2  # [s] of one iteration; a fast motion is straight for less
 CLOCK_PRIOR = 1.0, 1e-3  # [s], [1] keeps the steps finite where a window says nothing

@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.arrays import Array
+from cell.geometry import nominal_chain
 from cell.poses import PoseTable
 from ident.poses.closure import Placement
+from ident.poses.cross_validation import LEVEL
 from ident.poses.fit import PoseFit, fit_poses
 from ident.poses.model import PoseModel
 from ident.poses.result import PoseIdentification, position_errors
 from ident.poses.start import PoseStart, start_of_poses
-from ident.poses.unknowns import PoseUnknowns, nominal_chain, pose_unknowns
+from ident.poses.unknowns import PoseUnknowns, pose_unknowns
 from ident.robot.identified_arm import IdentifiedArm, range_sentence
 
-HELD = 1e-9  # of a prior's sigma: below what data could tell
 WORSE = 2.0  # held-out error over that predicted by cross-validation: no longer the same robot
-LEVEL = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,12 +87,4 @@ def held_layout(
     layout = pose_unknowns(table, arm.chain, start.seats, targets, arm.corrections)
     mean = layout.mean.copy()
     mean[layout.coefficients] = arm.values
-    return replace(layout, mean=mean, sigma=_held(layout, [t for t in targets if t in known]))
-
-
-def _held(layout: PoseUnknowns, targets: list[str]) -> Array:
-    sigma = layout.sigma.copy()
-    sigma[layout.machine] *= HELD
-    for target in targets:
-        sigma[layout.targets[target]] *= HELD
-    return sigma
+    return replace(layout, mean=mean).held(name for name in targets if name in known)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError
+from cell.geometry import nominal_chain
 from cell.poses import PoseTable
 from ident.corrections.base import Coefficient, Correction
 from ident.corrections.joint_compliance import gear_compliance
@@ -29,9 +30,8 @@ from ident.poses.fit import PoseFit, fit_poses
 from ident.poses.model import PoseModel
 from ident.poses.result import PoseIdentification
 from ident.poses.start import start_of_poses
-from ident.poses.unknowns import PoseUnknowns, nominal_chain, pose_unknowns
+from ident.poses.unknowns import HELD, PoseUnknowns, pose_unknowns
 
-HELD = 1e-9  # of a prior's sigma: below what data could tell
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
 GRIDS_DEG = (1.0, 0.5, 0.1, 0.05, 0.01)  # steps to which tables round their angles
 
@@ -71,7 +71,7 @@ def identify_poses(
     layout = pose_unknowns(table, chain, start.seats, start.targets, fixed)
     _check_enough(table, layout)
     model = PoseModel(table, layout, tuple(fixed), noise)
-    nominal = fit_poses(replace(model, unknowns=_held(layout)), layout.mean.copy())
+    nominal = fit_poses(replace(model, unknowns=layout.held()), layout.mean.copy())
     progress("fitting geometry and sag")
     fit = fit_poses(model, nominal.x, nominal.discrepancy)
     fit, findings = _without_unsettled(fit)
@@ -156,13 +156,6 @@ def _learned(options: PoseOptions) -> list[Correction]:
         for c, value in zip(correction.coefficients, options.learned.values, strict=True)
     )
     return [replace(correction, name="learned_harmonics", coefficients=held)]
-
-
-def _held(layout: PoseUnknowns) -> PoseUnknowns:
-    """The layout with robot and coefficients held at their priors."""
-    sigma = layout.sigma.copy()
-    sigma[layout.machine] *= HELD
-    return replace(layout, sigma=sigma)
 
 
 def _with_orders(fit: PoseFit, search: OrderSearch) -> PoseFit:

@@ -12,9 +12,10 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.bodies import link_bodies
-from cell.chain import Chain, forward
+from cell.chain import forward
 from cell.descriptions import Robot
 from cell.dynamics import joint_torques
+from cell.geometry import nominal_chain
 from ident.corrections.base import Correction, State
 from ident.loads.gear_loads import no_loads
 
@@ -41,7 +42,7 @@ def regressors_at(robot: Robot, corrections: Sequence[Correction], q: Array) -> 
 def resting_loads(robot: Robot, q: Array) -> Array:
     """(J, N) [N m] at the gears' outputs under the weight of the links at q (N, J) [rad]."""
     bodies = [[link] for link in link_bodies(robot)]
-    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.joints))
+    chain = nominal_chain(robot)
     torques = joint_torques(forward(chain, q), bodies, q, gravity=robot.gravity)
     return np.asarray(robot.gear_to_joint @ torques)
 

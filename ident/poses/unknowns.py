@@ -9,8 +9,8 @@ two parallel axes only the sum of their offsets moves anything: these stay nomin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -26,12 +26,8 @@ from ident.poses.closure import Placement
 # Of a parameter about its catalogue value. UR5, UR10 and Panda: from 60 poses on, 5 mrad and 2 mm
 # predict as well; 1 mrad and 0.3 mm are too tight (docs/real_robots, priors).
 ANGLE_PRIOR, LENGTH_PRIOR = 2e-3, 7e-4  # [rad], [m]
+HELD = 1e-9  # of a prior's sigma: below what data could tell
 PLACEMENT_PRIOR = 1.0  # [m, rad] of seats and targets about their start: keeps steps finite
-
-
-def nominal_chain(robot: Robot) -> Chain:
-    """The robot's DH rows as its file has them."""
-    return Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(robot.a.size))
 
 
 def robot_parameters(robot: Robot) -> tuple[Parameter, ...]:
@@ -72,6 +68,13 @@ class PoseUnknowns:
     def machine(self) -> slice:
         """The robot's parameters and the coefficients."""
         return slice(self.geometry.start, self.coefficients.stop)
+
+    def held(self, targets: Iterable[str] = ()) -> PoseUnknowns:
+        """The same with robot, coefficients and some targets held at their priors' means."""
+        sigma = self.sigma.copy()
+        for part in (self.machine, *(self.targets[name] for name in targets)):
+            sigma[part] *= HELD
+        return replace(self, sigma=sigma)
 
     def seat(self, x: Array, name: str) -> Placement:
         """A seat in the robot's base frame; turns about the base's axes."""

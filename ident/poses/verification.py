@@ -26,12 +26,13 @@ from cell.chain import joint_screws
 from cell.errors import InputError
 from cell.poses import PoseGroup, PoseTable
 from ident.poses.closure import Placement
+from ident.poses.cross_validation import LEVEL
 from ident.poses.fit import PoseEquations, fit_unweighted
 from ident.poses.held_out import held_layout
 from ident.poses.model import Discrepancy, PoseModel
 from ident.poses.start import start_of_poses
 from ident.poses.unknowns import PoseUnknowns
-from ident.robot.identified_arm import LEVEL, IdentifiedArm, range_sentence
+from ident.robot.identified_arm import IdentifiedArm, range_sentence
 
 FALSE_ALARMS = 0.02  # share of checks of an unchanged robot that call it changed
 LEAST_FREEDOM = 6  # degrees of freedom below which nothing could be stated

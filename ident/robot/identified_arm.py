@@ -20,9 +20,9 @@ from cell.descriptions import Robot
 from cell.geometry import Parameter
 from ident.corrections.base import Correction
 from ident.poses.closure import Placement, target_frames
+from ident.poses.cross_validation import LEVEL
 from ident.poses.joint_corrections import channels, joint_displacements, regressors_at
 
-LEVEL = 0.95
 WORKSPACE = 800  # poses, as many as the accuracy grid of a moving robot
 _WORKSPACE_SEED = 2400  # the poses are part of the metric
 RANGE_MARGIN = np.deg2rad(1.0)  # [rad] past the last fitted angle that still counts as inside

@@ -19,10 +19,9 @@ import numpy as np
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws
 from cell.descriptions import Robot
-from cell.geometry import Geometry
+from cell.geometry import Geometry, nominal_chain
 from cell.inverse import pose_error, refine_reachable
 from cell.robot_angles import joints_to_axes
-from ident.poses.unknowns import nominal_chain
 from ident.robot.identified_arm import IdentifiedArm
 from ident.robot.unloaded_robot import UnloadedRobot
 

@@ -16,10 +16,10 @@ from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Robot
 from cell.errors import InputError
+from cell.geometry import nominal_chain
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.poses import KnownDistance
-from ident.poses.unknowns import nominal_chain
 from ident.robot.accuracy import accuracy_grid
 from planning.poses.request import PosePlanRequest, SeatEntry, TargetEntry
 

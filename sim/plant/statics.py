@@ -21,7 +21,7 @@ from cell.arrays import Array
 from cell.chain import Chain, Frames, cross, forward, joint_screws
 from cell.descriptions import Cell, Link
 from cell.errors import FailureError
-from cell.geometry import Geometry, robot_frames
+from cell.geometry import Geometry, nominal_chain, robot_frames
 from cell.rotation import rotvec_from_matrix
 from sim.plant.deflection import Deflected, deflect, turning
 from sim.plant.description import Plant
@@ -139,7 +139,7 @@ def _machine(plant: Plant, command: Array) -> _Machine:
 
 def _robot_links(cell: Cell) -> list[list[Link]]:
     robot, plate = cell.robot, cell.plate.body
-    chain = Chain(robot.a, robot.d, robot.alpha, robot.theta, np.zeros(6))
+    chain = nominal_chain(robot)
     links = _turning_links(chain, robot.required("links")[1:])
     flange = forward(chain, np.zeros((1, 6)))
     on_base = Link(

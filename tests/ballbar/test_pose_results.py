@@ -27,8 +27,8 @@ from ballbar.result.compare_pose_results import compare_pose_results
 from cell.arrays import Array
 from cell.chain import forward
 from cell.errors import DescriptionError, InputError
+from cell.geometry import nominal_chain
 from cell.urdf import chain_between, parse_urdf
-from ident.poses.unknowns import nominal_chain
 from ident.robot.inverse_calibration import corrected_arm_targets
 from tests.helpers.command_line import ballbar
 from tests.helpers.dh_tables import along_table, table

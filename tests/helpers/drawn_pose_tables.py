@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 from cell.arrays import Array
 from cell.chain import Chain, forward
 from cell.descriptions import Robot
+from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import PoseGroup, PoseTable
-from ident.poses.unknowns import nominal_chain, robot_parameters
+from ident.poses.unknowns import robot_parameters
 
 TARGET = np.array([0.05, -0.03, 0.12])  # [m] of the reflector in the flange's frame
 SEAT_TURN = np.array([0.2, -0.1, 0.7])  # [rad]

@@ -10,10 +10,11 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.files import write_yaml
+from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import PoseTable
 from ident.corrections.unit_weights import unit_weights
-from ident.poses.unknowns import nominal_chain, robot_parameters
+from ident.poses.unknowns import robot_parameters
 
 RANGE = 2.0  # [rad] over which every joint is said to be fitted
 ORDER = 17  # of the joint error of joint 2

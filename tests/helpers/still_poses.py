@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws
 from cell.descriptions import Robot
+from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import KnownDistance, Measured, PoseGroup, PoseTable
 from ident.corrections.base import Correction
@@ -18,7 +19,7 @@ from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
 from ident.poses.closure import Placement, target_frames
 from ident.poses.joint_corrections import joint_displacements, regressors_at
-from ident.poses.unknowns import nominal_chain, robot_parameters
+from ident.poses.unknowns import robot_parameters
 
 TARGET = Placement(np.eye(3), np.array([0.03, -0.02, 0.12]))
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

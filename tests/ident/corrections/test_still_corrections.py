@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from cell.chain import forward
+from cell.geometry import nominal_chain
 from cell.load import load_robot
 from ident.corrections import SUBSTITUTES, supported_corrections
 from ident.corrections.joint_harmonics import joint_harmonics, orders_of
 from ident.corrections.unit_weights import torques, unit_weights
 from ident.poses.joint_corrections import joint_displacements, regressors_at
-from ident.poses.unknowns import nominal_chain
 
 DOWN = np.array([0.0, 0.0, -1.0])
 

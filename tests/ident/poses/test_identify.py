@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cell.errors import InputError
+from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.poses import PoseTable
 from ident.poses.cross_validation import cross_validated
@@ -18,7 +19,6 @@ from ident.poses.held_out import held_out_poses
 from ident.poses.identify import JointErrors, PoseOptions, identify_poses, linearised, rounding
 from ident.poses.result import PoseIdentification, position_errors
 from ident.poses.start import PoseStartError, start_of_poses
-from ident.poses.unknowns import nominal_chain
 from ident.poses.verdict import judge_poses
 from ident.robot.accuracy import position_error
 from ident.robot.identified_arm import range_sentence

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cell.geometry import nominal_chain
 from cell.poses import PoseTable
 from ident.corrections.joint_harmonics import joint_harmonics
 from ident.corrections.unit_weights import unit_weights
@@ -15,7 +16,7 @@ from ident.poses.closure import close_pose_loop
 from ident.poses.cross_validation import position_rows
 from ident.poses.model import Discrepancy, PoseModel
 from ident.poses.start import start_of_poses
-from ident.poses.unknowns import nominal_chain, pose_unknowns, robot_parameters
+from ident.poses.unknowns import pose_unknowns, robot_parameters
 from tests.helpers.still_poses import SEAT, TARGET, socket_table, table_of, true_robot
 
 
