@@ -14,7 +14,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections import belongs_to_machine, correction_named
+from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics
 from ident.estimator.fit import Fit, fit, thinned
@@ -22,6 +22,7 @@ from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples, samples_of
 from ident.estimator.step_faults import (
+    ENCODER_JUMPS,
     MAX_FOUND,
     encoder_slips,
     find_step_fault,
@@ -46,7 +47,7 @@ CONTINUED_ITERATIONS = 8
 FIRST_EXCESS = ExcessNoise(5e-6, 1e-5, 1e-5, 1e-6)  # what the first fit finds on the full scenarios
 NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a step fault must bring it down to
-NEEDS_LOADS = {"joint_compliance", "gear_backlash", "rod_strain", "plate_bending"}
+NEEDS_LOADS = {"joint_compliance", "gear_backlash", "rod_strain", "plate_bending", "bearing_tilt"}
 # A correction stays whose coefficients' chi-square exceeds its count k by SUPPORT sqrt(2 k): four
 # standard deviations of what chance gives.
 SUPPORT = 4.0
@@ -87,26 +88,31 @@ def fit_complete(
     run = _Run(cell, recordings, options, listener, orders)
     lines, names = cell.ballbar.encoder_lines, list(corrections)
     names += [JOINT_HARMONICS] if orders else []
+    automatic = options.corrections is None
+    tried = corrections_on_evidence(cell.robot, len(recordings)) if automatic and names else []
     faults = tuple(
         fault
         for k, r in enumerate(recordings)
         for fault in step_faults_in_logs(r.samples, r.clock, k)
     )
     most = len(faults) + MAX_FOUND
-    result = run.first(names, faults)
+    result = run.first([*names, *tried], faults)
     while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
-        tried = run.first(names, (*faults, fault))  # before it can pass for noise
-        if tried.chi2_per_dof > HELPS * result.chi2_per_dof:  # whatever is wrong, it is no step
+        # before it can pass for noise
+        repaired = run.first([*names, *tried], (*faults, fault))
+        if repaired.chi2_per_dof > HELPS * result.chi2_per_dof:  # whatever is wrong, it is no step
             break
-        faults, result = (*faults, fault), tried
-    result = run.with_noise(result)
+        faults, result = (*faults, fault), repaired
+    idle = unsupported(result)
+    names += [name for name in tried if name not in idle]
+    result = run.with_noise(result, run.narrowed(result, names, faults) if idle else None)
     while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         faults = (*faults, fault)  # it shows only once the noise is known
         result = run.with_noise(run.first(names, faults))
     exact = with_exact_periods(result, faults, lines)
-    idle = unsupported(result) if options.corrections is None else set()
+    idle = unsupported(result) if automatic else set()
     if idle or exact != faults:
         without = f"without {', '.join(sorted(idle))}" if idle else "with whole signal periods"
         listener.progress(f"fitting again {without}")
@@ -137,10 +143,23 @@ class _Run:
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS, self.listener)
 
-    def with_noise(self, result: Fit) -> Fit:
-        """Further fits, each with the noise that the one before left unexplained."""
+    def narrowed(self, result: Fit, names: Sequence[str], faults: tuple[StepFault, ...]) -> Pose:
+        """The pose of a fit with fewer corrections, at what the fit has found."""
+        pose = posed(self.cell, self.recordings, names, self.options, faults, self.orders)
+        likely, layout = with_likely_tension(result).unknowns, pose.model.unknowns
+        place = {name: i for i, name in enumerate(likely.names)}
+        old = np.array([place[name] for name in layout.names])
+        layout = replace(layout, sigma=likely.sigma[old])
+        return Pose(replace(pose.model, unknowns=layout), result.x[old], result.ballbars)
+
+    def with_noise(self, result: Fit, pose: Pose | None = None) -> Fit:
+        """Further fits, each with the noise that the one before left unexplained.
+
+        pose : where the first begins, if not at the result.
+        """
         for k in range(1, NOISE_PASSES + 1):
-            begin = Pose(with_likely_tension(result), result.x, result.ballbars)
+            begin = pose or Pose(with_likely_tension(result), result.x, result.ballbars)
+            pose = None
             excess, iterations = excess_noise(result), result.iterations
             del result  # large with many samples
             self.listener.progress(
@@ -195,7 +214,7 @@ def posed(
     chosen = [
         joint_harmonics(orders)
         if name == JOINT_HARMONICS
-        else correction_named(name, cell, encoders)
+        else correction_named(name, cell, encoders, len(recordings))
         for name in corrections
     ]
     slips = encoder_slips(faults)
@@ -294,7 +313,9 @@ def with_likely_tension(result: Fit) -> Model:
 def unsupported(result: Fit) -> set[str]:
     """Names of corrections whose coefficients are all zero as far as the data can tell."""
     stated, out = uncertainty(result), set()
-    for correction in lasting(result):
+    for correction in result.model.corrections:
+        if correction.name == ENCODER_JUMPS:
+            continue
         position = coefficients_of(result, correction)
         values = result.x[position]
         spread = stated.covariance[position, position]
