@@ -16,7 +16,6 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
-from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
@@ -47,7 +46,6 @@ CONTINUED_ITERATIONS = 8
 FIRST_EXCESS = ExcessNoise(5e-6, 1e-5, 1e-5, 1e-6)  # what the first fit finds on the full scenarios
 NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a step fault must bring it down to
-NEEDS_LOADS = {"joint_compliance", "gear_backlash", "rod_strain", "plate_bending", "bearing_tilt"}
 # A correction stays whose coefficients' chi-square exceeds its count k by SUPPORT sqrt(2 k): four
 # standard deviations of what chance gives.
 SUPPORT = 4.0
@@ -57,9 +55,6 @@ COARSE_SAMPLES, COARSE_SHARE = 1500, 3
 PER_UNKNOWN = (
     1e-4  # predicted decrease for each unknown that ends a fit, as `fit.NEGLIGIBLE` for one
 )
-
-
-Orders = Sequence[tuple[int, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,47 +72,47 @@ def fit_complete(
     corrections: Sequence[str],
     options: FitOptions,
     listener: Listener = SILENT,
-    *,
-    orders: Orders = (),
+    found: Sequence[Correction] = (),
 ) -> Fit:
     """The joint fit of all recordings with the named corrections, step faults repaired.
 
-    orders : joint, from 0, and cycles a turn of periodic joint errors that were found.
+    found : further corrections, formed by what the data have shown.
     Corrections that the data do not support are left out, unless the options name them.
     """
-    run = _Run(cell, recordings, options, listener, orders)
-    lines, names = cell.ballbar.encoder_lines, list(corrections)
-    names += [JOINT_HARMONICS] if orders else []
+    run, lines = _Run(cell, recordings, options, listener), cell.ballbar.encoder_lines
+    chosen = [*run.formed(corrections), *found]
     automatic = options.corrections is None
-    tried = corrections_on_evidence(cell.robot, len(recordings)) if automatic and names else []
+    tried = []
+    if automatic and corrections:
+        tried = run.formed(corrections_on_evidence(cell.robot, len(recordings)))
     faults = tuple(
         fault
         for k, r in enumerate(recordings)
         for fault in step_faults_in_logs(r.samples, r.clock, k)
     )
     most = len(faults) + MAX_FOUND
-    result = run.first([*names, *tried], faults)
+    result = run.first([*chosen, *tried], faults)
     while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         # before it can pass for noise
-        repaired = run.first([*names, *tried], (*faults, fault))
+        repaired = run.first([*chosen, *tried], (*faults, fault))
         if repaired.chi2_per_dof > HELPS * result.chi2_per_dof:  # whatever is wrong, it is no step
             break
         faults, result = (*faults, fault), repaired
     idle = unsupported(result)
-    names += [name for name in tried if name not in idle]
-    result = run.with_noise(result, run.narrowed(result, names, faults) if idle else None)
+    chosen += [correction for correction in tried if correction.name not in idle]
+    result = run.with_noise(result, run.narrowed(result, chosen, faults) if tried else None)
     while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         faults = (*faults, fault)  # it shows only once the noise is known
-        result = run.with_noise(run.first(names, faults))
+        result = run.with_noise(run.first(chosen, faults))
     exact = with_exact_periods(result, faults, lines)
     idle = unsupported(result) if automatic else set()
     if idle or exact != faults:
         without = f"without {', '.join(sorted(idle))}" if idle else "with whole signal periods"
         listener.progress(f"fitting again {without}")
-        names, faults = [name for name in names if name not in idle], exact
-        result = run.with_noise(run.first(names, faults))
+        chosen, faults = [c for c in chosen if c.name not in idle], exact
+        result = run.with_noise(run.first(chosen, faults))
     return replace(result, step_faults=sized(result, faults, lines))
 
 
@@ -129,12 +124,16 @@ class _Run:
     recordings: Sequence[RecordingFit]
     options: FitOptions
     listener: Listener
-    orders: Orders
 
-    def first(self, names: Sequence[str], faults: tuple[StepFault, ...]) -> Fit:
+    def formed(self, names: Sequence[str]) -> list[Correction]:
+        """The corrections of these names."""
+        encoders, count = self.recordings[0].samples.encoders, len(self.recordings)
+        return [correction_named(name, self.cell, encoders, count) for name in names]
+
+    def first(self, chosen: Sequence[Correction], faults: tuple[StepFault, ...]) -> Fit:
         """A fit with the first guess of the noise."""
         self.listener.progress("preparing the complete model")
-        pose = posed(self.cell, self.recordings, names, self.options, faults, self.orders)
+        pose = posed(self.cell, self.recordings, chosen, self.options, faults)
         sources = [
             r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings
         ]
@@ -143,9 +142,11 @@ class _Run:
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS, self.listener)
 
-    def narrowed(self, result: Fit, names: Sequence[str], faults: tuple[StepFault, ...]) -> Pose:
+    def narrowed(
+        self, result: Fit, chosen: Sequence[Correction], faults: tuple[StepFault, ...]
+    ) -> Pose:
         """The pose of a fit with fewer corrections, at what the fit has found."""
-        pose = posed(self.cell, self.recordings, names, self.options, faults, self.orders)
+        pose = posed(self.cell, self.recordings, chosen, self.options, faults)
         likely, layout = with_likely_tension(result).unknowns, pose.model.unknowns
         place = {name: i for i, name in enumerate(likely.names)}
         old = np.array([place[name] for name in layout.names])
@@ -201,25 +202,14 @@ def approached(pose: Pose, excess: ExcessNoise) -> Pose:
 def posed(
     cell: Cell,
     recordings: Sequence[RecordingFit],
-    corrections: Sequence[str],
+    corrections: Sequence[Correction],
     options: FitOptions,
     faults: tuple[StepFault, ...] = (),
-    orders: Orders = (),
 ) -> Pose:
-    """The complete model of some recordings, and where its fit starts.
-
-    orders : joint, from 0, and cycles a turn of the joint errors, if they are a correction.
-    """
-    encoders = recordings[0].samples.encoders
-    chosen = [
-        joint_harmonics(orders)
-        if name == JOINT_HARMONICS
-        else correction_named(name, cell, encoders, len(recordings))
-        for name in corrections
-    ]
+    """The complete model of some recordings, and where its fit starts."""
     slips = encoder_slips(faults)
-    chosen += [] if slips is None else [slips]
-    loaded = bool(NEEDS_LOADS & set(corrections))
+    chosen = [*corrections] if slips is None else [*corrections, slips]
+    loaded = needs_loads(chosen)
     sources = [r.logs.force_source(options.force, cell.robot) for r in recordings]
     every = [
         with_tension(cell, r, source, clock_steps_of(faults, k), loaded=loaded)
@@ -241,6 +231,11 @@ def posed(
     model = Model(gearing(cell), masses, tuple(chosen), layout, tuple(every))
     ballbars = [r.samples.ballbar_angles(r.geometry, r.clock) for r in recordings]
     return Pose(model, x, ballbars)
+
+
+def needs_loads(corrections: Sequence[Correction]) -> bool:
+    """Whether any of them depends on loads."""
+    return any(correction.slopes is not None for correction in corrections)
 
 
 def clock_steps_of(faults: Sequence[StepFault], recording: int) -> tuple[float, ...]:
@@ -280,8 +275,7 @@ def with_tension(
     tension = np.zeros(old.times.size)
     geometry, clock = recording.geometry, recording.clock
     if source == "torque":
-        log = logs.robot
-        tension = torque_tension(cell, old, geometry, clock, log.t, log.torque)
+        tension = torque_tension(cell, old, geometry, clock, logs.robot)
     elif source == "sensor":
         tension = sensor_tension(cell, old, geometry, clock, logs.force)
     return replace(new, tension=tension, splines=tension_splines(old.times))

@@ -8,6 +8,7 @@ several recordings are given: the complete model of all recordings together (ide
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
+from cell.payload import with_payload
 from ident.complete_fit import coefficients_of, fit_complete, lasting
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
 from ident.estimator.fit import Fit
@@ -26,9 +28,12 @@ from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
 from ident.estimator.unknowns import declared_names, fixed_names
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
+from ident.loads.logged_tension import logged_torque
+from ident.loads.payload import PayloadEstimate, payload_from_torque
+from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
-from ident.remarks import joint_error_remark, log_remarks
+from ident.remarks import joint_error_remark, log_remarks, payload_remark, recording_remarks
 from ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
@@ -94,17 +99,33 @@ def identify_together(
         if options.model == "dh" or not _asks_for_more(simple):
             return simple
     corrections = supported_corrections(cell.robot)
+    payload = None
     if options.corrections is not None:
         corrections = list(options.corrections)
+    elif payload := _payload(cell, single, options):
+        cell = with_payload(cell, payload.payload) if payload.significant else cell
     if automatic and len(single) == 1 and len(single[0].samples.encoders) < COMPLETE_ENCODERS:
         corrections = []  # step faults can be sized all the same
     fit = fit_complete(cell, single, corrections, options, listener)
-    result = _result(cell, single, fit, options)
+    result = _result(cell, single, fit, options, payload=payload)
     if automatic and corrections and may_have_joint_errors(result):
         fit, orders = fit_joint_errors(cell, single, corrections, fit, options, listener)
         if orders:
-            result = _result(cell, single, fit, options, orders)
+            result = _result(cell, single, fit, options, orders, payload=payload)
     return result
+
+
+def _payload(
+    cell: Cell, single: Sequence[RecordingFit], options: FitOptions
+) -> PayloadEstimate | None:
+    """The masses that the torque logs ask for; None where no recording has one that tells."""
+    if options.force == "none" or any(cell.robot.lacks(key) for key in TORQUE_NEEDS):
+        return None
+    told = [r for r in single if r.logs.robot.torque is not None and r.samples.encoders]
+    if not told:
+        return None
+    torques = [logged_torque(cell, r.samples, r.geometry, r.clock, r.logs.robot) for r in told]
+    return payload_from_torque(cell, [r.geometry for r in told], torques)
 
 
 def _asks_for_more(simple: Identification) -> bool:
@@ -120,6 +141,7 @@ def _result(
     fit: Fit,
     options: FitOptions,
     orders: Sequence[JointOrder] = (),
+    payload: PayloadEstimate | None = None,
 ) -> Identification:
     """The result of a fit of one or several recordings.
 
@@ -128,7 +150,7 @@ def _result(
     stated, layout = uncertainty(fit), fit.model.unknowns
     complete = fit is not single[0].fit
     known = stated.information_gain > MOSTLY_PRIOR
-    robot = _robot(cell, single[0], fit, stated, known)
+    robot = replace(_robot(cell, single[0], fit, stated, known), payload=payload)
     estimates = tuple(
         _recording(cell, r, fit, k if complete else 0, stated, known, options)
         for k, r in enumerate(single)
@@ -178,6 +200,8 @@ def _result(
                 f"{', '.join(without)} were not fitted: the file of robot {cell.robot.name} "
                 f"has no {', '.join(keys)}{_substituted(robot)}"
             )
+    for remark in (payload_remark(payload), *recording_remarks(fit)):
+        verdict = verdict.with_warning(remark) if remark else verdict
     if orders and (remark := joint_error_remark(orders, robot.corrections)):
         verdict = verdict.with_warning(remark)
     return Identification(robot, estimates, statistics, verdict)
@@ -310,8 +334,10 @@ def pulled(fit: Fit) -> tuple[str, ...]:
     """Shared unknowns further from their priors than chance explains, the furthest first."""
     layout = fit.model.unknowns
     machine = layout.machine
+    if layout.gain is not None:
+        machine = np.append(machine, layout.gain)
     far = np.abs(fit.x[machine] - layout.mean[machine]) / layout.sigma[machine]
-    return tuple(layout.names[i] for i in np.argsort(-far) if far[i] > PULL)
+    return tuple(layout.names[machine[i]] for i in np.argsort(-far) if far[i] > PULL)
 
 
 def _residuals(fit: Fit, k: int) -> Residuals:

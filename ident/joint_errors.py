@@ -15,9 +15,9 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from ident.complete_fit import fit_complete
-from ident.corrections.base import BAR, GEAR
+from ident.corrections.base import BAR, GEAR, Correction
 from ident.corrections.gear_ripple import harmonic_orders
-from ident.corrections.joint_harmonics import JOINT_HARMONICS, PRIOR, orders_of
+from ident.corrections.joint_harmonics import JOINT_HARMONICS, PRIOR, joint_harmonics, orders_of
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import jacobian
 from ident.estimator.order_search import (
@@ -57,10 +57,12 @@ def fit_joint_errors(
     fit: Fit,
     options: FitOptions,
     listener: Listener,
+    beside: Sequence[Correction] = (),
 ) -> tuple[Fit, tuple[JointOrder, ...]]:
     """The complete fit with the joint errors that the data ask for; and these, in order of search.
 
-    corrections : names of those that are fitted beside. fit : without joint errors.
+    corrections : names of those that are fitted beside. fit : without joint errors. beside :
+    corrections that were found before.
     """
     orders: list[JointOrder] = []
     for _ in range(SEARCHES):
@@ -70,8 +72,8 @@ def fit_joint_errors(
             break
         orders += search.orders
         listener.progress(f"fitting again with {len(orders)} joint errors")
-        pairs = [(o.joint, o.order) for o in orders]
-        fit = fit_complete(cell, recordings, corrections, options, listener, orders=pairs)
+        found = joint_harmonics([(o.joint, o.order) for o in orders])
+        fit = fit_complete(cell, recordings, corrections, options, listener, [*beside, found])
     return fit, tuple(orders)
 
 

@@ -10,6 +10,7 @@ from ident.corrections.bearing_tilt import bearing_tilt
 from ident.corrections.encoder_harmonics import encoder_harmonics
 from ident.corrections.gear_backlash import gear_backlash
 from ident.corrections.gear_ripple import gear_ripple
+from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.corrections.joint_compliance import joint_compliance
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
 from ident.corrections.joint_lag import joint_lag
@@ -94,7 +95,8 @@ def correction_named(
 
 def belongs_to_machine(correction: Correction) -> bool:
     """Whether a correction is the machine's: slips and remounted tools are a recording's."""
-    return correction.name in CORRECTIONS or correction.name == JOINT_HARMONICS
+    found = (JOINT_HARMONICS, GEAR_SOFTENING)
+    return correction.name in CORRECTIONS or correction.name in found
 
 
 def correction_of_result(
@@ -106,4 +108,6 @@ def correction_of_result(
     """
     if name == JOINT_HARMONICS:
         return joint_harmonics(orders_of(coefficients))
+    if name == GEAR_SOFTENING:
+        return gear_softening(cell.robot, knees_of(coefficients))
     return correction_named(name, cell, encoders)

@@ -42,6 +42,10 @@ PERIOD = 2.0 * np.pi / CELL.ballbar.encoder_lines
 WITHOUT_LOADS = ("gear_ripple", "encoder_harmonics")
 
 
+def formed(names: Sequence[str]) -> list[Correction]:
+    return [CORRECTIONS[name](CELL, UNIVERSAL_AND_GIMBAL) for name in names]
+
+
 def fitted(**plants: object) -> RecordingFit:
     return fit_recording(CELL, minute_logs(**plants), OPTIONS)
 
@@ -60,7 +64,7 @@ def elastic() -> RecordingFit:
 @pytest.fixture(scope="module")
 def found(rippled: RecordingFit) -> Fit:
     """Ripple and harmonics together, of which only ripple is there."""
-    return fit_pose(posed(CELL, [rippled], WITHOUT_LOADS, OPTIONS), FIRST_EXCESS)
+    return fit_pose(posed(CELL, [rippled], formed(WITHOUT_LOADS), OPTIONS), FIRST_EXCESS)
 
 
 def test_a_correction_without_effect_is_not_supported_and_a_planted_one_is(found: Fit) -> None:
@@ -163,7 +167,7 @@ def test_coefficients_are_found_by_the_name_of_their_correction(found: Fit) -> N
 def test_a_fit_of_a_few_samples_comes_first_where_there_are_very_many(
     rippled: RecordingFit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pose = posed(CELL, [rippled], WITHOUT_LOADS, OPTIONS)
+    pose = posed(CELL, [rippled], formed(WITHOUT_LOADS), OPTIONS)
     assert approached(pose, FIRST_EXCESS) is pose
     monkeypatch.setattr(complete_fit, "COARSE_SAMPLES", 70)
     near, whole = approached(pose, FIRST_EXCESS), fit_pose(pose, FIRST_EXCESS)
@@ -179,12 +183,12 @@ def test_a_fit_of_a_few_samples_comes_first_where_there_are_very_many(
 def test_the_model_has_loads_tension_and_splines_only_where_a_correction_needs_them(
     elastic: RecordingFit,
 ) -> None:
-    bare = posed(CELL, [elastic], WITHOUT_LOADS, OPTIONS).model
+    bare = posed(CELL, [elastic], formed(WITHOUT_LOADS), OPTIONS).model
     assert bare.masses is None
     assert bare.unknowns.gain is None
     assert bare.unknowns.own[0].knots is None
     assert not bare.recordings[0].tension.any()
-    loaded = posed(CELL, [elastic], ("joint_compliance",), OPTIONS).model
+    loaded = posed(CELL, [elastic], formed(("joint_compliance",)), OPTIONS).model
     assert loaded.masses is not None
     assert loaded.unknowns.gain is not None
     samples = loaded.recordings[0]
@@ -197,7 +201,7 @@ def test_the_model_has_loads_tension_and_splines_only_where_a_correction_needs_t
 
 def test_a_rod_without_any_signal_has_a_spline_and_no_gain(elastic: RecordingFit) -> None:
     options = replace(OPTIONS, force="none")
-    model = posed(CELL, [elastic], ("joint_compliance",), options).model
+    model = posed(CELL, [elastic], formed(("joint_compliance",)), options).model
     assert model.unknowns.gain is None
     assert not model.recordings[0].tension.any()
     knots = model.unknowns.own[0].knots
@@ -219,7 +223,7 @@ def test_without_a_signal_the_fit_begins_with_much_noise_and_a_wide_backlash(
 
     monkeypatch.setattr(complete_fit, "fit_pose", followed)
     options = replace(OPTIONS, force="none")
-    pose = posed(CELL, [elastic], ("joint_compliance", "gear_backlash"), options)
+    pose = posed(CELL, [elastic], formed(("joint_compliance", "gear_backlash")), options)
     near = continued(pose, Listener(told.append))
     assert [line.split("(")[1] for line in told] == [
         f"{k:g} times the noise)" for k in CONTINUATION
@@ -237,7 +241,7 @@ def test_without_a_signal_the_fit_begins_with_much_noise_and_a_wide_backlash(
 
 
 def test_knots_get_a_prior_as_wide_as_they_turned_out(elastic: RecordingFit) -> None:
-    pose = posed(CELL, [elastic], ("joint_compliance",), OPTIONS)
+    pose = posed(CELL, [elastic], formed(("joint_compliance",)), OPTIONS)
     fit = fit_pose(pose, FIRST_EXCESS)
     knots = fit.model.unknowns.own[0].knots
     assert knots is not None
@@ -294,7 +298,7 @@ def test_two_recordings_share_the_machine_and_keep_their_own_clocks() -> None:
 
 
 def test_a_pose_is_a_model_and_where_its_fit_begins(rippled: RecordingFit) -> None:
-    pose = posed(CELL, [rippled], (), OPTIONS)
+    pose = posed(CELL, [rippled], formed(()), OPTIONS)
     assert isinstance(pose, Pose)
     assert np.array_equal(pose.x, pose.model.unknowns.mean)
     assert pose.ballbars[0].shape == (rippled.samples.times.size, 5)
