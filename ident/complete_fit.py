@@ -101,18 +101,22 @@ def fit_complete(
         faults, result = (*faults, fault), repaired
     idle = unsupported(result)
     chosen += [correction for correction in tried if correction.name not in idle]
-    result = run.with_noise(result, run.narrowed(result, chosen, faults) if tried else None)
+    result = with_noise(result, listener, recast(result, chosen) if tried else None)
     while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         faults = (*faults, fault)  # it shows only once the noise is known
-        result = run.with_noise(run.first(chosen, faults))
+        result = with_noise(run.first(chosen, faults), listener)
     exact = with_exact_periods(result, faults, lines)
     idle = unsupported(result) if automatic else set()
     if idle or exact != faults:
         without = f"without {', '.join(sorted(idle))}" if idle else "with whole signal periods"
         listener.progress(f"fitting again {without}")
-        chosen, faults = [c for c in chosen if c.name not in idle], exact
-        result = run.with_noise(run.first(chosen, faults))
+        chosen = [c for c in chosen if c.name not in idle]
+        if exact == faults:
+            result = with_noise(result, listener, recast(result, chosen))
+        else:
+            faults = exact
+            result = with_noise(run.first(chosen, faults), listener)
     return replace(result, step_faults=sized(result, faults, lines))
 
 
@@ -142,33 +146,57 @@ class _Run:
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS, self.listener)
 
-    def narrowed(
-        self, result: Fit, chosen: Sequence[Correction], faults: tuple[StepFault, ...]
-    ) -> Pose:
-        """The pose of a fit with fewer corrections, at what the fit has found."""
-        pose = posed(self.cell, self.recordings, chosen, self.options, faults)
-        likely, layout = with_likely_tension(result).unknowns, pose.model.unknowns
-        place = {name: i for i, name in enumerate(likely.names)}
-        old = np.array([place[name] for name in layout.names])
-        layout = replace(layout, sigma=likely.sigma[old])
-        return Pose(replace(pose.model, unknowns=layout), result.x[old], result.ballbars)
 
-    def with_noise(self, result: Fit, pose: Pose | None = None) -> Fit:
-        """Further fits, each with the noise that the one before left unexplained.
+def refit(result: Fit, found: Sequence[Correction], listener: Listener = SILENT) -> Fit:
+    """The fit begun again where it ended, with corrections that its residual has shown.
 
-        pose : where the first begins, if not at the result.
-        """
-        for k in range(1, NOISE_PASSES + 1):
-            begin = pose or Pose(with_likely_tension(result), result.x, result.ballbars)
-            pose = None
-            excess, iterations = excess_noise(result), result.iterations
-            del result  # large with many samples
-            self.listener.progress(
-                f"fitting {begin.x.size} unknowns with estimated noise, {k} of {NOISE_PASSES}"
-            )
-            result = fit_pose(begin, excess, self.listener)
-            result = replace(result, iterations=iterations + result.iterations)
+    found : they replace those of the same names.
+    """
+    names = {correction.name for correction in found}
+    chosen = [c for c in present(result) if c.name not in names]
+    pose = recast(result, [*chosen, *found])
+    return replace(with_noise(result, listener, pose), step_faults=result.step_faults)
+
+
+def settled(result: Fit, listener: Listener = SILENT) -> Fit:
+    """The fit without what it no longer needs, since it has more to explain the data with."""
+    idle = unsupported(result)
+    if not idle:
         return result
+    listener.progress(f"fitting again without {', '.join(sorted(idle))}")
+    pose = recast(result, [c for c in present(result) if c.name not in idle])
+    return replace(with_noise(result, listener, pose), step_faults=result.step_faults)
+
+
+def recast(result: Fit, chosen: Sequence[Correction]) -> Pose:
+    """The model of a fit with other corrections, at what the fit has found.
+
+    Encoder slips stay, and the tension is as likely as it turned out.
+    """
+    model = with_likely_tension(result)
+    slips = [c for c in result.model.corrections if c.name == ENCODER_JUMPS]
+    corrections = (*chosen, *slips)
+    coefficients = [c for correction in corrections for c in correction.coefficients]
+    layout, x = model.unknowns.with_coefficients(coefficients, result.x)
+    return Pose(replace(model, corrections=corrections, unknowns=layout), x, result.ballbars)
+
+
+def with_noise(result: Fit, listener: Listener = SILENT, pose: Pose | None = None) -> Fit:
+    """Further fits, each with the noise that the one before left unexplained.
+
+    pose : where the first begins, if not at the result.
+    """
+    for k in range(1, NOISE_PASSES + 1):
+        begin = pose or Pose(with_likely_tension(result), result.x, result.ballbars)
+        pose = None
+        excess, iterations = excess_noise(result), result.iterations
+        del result  # large with many samples
+        listener.progress(
+            f"fitting {begin.x.size} unknowns with estimated noise, {k} of {NOISE_PASSES}"
+        )
+        result = fit_pose(begin, excess, listener)
+        result = replace(result, iterations=iterations + result.iterations)
+    return result
 
 
 def fit_pose(
@@ -307,9 +335,7 @@ def with_likely_tension(result: Fit) -> Model:
 def unsupported(result: Fit) -> set[str]:
     """Names of corrections whose coefficients are all zero as far as the data can tell."""
     stated, out = uncertainty(result), set()
-    for correction in result.model.corrections:
-        if correction.name == ENCODER_JUMPS:
-            continue
+    for correction in present(result):
         position = coefficients_of(result, correction)
         values = result.x[position]
         spread = stated.covariance[position, position]
@@ -317,6 +343,11 @@ def unsupported(result: Fit) -> set[str]:
         if chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
             out.add(correction.name)
     return out
+
+
+def present(result: Fit) -> list[Correction]:
+    """The corrections of a fit, encoder slips left out."""
+    return [c for c in result.model.corrections if c.name != ENCODER_JUMPS]
 
 
 def lasting(result: Fit) -> list[Correction]:

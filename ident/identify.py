@@ -18,7 +18,7 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.payload import with_payload
-from ident.complete_fit import coefficients_of, fit_complete, lasting
+from ident.complete_fit import coefficients_of, fit_complete, lasting, settled
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
 from ident.estimator.fit import Fit
 from ident.estimator.identifiability import DroppedParameter
@@ -47,6 +47,7 @@ from ident.result import (
 from ident.robot.accuracy import accuracy_grid, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
+from ident.softening import fit_softening
 from ident.verdict import PULL, Evidence, RecordingEvidence, Status, judge
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
@@ -107,10 +108,13 @@ def identify_together(
     if automatic and len(single) == 1 and len(single[0].samples.encoders) < COMPLETE_ENCODERS:
         corrections = []  # step faults can be sized all the same
     fit = fit_complete(cell, single, corrections, options, listener)
+    if automatic and corrections:
+        fit = fit_softening(cell, fit, listener)
     result = _result(cell, single, fit, options, payload=payload)
     if automatic and corrections and may_have_joint_errors(result):
-        fit, orders = fit_joint_errors(cell, single, corrections, fit, options, listener)
+        fit, orders = fit_joint_errors(cell, fit, listener)
         if orders:
+            fit = settled(fit, listener)
             result = _result(cell, single, fit, options, orders, payload=payload)
     return result
 

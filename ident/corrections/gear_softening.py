@@ -24,7 +24,7 @@ _COEFFICIENT = re.compile(r"soft(\d+)_(\d+(?:\.\d+)?(?:e[+-]?\d+)?)")
 
 
 def gear_softening(robot: Robot, knees: Sequence[tuple[int, float]]) -> Correction:
-    """Compliances [rad/(N m)] that gears (from 0) have below their knees [N m] beside the others."""
+    """Compliances [rad/(N m)] of gears (from 0) below their knees [N m], beside the others."""
     compliance = 1.0 / robot.required("gears").stiffness
 
     def regressors(state: State) -> list[Array]:
@@ -45,9 +45,7 @@ def gear_softening(robot: Robot, knees: Sequence[tuple[int, float]]) -> Correcti
         )
         for gear, knee in knees
     )
-    return Correction(
-        GEAR_SOFTENING, "gears softer below a knee", coefficients, regressors, slopes
-    )
+    return Correction(GEAR_SOFTENING, "gears softer below a knee", coefficients, regressors, slopes)
 
 
 def knees_of(names: Iterable[str]) -> list[tuple[int, float]]:
@@ -59,8 +57,6 @@ def knees_of(names: Iterable[str]) -> list[tuple[int, float]]:
     for name in names:
         parts = _COEFFICIENT.fullmatch(name)
         if parts is None:
-            raise InputError(
-                f"corrections.{GEAR_SOFTENING}.{name}: expected soft2_54.2 or alike"
-            )
+            raise InputError(f"corrections.{GEAR_SOFTENING}.{name}: expected soft2_54.2 or alike")
         knees.append((int(parts[1]) - 1, float(parts[2])))
     return knees

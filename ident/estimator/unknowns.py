@@ -12,7 +12,7 @@ The gauge of the robot's parameters stays fixed, as does the plate, the known le
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry, ParameterTable, parameter_named, parameter_table
-from ident.corrections.base import Correction
+from ident.corrections.base import Coefficient, Correction
 
 LENGTH_PRIOR = (
     5e-3  # [m] of a robot's length about its catalogue value (notes/identification sec. 6)
@@ -117,6 +117,48 @@ class Unknowns:
         """The clock of recording k."""
         position = self.own[k].clock
         return Clock(0.0, 0.0) if position is None else Clock(*(float(v) for v in x[position]))
+
+    def with_coefficients(
+        self, coefficients: Sequence[Coefficient], x: Array
+    ) -> tuple[Unknowns, Array]:
+        """The unknowns with other coefficients of corrections, and x (P,) for them.
+
+        Coefficients that were there keep their prior and value, the others begin at their means.
+        """
+        first, stop = self.coefficients.start, self.coefficients.stop
+        place = {name: first + i for i, name in enumerate(self.names[self.coefficients])}
+        shift = len(coefficients) - (stop - first)
+
+        def recast(old: Array, new: Sequence[float]) -> Array:
+            chosen = [
+                old[place[c.name]] if c.name in place else value
+                for c, value in zip(coefficients, new, strict=True)
+            ]
+            return np.concatenate((old[:first], chosen, old[stop:]))
+
+        def moved(part: slice | None) -> slice | None:
+            return None if part is None else slice(part.start + shift, part.stop + shift)
+
+        means = [c.mean for c in coefficients]
+        layout = replace(
+            self,
+            names=(*self.names[:first], *(c.name for c in coefficients), *self.names[stop:]),
+            mean=recast(self.mean, means),
+            sigma=recast(self.sigma, [c.sigma for c in coefficients]),
+            coefficients=slice(first, stop + shift),
+            gain=None if self.gain is None else self.gain + shift,
+            own=tuple(
+                Own(
+                    own.parameters,
+                    slice(own.geometry.start + shift, own.geometry.stop + shift),
+                    moved(own.clock),
+                    moved(own.steps),
+                    moved(own.knots),
+                )
+                for own in self.own
+            ),
+        )
+        return layout, recast(x, means)
 
     def moved(self, x: Array, step: Array) -> Array:
         """(P,) x + step, the clocks kept where the logs' splines say anything."""

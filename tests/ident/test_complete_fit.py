@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +28,7 @@ from ident.complete_fit import (
     with_tension,
 )
 from ident.corrections import CORRECTIONS, supported_corrections
+from ident.corrections.base import Correction
 from ident.estimator.fit import Fit
 from ident.estimator.noise import ExcessNoise
 from ident.options import FitOptions, Listener
@@ -34,7 +36,7 @@ from ident.recording_fit import RecordingFit, fit_recording
 from ident.signals.step_fault import StepFault
 from tests.helpers.known_loads import tension_at
 from tests.helpers.minute_logs import LATE, minute_logs
-from tests.helpers.synthetic_recording import CELL
+from tests.helpers.synthetic_recording import CELL, UNIVERSAL_AND_GIMBAL
 
 OPTIONS = FitOptions(model="complete", samples=300)
 RIPPLE = 1e-4  # [rad]
@@ -285,7 +287,7 @@ def test_two_recordings_share_the_machine_and_keep_their_own_clocks() -> None:
     """The same machine twice: its coefficients are known better by the root of two."""
     recordings = [fitted(ripple=RIPPLE, seed=seed) for seed in (1, 2)]
     single, both = (
-        fit_pose(posed(CELL, some, ("gear_ripple",), OPTIONS), FIRST_EXCESS)
+        fit_pose(posed(CELL, some, formed(("gear_ripple",)), OPTIONS), FIRST_EXCESS)
         for some in (recordings[:1], recordings)
     )
     assert "offset@2" in both.model.unknowns.names
