@@ -26,7 +26,7 @@ from ident.estimator.noise import log_noise
 from ident.estimator.order_search import JointOrder
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
-from ident.estimator.unknowns import declared_names, fixed_names
+from ident.estimator.unknowns import GAIN_PRIOR, declared_names, fixed_names
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
 from ident.loads.payload import PayloadEstimate, payload_from_torque
@@ -338,10 +338,22 @@ def pulled(fit: Fit) -> tuple[str, ...]:
     """Shared unknowns further from their priors than chance explains, the furthest first."""
     layout = fit.model.unknowns
     machine = layout.machine
-    if layout.gain is not None:
-        machine = np.append(machine, layout.gain)
     far = np.abs(fit.x[machine] - layout.mean[machine]) / layout.sigma[machine]
-    return tuple(layout.names[machine[i]] for i in np.argsort(-far) if far[i] > PULL)
+    out = [layout.names[i] for i in np.argsort(-far) if far[i] > PULL]
+    return (*out, "force_gain") if abs(force_gain(fit)) > PULL * GAIN_PRIOR else tuple(out)
+
+
+def force_gain(fit: Fit) -> float:
+    """How much more tension the geometry shows than what was measured; 0 where nothing was.
+
+    Of both over time, since the gain of the fit shares its work with the knots.
+    """
+    if fit.model.unknowns.gain is None:
+        return 0.0
+    samples = fit.model.recordings
+    shown = np.concatenate([fit.model.tension(fit.x, k) for k in range(len(samples))])
+    measured = np.concatenate([s.tension for s in samples])
+    return float(np.cov(shown, measured)[0, 1] / max(measured.var(ddof=1), 1e-12)) - 1.0
 
 
 def _residuals(fit: Fit, k: int) -> Residuals:

@@ -118,9 +118,12 @@ def _beyond(model: LinearModel, columns: Array) -> tuple[Array, Array]:
 
 
 def _tests(model: LinearModel, rest: Array, residual: Array) -> Array:
-    """(C,) squared scores over the sums of squares of the scores of blocks of time."""
+    """(C,) squared scores over the sums of squares of the scores of blocks of time.
+
+    0 where a gear would have to be stiffer below its knee, as none is.
+    """
     scores = (rest * residual).reshape(len(rest), *model.residual.shape).sum(axis=1)
     blocks = np.zeros((model.groups.max() + 1, len(rest)))
     np.add.at(blocks, model.groups, scores.T)
     variance = np.maximum((blocks * blocks).sum(axis=0), np.finfo(float).tiny)
-    return np.asarray(scores.sum(axis=1) ** 2 / variance)
+    return np.asarray(np.maximum(-scores.sum(axis=1), 0.0) ** 2 / variance)
