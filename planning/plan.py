@@ -184,6 +184,8 @@ def known_path(file: Path) -> tuple[Lissajous, tuple[float, ...] | None]:
     Raises DescriptionError for a bad file.
     """
     content = load_model(file, LissajousFile)
+    if content.rod:
+        raise InputError(f"{file}: paths are planned for a rigid rod. Leave out `rod`.")
     return lissajous(content), content.ballbar_position_m
 
 

@@ -24,14 +24,24 @@ from cell.robot_angles import joints_to_axes
 RAMP = 2.0  # [s] from a dwell to the cruising speed of the phase, and back: below 1 Hz
 
 
+@dataclass(frozen=True)
+class RodHarmonic:
+    """One harmonic of the length of a telescoping rod: amplitude * sin(2 pi cycles s + phase)."""
+
+    amplitude: float  # [m]
+    cycles: int  # per run
+    phase: float  # [rad]
+
+
 @dataclass(frozen=True, eq=False)
 class Lissajous:
-    """Harmonics of the five ball-bar angles."""
+    """Harmonics of the five ball-bar angles, and of the rod where it telescopes."""
 
     centre: Array  # (5,) [rad]
     amplitude: Array  # (5,) [rad]
     cycles: Array  # (5,) whole numbers per run
     phase: Array  # (5,) [rad]
+    rod: tuple[RodHarmonic, ...] = ()
 
     def angles(self, s: Array) -> Array:
         """(N, 5) [rad] at phases s (N,)."""
@@ -40,8 +50,10 @@ class Lissajous:
         )
 
     def lengthening(self, s: Array) -> Array:
-        """(N,) [m] elongation of the commanded rod: 0, since the path stays on the sphere."""
-        return np.zeros_like(s)
+        """(N,) [m] elongation of the commanded rod; 0 for a path on the sphere."""
+        turn = 2.0 * np.pi * s
+        waves = (h.amplitude * np.sin(h.cycles * turn + h.phase) for h in self.rod)
+        return np.asarray(sum(waves, np.zeros_like(s)))
 
 
 @dataclass(frozen=True, eq=False)
