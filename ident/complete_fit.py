@@ -39,7 +39,7 @@ from ident.recording_fit import RecordingFit
 from ident.signals.step_fault import StepFault
 
 # [N] prior of a knot on top of what was measured (notes/identification secs. 4, 5)
-DEVIATION = {"none": TENSION_PRIOR, "torque": 12.0, "sensor": 2.0}
+DEVIATION = {"none": TENSION_PRIOR, "torque": 12.0, "sensor": 2.0, "": 0.0}
 # Noise and width of backlash, times, without a measured tension (notes/identification sec. 4)
 CONTINUATION = (20.0, 6.0, 2.0)
 CONTINUED_ITERATIONS = 8
@@ -215,7 +215,7 @@ def posed(
         recordings[0].nominal,
         starts,
         chosen,
-        measured_force=loaded and any(source != "none" for source in sources),
+        measured_force=loaded and any(source in ("torque", "sensor") for source in sources),
         rod_sigma=options.rod_sigma,
     )
     masses = mass_model(cell) if loaded else None
@@ -251,12 +251,13 @@ def with_tension(
 ) -> Samples:
     """The samples of a recording with the rod's measured tension and the splines of the rest.
 
-    loaded : whether any correction needs loads. source : `sensor`, `torque` or `none`.
+    loaded : whether any correction needs loads. source : `sensor`, `torque` or `none`; empty where
+    nothing tightens the rod.
     """
     old, logs = recording.samples, recording.logs
     new = samples_of(old.robot, old.ballbar, old.encoders, old.directions, old.times)
     new = replace(new, clock_steps=clock_steps)
-    if not loaded:
+    if not loaded or not source:
         return new
     tension = np.zeros(old.times.size)
     geometry, clock = recording.geometry, recording.clock
