@@ -43,13 +43,12 @@ class Logs:
     length: LengthLog | None = None  # of a telescoping bar or a draw-wire, in place of `ballbar`
 
     def force_source(self, requested: ForceSource, robot: Robot) -> str:
-        """What gives the rod's tension: `sensor`, `torque` or `none`; empty of a sensed length.
+        """What gives the rod's tension: `sensor`, `torque`, `none`, or `instrument` of a length.
 
-        A rod that telescopes and a wire pull with a few newtons, which are not modelled.
         Motor torques tell it only of a robot whose masses, friction and rotors are known.
         """
         if self.length is not None:
-            return ""
+            return "instrument"
         if requested in ("auto", "sensor") and self.force is not None:
             return "sensor"
         known = not any(robot.lacks(key) for key in TORQUE_NEEDS)

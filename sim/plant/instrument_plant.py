@@ -18,14 +18,7 @@ from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath, axis_range_fault
 from sim.plant.description import Plant
 from sim.plant.measured_motion import bar_at
-from sim.plant.mjcf import (
-    SEAT_JOINT,
-    PlantModel,
-    Shaft,
-    add_friction,
-    plant_model_of,
-    unloaded_robot_spec,
-)
+from sim.plant.mjcf import SEAT_JOINT, WELD_SOLIMP, PlantModel, plant_model_of, unloaded_robot_spec
 from sim.plant.mujoco_plant import (
     CLOSURE_LIMIT,
     PlantError,
@@ -41,7 +34,6 @@ from sim.settings import RodAndWire
 # [s] the arm's slowest oscillation decays by a factor of a thousand in the first second (as in
 # sim.plant.held_poses)
 SETTLING = 2.0
-SLIDE_STRIBECK = 0.01  # [m/s] no effect, static is Coulomb friction
 
 
 def run_with_instrument(
@@ -90,15 +82,10 @@ def _model(plant: Plant, instrument: Instrument, forces: RodAndWire, timestep: f
         add_wire(spec, forces.wire_tension_N, seat=seat, site="tool")
         return plant_model_of(spec)
     slide = add_rod(spec, instrument.nominal, forces, seat=seat, site="tool")
-    if forces.rod_friction_N > 0.0:
-        add_friction(
-            spec,
-            Shaft(slide, mujoco.mjtTrn.mjTRN_JOINT),
-            coulomb=forces.rod_friction_N,
-            static=forces.rod_friction_N,
-            stribeck=SLIDE_STRIBECK,
-            inertia=0.5 * forces.rod_mass_kg,
-        )
+    # Dry friction of the solver, stiff: it slides from micrometres a second on. A bristle (LuGre)
+    # that can be integrated explicitly is so soft that a stroke of 0.3 mm hardly leaves it.
+    slide.frictionloss, slide.solimp_friction = forces.rod_friction_N, WELD_SOLIMP
+    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
     return plant_model_of(spec)
 
 

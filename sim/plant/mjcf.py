@@ -228,7 +228,7 @@ def _add_gears(spec: mujoco.MjSpec, plant: Plant) -> None:
             scale = effects.friction_scale
             motor.part.damping[0] = scale * float(gears.viscous[i])
             static = gears.static[i] if effects.stribeck else gears.coulomb[i]
-            add_friction(
+            _friction(
                 spec,
                 motor,
                 coulomb=scale * float(gears.coulomb[i]),
@@ -242,8 +242,8 @@ def _add_gears(spec: mujoco.MjSpec, plant: Plant) -> None:
 
 
 @dataclass(frozen=True)
-class Shaft:
-    """What a motor turns or slides: a joint, or a combination of joints."""
+class _Shaft:
+    """What a motor turns: its rotor, or with rigid gears a joint or a combination of joints."""
 
     part: mujoco.MjsJoint | mujoco.MjsTendon
     kind: mujoco.mjtTrn
@@ -255,7 +255,7 @@ def _elastic_gear(
     coefficients: Array,
     effects: PlantEffects,
     elasticity: tuple[float, float],
-) -> Shaft:
+) -> _Shaft:
     """Rotor i, and the spring over what the joints have turned less what the rotor shows.
 
     elasticity : stiffness [N m/rad] and damping [N m s/rad].
@@ -273,14 +273,14 @@ def _elastic_gear(
         friction.springlength = [0.0, 0.0]
         friction.stiffness[0] = HYSTERESIS_STIFFNESS * stiffness
         friction.springyield = hysteresis / HYSTERESIS_STIFFNESS
-    return Shaft(rotor, mujoco.mjtTrn.mjTRN_JOINT)
+    return _Shaft(rotor, mujoco.mjtTrn.mjTRN_JOINT)
 
 
-def _shaft(spec: mujoco.MjSpec, name: str, coefficients: Array) -> Shaft:
+def _shaft(spec: mujoco.MjSpec, name: str, coefficients: Array) -> _Shaft:
     turned = np.flatnonzero(coefficients)
     if turned.size == 1 and coefficients[turned[0]] == 1.0:  # a joint costs a third of a tendon
-        return Shaft(spec.joint(ROBOT_JOINTS[turned[0]]), mujoco.mjtTrn.mjTRN_JOINT)
-    return Shaft(_tendon(spec, name, coefficients), mujoco.mjtTrn.mjTRN_TENDON)
+        return _Shaft(spec.joint(ROBOT_JOINTS[turned[0]]), mujoco.mjtTrn.mjTRN_JOINT)
+    return _Shaft(_tendon(spec, name, coefficients), mujoco.mjtTrn.mjTRN_TENDON)
 
 
 def _tendon(
@@ -296,16 +296,16 @@ def _tendon(
     return tendon
 
 
-def add_friction(
+def _friction(
     spec: mujoco.MjSpec,
-    shaft: Shaft,
+    shaft: _Shaft,
     *,
     coulomb: float,
     static: float,
     stribeck: float,
     inertia: float,
 ) -> None:
-    """Adds LuGre friction to a shaft of this inertia [kg m^2, kg].
+    """LuGre friction on a shaft of this inertia.
 
     Its bristle is as stiff as BRISTLE_TRAVEL asks for, or softer where it would chatter.
     """
@@ -315,7 +315,7 @@ def add_friction(
     _passive(spec, f"friction_{shaft.part.name}", shaft, lugre=lugre)
 
 
-def _passive(spec: mujoco.MjSpec, name: str, shaft: Shaft, **torque: list[float]) -> None:
+def _passive(spec: mujoco.MjSpec, name: str, shaft: _Shaft, **torque: list[float]) -> None:
     """A torque that depends on position or speed only: a shorted motor without motor constant."""
     actuator = spec.add_actuator(name=name, target=shaft.part.name, trntype=shaft.kind)
     actuator.set_to_dcmotor(motorconst=[0.0, 0.0], resistance=1.0, ctrlspec=PASSIVE, **torque)
@@ -339,9 +339,9 @@ def _add_bar(spec: mujoco.MjSpec, plant: Plant) -> None:
             if effects.rod_backlash == 0.0:
                 slide.stiffness[0] = effects.rod_stiffness
         if effects.bar_friction > 0.0:
-            add_friction(
+            _friction(
                 spec,
-                Shaft(hinge, mujoco.mjtTrn.mjTRN_JOINT),
+                _Shaft(hinge, mujoco.mjtTrn.mjTRN_JOINT),
                 coulomb=effects.bar_friction,
                 static=effects.bar_friction,
                 stribeck=BAR_STRIBECK,
