@@ -107,7 +107,7 @@ def _write_lengths(
     read += stream(settings.seed, "length_noise").normal(0.0, sigma, read.shape)
     if sensor.resolution_m:
         read = np.rint(read / sensor.resolution_m) * sensor.resolution_m
-    stamps: Array = SENSOR_EPOCH + (times.bar_stamp - BAR_EPOCH_NS) * 1e-9
+    stamps: Array = SENSOR_EPOCH + (times.bar_stamp - BAR_EPOCH_NS).astype(np.float64) * 1e-9
     for file, rows in zip(_files("length", simulation.rows), simulation.rows.ballbar, strict=True):
         write_lengths(folder / file, stamps[rows], read[rows])
 
