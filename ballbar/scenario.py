@@ -1,7 +1,7 @@
 """A scenario: one simulated run, its identification, and the limits of an acceptable result.
 
-A robot that moves with the double ball-bar, or before a sensor of its tool's distance, has a `path`;
-one that stands still before any instrument has `poses`.
+A robot that moves with the double ball-bar, or before an instrument that logs a length, has a
+`path`; one that stands still before any instrument has `poses`.
 """
 
 from __future__ import annotations
