@@ -200,10 +200,12 @@ def _data_warnings(evidence: Evidence, recording: RecordingEvidence) -> list[str
             "3.5 wants 750)"
         )
     if evidence.autocorrelation > CORRELATED and not evidence.complete:
+        left_out = "elastic gears, backlash, ripple"
+        if recording.encoders:
+            left_out += ", rod strain, eccentric encoders"
         warnings.append(
             f"neighbouring residuals are correlated (autocorrelation "
             f"{evidence.autocorrelation:.2f}): something is not in this model, which is of "
-            "kinematics alone (elastic gears, backlash, ripple, rod strain, eccentric encoders; "
-            "--model complete fits them)"
+            f"kinematics alone ({left_out}; --model complete fits them)"
         )
     return warnings

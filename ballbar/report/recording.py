@@ -57,7 +57,7 @@ class ResidualSection:
     sphere_after: str
     histogram: str
     position_rows: list[ResidualRow]  # µm
-    angle_rows: list[ResidualRow]  # µrad
+    angle_rows: list[ResidualRow]  # µrad; empty of a length, as are the figures of angles
     chi2: str  # per residual
 
 
@@ -133,7 +133,9 @@ def _section(
 
 def _clock_name(estimate: RecordingEstimate) -> str:
     """The clock on which residuals are shown."""
-    return "robot" if estimate.clock is None else "ball-bar"
+    if estimate.clock is None:
+        return "robot"
+    return "ball-bar" if estimate.encoders else "sensor's"
 
 
 def _residuals(fitted: FittedRecording) -> ResidualSection:
@@ -144,16 +146,17 @@ def _residuals(fitted: FittedRecording) -> ResidualSection:
     angle = before.angle * URAD, after.angle * URAD
     position_label, angle_label = "position residual [µm]", "angle residual [µrad]"
     norms, components = figures.norms_over_time, figures.components_over_time
+    sensed = fitted.recording.length_log is not None  # a length sees no angle
     return ResidualSection(
         position_norm=norms(t, *position, label=position_label, clock=clock),
-        angle_norm=norms(t, *angle, label=angle_label, clock=clock),
+        angle_norm="" if sensed else norms(t, *angle, label=angle_label, clock=clock),
         position=components(t, position[1], label=position_label, clock=clock),
-        angle=components(t, angle[1], label=angle_label, clock=clock),
+        angle="" if sensed else components(t, angle[1], label=angle_label, clock=clock),
         sphere_before=sphere.sphere_map(directions, before, figures.BEFORE_SCALE),
         sphere_after=sphere.sphere_map(directions, after, figures.AFTER_SCALE),
         histogram=figures.whitened_histogram(estimate.whitened),
         position_rows=_residual_rows(*position),
-        angle_rows=_residual_rows(*angle),
+        angle_rows=[] if sensed else _residual_rows(*angle),
         chi2=significant(rms(estimate.whitened) ** 2),
     )
 
@@ -203,7 +206,9 @@ def overview_cells(fitted: FittedRecording) -> tuple[str, ...]:
         skew,
         MISSING if estimate.tension is None else TENSION_SOURCES[estimate.tension_source],
         f"{significant(rms_norm(estimate.after.position) * UM)} µm",
-        f"{significant(rms_norm(estimate.after.angle) * URAD)} µrad",
+        MISSING
+        if fitted.recording.length_log is not None
+        else f"{significant(rms_norm(estimate.after.angle) * URAD)} µrad",
         significant(rms(estimate.whitened) ** 2, 2),
         str(len(estimate.step_faults)),
     )
