@@ -198,14 +198,6 @@ class PlateLength(Strict):
     )
 
 
-class LengthZero(Strict):
-    """The zero of a sensed length is off; it is drawn. A draw-wire has it as a rule."""
-
-    sigma_m: Annotated[float, Field(ge=0.0)] | None = Field(
-        None, description="Standard deviation; by default that of the instrument's file."
-    )
-
-
 class JointNoise(Strict):
     """The logged robot angles have white noise."""
 
@@ -221,7 +213,6 @@ class ErrorSettings(PlantErrors, SensorErrors, SampleErrors):
     ballbar_axes: BallbarAxes | None = None
     base_tilt: BaseTilt | None = None
     plate_length: PlateLength | None = None
-    length_zero: LengthZero | None = Field(None, description="Of cell.instrument only.")
     joint_noise: JointNoise | None = None
     outliers: Outliers | None = None
 
@@ -255,6 +246,11 @@ class LengthSettings(Strict):
 
     noise_scale: Annotated[float, Field(ge=0.0)] = Field(
         1.0, description="Factor on the white noise that the instrument's file states."
+    )
+    zero_scale: Annotated[float, Field(ge=0.0)] = Field(
+        1.0,
+        description="Factor on the standard deviation of the zero that the instrument's file "
+        "states; its error is drawn.",
     )
     resolution_m: Annotated[float, Field(ge=0.0, le=0.01)] = Field(
         1.0e-7, description="Step of the logged length; 0 for no rounding."
@@ -309,11 +305,7 @@ OF_BALLBAR: dict[str, tuple[str, ...]] = {
     "clocks": ("overrun_probability",),
     "logs": ("force_sensor",),
 }
-OF_LENGTH: dict[str, tuple[str, ...]] = {
-    "length": (),
-    "plant": tuple(RodAndWire.model_fields),
-    "errors": ("length_zero",),
-}
+OF_LENGTH: dict[str, tuple[str, ...]] = {"length": (), "plant": tuple(RodAndWire.model_fields)}
 
 
 class SimulationSettings(Strict):

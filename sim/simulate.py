@@ -84,7 +84,7 @@ def simulate(
         nominal,
         errors,
         plate_sigma=cell.plate.length_sigma,
-        zero_sigma=instrument.sigma_zero if instrument else None,
+        zero_sigma=settings.length.zero_scale * instrument.sigma_zero if instrument else None,
         seed=seed,
     )
     path = scenario_path(settings.path, cell, nominal, relative_to=relative_to, recorded=recorded)

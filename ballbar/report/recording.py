@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -140,20 +141,21 @@ def _clock_name(estimate: RecordingEstimate) -> str:
 
 def _residuals(fitted: FittedRecording) -> ResidualSection:
     estimate, clock = fitted.estimate, _clock_name(fitted.estimate)
-    t, directions = estimate.after.t, sphere.tool_directions(fitted)
+    t = estimate.after.t
     before, after = estimate.before, estimate.after
     position = before.position * UM, after.position * UM
     angle = before.angle * URAD, after.angle * URAD
     position_label, angle_label = "position residual [µm]", "angle residual [µrad]"
     norms, components = figures.norms_over_time, figures.components_over_time
     sensed = fitted.recording.length_log is not None  # a length sees no angle
+    on_sphere = partial(sphere.sphere_map, sphere.tool_directions(fitted), angles=not sensed)
     return ResidualSection(
         position_norm=norms(t, *position, label=position_label, clock=clock),
         angle_norm="" if sensed else norms(t, *angle, label=angle_label, clock=clock),
         position=components(t, position[1], label=position_label, clock=clock),
         angle="" if sensed else components(t, angle[1], label=angle_label, clock=clock),
-        sphere_before=sphere.sphere_map(directions, before, figures.BEFORE_SCALE),
-        sphere_after=sphere.sphere_map(directions, after, figures.AFTER_SCALE),
+        sphere_before=on_sphere(before, figures.BEFORE_SCALE),
+        sphere_after=on_sphere(after, figures.AFTER_SCALE),
         histogram=figures.whitened_histogram(estimate.whitened),
         position_rows=_residual_rows(*position),
         angle_rows=[] if sensed else _residual_rows(*angle),

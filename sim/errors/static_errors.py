@@ -40,8 +40,8 @@ def true_geometry(
     """The nominal geometry with its static errors.
 
     plate_sigma : [m] standard deviation of the plate's length if the scenario states none.
-    zero_sigma : likewise of the zero of a sensed length; None for a ball-bar. Universal joint and
-        ball of an instrument are points, so its rows have no other errors.
+    zero_sigma : [m] of the zero of a sensed length; None for a ball-bar. Universal joint and ball
+        of an instrument are points, so its rows have no other errors.
     """
     axes, tilt, plate = errors.ballbar_axes, errors.base_tilt, errors.plate_length
     drawn: list[dict[str, float]] = []
@@ -50,10 +50,8 @@ def true_geometry(
         of_bar = zero_sigma is None
         kept = {n: v for n, v in static.items() if of_bar or parameter_named(n).side != "bar"}
         drawn.append(kept)
-    if errors.length_zero and zero_sigma is not None:
-        stated = errors.length_zero.sigma_m
-        sigma_of = {True: zero_sigma if stated is None else stated}
-        drawn.append(deviations(("bd3",), sigma_of, stream(seed, "length_zero")))
+    if zero_sigma is not None:
+        drawn.append(deviations(("bd3",), {True: zero_sigma}, stream(seed, "length_zero")))
     if axes:
         sigma = {True: axes.sigma_m, False: axes.sigma_rad}
         drawn.append(deviations((*AXIS_OFFSETS, *AXIS_ANGLES), sigma, stream(seed, "ballbar_axes")))

@@ -52,7 +52,7 @@ def test_the_log_is_the_distance_from_seat_to_tool_with_noise_and_zero(
     scenario = Scenario.model_validate(
         content(
             instrument,
-            errors={"static": {"sigma_m": 5e-5, "sigma_rad": 5e-5}, "length_zero": {}},
+            errors={"static": {"sigma_m": 5e-5, "sigma_rad": 5e-5}},
             length={"rate_hz": 50, "noise_scale": 2.0},
             clocks={"offset_s": 0.2, "skew": 1e-4, "restart": {"at_s": 30.0}},
         )
