@@ -35,14 +35,14 @@ def length_alignment(recording: Recording, cell: Cell) -> CoarseAlignment:
     if length is None:
         raise LogError("the recording has no length log. Name it in recording.yaml.")
     nominal, zero_sigma = nominal_geometry(cell, np.zeros(3)), cell.ballbar.length_tolerance
-    found = list(length_hypotheses(robot, length, nominal, zero_sigma))
-    if not found:
+    hypotheses = list(length_hypotheses(robot, length, nominal, zero_sigma))
+    if not hypotheses:
         raise LogError(
             "robot and length log share too little motion at any clock offset. Are they of the "
             "same run? Log both in one run, or correct `time` of both in recording.yaml."
         )
-    best = found[0]
-    others = [h for h in found if abs(h.clock.offset - best.clock.offset) > APART]
+    best = hypotheses[0]
+    others = [h for h in hypotheses if abs(h.clock.offset - best.clock.offset) > APART]
     first, last = overlap(robot, length, Clock(best.clock.offset, 0.0))
     return CoarseAlignment(
         offset_s=best.clock.offset,

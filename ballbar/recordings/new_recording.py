@@ -270,13 +270,13 @@ def _length(
         f"Which column holds the length? Columns: {', '.join(names)}.", proposal
     )
     unit, zero = fitting.get(column) or (None, None)
-    asked = f"{column}: in which unit? ({', '.join(UNITS)})"
-    out: dict[str, Any] = {"column": column, "unit": answers.unit or ask(asked, unit)}
+    question = f"{column}: in which unit? ({', '.join(UNITS)})"
+    out: dict[str, Any] = {"column": column, "unit": answers.unit or ask(question, unit)}
     if answers.zero is not None:
         return out | {"zero_m": answers.zero}
     if zero:  # the column shows deviations
-        asked = f"{column}: length where it shows zero, in m?"
-        return out | {"zero_m": _number(ask(asked, f"{zero:g}"))}
+        question = f"{column}: length where it shows zero, in m?"
+        return out | {"zero_m": _number(ask(question, f"{zero:g}"))}
     return out
 
 

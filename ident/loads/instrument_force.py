@@ -3,8 +3,8 @@
     F = F_0 + F_1 extension / range + F_2 sign(extension rate)
 
 takes the place of the tension's spline. Friction has the sign of the speed at which the length
-changes, so without it what the arm gives way passes for a clock offset: 0.3 N on the IRB 2400 and
-0.3 mm/s for 1.4 ms.
+changes, so without it the arm's deflection passes for a clock offset: 1.4 ms for 0.3 N on the IRB
+2400 and 0.3 mm/s.
 """
 
 from __future__ import annotations

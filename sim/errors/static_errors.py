@@ -48,8 +48,8 @@ def true_geometry(
     if errors.static:
         static = static_deviations(errors.static, nominal.table, stream(seed, "static"))
         of_bar = zero_sigma is None
-        kept = {n: v for n, v in static.items() if of_bar or parameter_named(n).side != "bar"}
-        drawn.append(kept)
+        existing = {n: v for n, v in static.items() if of_bar or parameter_named(n).side != "bar"}
+        drawn.append(existing)
     if zero_sigma is not None:
         drawn.append(deviations(("bd3",), {True: zero_sigma}, stream(seed, "length_zero")))
     if axes:

@@ -94,3 +94,9 @@ def test_a_missed_limit_of_a_length_scenario_fails_the_run(tmp_path: Path) -> No
     assert "met    clock offset error" in out
     page = (tmp_path / "run" / "report.html").read_text()
     assert "with its length sensed" in page
+
+
+def test_the_study_of_the_thesiss_costs_needs_a_ball_bar() -> None:
+    code, _, err = ballbar("identifiability", "irb2400_drawwire")
+    assert code == 2
+    assert "the thesis's costs are of a ball-bar" in err
