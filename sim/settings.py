@@ -325,14 +325,14 @@ class SimulationSettings(Strict):
 
     @model_validator(mode="after")
     def _of_its_instrument(self) -> SimulationSettings:
-        """What belongs to the ball-bar's encoders and rod is not stated of a length, and so on."""
+        """Nothing is stated that belongs to the other kind; a default says nothing."""
         of_length = self.cell.instrument is not None
         unused = OF_BALLBAR if of_length else OF_LENGTH
         needed = "a ball-bar with encoders (cell.ballbar)" if of_length else "cell.instrument"
         for section, keys in unused.items():
-            stated = getattr(self, section).model_fields_set if keys else self.model_fields_set
+            holder = getattr(self, section) if keys else self
             for key in keys or (section,):
-                if key in stated:
+                if getattr(holder, key) != type(holder).model_fields[key].default:
                     path = (section, key) if keys else (section,)
                     raise wrong_key(*path, message=f"needs {needed}; leave it out")
         if of_length and self.path.kind == "push_pull":

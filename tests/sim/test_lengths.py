@@ -115,7 +115,7 @@ def test_a_bar_that_leaves_its_stroke_is_refused_with_time_and_length() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"encoders": {"bits": 12}}, "needs a ball-bar with encoders"),
+        ({"encoders": {"bits": 11}}, "needs a ball-bar with encoders"),
         ({"errors": {"rod_strain": {}}}, "needs a ball-bar"),
         ({"clocks": {"overrun_probability": 0.1}}, "needs a ball-bar"),
         ({"path": {"kind": "push_pull", "file": "x", "duration_s": 60}}, "push_pull needs"),
@@ -142,6 +142,13 @@ def test_keys_of_the_other_kind_of_instrument_are_refused(
 ) -> None:
     with pytest.raises(ValidationError, match=f"(?s){words}"):
         Scenario.model_validate(content("telescoping", **changes))
+
+
+@pytest.mark.parametrize("instrument", list(CELLS))
+def test_a_scenario_with_all_its_defaults_written_out_is_the_same(instrument: str) -> None:
+    scenario = Scenario.model_validate(content(instrument))
+    written = scenario.model_dump(mode="json", exclude_none=True, by_alias=True)
+    assert Scenario.model_validate(written) == scenario
 
 
 def test_a_rigid_rod_has_no_path_of_varying_length() -> None:
