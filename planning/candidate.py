@@ -108,11 +108,12 @@ def space_of(request: PlanRequest) -> Space:
     low, high = request.cell.region
     limits = tightened(request.limits)
     cable = float(np.pi * limits.cable_turns)  # half of the range from end to end
+    free = request.telescoping  # of singular angles and of cables
     return Space(
         lower=np.array(low),
         upper=np.array(high),
-        margin=np.radians(limits.ballbar_margin_deg),
-        widest=min(WIDEST, cable),
+        margin=0.0 if free else np.radians(limits.ballbar_margin_deg),
+        widest=WIDEST if free else min(WIDEST, cable),
         cycles=request.cycles_max,
     )
 
