@@ -151,11 +151,10 @@ def _check_limits(limits: PlanLimits, cell: Cell) -> None:
     wrong = ("singular_value",) if closed else OF_CLOSED_FORM
     stated = [key for key in wrong if key in limits.model_fields_set]
     if stated:
-        built = "parallel axes 2 and 3 and a spherical wrist as the IRB 2400"
         right = ", ".join(OF_CLOSED_FORM) if closed else "singular_value"
         raise InputError(
-            f"limits.{stated[0]}: robot {cell.robot.name} {'has' if closed else 'is not built with'}"
-            f" {built}; give limits.{right} instead"
+            f"limits.{stated[0]}: robot {cell.robot.name} is {'' if closed else 'not '}built as an "
+            f"IRB 2400, parallel axes 2 and 3 and a spherical wrist; give limits.{right} instead"
         )
 
 

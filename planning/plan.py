@@ -101,9 +101,9 @@ class Plan:
 
 
 def scale_error(grid: Array, cell: Cell) -> float:
-    """[m] root mean square TCP error where the length of the scale is a standard deviation too long.
+    """[m] root mean square TCP error of a known length that is one standard deviation too long.
 
-    That length is the plate's, or that of a bar that measures its own, as far as it was calibrated.
+    That length is the plate's, or of a bar that measures its own that to which it was calibrated.
     grid : (G, J) [rad] joint angles of the poses.
     """
     positions = robot_frames(nominal_geometry(cell, np.zeros(3)), grid).tip

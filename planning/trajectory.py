@@ -48,12 +48,9 @@ def trajectories(
     tip = tool_poses(nominal, candidate.shape, phase)[:, :3, 3]
     tip_speed = np.linalg.norm(CubicSpline(t, tip)(t, 1), axis=1)
     out = []
+    unique = has_closed_form(nominal.robot)
     for branch in branches_along(cell.robot, nominal, candidate.shape, phase):
-        q = (
-            centred(cell, branch)
-            if has_closed_form(nominal.robot)
-            else in_range(cell.robot, branch)
-        )
+        q = centred(cell, branch) if unique else in_range(cell.robot, branch)
         spline = CubicSpline(t, q)
         out.append(
             Trajectory(

@@ -22,7 +22,7 @@ from cell.inverse import has_closed_form, robot_branches
 from cell.numerical_inverse import best_branches, in_range, led, polished
 from cell.robot_angles import joints_to_axes
 
-FOLLOWED = 3  # configurations of an arm without closed form that a path is followed in
+FOLLOWED = 2  # configurations of an arm without closed form that a path is followed in
 PER_CYCLE, LEAST_PHASES = 24, 96  # phases at which such an arm is led to the path
 LEAST_AXES = 6  # that bring a tool to any pose
 LARGEST_STEP = 1.0  # [rad] between two phases; more is a jump to another configuration
@@ -199,14 +199,17 @@ def branches_along(
         )
     grid = np.linspace(0.0, 1.0, max(LEAST_PHASES, PER_CYCLE * shape.most_cycles) + 1)
     middle = tool_poses(nominal, shape, grid[:1], 0.0)
-    out = []
-    for start in best_branches(robot, chain, middle, count=FOLLOWED)[:, 0]:
-        if np.isnan(start).any():
-            continue
-        begin = np.tile(start, (grid.size, 1))
-        q = led(chain, begin, lambda share: tool_poses(nominal, shape, grid, share))
-        if not np.isnan(q).any() and np.abs(np.diff(q, axis=0)).max() < LARGEST_STEP:
-            q = polished(chain, CubicSpline(grid, q)(s), tool_poses(nominal, shape, s))
+    starts = best_branches(robot, chain, middle, count=FOLLOWED)[:, 0]
+    starts = starts[~np.isnan(starts).any(axis=1)]
+    begin = np.repeat(starts, grid.size, axis=0)
+
+    def at(share: float) -> Array:
+        return np.tile(tool_poses(nominal, shape, grid, share), (len(starts), 1, 1))
+
+    out, poses = [], tool_poses(nominal, shape, s)
+    for coarse in led(chain, begin, at).reshape(len(starts), grid.size, chain.rows):
+        if not np.isnan(coarse).any() and np.abs(np.diff(coarse, axis=0)).max() < LARGEST_STEP:
+            q = polished(chain, CubicSpline(grid, coarse)(s), poses)
             out += [] if np.isnan(q).any() else [q]
     return out
 
