@@ -20,6 +20,8 @@ from sim.path import Lissajous
 SIDED = (1, 3)  # b2 and b4: negative, as in the path files of this project
 DECIMALS, POSITION_DECIMALS = 2, 3  # of degrees and of metres in files
 WIDEST = np.pi  # [rad] largest amplitude of b1, b3 and b5, where the cables allow it
+# [rad] likewise of a telescoping bar: of wider paths an arm reaches a fifth as many (UR10e)
+WIDEST_FREE = 0.5 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +115,7 @@ def space_of(request: PlanRequest) -> Space:
         lower=np.array(low),
         upper=np.array(high),
         margin=0.0 if free else np.radians(limits.ballbar_margin_deg),
-        widest=WIDEST if free else min(WIDEST, cable),
+        widest=WIDEST_FREE if free else min(WIDEST, cable),
         cycles=request.cycles_max,
     )
 

@@ -17,17 +17,17 @@ from cell.descriptions import Cell, Key
 from cell.errors import InputError
 from cell.geometry import nominal_chain, nominal_geometry
 from cell.inverse import has_closed_form
-from cell.load import load_cell, load_instrument, load_measured_cell
+from cell.load import load_instrument, load_measured_cell
 from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import rigid_basis
 from ident.robot.unloaded_robot import UnloadedRobot
-from planning.candidate import Candidate, space_of
+from planning.candidate import Candidate, Space, space_of
 from planning.clearance import Clearance, clearance, nearest
 from planning.crlb import Prediction, Predictor, moving, planned_unknowns, predictions, predictor
 from planning.force import ForceModel, Forces, force_model, predicted_forces
 from planning.limits import Violation, leaning, violations
 from planning.request import PlanLimits, PlanRequest, tightened
-from planning.screen import screen
+from planning.screen import Screened, screen
 from planning.stroke import StrokeModel, stroke_model
 from planning.trajectory import Trajectory, trajectories
 from sim.plant.description import servo_gains
@@ -83,15 +83,14 @@ def evaluators(request: PlanRequest) -> dict[str, Evaluator]:
     InputError for a robot whose file lacks what a path needs.
     """
     chosen = request.cell
+    cells = {rod: load_measured_cell(chosen.robot, rod, chosen.plate) for rod in chosen.rods}
+    for rod, cell in cells.items():
+        if (cell.ballbar.stroke is not None) != request.telescoping:
+            keys = ("instrument", "ballbar") if request.telescoping else ("ballbar", "instrument")
+            what = "has encoders" if request.telescoping else "measures its length"
+            raise InputError(f"cell.{keys[0]} = {rod}: it {what}; name it as cell.{keys[1]}")
     if chosen.instrument is None:
-        cells = {rod: load_cell(chosen.robot, rod, chosen.plate) for rod in chosen.rods}
         return {rod: evaluator_of(request, rod, cell) for rod, cell in cells.items()}
-    cell = load_measured_cell(chosen.robot, chosen.instrument, chosen.plate)
-    if cell.ballbar.stroke is None:
-        raise InputError(
-            f"cell.instrument = {chosen.instrument}: it is a ball-bar with encoders. Name it as "
-            "cell.ballbar"
-        )
     sigma = request.sensors.length_sigma_m or load_instrument(chosen.instrument).sigma_length
     if sigma <= 0.0:
         raise InputError(
@@ -100,7 +99,7 @@ def evaluators(request: PlanRequest) -> dict[str, Evaluator]:
         )
     sensors = request.sensors.model_copy(update={"length_sigma_m": sigma})
     request = request.model_copy(update={"sensors": sensors})
-    return {chosen.instrument: evaluator_of(request, chosen.instrument, cell)}
+    return {rod: evaluator_of(request, rod, cell) for rod, cell in cells.items()}
 
 
 def evaluator_of(request: PlanRequest, rod: str, cell: Cell) -> Evaluator:
@@ -165,11 +164,16 @@ def objective(evaluator: Evaluator, genome: Array, *, robots: int = SEARCH_ROBOT
     with the violation.
     """
     space = space_of(evaluator.request)
-    off = float(screen(evaluator.cell, space, evaluator.limits, genome[None]).excess[0])
+    off = float(_screened(evaluator, space, genome).excess[0])
     if off > 0.0:
         return SCREENED_OUT + off
     outcome = evaluate(evaluator, space.candidate(genome), robots=robots)
     return INFEASIBLE + outcome.excess if outcome.violations else float(np.log(outcome.tcp * 1e6))
+
+
+def _screened(evaluator: Evaluator, space: Space, genome: Array) -> Screened:
+    around = evaluator.request.cell
+    return screen(evaluator.cell, around, space, evaluator.limits, genome[None])
 
 
 def evaluate(evaluator: Evaluator, candidate: Candidate, *, robots: int = ROBOTS) -> Evaluation:

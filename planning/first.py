@@ -38,7 +38,7 @@ def first_path(given: dict[str, Evaluator], *, seconds: float = SECONDS) -> tupl
         rod = rods[tried // (BATCH * BATCHES) % len(rods)]
         evaluator, space = given[rod], space_of(given[rod].request)
         genomes = rng.random((BATCH * BATCHES, space.size))
-        screened = screen(evaluator.cell, space, evaluator.limits, genomes)
+        screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
         tried += len(genomes)
         reasons.update(screened.reason[screened.excess > 0.0].tolist())
         start = genomes[int(screened.excess.argmin())]

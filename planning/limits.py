@@ -122,25 +122,29 @@ def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[Violatio
 
 def leaning(around: PlanCell, trajectory: Trajectory) -> list[Violation]:
     """Violations of the cones of a telescoping bar's two cups."""
+    out = []
+    for key, cup, angle in leans(around, trajectory.nominal, trajectory.b):
+        k = int(angle.argmax())
+        text = f"rod {np.degrees(angle[k]):.0f} deg from the axis of the {key}"
+        excess = (angle[k] - np.radians(cup.cone_deg)) / UNIT_ANGLE
+        sentence = f"{text}, cone {cup.cone_deg:g}"
+        out.append(_over(f"{key}.cone_deg", excess, sentence, trajectory.t[k]))
+    return [v for v in out if v.excess > 0.0]
+
+
+def leans(around: PlanCell, geometry: Geometry, b: Array) -> list[tuple[str, Cup, Array]]:
+    """Each cup with its key and the angles (N,) [rad] between rod and axis at b (N, 5) [rad]."""
     if around.seat is None and around.target is None:
         return []
-    frames = bar_frames(trajectory.nominal, trajectory.b)
+    frames = bar_frames(geometry, b)
     rod = frames.z[2]
     seen = -np.einsum("ijn,in->jn", frames.rotation(), rod)  # from the target, in its frame
     out = []
     for key, cup, direction in (("seat", around.seat, rod), ("target", around.target, seen)):
         if cup is not None:
-            out += _leaning(key, cup, direction, trajectory)
+            axis = np.array(cup.axis) / np.linalg.norm(cup.axis)
+            out.append((key, cup, np.arccos(np.clip(axis @ direction, -1.0, 1.0))))
     return out
-
-
-def _leaning(key: str, cup: Cup, direction: Array, trajectory: Trajectory) -> list[Violation]:
-    axis = np.array(cup.axis) / np.linalg.norm(cup.axis)
-    angle = np.arccos(np.clip(axis @ direction, -1.0, 1.0))
-    k = int(angle.argmax())
-    text = f"rod {np.degrees(angle[k]):.0f} deg from the axis of the {key}, cone {cup.cone_deg:g}"
-    excess = (angle[k] - np.radians(cup.cone_deg)) / UNIT_ANGLE
-    return [] if excess <= 0.0 else [_over(f"{key}.cone_deg", excess, text, trajectory.t[k])]
 
 
 def from_singular(angle: Array) -> Array:

@@ -19,12 +19,12 @@ from cell.inverse import has_closed_form, robot_branches
 from cell.numerical_inverse import best_branches, dexterity, in_range, led
 from cell.robot_angles import joints_to_axes
 from planning.candidate import Space
-from planning.limits import UNIT_ANGLE, UNIT_SINGULAR, from_singular
-from planning.request import PlanLimits
+from planning.limits import UNIT_ANGLE, UNIT_SINGULAR, from_singular, leans
+from planning.request import PlanCell, PlanLimits
 from sim.path import Lissajous
 
 PHASES = 24  # per candidate: enough to reject most of those that planning.limits would
-LED_PHASES, LED = 12, 2  # of an arm without closed form, and its configurations: each takes longer
+LED_PHASES, LED = 24, 2  # of an arm without closed form, and its configurations: each takes longer
 # Excess of a candidate that the robot does not reach at all; less, the more of it it reaches.
 UNREACHED = 10.0
 ARM = (0, 1, 2, 4)  # axes whose range is less than a turn
@@ -45,13 +45,32 @@ REASONS = (
 )
 
 
-def screen(cell: Cell, space: Space, limits: PlanLimits, genomes: Array) -> Screened:
+def screen(
+    cell: Cell, around: PlanCell, space: Space, limits: PlanLimits, genomes: Array
+) -> Screened:
     """Screening of the candidates of genomes (M, S) [-] at PHASES phases."""
     shapes, positions = space.many(genomes)
     nominal = nominal_geometry(cell, np.zeros(3))
+    screened = _screened_arm(cell, nominal, limits, shapes, positions)
+    b = _angles(shapes, PHASES).reshape(-1, BAR_ROWS)
+    for key, cup, angle in leans(around, nominal, b):
+        over = angle.reshape(-1, PHASES).max(axis=1) - np.radians(cup.cone_deg)
+        total = np.maximum(screened.excess, 0.0) + np.maximum(over, 0.0)
+        worse = over > np.maximum(screened.excess, 0.0)
+        screened = Screened(
+            np.where(over > 0.0, total, screened.excess),
+            np.where(worse, f"cone of the {key}", screened.reason),
+        )
+    return screened
+
+
+def _screened_arm(
+    cell: Cell, nominal: Geometry, limits: PlanLimits, shapes: Lissajous, positions: Array
+) -> Screened:
+    """Screening by the arm alone."""
     if not has_closed_form(nominal.robot):
         return _screened_by_leading(cell, nominal, limits, shapes, positions)
-    m = genomes.shape[0]
+    m = len(positions)
     poses = _poses(nominal, shapes, positions, PHASES)
     branches = robot_branches(nominal.robot, poses)  # (4, M S, 6)
     axes = joints_to_axes(cell.robot, branches)[:, :, ARM]
@@ -75,14 +94,19 @@ def screen(cell: Cell, space: Space, limits: PlanLimits, genomes: Array) -> Scre
     return Screened(np.asarray(excess), np.array(REASONS)[which])
 
 
+def _angles(shapes: Lissajous, phases: int, share: float = 1.0) -> Array:
+    """(M, S, 5) [rad] of M shapes at S phases, their motion scaled by a share of 1."""
+    s = np.arange(phases) / phases
+    turn = 2.0 * np.pi * shapes.cycles[:, None, :] * s[None, :, None] + shapes.phase[:, None, :]
+    swing = share * shapes.amplitude
+    return np.asarray(shapes.centre[:, None, :] + swing[:, None, :] * np.sin(turn))
+
+
 def _poses(
     nominal: Geometry, shapes: Lissajous, positions: Array, phases: int, share: float = 1.0
 ) -> Array:
     """(M S, 4, 4) tool frames of M shapes at S phases, their motion scaled by a share of 1."""
-    s = np.arange(phases) / phases
-    turn = 2.0 * np.pi * shapes.cycles[:, None, :] * s[None, :, None] + shapes.phase[:, None, :]
-    swing = share * shapes.amplitude
-    b = shapes.centre[:, None, :] + swing[:, None, :] * np.sin(turn)  # (M, S, 5)
+    b = _angles(shapes, phases, share)
     poses = bar_frames(nominal, b.reshape(-1, BAR_ROWS)).poses()
     poses[:, :3, 3] += np.repeat(positions, phases, axis=0)
     return poses

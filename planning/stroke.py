@@ -50,8 +50,8 @@ class Lengths:
             return ""
         return (
             f"with {self.leaving} of {len(self.length)} robots that are off by 1 mm and 1 mrad the "
-            "bar leaves its stroke. Calibrate coarsely first (still poses, or this path with a "
-            "longer stroke), correct the targets with the result, then measure this path"
+            "bar leaves its stroke. Calibrate coarsely first (still poses, or a bar of longer "
+            "stroke) and correct the targets of this path with the result (ballbar correct)"
         )
 
 
