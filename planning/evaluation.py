@@ -39,6 +39,8 @@ ROBOTS = 2  # of planning.force, whose tension enters an evaluation; the report 
 # instead of 0.988 with two, which take half as long again.
 SEARCH_ROBOTS = 1
 FORCE_AXES = 6  # of robots whose errors planning.force knows, those of thesis Table 3.1
+# Margins that arms have from their singular postures, with a closed form and without.
+OF_OTHER_ARMS = ("singular_value",)
 OF_CLOSED_FORM = ("wrist_margin_deg", "elbow_margin_deg", "shoulder_margin_m")
 INFEASIBLE = 10.0  # least objective of a candidate that violates a limit
 SCREENED_OUT = 30.0  # least objective of a candidate that fails screening
@@ -147,13 +149,13 @@ def _force_model(request: PlanRequest, rod: str, cell: Cell) -> ForceModel:
 
 def _check_limits(limits: PlanLimits, cell: Cell) -> None:
     closed = has_closed_form(nominal_chain(cell.robot))
-    wrong = ("singular_value",) if closed else OF_CLOSED_FORM
+    wrong, right = (OF_OTHER_ARMS, OF_CLOSED_FORM) if closed else (OF_CLOSED_FORM, OF_OTHER_ARMS)
     stated = [key for key in wrong if key in limits.model_fields_set]
     if stated:
-        right = ", ".join(OF_CLOSED_FORM) if closed else "singular_value"
+        built = f"{'' if closed else 'not '}built as an IRB 2400"
         raise InputError(
-            f"limits.{stated[0]}: robot {cell.robot.name} is {'' if closed else 'not '}built as an "
-            f"IRB 2400, parallel axes 2 and 3 and a spherical wrist; give limits.{right} instead"
+            f"limits.{stated[0]}: robot {cell.robot.name} is {built}, parallel axes 2 and 3 and a "
+            f"spherical wrist; give limits.{', '.join(right)} instead"
         )
 
 

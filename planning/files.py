@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from cell.files import write_whole, write_yaml
+from cell.geometry import nominal_chain
+from cell.inverse import has_closed_form
 from planning.candidate import DECIMALS, Candidate
+from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
 from planning.export import BALLBAR, PROGRAM_AXES, TELESCOPING, pdl2, rapid, table
 from planning.plan import Plan
 from planning.request import OF_BALLBARS, PlanRequest
@@ -116,7 +119,7 @@ def numbers_data(plan: Plan, targets: Targets, folder: Path) -> dict[str, object
             "seed": plan.request.seed,
             "stopped": plan.stopped,
         },
-        "limits": limits_data(plan.request),
+        "limits": limits_data(plan),
         "sigma": {
             n: {"prior": float(priors[n]), "predicted": value} for n, value in typical.sigma.items()
         },
@@ -142,10 +145,13 @@ def _held_data(plan: Plan) -> dict[str, object]:
     return out
 
 
-def limits_data(request: PlanRequest) -> dict[str, object]:
-    """The limits of a request that apply to its instrument."""
-    none = OF_BALLBARS["limits"] if request.telescoping else ()
-    return request.limits.model_dump(exclude=set(none))
+def limits_data(plan: Plan) -> dict[str, object]:
+    """The limits of a request that apply to its robot and its instrument."""
+    closed = has_closed_form(nominal_chain(plan.evaluator.cell.robot))
+    other = set(OF_OTHER_ARMS if closed else OF_CLOSED_FORM)
+    if plan.request.telescoping:
+        other |= set(OF_BALLBARS["limits"])
+    return plan.request.limits.model_dump(exclude=other)
 
 
 def limit_lines(request: PlanRequest) -> list[str]:

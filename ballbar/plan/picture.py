@@ -22,6 +22,7 @@ from ballbar.plan.plate_figure import MATERIALS, THICKNESS, draw_deflection
 from ballbar.units import MM, UM
 from cell.geometry import bar_frames
 from cell.robot_angles import joints_to_axes
+from planning.crlb import EXACT
 from planning.plan import Plan
 from planning.what_if import Answer
 
@@ -154,7 +155,7 @@ def _sigma(axes: Axes, plan: Plan) -> None:
     """Predicted standard deviation of each unknown of the robot, relative to its prior."""
     sigma, layout = plan.typical.sigma, plan.typical.layout
     priors = dict(zip(layout.names, layout.sigma, strict=True))
-    robot = [name for name in sigma if name.startswith(_UNKNOWNS_SHOWN)]
+    robot = [n for n in sigma if n.startswith(_UNKNOWNS_SHOWN) and priors[n] > EXACT]
     ratio, x = [sigma[name] / priors[name] for name in robot], np.arange(len(robot))
     axes.vlines(x, 1e-4, ratio, color=FAINT, lw=2.0)
     axes.plot(x, ratio, "o", color=INK, ms=3.0)
