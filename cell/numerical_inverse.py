@@ -54,7 +54,7 @@ def dexterity(chain: Chain, q: Array) -> Array:
 
 
 def pose_branches(chain: Chain, poses: Array) -> Array:
-    """Joint angles of the arm's configurations at each pose, as many as are found.
+    """Joint angles of the arm's configurations at each pose, as many as there are.
 
     poses : (N, 4, 4) tool frames in the base frame.
 
@@ -71,9 +71,9 @@ def pose_branches(chain: Chain, poses: Array) -> Array:
         off = np.abs(np.angle(np.exp(1j * (q[:, :k] - q[:, k : k + 1])))).max(axis=2)
         distinct[:, k] &= ~((off < APART) & distinct[:, :k]).any(axis=1)
     order = np.argsort(~distinct, axis=1, kind="stable")[:, :BRANCHES]
-    found = np.take_along_axis(q, order[:, :, None], axis=1)
-    found[~np.take_along_axis(distinct, order, axis=1)] = np.nan
-    return np.asarray(found.transpose(1, 0, 2))
+    solutions = np.take_along_axis(q, order[:, :, None], axis=1)
+    solutions[~np.take_along_axis(distinct, order, axis=1)] = np.nan
+    return np.asarray(solutions.transpose(1, 0, 2))
 
 
 def best_branches(robot: Robot, chain: Chain, poses: Array, *, count: int) -> Array:
@@ -81,14 +81,14 @@ def best_branches(robot: Robot, chain: Chain, poses: Array, *, count: int) -> Ar
 
     Those within the axis ranges come first, then those far from a singular posture; NaN as there.
     """
-    found = pose_branches(chain, poses)
-    q = np.where(np.isnan(found), 0.0, found)
+    solutions = pose_branches(chain, poses)
+    q = np.where(np.isnan(solutions), 0.0, solutions)
     axes = joints_to_axes(robot, in_range(robot, q[..., None, :])[..., 0, :])
     over = np.maximum(np.maximum(robot.axis_lower - axes, axes - robot.axis_upper), 0.0)
     far = dexterity(chain, q.reshape(-1, chain.rows)).reshape(q.shape[:2])
-    score = np.where(np.isnan(found).any(axis=2), np.inf, over.sum(axis=2) - far)
+    score = np.where(np.isnan(solutions).any(axis=2), np.inf, over.sum(axis=2) - far)
     best = np.argsort(score, axis=0, kind="stable")[:count]
-    return np.asarray(np.take_along_axis(found, best[:, :, None], axis=0))
+    return np.asarray(np.take_along_axis(solutions, best[:, :, None], axis=0))
 
 
 def in_range(robot: Robot, q: Array) -> Array:

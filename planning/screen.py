@@ -131,11 +131,11 @@ def _screened_by_leading(
     singular = (limits.singular_value - far) * UNIT_ANGLE / UNIT_SINGULAR
     worst = np.column_stack((over.max(axis=1), singular.max(axis=1)))  # (K, J + 1)
     unreached = lost.reshape(-1, LED_PHASES).mean(axis=1)
-    kept = np.maximum(worst, 0.0).sum(axis=1)
+    outside = np.maximum(worst, 0.0).sum(axis=1)
     each = np.where(
         unreached > 0.0,
         UNREACHED * (0.1 + unreached),
-        np.where(kept > 0.0, kept, worst.max(axis=1)),
+        np.where(outside > 0.0, outside, worst.max(axis=1)),
     )
     ranges = (f"range of axis {axis + 1}" for axis in range(chain.rows))
     names = np.array(["out of reach", *ranges, "near a singular posture"])

@@ -75,8 +75,17 @@ def plant_errors(*, table: bool) -> ErrorSettings:
     )
 
 
-def run_in_plant(cell: Cell, request: PlanRequest, candidate: Candidate, *, seed: int) -> Motion:
+def run_in_plant(
+    cell: Cell,
+    request: PlanRequest,
+    candidate: Candidate,
+    *,
+    seed: int,
+    beginning: Array | None = None,
+) -> Motion:
     """Motion of one robot on the path; seed 0 is the robot of thesis Table 3.1.
+
+    beginning : (J,) [rad] as of `reference_path`: the configuration of the arm that was planned.
 
     Raises PlantError where the simulation fails.
     """
@@ -89,6 +98,7 @@ def run_in_plant(cell: Cell, request: PlanRequest, candidate: Candidate, *, seed
         dwell=timing.dwell_s,
         stops=timing.stops,
         step=PATH_STEP,
+        beginning=beginning,
     )
     errors = plant_errors(table=seed == 0)
     true = true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed)

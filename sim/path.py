@@ -146,8 +146,12 @@ def reference_path(
     dwell: float,
     stops: int,
     step: float,
+    beginning: Array | None = None,
 ) -> ReferencePath:
     """The command of one run, sampled every `step` seconds; other times as in `phase_over_time`.
+
+    beginning : (J,) [rad] joint angles near which it begins, in whose configuration of the arm it
+        stays; by default the first that keeps the axis ranges.
 
     Raises InputError naming time, joint and value where the path leaves the robot's reach, an axis
     range or a speed limit.
@@ -158,6 +162,8 @@ def reference_path(
     branches = branches_along(robot, nominal, shape, phase)
     if not branches:
         raise _out_of_reach(nominal, shape, t, phase)
+    if beginning is not None:
+        branches.sort(key=lambda q: float(np.abs(np.angle(np.exp(1j * (q[0] - beginning)))).max()))
     q = _branch_in_range(robot, t, [_turned(robot, nominal, branch) for branch in branches])
     speed = CubicSpline(t, q).derivative()(t)
     check_speeds(robot, t, speed)

@@ -198,7 +198,9 @@ def given_path(
 def check_in_plant(plan: Plan, seed: int) -> list[Check]:
     """All limits, checked over the run of one robot in MuJoCo."""
     cell, request = plan.evaluator.cell, plan.request
-    motion = run_in_plant(cell, request, plan.evaluation.candidate, seed=seed)
+    motion = run_in_plant(
+        cell, request, plan.evaluation.candidate, seed=seed, beginning=plan.trajectory.q[0]
+    )
     return checks(cell, request.limits, clearance(cell, request.cell), motion)
 
 

@@ -43,7 +43,7 @@ IRB2400 = Path(__file__).parents[2] / "cell" / "robots" / "irb2400.yaml"
 
 
 def known() -> Candidate:
-    return Candidate(load_lissajous(PATH), np.array([0.295, 0.376, 0.12]))
+    return Candidate(load_lissajous(PATH), np.array([0.273, -0.011, 0.126]))
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,8 @@ def test_a_cell_that_cannot_be_planned_says_what_is_missing(
 
 def test_a_command_for_such_a_cell_ends_with_a_sentence(tmp_path: Path) -> None:
     file = written(tmp_path, "robot: ur10e, ballbar: lund_600")
-    code, said = ballbar("plan", file, "--out", tmp_path / "out")
+    code, *texts = ballbar("plan", file, "--out", tmp_path / "out")
+    said = " ".join(" ".join(texts).split())
     assert code == 2
     assert "robot ur10e has no" in said
     assert "Traceback" not in said
@@ -261,7 +262,7 @@ def test_a_better_sensor_predicts_less_and_a_rigid_hold_is_no_unknown(
 def test_the_prediction_is_the_error_that_identification_makes(
     evaluator: Evaluator, trajectory: Trajectory
 ) -> None:
-    """Eight drawn robots on the path, kinematic, white noise: rms TCP error over the prediction."""
+    """Six drawn robots on the path, kinematic, white noise: rms TCP error over the prediction."""
     noise, timing = 5e-6, evaluator.request.timing
     spacing = (timing.duration_s - 2.0 * timing.dwell_s + 2.0) / DEFAULT_SAMPLES
     sensors = evaluator.request.sensors.model_copy(
@@ -275,13 +276,13 @@ def test_the_prediction_is_the_error_that_identification_makes(
     found = predict(predictor, trajectory, np.zeros(trajectory.t.size))
     t = np.arange(0.0, timing.duration_s, 0.02)
     q, square = CubicSpline(trajectory.t, trajectory.q)(t), []
-    for seed in range(8):
+    for seed in range(6):
         run = planned_run(evaluator.cell, trajectory.nominal, t, q, seed=seed, noise=noise)
         result = identify_together(run.cell, [run.logs], options=FitOptions(model="dh"))
         assert result.verdict.acceptable, result.verdict.sentence
         square.append(np.mean(tcp_error(result.robot.geometry, run.true, found.grid).error ** 2))
     ratio = np.sqrt(np.mean(square) / np.mean(found.tcp_sigma**2))
-    assert 0.75 < ratio < 1.35, ratio  # eight robots of some twenty parameters scatter by a tenth
+    assert 0.75 < ratio < 1.35, ratio  # six robots scatter by a tenth or more
 
 
 def test_the_command_writes_what_a_telescoping_bar_needs_and_nothing_else(tmp_path: Path) -> None:
@@ -292,7 +293,7 @@ def test_the_command_writes_what_a_telescoping_bar_needs_and_nothing_else(tmp_pa
     programs = {f"ur10e_telescoping.{kind}" for kind in ("mod", "pdl")}
     assert {p.name for p in out.iterdir()} == names | programs
     said = re.sub(r"\s+", " ", result.output)
-    assert "telescoping bar telescoping_1000 at (0.295, 0.376, 0.120) m" in said
+    assert "telescoping bar telescoping_1000 at (0.273, -0.011, 0.126) m" in said
     assert re.search(r"length -\d\.\d to \+\d\.\d mm about 1000 mm expected", said)
     assert "stroke -5.0 to +5.0 mm" in said
     assert "not run in MuJoCo" in said
@@ -353,8 +354,11 @@ def test_a_ballbar_with_encoders_is_planned_on_a_complete_file_of_another_arm(
     given = evaluators(request)
     start, _ = first_path(given, seconds=300.0)
     evaluator, candidate = given[start.rod], space_of(request).candidate(start.genome)
-    assert not check(evaluator, candidate).violations
-    motion = run_in_plant(evaluator.cell, request, candidate, seed=1)
+    outcome = check(evaluator, candidate)
+    assert not outcome.violations
+    assert outcome.trajectory is not None
+    beginning = outcome.trajectory.q[0]  # regression: another configuration ran, into the rod
+    motion = run_in_plant(evaluator.cell, request, candidate, seed=1, beginning=beginning)
     found = checks(evaluator.cell, request.limits, evaluator.clearance, motion)
     assert "singular_value" in {c.limit for c in found}
     assert violations_in(found) == 0, [c for c in found if c.instants]
