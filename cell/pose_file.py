@@ -46,7 +46,7 @@ class JointColumns(Strict):
         "list of jointtargets (RAPID) or messages of KUKA RSI.",
     )
     unit: AngleUnit | None = Field(
-        default=None, description="Only a unit in brackets in the header makes it unnecessary."
+        default=None, description="Only a unit in the header, such as `[°]`, makes it unnecessary."
     )
     angles: Literal["axes", "joints"] = Field(
         default="axes",

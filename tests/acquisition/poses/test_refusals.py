@@ -158,6 +158,16 @@ def test_cells_that_are_no_numbers(tmp_path: Path, cell: str, sentence: str) -> 
     assert sentence in refused(write(tmp_path, with_cell(5, 7, cell)))
 
 
+@pytest.mark.parametrize("cell", ["1.234,567", "-12.345.678,9"])
+def test_separators_between_the_thousands(tmp_path: Path, cell: str) -> None:
+    table = lines(columns(), separator=";", comma=True)
+    fields = table[5].split(";")
+    table[5] = ";".join([*fields[:7], cell, *fields[8:]])
+    sentence = refused(write(tmp_path, table))
+    assert f"poses.csv:6: column y: '{cell}' has a separator between the thousands." in sentence
+    assert "Export without" in sentence
+
+
 def test_rows_with_another_number_of_fields(tmp_path: Path) -> None:
     table = lines(columns())
     torn = [f"{line},1" if k in (4, 9, 12) else line for k, line in enumerate(table)]
