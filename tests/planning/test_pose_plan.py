@@ -423,7 +423,7 @@ def test_what_excludes_poses_is_counted() -> None:
         ({"distances": [{"pairs": [["left", "no"]]}]}, r"states no distance of its own"),
         (
             {"distances": [{"pairs": [["left", "no"]], "length_m": 1.0, "sigma_m": 1e-3}]},
-            r"'no' is none of the seats left, right",
+            r"nothing is measured at seat 'no'\. Valid seats: left, right",
         ),
     ],
 )

@@ -100,7 +100,7 @@ def test_what_poses_yaml_lacks(tmp_path: Path, keys: dict[str, Any], sentence: s
             lambda d: d.update(
                 distances=[{"pairs": [["saet", "seat"]], "length_m": 1, "sigma_m": 0.1}]
             ),
-            "distances[0]: nothing was measured at seat 'saet'. Did you mean seat? Valid seats: "
+            "distances[0]: nothing is measured at seat 'saet'. Did you mean seat? Valid seats: "
             "seat.",
         ),
         (
