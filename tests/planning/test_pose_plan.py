@@ -258,7 +258,7 @@ def test_an_exchange_never_makes_the_selection_worse_and_poses_stay_apart() -> N
 
 def test_a_plan_is_predicted_to_beat_random_poses(tracker: PosePlan, wire: PosePlan) -> None:
     assert tracker.poses.size == wire.poses.size == 40
-    assert tracker.gain > 1.3
+    assert tracker.gain > 1.25
     assert wire.gain > 1.7
     assert tracker.sigma.mean() < tracker.random.min()
     assert wire.sigma.mean() < wire.random.min()
