@@ -127,6 +127,7 @@ class PoseIdentification:
             factor=self.cross_validation.factor,
             lower=q.min(axis=0),
             upper=q.max(axis=0),
+            joint_sigma=self.cross_validation.joint_sigma,
         )
 
 
