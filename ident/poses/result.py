@@ -21,6 +21,7 @@ from ident.poses.cross_validation import (
 )
 from ident.poses.findings import Findings, scale_of
 from ident.poses.fit import PoseFit
+from ident.poses.steps import renamed
 from ident.poses.verdict import judge_poses
 from ident.robot.identified_arm import IdentifiedArm
 from ident.verdict import Verdict
@@ -90,12 +91,13 @@ class PoseIdentification:
 
         Robot base frame; along the rod where lengths were measured.
         """
-        points = replace(self.fit.model, table=table).evaluate(self.fit.x)
+        points = replace(self.fit.model, table=self._renamed(table)).evaluate(self.fit.x)
         return np.concatenate([point.closure.error[:3].T for point in points])
 
     def within(self, table: PoseTable) -> NDArray[np.bool_]:
         """(N,) whether poses of this result's own seats lie in their stated 95 % regions."""
-        model, validation = replace(self.fit.model, table=table), self.cross_validation
+        validation = self.cross_validation
+        model = replace(self.fit.model, table=self._renamed(table))
         out = []
         for point in model.evaluate(self.fit.x):
             rows = position_rows(point)
@@ -103,6 +105,10 @@ class PoseIdentification:
             square = mahalanobis(rows(point.closure.error), spread, validation.sigma**2)
             out.append(square <= validation.factor * chi2.ppf(LEVEL, len(rows.matrix)))
         return np.concatenate(out)
+
+    def _renamed(self, table: PoseTable) -> PoseTable:
+        """A table of the same files with the names that the fit gave behind steps."""
+        return renamed(table, self.findings.steps)
 
     def arm(self, target: str | None = None) -> IdentifiedArm:
         """The identified robot with one of its targets; by default the table's first."""

@@ -85,6 +85,7 @@ def _warnings(result: PoseIdentification) -> list[str]:
     table, fit, findings = result.table, result.fit, result.findings
     out = []
     names = [f"{g.file}:{row}" for g in table.groups for row in g.rows]
+    out += [step.sentence for step in findings.steps]
     if findings.outliers.size:
         out.append(
             f"{findings.outliers.size} poses lie far from the model and count little or not at "
