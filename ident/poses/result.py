@@ -106,6 +106,12 @@ class PoseIdentification:
             out.append(square <= validation.factor * chi2.ppf(LEVEL, len(rows.matrix)))
         return np.concatenate(out)
 
+    @property
+    def target(self) -> str:
+        """The table's first target, that of most poses where it moved."""
+        others = {step.other for step in self.findings.steps}
+        return next(name for name in self.table.targets if name not in others)
+
     def _renamed(self, table: PoseTable) -> PoseTable:
         """A table of the same files with the names that the fit gave behind steps."""
         return renamed(table, self.findings.steps)
@@ -113,10 +119,12 @@ class PoseIdentification:
     def arm(self, target: str | None = None) -> IdentifiedArm:
         """The identified robot with one of its targets; by default the table's first."""
         fit, layout = self.fit, self.fit.model.unknowns
-        name = target or self.table.targets[0]
+        name = target or self.target
+        others = {step.other for step in self.findings.steps}
         at = layout.targets[name].start
         seats = [g.seat for g in self.table.groups if g.target == name]
-        seat = max(seats, key=lambda s: s in layout.framed)  # a whole frame, where there is one
+        # a whole frame, where there is one, and of most poses where it moved
+        seat = max(seats, key=lambda s: (s in layout.framed, s not in others))
         index = np.r_[layout.machine, at : at + 3, layout.seats[seat]]
         q = self.table.q
         return IdentifiedArm(

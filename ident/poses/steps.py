@@ -38,7 +38,7 @@ BLOCKS = 30  # of rows, whose sums are independent
 MOST = 5  # steps of one table
 LEAST_SPARE = 0.2  # of the equations, that the unknowns leave
 RIDGE = 1e-9  # of a trace: what rows on one side cannot tell
-_BEHIND = re.compile(r" from (.+ )?row \d+$")
+_OTHER = re.compile(r" (from|before) (.+ )?row \d+$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +47,11 @@ class Step:
 
     kind: str  # seat or target
     name: str  # as the table has it
-    after: str  # what it is called behind the step
+    other: str  # what it is called on the side with fewer poses; the other side keeps its name
     file: str  # of the first pose behind it
     row: int  # likewise
-    later: tuple[str, ...]  # files that were measured after that one
+    before: bool  # whether the side with fewer poses is that before the step
+    files: tuple[str, ...]  # that stand on this side as a whole
     shift: Array  # (3,) [m] base frame of a seat, flange frame of a target
     score: float
 
@@ -62,19 +63,20 @@ class Step:
     @property
     def sentence(self) -> str:
         """What moved, when and how far."""
+        where = "before it" if self.before else "from there on"
         return (
             f"{self.kind} {self.name} moved by {self.size * 1e3:.3f} mm before {self.file}:"
-            f"{self.row}; from there on it is another one to the fit, {self.after!r}: check what "
-            "was knocked or seated anew there, or whether the robot was warming up"
+            f"{self.row}; {where} it is another one to the fit, {self.other!r}: check what was "
+            "knocked or seated anew there, or whether the robot was warming up"
         )
 
-    def behind(self, group: PoseGroup) -> NDArray[np.bool_]:
-        """(N,) poses of a group, of the same files, that stand behind the step."""
+    def on_other_side(self, group: PoseGroup) -> NDArray[np.bool_]:
+        """(N,) poses of a group, of the same files, on the side with the other name."""
         if getattr(group, self.kind) != self.name:
             return np.zeros(group.size, dtype=bool)
         if group.file != self.file:
-            return np.full(group.size, group.file in self.later)
-        return np.asarray(group.rows >= self.row)
+            return np.full(group.size, group.file in self.files)
+        return np.asarray((group.rows >= self.row) != self.before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,8 @@ def split(fit: PoseFit, step: Step) -> tuple[PoseTable, PoseStart]:
     targets = {name: layout.target(fit.x, name) for name in layout.targets}
     places = seats if step.kind == "seat" else targets
     before = places[step.name]
-    places[step.after] = Placement(before.rotation, before.origin + step.shift)
+    shift = -step.shift if step.before else step.shift
+    places[step.other] = Placement(before.rotation, before.origin + shift)
     return renamed(fit.model.table, [step]), PoseStart(seats, targets)
 
 
@@ -110,15 +113,13 @@ def renamed(table: PoseTable, steps: Sequence[Step]) -> PoseTable:
     for step in steps:
         groups = []
         for group in table.groups:
-            behind = step.behind(group)
-            if not behind.all():
-                groups.append(group.part(~behind))
-            if behind.any():
-                part = group.part(behind)
-                seat = step.kind == "seat"
-                groups.append(
-                    replace(part, seat=step.after) if seat else replace(part, target=step.after)
-                )
+            moved = step.on_other_side(group)
+            parts = [(group.part(~moved), getattr(group, step.kind))] if not moved.all() else []
+            parts += [(group.part(moved), step.other)] if moved.any() else []
+            if step.before:  # in the order of the rows
+                parts.reverse()
+            seat = step.kind == "seat"
+            groups += [replace(p, seat=n) if seat else replace(p, target=n) for p, n in parts]
         table = replace(table, groups=tuple(groups))
     return table
 
@@ -128,12 +129,12 @@ def sized(fit: PoseFit, steps: Sequence[Step]) -> tuple[Step, ...]:
     layout, out = fit.model.unknowns, []
     for step in steps:
         place = layout.seat if step.kind == "seat" else layout.target
-        before, after = place(fit.x, step.name), place(fit.x, step.after)
-        shift = after.origin - before.origin
-        if step.kind == "seat" and step.after in layout.framed:
-            own = [g.values[:, :3] for g in fit.model.table.groups if g.seat == step.after]
-            shift = shift + (after.rotation - before.rotation) @ np.concatenate(own).mean(axis=0)
-        out.append(replace(step, shift=shift))
+        main, other = place(fit.x, step.name), place(fit.x, step.other)
+        shift = other.origin - main.origin
+        if step.kind == "seat" and step.other in layout.framed:
+            own = [g.values[:, :3] for g in fit.model.table.groups if g.seat == step.other]
+            shift = shift + (other.rotation - main.rotation) @ np.concatenate(own).mean(axis=0)
+        out.append(replace(step, shift=-shift if step.before else shift))
     return tuple(out)
 
 
@@ -212,16 +213,18 @@ def _step(table: PoseTable, rows: _Rows, at: int, shift: Array, score: float) ->
     of = [group.file for group in table.groups for _ in range(group.size)]
     file, files = of[rows.place[at]], _files(table)
     row = int(np.concatenate([group.rows for group in table.groups])[rows.place[at]])
+    before = 2 * at < rows.place.size
     several = len({of[i] for i in rows.place}) > 1
-    after = f"{_BEHIND.sub('', rows.name)} from {f'{file} ' if several else ''}row {row}"
-    later = tuple(files[files.index(file) + 1 :])
+    word, at_file = "before" if before else "from", files.index(file)
+    other = f"{_OTHER.sub('', rows.name)} {word} {f'{file} ' if several else ''}row {row}"
     return Step(
         kind=rows.kind,
         name=rows.name,
-        after=after,
+        other=other,
         file=file,
         row=row,
-        later=later,
+        before=before,
+        files=tuple(files[:at_file] if before else files[at_file + 1 :]),
         shift=shift,
         score=score,
     )
