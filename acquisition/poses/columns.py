@@ -26,7 +26,7 @@ from cell.arrays import Array
 from cell.errors import DescriptionError, LogError
 
 _BRACKETS = re.compile(r"(.*?)\s*[\[(]\s*([^\[\]()]{1,8}?)\s*[\])]\s*")
-_BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s+in\s+)(\S{1,8})\s*")  # `A1 / °` of ISO 80000-1, `A1 in °`
+_BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s+in\s+)(\S{1,8})\s*")  # `A1 / °`, `A1 in °`
 _UNITS = {  # as headers write them; the sign of degrees, and two that look like it
     "m": "m", "cm": "cm", "mm": "mm", "um": "um", "µm": "um", "μm": "um",
     "in": "inch", "inch": "inch", "rad": "rad", "deg": "deg", "°": "deg", "º": "deg", "˚": "deg",

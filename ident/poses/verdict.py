@@ -51,8 +51,8 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
     if validation.mean > STRANGE or not np.isfinite(validation.mean):
         return Status.IMPLAUSIBLE, (
             f"Not the declared robot, or not its joint angles: {errors}. Check `robot`, the order, "
-            "signs and units of the joint columns, the unit of the measured values, and whether two "
-            "seats of the instrument go by one name."
+            "signs and units of the joint columns, the unit of the measured values, and whether "
+            "two seats of the instrument go by one name."
         )
     if not fit.converged:
         return Status.NOT_CONVERGED, (
