@@ -105,17 +105,17 @@ def _refuse_two_seats(robot: Robot, rows: PoseRows, q: Array, points: Array) -> 
     if chosen.size < 2 * FEWEST:
         return
     lines, q, points = rows.line[chosen], q[chosen], points[chosen]
-    near = _SEAT_FITS * reach(robot)
+    limit = _SEAT_FITS * reach(robot)
     rng, best = np.random.default_rng(0), np.zeros(chosen.size, dtype=bool)
     for _ in range(_TRIALS):
         few = rng.choice(chosen.size, _FEW, replace=False)
-        fitting = _distances(robot, q, points, few) < near
+        fitting = _distances(robot, q, points, few) < limit
         best = fitting if fitting.sum() > best.sum() else best
     if not FEWEST <= best.sum() <= chosen.size - FEWEST:
         return
     own, others = np.flatnonzero(best), np.flatnonzero(~best)
-    first = _distances(robot, q, points, own)[own] < near
-    second = _distances(robot, q, points, others)[others] < near
+    first = _distances(robot, q, points, own)[own] < limit
+    second = _distances(robot, q, points, others)[others] < limit
     if first.mean() < _MOST or second.mean() < _MOST:
         return
     parts = sorted((lines[own], lines[others]), key=min)

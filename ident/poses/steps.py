@@ -92,8 +92,8 @@ class _Rows:
 def step_of(fit: PoseFit) -> Step | None:
     """The clearest step of a seat or a target; None where chance explains the best one."""
     equations = _bounded(fit)
-    found = [step for rows in _candidates(fit) if (step := _best(fit, equations, rows))]
-    return max(found, key=lambda step: step.score, default=None)
+    steps = [step for rows in _candidates(fit) if (step := _best(fit, equations, rows))]
+    return max(steps, key=lambda step: step.score, default=None)
 
 
 def split(fit: PoseFit, step: Step) -> tuple[PoseTable, PoseStart]:
