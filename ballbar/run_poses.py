@@ -77,5 +77,5 @@ def run_pose_scenario(
     comparison = compare_poses_with_truth(run.identification, simulation.truth)
     write_pose_calibration(out / CALIBRATION, run)
     progress("writing the report")
-    write_pose_report(out / REPORT, run, command=command)
+    write_pose_report(out / REPORT, run, comparison, command=command)
     return PoseScenarioRun(simulation, run, comparison, pose_limits(comparison, scenario.accept))

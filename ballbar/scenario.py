@@ -1,7 +1,7 @@
 """A scenario: one simulated run, its identification, and the limits of an acceptable result.
 
-A robot that moves with the double ball-bar has a `path`; one that stands still before any other
-instrument has `poses`.
+A robot that moves with the double ball-bar, or before an instrument that logs a length, has a
+`path`; one that stands still before any instrument has `poses`.
 """
 
 from __future__ import annotations
@@ -130,6 +130,11 @@ class Scenario(SimulationSettings):
     def _can_be_identified(self) -> Scenario:
         """The cost has its encoders and a form, samples come from the kinematic plant."""
         identify, fitted = self.identify, self.encoders.fitted
+        if self.cell.instrument is not None:
+            for key in ("cost", "data", "force", "rod_sigma_m"):
+                if getattr(identify, key) != IdentifySettings.model_fields[key].default:
+                    message = "needs a ball-bar with encoders (cell.ballbar); leave it out"
+                    raise wrong_key("identify", key, message=message)
         if identify.data == "samples" and self.plant.kind != "kinematic":
             message = "samples come from the kinematic plant only; set plant.kind = kinematic"
             raise wrong_key("identify", "data", message=message)

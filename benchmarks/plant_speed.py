@@ -60,7 +60,7 @@ def job_of(name: str) -> Job:
     """The job of a shipped scenario with the rest of the effects switched on too."""
     scenario = load_scenario(SCENARIOS / f"{name}.yaml")
     chosen, timing = scenario.cell, scenario.path
-    cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate)
+    cell = load_cell(chosen.robot, chosen.measured_by, chosen.plate)
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
     true = nominal.replaced({key: nominal[key] + value * 1e-3 for key, value in THESIS_3_1.items()})
     errors = PlantErrors.model_validate(

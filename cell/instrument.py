@@ -66,6 +66,7 @@ class InstrumentFile(Strict):
     title: str
     chain: Annotated[tuple[JointFile, ...], Field(min_length=1, max_length=4)]
     distance: DistanceFile | None = None
+    mass_kg: NotNegative = 0.0  # of a rod from seat to target, which carries half of its weight
 
     @model_validator(mode="after")
     def _chain_is_one_that_measures(self) -> Self:
@@ -102,6 +103,7 @@ class Instrument:
     sigma_direction: float  # [rad] of the sensed angles that point at the target
     sigma_rotation: float  # [rad] of the target's sensed orientation, each axis
     distance: tuple[float, float] | None = None  # [m] between two seats, and its sigma
+    mass: float = 0.0  # [kg] of a rod from seat to target
 
     def sigma(self, values: Array) -> Array:
         """(N, M) [m, rad] standard deviation of values as in cell.poses.PoseGroup; 3 columns of a
@@ -139,11 +141,12 @@ def instrument_of(name: str, file: InstrumentFile) -> Instrument:
         sigma_direction=max(turning, default=0.0),
         sigma_rotation=file.chain[-1].sigma_rad if measured == "pose" else 0.0,
         distance=None if distance is None else (distance.length_m, distance.sigma_m),
+        mass=file.mass_kg,
     )
 
 
 def telescoping_bar(instrument: Instrument) -> BallBar:
-    """A length instrument as a massless ball-bar without encoders whose rod is sensed.
+    """A length instrument as a ball-bar without encoders whose rod is sensed and alone has mass.
 
     Universal joint and ball are the five revolute joints of a ball-bar, in one point each; `bd3` is
     the length where the sensor reads the nominal one. Raises ValueError for another instrument.
@@ -153,7 +156,8 @@ def telescoping_bar(instrument: Instrument) -> BallBar:
     zero: Array = np.zeros(5)
     rod = zero.copy()
     rod[ROD_ROW] = instrument.nominal
-    body = Link(0.0, np.zeros(3), np.zeros((3, 3)))
+    middle = np.array([0.0, 0.0, 0.5 * instrument.nominal])
+    body, rod_body = (Link(m, middle, np.zeros((3, 3))) for m in (0.0, instrument.mass))
     return BallBar(
         name=instrument.name,
         title=instrument.title,
@@ -170,7 +174,7 @@ def telescoping_bar(instrument: Instrument) -> BallBar:
         encoder_lines=1,
         encoder_bits=0,
         encoder_noise_sigma=0.0,
-        links=(body,) * 5,
+        links=(body, body, rod_body, body, body),
         stroke=(instrument.lower, instrument.upper),
     )
 

@@ -40,19 +40,32 @@ def has_arm_structure(chain: Chain) -> bool:
     )
 
 
+def has_closed_form(chain: Chain) -> bool:
+    """Whether `robot_branches` holds for a chain: nominal rows of that structure, no offset beside.
+
+    The axes of an arm that is built alike may miss one another: then its wrist is not decoupled.
+    """
+    offsets = [chain.a[3], chain.a[4], chain.d[1] + chain.d[2], chain.d[4], *chain.beta]
+    return (
+        has_arm_structure(chain)
+        and bool(np.abs(np.abs(chain.alpha) - np.abs(_ARM_ALPHA)).max() < REACHED)
+        and bool(np.abs(offsets).max() < REACHED)
+    )
+
+
 def robot_branches(chain: Chain, poses: Array) -> Array:
     """Joint angles of the nominal robot in its four configurations with the arm in front.
 
     poses : (N, 4, 4) tool frames in the base frame.
 
     Returns (4, N, 6) [rad] in the order elbow up and wrist +, up and -, down and +, down and -; NaN
-    where a pose is out of reach. Raises InputError for a robot of another structure.
+    where a pose is out of reach, or where the wrist is exactly singular. Raises InputError for a
+    robot of another structure (cell.numerical_inverse).
     """
-    if not has_arm_structure(chain):
+    if not has_closed_form(chain):
         raise InputError(
-            "paths of the tool are computed for robots of six axes with parallel axes 2 and 3 and "
-            "a spherical wrist only, and this robot is built otherwise. Take a path that was "
-            "recorded (path.kind: recorded), or identify a recording of the robot."
+            "angles in closed form are those of nominal robots of six axes with parallel axes 2 "
+            "and 3 and a spherical wrist, and this robot is built otherwise"
         )
     rotation, tip = poses[:, :3, :3], poses[:, :3, 3]
     wrist = tip - chain.a[5] * rotation[:, :, 0] - chain.d[5] * rotation[:, :, 2]
@@ -72,7 +85,11 @@ def robot_branches(chain: Chain, poses: Array) -> Array:
         theta3 = bend - fore_angle
         arm = np.stack((shoulder, theta2, theta3), axis=1) - chain.theta[:3]
         solutions += _wrists(chain, rotation, arm)
-    return np.stack(solutions)
+    branches = np.stack(solutions)
+    reached = forward(chain, branches.reshape(-1, 6)).poses().reshape(4, *poses.shape)
+    off = np.abs(reached - poses).max(axis=(2, 3))
+    branches[~(off < REACHED)] = np.nan
+    return branches
 
 
 def _wrists(chain: Chain, rotation: Array, arm: Array) -> list[Array]:

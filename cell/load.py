@@ -58,7 +58,7 @@ def load_measured_cell(
     instrument : a shipped ball-bar or instrument, or a path; a file shows by its schema which one
     it describes. An instrument stands in the cell as a massless ball-bar whose rod is sensed.
     """
-    if _describes_instrument(instrument, relative_to):
+    if describes_instrument(instrument, relative_to):
         bar = load_telescoping_bar(instrument, relative_to=relative_to)
     else:
         bar = load_ballbar(instrument, relative_to=relative_to)
@@ -66,7 +66,11 @@ def load_measured_cell(
     return Cell(load_robot(robot, relative_to=relative_to), bar, plate_of_cell)
 
 
-def _describes_instrument(name_or_path: str, relative_to: Path | None) -> bool:
+def describes_instrument(name_or_path: str, relative_to: Path | None = None) -> bool:
+    """Whether a name or path is that of an instrument, and not of a ball-bar with encoders.
+
+    Raises DescriptionError for an unknown name.
+    """
     path = _find(name_or_path, "instruments", relative_to)
     return path.is_file() and _kind(path) == "instrument"
 
@@ -182,6 +186,11 @@ def plate_names() -> list[str]:
 def instrument_names() -> list[str]:
     """Names of the shipped instruments other than sensed ball-bars."""
     return _instrument_names("instrument")
+
+
+def length_names() -> list[str]:
+    """Names of the shipped instruments that measure a length."""
+    return [name for name in instrument_names() if load_instrument(name).measured == "length"]
 
 
 def _names(kind: str) -> list[str]:

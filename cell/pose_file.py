@@ -7,14 +7,18 @@ or the sum of two columns: "x_t - x_dif".
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from cell.description_files import Positive
+from cell.errors import DescriptionError
+from cell.instrument import Instrument
+from cell.poses import KnownDistance
 from cell.schema import Strict
-from cell.schema_errors import wrong_key
+from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_model
 
 LengthUnit = Literal["m", "cm", "mm", "um", "inch"]
@@ -46,7 +50,7 @@ class JointColumns(Strict):
         "list of jointtargets (RAPID) or messages of KUKA RSI.",
     )
     unit: AngleUnit | None = Field(
-        default=None, description="Only a unit in brackets in the header makes it unnecessary."
+        default=None, description="Only a unit in the header, such as `[°]`, makes it unnecessary."
     )
     angles: Literal["axes", "joints"] = Field(
         default="axes",
@@ -160,6 +164,32 @@ class KnownDistances(Strict):
             if first == second:
                 raise wrong_key("pairs", i, message="expected two different seats")
         return self
+
+
+def known_distances(
+    declared: Sequence[KnownDistances], instrument: Instrument, seats: Iterable[str]
+) -> tuple[KnownDistance, ...]:
+    """Each declared distance, by default the instrument's own; seats : those that there are.
+
+    Raises DescriptionError naming the key.
+    """
+    names, out = set(seats), list[KnownDistance]()
+    for k, entry in enumerate(declared):
+        stated = (entry.length_m, entry.sigma_m)
+        length, sigma = stated if None not in stated else instrument.distance or (None, None)
+        if length is None or sigma is None:
+            raise DescriptionError(
+                f"distances[{k}]: length_m is missing, and {instrument.name} states no distance of "
+                "its own. Add length_m and sigma_m."
+            )
+        for seat in (seat for pair in entry.pairs for seat in pair):
+            if seat not in names:
+                raise DescriptionError(
+                    f"distances[{k}]: nothing is measured at seat {seat!r}."
+                    f"{nearest(seat, names, noun='seat')}"
+                )
+        out += [KnownDistance(pair, length, sigma) for pair in entry.pairs]
+    return tuple(out)
 
 
 class PosesFile(Strict):

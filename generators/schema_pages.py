@@ -55,7 +55,12 @@ A plan keeps a reserve inside the limits (1 deg, 10 mm, a tenth of rates, a fift
 that the run on soft servo keeps the limits themselves. A request that allows nothing is refused
 with the limit that excludes most and the nearest miss. Clearance is that of MuJoCo's
 `mj_geomDistance` between capsules of robot and rod, the box of the plate, floor, pedestal and the
-boxes of `keep_out`; radii are assumed shares of the length of the upper arm.
+boxes of `keep_out`; radii are assumed shares of the length of the upper arm, or of the chain.
+
+`cell` names either a `ballbar` or an `instrument` that measures its length. The latter takes no
+`servo`, no `encoders`, `encoder_*`, `ballbar_rate_hz` and `rod_sigma_m` of `sensors`, and no
+`ballbar_margin_deg`, `cable_turns` and `force_N` of `limits`: it has no encoders, cables or force.
+Files that a request names stand relative to it.
 """
 
 

@@ -33,13 +33,15 @@ from ident.estimator.uncertainty import uncertainty
 from ident.estimator.unknowns import TENSION_PRIOR, RecordingStart, Unknowns, complete_unknowns
 from ident.estimator.variance_components import excess_noise
 from ident.loads.gear_loads import mass_model
+from ident.loads.instrument_force import FORCE_PRIOR, instrument_forces
 from ident.loads.logged_tension import sensor_tension, tension_splines, torque_tension
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import RecordingFit
 from ident.signals.step_fault import StepFault
 
 # [N] prior of a knot on top of what was measured (notes/identification secs. 4, 5)
-DEVIATION = {"none": TENSION_PRIOR, "torque": 12.0, "sensor": 2.0}
+DEVIATION = {"none": TENSION_PRIOR, "torque": 12.0, "sensor": 2.0, "instrument": FORCE_PRIOR}
+MEASURED = ("torque", "sensor")
 # Noise and width of backlash, times, without a measured tension (notes/identification sec. 4)
 CONTINUATION = (20.0, 6.0, 2.0)
 CONTINUED_ITERATIONS = 8
@@ -252,7 +254,7 @@ def posed(
         recordings[0].nominal,
         starts,
         chosen,
-        measured_force=loaded and any(source != "none" for source in sources),
+        measured_force=loaded and any(source in MEASURED for source in sources),
         rod_sigma=options.rod_sigma,
     )
     masses = mass_model(cell) if loaded else None
@@ -293,13 +295,15 @@ def with_tension(
 ) -> Samples:
     """The samples of a recording with the rod's measured tension and the splines of the rest.
 
-    loaded : whether any correction needs loads. source : `sensor`, `torque` or `none`.
+    loaded : whether any correction needs loads. source : as of Logs.force_source.
     """
     old, logs = recording.samples, recording.logs
     new = samples_of(old.robot, old.ballbar, old.encoders, old.directions, old.times)
     new = replace(new, clock_steps=clock_steps)
     if not loaded:
         return new
+    if source == "instrument" and cell.ballbar.stroke is not None:
+        return replace(new, splines=instrument_forces(new, cell.ballbar.stroke))
     tension = np.zeros(old.times.size)
     geometry, clock = recording.geometry, recording.clock
     if source == "torque":

@@ -18,6 +18,7 @@ import numpy as np
 
 from cell.arrays import Array
 from ident.complete_fit import (
+    MEASURED,
     Pose,
     clock_steps_of,
     continued,
@@ -166,7 +167,7 @@ def _fit(
         robot.geometry,
         [start_of(recording, samples, source)],
         corrections,
-        measured_force=loaded and source != "none",
+        measured_force=loaded and source in MEASURED,
         rod_sigma=None,
     )
     layout = _held(layout, robot)

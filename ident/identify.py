@@ -48,7 +48,7 @@ from ident.robot.accuracy import accuracy_grid, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.softening import fit_softening
-from ident.verdict import PULL, Evidence, RecordingEvidence, Status, judge
+from ident.verdict import AUTOCORRELATED, PULL, Evidence, RecordingEvidence, Status, judge
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
@@ -99,13 +99,14 @@ def identify_together(
         simple = _result(cell, single, single[0].fit, options)
         if options.model == "dh" or not _asks_for_more(simple):
             return simple
-    corrections = supported_corrections(cell.robot)
-    payload = None
+    measures_length = cell.ballbar.stroke is not None
+    corrections, payload = supported_corrections(cell.robot, rod_sensed=measures_length), None
     if options.corrections is not None:
         corrections = list(options.corrections)
     elif payload := _payload(cell, single, options):
         cell = with_payload(cell, payload.payload) if payload.significant else cell
-    if automatic and len(single) == 1 and len(single[0].samples.encoders) < COMPLETE_ENCODERS:
+    few = len(single[0].samples.encoders) < COMPLETE_ENCODERS and not measures_length
+    if automatic and len(single) == 1 and few:
         corrections = []  # step faults can be sized all the same
     fit = fit_complete(cell, single, corrections, options, listener)
     if automatic and corrections:
@@ -135,6 +136,10 @@ def _payload(
 def _asks_for_more(simple: Identification) -> bool:
     """Whether the dh model leaves what the complete one could explain, or a step to be sized."""
     (recording,) = simple.recordings
+    if simple.robot.cell.ballbar.stroke is not None and recording.clock is not None:
+        # One residual a sample: the noise of the length takes up what the model leaves over.
+        left = simple.fit.autocorrelation > AUTOCORRELATED
+        return left or not simple.verdict.acceptable
     left = simple.verdict.status in (Status.SUSPECT, Status.MISFIT)
     return (left and len(recording.encoders) >= COMPLETE_ENCODERS) or bool(recording.step_faults)
 
@@ -299,6 +304,7 @@ def _recording(
     positions = np.r_[own.geometry]
     clock = None if own.clock is None else fit.clock(k)
     loaded = fit.model.masses is not None
+    source = single.logs.force_source(options.force, cell.robot) if loaded else ""
     return RecordingEstimate(
         name=single.logs.name,
         encoders=samples.encoders,
@@ -320,8 +326,8 @@ def _recording(
         whitened=fit.linear.residuals[k],
         start=single.start,
         step_faults=_step_faults(cell, single, fit, k),
-        tension=fit.model.tension(fit.x, k) if loaded else None,
-        tension_source=single.logs.force_source(options.force, cell.robot) if loaded else "",
+        tension=fit.model.tension(fit.x, k) if source else None,
+        tension_source=source,
     )
 
 

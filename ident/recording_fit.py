@@ -43,10 +43,12 @@ class Logs:
     length: LengthLog | None = None  # of a telescoping bar or a draw-wire, in place of `ballbar`
 
     def force_source(self, requested: ForceSource, robot: Robot) -> str:
-        """What gives the rod's tension: `sensor`, `torque` or `none`.
+        """What gives the rod's tension: `sensor`, `torque`, `none`, or `instrument` of a length.
 
         Motor torques tell it only of a robot whose masses, friction and rotors are known.
         """
+        if self.length is not None:
+            return "instrument"
         if requested in ("auto", "sensor") and self.force is not None:
             return "sensor"
         known = not any(robot.lacks(key) for key in TORQUE_NEEDS)

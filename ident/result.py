@@ -120,7 +120,7 @@ class RecordingEstimate:
     start: Start
     step_faults: tuple[StepFault, ...] = ()
     tension: Array | None = None  # (N,) [N] of the rod at the samples, where loads were needed
-    tension_source: str = ""  # "sensor", "torque" or "none"; empty where no loads were needed
+    tension_source: str = ""  # as of Logs.force_source; empty where no loads were needed
 
     @property
     def samples(self) -> int:

@@ -140,7 +140,9 @@ def _judged(
             f"offsets {offsets}). Repeat the run so that it starts and ends at rest inside both "
             "logs."
         )
-    if evidence.complete and evidence.autocorrelation > AUTOCORRELATED_MISFIT:
+    # The noise of a sensed length, the one residual, takes up what kinematics leaves over.
+    tells = evidence.complete or cell.ballbar.stroke is not None
+    if tells and evidence.autocorrelation > AUTOCORRELATED_MISFIT:
         return Status.MISFIT, (
             f"Misfit: neighbouring residuals are correlated ({neighbours}): something systematic "
             "is in the data that is not in the model; the stated intervals are too narrow."
@@ -157,7 +159,7 @@ def _judged(
             "deviations from what the cell files expect; either the files are wrong or something "
             "else is not in the model."
         )
-    if evidence.complete and evidence.autocorrelation > AUTOCORRELATED:
+    if tells and evidence.autocorrelation > AUTOCORRELATED:
         return Status.SUSPECT, (
             f"Usable, with care: neighbouring residuals are correlated ({neighbours}), so "
             "something systematic is not in the model; the stated intervals may be too narrow."
@@ -198,10 +200,12 @@ def _data_warnings(evidence: Evidence, recording: RecordingEvidence) -> list[str
             "3.5 wants 750)"
         )
     if evidence.autocorrelation > CORRELATED and not evidence.complete:
+        left_out = "elastic gears, backlash, ripple"
+        if recording.encoders:
+            left_out += ", rod strain, eccentric encoders"
         warnings.append(
             f"neighbouring residuals are correlated (autocorrelation "
             f"{evidence.autocorrelation:.2f}): something is not in this model, which is of "
-            "kinematics alone (elastic gears, backlash, ripple, rod strain, eccentric encoders; "
-            "--model complete fits them)"
+            f"kinematics alone ({left_out}; --model complete fits them)"
         )
     return warnings

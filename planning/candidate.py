@@ -20,6 +20,8 @@ from sim.path import Lissajous
 SIDED = (1, 3)  # b2 and b4: negative, as in the path files of this project
 DECIMALS, POSITION_DECIMALS = 2, 3  # of degrees and of metres in files
 WIDEST = np.pi  # [rad] largest amplitude of b1, b3 and b5, where the cables allow it
+# [rad] likewise of a telescoping bar: of wider paths an arm reaches a fifth as many (UR10e)
+WIDEST_FREE = 0.5 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,11 +110,12 @@ def space_of(request: PlanRequest) -> Space:
     low, high = request.cell.region
     limits = tightened(request.limits)
     cable = float(np.pi * limits.cable_turns)  # half of the range from end to end
+    free = request.telescoping  # of singular angles and of cables
     return Space(
         lower=np.array(low),
         upper=np.array(high),
-        margin=np.radians(limits.ballbar_margin_deg),
-        widest=min(WIDEST, cable),
+        margin=0.0 if free else np.radians(limits.ballbar_margin_deg),
+        widest=WIDEST_FREE if free else min(WIDEST, cable),
         cycles=request.cycles_max,
     )
 

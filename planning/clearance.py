@@ -2,21 +2,24 @@
 
 MuJoCo's `mj_geomDistance` measures them. The bodies connect frames of the kinematic chains, so
 nothing is simulated; MuJoCo only gets their poses. Radii are assumed shares of the upper arm's
-length, since neither maker publishes hulls. Neighbours touch and are not compared.
+length, since neither maker publishes hulls. Neighbours touch and are not compared. Of an arm
+without parallel axes 2 and 3 and spherical wrist the capsules run along d and a of its DH rows, as
+in planning.poses.bodies: links that stand beside them, as the upper arm of a UR, are not seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from cell.arrays import Array
-from cell.chain import Frames
+from cell.chain import Chain, Frames
 from cell.descriptions import Cell
-from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.geometry import Geometry, bar_frames, nominal_chain, robot_frames
+from cell.inverse import has_closed_form
 from planning.request import PlanCell
 
 COLUMN, ARM, FOREARM, WRIST = 0.38, 0.14, 0.11, 0.09  # radii, shares of the upper arm's length
@@ -39,6 +42,7 @@ class Clearance:
     floor: float
     plate_height: float  # [m] of the plate's middle over the flange
     tool_height: float  # [m] of the tool over the flange
+    rows: tuple[tuple[int, int], ...] = ()  # DH row, and 0 along d or 1 along a, of each capsule
 
 
 @dataclass(frozen=True)
@@ -64,12 +68,23 @@ NEIGHBOURS = {
 ON_FLOOR = ("column", "pedestal")
 
 
+LINK, LINK_OF_WRIST, WRIST_ROWS = 0.045, 0.03, 3  # radii, shares of the chain's length; rows
+SHORT = 1e-6  # [m] a row that has no body of its own
+TOUCHING = 0.05  # [m] along the chain beyond both radii up to which bodies always are near
+
+
 def clearance(cell: Cell, around: PlanCell) -> Clearance:
     """Bodies of a cell, with floor and keep-out boxes."""
-    spec, arm, kind = mujoco.MjSpec(), float(cell.robot.a[1]), mujoco.mjtGeom
-    world = spec.worldbody
-    sizes = (COLUMN * arm, ARM * arm, FOREARM * arm, WRIST * arm, ROD, PEDESTAL)
-    radii = dict(zip(CAPSULES, sizes, strict=True))
+    spec, kind = mujoco.MjSpec(), mujoco.mjtGeom
+    world, chain = spec.worldbody, nominal_chain(cell.robot)
+    rows: tuple[tuple[int, int], ...] = ()
+    if has_closed_form(chain):
+        arm = float(cell.robot.a[1])
+        sizes = (COLUMN * arm, ARM * arm, FOREARM * arm, WRIST * arm, ROD, PEDESTAL)
+        radii = dict(zip(CAPSULES, sizes, strict=True))
+    else:
+        rows = _rows(chain)
+        radii = _links(chain, rows) | {"rod": ROD, "pedestal": PEDESTAL}
     for name, radius in radii.items():
         world.add_geom(name=name, type=kind.mjGEOM_CAPSULE, size=[radius, 0.1, 0.0])
     plate = [0.5 * cell.plate.length + PLATE_OVERHANG, 0.5 * PLATE_WIDTH, 0.5 * PLATE_THICKNESS]
@@ -82,11 +97,12 @@ def clearance(cell: Cell, around: PlanCell) -> Clearance:
         world.add_geom(name=f"box {box.name}", type=kind.mjGEOM_BOX, size=half, pos=centre)
     model = spec.compile()
     names = tuple(model.geom(i).name for i in range(model.ngeom))
+    apart = _apart(chain, rows, radii, cell.plate.length) if rows else _compared
     pairs = tuple(
         (i, j)
         for i in range(len(names))
         for j in range(i + 1, len(names))
-        if names[i] in MOVING and _compared(names[i], names[j])
+        if (names[i] in radii or names[i] == "plate") and apart(names[i], names[j])
     )
     return Clearance(
         model=model,
@@ -96,7 +112,50 @@ def clearance(cell: Cell, around: PlanCell) -> Clearance:
         floor=around.floor_m,
         plate_height=float(cell.plate.body.com[2]),
         tool_height=cell.plate.tool_offset,
+        rows=rows,
     )
+
+
+def _rows(chain: Chain) -> tuple[tuple[int, int], ...]:
+    """Rows of a chain and their parts, 0 along d or 1 along a, that have a body."""
+    lengths = np.abs(np.stack((chain.d, chain.a), axis=1))
+    return tuple((int(row), int(part)) for row, part in np.argwhere(lengths > SHORT))
+
+
+def _link(row: int, part: int) -> str:
+    return f"link {row + 1} along {'da'[part]}"
+
+
+def _links(chain: Chain, rows: Sequence[tuple[int, int]]) -> dict[str, float]:
+    """[m] radius of the capsule of each row, by name."""
+    total = float(np.abs(chain.a).sum() + np.abs(chain.d).sum())
+    wrist = chain.rows - WRIST_ROWS
+    return {
+        _link(row, part): total * (LINK if row < wrist else LINK_OF_WRIST) for row, part in rows
+    }
+
+
+def _apart(
+    chain: Chain, rows: Sequence[tuple[int, int]], radii: dict[str, float], plate: float
+) -> Callable[[str, str], bool]:
+    """Which bodies are compared: those between which the chain is longer than their radii."""
+    names = [_link(*row) for row in rows]
+    lengths = [float(abs((chain.d, chain.a)[part][row])) for row, part in rows]
+    end = dict(zip(names, np.cumsum(lengths), strict=True))
+    begin = {name: end[name] - length for name, length in zip(names, lengths, strict=True)}
+    flange = end[names[-1]]
+    begin |= {"plate": flange, "rod": flange + plate}
+    size = radii | {"plate": 0.5 * PLATE_WIDTH}
+    fixed = {_link(row, part) for row, part in rows if row == 0}
+
+    def compared(body: str, other: str) -> bool:
+        if body in end and other in begin:
+            return bool(begin[other] - end[body] > size[body] + size[other] + TOUCHING)
+        if body in end:  # pedestal, floor, box
+            return body not in fixed
+        return _compared(body, other)
+
+    return compared
 
 
 def _compared(body: str, other: str) -> bool:
@@ -146,31 +205,48 @@ def _distances(
 
 def _segments(of: Clearance, robot: Frames, bar: Frames) -> Array:
     """(N, capsules, 2, 3) [m] ends of the capsules' axes."""
-    o = robot.origin
-    n = o.shape[2]
-    flange = _flange(of, robot)
     ball, tip = bar.origin[0], bar.tip
     along = (tip - ball) / np.linalg.norm(tip - ball, axis=0)
-    fore = (o[4] - o[2]) / np.linalg.norm(o[4] - o[2], axis=0)
-    foot = np.broadcast_to(np.array([[0.0], [0.0], [of.floor]]), (3, n))
-    top = np.maximum(o[1][2] - of.radii["column"], of.floor)
-    column_top = np.array([[0.0], [0.0], [1.0]]) * top
-    base = np.stack([ball[0], ball[1], np.full(n, of.floor)])
+    base = np.stack([ball[0], ball[1], np.full(ball.shape[1], of.floor)])
     ends: Sequence[tuple[Array, Array]] = (
-        (foot, column_top),
-        (o[1], o[2]),
-        (o[2], o[4] - of.radii["forearm"] * fore),  # its round end reaches the wrist's centre
-        (o[4], flange),
+        *(_row_segments(of, robot) if of.rows else _arm_segments(of, robot)),
         (ball + GIMBAL * along, tip - GIMBAL * along),
         (base, ball - np.array([[0.0], [0.0], [GIMBAL]])),
     )
     return np.stack([np.stack(pair) for pair in ends]).transpose(3, 0, 1, 2)
 
 
+def _row_segments(of: Clearance, robot: Frames) -> list[tuple[Array, Array]]:
+    """Ends (3, N) [m] of the bodies along the rows; the last row ends at the bare flange."""
+    o, out = robot.origin, []
+    for row, part in of.rows:
+        last = row == len(robot.x_link) - 1
+        following = _flange(of, robot) if last else o[row + 1]
+        corner = o[row] + robot.z[row] * (robot.z[row] * (following - o[row])).sum(axis=0)
+        out.append((corner, following) if part else (o[row], corner))
+    return out
+
+
+def _arm_segments(of: Clearance, robot: Frames) -> list[tuple[Array, Array]]:
+    """Ends (3, N) [m] of column, upper arm, forearm and wrist."""
+    o = robot.origin
+    n = o.shape[2]
+    fore = (o[4] - o[2]) / np.linalg.norm(o[4] - o[2], axis=0)
+    foot = np.broadcast_to(np.array([[0.0], [0.0], [of.floor]]), (3, n))
+    top = np.maximum(o[1][2] - of.radii["column"], of.floor)
+    column_top = np.array([[0.0], [0.0], [1.0]]) * top
+    return [
+        (foot, column_top),
+        (o[1], o[2]),
+        (o[2], o[4] - of.radii["forearm"] * fore),  # its round end reaches the wrist's centre
+        (o[4], _flange(of, robot)),
+    ]
+
+
 def _flange(of: Clearance, robot: Frames) -> Array:
     """(3, N) [m] centre of the bare flange."""
-    tool, x, z = robot.tip, robot.x[6], robot.z[6]
-    return np.asarray(tool - x * (x * (tool - robot.origin[5])).sum(axis=0) - of.tool_height * z)
+    tool, x, z = robot.tip, robot.x[-1], robot.z[-1]
+    return np.asarray(tool - x * (x * (tool - robot.origin[-2])).sum(axis=0) - of.tool_height * z)
 
 
 def _placed(of: Clearance, robot: Frames, bar: Frames) -> tuple[Array, Array, Array]:
@@ -186,8 +262,8 @@ def _placed(of: Clearance, robot: Frames, bar: Frames) -> tuple[Array, Array, Ar
     x = np.cross(helper, z)
     x /= np.linalg.norm(x, axis=2)[:, :, None]
     turned = np.stack((x, np.cross(z, x), z), axis=3).reshape(*length.shape, 9)
-    tool_x, tool_z = robot.x[6], robot.z[6]
-    reach = (tool_x * (robot.tip - robot.origin[5])).sum(axis=0)
+    tool_x, tool_z = robot.x[-1], robot.z[-1]
+    reach = (tool_x * (robot.tip - robot.origin[-2])).sum(axis=0)
     plate = _flange(of, robot) + 0.5 * reach * tool_x + of.plate_height * tool_z
     plate_axes = robot.rotation().transpose(2, 0, 1).reshape(-1, 1, 9)
     centres = np.concatenate((ends.mean(axis=2), plate.T[:, None]), axis=1)

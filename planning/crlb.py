@@ -3,7 +3,8 @@
 The bound is that of the complete model that `ballbar identify` fits (ident.estimator.joint_fit:
 geometry, clock, corrections with their priors, the rod's tension as a spline), at samples of a
 noise-free run. The information of a sample does not depend on how many are computed, so some
-hundreds represent the 1500 that are fitted.
+hundreds represent the 1500 that are fitted. Of a length it fits geometry and clock alone, and so
+does the prediction.
 """
 
 from __future__ import annotations
@@ -49,11 +50,11 @@ class Predictor:
     """What does not depend on the trajectory."""
 
     cell: Cell
-    masses: MassModel
+    masses: MassModel | None  # None where no correction needs loads
     sensors: PlanSensors
     timing: PlanTiming
     corrections: tuple[Correction, ...]
-    grid: Array  # (G, 6) [rad] poses over which the TCP error counts
+    grid: Array  # (G, J) [rad] poses over which the TCP error counts
     samples: int = SAMPLES
 
     @property
@@ -71,6 +72,11 @@ class Predictor:
     def to_knots(self) -> Array:
         """(K, N) map of a tension at the samples to its least-squares spline."""
         return np.asarray(np.linalg.pinv(self.knots.toarray().T))
+
+    @property
+    def encoders(self) -> tuple[int, ...]:
+        """Ball-bar joints with an encoder; none where the rod's length is sensed."""
+        return () if self.cell.ballbar.stroke is not None else self.sensors.encoders
 
     @property
     def dilution(self) -> float:
@@ -136,15 +142,13 @@ def predictor(
             accuracy_upper=np.radians(workspace.upper_deg),
         )
         grid = accuracy_grid(box)
+    names = [] if cell.ballbar.stroke is not None else supported_corrections(cell.robot)
     return Predictor(
         cell=cell,
-        masses=mass_model(cell),
+        masses=mass_model(cell) if names else None,
         sensors=sensors,
         timing=timing,
-        corrections=tuple(
-            correction_named(name, cell, sensors.encoders)
-            for name in supported_corrections(cell.robot)
-        ),
+        corrections=tuple(correction_named(name, cell, sensors.encoders) for name in names),
         grid=grid,
         samples=samples,
     )
@@ -156,7 +160,7 @@ def planned_unknowns(
     """Unknowns of the complete model with the plate's length taken as exact, and start (P,) [SI].
 
     `ba5` is equivalent to that length (ra6 against it): 5 um are 20 ppm of scale on any path, which
-    a plan states apart (planning.plan).
+    a plan states apart (planning.plan). The `dh` model of a length has no Hayati angles.
     """
     layout, x = complete_unknowns(
         on.cell,
@@ -167,7 +171,8 @@ def planned_unknowns(
         rod_sigma=on.sensors.rod_sigma_m,
     )
     sigma = layout.sigma.copy()
-    sigma[layout.names.index("ba5")] = EXACT
+    exact = nominal.table.hayati if on.cell.ballbar.stroke is not None else ("ba5",)
+    sigma[[layout.names.index(name) for name in exact]] = EXACT
     return replace(layout, sigma=sigma), x
 
 
@@ -216,14 +221,14 @@ def _excess(on: Predictor) -> ExcessNoise:
         f * s.robot_sigma_rad,
         2.0 * f * s.robot_sigma_rad,
         f * s.encoder_sigma_rad,
-        f * FIRST_EXCESS.rod,
+        f * (FIRST_EXCESS.rod if s.length_sigma_m is None else s.length_sigma_m),
     )
 
 
 def _samples(on: Predictor, trajectory: Trajectory) -> Samples:
     """The samples of a noise-free run along a trajectory, with the noise of the sensors."""
     s, f = on.sensors, on.dilution
-    fitted = [j - 1 for j in s.encoders]
+    fitted = [j - 1 for j in on.encoders]
     moving = on.timing.duration_s - 2.0 * on.timing.dwell_s
     spacing = min(moving / DEFAULT_SAMPLES, WIDEST_KNOT_SPACING)
     robot_noise, bar_noise = (
@@ -235,15 +240,17 @@ def _samples(on: Predictor, trajectory: Trajectory) -> Samples:
     )
     noise = np.zeros(BAR_ROWS)
     noise[fitted] = bar_noise
-    t, b = trajectory.t, trajectory.b[:, fitted]
+    t = trajectory.t
+    # of a sensed length the second log is the rod's extension, which the nominal robot leaves at 0
+    sensed = trajectory.b[:, fitted] if fitted else np.zeros((t.size, 1))
     return Samples(
         robot=interpolating_log(t, trajectory.q, np.zeros(trajectory.q.shape[1])),
-        ballbar=interpolating_log(t, b, np.zeros(len(fitted))),
-        encoders=s.encoders,
+        ballbar=interpolating_log(t, sensed, np.zeros(sensed.shape[1])),
+        encoders=on.encoders,
         directions=np.ones(len(fitted)),
         times=on.instants,
-        joint_noise=np.full(6, robot_noise),
+        joint_noise=np.full(on.cell.robot.joints, robot_noise),
         encoder_noise=noise,
         tension=np.zeros(on.instants.size),
-        splines=on.knots,
+        splines=on.knots if on.masses is not None else csr_array((0, on.instants.size)),
     )

@@ -13,19 +13,22 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from cell.arrays import Array
-from cell.descriptions import Cell
-from cell.geometry import nominal_geometry
-from cell.load import load_cell
+from cell.descriptions import Cell, Key
+from cell.errors import InputError
+from cell.geometry import nominal_chain, nominal_geometry
+from cell.inverse import has_closed_form
+from cell.load import load_instrument, load_measured_cell
 from ident.loads.gear_loads import mass_model
 from ident.robot.accuracy import rigid_basis
 from ident.robot.unloaded_robot import UnloadedRobot
-from planning.candidate import Candidate, space_of
+from planning.candidate import Candidate, Space, space_of
 from planning.clearance import Clearance, clearance, nearest
 from planning.crlb import Prediction, Predictor, moving, planned_unknowns, predictions, predictor
 from planning.force import ForceModel, Forces, force_model, predicted_forces
-from planning.limits import Violation, violations
+from planning.limits import Violation, leaning, violations
 from planning.request import PlanLimits, PlanRequest, tightened
-from planning.screen import screen
+from planning.screen import Screened, screen
+from planning.stroke import StrokeModel, stroke_model
 from planning.trajectory import Trajectory, trajectories
 from sim.plant.description import servo_gains
 
@@ -35,6 +38,10 @@ ROBOTS = 2  # of planning.force, whose tension enters an evaluation; the report 
 # In a search one robot counts: random paths then rank as with all robots at a correlation of 0.982
 # instead of 0.988 with two, which take half as long again.
 SEARCH_ROBOTS = 1
+FORCE_AXES = 6  # of robots whose errors planning.force knows, those of thesis Table 3.1
+# Margins that arms have from their singular postures, with a closed form and without.
+OF_OTHER_ARMS = ("singular_value",)
+OF_CLOSED_FORM = ("wrist_margin_deg", "elbow_margin_deg", "shoulder_margin_m")
 INFEASIBLE = 10.0  # least objective of a candidate that violates a limit
 SCREENED_OUT = 30.0  # least objective of a candidate that fails screening
 
@@ -48,7 +55,8 @@ class Evaluator:
     limits: PlanLimits  # that a plan keeps, with a reserve
     cell: Cell
     predictor: Predictor
-    force_model: ForceModel
+    force_model: ForceModel | None  # None where nothing holds the rod's length
+    stroke_model: StrokeModel | None  # None where the length is not sensed
     clearance: Clearance
     gram: Array  # (p, p) sum over the grid of products of the tool's columns, base aligned
 
@@ -73,18 +81,37 @@ class Evaluation:
 def evaluators(request: PlanRequest) -> dict[str, Evaluator]:
     """An evaluator for each rod of a request, by its name.
 
-    Raises InputError or DescriptionError for a robot, rod, plate or servo that does not exist.
+    Raises InputError or DescriptionError for a robot, rod, plate or servo that does not exist, and
+    InputError for a robot whose file lacks what a path needs.
     """
     chosen = request.cell
-    rods = (chosen.ballbar, *chosen.ballbar_choices)
-    return {
-        rod: evaluator_of(request, rod, load_cell(chosen.robot, rod, chosen.plate)) for rod in rods
-    }
+    cells = {rod: load_measured_cell(chosen.robot, rod, chosen.plate) for rod in chosen.rods}
+    for rod, cell in cells.items():
+        if (cell.ballbar.stroke is not None) != request.telescoping:
+            keys = ("instrument", "ballbar") if request.telescoping else ("ballbar", "instrument")
+            what = "has encoders" if request.telescoping else "measures its length"
+            raise InputError(f"cell.{keys[0]} = {rod}: it {what}; name it as cell.{keys[1]}")
+    if chosen.instrument is None:
+        return {rod: evaluator_of(request, rod, cell) for rod, cell in cells.items()}
+    sigma = request.sensors.length_sigma_m or load_instrument(chosen.instrument).sigma_length
+    if sigma <= 0.0:
+        raise InputError(
+            f"cell.instrument = {chosen.instrument}: its file states no sigma_m of the length. "
+            "Give sensors.length_sigma_m"
+        )
+    sensors = request.sensors.model_copy(update={"length_sigma_m": sigma})
+    request = request.model_copy(update={"sensors": sensors})
+    return {rod: evaluator_of(request, rod, cell) for rod, cell in cells.items()}
 
 
 def evaluator_of(request: PlanRequest, rod: str, cell: Cell) -> Evaluator:
-    """The evaluator of a request on a given cell. Raises InputError for an unknown servo."""
-    gains = servo_gains(cell.robot, request.servo, key="servo")
+    """The evaluator of a request on a given cell.
+
+    Raises InputError for an unknown servo, limits that the robot's structure does not have, or a
+    robot whose file lacks what a path needs.
+    """
+    _check_limits(request.limits, cell)
+    telescoping = cell.ballbar.stroke is not None
     on = predictor(cell, request.sensors, request.timing, request.workspace)
     return Evaluator(
         request=request,
@@ -92,10 +119,44 @@ def evaluator_of(request: PlanRequest, rod: str, cell: Cell) -> Evaluator:
         limits=tightened(request.limits),
         cell=cell,
         predictor=on,
-        force_model=force_model(cell, mass_model(cell), gains, seed=request.seed),
+        force_model=None if telescoping else _force_model(request, rod, cell),
+        stroke_model=stroke_model(cell, seed=request.seed),
         clearance=clearance(cell, request.cell),
         gram=_gram(on),
     )
+
+
+def _force_model(request: PlanRequest, rod: str, cell: Cell) -> ForceModel:
+    """The force model of a ball-bar. Raises InputError naming what the robot's file lacks."""
+    robot = cell.robot
+    keys: tuple[Key, ...] = ("links", "servo", "gears")
+    lacking = [f"`{key}`" for key in keys if robot.lacks(key)]
+    if lacking:
+        raise InputError(
+            f"robot {robot.name} has no {', '.join(lacking)}: a path on ball-bar {rod} needs them "
+            "for the force in its rod. Add them to the robot's file; or plan for a bar that "
+            "measures its length (cell.instrument: qc20w_300), or still poses "
+            "(ballbar-pose-plan/1), which need none."
+        )
+    if robot.joints != FORCE_AXES:
+        raise InputError(
+            f"robot {robot.name} has {robot.joints} axes; the force in the rod of a ball-bar is "
+            f"computed for {FORCE_AXES}. Plan for a bar that measures its length (cell.instrument)"
+        )
+    gains = servo_gains(robot, request.servo, key="servo")
+    return force_model(cell, mass_model(cell), gains, seed=request.seed)
+
+
+def _check_limits(limits: PlanLimits, cell: Cell) -> None:
+    closed = has_closed_form(nominal_chain(cell.robot))
+    wrong, right = (OF_OTHER_ARMS, OF_CLOSED_FORM) if closed else (OF_CLOSED_FORM, OF_OTHER_ARMS)
+    stated = [key for key in wrong if key in limits.model_fields_set]
+    if stated:
+        built = f"{'' if closed else 'not '}built as an IRB 2400"
+        raise InputError(
+            f"limits.{stated[0]}: robot {cell.robot.name} is {built}, parallel axes 2 and 3 and a "
+            f"spherical wrist; give limits.{', '.join(right)} instead"
+        )
 
 
 def objective(evaluator: Evaluator, genome: Array, *, robots: int = SEARCH_ROBOTS) -> float:
@@ -105,11 +166,16 @@ def objective(evaluator: Evaluator, genome: Array, *, robots: int = SEARCH_ROBOT
     with the violation.
     """
     space = space_of(evaluator.request)
-    off = float(screen(evaluator.cell, space, evaluator.limits, genome[None]).excess[0])
+    off = float(_screened(evaluator, space, genome).excess[0])
     if off > 0.0:
         return SCREENED_OUT + off
     outcome = evaluate(evaluator, space.candidate(genome), robots=robots)
     return INFEASIBLE + outcome.excess if outcome.violations else float(np.log(outcome.tcp * 1e6))
+
+
+def _screened(evaluator: Evaluator, space: Space, genome: Array) -> Screened:
+    around = evaluator.request.cell
+    return screen(evaluator.cell, around, space, evaluator.limits, genome[None])
 
 
 def evaluate(evaluator: Evaluator, candidate: Candidate, *, robots: int = ROBOTS) -> Evaluation:
@@ -118,9 +184,9 @@ def evaluate(evaluator: Evaluator, candidate: Candidate, *, robots: int = ROBOTS
     robots : how many robots of planning.force enter the prediction.
     """
     best = check(evaluator, candidate)
-    if best.violations or best.trajectory is None or best.forces is None:
+    if best.violations or best.trajectory is None:
         return best
-    tensions = best.forces.tension[:robots]
+    tensions = tensions_of(best.trajectory, best.forces)[:robots]
     tcp = [
         tcp_rms(evaluator, prediction)
         for prediction in predictions(evaluator.predictor, best.trajectory, tensions)
@@ -129,17 +195,24 @@ def evaluate(evaluator: Evaluator, candidate: Candidate, *, robots: int = ROBOTS
     return Evaluation(candidate, (), best.trajectory, best.forces, mean)
 
 
+def tensions_of(trajectory: Trajectory, forces: Forces | None) -> Array:
+    """(R, N) [N] of the rod with each robot; of one robot, and zero, where there is no force."""
+    return np.zeros((1, trajectory.t.size)) if forces is None else forces.tension
+
+
 def check(evaluator: Evaluator, candidate: Candidate) -> Evaluation:
     """The arm configuration that violates least, without a prediction of its uncertainty."""
     limits, best = evaluator.limits, None
     for trajectory in trajectories(evaluator.cell, candidate, evaluator.request.timing):
         violated, forces = violations(evaluator.cell, limits, trajectory), None
+        violated += leaning(evaluator.request.cell, trajectory)
         # Forces and clearance count before the motion is feasible: a search would stop where it
         # becomes so.
         examined = sum(v.excess for v in violated) < NEARLY
         if examined:
-            forces = predicted_forces(evaluator.force_model, trajectory)
-            violated += _too_strong(forces, limits.force_N, trajectory)
+            if evaluator.force_model is not None:
+                forces = predicted_forces(evaluator.force_model, trajectory)
+                violated += _too_strong(forces, limits.force_N, trajectory)
             violated += _too_close(evaluator, trajectory)
         violated.sort(key=lambda v: -v.excess)
         outcome = Evaluation(candidate, tuple(violated), trajectory, forces, examined=examined)

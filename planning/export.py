@@ -7,7 +7,7 @@ controller whose call depends on its release, so the program pauses where it has
 and off.
 
 Both begin with the limits that the path was planned within, and with the advice to run it slowly
-first.
+first. For a telescoping bar the servo stays as it is.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from cell.arrays import Array
 from cell.descriptions import Robot
 from planning.targets import Targets
 
+BALLBAR, TELESCOPING = "ball-bar", "telescoping bar"  # what holds the tool
+PROGRAM_AXES = 6  # of robots that programs are written for
 SOFTNESS = 80  # [%] thesis sec. 5.3
 FAR = "9E9"  # RAPID's value of an external axis that does not exist
 ZONE = "z5"  # [mm] within which a target is passed: less than the distance of two targets
@@ -27,31 +29,42 @@ APPROACH = "v20"  # mm/s and deg/s to the first target
 APPROACH_OVERRIDE = 3  # [%]
 
 
-def header(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> list[str]:
-    """Lines that describe a program and its limits, without comment marks."""
+def header(
+    name: str, robot: Robot, targets: Targets, limits: Sequence[str], gauge: str = BALLBAR
+) -> list[str]:
+    """Lines that describe a program and its limits, without comment marks.
+
+    gauge : what holds the tool.
+    """
     low, high = targets.axes.min(axis=0), targets.axes.max(axis=0)
     ranges = ", ".join(
         f"{i + 1}: {a:.1f} to {b:.1f}" for i, (a, b) in enumerate(zip(low, high, strict=True))
     )
     return [
-        f"{name}: ball-bar path for {robot.title}, {targets.t[-1]:.0f} s, {len(targets.t)} targets "
+        f"{name}: {gauge} path for {robot.title}, {targets.t[-1]:.0f} s, {len(targets.t)} targets "
         "in axis angles [deg]",
-        "RUN SLOWLY FIRST: without ball-bar, in manual mode at reduced speed, "
+        f"RUN SLOWLY FIRST: without {gauge}, in manual mode at reduced speed, "
         "hand on the enabling device.",
-        "Planned on nominal geometry; mount the ball-bar only at the first target, at rest.",
+        f"Planned on nominal geometry; mount the {gauge} only at the first target, at rest.",
         f"Axis ranges used [deg]: {ranges}",
         *limits,
     ]
 
 
-def rapid(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> str:
+def rapid(
+    name: str, robot: Robot, targets: Targets, limits: Sequence[str], gauge: str = BALLBAR
+) -> str:
     """RAPID module of a path.
 
     name : of module and procedure, of letters, digits and underscores. limits : lines of the
-        header.
+        header. gauge : what holds the tool: a ball-bar needs a soft servo.
     """
     count = len(targets.t)
-    lines = [f"MODULE {name}", *(f"  ! {line}" for line in header(name, robot, targets, limits))]
+    lines = [
+        f"MODULE {name}",
+        *(f"  ! {line}" for line in header(name, robot, targets, limits, gauge)),
+    ]
+    soft = gauge == BALLBAR
     lines += [f"  CONST jointtarget path{{{count}}}:=["]
     for k, axes in enumerate(targets.axes):
         numbers = ",".join(f"{angle:.4f}" for angle in axes)
@@ -64,9 +77,10 @@ def rapid(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> s
     ]
     lines += [
         f"    MoveAbsJ path{{1}}\\NoEOffs,{APPROACH},fine,tool0;",
-        "    Stop; ! mount the ball-bar, start both logs, then go on",
+        f"    Stop; ! mount the {gauge}, start both logs, then go on",
     ]
-    lines += [f"    SoftAct {axis},{SOFTNESS}\\Ramp:=100;" for axis in range(1, 7)]
+    if soft:
+        lines += [f"    SoftAct {axis},{SOFTNESS}\\Ramp:=100;" for axis in range(1, 7)]
     lines += [
         "    WaitTime rest{1};",
         f"    FOR i FROM 2 TO {count} DO",
@@ -77,26 +91,31 @@ def rapid(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> s
         f"        MoveAbsJ path{{i}}\\NoEOffs,v100\\T:=seconds{{i}},{ZONE},tool0;",
         "      ENDIF",
         "    ENDFOR",
-        "    Stop; ! take the ball-bar off before the servo gets stiff again",
-        "    SoftDeact;",
-        "  ENDPROC",
-        "ENDMODULE",
     ]
+    if soft:
+        lines += ["    Stop; ! take the ball-bar off before the servo gets stiff again"]
+        lines += ["    SoftDeact;"]
+    else:
+        lines += [f"    Stop; ! take the {gauge} off"]
+    lines += ["  ENDPROC", "ENDMODULE"]
     return "\r\n".join(lines) + "\r\n"
 
 
-def pdl2(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> str:
+def pdl2(
+    name: str, robot: Robot, targets: Targets, limits: Sequence[str], gauge: str = BALLBAR
+) -> str:
     """PDL2 program of a path; arguments as of `rapid`.
 
     Joint moves take the time that the override gives them, so a run lasts about as long as planned.
     """
-    overrides = _overrides(robot, targets)
+    overrides, soft = _overrides(robot, targets), gauge == BALLBAR
     lines = [f"PROGRAM {name} PROG_ARM = 1, STACK = 2048"]
     lines += [f"-- {line}" for line in header(name, robot, targets, limits)]
     lines += ["BEGIN", f"  $PROG_SPD_OVR := {APPROACH_OVERRIDE}"]
     lines += [
         f"  MOVE JOINT TO {_joints(targets.axes[0])}",
-        "  PAUSE -- mount the ball-bar, start both logs, switch the soft servo on",
+        f"  PAUSE -- mount the {gauge}, start both logs"
+        + (", switch the soft servo on" if soft else ""),
     ]
     lines += [f"  DELAY {targets.dwells[0] * 1e3:.0f}"]
     for axes, dwell, override in zip(targets.axes[1:], targets.dwells[1:], overrides, strict=True):
@@ -108,14 +127,18 @@ def pdl2(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> st
         )
         if dwell > 0.0:
             lines.append(f"  DELAY {dwell * 1e3:.0f}")
-    lines += ["  PAUSE -- take the ball-bar off, switch the soft servo off", f"END {name}"]
+    off = ", switch the soft servo off" if soft else ""
+    lines += [f"  PAUSE -- take the {gauge} off{off}", f"END {name}"]
     return "\r\n".join(lines) + "\r\n"
 
 
-def table(name: str, robot: Robot, targets: Targets, limits: Sequence[str]) -> str:
-    """CSV table of a path with columns time, six axis angles and dwell; comments start with #."""
-    lines = [f"# {line}" for line in header(name, robot, targets, limits)]
-    lines.append("time_s," + ",".join(f"axis{i}_deg" for i in range(1, 7)) + ",rest_s")
+def table(
+    name: str, robot: Robot, targets: Targets, limits: Sequence[str], gauge: str = BALLBAR
+) -> str:
+    """CSV table of a path with columns time, axis angles and dwell; comments start with #."""
+    lines = [f"# {line}" for line in header(name, robot, targets, limits, gauge)]
+    axes_deg = (f"axis{i + 1}_deg" for i in range(robot.joints))
+    lines.append(f"time_s,{','.join(axes_deg)},rest_s")
     for t, axes, dwell in zip(targets.t, targets.axes, targets.dwells, strict=True):
         lines.append(f"{t:.4f}," + ",".join(f"{angle:.4f}" for angle in axes) + f",{dwell:g}")
     return "\n".join(lines) + "\n"

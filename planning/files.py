@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 
 from cell.files import write_whole, write_yaml
+from cell.geometry import nominal_chain
+from cell.inverse import has_closed_form
 from planning.candidate import DECIMALS, Candidate
-from planning.export import pdl2, rapid, table
+from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
+from planning.export import BALLBAR, PROGRAM_AXES, TELESCOPING, pdl2, rapid, table
 from planning.plan import Plan
-from planning.request import PlanRequest
+from planning.request import OF_BALLBARS, PlanRequest
 from planning.targets import Targets, targets_of
 
 PATH, SCENARIO, NUMBERS, TABLE = "path.yaml", "scenario.yaml", "plan.yaml", "path.csv"
@@ -55,12 +59,12 @@ def path_data(candidate: Candidate) -> dict[str, object]:
     }
 
 
-def scenario_data(plan: Plan) -> dict[str, object]:
-    """A scenario that runs the path with all error sources."""
+def scenario_data(plan: Plan, folder: Path) -> dict[str, object]:
+    """A scenario in a folder that runs the path with all error sources."""
     request, sensors = plan.request, plan.request.sensors
     return {
         "name": f"{request.name}_planned",
-        "cell": cell_data(plan),
+        "cell": cell_data(plan, folder),
         "path": {"kind": "lissajous", "file": PATH, **request.timing.model_dump()},
         "plant": {"servo": request.servo},
         "errors": EVERYTHING_ON,
@@ -74,36 +78,40 @@ def scenario_data(plan: Plan) -> dict[str, object]:
     }
 
 
-def cell_data(plan: Plan) -> dict[str, object]:
-    """The cell of the plan, as a scenario states it."""
+def cell_data(plan: Plan, folder: Path) -> dict[str, object]:
+    """The cell of the plan, as a scenario in a folder states it."""
     chosen = plan.request.cell
     return {
-        "robot": chosen.robot,
-        "ballbar": plan.rod,
-        "plate": chosen.plate,
+        "robot": _relative(chosen.robot, folder),
+        "instrument" if plan.request.telescoping else "ballbar": _relative(plan.rod, folder),
+        "plate": _relative(chosen.plate, folder),
         "ballbar_position_m": plan.evaluation.candidate.position.tolist(),
     }
 
 
-def numbers_data(plan: Plan, targets: Targets) -> dict[str, object]:
-    """All predictions of the plan in SI units."""
-    typical, tension = plan.typical, plan.forces.tension
+def _relative(name: str, folder: Path) -> str:
+    """A shipped name as it is; a file of one's own from the folder."""
+    return os.path.relpath(name, folder) if name.endswith(".yaml") else name
+
+
+def numbers_data(plan: Plan, targets: Targets, folder: Path) -> dict[str, object]:
+    """All predictions of the plan in SI units; folder : where they are written."""
+    typical = plan.typical
     priors = dict(zip(typical.layout.names, typical.layout.sigma.tolist(), strict=True))
     return {
         "schema": "ballbar-plan-result/1",
         "name": plan.request.name,
-        "cell": cell_data(plan),
+        "cell": cell_data(plan, folder),
         "tcp_sigma_m": {
             "rms_median_robot": float(np.median(plan.tcp)),
             "rms_worst_robot": float(plan.tcp.max()),
             "mean": float(typical.tcp_sigma.mean()),
             "largest": float(typical.tcp_sigma.max()),
-            "plate_length_adds": plan.plate_adds,
+            f"{'bar' if plan.lengths else 'plate'}_length_adds": plan.plate_adds,
         },
         "observability": plan.indices(),
         "sphere_covered": plan.coverage,
-        "load_sign_changes": [int(n) for n in plan.reversals],
-        "rod_force_N": [float(tension.min()), float(tension.max())],
+        **_held_data(plan),
         "sag_between_targets_m": targets.sag,
         "search": {
             "evaluated": plan.evaluated,
@@ -111,16 +119,50 @@ def numbers_data(plan: Plan, targets: Targets) -> dict[str, object]:
             "seed": plan.request.seed,
             "stopped": plan.stopped,
         },
-        "limits": plan.request.limits.model_dump(),
+        "limits": limits_data(plan),
         "sigma": {
             n: {"prior": float(priors[n]), "predicted": value} for n, value in typical.sigma.items()
         },
     }
 
 
+def _held_data(plan: Plan) -> dict[str, object]:
+    """What is expected along the rod: force of a ball-bar, or length of a telescoping bar."""
+    out: dict[str, object] = {}
+    if plan.forces is not None:
+        tension = plan.forces.tension
+        out["load_sign_changes"] = [int(n) for n in plan.reversals]
+        out["rod_force_N"] = [float(tension.min()), float(tension.max())]
+    if plan.lengths is not None:
+        length = plan.lengths.length
+        out["length_m"] = {
+            "expected": [float(length.min()), float(length.max())],
+            "stroke": list(plan.lengths.stroke),
+            "robots": len(length),
+            "robots_that_leave_the_stroke": plan.lengths.leaving,
+        }
+        out["length_sigma_m"] = plan.request.sensors.length_sigma_m
+    return out
+
+
+def limits_data(plan: Plan) -> dict[str, object]:
+    """The limits of a request that apply to its robot and its instrument."""
+    closed = has_closed_form(nominal_chain(plan.evaluator.cell.robot))
+    other = set(OF_OTHER_ARMS if closed else OF_CLOSED_FORM)
+    if plan.request.telescoping:
+        other |= set(OF_BALLBARS["limits"])
+    return plan.request.limits.model_dump(exclude=other)
+
+
 def limit_lines(request: PlanRequest) -> list[str]:
     """The limits that a program's header states."""
     limit = request.limits
+    if request.telescoping:
+        return [
+            f"Planned within: {limit.axis_margin_deg:g} deg inside each axis range, "
+            f"{limit.axis_speed_share:.0%} of axis speed, tool {limit.tcp_speed_m_per_s:g} m/s, "
+            f"clearance {limit.clearance_m * 1e3:g} mm. The bar must not leave its stroke."
+        ]
     return [
         f"Planned within: {limit.axis_margin_deg:g} deg inside each axis range, "
         f"{limit.axis_speed_share:.0%} of axis speed, tool {limit.tcp_speed_m_per_s:g} m/s, "
@@ -129,14 +171,22 @@ def limit_lines(request: PlanRequest) -> list[str]:
 
 
 def write_plan(plan: Plan, folder: Path) -> list[str]:
-    """Write all files but the pictures. Returns their names."""
+    """Write all files but the pictures. Returns their names.
+
+    Of a telescoping bar there is no scenario. Programs are for robots of PROGRAM_AXES.
+    """
     robot, request = plan.evaluator.cell.robot, plan.request
+    gauge = TELESCOPING if request.telescoping else BALLBAR
     targets = targets_of(plan.evaluator.cell, plan.trajectory, request.timing)
     name, limits = request.name, limit_lines(request)
     write_yaml(folder / PATH, path_data(plan.evaluation.candidate))
-    write_yaml(folder / SCENARIO, scenario_data(plan))
-    texts = {TABLE: table, f"{name}.mod": rapid, f"{name}.pdl": pdl2}
+    scenario = [] if request.telescoping else [SCENARIO]
+    for file in scenario:
+        write_yaml(folder / file, scenario_data(plan, folder))
+    texts = {TABLE: table}
+    if robot.joints == PROGRAM_AXES:
+        texts |= {f"{name}.mod": rapid, f"{name}.pdl": pdl2}
     for file, write in texts.items():
-        write_whole(folder / file, write(name, robot, targets, limits).encode())
-    write_yaml(folder / NUMBERS, numbers_data(plan, targets))
-    return [PATH, SCENARIO, *texts, NUMBERS]
+        write_whole(folder / file, write(name, robot, targets, limits, gauge).encode())
+    write_yaml(folder / NUMBERS, numbers_data(plan, targets, folder))
+    return [PATH, *scenario, *texts, NUMBERS]

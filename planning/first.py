@@ -19,6 +19,9 @@ from planning.search import Start, free_numbers
 SECONDS = 30.0  # a request for which nothing is found in this time most likely allows nothing
 BATCHES = 8  # screened for one descent
 GENERATIONS = 20  # of one descent
+# Screened candidates that are tried before one, without the force that excludes most of them: those
+# that are farthest from the limits move least and identify least.
+TRIED = 32
 SHOWN = 3  # limits that the nearest miss violates, worst first
 
 
@@ -35,10 +38,14 @@ def first_path(given: dict[str, Evaluator], *, seconds: float = SECONDS) -> tupl
         rod = rods[tried // (BATCH * BATCHES) % len(rods)]
         evaluator, space = given[rod], space_of(given[rod].request)
         genomes = rng.random((BATCH * BATCHES, space.size))
-        screened = screen(evaluator.cell, space, evaluator.limits, genomes)
+        screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
         tried += len(genomes)
         reasons.update(screened.reason[screened.excess > 0.0].tolist())
         start = genomes[int(screened.excess.argmin())]
+        if evaluator.force_model is None:
+            start, least = _best(evaluator, genomes[screened.excess <= 0.0][:TRIED], start)
+            if least < INFEASIBLE:
+                return Start(rod, start, least), tried
         genome, least = descent(evaluator, space, start, int(rng.integers(2**31)))
         if least < INFEASIBLE:
             return Start(rod, genome, least), tried
@@ -52,6 +59,15 @@ def first_path(given: dict[str, Evaluator], *, seconds: float = SECONDS) -> tupl
         "Move the ball-bar (cell.ballbar_region_m), take another rod, or widen the limit that "
         "stands in the way."
     )
+
+
+def _best(evaluator: Evaluator, genomes: Array, otherwise: Array) -> tuple[Array, float]:
+    """The best of genomes (M, S) [-] and its objective; `otherwise` and infinity of none."""
+    values = [objective(evaluator, genome) for genome in genomes]
+    if not values:
+        return otherwise, np.inf
+    k = int(np.argmin(values))
+    return genomes[k], values[k]
 
 
 def descent(evaluator: Evaluator, space: Space, start: Array, seed: int) -> tuple[Array, float]:

@@ -11,13 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.arrays import Array
+from cell.chain import forward
 from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, Geometry, robot_frames
+from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
+from cell.inverse import has_closed_form
+from cell.numerical_inverse import dexterity, scaled_jacobian
 from cell.robot_angles import joints_to_axes
-from planning.request import PlanLimits
+from planning.request import Cup, PlanCell, PlanLimits
 from planning.trajectory import Trajectory
 
 UNIT_ANGLE = np.radians(30.0)  # [rad] a gross violation of an angle; only guides a search
+UNIT_SINGULAR = 0.15  # [-] likewise of a singular value, of which 0.05 is some 10 deg
 BAR_SINGULAR = (("b2", 1), ("b4", 3))
 
 
@@ -33,15 +37,19 @@ class Violation:
 def violations(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
     """All limits of motion that a trajectory violates, worst first.
 
-    planning.evaluation adds those of force and clearance.
+    planning.evaluation adds those of force, clearance and cups.
     """
-    every = [
-        *_axis_ranges(cell, limits, trajectory),
-        *_axis_rates(cell, limits, trajectory),
-        *_singularities(limits, trajectory),
-        *_reach(limits, trajectory),
-        *_cables(limits, trajectory),
-    ]
+    every = [*_axis_ranges(cell, limits, trajectory), *_axis_rates(cell, limits, trajectory)]
+    if has_closed_form(trajectory.nominal.robot):
+        wrist = ("axis 5", trajectory.q[:, 4], limits.wrist_margin_deg, "wrist_margin_deg")
+        every += [*_singular_angle(*wrist, trajectory), *_reach(limits, trajectory)]
+    else:
+        every += _singular_value(limits, trajectory)
+    if cell.ballbar.stroke is None:
+        for name, j in BAR_SINGULAR:
+            angle = (name, trajectory.b[:, j], limits.ballbar_margin_deg, "ballbar_margin_deg")
+            every += _singular_angle(*angle, trajectory)
+        every += _cables(limits, trajectory)
     return sorted((v for v in every if v.excess > 0.0), key=lambda v: -v.excess)
 
 
@@ -50,7 +58,7 @@ def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list
     margin = np.radians(limits.axis_margin_deg)
     over = np.maximum(cell.robot.axis_lower + margin - axes, axes - cell.robot.axis_upper + margin)
     out = []
-    for axis in range(6):
+    for axis in range(cell.robot.joints):
         k = int(over[:, axis].argmax())
         low, high = np.degrees([cell.robot.axis_lower[axis], cell.robot.axis_upper[axis]])
         text = (
@@ -64,7 +72,7 @@ def _axis_ranges(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list
 def _axis_rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
     to_axis = cell.robot.joint_to_axis
     allowed = limits.axis_speed_share * cell.robot.axis_speed_max
-    fastest = np.full(6, limits.axis_acceleration_deg_per_s2)  # [deg/s^2]
+    fastest = np.full(cell.robot.joints, limits.axis_acceleration_deg_per_s2)  # [deg/s^2]
     speed = np.abs(trajectory.speed @ to_axis) / allowed
     acceleration = np.abs(trajectory.acceleration @ to_axis) / np.radians(fastest)
     out = []
@@ -82,21 +90,60 @@ def _axis_rates(cell: Cell, limits: PlanLimits, trajectory: Trajectory) -> list[
     return [*out, _over("tcp_speed_m_per_s", excess, text, trajectory.t[k])]
 
 
-def _singularities(limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
-    out = []
-    angles = [("axis 5", trajectory.q[:, 4], limits.wrist_margin_deg, "wrist_margin_deg")]
-    angles += [
-        (name, trajectory.b[:, j], limits.ballbar_margin_deg, "ballbar_margin_deg")
-        for name, j in BAR_SINGULAR
-    ]
-    for name, angle, margin, key in angles:
-        away = from_singular(angle)
-        k = int(away.argmin())
-        text = f"{name} {np.degrees(away[k]):.0f} deg from its singularity, limit {margin:g}"
-        out.append(_over(key, (np.radians(margin) - away[k]) / UNIT_ANGLE, text, trajectory.t[k]))
-        crossed = np.flatnonzero(np.sin(angle) * np.sin(angle[0]) < 0.0)
+def _singular_angle(
+    name: str, angle: Array, margin: float, key: str, trajectory: Trajectory
+) -> list[Violation]:
+    """Violations of a margin [deg] by an angle (N,) [rad] that is singular at half turns."""
+    away = from_singular(angle)
+    k = int(away.argmin())
+    text = f"{name} {np.degrees(away[k]):.0f} deg from its singularity, limit {margin:g}"
+    out = [_over(key, (np.radians(margin) - away[k]) / UNIT_ANGLE, text, trajectory.t[k])]
+    crossed = np.flatnonzero(np.sin(angle) * np.sin(angle[0]) < 0.0)
+    if crossed.size:
+        out.append(_over(key, 1.0, f"{name} passes its singularity", trajectory.t[crossed[0]]))
+    return out
+
+
+def _singular_value(limits: PlanLimits, trajectory: Trajectory) -> list[Violation]:
+    """Violations by an arm of any structure, whose singular postures have no angle of their own."""
+    chain, key = trajectory.nominal.robot, "singular_value"
+    value = dexterity(chain, trajectory.q)
+    k, limit = int(value.argmin()), limits.singular_value
+    text = f"smallest singular value of the arm {value[k]:.3f}, limit {limit:g}"
+    out = [_over(key, (limit - value[k]) / UNIT_SINGULAR, text, trajectory.t[k])]
+    if chain.rows == 6:
+        side = np.linalg.det(scaled_jacobian(chain, forward(chain, trajectory.q)))
+        crossed = np.flatnonzero(side * side[0] < 0.0)
         if crossed.size:
-            out.append(_over(key, 1.0, f"{name} passes its singularity", trajectory.t[crossed[0]]))
+            text = "the arm passes a singular posture"
+            out.append(_over(key, 1.0, text, trajectory.t[crossed[0]]))
+    return out
+
+
+def leaning(around: PlanCell, trajectory: Trajectory) -> list[Violation]:
+    """Violations of the cones of a telescoping bar's two cups."""
+    out = []
+    for key, cup, angle in leans(around, trajectory.nominal, trajectory.b):
+        k = int(angle.argmax())
+        text = f"rod {np.degrees(angle[k]):.0f} deg from the axis of the {key}"
+        excess = (angle[k] - np.radians(cup.cone_deg)) / UNIT_ANGLE
+        sentence = f"{text}, cone {cup.cone_deg:g}"
+        out.append(_over(f"{key}.cone_deg", excess, sentence, trajectory.t[k]))
+    return [v for v in out if v.excess > 0.0]
+
+
+def leans(around: PlanCell, geometry: Geometry, b: Array) -> list[tuple[str, Cup, Array]]:
+    """Each cup with its key and the angles (N,) [rad] between rod and axis at b (N, 5) [rad]."""
+    if around.seat is None and around.target is None:
+        return []
+    frames = bar_frames(geometry, b)
+    rod = frames.z[2]
+    seen = -np.einsum("ijn,in->jn", frames.rotation(), rod)  # from the target, in its frame
+    out = []
+    for key, cup, direction in (("seat", around.seat, rod), ("target", around.target, seen)):
+        if cup is not None:
+            axis = np.array(cup.axis) / np.linalg.norm(cup.axis)
+            out.append((key, cup, np.arccos(np.clip(axis @ direction, -1.0, 1.0))))
     return out
 
 

@@ -15,13 +15,15 @@ from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.strict_yaml import load_model
 from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
+from ident.estimator.unknowns import KNOWN_LENGTH
 from planning.candidate import Candidate, genome_of, rounded, space_of
 from planning.crlb import Prediction, predictions
-from planning.evaluation import INFEASIBLE, Evaluation, Evaluator, evaluate, evaluators
+from planning.evaluation import INFEASIBLE, Evaluation, Evaluator, evaluate, evaluators, tensions_of
 from planning.first import first_path
 from planning.force import Forces, load_reversals
 from planning.request import PlanRequest
 from planning.search import Progress, Start, ranked, search
+from planning.stroke import Lengths, predicted_lengths
 from planning.trajectory import Trajectory
 from planning.workers import evaluating_processes
 from sim.path import Lissajous
@@ -40,7 +42,8 @@ class Plan:
     evaluator: Evaluator
     evaluation: Evaluation
     trajectory: Trajectory  # in the configuration of the arm that was chosen
-    forces: Forces
+    forces: Forces | None  # None where nothing holds the rod's length
+    lengths: Lengths | None  # of a bar that measures its length
     predictions: tuple[Prediction, ...]  # of each robot of planning.force
     evaluated: int
     seconds: float
@@ -58,7 +61,10 @@ class Plan:
 
     @property
     def plate_adds(self) -> float:
-        """[m] root mean square TCP error from the plate's length: scale, which no data show."""
+        """[m] root mean square TCP error from the length that fixes the scale, as no data show it.
+
+        It is that of the plate, or of a bar that measures its length.
+        """
         return scale_error(self.evaluator.predictor.grid, self.evaluator.cell)
 
     @property
@@ -73,7 +79,9 @@ class Plan:
 
     @property
     def reversals(self) -> Array:
-        """(6,) sign changes of each gear's load, median over the robots."""
+        """(6,) sign changes of each gear's load, median over the robots; (0,) without forces."""
+        if self.forces is None:
+            return np.zeros(0)
         width = backlash_transition(self.evaluator.cell)
         return np.median(load_reversals(self.forces, width), axis=0)
 
@@ -93,14 +101,21 @@ class Plan:
 
 
 def scale_error(grid: Array, cell: Cell) -> float:
-    """[m] root mean square TCP error of a plate that is one standard deviation too long.
+    """[m] root mean square TCP error of a known length that is one standard deviation too long.
 
-    grid : (G, 6) [rad] joint angles of the poses.
+    That length is the plate's, or of a bar that measures its own that to which it was calibrated.
+    grid : (G, J) [rad] joint angles of the poses.
     """
     positions = robot_frames(nominal_geometry(cell, np.zeros(3)), grid).tip
     centred = positions - positions.mean(axis=1, keepdims=True)
     spread = float(np.sqrt((centred**2).sum(axis=0).mean()))
-    return spread * cell.plate.length_sigma / cell.plate.length
+    bar, plate = cell.ballbar, cell.plate
+    if bar.stroke is None:
+        return spread * plate.length_sigma / plate.length
+    # a zero that is not taken as exact is among the unknowns
+    return (
+        spread * bar.length_tolerance / bar.length if bar.length_tolerance <= KNOWN_LENGTH else 0.0
+    )
 
 
 def covered(directions: Array) -> float:
@@ -168,7 +183,7 @@ def hints(request: PlanRequest, relative_to: Path) -> list[Start]:
     """
     space = space_of(request)
     middle = 0.5 * (space.lower + space.upper)
-    rods = (request.cell.ballbar, *request.cell.ballbar_choices)
+    rods = request.cell.rods
     starts = []
     for file in (relative_to / name for name in request.start_from):
         shape, position = known_path(file)
@@ -184,6 +199,8 @@ def known_path(file: Path) -> tuple[Lissajous, tuple[float, ...] | None]:
     Raises DescriptionError for a bad file.
     """
     content = load_model(file, LissajousFile)
+    if content.rod:
+        raise InputError(f"{file}: paths are planned for a rigid rod. Leave out `rod`.")
     return lissajous(content), content.ballbar_position_m
 
 
@@ -197,8 +214,8 @@ def assess(
 ) -> Plan:
     """The plan of a candidate, with all predictions. Raises InputError where it cannot be run."""
     outcome = evaluate(evaluator, candidate)
-    trajectory, forces = outcome.trajectory, outcome.forces
-    if outcome.violations or trajectory is None or forces is None:
+    trajectory, forces, model = outcome.trajectory, outcome.forces, evaluator.stroke_model
+    if outcome.violations or trajectory is None:
         raise InputError(
             f"the path cannot be run: {'; '.join(v.sentence for v in outcome.violations)}. "
             "Change the path, or move the ball-bar"
@@ -208,7 +225,8 @@ def assess(
         evaluation=outcome,
         trajectory=trajectory,
         forces=forces,
-        predictions=predictions(evaluator.predictor, trajectory, forces.tension),
+        lengths=None if model is None else predicted_lengths(model, trajectory),
+        predictions=predictions(evaluator.predictor, trajectory, tensions_of(trajectory, forces)),
         evaluated=evaluated,
         seconds=seconds,
         stopped=stopped,

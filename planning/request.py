@@ -11,12 +11,14 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from cell.schema import Strict
+from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
 from sim.errors.sensor_errors import EncoderNumber
 from sim.settings import Vector3
 
 Positive = Annotated[float, Field(gt=0.0)]
-Vector6 = Annotated[tuple[float, ...], Field(min_length=6, max_length=6)]
+Cone = Annotated[float, Field(gt=0.0, le=180.0)]
+Axes = Annotated[tuple[float, ...], Field(min_length=5, max_length=8)]
 
 
 class Region(Strict):
@@ -46,11 +48,36 @@ class KeepOut(Strict):
         return self
 
 
+class Cup(Strict):
+    """A ball cup of a telescoping bar, and how far the rod may lean in it."""
+
+    axis: Vector3 = Field(
+        description="Direction into which the cup opens: of the seat in the robot's base frame, of "
+        "the target in the frame of the flange."
+    )
+    cone_deg: Cone = Field(description="Largest angle between `axis` and the rod.")
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> Cup:
+        if not any(self.axis):
+            raise wrong_key("axis", message="expected a direction, found zero")
+        return self
+
+
 class PlanCell(Strict):
     """What stands in the cell, and the region of the ball-bar."""
 
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
-    ballbar: str = Field(description="A file of cell/instruments, or a path.")
+    ballbar: str | None = Field(
+        None, description="A file of cell/instruments, or a path: a ball-bar with encoders."
+    )
+    instrument: str | None = Field(
+        None,
+        description="In place of `ballbar`: an instrument that measures its length, such as "
+        "qc20w_300.",
+    )
+    seat: Cup | None = Field(None, description="Cup on the base of an `instrument`.")
+    target: Cup | None = Field(None, description="Cup on the tool, of an `instrument`.")
     ballbar_choices: tuple[str, ...] = Field((), description="Ball-bars that may be used instead.")
     plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
     ballbar_position_m: Vector3 | None = Field(
@@ -69,6 +96,29 @@ class PlanCell(Strict):
                 "give either ballbar_position_m, or ballbar_region_m where the position is free"
             )
         return self
+
+    @model_validator(mode="after")
+    def _one_instrument(self) -> PlanCell:
+        if (self.ballbar is None) == (self.instrument is None):
+            raise ValueError(
+                "give either ballbar, a ball-bar with encoders, or instrument, which measures its "
+                "length"
+            )
+        for key in ("seat", "target"):
+            if self.instrument is None and getattr(self, key) is not None:
+                message = "belongs to an instrument; a ball-bar with encoders has no cups"
+                raise wrong_key(key, message=message)
+        if self.instrument is not None and self.ballbar_choices:
+            raise wrong_key(
+                "ballbar_choices",
+                message="belongs to ball-bars with encoders; plan once for each instrument",
+            )
+        return self
+
+    @property
+    def rods(self) -> tuple[str, ...]:
+        """Names of the instruments that the path may be planned for."""
+        return (self.ballbar or self.instrument or "", *self.ballbar_choices)
 
     @property
     def region(self) -> tuple[Vector3, Vector3]:
@@ -129,6 +179,11 @@ class PlanSensors(Strict):
         description="Standard deviation of a measured rod length; by default the catalogue's "
         "tolerance.",
     )
+    length_sigma_m: Positive | None = Field(
+        None,
+        description="Standard deviation of a sample of a sensed length; by default `sigma_m` of "
+        "the instrument's file, which is taken not to average out.",
+    )
 
 
 class PlanLimits(Strict):
@@ -153,6 +208,12 @@ class PlanLimits(Strict):
     shoulder_margin_m: Positive = Field(
         0.15, description="Distance of the wrist's centre from axis 1."
     )
+    singular_value: Positive = Field(
+        0.05,
+        description="In place of the three margins, of arms without parallel axes 2 and 3 and "
+        "spherical wrist: smallest singular value of the Jacobian, lengths in halves of the "
+        "chain's; assumed, about what those margins come to on an IRB 2400 (0.06).",
+    )
     ballbar_margin_deg: Positive = Field(
         15.0, description="Distance of b2 and b4 from their singularities (thesis sec. 5.1)."
     )
@@ -171,9 +232,23 @@ class PlanLimits(Strict):
     )
 
 
+# Keys that say nothing of a telescoping bar, by their place: it has neither encoders nor cables nor
+# singular angles, and no closed chain, so no force.
+OF_BALLBARS = {
+    "sensors": (
+        "encoders",
+        "encoder_sigma_rad",
+        "encoder_noise_sigma_rad",
+        "ballbar_rate_hz",
+        "rod_sigma_m",
+    ),
+    "limits": ("ballbar_margin_deg", "cable_turns", "force_N"),
+}
+
 # Reserve for the motion under soft servo: added to margins, factor on rates and forces; measured by
 # planning.verify.
 RESERVE_DEG, RESERVE_M, RESERVE_RATE, RESERVE_FORCE = 1.0, 0.01, 0.9, 0.8
+RESERVE_SINGULAR = 0.005
 
 
 def tightened(limits: PlanLimits) -> PlanLimits:
@@ -189,15 +264,16 @@ def tightened(limits: PlanLimits) -> PlanLimits:
         name: getattr(limits, name) * RESERVE_RATE
         for name in ("axis_speed_share", "tcp_speed_m_per_s", "cable_turns")
     }
+    changed["singular_value"] = limits.singular_value + RESERVE_SINGULAR
     changed["axis_acceleration_deg_per_s2"] = limits.axis_acceleration_deg_per_s2 * RESERVE_RATE
     return limits.model_copy(update=changed | {"force_N": limits.force_N * RESERVE_FORCE})
 
 
 class Workspace(Strict):
-    """Box of axis angles over which the TCP error counts."""
+    """Box of axis angles over which the TCP error counts, a value for each axis."""
 
-    lower_deg: Vector6
-    upper_deg: Vector6
+    lower_deg: Axes
+    upper_deg: Axes
 
 
 class PlanRequest(Strict):
@@ -218,7 +294,9 @@ class PlanRequest(Strict):
     workspace: Workspace | None = Field(
         None, description="Workspace; by default the accuracy box of the robot file."
     )
-    servo: str = Field("soft", description="A gain set of the robot's file.")
+    servo: str = Field(
+        "soft", description="A gain set of the robot's file, for a ball-bar with encoders."
+    )
     start_from: tuple[str, ...] = Field(
         (),
         description="Path files with which the search begins, relative to this file. Where a file "
@@ -229,7 +307,43 @@ class PlanRequest(Strict):
     )
     seed: Annotated[int, Field(ge=0)] = Field(1, description="Seed of all drawn values.")
 
+    @model_validator(mode="after")
+    def _keys_are_of_the_instrument(self) -> PlanRequest:
+        if not self.telescoping:
+            if self.sensors.length_sigma_m is not None:
+                message = "belongs to an instrument that measures its length (cell.instrument)"
+                raise wrong_key("sensors", "length_sigma_m", message=message)
+            return self
+        given: list[tuple[str, ...]] = [("servo",)] if "servo" in self.model_fields_set else []
+        for part, keys in OF_BALLBARS.items():
+            stated = getattr(self, part).model_fields_set
+            given += [(part, key) for key in keys if key in stated]
+        if given:
+            message = (
+                "belongs to a ball-bar with encoders (cell.ballbar); a telescoping bar has no "
+                "encoders, cables or force in the rod. Leave it out"
+            )
+            raise wrong_key(*given[0], message=message)
+        return self
+
+    @property
+    def telescoping(self) -> bool:
+        """Whether the path is for an instrument that measures its length."""
+        return self.cell.instrument is not None
+
 
 def load_request(path: Path) -> PlanRequest:
-    """The checked request. Raises DescriptionError naming file, line and key."""
-    return load_model(path, PlanRequest)
+    """The checked request; files that it names stand relative to it.
+
+    Raises DescriptionError naming file, line and key.
+    """
+    request = load_model(path, PlanRequest)
+    cell = request.cell
+
+    def located(name: str | None) -> str | None:
+        return str(path.parent / name) if name is not None and name.endswith(".yaml") else name
+
+    keys = ("robot", "ballbar", "instrument", "plate")
+    files: dict[str, object] = {key: located(getattr(cell, key)) for key in keys}
+    files["ballbar_choices"] = tuple(map(located, cell.ballbar_choices))
+    return request.model_copy(update={"cell": cell.model_copy(update=files)})

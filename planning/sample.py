@@ -33,7 +33,7 @@ def sample(evaluator: Evaluator, *, seed: int, seconds: float, count: int | None
     out, since = Samples(), time.monotonic()
     while time.monotonic() - since < seconds:
         genomes = rng.random((BATCH, space.size))
-        screened = screen(evaluator.cell, space, evaluator.limits, genomes)
+        screened = screen(evaluator.cell, evaluator.request.cell, space, evaluator.limits, genomes)
         out.tried += BATCH
         out.reasons.update(screened.reason[screened.excess > 0.0].tolist())
         for genome in genomes[screened.excess <= 0.0]:

@@ -14,14 +14,17 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, bar_frames, nominal_geometry
-from cell.inverse import robot_branches
+from cell.geometry import BAR_ROWS, Geometry, bar_frames, nominal_geometry
+from cell.inverse import has_closed_form, robot_branches
+from cell.numerical_inverse import best_branches, dexterity, in_range, led
 from cell.robot_angles import joints_to_axes
 from planning.candidate import Space
-from planning.limits import from_singular
-from planning.request import PlanLimits
+from planning.limits import UNIT_ANGLE, UNIT_SINGULAR, from_singular, leans
+from planning.request import PlanCell, PlanLimits
+from sim.path import Lissajous
 
 PHASES = 24  # per candidate: enough to reject most of those that planning.limits would
+LED_PHASES, LED = 24, 2  # of an arm without closed form, and its configurations: each takes longer
 # Excess of a candidate that the robot does not reach at all; less, the more of it it reaches.
 UNREACHED = 10.0
 ARM = (0, 1, 2, 4)  # axes whose range is less than a turn
@@ -42,16 +45,33 @@ REASONS = (
 )
 
 
-def screen(cell: Cell, space: Space, limits: PlanLimits, genomes: Array) -> Screened:
+def screen(
+    cell: Cell, around: PlanCell, space: Space, limits: PlanLimits, genomes: Array
+) -> Screened:
     """Screening of the candidates of genomes (M, S) [-] at PHASES phases."""
     shapes, positions = space.many(genomes)
-    m = genomes.shape[0]
-    s = np.arange(PHASES) / PHASES
-    turn = 2.0 * np.pi * shapes.cycles[:, None, :] * s[None, :, None] + shapes.phase[:, None, :]
-    b = shapes.centre[:, None, :] + shapes.amplitude[:, None, :] * np.sin(turn)  # (M, S, 5)
     nominal = nominal_geometry(cell, np.zeros(3))
-    poses = bar_frames(nominal, b.reshape(-1, BAR_ROWS)).poses()
-    poses[:, :3, 3] += np.repeat(positions, PHASES, axis=0)
+    screened = _screened_arm(cell, nominal, limits, shapes, positions)
+    b = _angles(shapes, PHASES).reshape(-1, BAR_ROWS)
+    for key, cup, angle in leans(around, nominal, b):
+        over = angle.reshape(-1, PHASES).max(axis=1) - np.radians(cup.cone_deg)
+        total = np.maximum(screened.excess, 0.0) + np.maximum(over, 0.0)
+        worse = over > np.maximum(screened.excess, 0.0)
+        screened = Screened(
+            np.where(over > 0.0, total, screened.excess),
+            np.where(worse, f"cone of the {key}", screened.reason),
+        )
+    return screened
+
+
+def _screened_arm(
+    cell: Cell, nominal: Geometry, limits: PlanLimits, shapes: Lissajous, positions: Array
+) -> Screened:
+    """Screening by the arm alone."""
+    if not has_closed_form(nominal.robot):
+        return _screened_by_leading(cell, nominal, limits, shapes, positions)
+    m = len(positions)
+    poses = _poses(nominal, shapes, positions, PHASES)
     branches = robot_branches(nominal.robot, poses)  # (4, M S, 6)
     axes = joints_to_axes(cell.robot, branches)[:, :, ARM]
     low, high = (limit[list(ARM)] for limit in (cell.robot.axis_lower, cell.robot.axis_upper))
@@ -72,6 +92,58 @@ def screen(cell: Cell, space: Space, limits: PlanLimits, genomes: Array) -> Scre
     )
     which = np.where(unreached > 0.0, 0, 1 + at_best.argmax(axis=1))
     return Screened(np.asarray(excess), np.array(REASONS)[which])
+
+
+def _angles(shapes: Lissajous, phases: int, share: float = 1.0) -> Array:
+    """(M, S, 5) [rad] of M shapes at S phases, their motion scaled by a share of 1."""
+    s = np.arange(phases) / phases
+    turn = 2.0 * np.pi * shapes.cycles[:, None, :] * s[None, :, None] + shapes.phase[:, None, :]
+    swing = share * shapes.amplitude
+    return np.asarray(shapes.centre[:, None, :] + swing[:, None, :] * np.sin(turn))
+
+
+def _poses(
+    nominal: Geometry, shapes: Lissajous, positions: Array, phases: int, share: float = 1.0
+) -> Array:
+    """(M S, 4, 4) tool frames of M shapes at S phases, their motion scaled by a share of 1."""
+    b = _angles(shapes, phases, share)
+    poses = bar_frames(nominal, b.reshape(-1, BAR_ROWS)).poses()
+    poses[:, :3, 3] += np.repeat(positions, phases, axis=0)
+    return poses
+
+
+def _screened_by_leading(
+    cell: Cell, nominal: Geometry, limits: PlanLimits, shapes: Lissajous, positions: Array
+) -> Screened:
+    """Screening of an arm without closed form, led from the middle of each path to LED_PHASES."""
+    robot, chain, m = cell.robot, nominal.robot, len(positions)
+    starts = best_branches(robot, chain, _poses(nominal, shapes, positions, 1, 0.0), count=LED)
+    branch, which = np.nonzero(~np.isnan(starts).any(axis=2))
+    some = Lissajous(*(v[which] for v in vars(shapes).values()))
+    begin = np.repeat(starts[branch, which], LED_PHASES, axis=0)
+    q = led(chain, begin, lambda w: _poses(nominal, some, positions[which], LED_PHASES, w))
+    lost = np.asarray(np.isnan(q).any(axis=1))
+    far = dexterity(chain, np.where(lost[:, None], begin, q)).reshape(-1, LED_PHASES)
+    turned = np.where(lost[:, None], begin, q).reshape(-1, LED_PHASES, chain.rows)
+    axes = joints_to_axes(robot, in_range(robot, turned))
+    margin = np.radians(limits.axis_margin_deg)
+    over = np.maximum(robot.axis_lower + margin - axes, axes - robot.axis_upper + margin)
+    singular = (limits.singular_value - far) * UNIT_ANGLE / UNIT_SINGULAR
+    worst = np.column_stack((over.max(axis=1), singular.max(axis=1)))  # (K, J + 1)
+    unreached = lost.reshape(-1, LED_PHASES).mean(axis=1)
+    outside = np.maximum(worst, 0.0).sum(axis=1)
+    each = np.where(
+        unreached > 0.0,
+        UNREACHED * (0.1 + unreached),
+        np.where(outside > 0.0, outside, worst.max(axis=1)),
+    )
+    ranges = (f"range of axis {axis + 1}" for axis in range(chain.rows))
+    names = np.array(["out of reach", *ranges, "near a singular posture"])
+    reason = names[np.where(unreached > 0.0, 0, 1 + worst.argmax(axis=1))]
+    excess, why = np.full(m, 1.1 * UNREACHED), np.full(m, names[0], dtype=names.dtype)
+    for k in np.argsort(-each):  # the best configuration comes last
+        excess[which[k]], why[which[k]] = each[k], reason[k]
+    return Screened(excess, why)
 
 
 def tally(reasons: Counter[str]) -> str:

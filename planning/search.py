@@ -137,7 +137,7 @@ class _Search:
     def draw(self, workers: int, until: float) -> list[Start]:
         """Random candidates that can be run, drawn until a monotonic time [s]."""
         starts: list[Start] = []
-        rods = (self._request.cell.ballbar, *self._request.cell.ballbar_choices)
+        rods = self._request.cell.rods
         seed = self._request.seed + 1  # the first feasible path was drawn with the seed itself
         while time.monotonic() < until and len(starts) < STARTS:
             jobs = [(rods[(seed + k) % len(rods)], seed + k) for k in range(workers)]

@@ -28,7 +28,7 @@ class Targets:
     """Targets of the controller."""
 
     t: Array  # (K,) [s] at which each is to be reached
-    axes: Array  # (K, 6) [deg] as the controller shows them
+    axes: Array  # (K, J) [deg] as the controller shows them
     dwells: Array  # (K,) [s] at the targets; 0 where the robot passes
     sag: float  # [m] by which the tool leaves the sphere between them
 
@@ -78,7 +78,7 @@ def _dwells(t: Array, timing: PlanTiming) -> tuple[NDArray[np.bool_], Array]:
 
 
 def _sag(trajectory: Trajectory, q: Array) -> float:
-    """[m] largest distance of the tool from the sphere half way between targets q (K, 6) [rad]."""
+    """[m] largest distance of the tool from the sphere half way between targets q (K, J) [rad]."""
     between = 0.5 * (q[1:] + q[:-1])
     out = robot_frames(trajectory.nominal, between).tip.T - trajectory.nominal.origin
     return float(np.abs(np.linalg.norm(out, axis=1) - trajectory.nominal["bd3"]).max())

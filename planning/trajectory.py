@@ -9,12 +9,13 @@ from scipy.interpolate import CubicSpline
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Geometry, bar_frames, nominal_geometry
-from cell.inverse import robot_branches
+from cell.geometry import Geometry, nominal_geometry
+from cell.inverse import has_closed_form
+from cell.numerical_inverse import in_range
 from cell.robot_angles import joints_to_axes
 from planning.candidate import Candidate
 from planning.request import PlanTiming
-from sim.path import phase_over_time
+from sim.path import branches_along, phase_over_time, tool_poses
 
 STEP = 0.2  # [s] of the grid; the motion has no part above 1 Hz
 
@@ -26,9 +27,9 @@ class Trajectory:
     nominal: Geometry
     t: Array  # (N,) [s]
     b: Array  # (N, 5) [rad]
-    q: Array  # (N, 6) [rad]
-    speed: Array  # (N, 6) [rad/s]
-    acceleration: Array  # (N, 6) [rad/s^2]
+    q: Array  # (N, J) [rad]
+    speed: Array  # (N, J) [rad/s]
+    acceleration: Array  # (N, J) [rad/s^2]
     tip: Array  # (N, 3) [m]
     tip_speed: Array  # (N,) [m/s]
 
@@ -44,14 +45,12 @@ def trajectories(
     t = np.arange(round(timing.duration_s / step) + 1, dtype=np.float64) * step
     phase = phase_over_time(t, duration=timing.duration_s, dwell=timing.dwell_s, stops=timing.stops)
     b = candidate.shape.angles(phase)
-    poses = bar_frames(nominal, b).poses()
-    tip = poses[:, :3, 3]
+    tip = tool_poses(nominal, candidate.shape, phase)[:, :3, 3]
     tip_speed = np.linalg.norm(CubicSpline(t, tip)(t, 1), axis=1)
     out = []
-    for branch in robot_branches(nominal.robot, poses):
-        if np.isnan(branch).any():
-            continue
-        q = centred(cell, np.unwrap(branch, axis=0))
+    unique = has_closed_form(nominal.robot)
+    for branch in branches_along(cell.robot, nominal, candidate.shape, phase):
+        q = centred(cell, branch) if unique else in_range(cell.robot, branch)
         spline = CubicSpline(t, q)
         out.append(
             Trajectory(
@@ -69,7 +68,7 @@ def trajectories(
 
 
 def centred(cell: Cell, q: Array) -> Array:
-    """(N, 6) [rad] joint angles q (N, 6) less the whole turns that bring each wrist axis nearest to
+    """(N, J) [rad] joint angles q (N, J) less the whole turns that bring each wrist axis nearest to
     the centre of its range.
     """
     axes = joints_to_axes(cell.robot, q)

@@ -12,7 +12,9 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
+from cell.geometry import Geometry, bar_frames, nominal_chain, nominal_geometry, robot_frames
+from cell.inverse import has_closed_form
+from cell.numerical_inverse import dexterity
 from cell.robot_angles import joints_to_axes
 from planning.candidate import Candidate
 from planning.clearance import Clearance, distances_along
@@ -40,6 +42,7 @@ TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
 # [s] over which speeds and accelerations are taken: a gear that crosses its backlash is no motion
 # of the arm
 RATE_STEP = 0.05
+EVERY = 10  # [-] rows between two singular values, which take longer than an angle
 CLEARANCE_STEP = 0.05  # [s] between poses whose distances are measured: 12 mm at the highest speed
 
 
@@ -72,8 +75,17 @@ def plant_errors(*, table: bool) -> ErrorSettings:
     )
 
 
-def run_in_plant(cell: Cell, request: PlanRequest, candidate: Candidate, *, seed: int) -> Motion:
+def run_in_plant(
+    cell: Cell,
+    request: PlanRequest,
+    candidate: Candidate,
+    *,
+    seed: int,
+    beginning: Array | None = None,
+) -> Motion:
     """Motion of one robot on the path; seed 0 is the robot of thesis Table 3.1.
+
+    beginning : (J,) [rad] as of `reference_path`: the configuration of the arm that was planned.
 
     Raises PlantError where the simulation fails.
     """
@@ -86,6 +98,7 @@ def run_in_plant(cell: Cell, request: PlanRequest, candidate: Candidate, *, seed
         dwell=timing.dwell_s,
         stops=timing.stops,
         step=PATH_STEP,
+        beginning=beginning,
     )
     errors = plant_errors(table=seed == 0)
     true = true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed)
@@ -111,26 +124,36 @@ def checks(cell: Cell, limits: PlanLimits, around: Clearance, motion: Motion) ->
     axes, rates, accelerations = _axis_motion(cell, motion)
     inside = np.minimum(axes - cell.robot.axis_lower, cell.robot.axis_upper - axes).min(axis=1)
     fastest = (np.abs(rates) / cell.robot.axis_speed_max).max(axis=1)
-    elbow, shoulder = arm_margins(motion.geometry, motion.q)
     singular = np.minimum(from_singular(motion.b[:, 1]), from_singular(motion.b[:, 3]))
     tip = bar_frames(motion.geometry, motion.b).tip
     speed = np.linalg.norm(_rate(tip.T, motion.t), axis=1)
     swept = np.degrees(np.ptp(motion.b, axis=0)).max(keepdims=True)
     hardest = np.degrees(np.abs(accelerations)).max(axis=1)
-    wrist = np.degrees(from_singular(motion.q[:, 4]))
     acceleration = limits.axis_acceleration_deg_per_s2
     return [
         _at_least("axis_margin_deg", np.degrees(inside), limits.axis_margin_deg, "deg"),
         _at_most("axis_speed_share", fastest, limits.axis_speed_share, ""),
         _at_most("axis_acceleration_deg_per_s2", hardest, acceleration, "deg/s^2"),
         _at_most("tcp_speed_m_per_s", speed, limits.tcp_speed_m_per_s, "m/s"),
-        _at_least("wrist_margin_deg", wrist, limits.wrist_margin_deg, "deg"),
-        _at_least("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg"),
-        _at_least("shoulder_margin_m", shoulder, limits.shoulder_margin_m, "m"),
+        *_arm(cell, limits, motion),
         _at_least("ballbar_margin_deg", np.degrees(singular), limits.ballbar_margin_deg, "deg"),
         _at_most("cable_turns", swept / 360.0, limits.cable_turns, "turns"),
         _at_most("force_N", np.abs(motion.rod_force), limits.force_N, "N"),
         _clearance(limits, around, motion),
+    ]
+
+
+def _arm(cell: Cell, limits: PlanLimits, motion: Motion) -> list[Check]:
+    """Distances from the singular postures of the arm."""
+    if not has_closed_form(nominal_chain(cell.robot)):
+        value = dexterity(motion.geometry.robot, motion.q[::EVERY])
+        return [_at_least("singular_value", value, limits.singular_value, "")]
+    elbow, shoulder = arm_margins(motion.geometry, motion.q)
+    wrist = np.degrees(from_singular(motion.q[:, 4]))
+    return [
+        _at_least("wrist_margin_deg", wrist, limits.wrist_margin_deg, "deg"),
+        _at_least("elbow_margin_deg", np.degrees(elbow), limits.elbow_margin_deg, "deg"),
+        _at_least("shoulder_margin_m", shoulder, limits.shoulder_margin_m, "m"),
     ]
 
 

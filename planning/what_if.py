@@ -98,8 +98,11 @@ CHANGES = {
     "rod_length": Property("m", 0.2, 3.0, _rod_length),
     "rate": Property("Hz", 1.0, 1e5, _sensor("ballbar_rate_hz")),
     "duration": Property("s", 20.0, 3600.0, _duration),
+    "length": Property("m", 1e-9, 1e-2, _sensor("length_sigma_m")),
 }
 ENCODERS = "encoders"
+# What matters to one kind of instrument alone; nothing bends a plate that carries no force.
+OF_BALLBAR, OF_TELESCOPING = ("encoder", ENCODERS, "rate", "plate_thickness"), ("length",)
 
 
 def question(text: str) -> Question:
@@ -130,6 +133,17 @@ def question(text: str) -> Question:
             f"--what-if {text}: values of {key} are in {unit}, from {low:g} to {high:g}"
         )
     return Question(key, unit, values)
+
+
+def check_questions(request: PlanRequest, questions: Sequence[Question]) -> None:
+    """Raise InputError for a property that the request's instrument does not have."""
+    kinds = ("a ball-bar with encoders", "an instrument that measures its length")
+    wrong, kind, other = (
+        (OF_BALLBAR, *kinds) if request.telescoping else (OF_TELESCOPING, *reversed(kinds))
+    )
+    for item in questions:
+        if item.key in wrong:
+            raise InputError(f"--what-if {item.key}: belongs to {kind}; the plan is for {other}")
 
 
 def answers(plan: Plan, questions: Sequence[Question]) -> Iterator[Answer]:
@@ -182,7 +196,8 @@ def _longer(bar: BallBar, length: float) -> BallBar:
         rod.mass * length / bar.length, rod.com + 0.5 * more * shift, rod.inertia * ratio**3
     )
     outer = [Link(link.mass, link.com + more * shift, link.inertia) for link in bar.links[3:]]
-    return replace(bar, d=d, links=(*bar.links[:2], tube, *outer))
+    stroke = None if bar.stroke is None else (bar.stroke[0] + more, bar.stroke[1] + more)
+    return replace(bar, d=d, links=(*bar.links[:2], tube, *outer), stroke=stroke)
 
 
 def _other_plate(plate: Plate, length: float, thickness: float) -> Plate:

@@ -15,8 +15,8 @@ from cell.rotation import rotvec_from_matrix
 from sim.plant.deflection import deflect
 
 # Called with each stretch of the motion once it is simulated: cell, true parameters, times (K,)
-# [s], robot angles (K, 6) and ball-bar angles (K, 5) [rad]. A stretch begins where the one before
-# ended.
+# [s], robot angles (K, 6) and ball-bar angles (K, 5) [rad], or with the extension [m] of a rod that
+# telescopes (K, 6). A stretch begins where the one before ended.
 MotionCallback = Callable[[Cell, Geometry, Array, Array, Array], None]
 
 CLOSURE_STRIDE = 10  # the loop-closure error changes over tenths of seconds, steps last 1 ms
@@ -30,7 +30,7 @@ class Motion:
     q: Array  # (K, 6) [rad] robot joint angles
     shown: Array  # (K, 6) [rad] joint angles that the motors show, without effects of the gears
     b: Array  # (K, 5) [rad] ball-bar joint angles, without encoder offsets and errors
-    rod_stretch: Array  # (K,) [m]
+    rod_stretch: Array  # (K,) [m] beyond the true bd3; of a wire too
     rod_force: Array  # (K,) [N] tension positive
     geometry: Geometry  # true parameters; btheta holds the mechanical errors only
     # (K, 6) [N m] of the servos at the gears' outputs, in the step that ends at t
@@ -46,7 +46,13 @@ class Motion:
         """Shown joint angles (N, 6) and ball-bar angles (N, 5) [rad] at true times (N,) [s]."""
         inside = np.clip(times, self.t[0], self.t[-1])
         both = CubicSpline(self.t, np.concatenate((self.shown, self.b), axis=1))(inside)
-        return both[:, :6], both[:, 6:]
+        joints = self.shown.shape[1]
+        return both[:, :joints], both[:, joints:]
+
+    def stretch_at(self, times: Array) -> Array:
+        """(N,) [m] elongation of the rod at true times (N,) [s]."""
+        inside = np.clip(times, self.t[0], self.t[-1])
+        return np.asarray(CubicSpline(self.t, self.rod_stretch)(inside))
 
     def closure(self) -> tuple[Array, Array]:
         """Loop-closure errors (K / CLOSURE_STRIDE,) [m] and [rad], from the angles by DH alone.

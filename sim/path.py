@@ -18,20 +18,35 @@ from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, bar_frames
-from cell.inverse import robot_branches
+from cell.inverse import has_closed_form, robot_branches
+from cell.numerical_inverse import best_branches, in_range, led, polished
 from cell.robot_angles import joints_to_axes
 
+FOLLOWED = 2  # configurations of an arm without closed form that a path is followed in
+PER_CYCLE, LEAST_PHASES = 24, 96  # phases at which such an arm is led to the path
+LEAST_AXES = 6  # that bring a tool to any pose
+LARGEST_STEP = 1.0  # [rad] between two phases; more is a jump to another configuration
 RAMP = 2.0  # [s] from a dwell to the cruising speed of the phase, and back: below 1 Hz
+
+
+@dataclass(frozen=True)
+class RodHarmonic:
+    """One harmonic of the length of a telescoping rod: amplitude * sin(2 pi cycles s + phase)."""
+
+    amplitude: float  # [m]
+    cycles: int  # per run
+    phase: float  # [rad]
 
 
 @dataclass(frozen=True, eq=False)
 class Lissajous:
-    """Harmonics of the five ball-bar angles."""
+    """Harmonics of the five ball-bar angles, and of the rod where it telescopes."""
 
     centre: Array  # (5,) [rad]
     amplitude: Array  # (5,) [rad]
     cycles: Array  # (5,) whole numbers per run
     phase: Array  # (5,) [rad]
+    rod: tuple[RodHarmonic, ...] = ()
 
     def angles(self, s: Array) -> Array:
         """(N, 5) [rad] at phases s (N,)."""
@@ -39,9 +54,21 @@ class Lissajous:
             2.0 * np.pi * self.cycles * s[:, None] + self.phase
         )
 
+    @property
+    def middle(self) -> Array:
+        """(5,) [rad] about which the angles swing."""
+        return self.centre
+
+    @property
+    def most_cycles(self) -> int:
+        """Cycles per run of the fastest harmonic."""
+        return int(self.cycles.max())
+
     def lengthening(self, s: Array) -> Array:
-        """(N,) [m] elongation of the commanded rod: 0, since the path stays on the sphere."""
-        return np.zeros_like(s)
+        """(N,) [m] elongation of the commanded rod; 0 for a path on the sphere."""
+        turn = 2.0 * np.pi * s
+        waves = (h.amplitude * np.sin(h.cycles * turn + h.phase) for h in self.rod)
+        return np.asarray(sum(waves, np.zeros_like(s)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +91,16 @@ class PushPull:
     held: Array  # (5,) [rad] ball-bar angles
     travel: float  # [m] amplitude of the commanded length; the servo makes a force of it
     cycles: int  # per run
+
+    @property
+    def middle(self) -> Array:
+        """(5,) [rad] the held pose."""
+        return self.held
+
+    @property
+    def most_cycles(self) -> int:
+        """Cycles per run of the motion along the rod."""
+        return self.cycles
 
     def angles(self, s: Array) -> Array:
         """(N, 5) [rad] at phases s (N,): those of the held pose."""
@@ -121,8 +158,12 @@ def reference_path(
     dwell: float,
     stops: int,
     step: float,
+    beginning: Array | None = None,
 ) -> ReferencePath:
     """The command of one run, sampled every `step` seconds; other times as in `phase_over_time`.
+
+    beginning : (J,) [rad] joint angles near which it begins, in whose configuration of the arm it
+        stays; by default the first that keeps the axis ranges.
 
     Raises InputError naming time, joint and value where the path leaves the robot's reach, an axis
     range or a speed limit.
@@ -130,33 +171,96 @@ def reference_path(
     t: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
     phase = phase_over_time(t, duration=duration, dwell=dwell, stops=stops)
     b = shape.angles(phase)
-    frames = bar_frames(nominal, b)
-    poses = frames.poses()
-    poses[:, :3, 3] += (shape.lengthening(phase) * frames.z[2]).T
-    q = _continuous_branch(robot, nominal, t, b, poses)
+    branches = branches_along(robot, nominal, shape, phase)
+    if not branches:
+        raise _out_of_reach(nominal, shape, t, phase)
+    if beginning is not None:
+        branches.sort(key=lambda q: float(np.abs(np.angle(np.exp(1j * (q[0] - beginning)))).max()))
+    q = _branch_in_range(robot, t, [_turned(robot, nominal, branch) for branch in branches])
     speed = CubicSpline(t, q).derivative()(t)
     check_speeds(robot, t, speed)
     return ReferencePath(t, b, q, speed)
 
 
-def _continuous_branch(robot: Robot, nominal: Geometry, t: Array, b: Array, poses: Array) -> Array:
-    branches = robot_branches(nominal.robot, poses)
-    lost = np.isnan(branches).any(axis=(0, 2))
-    if lost.any():
-        first = int(lost.argmax())
+def tool_poses(
+    nominal: Geometry, shape: Lissajous | PushPull, s: Array, share: float = 1.0
+) -> Array:
+    """(N, 4, 4) tool frames of a path at phases s (N,), or of its motion scaled by a share of 1."""
+    b, lengthening = shape.angles(s), shape.lengthening(s)
+    if share != 1.0:
+        b, lengthening = shape.middle + share * (b - shape.middle), share * lengthening
+    frames = bar_frames(nominal, b)
+    poses = frames.poses()
+    poses[:, :3, 3] += (lengthening * frames.z[2]).T
+    return poses
+
+
+def branches_along(
+    robot: Robot, nominal: Geometry, shape: Lissajous | PushPull, s: Array
+) -> list[Array]:
+    """Joint angles (N, J) [rad] at phases s (N,) in the configurations that reach all of a path.
+
+    In closed form where the arm has one: then they continue from sample to sample. Otherwise the
+    arm is led from the middle of the path, at which its best configurations are searched, to all
+    phases at once as the motion grows to its size, which keeps it continuous.
+
+    Raises InputError for a robot of fewer than six axes, which cannot turn the tool as it goes.
+    """
+    chain = nominal.robot
+    if has_closed_form(chain):
+        every = robot_branches(chain, tool_poses(nominal, shape, s))
+        return [np.unwrap(branch, axis=0) for branch in every if not np.isnan(branch).any()]
+    if chain.rows < LEAST_AXES:
         raise InputError(
-            f"path: out of reach at t = {t[first]:.2f} s (ball-bar angles "
-            f"{np.degrees(b[first]).round(1)} deg); "
-            "move the ball-bar (cell.ballbar_position_m, metres) or shrink the path"
+            f"robot {robot.name} has {chain.rows} axes; a path of the tool in place and direction "
+            f"needs {LEAST_AXES}. Measure still poses, or take a path that was recorded."
         )
+    grid = np.linspace(0.0, 1.0, max(LEAST_PHASES, PER_CYCLE * shape.most_cycles) + 1)
+    middle = tool_poses(nominal, shape, grid[:1], 0.0)
+    starts = best_branches(robot, chain, middle, count=FOLLOWED)[:, 0]
+    starts = starts[~np.isnan(starts).any(axis=1)]
+    begin = np.repeat(starts, grid.size, axis=0)
+
+    def at(share: float) -> Array:
+        return np.tile(tool_poses(nominal, shape, grid, share), (len(starts), 1, 1))
+
+    out, poses = [], tool_poses(nominal, shape, s)
+    for coarse in led(chain, begin, at).reshape(len(starts), grid.size, chain.rows):
+        if not np.isnan(coarse).any() and np.abs(np.diff(coarse, axis=0)).max() < LARGEST_STEP:
+            q = polished(chain, CubicSpline(grid, coarse)(s), poses)
+            out += [] if np.isnan(q).any() else [q]
+    return out
+
+
+def _out_of_reach(
+    nominal: Geometry, shape: Lissajous | PushPull, t: Array, phase: Array
+) -> InputError:
+    """Says where a path that no configuration reaches is lost."""
+    remedy = "move the ball-bar (cell.ballbar_position_m, metres) or shrink the path"
+    if not has_closed_form(nominal.robot):
+        return InputError(f"path: out of reach, or through a singular posture; {remedy}")
+    lost = np.isnan(robot_branches(nominal.robot, tool_poses(nominal, shape, phase))).any(axis=2)
+    first = int(lost.all(axis=0).argmax())
+    angles = np.degrees(shape.angles(phase[first : first + 1])[0]).round(1)
+    return InputError(
+        f"path: out of reach at t = {t[first]:.2f} s (ball-bar angles {angles} deg); {remedy}"
+    )
+
+
+def _turned(robot: Robot, nominal: Geometry, q: Array) -> Array:
+    """(N, J) [rad] joint angles less whole turns: about 0 in closed form, else about the ranges."""
+    if not has_closed_form(nominal.robot):
+        return in_range(robot, q)
+    return np.asarray(q - 2.0 * np.pi * np.round(q.mean(axis=0) / (2.0 * np.pi)))
+
+
+def _branch_in_range(robot: Robot, t: Array, branches: list[Array]) -> Array:
+    """(N, J) [rad] of the first configuration that keeps the axis ranges."""
     faults = []
-    for branch in branches:
-        q = np.unwrap(branch, axis=0)
-        for turn in range(6):
-            q[:, turn] -= 2.0 * np.pi * np.round(q[:, turn].mean() / (2.0 * np.pi))
+    for q in branches:
         fault = axis_range_fault(robot, t, q)
         if fault is None:
-            return np.asarray(q)
+            return q
         faults.append(fault)
     raise InputError(
         "path: every configuration of the arm leaves an axis range; "

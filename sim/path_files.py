@@ -14,7 +14,7 @@ from cell.geometry import Geometry
 from cell.logs import RobotLog
 from cell.schema import Strict
 from cell.strict_yaml import load_model
-from sim.path import Lissajous, PushPull, ReferencePath, reference_path
+from sim.path import Lissajous, PushPull, ReferencePath, RodHarmonic, reference_path
 from sim.recorded_path import recorded_path
 from sim.settings import PathSettings, Position
 
@@ -22,6 +22,14 @@ PATH_STEP = 0.01  # [s] grid of the reference path; the command between is a cub
 
 Vector5 = Annotated[tuple[float, ...], Field(min_length=5, max_length=5)]
 Whole5 = Annotated[tuple[int, ...], Field(min_length=5, max_length=5)]
+
+
+class RodHarmonicFile(Strict):
+    """One harmonic of the length of a telescoping rod or a wire."""
+
+    amplitude_m: Annotated[float, Field(gt=0.0, le=5.0)]
+    cycles: Annotated[int, Field(gt=0)]
+    phase_deg: float = 0.0
 
 
 class LissajousFile(Strict):
@@ -35,6 +43,9 @@ class LissajousFile(Strict):
     amplitude_deg: Vector5
     cycles: Whole5
     phase_deg: Vector5
+    rod: tuple[RodHarmonicFile, ...] = Field(
+        (), description="Of an instrument's length about its nominal one; absent for a ball-bar."
+    )
     ballbar_position_m: Position | None = Field(
         None, description="Position that the path was planned for; only `ballbar plan` reads it."
     )
@@ -71,10 +82,20 @@ def scenario_path(
                 "simulation. Take another path.kind, or run the scenario with `ballbar run`."
             )
         return recorded_path(
-            cell.robot, nominal, recorded, duration=settings.duration_s, step=PATH_STEP
+            cell.robot,
+            nominal,
+            recorded,
+            duration=settings.duration_s,
+            step=PATH_STEP,
+            telescopes=cell.ballbar.stroke is not None,
         )
     file = relative_to / settings.file
     shape = load_push_pull(file) if settings.kind == "push_pull" else load_lissajous(file)
+    if isinstance(shape, Lissajous) and shape.rod and cell.ballbar.stroke is None:
+        raise InputError(
+            f"{file}: the rod of {cell.ballbar.name} does not telescope. Leave out `rod`, or name "
+            "an instrument (cell.instrument)."
+        )
     return reference_path(
         cell.robot,
         nominal,
@@ -98,6 +119,9 @@ def lissajous(file: LissajousFile) -> Lissajous:
         amplitude=np.radians(file.amplitude_deg),
         cycles=np.array(file.cycles, dtype=float),
         phase=np.radians(file.phase_deg),
+        rod=tuple(
+            RodHarmonic(h.amplitude_m, h.cycles, float(np.radians(h.phase_deg))) for h in file.rod
+        ),
     )
 
 

@@ -15,7 +15,7 @@ from scipy.interpolate import BSpline, CubicSpline
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError
-from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.geometry import BAR_ROWS, Geometry, bar_frames, robot_frames
 from cell.inverse import bar_angles, refine
 from cell.logs import RobotLog
 from cell.splines import DEGREE, smoothing_spline
@@ -28,9 +28,17 @@ BRANCH = (True, True)
 
 
 def recorded_path(
-    robot: Robot, nominal: Geometry, log: RobotLog, *, duration: float, step: float
+    robot: Robot,
+    nominal: Geometry,
+    log: RobotLog,
+    *,
+    duration: float,
+    step: float,
+    telescopes: bool = False,
 ) -> ReferencePath:
     """The first `duration` seconds of a robot's log as a command, every `step` seconds.
+
+    telescopes : whether the rod is as long as the log has it, and not rigid.
 
     Raises InputError when the log is shorter, the tool is not on the ball-bar's sphere, or the
     motion exceeds an axis range or a speed limit.
@@ -41,8 +49,12 @@ def recorded_path(
             "Take no more than that."
         )
     poses = robot_frames(nominal, log.q).poses()
-    _check_sphere(nominal, log.t, poses)
-    smooth = _smoothed(log.t, np.unwrap(bar_angles(poses, nominal.origin, flipped=BRANCH), axis=0))
+    off = np.linalg.norm(poses[:, :3, 3] - nominal.origin, axis=1) - nominal["bd3"]
+    if not telescopes:
+        _check_sphere(log.t, off)
+        off = np.zeros_like(off)
+    angles = np.unwrap(bar_angles(poses, nominal.origin, flipped=BRANCH), axis=0)
+    smooth = _smoothed(log.t, np.column_stack((angles, off)))
     t: Array = np.arange(round(duration / step) + 1, dtype=np.float64) * step
     b = np.asarray(smooth(np.minimum(t, log.t[-1])))
     logged = np.stack([np.interp(t, log.t, angle) for angle in log.q.T], axis=1)
@@ -51,11 +63,11 @@ def recorded_path(
         raise InputError(f"path: {fault[1]}")
     speed = CubicSpline(t, q).derivative()(t)
     check_speeds(robot, t, speed)
-    return ReferencePath(t, b, q, speed)
+    return ReferencePath(t, b[:, :BAR_ROWS], q, speed)
 
 
-def _check_sphere(nominal: Geometry, t: Array, poses: Array) -> None:
-    off = np.linalg.norm(poses[:, :3, 3] - nominal.origin, axis=1) - nominal["bd3"]
+def _check_sphere(t: Array, off: Array) -> None:
+    """Raises InputError where the tool is far off the sphere; off : (N,) [m] beyond its radius."""
     k = int(np.abs(off).argmax())
     if abs(off[k]) > OFF_SPHERE:
         raise InputError(

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from cell.arrays import Array
 from cell.files import write_yaml
+from cell.instrument import Instrument
+from sim.logging.clocks import BAR_EPOCH_NS
 from sim.logging.encoders import motor_angles
 from sim.logging.load_logs import motor_torques, sensor_rows
 from sim.logging.loggers import LoggedRows
-from sim.logging.writers import write_abb_motor, write_force_torque, write_twincat_plc
+from sim.logging.writers import (
+    write_abb_motor,
+    write_force_torque,
+    write_lengths,
+    write_twincat_plc,
+)
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation
 from sim.streams import stream
 
-# A logger that starts again renames its first file (notes/log_formats sec. A.6).
-BALLBAR_FILES = ("raw/ballbarOld.csv", "raw/ballbar.csv")
+SENSOR_EPOCH = 51.0  # [s] up-time of the logger of lengths at its first row
 
 
 def truth_path(folder: Path) -> Path:
@@ -29,6 +38,8 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
         _write_force(simulation, settings, folder)
     if simulation.encoders:
         _write_ballbar(simulation, settings, folder)
+    if simulation.instrument:
+        _write_lengths(simulation, settings, simulation.instrument, folder)
     simulation.truth.write(truth_path(folder))
     write_yaml(folder / "recording.yaml", _recording_yaml(simulation, settings))
 
@@ -77,7 +88,8 @@ def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder:
         rng = stream(seed, f"encoder_noise_b{e.joint}")
         counts[f"b{e.joint}"] = e.counts(b[:, e.joint - 1], times.bar_true, rng)
         status[f"s{e.joint}"] = e.status(times.bar_task, times.bar_true)
-    for file, rows in zip(_ballbar_files(simulation.rows), simulation.rows.ballbar, strict=True):
+    files = _files("ballbar", simulation.rows)
+    for file, rows in zip(files, simulation.rows.ballbar, strict=True):
         write_twincat_plc(
             folder / file,
             times.bar_stamp[rows],
@@ -86,21 +98,47 @@ def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder:
         )
 
 
-def _ballbar_files(rows: LoggedRows) -> list[str]:
-    return list(BALLBAR_FILES[-len(rows.ballbar) :])
+def _write_lengths(
+    simulation: Simulation, settings: SimulationSettings, instrument: Instrument, folder: Path
+) -> None:
+    times, sensor = simulation.times, settings.length
+    sigma = sensor.noise_scale * instrument.sigma_length
+    read = instrument.nominal + simulation.motion.stretch_at(times.bar_true)
+    read += stream(settings.seed, "length_noise").normal(0.0, sigma, read.shape)
+    if sensor.resolution_m:
+        read = np.rint(read / sensor.resolution_m) * sensor.resolution_m
+    stamps: Array = SENSOR_EPOCH + (times.bar_stamp - BAR_EPOCH_NS).astype(np.float64) * 1e-9
+    for file, rows in zip(_files("length", simulation.rows), simulation.rows.ballbar, strict=True):
+        write_lengths(folder / file, stamps[rows], read[rows])
+
+
+def _files(log: str, rows: LoggedRows) -> list[str]:
+    """Files of the second log, oldest first.
+
+    A logger that starts again renames its first file (notes/log_formats sec. A.6).
+    """
+    return [f"raw/{log}Old.csv", f"raw/{log}.csv"][-len(rows.ballbar) :]
 
 
 def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dict[str, object]:
     sources: dict[str, object] = {"robot": {"files": ["raw/robot.csv"], "dialect": "abb-motor"}}
     if simulation.encoders:
-        sources["ballbar"] = {"files": _ballbar_files(simulation.rows), "dialect": "twincat-plc"}
+        sources["ballbar"] = {"files": _files("ballbar", simulation.rows), "dialect": "twincat-plc"}
+    if simulation.instrument:
+        sources["length"] = {
+            "files": _files("length", simulation.rows),
+            "dialect": "length-table",
+            "column": "length",
+            "unit": "mm",
+            "time": "s",
+        }
     if settings.logs.force_sensor:
         sources["force"] = {"files": ["raw/force.csv"], "dialect": "force-torque"}
     return {
         "schema": "ballbar-recording/1",
         "kind": "simulated",
         "robot": settings.cell.robot,
-        "ballbar": settings.cell.ballbar,
+        "instrument" if simulation.instrument else "ballbar": settings.cell.measured_by,
         "plate": settings.cell.plate,
         "sources": sources,
         "encoders": {

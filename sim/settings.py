@@ -38,11 +38,29 @@ class CellSettings(Strict):
     """What stands in the cell, and where."""
 
     robot: str = Field(description="A file of cell/robots, or a path that ends in .yaml.")
-    ballbar: str = Field(description="A file of cell/instruments, or a path.")
+    ballbar: str | None = Field(
+        None, description="A ball-bar with encoders: a file of cell/instruments, or a path."
+    )
+    instrument: str | None = Field(
+        None,
+        description="In place of ballbar, an instrument that measures a length: a telescoping "
+        "ball-bar or a draw-wire.",
+    )
     plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
     ballbar_position_m: Position = Field(
-        description="Centre of the sphere in the robot's base frame."
+        description="Centre of the sphere, or seat of the instrument, in the robot's base frame."
     )
+
+    @model_validator(mode="after")
+    def _ballbar_or_instrument(self) -> CellSettings:
+        if (self.ballbar is None) == (self.instrument is None):
+            raise wrong_key("ballbar", message="expected either ballbar or instrument")
+        return self
+
+    @property
+    def measured_by(self) -> str:
+        """The ball-bar or the instrument that holds the tool."""
+        return self.ballbar or self.instrument or ""
 
 
 class PathSettings(Strict):
@@ -83,7 +101,26 @@ class PathSettings(Strict):
         return self
 
 
-class PlantSettings(Strict):
+class RodAndWire(Strict):
+    """What a telescoping rod or a wire does to the robot in MuJoCo."""
+
+    rod_mass_kg: Annotated[float, Field(gt=0.0)] = Field(
+        0.25, description="Mass of a telescoping rod. Assumed."
+    )
+    rod_spring_N_per_m: Annotated[float, Field(ge=0.0)] = Field(
+        500.0, description="Spring of a rod's length sensor, without force at mid range. Assumed."
+    )
+    rod_friction_N: Annotated[float, Field(ge=0.0)] = Field(
+        0.3,
+        description="Friction of a rod's slide; what is left of it at a still pose is drawn. "
+        "Assumed.",
+    )
+    wire_tension_N: Annotated[float, Field(gt=0.0)] = Field(
+        6.0, description="Tension of a draw-wire. Assumed."
+    )
+
+
+class PlantSettings(RodAndWire):
     """The model that turns the command into motion."""
 
     kind: Literal["mujoco", "kinematic"] = Field(
@@ -204,6 +241,25 @@ class EncoderSettings(Strict):
         return self
 
 
+class LengthSettings(Strict):
+    """The sensor of a telescoping ball-bar or draw-wire; clocks holds for its log too."""
+
+    noise_scale: Annotated[float, Field(ge=0.0)] = Field(
+        1.0, description="Factor on the white noise that the instrument's file states."
+    )
+    zero_scale: Annotated[float, Field(ge=0.0)] = Field(
+        1.0,
+        description="Factor on the standard deviation of the zero that the instrument's file "
+        "states; its error is drawn.",
+    )
+    resolution_m: Annotated[float, Field(ge=0.0, le=0.01)] = Field(
+        1.0e-7, description="Step of the logged length; 0 for no rounding."
+    )
+    rate_hz: Annotated[float, Field(ge=1.0, le=10_000.0)] = Field(
+        100.0, description="Rows per second."
+    )
+
+
 class ClockSettings(Strict):
     """The two clocks: t_robot = offset + (1 + skew) * t_ballbar.
     Both times count from the first row of their own log.
@@ -237,6 +293,21 @@ class ClockSettings(Strict):
             yield ("clocks", "restart", "gap_s"), self.restart.at_s + self.restart.gap_s
 
 
+# Sections, or keys of a section, that need a ball-bar with encoders, and those that need a length.
+OF_BALLBAR: dict[str, tuple[str, ...]] = {
+    "encoders": (),
+    "errors": (
+        *(name for name in SensorErrors.model_fields if name != "resolver_error"),
+        *SampleErrors.model_fields,
+        *("ballbar_axes", "base_tilt", "rod_strain", "rod_backlash", "bar_friction"),
+        *("base_compliance", "outliers"),
+    ),
+    "clocks": ("overrun_probability",),
+    "logs": ("force_sensor",),
+}
+OF_LENGTH: dict[str, tuple[str, ...]] = {"length": (), "plant": tuple(RodAndWire.model_fields)}
+
+
 class SimulationSettings(Strict):
     """Everything that a simulated recording is made from."""
 
@@ -245,11 +316,28 @@ class SimulationSettings(Strict):
     plant: PlantSettings = PlantSettings()
     errors: ErrorSettings = ErrorSettings()
     encoders: EncoderSettings = EncoderSettings()
+    length: LengthSettings = LengthSettings()
     clocks: ClockSettings = ClockSettings()
     logs: LoadLogs = LoadLogs()
     seed: Annotated[int, Field(ge=0)] = Field(
         0, description="Seed of all drawn values; each error source has its own stream."
     )
+
+    @model_validator(mode="after")
+    def _of_its_instrument(self) -> SimulationSettings:
+        """Nothing is stated that belongs to the other kind; a default says nothing."""
+        of_length = self.cell.instrument is not None
+        unused = OF_BALLBAR if of_length else OF_LENGTH
+        needed = "a ball-bar with encoders (cell.ballbar)" if of_length else "cell.instrument"
+        for section, keys in unused.items():
+            holder = getattr(self, section) if keys else self
+            for key in keys or (section,):
+                if getattr(holder, key) != type(holder).model_fields[key].default:
+                    path = (section, key) if keys else (section,)
+                    raise wrong_key(*path, message=f"needs {needed}; leave it out")
+        if of_length and self.path.kind == "push_pull":
+            raise wrong_key("path", "kind", message="push_pull needs a ball-bar with a rigid rod")
+        return self
 
     @model_validator(mode="after")
     def _faults_happen(self) -> SimulationSettings:

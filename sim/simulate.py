@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
-from cell.load import load_cell
+from cell.instrument import Instrument
 from cell.logs import RobotLog
 from sim.errors.sample_errors import refuse_sample_errors
 from sim.errors.sensor_effects import (
@@ -30,9 +31,12 @@ from sim.path import ReferencePath
 from sim.path_files import scenario_path
 from sim.plant.description import Plant, servo_gains
 from sim.plant.effects import PlantEffects, plant_effects
+from sim.plant.instrument_plant import run_with_instrument
 from sim.plant.kinematic_plant import refuse_forces, run_kinematic
+from sim.plant.measured_motion import check_stroke, run_free
 from sim.plant.mjcf import ROBOT_JOINTS
 from sim.plant.mujoco_plant import run_plant
+from sim.scenario_cell import scenario_cell, scenario_instrument
 from sim.settings import SimulationSettings
 from sim.streams import stream
 from sim.truth import PlantTruth, Truth, plant_truth
@@ -47,6 +51,7 @@ class Simulation:
     """One run before it was logged."""
 
     cell: Cell
+    instrument: Instrument | None  # that measures a length; None for a ball-bar
     path: ReferencePath
     motion: Motion
     encoders: tuple[BarEncoder, ...]
@@ -72,19 +77,31 @@ def simulate(
     """
     refuse_sample_errors(settings.errors)
     chosen, errors, seed = settings.cell, settings.errors, settings.seed
-    cell = load_cell(chosen.robot, chosen.ballbar, chosen.plate, relative_to=relative_to)
+    cell = scenario_cell(chosen, relative_to=relative_to)
+    instrument = scenario_instrument(chosen, relative_to=relative_to)
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
-    true = true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed)
+    true = true_geometry(
+        nominal,
+        errors,
+        plate_sigma=cell.plate.length_sigma,
+        zero_sigma=settings.length.zero_scale * instrument.sigma_zero if instrument else None,
+        seed=seed,
+    )
     path = scenario_path(settings.path, cell, nominal, relative_to=relative_to, recorded=recorded)
     effects = plant_effects(errors, cell, seed)
-    motion = _motion(settings, cell, true, effects, path, on_motion=on_motion)
-    encoders = _encoders(settings, cell)
+    plant = _Plant(settings, cell, instrument, true, effects)
+    motion = plant.motion(path, on_motion=on_motion)
+    if instrument:
+        check_stroke(instrument, motion)
+    encoders = () if instrument else _encoders(settings, cell)
     resolvers = resolver_effects(errors.resolver_error, joints=cell.robot.joints, seed=seed)
-    times = log_times(float(motion.t[-1]), settings.clocks, seed=seed)
+    rate = settings.length.rate_hz if instrument else None
+    times = log_times(float(motion.t[-1]), settings.clocks, rate=rate, seed=seed)
     rows = logged_rows(times, settings.clocks, seed=seed)
     logs = _log_truth(settings, encoders, resolvers, times, rows)
     return Simulation(
         cell=cell,
+        instrument=instrument,
         path=path,
         motion=motion,
         encoders=encoders,
@@ -95,37 +112,55 @@ def simulate(
     )
 
 
-def _motion(
-    settings: SimulationSettings,
-    cell: Cell,
-    true: Geometry,
-    effects: PlantEffects,
-    path: ReferencePath,
-    *,
-    on_motion: MotionCallback | None,
-) -> Motion:
-    chosen = settings.plant
-    if chosen.kind == "kinematic":
-        refuse_forces(settings)
-        motion = run_kinematic(cell.robot, true, effects, path)
+@dataclass(frozen=True, eq=False)
+class _Plant:
+    """The plant that a scenario chooses."""
+
+    settings: SimulationSettings
+    cell: Cell
+    instrument: Instrument | None
+    true: Geometry
+    effects: PlantEffects
+
+    def motion(self, path: ReferencePath, *, on_motion: MotionCallback | None) -> Motion:
+        if self.settings.plant.kind == "kinematic":
+            return self._kinematic(path, on_motion)
+        return self._mujoco(path, on_motion)
+
+    def _kinematic(self, path: ReferencePath, on_motion: MotionCallback | None) -> Motion:
+        refuse_forces(self.settings)
+        run = run_free if self.instrument else run_kinematic
+        motion = run(self.cell.robot, self.true, self.effects, path)
         if on_motion is not None:
-            on_motion(cell, true, motion.t, motion.q, motion.b)
+            b = np.column_stack((motion.b, motion.rod_stretch)) if self.instrument else motion.b
+            on_motion(self.cell, self.true, motion.t, motion.q, b)
         return motion
-    if cell.robot.joints != len(ROBOT_JOINTS):
-        raise InputError(
-            f"plant.kind = mujoco: the dynamic plant is built for {len(ROBOT_JOINTS)} axes, robot "
-            f"{cell.robot.name} has {cell.robot.joints}. Use plant.kind = kinematic."
+
+    def _mujoco(self, path: ReferencePath, on_motion: MotionCallback | None) -> Motion:
+        chosen, robot = self.settings.plant, self.cell.robot
+        if robot.joints != len(ROBOT_JOINTS):
+            raise InputError(
+                f"plant.kind = mujoco: the dynamic plant is built for {len(ROBOT_JOINTS)} axes, "
+                f"robot {robot.name} has {robot.joints}. Use plant.kind = kinematic."
+            )
+        if self.settings.path.kind == "recorded":
+            _refuse_moving_start(path)
+        sensed = self.settings.logs.force_sensor is not None
+        effects, gains = (
+            replace(self.effects, force_sensor=sensed),
+            servo_gains(robot, chosen.servo),
         )
-    if settings.path.kind == "recorded":
-        _refuse_moving_start(path)
-    effects = replace(effects, force_sensor=settings.logs.force_sensor is not None)
-    return run_plant(
-        Plant(cell, true, effects, servo_gains(cell.robot, chosen.servo)),
-        path,
-        timestep=chosen.timestep_s,
-        gravity_compensation=chosen.gravity_compensation,
-        on_motion=on_motion,
-    )
+        plant = Plant(self.cell, self.true, effects, gains)
+        run = run_plant
+        if self.instrument:
+            run = partial(run_with_instrument, instrument=self.instrument, forces=chosen)
+        return run(
+            plant,
+            path,
+            timestep=chosen.timestep_s,
+            gravity_compensation=chosen.gravity_compensation,
+            on_motion=on_motion,
+        )
 
 
 def _refuse_moving_start(path: ReferencePath) -> None:

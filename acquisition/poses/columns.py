@@ -1,8 +1,8 @@
 """Columns of a table of poses: numbers with the unit that the header states, empty fields marked.
 
-A column is named as in the header, with or without the unit in brackets there (`X` finds `X [mm]`),
-or counted from 1. An empty field or a NaN of a measurement is NaN here; anything else that is no
-number is refused with its line.
+A column is named as in the header, with or without the unit there (`X` finds `X [mm]`), or counted
+from 1. An empty field or a NaN of a measurement is NaN here; anything else that is no number is
+refused with its line.
 """
 
 from __future__ import annotations
@@ -25,11 +25,13 @@ from acquisition.table.text import LogText
 from cell.arrays import Array
 from cell.errors import DescriptionError, LogError
 
-_UNIT = re.compile(r"(.*?)\s*[\[(]\s*([^\[\]()]{1,8}?)\s*[\])]\s*")
-UNITS = {  # as headers write them
+_BRACKETS = re.compile(r"(.*?)\s*[\[(]\s*([^\[\]()]{1,8}?)\s*[\])]\s*")
+_BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s+in\s+)(\S{1,8})\s*")  # `A1 / °`, `A1 in °`
+_UNITS = {  # as headers write them; the sign of degrees, and two that look like it
     "m": "m", "cm": "cm", "mm": "mm", "um": "um", "µm": "um", "μm": "um",
-    "in": "inch", "inch": "inch", "rad": "rad", "deg": "deg", "°": "deg", "degree": "deg",
-    "degrees": "deg", "grad": "deg",
+    "in": "inch", "inch": "inch", "rad": "rad", "deg": "deg", "°": "deg", "º": "deg", "˚": "deg",
+    "degree": "deg", "degrees": "deg",
+    "Grad": "deg",  # German; `grad` may be a hundredth of a right angle
 }  # fmt: skip
 _TERMS = re.compile(r"(.+?) ([+-]) (.+)")
 _MISSING = {"", "nan", "-nan", "n/a", "na", "#n/a", "null", "none", "-", "--"}
@@ -162,17 +164,31 @@ def selector(column: int | str, names: Collection[str]) -> str:
         raise DescriptionError(f"poses.yaml: column {column!r}: {error}.") from None
     if column in names:
         return column
-    alike = [name for name in names if (named := _UNIT.fullmatch(name)) and named[1] == column]
+    alike = [name for name in names if name != (bare := split_unit(name)[0]) and bare == column]
     return alike[0] if len(alike) == 1 else column
 
 
+def split_unit(name: str) -> tuple[str, str | None]:
+    """A column's name without its unit, and the unit; None where it states none that is known.
+
+    The unit stands in brackets, or behind a slash or `in`: `A1 [°]`, `X (mm)`, `A1 / °`, `X in mm`.
+    """
+    if named := _BRACKETS.fullmatch(name):
+        return named[1], _known(named[2])
+    if (named := _BEHIND.fullmatch(name)) and (unit := _known(named[2])):
+        return named[1], unit
+    return name, None
+
+
+def _known(unit: str) -> str | None:
+    return _UNITS.get(unit) or _UNITS.get(unit.lower())
+
+
 def unit_stated(quantity: Quantity) -> str | None:
-    """The unit that the header states in brackets behind the names; None if it states none."""
-    units = {
-        UNITS.get(named[2].lower())
-        for term in quantity.terms
-        if (named := _UNIT.fullmatch(term.selector))
-    }
+    """The unit that the header states behind the names; None if it states none."""
+    names = [term.selector for term in quantity.terms]
+    each = zip(names, map(split_unit, names), strict=True)
+    units = {unit for name, (bare, unit) in each if bare != name}
     return units.pop() if len(units) == 1 else None
 
 

@@ -19,7 +19,7 @@ from cell.pose_file import AngleUnit, Column, NamedColumn, PoseTableFile, ValueC
 from cell.poses import COLUMNS, Measured
 
 # Columns of the joint angles of files that have names of their own for them.
-_AXES_OF: dict[FileKind, tuple[str, ...]] = {
+AXES_OF: dict[FileKind, tuple[str, ...]] = {
     "rapid": JOINTTARGET,
     "kuka-rsi": tuple(f"AIPos.A{k}" for k in range(1, 7)),
 }
@@ -157,8 +157,8 @@ def table_columns(
 def joint_columns(context: TableContext, text: LogText, kind: FileKind) -> tuple[Quantity, ...]:
     """The columns of the joint angles, one an axis."""
     axes, columns = context.axes, context.declared.joints.columns
-    if not columns and kind in _AXES_OF:
-        columns = _AXES_OF[kind]
+    if not columns and kind in AXES_OF:
+        columns = AXES_OF[kind]
     named = spread([str(c) for c in columns], axes) if len(columns) == 1 else columns
     if len(named) != axes:
         raise context.wrong(

@@ -236,12 +236,25 @@ def _value_findings(
     unit, angle = value_units(context, declared, columns.values)
     if context.instrument.measured == "length":
         return check_lengths(rows, values, context.instrument, unit)
-    findings = check_positions(robot, rows, q, values[:, :3], unit)
+    findings = _position_findings(context, columns, rows, q, values[:, :3], unit)
     if values.shape[1] == 3:
         return findings
     expected = orientations(robot, q, values[:, :3])
     raw = numbers.values[:, 3:]
     return (*findings, *check_rotations(robot, rows, expected, declared, raw, RADIANS[angle]))
+
+
+def _position_findings(
+    context: TableContext, columns: TableColumns, rows: PoseRows, q: Array, points: Array, unit: str
+) -> tuple[Finding, ...]:
+    """Findings about points (N, 3) [m], seat by seat: each has a frame of its own."""
+    seats = np.array(_labels(rows, context.declared.seat, columns.labels.get("seat")))
+    return tuple(
+        entry
+        for seat in dict.fromkeys(seats.tolist())
+        for own in [seats == seat]
+        for entry in check_positions(context.robot, rows.take(own), q[own], points[own], unit)
+    )
 
 
 def _refuse_radians(

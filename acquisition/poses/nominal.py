@@ -30,6 +30,9 @@ _TOOL = 0.5  # [m] no target is further from the flange
 _MOVED = 0.1  # of the reach: spread of the nominal flange that must show in the positions
 _BETTER = 5.0  # times smaller residual of a mirrored frame
 _FITS = 0.05  # of the reach: a nominal robot within it is the right one
+_SEAT_FITS = 0.03  # of the reach: likewise of a few points, carried on to the others
+_TRIALS, _FEW = 150, 5  # of two equal parts, five points are of one in a sixteenth of the trials
+_MOST = 0.9  # of the points of each seat that have to fit
 _TURN_OFF = np.deg2rad(3.0)  # [rad] median error of the rotations
 _TURN_FITS = 0.3  # of that, by another convention
 _EULER = tuple("".join(axes) for axes in product("XYZ", repeat=3) if axes[0] != axes[1] != axes[2])
@@ -73,6 +76,8 @@ def check_positions(
     length = reach(robot)
     far = spread > _LARGE * length + 2.0 * _TOOL
     near_by = spread < _SMALL * length and moved > _MOVED * length
+    if far:
+        _refuse_two_seats(robot, rows, q, every)
     if far or near_by:
         what = "more than the robot reaches" if far else "though its flange moves"
         raise LogError(
@@ -84,7 +89,62 @@ def check_positions(
         return ()
     within = _off_middle(points) < 2.0 * (length + _TOOL)
     frames, points = nominal_frames(robot, q[chosen][within]), points[within]
-    return (*_out_of_reach(robot, rows, every), *_off_nominal(robot, rows, frames, points))
+    findings = _off_nominal(robot, rows, frames, points)
+    if findings:
+        _refuse_two_seats(robot, rows, q, every)
+    return (*_out_of_reach(robot, rows, every), *findings)
+
+
+def _refuse_two_seats(robot: Robot, rows: PoseRows, q: Array, points: Array) -> None:
+    """Raises LogError if points (N, 3) [m] are those of two seats under one name.
+
+    The largest part of the points that fits the catalogue robot is sought among random few
+    (Fischler & Bolles 1981); the others have to fit it from another seat.
+    """
+    chosen = judged(len(q))
+    if chosen.size < 2 * FEWEST:
+        return
+    lines, q, points = rows.line[chosen], q[chosen], points[chosen]
+    limit = _SEAT_FITS * reach(robot)
+    rng, best = np.random.default_rng(0), np.zeros(chosen.size, dtype=bool)
+    for _ in range(_TRIALS):
+        few = rng.choice(chosen.size, _FEW, replace=False)
+        fitting = _distances(robot, q, points, few) < limit
+        best = fitting if fitting.sum() > best.sum() else best
+    if not FEWEST <= best.sum() <= chosen.size - FEWEST:
+        return
+    own, others = np.flatnonzero(best), np.flatnonzero(~best)
+    first = _distances(robot, q, points, own)[own] < limit
+    second = _distances(robot, q, points, others)[others] < limit
+    if first.mean() < _MOST or second.mean() < _MOST:
+        return
+    parts = sorted((lines[own], lines[others]), key=min)
+    seats = "; and ".join(map(_lines, parts))
+    raise LogError(
+        f"{rows.file}: the points fit {robot.name} only as those of two seats of the instrument "
+        f"under one name: {seats}. Give each seat its name: a column with the names "
+        "(`seat: {column: ...}`), or a table for each."
+    )
+
+
+def _distances(robot: Robot, q: Array, points: Array, chosen: NDArray[np.intp]) -> Array:
+    """(N,) [m] of points (N, 3) from the nominal robot at q (N, J), moved onto the chosen ones."""
+    frames = nominal_frames(robot, q)
+    position, turns = frames.tip.T, frames.rotation().transpose(2, 0, 1)
+    turn = rigid_fit(nominal_frames(robot, q[chosen]), points[chosen]).rotation
+    wanted = points @ turn - position
+    both = np.concatenate((turns, np.tile(np.eye(3), (len(turns), 1, 1))), axis=2)
+    place = np.linalg.lstsq(both[chosen].reshape(-1, 6), wanted[chosen].ravel(), rcond=1e-9)[0]
+    return np.asarray(np.linalg.norm(wanted - both @ place, axis=1))
+
+
+def _lines(lines: NDArray[np.int64]) -> str:
+    """Lines in words: a range where the other seat's are not among them, else the first ones."""
+    ordered = np.sort(lines)
+    gaps = np.diff(ordered)
+    if (gaps <= 2 * np.median(gaps)).all() and np.median(gaps) == 1:
+        return f"lines {ordered[0]} to {ordered[-1]}"
+    return f"lines {', '.join(map(str, ordered[:4]))}, ... ({ordered.size} of those judged)"
 
 
 def _out_of_reach(robot: Robot, rows: PoseRows, points: Array) -> tuple[Finding, ...]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.poses.columns import UNITS, PoseRows, header_names, quantities, read_rows
+from acquisition.poses.columns import PoseRows, header_names, quantities, read_rows, split_unit
 from acquisition.poses.nominal import judged, spread_of
 from acquisition.poses.text import FileKind
 from acquisition.poses.values import METRES
@@ -23,9 +23,10 @@ from cell.descriptions import Robot
 from cell.errors import LogError
 from cell.rigid_fit import nominal_frames
 
-_BRACKETS = re.compile(r"(.*?)\s*[\[(]\s*([^\[\]()]{1,8}?)\s*[\])]\s*")
 _SUFFIX = re.compile(r"(.+)_(mm|cm|um|deg|rad|m)")
-_JOINT = re.compile(r"joint|axis|^a\d|^j\d|^q\d|_q_|^theta|rax|aipos|robax", re.IGNORECASE)
+_JOINT = re.compile(
+    r"joint|axis|achse|gelenk|^[ajq][ _]?\d|_q_|^theta|rax|aipos|robax", re.IGNORECASE
+)
 _UR = (
     *("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"),
     *("wrist_1_joint", "wrist_2_joint", "wrist_3_joint"),
@@ -171,14 +172,12 @@ def named_column(columns: ColumnNames, pattern: str) -> str | None:
 
 
 def stated_unit(names: Sequence[str]) -> str | None:
-    """The unit that all names state, in brackets or behind an underscore."""
+    """The unit that all names state, as the header writes it or behind an underscore."""
     units = set()
     for name in names:
-        if bracket := _BRACKETS.fullmatch(name):
-            units.add(UNITS.get(bracket[2].lower()))
-        else:
-            suffix = _SUFFIX.fullmatch(name)
-            units.add(suffix[2] if suffix else None)
+        bare, unit = split_unit(name)
+        suffix = _SUFFIX.fullmatch(name) if bare == name else None
+        units.add(suffix[2] if suffix else unit)
     return units.pop() if len(units) == 1 else None
 
 
@@ -219,8 +218,7 @@ def length_unit(robot: Robot, q: Array, points: Array) -> str | None:
 
 
 def _bare(name: str) -> str:
-    """The name without a unit in brackets or behind an underscore."""
-    if bracket := _BRACKETS.fullmatch(name):
-        return bracket[1]
-    suffix = _SUFFIX.fullmatch(name)
-    return suffix[1] if suffix else name
+    """The name without its unit, as the header writes it or behind an underscore."""
+    bare = split_unit(name)[0]
+    suffix = _SUFFIX.fullmatch(name) if bare == name else None
+    return suffix[1] if suffix else bare

@@ -20,9 +20,8 @@ from acquisition.report import Finding, ImportReport
 from cell.errors import DescriptionError
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
-from cell.pose_file import PosesFile, load_poses_file, pose_file_path
+from cell.pose_file import PosesFile, known_distances, load_poses_file, pose_file_path
 from cell.poses import KnownDistance, PoseGroup, PoseTable
-from cell.schema_errors import nearest
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,23 +101,7 @@ def _without_repeats(findings: Iterator[Finding]) -> tuple[Finding, ...]:
 def _distances(
     file: Path, description: PosesFile, instrument: Instrument, groups: Sequence[PoseGroup]
 ) -> tuple[KnownDistance, ...]:
-    """Known distances; raises DescriptionError for a seat at which nothing was measured."""
-    seats = {group.seat for group in groups}
-    distances = list[KnownDistance]()
-    for k, declared in enumerate(description.distances):
-        stated = (declared.length_m, declared.sigma_m)
-        length, sigma = stated if None not in stated else instrument.distance or (None, None)
-        if length is None or sigma is None:
-            raise DescriptionError(
-                f"{file}: distances[{k}]: length_m is missing, and {instrument.name} states no "
-                "distance of its own. Add length_m and sigma_m."
-            )
-        for pair in declared.pairs:
-            for seat in pair:
-                if seat not in seats:
-                    raise DescriptionError(
-                        f"{file}: distances[{k}]: nothing was measured at seat {seat!r}."
-                        f"{nearest(seat, seats, noun='seat')}"
-                    )
-            distances.append(KnownDistance(pair, length, sigma))
-    return tuple(distances)
+    try:
+        return known_distances(description.distances, instrument, (group.seat for group in groups))
+    except DescriptionError as error:
+        raise DescriptionError(f"{file}: {error}") from None

@@ -7,6 +7,7 @@ separators, which naive readers load with no error.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from itertools import repeat
 from operator import contains
@@ -23,6 +24,7 @@ from cell.errors import LogError
 
 # Share of the lines: a recorder that loses more is not torn, it writes something else.
 TORN_LIMIT = 0.01
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:(?:\.\d{3})+,|(?:,\d{3})+\.)\d+")
 _END = "EOF"  # last line of TwinCAT exports
 
 
@@ -218,6 +220,13 @@ def _with_decimal_commas(rows: _Lines, header: Header, layout: Layout) -> tuple[
         comma = next((row[position] for row in cells if "," in row[position]), None)
         point = next((row[position] for row in cells if "." in row[position]), None)
         if comma and point:
+            both = (k for k, row in enumerate(cells) if _THOUSANDS.fullmatch(row[position]))
+            if (k := next(both, None)) is not None:
+                raise LogError(
+                    f"{rows.file}:{rows.number[k]}: column {name}: {cells[k][position]!r} has a "
+                    "separator between the thousands. Export without thousands separators (German "
+                    "Excel: Tausendertrennzeichen)."
+                )
             raise LogError(
                 f"{rows.file}: column {name} has decimal commas and decimal points: {comma!r} and "
                 f"{point!r}. Export it again."

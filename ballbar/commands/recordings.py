@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.markup import escape
@@ -95,7 +95,10 @@ def new(
     ballbar_log: Annotated[
         Path | None,
         typer.Argument(
-            help="The ball-bar's log.", metavar="BALLBARLOG", exists=True, dir_okay=False
+            help="The log of the ball-bar, or of an instrument of a length.",
+            metavar="BALLBARLOG",
+            exists=True,
+            dir_okay=False,
         ),
     ] = None,
     poses: Annotated[
@@ -114,7 +117,7 @@ def new(
         str | None, typer.Option(help="Dialect of the robot's log, or a .yaml file of your own.")
     ] = None,
     ballbar_dialect: Annotated[
-        str | None, typer.Option(help="Dialect of the ball-bar's log, or a .yaml file.")
+        str | None, typer.Option(help="Dialect of the second log, or a .yaml file.")
     ] = None,
     robot_time: Annotated[
         str | None,
@@ -124,7 +127,7 @@ def new(
         ),
     ] = None,
     ballbar_time: Annotated[
-        str | None, typer.Option(help="Form of the ball-bar log's time stamps, likewise.")
+        str | None, typer.Option(help="Form of the second log's time stamps, likewise.")
     ] = None,
     encoder: Annotated[
         list[str] | None,
@@ -143,9 +146,18 @@ def new(
     instrument: Annotated[
         str | None,
         typer.Option(
-            help="Of poses: instrument of cell/instruments, or a .yaml file.",
-            rich_help_panel=_POSES,
+            help="Instrument of cell/instruments, or a .yaml file: of poses, or of a log of "
+            "lengths in place of a ball-bar's."
         ),
+    ] = None,
+    column: Annotated[
+        str | None, typer.Option(help="Column of a log of lengths that holds the length.")
+    ] = None,
+    unit: Annotated[
+        Literal["m", "mm", "um"] | None, typer.Option(help="Unit of that column.")
+    ] = None,
+    zero: Annotated[
+        float | None, typer.Option(help="Length where that column shows zero, in m.")
     ] = None,
     joints: Annotated[
         str | None,
@@ -224,7 +236,8 @@ def new(
         return
     if robot_log is None or ballbar_log is None:
         raise InputError(
-            "name the robot's log and the ball-bar's log, or a table of still poses with --poses."
+            "name the robot's log and that of the ball-bar or instrument, or a table of still "
+            "poses with --poses."
         )
     from ballbar.recordings.check import check_data, check_lines
     from ballbar.recordings.new_recording import Answers, new_recording
@@ -239,6 +252,10 @@ def new(
         encoders=tuple(encoder or ()),
         lines=lines,
         bits=bits,
+        instrument=instrument,
+        column=column,
+        unit=unit,
+        zero=zero,
     )
     recording = new_recording(folder, robot_log, ballbar_log, answers, ask)
     if as_json:
@@ -331,7 +348,7 @@ def _check_recording(folder: Path, *, explain_reading: bool, as_json: bool) -> i
     if explain_reading:
         _say_reasons(explain_lines(folder))
     content = read_recording(folder)
-    alignment = aligned(content)
+    alignment = aligned(content, folder)
     if as_json:
         say_json(check_data(content, alignment))
     _say_page(check_lines(content, alignment))

@@ -82,6 +82,11 @@ def nominal_loop(scenario: Scenario, *, relative_to: Path, samples: int = SAMPLE
             "path.kind = push_pull: one held pose identifies nothing. Use a scenario whose path "
             "moves over the sphere."
         )
+    if scenario.cell.instrument is not None:
+        raise InputError(
+            f"cell.instrument = {scenario.cell.instrument}: the thesis's costs are of a ball-bar. "
+            "Use a scenario with cell.ballbar; `ballbar run` says what a length leaves open."
+        )
     _, nominal, path = nominal_path(scenario.cell, scenario.path, relative_to)
     rows = spread_rows(path, samples)
     return KinematicLoop(nominal, path.q[rows], path.b[rows])

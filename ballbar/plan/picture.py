@@ -22,6 +22,7 @@ from ballbar.plan.plate_figure import MATERIALS, THICKNESS, draw_deflection
 from ballbar.units import MM, UM
 from cell.geometry import bar_frames
 from cell.robot_angles import joints_to_axes
+from planning.crlb import EXACT
 from planning.plan import Plan
 from planning.what_if import Answer
 
@@ -40,13 +41,13 @@ _UNKNOWNS_SHOWN = ("ra", "rd", "ralpha", "rtheta", "rbeta", "compliance", "backl
 
 
 def plan_picture(plan: Plan) -> bytes:
-    """SVG of a plan: sphere, axes, loads, uncertainties."""
+    """SVG of a plan: sphere, axes, loads or lengths, uncertainties."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11.0, 8.0), layout="constrained")
         grid = figure.subplot_mosaic([["sphere", "axes"], ["load", "sigma"]])
         _sphere(grid["sphere"], plan)
         _axes(grid["axes"], plan)
-        _loads(grid["load"], plan)
+        (_loads if plan.lengths is None else _lengths)(grid["load"], plan)
         _sigma(grid["sigma"], plan)
         sigma = f"{np.median(plan.tcp) * UM:.1f} um rms over the workspace"
         figure.suptitle(f"{plan.request.name}: predicted TCP sigma {sigma}", x=0.01, ha="left")
@@ -116,7 +117,7 @@ def _axes(axes: Axes, plan: Plan) -> None:
     robot, trajectory = plan.evaluator.cell.robot, plan.trajectory
     angles = joints_to_axes(robot, trajectory.q)
     share = (angles - robot.axis_lower) / (robot.axis_upper - robot.axis_lower)
-    for k in range(6):
+    for k in range(robot.joints):
         axes.plot(trajectory.t, share[:, k], lw=1.0, label=f"{k + 1}")
     axes.set_ylim(0.0, 1.0)
     axes.set(xlabel="time [s]", ylabel="axis angle, share of its range")
@@ -126,6 +127,8 @@ def _axes(axes: Axes, plan: Plan) -> None:
 def _loads(axes: Axes, plan: Plan) -> None:
     """Expected force in the rod over time: each robot drawn with errors, and the median."""
     forces = plan.forces
+    if forces is None:
+        return
     for tension in forces.tension:
         axes.plot(plan.trajectory.t, tension, color=FAINT, lw=0.7)
     axes.plot(plan.trajectory.t, np.median(forces.tension, axis=0), color=INK, lw=1.2)
@@ -134,11 +137,25 @@ def _loads(axes: Axes, plan: Plan) -> None:
     axes.set_title(f"expected on soft servo, {len(forces.tension)} robots with 1 mm, 1 mrad")
 
 
+def _lengths(axes: Axes, plan: Plan) -> None:
+    """Expected length of a telescoping bar over time with each drawn robot, and its stroke."""
+    lengths, nominal = plan.lengths, plan.evaluator.cell.ballbar.length
+    if lengths is None:
+        return
+    for length in lengths.length:
+        axes.plot(plan.trajectory.t, (length - nominal) * MM, color=FAINT, lw=0.7)
+    for end in lengths.stroke:
+        axes.axhline((end - nominal) * MM, color=INK, lw=1.2)
+    axes.axhline(0.0, color=QUIET, lw=0.7)
+    axes.set(xlabel="time [s]", ylabel="length of the bar less nominal [mm]")
+    axes.set_title(f"expected of {len(lengths.length)} robots with 1 mm, 1 mrad; bold: the stroke")
+
+
 def _sigma(axes: Axes, plan: Plan) -> None:
     """Predicted standard deviation of each unknown of the robot, relative to its prior."""
     sigma, layout = plan.typical.sigma, plan.typical.layout
     priors = dict(zip(layout.names, layout.sigma, strict=True))
-    robot = [name for name in sigma if name.startswith(_UNKNOWNS_SHOWN)]
+    robot = [n for n in sigma if n.startswith(_UNKNOWNS_SHOWN) and priors[n] > EXACT]
     ratio, x = [sigma[name] / priors[name] for name in robot], np.arange(len(robot))
     axes.vlines(x, 1e-4, ratio, color=FAINT, lw=2.0)
     axes.plot(x, ratio, "o", color=INK, ms=3.0)

@@ -25,17 +25,20 @@ from cell.files import claim_folder, write_whole
 from planning.candidate import Candidate
 from planning.clearance import clearance
 from planning.evaluation import evaluators
+from planning.export import BALLBAR, TELESCOPING
 from planning.files import OUTPUTS, write_plan
 from planning.plan import Plan, assess, known_path, plans
 from planning.request import PlanRequest, load_request
 from planning.search import Progress
 from planning.verify import Check, checks, run_in_plant, violations_in
-from planning.what_if import Answer, Question, answers, question
+from planning.what_if import Answer, Question, answers, check_questions, question
 
 ATTEMPTS = 4  # trajectories of a search that are run in MuJoCo while limits are violated
 CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and a drawn robot
 WIDTH = 120  # characters of a table in a pipe or file
 EVALUATIONS = 20_000  # of CMA-ES: some minutes on two idle cores
+# A length has no Hayati angles in its model, and leaves base tilt and clock to the robot's errors.
+_HELD = ("rbeta", "otx", "oty", "offset", "skew")
 UNSEEN = 0.9  # of its prior: standard deviation above which an unknown counts as hardly seen
 
 
@@ -63,17 +66,25 @@ def plan_path(
     Returns whether no limit is violated. Raises InputError for bad options or files.
     """
     request, questions = load_request(file), [question(text) for text in what_if]
+    check_questions(request, questions)
     claim_folder(folder, {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}, "the plan")
     if path:
         candidates = iter([given_path(request, path, position)])
     else:
         candidates = searched(request, file.parent, seconds, err)
+    violated = 0
     for attempt, plan in enumerate(islice(candidates, ATTEMPTS)):
         if attempt:
             out.print("[yellow]Limits are violated in MuJoCo; the next best path of the search:[/]")
         names = write_plan(plan, folder)
         write_whole(folder / "plan.svg", plan_picture(plan))
         say_plan(out, plan)
+        if plan.forces is None:
+            out.print(
+                "not run in MuJoCo: nothing loads a telescoping bar, and the robot follows its "
+                "targets under its usual servo; the limits above hold for the nominal robot"
+            )
+            break
         with status(err, "running it in MuJoCo on soft servo ..."):
             results = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
         violated = sum(violations_in(checks_of_robot) for _, checks_of_robot in results)
@@ -180,14 +191,16 @@ def given_path(
             f"--path {path}: the base position of the ball-bar is not known. Give --position "
             "X,Y,Z, or ballbar_position_m in the path file or in the request's cell."
         )
-    evaluator = evaluators(request)[request.cell.ballbar]
+    evaluator = evaluators(request)[request.cell.rods[0]]
     return assess(evaluator, Candidate(shape, np.array(base)))
 
 
 def check_in_plant(plan: Plan, seed: int) -> list[Check]:
     """All limits, checked over the run of one robot in MuJoCo."""
     cell, request = plan.evaluator.cell, plan.request
-    motion = run_in_plant(cell, request, plan.evaluation.candidate, seed=seed)
+    motion = run_in_plant(
+        cell, request, plan.evaluation.candidate, seed=seed, beginning=plan.trajectory.q[0]
+    )
     return checks(cell, request.limits, clearance(cell, request.cell), motion)
 
 
@@ -215,30 +228,55 @@ def search_status(err: Console) -> Iterator[Callable[[Progress], None]]:
 
 def say_plan(out: Console, plan: Plan) -> None:
     """Prints where a plan comes from and what it is predicted to identify."""
-    typical, forces, tcp = plan.typical, plan.forces, plan.tcp * UM
+    typical, tcp = plan.typical, plan.tcp * UM
     position = ", ".join(f"{v:.3f}" for v in plan.evaluation.candidate.position)
     if plan.stopped:
         out.print("[yellow]stopped[/] before its time; this is the best so far")
     searched = f"found in {plan.seconds:.0f} s, {plan.evaluated} tried"
     out.print(
-        f"path {searched if plan.evaluated else 'as given'}; ball-bar {plan.rod} at ({position}) m"
+        f"path {searched if plan.evaluated else 'as given'}; "
+        f"{TELESCOPING if plan.lengths else BALLBAR} {escape(Path(plan.rod).stem)} at "
+        f"({position}) m"
     )
+    spread = f" ({tcp.min():.1f} to {tcp.max():.1f} over {len(tcp)} robots)" if len(tcp) > 1 else ""
+    whose = "bar's calibrated" if plan.lengths else "plate's own"
+    adds = f"; the {whose} length adds {plan.plate_adds * UM:.1f} um" if plan.plate_adds else ""
     out.print(
-        f"predicted TCP sigma over the workspace: {np.median(tcp):.1f} um rms ({tcp.min():.1f} to "
-        f"{tcp.max():.1f} over {len(tcp)} robots), largest {typical.tcp_sigma.max() * UM:.0f} um; "
-        f"the plate's own length adds {plan.plate_adds * UM:.1f} um"
+        f"predicted TCP sigma over the workspace: {np.median(tcp):.1f} um rms{spread}, "
+        f"largest {typical.tcp_sigma.max() * UM:.0f} um{adds}"
     )
-    out.print(
-        f"sphere covered {plan.coverage:.0%}, rod force {forces.tension.min():.0f} to "
-        f"{forces.tension.max():.0f} N expected"
-    )
-    reversals = ", ".join(f"{n:.0f}" for n in plan.reversals)
-    out.print(f"sign changes of the load of gears 1 to 6: {reversals}")
+    out.print(f"sphere covered {plan.coverage:.0%}, {_expected(plan)}")
+    if plan.lengths is not None and plan.lengths.warning:
+        out.print(f"[yellow]warning:[/] {plan.lengths.warning}")
+    if plan.forces is not None:
+        reversals = ", ".join(f"{n:.0f}" for n in plan.reversals)
+        out.print(f"sign changes of the load of gears 1 to 6: {reversals}")
     indices = ", ".join(f"{name} {value:.3g}" for name, value in plan.indices().items())
     out.print(f"observability {indices}")
     priors = dict(zip(typical.layout.names, typical.layout.sigma, strict=True))
-    unseen = [name for name, sigma in typical.sigma.items() if sigma > UNSEEN * priors[name]]
+    held = () if plan.lengths is None else _HELD
+    unseen = [
+        name
+        for name, sigma in typical.sigma.items()
+        if sigma > UNSEEN * priors[name] and not name.startswith(held)
+    ]
     out.print(f"hardly seen by the path ({len(unseen)}): {' '.join(unseen)}")
+
+
+def _expected(plan: Plan) -> str:
+    """Force in the rod of a ball-bar, or length of a telescoping bar beside its stroke."""
+    if plan.forces is not None:
+        tension = plan.forces.tension
+        return f"rod force {tension.min():.0f} to {tension.max():.0f} N expected"
+    if plan.lengths is None:
+        return ""
+    nominal = plan.evaluator.cell.ballbar.length
+    off = (plan.lengths.length - nominal) * MM
+    low, high = ((end - nominal) * MM for end in plan.lengths.stroke)
+    return (
+        f"length {off.min():+.1f} to {off.max():+.1f} mm about {nominal * MM:.0f} mm expected "
+        f"({len(off)} robots with errors of 1 mm and 1 mrad), stroke {low:+.1f} to {high:+.1f} mm"
+    )
 
 
 def say_checks(out: Console, results: list[tuple[int, list[Check]]]) -> None:

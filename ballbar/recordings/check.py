@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from acquisition import CoarseAlignment, Recording, coarse_alignment, find_dwell
 from acquisition.report import Finding, ImportReport
 from ballbar.units import MS
 from cell.arrays import Array
+from cell.load import load_measured_cell
 from cell.logs import segment_starts
 
 SEGMENTS_SHOWN = 8  # first segments of a log that are listed
@@ -61,11 +63,19 @@ def repairs(report: ImportReport) -> list[Finding]:
     return [finding for finding in report.findings if finding.severity == "repaired"]
 
 
-def aligned(recording: Recording) -> CoarseAlignment | None:
+def aligned(recording: Recording, folder: Path) -> CoarseAlignment | None:
     """The coarse clock offset, None without encoders.
+
+    folder : of the recording, for the descriptions that it names.
 
     Raises LogError if the logs do not belong together.
     """
+    if recording.length_log is not None:
+        from ballbar.recordings.length_clock import length_alignment  # noqa: PLC0415  slow
+
+        named = recording.description
+        cell = load_measured_cell(named.robot, named.measured_by, named.plate, relative_to=folder)
+        return length_alignment(recording, cell)
     bar = recording.ballbar_log
     return None if bar is None else coarse_alignment(recording.robot_log, bar)
 
@@ -77,8 +87,8 @@ def _logs(recording: Recording) -> list[tuple[str, Array, tuple[int, ...], list[
     if bar is not None:
         logs.append(("ball-bar", bar.t, segment_starts(bar.segment), _dwells(bar.t, bar.angles)))
     if recording.length_log is not None:
-        t, length = recording.length_log.t, recording.length_log.length[:, None]
-        logs.append(("length", t, segment_starts(recording.length_log.segment), _dwells(t, length)))
+        length = recording.length_log  # a bar on its sphere hardly tells when the robot rests
+        logs.append(("length", length.t, segment_starts(length.segment), []))
     if force is not None:
         logs.append(("force", force.t, (), []))
     return logs
@@ -109,7 +119,7 @@ def _log_lines(recording: Recording) -> list[str]:
         if dwells:
             total = sum(t[last] - t[first] for first, last in dwells)
             line += f"; {len(dwells)} dwells, {total:.1f} s in all"
-        elif name != "force":
+        elif name not in ("force", "length"):
             line += "; no dwell"
         lines.append(line)
     if bar is None and recording.length_log is None:

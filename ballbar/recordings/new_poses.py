@@ -18,6 +18,7 @@ import yaml
 
 from acquisition.poses import PoseImport, import_poses
 from acquisition.poses.columns import read_rows
+from acquisition.poses.declared import AXES_OF
 from acquisition.poses.joints import joint_angles
 from acquisition.poses.nominal import orientations
 from acquisition.poses.proposals import (
@@ -210,7 +211,7 @@ def _joints(table: _Table, robot: Robot, answers: PoseAnswers) -> dict[str, Any]
     """The joints of a table: columns and unit."""
     axes = int(robot.a.size)
     seen = joint_columns(table.columns, axes)
-    if table.kind != "table" and answers.joints is None and not seen:
+    if table.kind in AXES_OF and answers.joints is None and not seen:
         columns: list[int | str] = []
     else:
         given = answers.joints or (", ".join(seen[0]) if len(seen) == 1 else None)

@@ -162,7 +162,11 @@ def _texts(root: str) -> rrb.Container:
 
 
 def _residuals(shown: Shown) -> rrb.Container:
-    rows = [_residual(shown, POSITION, "position [um]"), _residual(shown, ANGLE, "angle [urad]")]
+    rows = [
+        _residual(shown, kind, quantity)
+        for kind, quantity in ((POSITION, "position [um]"), (ANGLE, "angle [urad]"))
+        if f"{AFTER}/{kind}" in shown.plots
+    ]
     return rrb.Tabs(*rows, active_tab=0)
 
 
@@ -193,7 +197,7 @@ def _more(shown: Shown) -> rrb.Container:
         if (largest := _largest(shown, entity)) is not None
     ]
     if CLOCK_IDENTIFIED in shown.plots:
-        clock.append(_plot(shown, CLOCK, "Clock offset: robot's minus ball-bar's [ms]"))
+        clock.append(_plot(shown, CLOCK, "Clock offset: robot's minus the other log's [ms]"))
     if (largest := _largest(shown, CLOCK_ERROR)) is not None:
         title = "Error of the identified offset [us]"
         clock.append(_plot(shown, CLOCK_ERROR, title, largest=largest))

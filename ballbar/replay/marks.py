@@ -38,6 +38,8 @@ def marks(fitted: FittedRecording, motion: CellMotion | None = None) -> Marks:
     log = fitted.recording.robot_log
     dwells = log.t[find_dwells(log.t, log.q).intervals].reshape(-1, 2)
     distance = singular_angles(fitted.estimate.geometry, motion)
+    if fitted.recording.length_log is not None:  # cup and ball are singular nowhere
+        distance = {name: a for name, a in distance.items() if not name.startswith("ball-bar")}
     return Marks(
         dwells,
         {name: stretches(motion.t, np.abs(a) < CLOSE) for name, a in distance.items()},

@@ -125,7 +125,8 @@ def _recording_rows(estimate: RecordingEstimate) -> Rows:
     rows = [("samples; equations each", f"{estimate.samples}; {estimate.whitened.shape[0]}")]
     for when, residuals in (("before", estimate.before), ("after", estimate.after)):
         position, angle = rms_norm(residuals.position) * UM, rms_norm(residuals.angle) * URAD
-        rows.append((f"loop-closure residual {when}, RMS", f"{position:.1f} um, {angle:.1f} urad"))
+        turned = f", {angle:.1f} urad" if estimate.encoders or estimate.clock is None else ""
+        rows.append((f"loop-closure residual {when}, RMS", f"{position:.1f} um{turned}"))
     if estimate.clock is not None:
         clock, (offset_sigma, skew_sigma) = estimate.clock, estimate.clock_sigma
         offset = f"{clock.offset * MS:.4f} ± {offset_sigma * MS:.4f} ms"

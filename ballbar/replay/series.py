@@ -82,6 +82,8 @@ def recording_series(
     ):
         t = on_robot_clock(estimate, residuals.t)
         series |= _residual_series(entity, t, residuals, shades(colour))
+        if fitted.recording.length_log is not None:  # a length sees no angle
+            del series[f"{entity}/{ANGLE}"]
     if estimate.clock is not None:
         offset = motion.t - estimate.clock.ballbar_time(motion.t)
         series[CLOCK_IDENTIFIED] = _curve(motion.t, offset * MS, "identified", AFTER_COLOUR)
@@ -102,6 +104,7 @@ def truth_series(
     }
     if truth.rod_force.any():  # a kinematic plant knows no forces
         series[FORCE_TRUE] = _curve(t, truth.rod_force, "true", TRUE_COLOUR)
+    if truth.rod_force.any() and simulation.instrument is None:
         series[STRAIN_TRUE] = _curve(t, truth.rod_strain * UM, "true", TRUE_COLOUR)
     return series | clock_error_series(simulation, estimate, t)
 

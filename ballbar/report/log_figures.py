@@ -51,15 +51,21 @@ def log_section(fitted: FittedRecording) -> LogSection:
     """Sentences and figures for the report."""
     motion = cell_motion(fitted)
     passed = marks(fitted, motion)
+    sensed = fitted.recording.length_log is not None
     figures = {
         "jitter": LogFigure(
-            jitter_in_dwell(fitted), "Angles of both logs in their longest dwell, less their mean."
+            jitter_in_dwell(fitted),
+            f"Angles of {'the robot in its' if sensed else 'both logs in their'} longest dwell, "
+            "less their mean.",
         ),
         "dwells": LogFigure(dwells_of_both(fitted), "Dwells of each log, on one clock (excerpt)."),
         "angles": LogFigure(
             angles_with_marks(fitted, motion, passed),
-            "Angles over the whole log: the fit uses what lies between the dashed lines; grey in a "
-            "dwell, purple near a singular pose of the ball-bar.",
+            "Both logs: the fit uses what lies between the dashed lines; grey in a dwell of the "
+            "robot."
+            if sensed
+            else "Angles over the whole log: the fit uses what lies between the dashed lines; grey "
+            "in a dwell, purple near a singular pose of the ball-bar.",
         ),
         "shift": LogFigure(
             error_over_shift(fitted),
@@ -130,8 +136,12 @@ def dwells_of_both(fitted: FittedRecording) -> Markup:
 
 
 def angles_with_marks(fitted: FittedRecording, motion: CellMotion, passed: Marks) -> Markup:
-    """Robot and ball-bar angles over the whole log; the fit's part between lines (Fig. 5.4)."""
+    """Robot and ball-bar angles over the whole log; the fit's part between lines (Fig. 5.4).
+
+    The sensed length where there is one in place of the ball-bar's angles.
+    """
     estimate, ballbar = fitted.estimate, fitted.recording.ballbar_log
+    length = fitted.recording.length_log
     used = on_robot_clock(estimate, estimate.after.t)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 4.1))
@@ -142,7 +152,11 @@ def angles_with_marks(fitted: FittedRecording, motion: CellMotion, passed: Marks
         if ballbar is not None:
             angles, joints = mechanism_angles(estimate, ballbar), [f"b{j}" for j in ballbar.joints]
             _draw_angles(panels[1], on_robot_clock(estimate, ballbar.t), angles, joints)
-        panels[1].set(ylabel="ball-bar joints [rad]", xlabel="time on the robot's clock [s]")
+        if length is not None:
+            t, shown = on_robot_clock(estimate, length.t), length.length[:, None] * MM
+            _draw_angles(panels[1], t, shown, ["length"])
+        second = "ball-bar joints [rad]" if length is None else "sensed length [mm]"
+        panels[1].set(ylabel=second, xlabel="time on the robot's clock [s]")
         spans = [(span, QUIET, 0.18) for span in passed.dwells]
         for name, stretches in passed.near_singular.items():
             if name.startswith("ball-bar"):

@@ -1,6 +1,7 @@
 """report.html of an identification from still poses; the look of the report on logs.
 
-PoseRun -> verdict, tiles, errors, parameters, joint errors, seats and targets, provenance.
+PoseRun -> verdict, tiles, errors, comparison with the truth where it is known, parameters, joint
+errors, seats and targets, provenance.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from ballbar.report.numbers import listed, significant
 from ballbar.report.page import template
 from ballbar.report.provenance import InputFile, hashed, versions, without_folders
 from ballbar.report.summary import Tile
+from ballbar.report.tcp_view import TcpRow, tcp_row
+from ballbar.result.compare_poses import PoseComparison
 from ballbar.result.pose_calibration import KNOWN
 from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM, MRAD, URAD
@@ -80,13 +83,31 @@ class OrderRow:
     aliases: str
 
 
-def write_pose_report(path: Path, run: PoseRun, *, command: str) -> None:
-    """Write the report, whole or not at all; command : as the user typed it."""
-    page = render_pose_report(run, command=command, written=datetime.now(UTC))
+@dataclass(frozen=True, eq=False)
+class TruthSection:
+    """TCP error over the fitted ranges where the true robot is known."""
+
+    poses: int
+    target: str
+    rows: list[TcpRow]
+    cumulative: Markup
+    maps: tuple[Markup, Markup]
+
+
+def write_pose_report(
+    path: Path, run: PoseRun, comparison: PoseComparison | None = None, *, command: str
+) -> None:
+    """Write the report, whole or not at all.
+
+    comparison : with the truth, where it is known. command : as the user typed it.
+    """
+    page = render_pose_report(run, comparison, command=command, written=datetime.now(UTC))
     write_whole(path, page.encode())
 
 
-def render_pose_report(run: PoseRun, *, command: str, written: datetime) -> str:
+def render_pose_report(
+    run: PoseRun, comparison: PoseComparison | None = None, *, command: str, written: datetime
+) -> str:
     """The page as text; the same inputs give the same text."""
     result = run.identification
     outcomes = [outcome for _, _, outcome in run.held_out]
@@ -101,7 +122,8 @@ def render_pose_report(run: PoseRun, *, command: str, written: datetime) -> str:
         else _HEADINGS.get(verdict.status, "Not acceptable"),
         sentences=[*(outcome.sentence for outcome in outcomes), verdict.sentence],
         warnings=verdict.warnings,
-        tiles=_tiles(result),
+        tiles=_tiles(result, comparison),
+        truth=None if comparison is None else _truth(result, comparison),
         cumulative=_error_figure(result),
         maps=_maps(result),
         spectra=_spectra(result),
@@ -123,7 +145,7 @@ def render_pose_report(run: PoseRun, *, command: str, written: datetime) -> str:
         ],
         findings=[f for _, _, content in run.folders for f in content.report.findings],
         command=without_folders(command),
-        versions=versions(simulated=False),
+        versions=versions(simulated=comparison is not None),
         inputs=_inputs(run),
         written=f"{written:%Y-%m-%d %H:%M:%S} UTC",
     )
@@ -135,11 +157,13 @@ def _subtitle(run: PoseRun) -> str:
     return f"{table.robot.title}; {table.size} still poses, {kinds}."
 
 
-def _tiles(result: PoseIdentification) -> list[Tile]:
+def _tiles(result: PoseIdentification, comparison: PoseComparison | None) -> list[Tile]:
     validation, fit = result.cross_validation, result.fit
     orders = result.search.orders if result.search else ()
     fitted, before = result.residual_means
+    known = [] if comparison is None else [_tcp_tile(comparison)]
     return [
+        *known,
         Tile(
             "Error where it was not fitted",
             f"{validation.mean * MM:.3f} mm",
@@ -150,6 +174,42 @@ def _tiles(result: PoseIdentification) -> list[Tile]:
         Tile("Joint errors", str(len(orders)), "orders found by evidence"),
         Tile("Unknowns", str(fit.model.unknowns.count), f"{fit.iterations} iterations"),
     ]
+
+
+def _tcp_tile(comparison: PoseComparison) -> Tile:
+    tcp, before = comparison.tcp, comparison.tcp_nominal
+    return Tile(
+        "TCP error against the truth",
+        f"{tcp.mean * MM:.3f} mm",
+        f"mean; largest {tcp.maximum * MM:.3f} mm; nominal robot {before.mean * MM:.3f} mm",
+    )
+
+
+def _truth(result: PoseIdentification, comparison: PoseComparison) -> TruthSection:
+    tcp, before = comparison.tcp, comparison.tcp_nominal
+    curves = [
+        Curve("nominal robot", before.error, BEFORE),
+        Curve("identified robot", tcp.error, AFTER),
+        Curve("stated sigma", result.tcp_sigma, AFTER, dashed=True),
+    ]
+    return TruthSection(
+        poses=tcp.error.size,
+        target=comparison.target,
+        rows=[
+            tcp_row("nominal robot", before.error, "before", before.error_without_scale),
+            tcp_row("identified robot", tcp.error, "after", tcp.error_without_scale),
+            tcp_row("stated sigma", result.tcp_sigma, "after"),
+        ],
+        cumulative=cumulative(curves, label="TCP error"),
+        maps=(
+            workspace_map(
+                before.position, before.error, (), label="nominal robot", colours=BEFORE_SCALE
+            ),
+            workspace_map(
+                tcp.position, tcp.error, (), label="identified robot", colours=AFTER_SCALE
+            ),
+        ),
+    )
 
 
 def _error_figure(result: PoseIdentification) -> Markup:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -57,7 +58,7 @@ class ResidualSection:
     sphere_after: str
     histogram: str
     position_rows: list[ResidualRow]  # µm
-    angle_rows: list[ResidualRow]  # µrad
+    angle_rows: list[ResidualRow]  # µrad; empty of a length, as are the figures of angles
     chi2: str  # per residual
 
 
@@ -133,27 +134,31 @@ def _section(
 
 def _clock_name(estimate: RecordingEstimate) -> str:
     """The clock on which residuals are shown."""
-    return "robot" if estimate.clock is None else "ball-bar"
+    if estimate.clock is None:
+        return "robot"
+    return "ball-bar" if estimate.encoders else "sensor's"
 
 
 def _residuals(fitted: FittedRecording) -> ResidualSection:
     estimate, clock = fitted.estimate, _clock_name(fitted.estimate)
-    t, directions = estimate.after.t, sphere.tool_directions(fitted)
+    t = estimate.after.t
     before, after = estimate.before, estimate.after
     position = before.position * UM, after.position * UM
     angle = before.angle * URAD, after.angle * URAD
     position_label, angle_label = "position residual [µm]", "angle residual [µrad]"
     norms, components = figures.norms_over_time, figures.components_over_time
+    sensed = fitted.recording.length_log is not None  # a length sees no angle
+    on_sphere = partial(sphere.sphere_map, sphere.tool_directions(fitted), angles=not sensed)
     return ResidualSection(
         position_norm=norms(t, *position, label=position_label, clock=clock),
-        angle_norm=norms(t, *angle, label=angle_label, clock=clock),
+        angle_norm="" if sensed else norms(t, *angle, label=angle_label, clock=clock),
         position=components(t, position[1], label=position_label, clock=clock),
-        angle=components(t, angle[1], label=angle_label, clock=clock),
-        sphere_before=sphere.sphere_map(directions, before, figures.BEFORE_SCALE),
-        sphere_after=sphere.sphere_map(directions, after, figures.AFTER_SCALE),
+        angle="" if sensed else components(t, angle[1], label=angle_label, clock=clock),
+        sphere_before=on_sphere(before, figures.BEFORE_SCALE),
+        sphere_after=on_sphere(after, figures.AFTER_SCALE),
         histogram=figures.whitened_histogram(estimate.whitened),
         position_rows=_residual_rows(*position),
-        angle_rows=_residual_rows(*angle),
+        angle_rows=[] if sensed else _residual_rows(*angle),
         chi2=significant(rms(estimate.whitened) ** 2),
     )
 
@@ -203,7 +208,9 @@ def overview_cells(fitted: FittedRecording) -> tuple[str, ...]:
         skew,
         MISSING if estimate.tension is None else TENSION_SOURCES[estimate.tension_source],
         f"{significant(rms_norm(estimate.after.position) * UM)} µm",
-        f"{significant(rms_norm(estimate.after.angle) * URAD)} µrad",
+        MISSING
+        if fitted.recording.length_log is not None
+        else f"{significant(rms_norm(estimate.after.angle) * URAD)} µrad",
         significant(rms(estimate.whitened) ** 2, 2),
         str(len(estimate.step_faults)),
     )

@@ -9,6 +9,7 @@ TENSION_SOURCES = {
     "sensor": "from the force sensor",
     "torque": "from the motor torques",
     "none": "from the geometry alone",
+    "instrument": "from the length",
 }
 _METHODS = {
     "sensor": "biases and gains of the sensor fitted, its clock aligned with the load predicted",
@@ -19,6 +20,7 @@ _METHODS = {
     "none": (
         "no force was logged, or none was requested; the rod's force is what makes the loop close"
     ),
+    "instrument": "fitted as a constant, the spring of the sensor and the friction of its slide",
 }
 
 

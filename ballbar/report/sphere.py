@@ -63,16 +63,27 @@ def equal_area(directions: Array) -> Array:
     return np.asarray(directions[:, :2] * (reach / np.where(planar > 0.0, planar, 1.0))[:, None])
 
 
-def sphere_map(directions: Array, residuals: Residuals, colours: LinearSegmentedColormap) -> Markup:
+def sphere_map(
+    directions: Array,
+    residuals: Residuals,
+    colours: LinearSegmentedColormap,
+    *,
+    angles: bool = True,
+) -> Markup:
     """Root mean square of position and angle residual in the cells of the sphere.
 
-    directions : (N, 3) unit vectors. Each map has a colour scale of its own.
+    directions : (N, 3) unit vectors. Each map has a colour scale of its own. angles : whether there
+        are any; a sensed length has none.
     """
     x, y = equal_area(directions).T
-    panels = (("position [µm]", residuals.position * UM), ("angle [µrad]", residuals.angle * URAD))
+    panels = [("position [µm]", residuals.position * UM)]
+    panels += [("angle [µrad]", residuals.angle * URAD)] * angles
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 2.95))
-        for axes, (title, vectors) in zip(figure.subplots(1, 2), panels, strict=True):
+        grid = figure.subplots(1, 2)
+        for axes in grid[len(panels) :]:
+            axes.remove()
+        for axes, (title, vectors) in zip(grid, panels, strict=False):
             _draw_sphere(axes)
             cells: Any = axes.hexbin(
                 x,

@@ -141,6 +141,7 @@ def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
         position.append(significant(rms_norm(errors) * UM))
         errors = np.concatenate([r.angle for r in residuals])
         angle.append(significant(rms_norm(errors) * URAD))
+    sensed = result.robot.cell.ballbar.stroke is not None
     equations = max(estimate.whitened.shape[0] for estimate in estimates)
     each = f"{equations} equation{'s' * (equations > 1)} each"
     samples = " + ".join(str(estimate.samples) for estimate in estimates)
@@ -151,7 +152,7 @@ def _tiles(data: RunData, tcp: TcpView) -> tuple[Tile, ...]:
         Tile(
             "Residual rms, before → after",
             f"{' → '.join(position)} µm",
-            f"angle {' → '.join(angle)} µrad",
+            "of the length" if sensed else f"angle {' → '.join(angle)} µrad",
         ),
         Tile("Iterations", f"{result.fit.iterations}", f"from the automatic start{poor}"),
         Tile("Samples", samples, f"{each}, {_unknowns(result)}"),

@@ -100,19 +100,21 @@ def tcp_section(data: RunData, view: TcpView) -> TcpSection:
 
 def _rows(data: RunData, view: TcpView) -> list[TcpRow]:
     if data.comparison is None:
-        rows = [_row("correction (nominal to identified)", view.before, "before")]
+        rows = [tcp_row("correction (nominal to identified)", view.before, "before")]
     else:
         nominal, identified = data.comparison.tcp_nominal, data.comparison.tcp
         rows = [
-            _row("before (nominal)", nominal.error, "before", nominal.error_without_scale),
-            _row("after (identified)", identified.error, "after", identified.error_without_scale),
-            _row("predicted before", view.predicted, "before"),
+            tcp_row("before (nominal)", nominal.error, "before", nominal.error_without_scale),
+            tcp_row(
+                "after (identified)", identified.error, "after", identified.error_without_scale
+            ),
+            tcp_row("predicted before", view.predicted, "before"),
         ]
-    return [*rows, _row("stated sigma", view.stated, "after")]
+    return [*rows, tcp_row("stated sigma", view.stated, "after")]
 
 
-def _row(name: str, error: Array, side: str, without_scale: Array | None = None) -> TcpRow:
-    """Of errors (G,) [m]."""
+def tcp_row(name: str, error: Array, side: str, without_scale: Array | None = None) -> TcpRow:
+    """The row of errors (G,) [m]; without_scale : after removing one common scale factor."""
     mean, quantile, largest = error.mean(), np.quantile(error, 0.95), error.max()
     return TcpRow(
         name=name,

@@ -97,7 +97,8 @@ def _complete(data: RunData) -> list[str]:
     for fitted in data.recordings:
         tension, source = fitted.estimate.tension, fitted.estimate.tension_source
         if tension is not None:
-            name = f"force in the rod of {fitted.name}" if data.several else "force in the rod"
+            force_of = "along the instrument" if source == "instrument" else "in the rod"
+            name = f"force {force_of}" + (f" of {fitted.name}" if data.several else "")
             force = f"{tension.min():.0f} to {tension.max():.0f} N"
             lines.append(f"{name}: {force}, {TENSION_SOURCES[source]}")
     return lines

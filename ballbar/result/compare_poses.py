@@ -26,7 +26,7 @@ class PoseComparison:
 
 def compare_poses_with_truth(result: PoseIdentification, truth: PoseTruth) -> PoseComparison:
     """TCP error over random poses within the fitted ranges of all joints."""
-    name, arm = result.table.targets[0], result.arm()
+    name, arm = result.target, result.arm()
     q = arm.workspace()
     actual = truth.arm.target(q, truth.targets[name].position)
     before = result.nominal

@@ -167,7 +167,8 @@ class PoseCalibrationFile(Strict):
         """The identified robot with one of its targets, by default the first.
 
         Its regions are those of cross-validation alone, which the covariance of the parameters is
-        part of.
+        part of; where nothing but lengths were measured, they are as wide as the stated uncertainty
+        of the target, for cross-validation judges the direction of the rods alone.
         """
         corrections, values = self._corrections(robot)
         name = target or next(iter(self.targets))
@@ -176,6 +177,8 @@ class PoseCalibrationFile(Strict):
         seat = next(iter(self.seats.values()))
         validation = self.cross_validation
         spread = validation.mean_m / np.sqrt(8.0 / np.pi)  # of a normal error of three axes
+        if all(group.measured == "length" for group in self.recordings):
+            spread = self.fit.tcp_sigma_mean_m / np.sqrt(3.0)
         return IdentifiedArm(
             robot=robot,
             chain=self.chain(robot),

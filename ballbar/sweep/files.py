@@ -19,7 +19,7 @@ from cell.recording import load_recording_file
 Files = tuple[tuple[str, bytes], ...]  # (name in the scenario, content), in order of the names
 
 # a shipped description by its name, or a file that ends in .yaml
-_DESCRIPTIONS = ("cell.robot", "cell.ballbar", "cell.plate")
+_DESCRIPTIONS = ("cell.robot", "cell.ballbar", "cell.instrument", "cell.plate")
 _PATH_FILE, _RECORDING = "path.file", "path.recording"
 
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from acquisition import read_recording
 from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
-from cell.load import load_cell
 from cell.logs import RobotLog
 from sim.path import ReferencePath
 from sim.path_files import scenario_path
+from sim.scenario_cell import scenario_cell
 from sim.settings import CellSettings, PathSettings
 
 
@@ -36,7 +36,7 @@ def nominal_path(
 
     Raises InputError for a file that cannot be read or a path that the mechanism cannot follow.
     """
-    loaded = load_cell(cell.robot, cell.ballbar, cell.plate, relative_to=folder)
+    loaded = scenario_cell(cell, relative_to=folder)
     nominal = nominal_geometry(loaded, np.array(cell.ballbar_position_m))
     log = recorded_log(path, folder)
     return loaded, nominal, scenario_path(path, loaded, nominal, relative_to=folder, recorded=log)

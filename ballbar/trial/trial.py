@@ -126,8 +126,8 @@ def _with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:
 
     recording.yaml, in another folder, takes over these names.
     """
-    names = scenario.cell.model_dump(include={"robot", "ballbar", "plate"})
-    own = {key: name for key, name in names.items() if name.endswith(".yaml")}
+    names = scenario.cell.model_dump(include={"robot", "ballbar", "instrument", "plate"})
+    own = {key: name for key, name in names.items() if (name or "").endswith(".yaml")}
     absolute = {key: str((folder / name).resolve()) for key, name in own.items()}
     return scenario.model_copy(update={"cell": scenario.cell.model_copy(update=absolute)})
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from cell.descriptions import Cell, Key, Robot
+from cell.errors import InputError
 from ident.corrections.base import Correction, Maker
 from ident.corrections.bearing_tilt import bearing_tilt
 from ident.corrections.encoder_harmonics import encoder_harmonics
@@ -50,12 +51,18 @@ REQUIRED: dict[str, tuple[Key, ...]] = {
 }
 
 
+# Of the rod and the encoders of a ball-bar; where the length is sensed neither is in the model.
+OF_RIGID_ROD = ("encoder_harmonics", "rod_strain", "plate_bending")
+
 # What stands for a correction that the robot's file does not support, and for that one only.
 SUBSTITUTES = {"unit_weights": "joint_compliance"}
 
 
-def supported_corrections(robot: Robot) -> list[str]:
-    """Names of the corrections of a robot's complete model: those that its file supports."""
+def supported_corrections(robot: Robot, *, rod_sensed: bool = False) -> list[str]:
+    """Names of the corrections of a robot's complete model: those that its file supports.
+
+    rod_sensed : whether a length is measured in place of a ball-bar's angles.
+    """
     without = corrections_without_data(robot)
     return [
         name
@@ -63,6 +70,7 @@ def supported_corrections(robot: Robot) -> list[str]:
         if name not in without
         and name not in ON_EVIDENCE
         and (name not in SUBSTITUTES or SUBSTITUTES[name] in without)
+        and not (rod_sensed and name in OF_RIGID_ROD)
     ]
 
 
@@ -84,10 +92,15 @@ def correction_named(
 ) -> Correction:
     """A correction for a cell.
 
-    Raises InputError if the robot's file lacks what it needs.
+    Raises InputError if the robot's file lacks what it needs, or the cell has no rigid rod.
     """
     for key in REQUIRED.get(name, ()):
         cell.robot.required(key)
+    if name in OF_RIGID_ROD and cell.ballbar.stroke is not None:
+        raise InputError(
+            f"correction {name} is of a ball-bar with a rigid rod, and {cell.ballbar.name} "
+            "measures a length. Leave it out."
+        )
     if name in OF_RECORDINGS:
         return OF_RECORDINGS[name](cell, recordings)
     return CORRECTIONS[name](cell, encoders)

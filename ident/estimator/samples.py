@@ -59,6 +59,12 @@ class Samples:
         """(N,) [m] sensed length of the rod beyond its nominal one, at the instants."""
         return self._sensed(self.times)[:, 0]
 
+    @property
+    def extension_rate(self) -> Array:
+        """(N,) [m/s] speed at which the sensed length grows, at the instants."""
+        assert self.ballbar is not None  # the caller's condition
+        return np.asarray(self.ballbar.speed(self.times))[:, 0]
+
     def _sensed(self, t: Array) -> Array:
         """(N, C) [rad, m] what the second log holds at instants t (N,) [s]."""
         return np.zeros((t.size, 0)) if self.ballbar is None else np.asarray(self.ballbar.spline(t))

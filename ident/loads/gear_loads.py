@@ -59,6 +59,7 @@ class MassModel:
     bar: list[list[Link]]
     gravity: Array  # (3,) [m/s^2]
     gear_to_joint: Array  # (J, J)
+    rod: float | None = None  # [kg] of a rod whose length is sensed; None for a ball-bar
 
 
 def mass_model(cell: Cell) -> MassModel:
@@ -73,6 +74,7 @@ def mass_model(cell: Cell) -> MassModel:
         [[link] for link in bar_bodies(cell)],
         cell.robot.gravity,
         cell.robot.gear_to_joint,
+        None if cell.ballbar.stroke is None else sum(link.mass for link in cell.ballbar.links),
     )
 
 
@@ -146,8 +148,13 @@ def _across_axes(robot: Frames, moments: Array) -> Array:
 def on_ballbar(masses: MassModel, bar: Frames, b: Array) -> tuple[Array, Array]:
     """Wrench of the tool on the ball-bar: (6, N) [N, N m] without tension, and per newton of it.
 
-    Moments are about the tip, base frame. b : (N, 5) [rad] angles of the ball-bar's frames `bar`.
+    Moments are about the tip, base frame. A rod whose length is sensed hangs on two balls, so the
+    tool carries half of its weight. b : (N, 5) [rad] angles of the ball-bar's frames `bar`.
     """
+    if masses.rod is not None:
+        none = np.zeros_like(bar.z[2])
+        weight = none - 0.5 * masses.rod * masses.gravity[:, None]
+        return np.concatenate((weight, none)), np.concatenate((bar.z[2], none))
     motions = np.concatenate((joint_screws(bar), screw(bar, "d", 2)[None]))  # (6, 6, N)
     hinges = joint_torques(bar, masses.bar, b, gravity=masses.gravity)
     riding = sum(link.mass for links in masses.bar[2:] for link in links)

@@ -6,6 +6,11 @@ found by refitting the linearised model without each of eight regions of joint s
 less that of the region). The variance of those residuals beyond that of the parameters is added to
 each stated region, and the region's size is the 95 % quantile of the residuals' own Mahalanobis
 distances instead of that of chi-square (docs/real_robots, regions).
+
+Lengths judge the model along the rod alone. What is unexplained there is an error of the joints in
+the main, and across the rod it may be larger; the fit hides a part of it besides, for it has
+nothing to gain across the rod. Where nothing but lengths were measured, a joint error of the size
+that explains the residuals along the rod is therefore added to the regions of points.
 """
 
 from __future__ import annotations
@@ -24,6 +29,10 @@ from ident.poses.fit import PoseFit
 from ident.poses.model import GroupPoint
 
 LEVEL = 0.95
+# Share of the variance of joint errors that is seen along the rods, by the number of seats (three
+# and more alike). Measured on the UR10's table with its points turned into lengths, and on drawn
+# robots (tests/ident/poses/test_length_regions.py).
+SEEN = {1: 1.0 / 16.0, 2: 1.0 / 8.0, 3: 1.0 / 4.0}
 BLOCKS = 32  # regions whose poses share what the model leaves over
 
 
@@ -35,6 +44,7 @@ class CrossValidation:
     counting: NDArray[np.bool_]  # (N,) all but the poses that the fit left out as far off
     sigma: float  # [m] discrepancy along each axis, the instrument's noise included
     factor: float  # squared Mahalanobis distance that holds LEVEL, over that of chi-square
+    joint_sigma: float  # [rad] of each joint, across rods; 0 where more than lengths was measured
 
     @property
     def mean(self) -> float:
@@ -88,7 +98,24 @@ def cross_validated(fit: PoseFit) -> CrossValidation:
         counting=np.concatenate(weighted),
         sigma=float(np.sqrt(variance)),
         factor=float(np.quantile(np.concatenate(ratios), LEVEL)),
+        joint_sigma=_joint_sigma(fit, variance),
     )
+
+
+def _joint_sigma(fit: PoseFit, variance: float) -> float:
+    """[rad] joint errors that explain a variance [m^2] along the rods; 0 where others judge too.
+
+    Noise as declared, and what two deviations of an estimated variance allow, are not counted.
+    """
+    points = fit.equations.points
+    if any(point.group.measured != "length" for point in points):
+        return 0.0
+    along = [position_rows(point)(point.joint_columns)[:, 0] for point in points]
+    lever = float((np.concatenate(along, axis=1) ** 2).sum(axis=0).mean())  # [m^2]
+    chance = 2.0 * np.sqrt(2.0 / fit.model.table.size)
+    noise = (1.0 + chance) * float((np.concatenate([p.group.sigma for p in points]) ** 2).mean())
+    seen = SEEN[min(len(fit.model.unknowns.seats), max(SEEN))]
+    return float(np.sqrt(max(variance - noise, 0.0) / (seen * lever)))
 
 
 def robust_covariance(fit: PoseFit) -> Array:

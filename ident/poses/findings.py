@@ -19,6 +19,7 @@ from scipy.stats import chi2
 from cell.arrays import Array
 from cell.poses import PoseGroup
 from ident.poses.fit import PoseFit, median_scale, whitened_lengths
+from ident.poses.steps import Step
 from ident.poses.unknowns import ANGLE_PRIOR, LENGTH_PRIOR
 
 OUTLIER = 7.0  # of the median-based scale; measured robots leave 0 to 0.7 % beyond it
@@ -48,6 +49,7 @@ class Findings:
     unsettled: NDArray[np.intp]
     unfinished: float  # share of the last move by which all angles were read early; 0: not seen
     drifts: tuple[Drift, ...]
+    steps: tuple[Step, ...] = ()  # of the table that was given; the fit has two names for each
 
 
 def lengths_of(fit: PoseFit) -> Array:

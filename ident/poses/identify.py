@@ -1,7 +1,8 @@
 """From a table of still poses to the robot's parameters, joint errors, uncertainty and verdict.
 
 Start by the nominal robot -> geometry and sag -> search for joint errors by evidence -> everything
-once more together -> cross-validation by regions of joint space -> verdict.
+once more together -> cross-validation by regions of joint space -> verdict. Where a seat or target
+moved within the table, once more with two in its place.
 """
 
 from __future__ import annotations
@@ -29,8 +30,10 @@ from ident.poses.findings import Findings, findings_of
 from ident.poses.fit import PoseFit, fit_poses
 from ident.poses.model import PoseModel
 from ident.poses.result import PoseIdentification
-from ident.poses.start import start_of_poses
+from ident.poses.start import PoseStart, start_of_poses
+from ident.poses.steps import MOST, Step, sized, split, step_of
 from ident.poses.unknowns import HELD, PoseUnknowns, pose_unknowns
+from ident.verdict import Status
 
 SEARCHED = 4000  # poses, evenly taken, that a search for joint errors needs at most
 GRIDS_DEG = (1.0, 0.5, 0.1, 0.05, 0.01)  # steps to which tables round their angles
@@ -60,13 +63,32 @@ def identify_poses(
 ) -> PoseIdentification:
     """Identify a robot from still poses.
 
+    A seat or target that moved between two rows has two names in the result's table.
+
     Raises InputError where the table holds fewer equations than the robot has parameters, and
     PoseStartError where measurements and robot cannot be brought together.
     """
+    progress("finding seats and targets")
+    start = start_of_poses(table, nominal_chain(table.robot))
+    result = first = _identified(table, start, options, progress)
+    steps: tuple[Step, ...] = ()
+    while len(steps) < MOST and (step := step_of(result.fit)) is not None:
+        progress(f"{step.kind} {step.name} moved: fitting once more")
+        trial = _identified(*split(result.fit, step), options, progress)
+        if trial.cross_validation.mean >= result.cross_validation.mean:
+            break
+        result, steps = trial, (*steps, step)
+    if not steps or result.verdict.status is Status.IMPLAUSIBLE:
+        return first
+    return replace(result, findings=replace(result.findings, steps=sized(result.fit, steps)))
+
+
+def _identified(
+    table: PoseTable, start: PoseStart, options: PoseOptions, progress: Progress
+) -> PoseIdentification:
+    """A robot from a table whose seats and targets stay where they are."""
     chain = nominal_chain(table.robot)
     noise = rounding(table.q) / np.sqrt(12.0)
-    progress("finding seats and targets")
-    start = start_of_poses(table, chain)
     fixed = [*sag(table.robot), *_learned(options)]
     layout = pose_unknowns(table, chain, start.seats, start.targets, fixed)
     _check_enough(table, layout)
@@ -85,8 +107,7 @@ def identify_poses(
             fit, findings = _without_unsettled(fit)
     progress("cross-validating")
     fit = replace(fit, covariance=robust_covariance(fit))
-    validation = cross_validated(fit)
-    return PoseIdentification(table, fit, nominal, search, validation, findings)
+    return PoseIdentification(table, fit, nominal, search, cross_validated(fit), findings)
 
 
 def sag(robot: Robot) -> list[Correction]:

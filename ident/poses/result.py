@@ -21,6 +21,7 @@ from ident.poses.cross_validation import (
 )
 from ident.poses.findings import Findings, scale_of
 from ident.poses.fit import PoseFit
+from ident.poses.steps import renamed
 from ident.poses.verdict import judge_poses
 from ident.robot.identified_arm import IdentifiedArm
 from ident.verdict import Verdict
@@ -90,12 +91,13 @@ class PoseIdentification:
 
         Robot base frame; along the rod where lengths were measured.
         """
-        points = replace(self.fit.model, table=table).evaluate(self.fit.x)
+        points = replace(self.fit.model, table=self._renamed(table)).evaluate(self.fit.x)
         return np.concatenate([point.closure.error[:3].T for point in points])
 
     def within(self, table: PoseTable) -> NDArray[np.bool_]:
         """(N,) whether poses of this result's own seats lie in their stated 95 % regions."""
-        model, validation = replace(self.fit.model, table=table), self.cross_validation
+        validation = self.cross_validation
+        model = replace(self.fit.model, table=self._renamed(table))
         out = []
         for point in model.evaluate(self.fit.x):
             rows = position_rows(point)
@@ -104,13 +106,25 @@ class PoseIdentification:
             out.append(square <= validation.factor * chi2.ppf(LEVEL, len(rows.matrix)))
         return np.concatenate(out)
 
+    @property
+    def target(self) -> str:
+        """The table's first target, that of most poses where it moved."""
+        others = {step.other for step in self.findings.steps}
+        return next(name for name in self.table.targets if name not in others)
+
+    def _renamed(self, table: PoseTable) -> PoseTable:
+        """A table of the same files with the names that the fit gave behind steps."""
+        return renamed(table, self.findings.steps)
+
     def arm(self, target: str | None = None) -> IdentifiedArm:
         """The identified robot with one of its targets; by default the table's first."""
         fit, layout = self.fit, self.fit.model.unknowns
-        name = target or self.table.targets[0]
+        name = target or self.target
+        others = {step.other for step in self.findings.steps}
         at = layout.targets[name].start
         seats = [g.seat for g in self.table.groups if g.target == name]
-        seat = max(seats, key=lambda s: s in layout.framed)  # a whole frame, where there is one
+        # a whole frame, where there is one, and of most poses where it moved
+        seat = max(seats, key=lambda s: (s in layout.framed, s not in others))
         index = np.r_[layout.machine, at : at + 3, layout.seats[seat]]
         q = self.table.q
         return IdentifiedArm(
@@ -127,6 +141,7 @@ class PoseIdentification:
             factor=self.cross_validation.factor,
             lower=q.min(axis=0),
             upper=q.max(axis=0),
+            joint_sigma=self.cross_validation.joint_sigma,
         )
 
 

@@ -23,6 +23,7 @@ NARROW = np.deg2rad(20.0)  # [rad] range of a joint's angles that tells little o
 DISTINCT = 0.7  # share of the rows that are poses of their own
 LOCAL = 2.0  # stated uncertainty over the fitted ranges against that beside the poses
 LOWEST_CERTAIN = 4  # orders up to it may stand for another smooth error of the joints
+SEATS = 3  # of lengths, whose rods point in all directions
 LISTED = 5  # rows that a warning names
 
 
@@ -50,7 +51,8 @@ def _judged(result: PoseIdentification) -> tuple[Status, str]:
     if validation.mean > STRANGE or not np.isfinite(validation.mean):
         return Status.IMPLAUSIBLE, (
             f"Not the declared robot, or not its joint angles: {errors}. Check `robot`, the order, "
-            "signs and units of the joint columns, and the unit of the measured values."
+            "signs and units of the joint columns, the unit of the measured values, and whether "
+            "two seats of the instrument go by one name."
         )
     if not fit.converged:
         return Status.NOT_CONVERGED, (
@@ -84,6 +86,7 @@ def _warnings(result: PoseIdentification) -> list[str]:
     table, fit, findings = result.table, result.fit, result.findings
     out = []
     names = [f"{g.file}:{row}" for g in table.groups for row in g.rows]
+    out += [step.sentence for step in findings.steps]
     if findings.outliers.size:
         out.append(
             f"{findings.outliers.size} poses lie far from the model and count little or not at "
@@ -121,6 +124,12 @@ def _warnings(result: PoseIdentification) -> list[str]:
             f"the measured values are {size:+.3%} (sigma {sigma:.3%}) off the robot's catalogue "
             "lengths, all in one proportion: check their unit, the instrument's scale and the "
             "robot's variant; the scale of the result is that of the instrument"
+        )
+    if _only_lengths(table) and len(table.seats) < SEATS:
+        out.append(
+            f"lengths from {len(table.seats)} seat{'s' * (len(table.seats) > 1)} judge the robot "
+            "along the rods alone; the stated uncertainty of points allows for joint errors that "
+            f"do not show there: measure from {SEATS} seats around the robot"
         )
     distinct = int(distinct_poses(table.q).max()) + 1
     if distinct < DISTINCT * table.size:

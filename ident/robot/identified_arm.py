@@ -45,6 +45,7 @@ class IdentifiedArm:
     factor: float  # of the region's size, over that of chi-square
     lower: Array  # (J,) [rad] range of each joint that was fitted
     upper: Array  # (J,) [rad]
+    joint_sigma: float = 0.0  # [rad] of each joint, where nothing but lengths judged the model
 
     def joints(self, q: Array) -> Array:
         """(N, J) [rad] actual joint angles at logged ones q (N, J) [rad]."""
@@ -87,6 +88,9 @@ class IdentifiedArm:
         moves = self.jacobian(q)
         half = np.einsum("pq,qcn->pcn", self.covariance, moves)
         out = np.einsum("pcn,pdn->ncd", moves, half) + self.discrepancy**2 * np.eye(3)
+        if self.joint_sigma:
+            screws = joint_screws(self.frames(q))[: self.robot.joints, :3]
+            out += self.joint_sigma**2 * np.einsum("jcn,jdn->ncd", screws, screws)
         out[~self.covered(q)] = np.inf
         return np.asarray(out)
 

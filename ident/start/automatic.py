@@ -132,7 +132,7 @@ def automatic_start(
             "leave the odd one out"
         )
     if ballbar is not None and not encoders:
-        every = _lengths(robot, ballbar, nominal, zero_sigma)
+        every = length_hypotheses(robot, ballbar, nominal, zero_sigma)
     else:
         every = _hypotheses(robot, ballbar, encoders, nominal)
     candidates = []
@@ -202,10 +202,13 @@ def _aligned(
                 yield Hypothesis(Clock(offset, 0.0), directions, geometry, score)
 
 
-def _lengths(
+def length_hypotheses(
     robot: SmoothLog, extension: SmoothLog, nominal: Geometry, zero_sigma: float
 ) -> Iterator[Hypothesis]:
-    """Hypotheses of the best lags of a sensed length."""
+    """Hypotheses of the best lags of a sensed length, the best first.
+
+    extension : of the rod [m]; other arguments as of `automatic_start`.
+    """
     longest = max(robot.end - robot.start, extension.end - extension.start)
     step = max(SCAN_STEP, longest / LENGTH_ROWS)
     q = np.asarray(robot.spline(_grid(robot, step)))

@@ -14,12 +14,10 @@ from cell.pose_file import KnownDistances
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model, load_yaml
-from planning.request import KeepOut, Positive
+from planning.request import Axes, Cone, KeepOut, Positive
 from sim.settings import Vector3
 
 SCHEMA = "ballbar-pose-plan/1"
-Axes = Annotated[tuple[float, ...], Field(min_length=5, max_length=8)]
-Cone = Annotated[float, Field(gt=0.0, le=180.0)]
 
 
 class SeatEntry(Strict):

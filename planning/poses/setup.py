@@ -19,6 +19,7 @@ from cell.errors import InputError
 from cell.geometry import nominal_chain
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
+from cell.pose_file import known_distances
 from cell.poses import KnownDistance
 from ident.robot.accuracy import accuracy_grid
 from planning.poses.request import PosePlanRequest, SeatEntry, TargetEntry
@@ -88,7 +89,9 @@ def setup_of(request: PosePlanRequest, *, relative_to: Path) -> Setup:
         chain=nominal_chain(robot),
         instrument=instrument,
         stations=tuple(_station(s, t) for s in request.seats for t in request.targets),
-        distances=_distances(request, instrument),
+        distances=known_distances(
+            request.distances, instrument, (seat.name for seat in request.seats)
+        ),
         lower=lower,
         upper=upper,
         shortest=instrument.lower + margin,
@@ -156,23 +159,3 @@ def _aim(part: SeatEntry | TargetEntry) -> Aim | None:
         return None
     axis = np.array(part.axis)
     return Aim(axis / np.linalg.norm(axis), np.radians(part.cone_deg))
-
-
-def _distances(request: PosePlanRequest, instrument: Instrument) -> tuple[KnownDistance, ...]:
-    out = []
-    for k, declared in enumerate(request.distances):
-        stated = (declared.length_m, declared.sigma_m)
-        length, sigma = stated if None not in stated else instrument.distance or (None, None)
-        if length is None or sigma is None:
-            raise InputError(
-                f"distances[{k}]: length_m is missing, and {instrument.name} states no distance "
-                "of its own. Add length_m and sigma_m."
-            )
-        names = [seat.name for seat in request.seats]
-        for name in (name for pair in declared.pairs for name in pair):
-            if name not in names:
-                raise InputError(
-                    f"distances[{k}]: {name!r} is none of the seats {', '.join(names)}. Correct it."
-                )
-        out += [KnownDistance(pair, length, sigma) for pair in declared.pairs]
-    return tuple(out)

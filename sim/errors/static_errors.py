@@ -30,16 +30,28 @@ _MILLI = 1e-3  # mm and mrad of the table
 
 
 def true_geometry(
-    nominal: Geometry, errors: ErrorSettings, *, plate_sigma: float, seed: int
+    nominal: Geometry,
+    errors: ErrorSettings,
+    *,
+    plate_sigma: float,
+    seed: int,
+    zero_sigma: float | None = None,
 ) -> Geometry:
     """The nominal geometry with its static errors.
 
     plate_sigma : [m] standard deviation of the plate's length if the scenario states none.
+    zero_sigma : [m] of the zero of a sensed length; None for a ball-bar. Universal joint and ball
+        of an instrument are points, so its rows have no other errors.
     """
     axes, tilt, plate = errors.ballbar_axes, errors.base_tilt, errors.plate_length
     drawn: list[dict[str, float]] = []
     if errors.static:
-        drawn.append(static_deviations(errors.static, nominal.table, stream(seed, "static")))
+        static = static_deviations(errors.static, nominal.table, stream(seed, "static"))
+        of_bar = zero_sigma is None
+        existing = {n: v for n, v in static.items() if of_bar or parameter_named(n).side != "bar"}
+        drawn.append(existing)
+    if zero_sigma is not None:
+        drawn.append(deviations(("bd3",), {True: zero_sigma}, stream(seed, "length_zero")))
     if axes:
         sigma = {True: axes.sigma_m, False: axes.sigma_rad}
         drawn.append(deviations((*AXIS_OFFSETS, *AXIS_ANGLES), sigma, stream(seed, "ballbar_axes")))

@@ -41,18 +41,27 @@ class LogTimes:
     robot_stamp: Array  # (N,) [s]
     bar_true: Array  # (M,) [s]
     bar_stamp: NDArray[np.int64]  # (M,) [ns]
-    bar_task: NDArray[np.int64]  # (M,) PLC task cycles since the first row
+    bar_task: NDArray[np.int64]  # (M,) PLC task cycles, or rows of lengths, since the first row
     wander: WanderCurve | None = None  # of the ball-bar's clock
 
 
-def log_times(duration: float, clocks: ClockSettings, *, seed: int) -> LogTimes:
-    """Times of the rows of both logs of a run of `duration` seconds of true time."""
+def log_times(
+    duration: float, clocks: ClockSettings, *, seed: int, rate: float | None = None
+) -> LogTimes:
+    """Times of the rows of both logs of a run of `duration` seconds of true time.
+
+    rate : [Hz] of a log of lengths, which is even; None for the PLC's log of the ball-bar.
+    """
     offset, end = clocks.offset_s, duration - LEAD
     robot_start, bar_start = LEAD - max(0.0, offset), LEAD + min(0.0, offset)
     rows = int((end - robot_start) / ROBOT_PERIOD) + 1
     robot_clock: Array = ROBOT_PERIOD * np.arange(rows, dtype=np.float64)
-    cycles = task_cycles(end - bar_start, clocks.overrun_probability, stream(seed, "overruns"))
-    ticks = TASK_NS * cycles
+    if rate is None:
+        cycles = task_cycles(end - bar_start, clocks.overrun_probability, stream(seed, "overruns"))
+        ticks = TASK_NS * cycles
+    else:
+        cycles = np.arange(int((end - bar_start) * rate) + 1, dtype=np.int64)
+        ticks = np.rint(cycles * (1e9 / rate)).astype(np.int64)
     bar_clock = ticks.astype(np.float64) * 1e-9
     bar_true = Clock(bar_start, clocks.skew).robot_time(bar_clock)
     wander = None

@@ -50,6 +50,15 @@ def write_abb_motor(path: Path, stamps: Array, motors: Array, torques: Array | N
     _write_table(path, names, forms, np.column_stack(columns))
 
 
+def write_lengths(path: Path, stamps: Array, lengths: Array) -> None:
+    """Write a log of lengths: `time,length` in s and mm.
+
+    stamps : (N,) [s] on the sensor's clock. lengths : (N,) [m].
+    """
+    rows = np.column_stack((stamps, lengths * 1e3))
+    _write_table(path, ["time", "length"], ["%.6f", "%.7f"], rows)
+
+
 def write_force_torque(path: Path, stamps: Array, readings: Array) -> None:
     """Write a force sensor log: `time,fx,fy,fz,tx,ty,tz` in s, N and N m.
 

@@ -53,6 +53,7 @@ ROTORS = tuple(f"g{i + 1}" for i in range(6))
 BAR_JOINTS = tuple(f"b{i + 1}" for i in range(BAR_ROWS))
 BASE_JOINTS = ("base_x", "base_y", "base_z")
 ROD_JOINT, PLATE_JOINT = "rod", "plate"
+SEAT_JOINT, SLIDE_JOINT = "seat_cup", "slide"  # of a telescoping rod
 
 _OFF = mujoco.mjtDisableBit
 # There are no contacts and no limits, and the solve is linear; a divergence must show, not reset.
@@ -76,15 +77,21 @@ class PlantModel:
     model: mujoco.MjModel
     joints: NDArray[np.intp]  # (6,) q1..q6
     rotors: NDArray[np.intp]  # (6,) or (0,) g1..g6
-    bar: NDArray[np.intp]  # (5,) b1..b5
-    rod: int
+    bar: NDArray[np.intp]  # (5,) b1..b5, or (0,)
+    rod: NDArray[np.intp]  # (1,) or (0,) elongation of the ball-bar's rod
+    slide: NDArray[np.intp]  # (1,) or (0,) of a telescoping rod
     plate: NDArray[np.intp]  # (1,) or (0,)
     base: NDArray[np.intp]  # (3,) or (0,)
 
 
 def plant_model(plant: Plant, *, timestep: float) -> PlantModel:
     """The compiled model of a plant. Raises ValueError when MuJoCo refuses it."""
-    model = compiled(plant_spec(plant, timestep=timestep))
+    return plant_model_of(plant_spec(plant, timestep=timestep))
+
+
+def plant_model_of(spec: mujoco.MjSpec) -> PlantModel:
+    """The compiled model of a specification. Raises ValueError when MuJoCo refuses it."""
+    model = compiled(spec)
     address = {model.joint(i).name: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
 
     def indices(joints: tuple[str, ...]) -> NDArray[np.intp]:
@@ -95,7 +102,8 @@ def plant_model(plant: Plant, *, timestep: float) -> PlantModel:
         joints=indices(ROBOT_JOINTS),
         rotors=indices(ROTORS),
         bar=indices(BAR_JOINTS),
-        rod=address[ROD_JOINT],
+        rod=indices((ROD_JOINT,)),
+        slide=indices((SLIDE_JOINT,)),
         plate=indices((PLATE_JOINT,)),
         base=indices(BASE_JOINTS),
     )
@@ -155,12 +163,12 @@ def _add_robot(spec: mujoco.MjSpec, plant: Plant) -> None:
     rotation, position = np.eye(3), np.zeros(3)
     for i, link in enumerate(robot_bodies(cell)):
         parent = parent.add_body(name=f"link{i + 1}", pos=position, quat=quat_wxyz(rotation))
-        _set_inertia(parent, link)
+        set_inertia(parent, link)
         parent.add_joint(name=ROBOT_JOINTS[i], type=_HINGE, axis=[0, 0, 1])
         rotation, position = placements[i]
     turned, flange = flange_on_last_link(cell)
     plate = parent.add_body(name="plate", pos=flange, quat=quat_wxyz(turned))
-    _set_inertia(plate, cell.plate.body)
+    set_inertia(plate, cell.plate.body)
     tool = (turned.T @ rotation, turned.T @ (position - flange))
     if effects.plate_stiffness is None:
         plate.add_site(name="tool", pos=tool[1], quat=quat_wxyz(tool[0]))
@@ -322,7 +330,7 @@ def _add_bar(spec: mujoco.MjSpec, plant: Plant) -> None:
         parent, position = _add_base(spec, geometry, effects.base_stiffness), np.zeros(3)
     for i, link in enumerate(bar_bodies(plant.cell)):
         parent = parent.add_body(name=f"bar{i + 1}", pos=position, quat=quat_wxyz(rotation))
-        _set_inertia(parent, link)
+        set_inertia(parent, link)
         damping = float(bar.joint_damping[i])
         hinge = parent.add_joint(name=BAR_JOINTS[i], type=_HINGE, axis=[0, 0, 1], damping=damping)
         if i == 2:
@@ -358,6 +366,7 @@ def _add_base(spec: mujoco.MjSpec, geometry: Geometry, stiffness: float) -> mujo
     return base
 
 
-def _set_inertia(body: mujoco.MjsBody, link: Link) -> None:
+def set_inertia(body: mujoco.MjsBody, link: Link) -> None:
+    """Gives a body the mass properties of a link, in the body's frame."""
     body.mass, body.ipos, body.explicitinertial = link.mass, link.com, True
     body.fullinertia = link.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]

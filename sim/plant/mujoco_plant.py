@@ -79,13 +79,15 @@ def prepare(
 ) -> PlantRun:
     """Model, start and commands of one run; arguments as of `run_plant`."""
     t = np.arange(round(path.t[-1] / timestep) + 1) * timestep
-    command = _command(plant, path, t, gravity_compensation=gravity_compensation)
+    command = servo_command(plant, path, t, gravity_compensation=gravity_compensation)
     model = plant_model(plant, timestep=timestep)
     held = equilibrium(plant, command[0], path.q[0], path.b[0])
     return PlantRun(plant, model, equilibrium_state(plant, model, held), command, timestep)
 
 
-def _command(plant: Plant, path: ReferencePath, t: Array, *, gravity_compensation: bool) -> Array:
+def servo_command(
+    plant: Plant, path: ReferencePath, t: Array, *, gravity_compensation: bool
+) -> Array:
     """(K, 6) [rad] servo commands at the gears at times t (K,) [s]."""
     robot, gains = plant.cell.robot, plant.gains
     reference = CubicSpline(path.t, path.q @ robot.joint_to_gear)
@@ -108,8 +110,13 @@ def equilibrium_state(plant: Plant, compiled: PlantModel, held: Equilibrium) -> 
     data.qpos[compiled.plate] = held.plate
     if compiled.base.size:
         data.qpos[compiled.base] = held.base
-    state = np.zeros(mujoco.mj_stateSize(compiled.model, _PHYSICS))
-    mujoco.mj_getState(compiled.model, data, state, _PHYSICS)
+    return full_state(compiled.model, data)
+
+
+def full_state(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """(nstate,) full physics state of a model."""
+    state = np.zeros(mujoco.mj_stateSize(model, _PHYSICS))
+    mujoco.mj_getState(model, data, state, _PHYSICS)
     return state
 
 
@@ -166,32 +173,44 @@ def _check_divergence(states: Array, timestep: float, warnings: list[str]) -> No
 
 def as_motion(run: PlantRun, states: Array, sensors: Array) -> Motion:
     """The motion that states (K, nstate) and sensor readings (K, nsensor) of a run describe."""
-    effects, gains, robot = run.plant.effects, run.plant.gains, run.plant.cell.robot
-    compiled, nq, nv = run.compiled, run.compiled.model.nq, run.compiled.model.nv
-    positions, speeds = states[:, 1 : 1 + nq], states[:, 1 + nq : 1 + nq + nv]
-    outputs, rates = (
-        v[:, compiled.rotors]
-        if compiled.rotors.size
-        else v[:, compiled.joints] @ robot.joint_to_gear
-        for v in (positions, speeds)
-    )
-    shown = outputs - effects.transmission_error(outputs)
-    stretch = positions[:, compiled.rod]
+    effects, compiled = run.plant.effects, run.compiled
+    positions = states[:, 1 : 1 + compiled.model.nq]
+    shown, torque = servo_motion(run, states)
+    stretch = positions[:, compiled.rod[0]]
     strain = stretch - np.clip(stretch, -effects.rod_backlash, effects.rod_backlash)
     return Motion(
         t=np.arange(len(states), dtype=np.float64) * run.timestep,
         q=positions[:, compiled.joints],
-        shown=shown @ robot.gear_to_joint,
+        shown=shown,
         b=positions[:, compiled.bar],
         rod_stretch=stretch,
         rod_force=effects.rod_stiffness * strain,
         geometry=run.plant.geometry,
-        torque=gains.kp * (run.command - shown) - gains.kv * rates,
+        torque=torque,
         # MuJoCo gives what the flange exerts on the plate.
         wrench=-sensors if effects.force_sensor else None,
         plate=positions[:, compiled.plate[0]] if compiled.plate.size else np.zeros(1),
         base=positions[:, compiled.base] if compiled.base.size else np.zeros((1, 3)),
     )
+
+
+def servo_motion(run: PlantRun, states: Array) -> tuple[Array, Array]:
+    """Joint angles that the motors show (K, 6) [rad], and torques (K, 6) [N m] of the servos.
+
+    states : (K, nstate) of the run, one for each command.
+    """
+    effects, gains, robot = run.plant.effects, run.plant.gains, run.plant.cell.robot
+    compiled, nq, nv = run.compiled, run.compiled.model.nq, run.compiled.model.nv
+    # A speed has the place of its coordinate: hinges and slides come before a rod's ball joint.
+    outputs, rates = (
+        v[:, compiled.rotors]
+        if compiled.rotors.size
+        else v[:, compiled.joints] @ robot.joint_to_gear
+        for v in (states[:, 1 : 1 + nq], states[:, 1 + nq : 1 + nq + nv])
+    )
+    shown = outputs - effects.transmission_error(outputs)
+    command = run.command[:, : shown.shape[1]]  # what follows pulls at a wire
+    return shown @ robot.gear_to_joint, gains.kp * (command - shown) - gains.kv * rates
 
 
 def _check_closure(motion: Motion) -> None:

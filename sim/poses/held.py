@@ -1,9 +1,8 @@
 """MuJoCo plant of still poses: the arm with its rod or wire in static equilibrium.
 
 The motors stand where the controller put them, so each gear is a spring from there: a fixed tendon
-over its joints. A rod turns in two magnetic cups; along it act the spring of its length sensor, the
-friction of its slide and its weight, and nothing closes the chain beyond that. A wire pulls the
-target towards the seat with its tension. Heavily damped, the arm comes to rest in half a second.
+over its joints. Rod and wire are those of sim.plant.rod_and_wire. Heavily damped, the arm comes to
+rest in half a second.
 """
 
 from __future__ import annotations
@@ -17,11 +16,11 @@ import numpy as np
 from cell.arrays import Array
 from cell.bodies import link_bodies
 from cell.chain import row_placements
-from cell.descriptions import Link
 from cell.errors import FailureError
 from cell.instrument import Instrument
 from cell.rotation import quat_wxyz
-from sim.plant.mjcf import SOLVER_TOLERANCE, UNUSED, WELD_SOLIMP, WELD_SOLREF, compiled
+from sim.plant.mjcf import SOLVER_TOLERANCE, UNUSED, compiled, set_inertia
+from sim.plant.rod_and_wire import add_rod, add_wire, is_wire, rod_position
 from sim.poses.settings import PosePlant
 from sim.poses.true_arm import Place, TrueArm
 
@@ -29,13 +28,6 @@ TIMESTEP = 1e-3  # [s] (notes/mujoco sec. 2)
 DAMPING = 0.03  # [s] of the gears' stiffness: longer than the period of any joint
 AT_REST = 1e-8  # [rad/s, m/s] of every coordinate
 _STRETCH, _LONGEST = 200, 8000  # steps between two looks, and before a pose is given up
-_ROD_RADIUS = 0.01  # [m] for its inertia about itself, assumed
-_CUP_DAMPING = 0.02  # [N m s/rad] of the cups: only how the rod comes to rest
-_HINGE, _SLIDE, _BALL = (
-    mujoco.mjtJoint.mjJNT_HINGE,
-    mujoco.mjtJoint.mjJNT_SLIDE,
-    mujoco.mjtJoint.mjJNT_BALL,
-)
 
 
 class NotAtRestError(FailureError):
@@ -75,11 +67,6 @@ def hold_with_instrument(
     )
 
 
-def is_wire(instrument: Instrument) -> bool:
-    """Whether an instrument of lengths is a wire: its stroke is longer than its shortest length."""
-    return instrument.upper > 2.0 * instrument.lower
-
-
 def _each(
     model: mujoco.MjModel,
     data: mujoco.MjData,
@@ -99,10 +86,8 @@ def _each(
         model.tendon_lengthspring[:joints] = rotor[:, None]
         data.qpos[:joints] = start[k]
         if has_rod:
-            rod = places[k] - seat.position
-            length = float(np.linalg.norm(rod))
-            data.qpos[joints : joints + 4] = quat_wxyz(_with_z(rod / length))
-            data.qpos[joints + 4] = length - float(model.site("rod_end").pos[2])
+            length = float(model.site("rod_end").pos[2])
+            data.qpos[joints : joints + 5] = rod_position(seat.position, places[k], length)
             data.qfrc_applied[joints + 3] = -friction[k]
         else:
             data.ctrl[:] = 1.0
@@ -142,9 +127,9 @@ def _spec(
     option.disableflags = int(UNUSED)
     _add_arm(spec, arm, target)
     if is_wire(instrument):
-        _add_wire(spec, settings, seat)
+        add_wire(spec, settings.wire_tension_N, seat=seat.position, site="target")
     else:
-        _add_rod(spec, instrument, settings, seat)
+        add_rod(spec, instrument.nominal, settings, seat=seat.position, site="target")
     return spec
 
 
@@ -156,8 +141,8 @@ def _add_arm(spec: mujoco.MjSpec, arm: TrueArm, target: Place) -> None:
     rows = row_placements(arm.chain)
     for i, (link, row) in enumerate(zip(link_bodies(robot), rows, strict=True)):
         parent = parent.add_body(name=f"link{i + 1}", pos=position, quat=quat_wxyz(rotation))
-        _set_inertia(parent, link)
-        parent.add_joint(name=names[i], type=_HINGE, axis=[0, 0, 1])
+        set_inertia(parent, link)
+        parent.add_joint(name=names[i], type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
         rotation, position = row
     parent.add_site(name="target", pos=position + rotation @ target.position)
     assert arm.gear_stiffness is not None  # the caller's condition
@@ -169,50 +154,3 @@ def _add_arm(spec: mujoco.MjSpec, arm: TrueArm, target: Place) -> None:
         spring.springlength = [0.0, 0.0]  # written for each pose
         spring.stiffness[0] = float(arm.gear_stiffness[i])
         spring.damping[0] = DAMPING * float(arm.gear_stiffness[i])
-
-
-def _add_rod(spec: mujoco.MjSpec, instrument: Instrument, settings: PosePlant, seat: Place) -> None:
-    """Two halves of equal mass, the second on the slide; the end held in the tool's cup."""
-    half, length = 0.5 * settings.rod_mass_kg, instrument.nominal
-    across = half * (length**2 / 48.0 + _ROD_RADIUS**2 / 4.0)
-    inertia = np.diag([across, across, half * _ROD_RADIUS**2 / 2.0])
-    lower = spec.worldbody.add_body(name="rod_lower", pos=seat.position)
-    _set_inertia(lower, Link(half, np.array([0.0, 0.0, 0.25 * length]), inertia))
-    lower.add_joint(name="seat_cup", type=_BALL, damping=_CUP_DAMPING)
-    upper = lower.add_body(name="rod_upper")
-    _set_inertia(upper, Link(half, np.array([0.0, 0.0, 0.75 * length]), inertia))
-    slide = upper.add_joint(name="slide", type=_SLIDE, axis=[0, 0, 1])
-    slide.stiffness[0] = settings.rod_spring_N_per_m
-    slide.damping[0] = 1.0
-    upper.add_site(name="rod_end", pos=[0.0, 0.0, length])
-    cup = spec.add_equality(
-        name="tool_cup",
-        type=mujoco.mjtEq.mjEQ_CONNECT,
-        objtype=mujoco.mjtObj.mjOBJ_SITE,
-        name1="rod_end",
-        name2="target",
-    )
-    cup.solref, cup.solimp = WELD_SOLREF, WELD_SOLIMP
-
-
-def _add_wire(spec: mujoco.MjSpec, settings: PosePlant, seat: Place) -> None:
-    spec.worldbody.add_site(name="fairlead", pos=seat.position)
-    wire = spec.add_tendon(name="wire")
-    wire.wrap_site("fairlead")
-    wire.wrap_site("target")
-    pull = spec.add_actuator(name="tension", target="wire", trntype=mujoco.mjtTrn.mjTRN_TENDON)
-    pull.set_to_motor()
-    pull.gear[0] = -settings.wire_tension_N
-
-
-def _set_inertia(body: mujoco.MjsBody, link: Link) -> None:
-    body.mass, body.ipos, body.explicitinertial = link.mass, link.com, True
-    body.fullinertia = link.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-
-
-def _with_z(direction: Array) -> Array:
-    """(3, 3) a rotation whose z axis is a unit vector (3,)."""
-    other = np.eye(3)[int(np.abs(direction).argmin())]
-    x = np.cross(other, direction)
-    x /= np.linalg.norm(x)
-    return np.stack((x, np.cross(direction, x), direction), axis=1)

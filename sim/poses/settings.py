@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from sim.errors.plant_errors import JointCompliance
-from sim.settings import JointNoise, Position, Vector3
+from sim.settings import JointNoise, Position, RodAndWire, Vector3
 
 Share = Annotated[float, Field(ge=0.0, le=0.5)]
 Size = Annotated[float, Field(ge=0.0)]
@@ -83,26 +83,13 @@ class PosesSettings(Strict):
         return self
 
 
-class PosePlant(Strict):
+class PosePlant(RodAndWire):
     """What holds the robot at a pose."""
 
     kind: Literal["auto", "mujoco", "kinematic"] = Field(
         "auto",
         description="MuJoCo, in static equilibrium with the rod or wire; or kinematic, with the "
         "robot's own weight as only load. auto takes MuJoCo for a rod or wire on elastic gears.",
-    )
-    rod_mass_kg: Annotated[float, Field(gt=0.0)] = Field(
-        0.25, description="Mass of a rod. Assumed."
-    )
-    rod_spring_N_per_m: Annotated[float, Field(ge=0.0)] = Field(
-        500.0, description="Spring of a rod's length sensor, without force at mid range. Assumed."
-    )
-    rod_friction_N: Annotated[float, Field(ge=0.0)] = Field(
-        0.3,
-        description="Friction of a rod's slide; what is left of it at a pose is drawn. Assumed.",
-    )
-    wire_tension_N: Annotated[float, Field(gt=0.0)] = Field(
-        6.0, description="Tension of a draw-wire. Assumed."
     )
 
 

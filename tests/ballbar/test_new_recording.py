@@ -9,9 +9,11 @@ import yaml
 
 from acquisition import read_recording
 from ballbar.commands import recordings
+from cell.clock import Clock
 from tests.helpers.command_line import ballbar
 from tests.helpers.container_files import Written, egm, json_lines, mcap, mpe, rsi, scope
 from tests.helpers.device_logs import bar_lines, robot_lines
+from tests.helpers.length_recordings import wire_run, write_folder
 
 SAID = ["--robot", "irb2400", "--ballbar", "lund_600"]
 
@@ -133,3 +135,55 @@ def test_a_folder_that_holds_something_is_left_alone(
     assert code == 2
     assert "exists and holds something" in err
     assert (tmp_path / "made/mine.txt").read_text() == "mine"
+
+
+@pytest.fixture(scope="module")
+def wire(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with robot.csv and length.csv [mm] of a draw-wire, time in s."""
+    folder = tmp_path_factory.mktemp("wire")
+    write_folder(wire_run(Clock(0.4, 5e-5), seed=7), folder, "drawwire_2m")
+    return folder / "raw"
+
+
+def test_a_length_log_is_proposed_column_unit_and_time(wire: Path, tmp_path: Path) -> None:
+    logs = (wire / "robot.csv", wire / "length.csv")
+    said = ["--robot", "irb2400", "--instrument", "drawwire_2m", "--robot-time", "s", "--yes"]
+    code, out, err = ballbar("new", tmp_path / "made", *logs, *said)
+    assert code == 0, err
+    assert "which unit? (m, mm, um) mm" in out
+    description = yaml.safe_load((tmp_path / "made/recording.yaml").read_text())
+    assert description["instrument"] == "drawwire_2m"
+    assert description["sources"]["length"] == {
+        "files": ["raw/length.csv"],
+        "dialect": "length-table",
+        "time": "s",
+        "column": "length",
+        "unit": "mm",
+    }
+    code, out, _ = ballbar("check", tmp_path / "made")
+    assert code == 0
+    assert "coarse clock offset: +0.40 s over" in out
+    assert "no dwell" not in out
+
+
+def test_a_display_of_deviations_is_proposed_its_zero(wire: Path, tmp_path: Path) -> None:
+    """Deviations in um of a bar of 300 mm; time in ms, one more column that cannot be a length."""
+    rows = [
+        f"{10 * k};{200.0 * (k % 7) / 7.0:.1f};{20.0 + 1e6 * (k % 2):.1f}" for k in range(12000)
+    ]
+    log = tmp_path / "bar.csv"
+    log.write_text("\n".join(["Time [ms];dL;temp", *rows]) + "\n")
+    said = ["--robot", "irb2400", "--instrument", "qc20w_300", "--robot-time", "s", "--yes"]
+    code, _, err = ballbar("new", tmp_path / "made", wire / "robot.csv", log, *said)
+    assert code == 0, err
+    source = yaml.safe_load((tmp_path / "made/recording.yaml").read_text())["sources"]["length"]
+    assert (source["column"], source["unit"], source["zero_m"]) == ("dL", "um", 0.3)
+    assert source["time"] == "ms"
+
+
+def test_ball_bar_and_instrument_together_are_refused(wire: Path, tmp_path: Path) -> None:
+    logs = (wire / "robot.csv", wire / "length.csv")
+    said = [*SAID, "--instrument", "drawwire_2m", "--yes"]
+    code, _, err = ballbar("new", tmp_path / "made", *logs, *said)
+    assert code == 2
+    assert "either --ballbar or --instrument" in err

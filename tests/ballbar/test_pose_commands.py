@@ -4,17 +4,20 @@ import json
 from pathlib import Path
 
 import numpy as np
+import openpyxl
 import pytest
 import yaml
 
 from acquisition.poses import read_poses
 from ballbar.commands import recordings
+from cell.rigid_fit import nominal_frames
 from tests.helpers.command_line import ballbar
 from tests.helpers.pose_files import (
     JOINTS,
     LENGTHS,
     NAMES,
     POINTS,
+    ROBOT,
     ROTATIONS,
     Q,
     columns,
@@ -95,6 +98,36 @@ def test_names_and_numbers_of_a_table_answer_every_question(tmp_path: Path) -> N
     code, _, err = ballbar("new", made, "--poses", table(tmp_path, rows), *SAID)
     assert code == 2
     assert "exists and holds something; nothing was written" in err
+
+
+@pytest.mark.parametrize("unit", ["°", "Grad"])
+def test_a_workbook_in_degrees_needs_no_answer(tmp_path: Path, unit: str) -> None:
+    """Small angles, whose range does not tell the unit."""
+    near = nominal_frames(ROBOT, 0.05 * Q)
+    book = openpyxl.Workbook()
+    book.active.append(
+        [*(f"Achse {k} [{unit}]" for k in range(1, 7)), "X [mm]", "Y [mm]", "Z [mm]"]
+    )
+    for row in np.hstack((np.rad2deg(0.05 * Q), 1e3 * near.tip.T)).tolist():
+        book.active.append(row)
+    book.save(tmp_path / "table.xlsx")
+    made = tmp_path / "made"
+    code, _, err = ballbar("new", made, "--poses", tmp_path / "table.xlsx", *SAID, "--yes")
+    assert code == 0, err
+    np.testing.assert_allclose(read_poses(made).q, 0.05 * Q, atol=1e-12)
+
+
+def test_a_workbook_whose_columns_are_not_seen_asks_for_them(tmp_path: Path) -> None:
+    book = openpyxl.Workbook()
+    book.active.append([*(f"Motor {k}" for k in range(1, 7)), "x", "y", "z"])
+    for row in columns().tolist():
+        book.active.append(row)
+    book.save(tmp_path / "table.xlsx")
+    code, _, err = ballbar(
+        "new", tmp_path / "made", "--poses", tmp_path / "table.xlsx", *SAID, "--yes"
+    )
+    assert code == 2
+    assert "which 6 columns hold the joint angles" in err
 
 
 def test_the_convention_of_rotations_and_the_deviations_are_seen(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,11 @@ def test_a_scenario_of_still_poses_runs_to_report_and_limits(name: str, tmp_path
     assert out.startswith("Good fit: poses in regions of joint space that were not fitted")
     assert "The poses are kinematic: " in out
     assert out.count("met    TCP error") == 2
+    said = re.search(r"TCP error within the fitted ranges: mean (\S+) mm", out)
+    assert said is not None
+    page = (tmp_path / "out/report.html").read_text()
+    assert "TCP error against the truth" in page
+    assert f'<p class="value">{float(said[1]):.3f} mm</p>' in page
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "calibration.yaml",
         "report.html",
@@ -153,7 +159,7 @@ def test_a_drifting_tracker_is_named_with_its_size(tmp_path: Path) -> None:
 
 def test_drift_shows_in_lengths_too_seat_by_seat(tmp_path: Path) -> None:
     """Three seats one after the other: each sees a third of it."""
-    changed = scenario("irb2400_qc20w", {"drift": {}}, plant={"kind": "kinematic"})
+    changed = scenario("irb2400_qc20w", {"drift": {}}, plant={"kind": "kinematic"}, seed=2)
     _, _, result = identified(changed, tmp_path / "t")
     shifts = {drift.seat: drift.shift for drift in result.findings.drifts}
     assert set(shifts) == {"low", "high", "far"}
@@ -170,6 +176,7 @@ def test_simulate_writes_what_identify_reads(tmp_path: Path) -> None:
     code, out, _ = ballbar("identify", folder, "--out", tmp_path / "result", "--json")
     assert code == 0
     assert json.loads(out)["acceptable"]
+    assert "against the truth" not in (tmp_path / "result/report.html").read_text()
 
 
 def test_a_missed_limit_exits_with_1_and_json_holds_the_comparison(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from cell.load import load_robot, robot_names
 from cell.robot_angles import controller_to_joints, joints_to_axes
 from tests.helpers.published_urdf import PUBLISHED, tip_pose
 
-FIRST = {"irb2400", "nj220"}  # with masses, from the thesis and from other sources
+MASSES = {"irb2400", "nj220"}
 # Rows whose axis is parallel to the next one, from 1.
 PARALLEL = {name: (2, 3) if name.startswith("ur") else (2,) for name in PUBLISHED}
 PARALLEL |= {"panda": (), "iiwa14": ()}
@@ -37,6 +37,8 @@ def urdf_angles(name: str, axes: np.ndarray) -> np.ndarray:
     angles = axes.copy()
     if name == "m20ia":  # robot_interface_streaming_m20ia.launch: J23_factor = 1
         angles[2] += axes[1]
+    if name == "irb2400":  # robot_interface_download_irb2400.launch: J23_coupled = true
+        angles[2] -= axes[1]
     return angles
 
 
@@ -47,7 +49,8 @@ def flange_pose(robot: Robot, axes: np.ndarray) -> np.ndarray:
 
 
 def test_every_shipped_robot_is_compared_with_a_published_urdf() -> None:
-    assert set(robot_names()) - FIRST == set(PUBLISHED)
+    """That of the NJ 220 is in test_descriptions."""
+    assert set(robot_names()) - {"nj220"} == set(PUBLISHED)
 
 
 @pytest.mark.parametrize("name", sorted(PUBLISHED))
@@ -69,7 +72,7 @@ def test_neighbours_that_are_parallel_are_known(name: str) -> None:
         assert robot.d[row] == 0.0
 
 
-@pytest.mark.parametrize("name", sorted(PUBLISHED))
+@pytest.mark.parametrize("name", sorted(set(PUBLISHED) - MASSES))
 def test_a_description_without_masses_says_which_are_missing(name: str) -> None:
     robot = load_robot(name)
     assert robot.links is None

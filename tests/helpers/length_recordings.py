@@ -59,6 +59,23 @@ def bar_run(clock: Clock, *, seed: int, noise: float = 5e-7, duration: float = 1
     return _logged(cell, true, clock, path.t, q, 1.0 + stroke, 0.0, noise, rng)
 
 
+def planned_run(
+    cell: Cell, nominal: Geometry, t: Array, q: Array, *, seed: int, noise: float
+) -> LengthRun:
+    """A drawn robot that follows nominal targets, and a bar that takes up what its errors do.
+
+    t : (N,) [s], q : (N, J) [rad] of a path that keeps the nominal length.
+    """
+    rng = np.random.default_rng(seed)
+    true = drawn(nominal, rng)
+    tip = robot_frames(true, q).tip.T
+    out = tip[0] - true.origin  # the seat is set so that the bar begins at its nominal length
+    seat = tip[0] - nominal["bd3"] * out / np.linalg.norm(out)
+    true = true.replaced({name: float(v) for name, v in zip(("ox", "oy", "oz"), seat, strict=True)})
+    length = np.linalg.norm(tip - seat, axis=1)
+    return _logged(cell, true, Clock(0.3, 2e-5), t, q, length, 0.0, noise, rng)
+
+
 def wire_run(
     clock: Clock, *, seed: int, zero: float = 3e-3, noise: float = 5e-5, motion: int = 1
 ) -> LengthRun:

@@ -59,7 +59,7 @@ def held_against_oracle(plant: Plant, path: ReferencePath, k: int) -> Deviation:
     q = x[compiled.joints]
     plate = float(x[compiled.plate].sum())
     base = x[compiled.base] if compiled.base.size else np.zeros(3)
-    stretch = float(x[compiled.rod])
+    stretch = float(x[compiled.rod[0]])
     there = _end(true, q, x[compiled.bar], stretch, plate, base)
     force = effects.rod_stiffness * (
         stretch - np.clip(stretch, -effects.rod_backlash, effects.rod_backlash)

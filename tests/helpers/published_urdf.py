@@ -109,6 +109,21 @@ PUBLISHED = {
             TO_FRONT,
         ),
     ),
+    "irb2400": PublishedUrdf(
+        _ABB.format(
+            "abb_irb2400_support/urdf/irb2400_12_155", "d266f42024b83698eecdee3c44f029c0e9b4b59e"
+        ),
+        "base_link to tool0",
+        (
+            Joint((0, 0, 0), Z),
+            Joint((0.1, 0, 0.615), Y),
+            Joint((0, 0, 0.705), Y),
+            Joint((0, 0, 0.135), X),
+            Joint((0.755, 0, 0), Y),
+            Joint((0, 0, 0), X),
+            Joint((0.085, 0, 0), None, (0, pi / 2, 0)),
+        ),
+    ),
     "irb4600": PublishedUrdf(
         _ABB.format(
             "abb_irb4600_support/urdf/irb4600_40_255", "0707207a3f24c21bb98d39756f67ec83f4e0d977"

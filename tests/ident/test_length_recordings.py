@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cell.clock import Clock
+from cell.errors import InputError
 from ident.held_out import held_out
 from ident.identify import identify_together
 from ident.options import FitOptions
@@ -87,3 +88,10 @@ def test_two_lengths_are_fitted_together() -> None:
         if not name.startswith("rbeta")
     }
     assert max(off.values()) < 4.0, off
+
+
+def test_corrections_of_a_rigid_rod_are_refused() -> None:
+    run = wire_run(Clock(0.3, 0.0), seed=6)
+    options = FitOptions(corrections=("rod_strain",), samples=300)
+    with pytest.raises(InputError, match="rod_strain is of a ball-bar with a rigid rod"):
+        identify_together(run.cell, [run.logs], options=options)

@@ -258,7 +258,7 @@ def test_an_exchange_never_makes_the_selection_worse_and_poses_stay_apart() -> N
 
 def test_a_plan_is_predicted_to_beat_random_poses(tracker: PosePlan, wire: PosePlan) -> None:
     assert tracker.poses.size == wire.poses.size == 40
-    assert tracker.gain > 1.3
+    assert tracker.gain > 1.25
     assert wire.gain > 1.7
     assert tracker.sigma.mean() < tracker.random.min()
     assert wire.sigma.mean() < wire.random.min()
@@ -423,7 +423,7 @@ def test_what_excludes_poses_is_counted() -> None:
         ({"distances": [{"pairs": [["left", "no"]]}]}, r"states no distance of its own"),
         (
             {"distances": [{"pairs": [["left", "no"]], "length_m": 1.0, "sigma_m": 1e-3}]},
-            r"'no' is none of the seats left, right",
+            r"nothing is measured at seat 'no'\. Valid seats: left, right",
         ),
     ],
 )

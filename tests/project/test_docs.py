@@ -11,12 +11,15 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 import yaml
 
 import ballbar as ballbar_package
 from ballbar.commands import cli
+from cell.load import load_robot
+from cell.robot_angles import controller_to_joints
 from generators import command_line, schema_pages
 from tests.helpers.command_line import ballbar
 
@@ -204,6 +207,18 @@ def test_everything_on_the_api_page_is_there_and_has_a_docstring() -> None:
 
 
 @pytest.mark.slow
+def test_the_example_of_axis_angles_gives_the_joint_angles_that_the_page_says() -> None:
+    page = (ROOT / "docs/how_to/own_robot.md").read_text()
+    (example,) = re.findall(r"```yaml\n(controller_to_joint:.*?)```", page, re.DOTALL)
+    matrix = np.array(yaml.safe_load(example)["controller_to_joint"])
+    axes = np.array([10.0, 10.0, 10.0])
+    assert (axes @ matrix).tolist() == [-10.0, 10.0, 0.0]
+    assert "joints are at -10, 10 and 0 deg" in page
+    robot = load_robot("irb2400")  # whose map the same convention reads
+    turned = controller_to_joints(robot, np.array([0.0, 0.3, 0.0, 0.0, 0.2, 0.0]))
+    assert turned.tolist() == [0.0, 0.3, -0.3, 0.0, -0.2, 0.0]
+
+
 def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

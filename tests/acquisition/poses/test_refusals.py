@@ -100,7 +100,7 @@ def test_what_poses_yaml_lacks(tmp_path: Path, keys: dict[str, Any], sentence: s
             lambda d: d.update(
                 distances=[{"pairs": [["saet", "seat"]], "length_m": 1, "sigma_m": 0.1}]
             ),
-            "distances[0]: nothing was measured at seat 'saet'. Did you mean seat? Valid seats: "
+            "distances[0]: nothing is measured at seat 'saet'. Did you mean seat? Valid seats: "
             "seat.",
         ),
         (
@@ -156,6 +156,16 @@ def test_units_of_the_header_that_contradict_the_yaml(tmp_path: Path) -> None:
 )
 def test_cells_that_are_no_numbers(tmp_path: Path, cell: str, sentence: str) -> None:
     assert sentence in refused(write(tmp_path, with_cell(5, 7, cell)))
+
+
+@pytest.mark.parametrize("cell", ["1.234,567", "-12.345.678,9"])
+def test_separators_between_the_thousands(tmp_path: Path, cell: str) -> None:
+    table = lines(columns(), separator=";", comma=True)
+    fields = table[5].split(";")
+    table[5] = ";".join([*fields[:7], cell, *fields[8:]])
+    sentence = refused(write(tmp_path, table))
+    assert f"poses.csv:6: column y: '{cell}' has a separator between the thousands." in sentence
+    assert "Export without" in sentence
 
 
 def test_rows_with_another_number_of_fields(tmp_path: Path) -> None:
@@ -344,3 +354,32 @@ def test_a_point_out_of_reach_is_reported_and_does_not_hide_the_others(tmp_path:
     entry = kinds(write(tmp_path, with_cell(5, 8, "99999999.0")))["point out of reach"]
     assert (entry.severity, entry.lines, entry.count) == ("warning", (6,), 1)
     assert list(kinds(tmp_path)) == ["point out of reach"]
+
+
+@pytest.mark.parametrize("shift", [0.5, 8.0])
+@pytest.mark.parametrize(
+    ("behind", "said"),
+    [
+        (np.arange(len(Q)) >= 15, "lines 2 to 16; and lines 17 to 41"),
+        (np.arange(len(Q)) % 2 == 1, "lines 2, 4, 6, 8, ... (20 of those judged); and lines 3, 5,"),
+    ],
+)
+def test_two_seats_under_one_name(
+    tmp_path: Path, shift: float, behind: np.ndarray, said: str
+) -> None:
+    """8 m apart they were called a wrong unit, and with names as well."""
+    points = POINTS + shift * np.where(behind, 1.0, 0.0)[:, None] * [0.6, -0.8, 0.1]
+    table = lines(np.hstack((np.rad2deg(Q), 1e3 * points)))
+    sentence = refused(write(tmp_path / "one", table))
+    assert f"two seats of the instrument under one name: {said}" in sentence
+    assert "Give each seat its name" in sentence
+    names = ["seat", *np.where(behind, "B", "A")]
+    named = [f"{line},{name}" for line, name in zip(table, names, strict=True)]
+    read = read_poses(write(tmp_path / "two", named, seat={"column": "seat"}))
+    assert set(read.seats) == {"A", "B"}
+
+
+def test_another_robot_is_not_called_two_seats(tmp_path: Path) -> None:
+    swapped = np.hstack((np.rad2deg(Q)[:, [0, 2, 1, 3, 4, 5]], 1e3 * POINTS))
+    read = import_poses(write(tmp_path, lines(swapped)))
+    assert any(entry.kind == "far from the nominal robot" for entry in read.report.findings)

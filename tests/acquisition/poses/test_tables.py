@@ -8,6 +8,7 @@ import openpyxl
 import pytest
 
 from acquisition.poses import import_poses, read_poses
+from cell.errors import DescriptionError
 from cell.poses import PoseTable
 from tests.helpers.pose_files import NAMES, POINTS, Q, columns, lines, write
 
@@ -71,6 +72,33 @@ def test_a_tracker_report_has_a_preamble_and_its_units_in_the_header(tmp_path: P
         values={"columns": ["X", "Y", "Z"]},
     )
     assert_read(read_poses(folder))
+
+
+@pytest.mark.parametrize(
+    ("angle", "length"),
+    [
+        *((" [°]", " [mm]"), ("(°)", "(mm)"), (" [º]", "[mm]"), (" [Grad]", " [mm]")),
+        *((" / °", " / mm"), (" in °", " in mm"), ("/deg", "/mm")),
+    ],
+)
+def test_headers_state_their_units_in_several_ways(tmp_path: Path, angle: str, length: str) -> None:
+    names = [*(f"Achse {k}{angle}" for k in range(1, 7)), *(f"{c}{length}" for c in "XYZ")]
+    folder = write(
+        tmp_path,
+        lines(columns(), names, ";"),
+        joints={"columns": [f"Achse {k}" for k in range(1, 7)]},
+        values={"columns": ["X", "Y", "Z"]},
+    )
+    assert_read(read_poses(folder))
+
+
+def test_grad_may_be_another_unit_and_has_to_be_declared(tmp_path: Path) -> None:
+    names = [*(f"A{k} [grad]" for k in range(1, 7)), "x", "y", "z"]
+    joints = {"columns": [f"A{k}" for k in range(1, 7)]}
+    table = lines(columns(), names)
+    with pytest.raises(DescriptionError, match="does not state the unit of A1, A2"):
+        read_poses(write(tmp_path, table, joints=joints))
+    assert_read(read_poses(write(tmp_path, table, joints={**joints, "unit": "deg"})))
 
 
 def test_quoted_fields_and_names_in_columns(tmp_path: Path) -> None:

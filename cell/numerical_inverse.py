@@ -1,0 +1,165 @@
+"""Inverse kinematics of arms without a closed form: tabulated starts, then damped Newton steps.
+
+Of a table of random joint angles those whose poses are nearest to a target start the search. From
+one pose to others the joints are led along a way of poses, all samples at once, so that neighbours
+on a path stay in one configuration of the arm. Steps are damped least squares (Wampler 1986), of
+more than six joints those of least length. Rotations count as lengths by half the chain's length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from cell.arrays import Array
+from cell.chain import Chain, Frames, forward, joint_screws
+from cell.descriptions import Robot
+from cell.inverse import pose_error
+from cell.robot_angles import joints_to_axes
+
+REACHED = 1e-9  # [m, rad] of an error that is zero but for rounding
+TABLE = 30_000  # tabulated starts
+NEAREST = 24  # of them from which a pose is searched
+BRANCHES = 8  # a serial arm of today has no more configurations within a turn of each joint
+SEARCH_STEPS, WAY_STEPS, LAST_STEPS = 14, 12, 4
+DAMPING = 0.05  # of the scaled Jacobian, whose singular values are of the order of 1
+LONGEST = 0.4  # [rad] of one step: beyond it the arm is no longer the linear one
+APART = 0.05  # [rad] of a joint by which two solutions are different ones
+_SEED = 1
+
+
+def length_of(chain: Chain) -> float:
+    """[m] half the length of a chain, by which its rotations count as lengths."""
+    return 0.5 * float(np.abs(chain.a).sum() + np.abs(chain.d).sum())
+
+
+def scaled_jacobian(chain: Chain, frames: Frames) -> Array:
+    """(N, 6, J) [-] motion of the tool per radian: shifts in lengths of the chain, then turns."""
+    jacobian = joint_screws(frames).transpose(2, 1, 0).copy()
+    jacobian[:, :3] /= length_of(chain)
+    return jacobian
+
+
+def dexterity(chain: Chain, q: Array) -> Array:
+    """(N,) [-] smallest singular value of the scaled Jacobian: 0 at a singular posture.
+
+    q : (N, J) [rad]. Source: Klein & Blaho 1987.
+    """
+    values = np.linalg.svd(scaled_jacobian(chain, forward(chain, q)), compute_uv=False)
+    return np.asarray(values[:, -1])
+
+
+def pose_branches(chain: Chain, poses: Array) -> Array:
+    """Joint angles of the arm's configurations at each pose, as many as there are.
+
+    poses : (N, 4, 4) tool frames in the base frame.
+
+    Returns (BRANCHES, N, J) [rad] between -pi and pi, NaN where there is no further one.
+    """
+    n, joints = len(poses), chain.rows
+    table = _table(*(v.tobytes() for v in (chain.a, chain.d, chain.alpha, chain.theta, chain.beta)))
+    _, at = table.tree.query(_features(poses, length_of(chain)), k=NEAREST)
+    q = table.q[at].reshape(n * NEAREST, joints)
+    q = led(chain, q, lambda _: np.repeat(poses, NEAREST, axis=0), way=SEARCH_STEPS)
+    q = np.angle(np.exp(1j * q)).reshape(n, NEAREST, joints)
+    distinct = ~np.isnan(q).any(axis=2)
+    for k in range(1, NEAREST):
+        off = np.abs(np.angle(np.exp(1j * (q[:, :k] - q[:, k : k + 1])))).max(axis=2)
+        distinct[:, k] &= ~((off < APART) & distinct[:, :k]).any(axis=1)
+    order = np.argsort(~distinct, axis=1, kind="stable")[:, :BRANCHES]
+    solutions = np.take_along_axis(q, order[:, :, None], axis=1)
+    solutions[~np.take_along_axis(distinct, order, axis=1)] = np.nan
+    return np.asarray(solutions.transpose(1, 0, 2))
+
+
+def best_branches(robot: Robot, chain: Chain, poses: Array, *, count: int) -> Array:
+    """(count, N, J) [rad] configurations of `pose_branches` that are best to begin a path with.
+
+    Those within the axis ranges come first, then those far from a singular posture; NaN as there.
+    """
+    solutions = pose_branches(chain, poses)
+    q = np.where(np.isnan(solutions), 0.0, solutions)
+    axes = joints_to_axes(robot, in_range(robot, q[..., None, :])[..., 0, :])
+    over = np.maximum(np.maximum(robot.axis_lower - axes, axes - robot.axis_upper), 0.0)
+    far = dexterity(chain, q.reshape(-1, chain.rows)).reshape(q.shape[:2])
+    score = np.where(np.isnan(solutions).any(axis=2), np.inf, over.sum(axis=2) - far)
+    best = np.argsort(score, axis=0, kind="stable")[:count]
+    return np.asarray(np.take_along_axis(solutions, best[:, :, None], axis=0))
+
+
+def in_range(robot: Robot, q: Array) -> Array:
+    """(..., N, J) [rad] less the whole turns that bring each axis nearest to its range's centre.
+
+    q : (..., N, J) [rad] joint angles along paths of N samples, each of which turns as a whole.
+    """
+    axes = joints_to_axes(robot, q)
+    centre = 0.5 * (robot.axis_lower + robot.axis_upper)
+    off = 0.5 * (axes.max(axis=-2) + axes.min(axis=-2)) - centre
+    turns = 2.0 * np.pi * np.round(off / (2.0 * np.pi))
+    return np.asarray(q - (turns @ robot.controller_to_joint)[..., None, :])
+
+
+def led(
+    chain: Chain, q: Array, poses_at: Callable[[float], Array], *, way: int = WAY_STEPS
+) -> Array:
+    """Joint angles (N, J) [rad] at the end of a way of poses, NaN where they do not reach it.
+
+    q : (N, J) [rad] near the way's beginning. poses_at : poses (N, 4, 4) at shares 0 to 1 of the
+    way. way : number of its steps.
+    """
+    q = q.copy()
+    for step in range(way + LAST_STEPS):
+        last = step >= way
+        poses = poses_at(1.0 if last else (step + 1) / way)
+        q += _step(chain, q, poses, damping=0.0 if step >= way + 1 else DAMPING)
+    frames = forward(chain, q)
+    q[np.abs(_error(frames, poses_at(1.0))).max(axis=0) > REACHED] = np.nan
+    return q
+
+
+def polished(chain: Chain, q: Array, poses: Array, *, steps: int = 3) -> Array:
+    """(N, J) [rad] joint angles at the poses (N, 4, 4) from close by; NaN where not reached."""
+    return led(chain, q, lambda _: poses, way=steps - LAST_STEPS)
+
+
+def _step(chain: Chain, q: Array, poses: Array, *, damping: float) -> Array:
+    """(N, J) [rad] damped least-squares steps of at most LONGEST, less damped near the pose."""
+    frames = forward(chain, q)
+    error = _error(frames, poses).T
+    error[:, :3] /= length_of(chain)
+    jacobian = scaled_jacobian(chain, frames)
+    size = np.minimum(1.0, 10.0 * np.linalg.norm(error, axis=1))
+    square = jacobian @ jacobian.transpose(0, 2, 1)
+    square += ((damping * size) ** 2 + 1e-12)[:, None, None] * np.eye(6)
+    step = np.einsum("nkj,nk->nj", jacobian, np.linalg.solve(square, error[:, :, None])[:, :, 0])
+    return np.asarray(step / np.maximum(np.abs(step).max(axis=1, keepdims=True) / LONGEST, 1.0))
+
+
+def _error(frames: Frames, poses: Array) -> Array:
+    """(6, N) [m, rad] of the last frame from the poses (N, 4, 4)."""
+    return pose_error(poses[:, :3, :3].transpose(1, 2, 0), poses[:, :3, 3].T, frames)
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Random joint angles (T, J) [rad], and a tree of their poses."""
+
+    q: Array
+    tree: cKDTree
+
+
+@lru_cache(maxsize=4)
+def _table(*rows: bytes) -> _Table:
+    chain = Chain(*(np.frombuffer(row) for row in rows))
+    q = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (TABLE, chain.rows))
+    return _Table(q, cKDTree(_features(forward(chain, q).poses(), length_of(chain))))
+
+
+def _features(poses: Array, length: float) -> Array:
+    """(N, 12) [-] numbers whose distance is that of poses: place by the length, then rotation."""
+    turned = poses[:, :3, :3].reshape(len(poses), 9) / np.sqrt(2.0)
+    return np.concatenate((poses[:, :3, 3] / length, turned), axis=1)

@@ -1,0 +1,144 @@
+"""MuJoCo plant of a robot before a telescoping bar or a draw-wire: no closed chain holds it.
+
+The servos and gears are those of sim.plant.mujoco_plant, rod and wire those of
+sim.plant.rod_and_wire. The run begins once the arm has come to rest under its first command.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from cell.arrays import Array
+from cell.geometry import robot_frames
+from cell.instrument import Instrument
+from sim.motion import Motion, MotionCallback
+from sim.path import ReferencePath, axis_range_fault
+from sim.plant.description import Plant
+from sim.plant.measured_motion import bar_at
+from sim.plant.mjcf import SEAT_JOINT, WELD_SOLIMP, PlantModel, plant_model_of, unloaded_robot_spec
+from sim.plant.mujoco_plant import (
+    CLOSURE_LIMIT,
+    PlantError,
+    PlantRun,
+    full_state,
+    roll_out,
+    servo_command,
+    servo_motion,
+)
+from sim.plant.rod_and_wire import add_rod, add_wire, is_wire, rod_position
+from sim.settings import RodAndWire
+
+# [s] the arm's slowest oscillation decays by a factor of a thousand in the first second (as in
+# sim.plant.held_poses)
+SETTLING = 2.0
+
+
+def run_with_instrument(
+    plant: Plant,
+    path: ReferencePath,
+    *,
+    instrument: Instrument,
+    forces: RodAndWire,
+    timestep: float,
+    gravity_compensation: bool = True,
+    on_motion: MotionCallback | None = None,
+) -> Motion:
+    """Motion of the true robot along a path; other arguments as of `run_plant`.
+
+    Raises PlantError on divergence, when the rod's end leaves its cup by more than CLOSURE_LIMIT,
+    or when an axis leaves its range.
+    """
+    model = _model(plant, instrument, forces, timestep)
+    t = np.arange(round(path.t[-1] / timestep) + 1) * timestep
+    command = servo_command(plant, path, t, gravity_compensation=gravity_compensation)
+    if is_wire(instrument):
+        command = np.column_stack((command, np.ones(t.size)))
+    start = _start(plant, model, instrument, path.q[0])
+    run = PlantRun(plant, model, start, command, timestep)
+    rest = replace(run, command=np.repeat(command[:1], round(SETTLING / timestep), axis=0))
+    settled = roll_out(rest)[0][-1].copy()
+    settled[0] = 0.0
+
+    def on_states(states: Array) -> None:
+        if on_motion is not None:
+            q = states[:, 1 + model.joints]
+            b = np.column_stack(bar_at(plant.geometry, q, _bending(model, states)))
+            on_motion(plant.cell, plant.geometry, states[:, 0], q, b)
+
+    states, _ = roll_out(replace(run, start=settled), on_states)
+    motion = _motion(run, forces, states)
+    _check_cup(model, instrument, states, motion)
+    if fault := axis_range_fault(plant.cell.robot, motion.t, motion.q):
+        raise PlantError(fault[1])
+    return motion
+
+
+def _model(plant: Plant, instrument: Instrument, forces: RodAndWire, timestep: float) -> PlantModel:
+    spec, seat = unloaded_robot_spec(plant, timestep=timestep), plant.geometry.origin
+    if is_wire(instrument):
+        add_wire(spec, forces.wire_tension_N, seat=seat, site="tool")
+        return plant_model_of(spec)
+    slide = add_rod(spec, instrument.nominal, forces, seat=seat, site="tool")
+    # Dry friction of the solver, stiff: it slides from micrometres a second on. A bristle (LuGre)
+    # that can be integrated explicitly is so soft that a stroke of 0.3 mm hardly leaves it.
+    slide.frictionloss, slide.solimp_friction = forces.rod_friction_N, WELD_SOLIMP
+    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
+    return plant_model_of(spec)
+
+
+def _start(plant: Plant, compiled: PlantModel, instrument: Instrument, q: Array) -> Array:
+    """(nstate,) full physics state with the robot at joint angles q (6,) [rad], without loads."""
+    model, robot, geometry = compiled.model, plant.cell.robot, plant.geometry
+    data, gears = mujoco.MjData(model), q[None] @ robot.joint_to_gear
+    data.qpos[compiled.joints] = q
+    if compiled.rotors.size:
+        data.qpos[compiled.rotors] = (gears + plant.effects.transmission_error(gears))[0]
+    if compiled.slide.size:
+        end = robot_frames(geometry, q[None]).tip[:, 0]
+        cup = int(model.joint(SEAT_JOINT).qposadr[0])
+        data.qpos[cup : cup + 5] = rod_position(geometry.origin, end, instrument.nominal)
+    return full_state(model, data)
+
+
+def _motion(run: PlantRun, forces: RodAndWire, states: Array) -> Motion:
+    compiled = run.compiled
+    q, plate = states[:, 1 + compiled.joints], _bending(compiled, states)
+    shown, torque = servo_motion(run, states)
+    b, stretch = bar_at(run.plant.geometry, q, plate)
+    force = np.full(len(states), forces.wire_tension_N)
+    if compiled.slide.size:
+        force = forces.rod_spring_N_per_m * states[:, 1 + compiled.slide[0]]
+    return Motion(
+        t=np.arange(len(states), dtype=np.float64) * run.timestep,
+        q=q,
+        shown=shown,
+        b=b,
+        rod_stretch=stretch,
+        rod_force=force,
+        geometry=run.plant.geometry,
+        torque=torque,
+        plate=plate,
+    )
+
+
+def _bending(compiled: PlantModel, states: Array) -> Array:
+    """(K,) or (1,) [rad] bending of the offset plate in states (K, nstate)."""
+    return states[:, 1 + compiled.plate[0]] if compiled.plate.size else np.zeros(1)
+
+
+def _check_cup(compiled: PlantModel, instrument: Instrument, states: Array, motion: Motion) -> None:
+    """Raises PlantError where the rod does not end at the tool."""
+    if not compiled.slide.size:
+        return
+    rod = instrument.nominal + states[:, 1 + compiled.slide[0]]
+    open_by = np.abs(rod - motion.rod_stretch - motion.geometry["bd3"])
+    if open_by.max() > CLOSURE_LIMIT:
+        k = int(open_by.argmax())
+        raise PlantError(
+            f"not simulated exactly enough: the rod ends {open_by[k] * 1e6:.2f} um from the tool "
+            f"at t = {motion.t[k]:.2f} s (limit {CLOSURE_LIMIT * 1e6:g} um). Halve "
+            "plant.timestep_s, or lengthen path.duration_s"
+        )

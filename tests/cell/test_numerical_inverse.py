@@ -1,0 +1,121 @@
+"""Inverse kinematics without a closed form: poses are reached, and paths are followed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.chain import Chain, forward
+from cell.descriptions import Cell
+from cell.errors import InputError
+from cell.geometry import nominal_geometry
+from cell.inverse import has_closed_form, robot_branches
+from cell.load import load_plate, load_robot, load_telescoping_bar, robot_names
+from cell.numerical_inverse import REACHED, dexterity, pose_branches
+from sim.path import Lissajous, branches_along, tool_poses
+
+CLOSED = {"irb120", "irb1600", "irb2400", "irb4600", "irb6640", "nj220"}
+
+
+def cell_of(robot: str) -> Cell:
+    bar, plate = load_telescoping_bar("qc20w_300"), load_plate("plate_250")
+    return Cell(load_robot(robot), bar, plate)
+
+
+def chain_of(robot: str) -> Chain:
+    return nominal_geometry(cell_of(robot), np.zeros(3)).robot
+
+
+def apart(q: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """[rad] largest difference of two postures, whole turns left out."""
+    return np.abs(np.angle(np.exp(1j * (q - other)))).max(axis=-1)
+
+
+def test_arms_of_one_structure_alone_have_a_closed_form() -> None:
+    assert {name for name in robot_names() if has_closed_form(chain_of(name))} == CLOSED
+
+
+@pytest.mark.parametrize("offset", ["d2", "d5", "a4", "alpha3"])
+def test_an_arm_with_one_more_offset_is_not_taken_for_one_without(offset: str) -> None:
+    """Regression: angles of such arms were returned unchecked, with the tool up to 0.7 m off."""
+    chain = chain_of("irb2400")
+    values = getattr(chain, offset[:-1]).copy()
+    values[int(offset[-1]) - 1] += 0.05
+    beside = replace(chain, **{offset[:-1]: values})
+    poses = forward(beside, np.full((1, 6), 0.4)).poses()
+    assert not has_closed_form(beside)
+    with pytest.raises(InputError, match="this robot is built otherwise"):
+        robot_branches(beside, poses)
+    found = pose_branches(beside, poses)[:, 0]
+    assert np.nanmin(apart(found, np.full(6, 0.4))) < 1e-6
+
+
+def test_a_wrist_that_is_exactly_singular_has_no_angles_in_closed_form() -> None:
+    """Regression: the two wrist angles that only their sum tells were returned off the pose."""
+    chain = chain_of("irb2400")
+    q = np.array([[0.2, 0.3, -0.1, 0.7, 0.0, 0.4]])
+    poses = forward(chain, q).poses()
+    for branch in robot_branches(chain, poses):
+        if not np.isnan(branch).any():
+            assert np.abs(forward(chain, branch).poses() - poses).max() < REACHED
+
+
+@pytest.mark.parametrize("robot", ["ur10e", "kr10_r1100", "gp25", "panda"])
+def test_every_configuration_found_reaches_the_pose(robot: str) -> None:
+    chain = chain_of(robot)
+    q = np.random.default_rng(3).uniform(-2.0, 2.0, (60, chain.rows))
+    poses = forward(chain, q).poses()
+    found = pose_branches(chain, poses)
+    there = ~np.isnan(found).any(axis=2)
+    assert there.any(axis=0).all()
+    every = forward(chain, found[there]).poses()
+    wanted = np.broadcast_to(poses, (len(found), *poses.shape))[there]
+    assert np.abs(every - wanted).max() < 1e-8
+    if chain.rows == 6:  # seven axes take a pose in ever so many postures
+        known = np.array([np.nanmin(apart(found[:, k], q[k])) < 1e-6 for k in range(len(q))])
+        assert known.mean() > 0.85  # starts are random: not all configurations are found
+
+
+def test_the_configurations_in_closed_form_are_found_by_number_too() -> None:
+    chain = chain_of("irb2400")
+    q = np.random.default_rng(8).uniform(-0.8, 0.8, (60, 6)) + np.array([0, 0, 0, 0, 1.0, 0])
+    poses = forward(chain, q).poses()
+    closed, found = robot_branches(chain, poses), pose_branches(chain, poses)
+    off = [
+        np.nanmin(apart(found[:, k], branch[k]))
+        for branch in closed
+        for k in range(len(q))
+        if not np.isnan(branch[k]).any()
+    ]
+    assert np.mean(np.array(off) < 1e-6) > 0.9
+
+
+@pytest.mark.parametrize(("robot", "seat"), [("ur10e", 0.5), ("kr10_r1100", 0.5), ("panda", 0.4)])
+def test_a_path_is_followed_without_a_jump(robot: str, seat: float) -> None:
+    cell = cell_of(robot)
+    nominal = nominal_geometry(cell, np.array([seat, 0.0, 0.2]))
+    rng, phases, followed = np.random.default_rng(2), np.linspace(0.0, 1.0, 400), 0
+    for _ in range(8):
+        shape = Lissajous(
+            centre=rng.uniform(-2.0, 0.0, 5),
+            amplitude=rng.uniform(0.1, 0.6, 5),
+            cycles=rng.integers(1, 4, 5).astype(float),
+            phase=rng.uniform(0.0, 6.0, 5),
+        )
+        for q in branches_along(cell.robot, nominal, shape, phases):
+            followed += 1
+            wanted = tool_poses(nominal, shape, phases)
+            assert np.abs(forward(nominal.robot, q).poses() - wanted).max() < 1e-8
+            assert np.abs(np.diff(q, axis=0)).max() < 0.3
+            assert np.abs(q[-1] - q[0]).max() < 1e-6  # the path closes, and so do the joints
+    assert followed >= 3
+
+
+def test_a_stretched_arm_has_a_singular_value_of_zero() -> None:
+    chain = chain_of("ur10e")
+    stretched, bent = np.array([0.3, -0.7, 0.0, 0.4, 1.0, 0.2]), np.full(6, 0.9)
+    value = dexterity(chain, np.stack((stretched, bent)))
+    assert value[0] < 1e-12
+    assert value[1] > 0.05

@@ -1,0 +1,97 @@
+"""A seat or a target that moved between two rows is found, named, and fitted as another one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from cell.poses import Measured, PoseTable
+from ident.poses.closure import Placement
+from ident.poses.identify import PoseOptions, identify_poses
+from tests.helpers.still_poses import SEAT, TARGET, angles, group, table_of, true_robot
+
+PLAIN = PoseOptions(search=False)
+NOISE = 2e-5  # [m]
+COUNT = 150
+
+
+def stepped(measured: Measured, kind: str, shift: Array, at: int, seed: int = 0) -> PoseTable:
+    """Poses of a UR5 whose seat or target is shifted (3,) [m] from pose `at` on."""
+    true, q = true_robot("ur5", seed=seed), angles("ur5", COUNT, seed)
+    rng, moved = np.random.default_rng([seed, 8]), np.arange(COUNT)[:, None] >= at
+    target = Placement(TARGET.rotation, TARGET.origin + (shift if kind == "target" else 0.0))
+    points = np.where(moved, true.positions(q, target), true.positions(q))
+    away = points - SEAT.origin - (moved * shift if kind == "seat" else 0.0)
+    if measured == "length":
+        away = np.linalg.norm(away, axis=1)[:, None]
+    values = away + rng.normal(0.0, NOISE, away.shape)
+    sigma = np.full(values.shape, NOISE)
+    return PoseTable("ur5", true.robot, (group(measured, "hall", q, values, sigma),))
+
+
+@pytest.mark.parametrize("measured", ["point", "length"])
+@pytest.mark.parametrize("kind", ["seat", "target"])
+@pytest.mark.parametrize("size", [3e-4, 1e-2, 0.3])
+def test_a_step_is_found_with_its_row_and_size(measured: Measured, kind: str, size: float) -> None:
+    shift = size * np.array([0.6, -0.64, 0.48])
+    result = identify_poses(stepped(measured, kind, shift, at=60), PLAIN)
+    (step,) = result.findings.steps
+    assert (step.kind, step.file) == (kind, "table.csv")
+    assert abs(step.row - 62) <= 1
+    assert step.size == pytest.approx(size, rel=0.15)
+    name = "hall" if kind == "seat" else "ball"
+    placed = result.table.seats if kind == "seat" else result.table.targets
+    assert set(placed) == {name, f"{name} before row {step.row}"}
+    assert result.cross_validation.mean < 4.0 * NOISE
+    (said,) = [w for w in result.verdict.warnings if w.startswith(f"{kind} {name} moved by")]
+    assert f"before table.csv:{step.row}" in said
+
+
+def test_held_out_rows_of_the_same_file_belong_to_the_right_side() -> None:
+    whole = stepped("point", "seat", np.array([0.0, 5e-3, 0.0]), at=60)
+    fitted = np.random.default_rng(0).permutation(COUNT) < 110
+    result = identify_poses(whole.part(fitted), PLAIN)
+    assert np.linalg.norm(result.errors(whole.part(~fitted)), axis=1).max() < 1e-3
+    assert result.within(whole.part(~fitted)).mean() > 0.8
+
+
+def test_a_seat_may_move_between_two_files() -> None:
+    whole = stepped("point", "seat", np.array([0.1, 0.0, 0.2]), at=70)
+    (group,) = whole.groups
+    parts = [
+        replace(group.part(np.arange(COUNT) < 70), file="a.csv"),
+        replace(group.part(np.arange(COUNT) >= 70), file="b.csv"),
+    ]
+    result = identify_poses(replace(whole, groups=tuple(parts)), PLAIN)
+    (step,) = result.findings.steps
+    assert step.other == "hall before b.csv row 72"
+    later = stepped("point", "seat", np.array([0.0, 5e-3, 0.0]), at=100)
+    (step,) = identify_poses(later, PLAIN).findings.steps
+    assert step.other == f"hall from row {step.row}"
+
+
+@pytest.mark.parametrize("measured", ["point", "length"])
+def test_clean_and_drifting_tables_have_no_steps(measured: Measured) -> None:
+    """Largest scores of several hundred clean tables: 30, half the limit."""
+    for name in ("ur5", "irb2400"):
+        for seed in range(3):
+            true = true_robot(name, seed=seed, orders=[(1, 3), (2, 2)], amplitude=8e-5)
+            table = table_of(true, measured, count=100, seed=seed)
+            assert identify_poses(table, PLAIN).findings.steps == ()
+    drift = np.linspace(0.0, 2e-4, COUNT)[:, None]
+    (group,) = stepped("point", "seat", np.zeros(3), at=60).groups
+    table = PoseTable("t", true_robot("ur5").robot, (replace(group, values=group.values + drift),))
+    assert identify_poses(table, PLAIN).findings.steps == ()
+
+
+def test_a_few_outliers_and_another_robot_are_no_steps() -> None:
+    (group,) = stepped("point", "seat", np.zeros(3), at=60).groups
+    values = group.values.copy()
+    values[[20, 21, 22, 90]] += 5e-3
+    table = PoseTable("t", true_robot("ur5").robot, (replace(group, values=values),))
+    assert identify_poses(table, PLAIN).findings.steps == ()
+    wrong = replace(table, groups=(replace(group, q=group.q[:, [0, 2, 1, 3, 4, 5]]),))
+    assert identify_poses(wrong, PLAIN).findings.steps == ()

@@ -1,0 +1,364 @@
+"""Moving paths for a bar that measures its length, on arms of any structure."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from typer.testing import CliRunner
+
+from ballbar.commands.cli import app
+from cell.errors import DescriptionError, InputError
+from cell.geometry import robot_frames
+from cell.strict_yaml import load_yaml
+from ident.identify import identify_together
+from ident.options import DEFAULT_SAMPLES, FitOptions
+from ident.robot.accuracy import tcp_error
+from planning.candidate import Candidate, space_of
+from planning.clearance import nearest
+from planning.crlb import EXACT, predict
+from planning.evaluation import Evaluator, check, evaluators, tcp_rms
+from planning.first import first_path
+from planning.limits import leaning, violations
+from planning.plan import assess
+from planning.request import Cup, PlanLimits, load_request
+from planning.stroke import DRAWS, predicted_lengths, stroke_model
+from planning.trajectory import Trajectory
+from planning.verify import checks, run_in_plant, violations_in
+from planning.what_if import answers, check_questions, question
+from sim.path_files import load_lissajous
+from tests.helpers.command_line import ballbar
+from tests.helpers.length_recordings import planned_run
+from tests.helpers.program_reader import read_rapid
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+REQUEST = SCENARIOS / "plans" / "ur10e_telescoping.yaml"
+PATH = SCENARIOS / "paths" / "ur10e_telescoping.yaml"
+IRB2400 = Path(__file__).parents[2] / "cell" / "robots" / "irb2400.yaml"
+
+
+def known() -> Candidate:
+    return Candidate(load_lissajous(PATH), np.array([0.273, -0.011, 0.126]))
+
+
+@pytest.fixture(scope="module")
+def evaluator() -> Evaluator:
+    (only,) = evaluators(load_request(REQUEST)).values()
+    return only
+
+
+@pytest.fixture(scope="module")
+def trajectory(evaluator: Evaluator) -> Trajectory:
+    outcome = check(evaluator, known())
+    assert not outcome.violations
+    assert outcome.trajectory is not None
+    return outcome.trajectory
+
+
+def written(folder: Path, cell: str, rest: str = "") -> Path:
+    """A request with the keys of its cell, and further keys."""
+    file = folder / "request.yaml"
+    region = "ballbar_region_m: {lower: [0.3, -0.3, 0.1], upper: [0.6, 0.3, 0.4]}"
+    file.write_text(f"schema: ballbar-plan/1\nname: one\ncell: {{{cell}, {region}}}\n{rest}\n")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("cell", "rest", "words"),
+    [
+        ("robot: ur10e", "", "give either ballbar, a ball-bar with encoders, or instrument"),
+        ("robot: ur10e, ballbar: lund_600, instrument: qc20w_300", "", "give either ballbar"),
+        (
+            "robot: ur10e, instrument: qc20w_300, ballbar_choices: [lund_600]",
+            "",
+            "ballbar_choices.*plan once for each instrument",
+        ),
+        (
+            "robot: ur10e, ballbar: lund_600, seat: {axis: [0, 0, 1], cone_deg: 60}",
+            "",
+            "seat.*has no cups",
+        ),
+        (
+            "robot: ur10e, instrument: qc20w_300, seat: {axis: [0, 0, 0], cone_deg: 60}",
+            "",
+            "axis.*expected a direction",
+        ),
+        (
+            "robot: ur10e, instrument: qc20w_300",
+            "sensors: {encoders: [1, 2]}",
+            "sensors.encoders.*Leave it out",
+        ),
+        ("robot: ur10e, instrument: qc20w_300", "limits: {force_N: 9}", "limits.force_N"),
+        ("robot: ur10e, instrument: qc20w_300", "servo: soft", "servo.*Leave it out"),
+        (
+            "robot: ur10e, ballbar: lund_600",
+            "sensors: {length_sigma_m: 1.0e-6}",
+            "sensors.length_sigma_m.*cell.instrument",
+        ),
+    ],
+)
+def test_keys_of_the_other_kind_of_instrument_are_refused(
+    tmp_path: Path, cell: str, rest: str, words: str
+) -> None:
+    with pytest.raises(DescriptionError, match=f"(?s){words}"):
+        load_request(written(tmp_path, cell, rest))
+
+
+@pytest.mark.parametrize(
+    ("cell", "rest", "words"),
+    [
+        (
+            "robot: ur10e, ballbar: lund_600",
+            "",
+            "robot ur10e has no `links`, `servo`, `gears`.*cell.instrument: qc20w_300",
+        ),
+        ("robot: irb2400, ballbar: qc20w_300", "", "measures its length; name it as cell.instr"),
+        ("robot: irb2400, instrument: lund_600", "", "has encoders; name it as cell.ballbar"),
+        ("robot: irb2400, instrument: tracker_point", "", "measures a point"),
+        (
+            "robot: ur10e, instrument: qc20w_300",
+            "limits: {wrist_margin_deg: 5}",
+            "limits.wrist_margin_deg: robot ur10e is not built.*singular_value",
+        ),
+        (
+            "robot: irb2400, instrument: qc20w_300",
+            "limits: {singular_value: 0.1}",
+            "limits.singular_value: robot irb2400 is built.*wrist_margin_deg",
+        ),
+    ],
+)
+def test_a_cell_that_cannot_be_planned_says_what_is_missing(
+    tmp_path: Path, cell: str, rest: str, words: str
+) -> None:
+    with pytest.raises(InputError, match=f"(?s){words}"):
+        evaluators(load_request(written(tmp_path, cell, rest)))
+
+
+def test_a_command_for_such_a_cell_ends_with_a_sentence(tmp_path: Path) -> None:
+    file = written(tmp_path, "robot: ur10e, ballbar: lund_600")
+    code, *texts = ballbar("plan", file, "--out", tmp_path / "out")
+    said = " ".join(" ".join(texts).split())
+    assert code == 2
+    assert "robot ur10e has no" in said
+    assert "Traceback" not in said
+
+
+def test_nothing_of_a_ballbar_limits_a_telescoping_bar(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    strict = PlanLimits(ballbar_margin_deg=89.0, cable_turns=1e-3, force_N=1e-3)
+    assert violations(evaluator.cell, strict, trajectory) == []
+    assert evaluator.force_model is None
+    assert space_of(evaluator.request).margin == 0.0
+
+
+def test_limits_of_any_arm_are_its_axes_and_its_smallest_singular_value(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    strict = PlanLimits(singular_value=0.6, axis_margin_deg=175.0)
+    found = {v.limit: v.sentence for v in violations(evaluator.cell, strict, trajectory)}
+    assert "smallest singular value of the arm 0." in found["singular_value"]
+    assert "axis_margin_deg" in found
+    assert not {"wrist_margin_deg", "elbow_margin_deg"} & set(found)
+
+
+def test_the_rod_leans_in_both_cups_as_far_as_the_tool_says(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    frames = robot_frames(trajectory.nominal, trajectory.q)
+    rod = (frames.tip.T - trajectory.nominal.origin) / trajectory.nominal["bd3"]
+    of_seat = np.degrees(np.arccos(rod[:, 2])).max()
+    of_target = np.degrees(np.arccos(-(rod * frames.z[-1].T).sum(axis=1))).max()
+    for seat, target, count in ((1.0, 1.0, 0), (-1.0, 1.0, 1), (-1.0, -1.0, 2)):
+        around = evaluator.request.cell.model_copy(
+            update={
+                "seat": Cup(axis=(0.0, 0.0, 2.0), cone_deg=of_seat + seat),
+                "target": Cup(axis=(0.0, 0.0, 1.0), cone_deg=min(180.0, of_target + target)),
+            }
+        )
+        found = leaning(around, trajectory)
+        assert len(found) == count
+        assert all(re.search(r"rod \d+ deg from the axis of the", v.sentence) for v in found)
+
+
+def test_links_are_as_far_from_the_rod_as_their_axes_say(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    """Oracle: points of the forearm and of the rod, by brute force."""
+    of = evaluator.clearance
+    q, b, t = trajectory.q[::5], trajectory.b[::5], trajectory.t[::5]
+    frames = robot_frames(trajectory.nominal, q)
+    share = np.linspace(0.0, 1.0, 201)
+    seat = trajectory.nominal.origin[:, None]
+    along = (frames.tip - seat) / np.linalg.norm(frames.tip - seat, axis=0)
+    least = np.inf
+    for k in range(q.shape[0]):
+        start, end = frames.origin[2][:, k], frames.origin[3][:, k]
+        arm = start + share[:, None] * (end - start)
+        rod = seat[:, 0] + (0.1 + 0.8 * share[:, None]) * along[:, k]
+        least = min(least, np.linalg.norm(arm[:, None] - rod[None], axis=2).min())
+    apart = least - of.radii["link 3 along a"] - of.radii["rod"]
+    assert nearest(of, trajectory.nominal, q, b, t).distance <= apart + 2e-3
+
+
+def test_expected_lengths_are_those_of_the_erroneous_robot(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    model = evaluator.stroke_model
+    assert model is not None
+    lengths = predicted_lengths(model, trajectory).length
+    assert lengths.shape == (DRAWS, trajectory.t.size)
+    assert lengths[:, 0] == pytest.approx(1.0, abs=1e-12)
+    for k in range(DRAWS):
+        true = trajectory.nominal.replaced(
+            {
+                name: trajectory.nominal[name] + error
+                for name, error in zip(model.names, model.errors[:, k], strict=True)
+            }
+        )
+        tip = robot_frames(true, trajectory.q).tip.T
+        first = tip[0] - trajectory.nominal.origin - model.seat[:, k]
+        out = (trajectory.tip[0] - trajectory.nominal.origin) / 1.0
+        seat = trajectory.nominal.origin + model.seat[:, k] + out * (first @ out - 1.0)
+        exact = np.linalg.norm(tip - seat, axis=1)
+        assert lengths[k] == pytest.approx(exact, abs=2e-5)  # of millimetres; second order
+
+
+def test_a_bar_that_leaves_its_stroke_is_a_warning_with_the_remedy(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    model = stroke_model(evaluator.cell, seed=1)
+    assert model is not None
+    lengths = predicted_lengths(model, trajectory)
+    assert lengths.leaving == 0
+    assert lengths.warning == ""
+    short = replace(lengths, stroke=(0.9999, 1.0001))
+    assert short.leaving == DRAWS
+    assert "Calibrate coarsely first" in short.warning
+
+
+def test_a_better_sensor_predicts_less_and_a_rigid_hold_is_no_unknown(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    still = np.zeros(trajectory.t.size)
+
+    def sigma(length: float) -> float:
+        sensors = evaluator.request.sensors.model_copy(update={"length_sigma_m": length})
+        found = predict(replace(evaluator.predictor, sensors=sensors), trajectory, still)
+        assert np.sqrt(np.mean(found.tcp_sigma**2)) == pytest.approx(tcp_rms(evaluator, found))
+        assert not [n for n in found.sigma if n.startswith(("tension", "encoder", "btheta"))]
+        assert found.sigma["rbeta2"] == pytest.approx(EXACT)
+        return tcp_rms(evaluator, found)
+
+    assert sigma(1e-6) < sigma(1e-5) < sigma(1e-4)
+
+
+@pytest.mark.slow
+def test_the_prediction_is_the_error_that_identification_makes(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    """Six drawn robots on the path, kinematic, white noise: rms TCP error over the prediction."""
+    noise, timing = 5e-6, evaluator.request.timing
+    spacing = (timing.duration_s - 2.0 * timing.dwell_s + 2.0) / DEFAULT_SAMPLES
+    sensors = evaluator.request.sensors.model_copy(
+        update={  # the helper's: white, rows of 4 ms and of 10 ms
+            "robot_sigma_rad": 1e-9,
+            "robot_noise_sigma_rad": 5e-6,
+            "length_sigma_m": noise * np.sqrt(0.01 / spacing),
+        }
+    )
+    predictor = replace(evaluator.predictor, sensors=sensors)
+    found = predict(predictor, trajectory, np.zeros(trajectory.t.size))
+    t = np.arange(0.0, timing.duration_s, 0.02)
+    q, square = CubicSpline(trajectory.t, trajectory.q)(t), []
+    for seed in range(6):
+        run = planned_run(evaluator.cell, trajectory.nominal, t, q, seed=seed, noise=noise)
+        result = identify_together(run.cell, [run.logs], options=FitOptions(model="dh"))
+        assert result.verdict.acceptable, result.verdict.sentence
+        square.append(np.mean(tcp_error(result.robot.geometry, run.true, found.grid).error ** 2))
+    ratio = np.sqrt(np.mean(square) / np.mean(found.tcp_sigma**2))
+    assert 0.75 < ratio < 1.35, ratio  # six robots scatter by a tenth or more
+
+
+def test_the_command_writes_what_a_telescoping_bar_needs_and_nothing_else(tmp_path: Path) -> None:
+    out = tmp_path / "plan"
+    result = CliRunner().invoke(app, ["plan", str(REQUEST), "--path", str(PATH), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    names = {"path.yaml", "plan.yaml", "plan.svg", "path.csv"}
+    programs = {f"ur10e_telescoping.{kind}" for kind in ("mod", "pdl")}
+    assert {p.name for p in out.iterdir()} == names | programs
+    said = re.sub(r"\s+", " ", result.output)
+    assert "telescoping bar telescoping_1000 at (0.273, -0.011, 0.126) m" in said
+    assert re.search(r"length -\d\.\d to \+\d\.\d mm about 1000 mm expected", said)
+    assert "stroke -5.0 to +5.0 mm" in said
+    assert "not run in MuJoCo" in said
+    assert "force" not in said
+    data = load_yaml(out / "plan.yaml").data
+    assert data["length_m"]["stroke"] == [0.995, 1.005]
+    assert data["length_m"]["robots_that_leave_the_stroke"] == 0
+    assert {"force_N", "cable_turns", "wrist_margin_deg"}.isdisjoint(data["limits"])
+    assert "rod_force_N" not in data
+    program = (out / "ur10e_telescoping.mod").read_bytes().decode()
+    assert "Soft" not in program
+    assert "mount the telescoping bar" in program
+    rows = [line for line in (out / "path.csv").read_text().splitlines() if line[0] != "#"]
+    axes = np.array([[float(v) for v in row] for row in csv.reader(rows[1:])])[:, 1:7]
+    assert read_rapid(program).axes == pytest.approx(axes)
+    assert "soft servo" not in (out / "ur10e_telescoping.pdl").read_text()
+
+
+def test_a_property_that_the_bar_does_not_have_is_not_asked() -> None:
+    request = load_request(REQUEST)
+    with pytest.raises(InputError, match="encoder: belongs to a ball-bar with encoders"):
+        check_questions(request, [question("encoder=1e-6")])
+    check_questions(request, [question("length=1e-6"), question("rod_length=0.6")])
+
+
+def test_what_if_the_sensor_were_better(evaluator: Evaluator) -> None:
+    plan = assess(evaluator, known())
+    better, same = answers(plan, [question("length=1e-7,1e-6")])
+    assert better.tcp is not None
+    assert same.tcp == pytest.approx(plan.evaluation.tcp)
+    assert better.tcp < plan.evaluation.tcp
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["ur10e", "ur5e", "kr10_r1100", "irb120", "panda"])
+def test_a_path_is_found_for_any_arm(robot: str, tmp_path: Path) -> None:
+    request = load_request(written(tmp_path, f"robot: {robot}, instrument: qc20w_300"))
+    given = evaluators(request)
+    start, _ = first_path(given, seconds=300.0)  # on a busy machine; less than ten on an idle core
+    outcome = check(given[start.rod], space_of(request).candidate(start.genome))
+    assert not outcome.violations
+
+
+@pytest.mark.slow
+def test_a_ballbar_with_encoders_is_planned_on_a_complete_file_of_another_arm(
+    tmp_path: Path,
+) -> None:
+    """A UR10e with the masses, gears and servo of another robot: the structure is what counts."""
+    robot = (Path(__file__).parents[2] / "cell" / "robots" / "ur10e.yaml").read_text()
+    kept, copied = False, []
+    for line in IRB2400.read_text().splitlines():
+        if re.match("[a-z]", line):
+            kept = line.startswith(("links:", "gears:", "servo:", "rotor_inertia"))
+        copied += [line] if kept else []
+    (tmp_path / "ur_full.yaml").write_text("\n".join([robot, *copied]))
+    file = written(tmp_path, "robot: ur_full.yaml, ballbar: lund_600", "limits: {force_N: 2000}")
+    request = load_request(file)
+    given = evaluators(request)
+    start, _ = first_path(given, seconds=300.0)
+    evaluator, candidate = given[start.rod], space_of(request).candidate(start.genome)
+    outcome = check(evaluator, candidate)
+    assert not outcome.violations
+    assert outcome.trajectory is not None
+    beginning = outcome.trajectory.q[0]  # regression: another configuration ran, into the rod
+    motion = run_in_plant(evaluator.cell, request, candidate, seed=1, beginning=beginning)
+    found = checks(evaluator.cell, request.limits, evaluator.clearance, motion)
+    assert "singular_value" in {c.limit for c in found}
+    assert violations_in(found) == 0, [c for c in found if c.instants]
