@@ -51,6 +51,8 @@ from ident.softening import fit_softening
 from ident.verdict import AUTOCORRELATED, PULL, Evidence, RecordingEvidence, Status, judge
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
+COMPLIANCES = ("rad/(N m)", "m/N")
+NEGATIVE = 2.0  # deviations below zero from which a negative compliance is no chance
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
 
 
@@ -184,6 +186,7 @@ def _result(
         identified=tuple(robot.sigma),
         complete=complete,
         pulled=pulled(fit),
+        unphysical=unphysical(fit, stated.covariance, payload),
     )
     each = [
         RecordingEvidence(
@@ -347,6 +350,23 @@ def pulled(fit: Fit) -> tuple[str, ...]:
     far = np.abs(fit.x[machine] - layout.mean[machine]) / layout.sigma[machine]
     out = [layout.names[i] for i in np.argsort(-far) if far[i] > PULL]
     return (*out, "force_gain") if abs(force_gain(fit)) > PULL * GAIN_PRIOR else tuple(out)
+
+
+def unphysical(fit: Fit, covariance: Array, payload: PayloadEstimate | None) -> tuple[str, ...]:
+    """Compliances, plays and masses that are negative beyond their uncertainty."""
+    layout = fit.model.unknowns
+    sigma = np.sqrt(np.diag(covariance))
+    first = layout.coefficients.start
+    out = [
+        c.name
+        for i, c in enumerate(
+            (c for correction in fit.model.corrections for c in correction.coefficients), first
+        )
+        if (c.unit in COMPLIANCES or "backlash" in c.name) and fit.x[i] < -NEGATIVE * sigma[i]
+    ]
+    if payload is not None and payload.payload.mass < 0.0:
+        out.append("the tool's mass")
+    return tuple(out)
 
 
 def force_gain(fit: Fit) -> float:

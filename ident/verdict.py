@@ -82,6 +82,7 @@ class Evidence:
     identified: tuple[str, ...]
     complete: bool  # whether the complete model was fitted
     pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
+    unphysical: tuple[str, ...] = ()  # stiffness, play or mass that is negative
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +130,12 @@ def _judged(
         return Status.IMPLAUSIBLE, (
             f"Not the declared cell: {strange}. {fits}; check `robot`, `ballbar` and `plate` in "
             "recording.yaml and the units of the logs."
+        )
+    if evidence.unphysical and evidence.converged:
+        return Status.MISFIT, (
+            f"Misfit: {', '.join(evidence.unphysical)} came out negative, as no stiffness, play or "
+            "mass can be: something else is not in the model, or `links` and `body` in the files "
+            "are not those of this machine."
         )
     if not evidence.converged:
         return Status.NOT_CONVERGED, f"{unfinished}: do not use these parameters."

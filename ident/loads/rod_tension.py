@@ -67,7 +67,7 @@ def from_motor_torque(
     prior = np.concatenate((coulomb, 2.0 * viscous, np.full(j, TORQUE_GAIN)))
     mean = np.concatenate((coulomb, viscous, np.zeros(j)))
     known = carried.gear + cell.robot.required("rotor_inertia_kg_m2")[:, None] * acceleration
-    sigma = torque_sigma(cell, speed)
+    sigma = _torque_sigma(cell, speed)
     return _eliminated(torque - known, sigma, columns, carried.gear_per_newton, mean, prior)
 
 
@@ -76,7 +76,7 @@ def friction_sign(speed: Array) -> Array:
     return np.asarray(speed / np.sqrt(speed**2 + FRICTION_WIDTH**2))
 
 
-def torque_sigma(cell: Cell, speed: Array) -> Array:
+def _torque_sigma(cell: Cell, speed: Array) -> Array:
     """(J, N) [N m] of a logged torque at speeds (J, N) [rad/s]: noise, friction at reversals."""
     noise = by_axis(len(speed), main=TORQUE_NOISE, wrist=TORQUE_NOISE_WRIST)
     coulomb = cell.robot.required("gears").coulomb
