@@ -18,11 +18,10 @@ from scipy.signal import lfilter
 from tests.independent.machine import BASE_STIFFNESS as BASE_STIFFNESS  # noqa: PLC0414
 from tests.independent.machine import CELL, Effects, Files, Machine, drawn, files
 from tests.independent.path import Path as RobotPath
-from tests.independent.path import path
+from tests.independent.path import FIRST, SECOND, Choice, path
 from tests.independent.screws import Array, Pose, exponential
 from tests.independent.statics import Motion, held, unloaded
 
-PATHS = (4, 17)  # seeds of the two paths
 ENCODERS = (1, 2, 4, 5)
 LINES, BITS = 3600, 12
 ROBOT_PERIOD, TASK = 0.004032, 0.005  # [s] rows of the robot; PLC task, two to a row
@@ -85,7 +84,7 @@ class Plan:
 
     seed: int = 1
     effects: Effects = field(default_factory=Effects)
-    paths: tuple[int, ...] = PATHS
+    paths: tuple[Choice, ...] = (FIRST, SECOND)
     duration: float = 120.0  # [s]
     rod_known: float = 0.0  # [m] sigma of a measured rod whose length the ball-bar's file states
 
@@ -105,8 +104,8 @@ def record(plan: Plan, folder: Path, faults: tuple[Faults, ...] = ()) -> list[Tr
 
 
 @lru_cache(maxsize=8)
-def _path(seed: int, duration: float) -> RobotPath:
-    return path(files(), seed, duration)
+def _path(choice: Choice, duration: float) -> RobotPath:
+    return path(files(), choice, duration)
 
 
 def _recorded(
