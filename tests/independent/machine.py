@@ -206,7 +206,7 @@ def nominal(cell: Files) -> Machine:
     return _machine(cell, Effects(), None)
 
 
-def drawn(cell: Files, seed: int, effects: Effects = Effects()) -> Machine:  # noqa: B008  frozen
+def drawn(cell: Files, seed: int, effects: Effects = Effects()) -> Machine:
     """A true machine; the same seed gives the same machine under other effects."""
     return _machine(cell, effects, np.random.default_rng([seed, 15]))
 
@@ -309,7 +309,7 @@ def _arm(
             grow[0] = len(twists)
             twists.append(shift(frames[2].R[:, 0]))
     tip, first = frames[6], len(twists)
-    x, y, z = tip.R.T
+    _, y, z = tip.R.T
     twists += [shift(z), turn(y, tip.p), shift(y), turn(z, tip.p)]
     compliance = np.diag([soft.get(k, 0.0) for k in range(len(twists))])
     length, stiffness = plate

@@ -50,7 +50,8 @@ def path(cell: Files, choice: Choice, duration: float = 120.0) -> Path:
     Raises RuntimeError where the robot cannot follow.
     """
     machine, rng = nominal(cell), np.random.default_rng([choice.seed, 120])
-    count = max(6, round(WAYPOINTS * duration / 120.0))
+    moving = duration - (PIECES + 1) * DWELL
+    count = round(WAYPOINTS * moving / (120.0 - (PIECES + 1) * DWELL))
     bar = np.deg2rad(choice.centre_deg + choice.reach_deg * rng.uniform(-1.0, 1.0, (count, 5)))
     q = _waypoints(machine, bar, choice.wrist, rng)
     t = GRID * np.arange(round(duration / GRID) + 1)

@@ -10,8 +10,8 @@ and bearings deflect under the load, the ball-bar reaches the tool:
     rod          slide(b) = F / k_rod + backlash(F)
 
 Loads follow from virtual work on the screws of each chain, with the weight and inertia of every
-body (d'Alembert). The load of a gear depends on F and weakly on the coordinates, so that coordinates
-are iterated and F takes Newton steps on the last equation.
+body (d'Alembert). The load of a gear depends on F and weakly on the coordinates, so that
+coordinates are iterated and F takes Newton steps on the last equation.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from tests.independent.machine import HYSTERESIS, FLANK, RATED, Body, Machine, Mechanism
+from tests.independent.machine import FLANK, HYSTERESIS, RATED, Body, Machine, Mechanism
 from tests.independent.screws import (
     Array,
     Placed,
