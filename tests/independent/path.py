@@ -54,7 +54,7 @@ def path(cell: Files, choice: Choice, duration: float = 120.0) -> Path:
     count = round(WAYPOINTS * moving / (120.0 - (PIECES + 1) * DWELL))
     bar = np.deg2rad(choice.centre_deg + choice.reach_deg * rng.uniform(-1.0, 1.0, (count, 5)))
     q = _waypoints(machine, bar, choice.wrist, rng)
-    t = GRID * np.arange(round(duration / GRID) + 1)
+    t: Array = GRID * np.arange(round(duration / GRID) + 1, dtype=np.float64)
     q = CubicSpline(np.linspace(0.0, 1.0, count), q, bc_type="clamped")(_phase(t, duration))
     for _ in range(5):
         q = q - _off_sphere(machine, q)

@@ -138,7 +138,7 @@ def _write_robot(
 ) -> None:  # fmt: skip
     start = LEAD - max(0.0, offset)
     rows = int((motion.t[-1] - LEAD - start) / ROBOT_PERIOD) + 1
-    t = start + ROBOT_PERIOD * np.arange(rows)
+    t: Array = start + ROBOT_PERIOD * np.arange(rows, dtype=np.float64)
     noise = NOISE * rng.standard_normal((rows, 6))
     noise = noise @ np.linalg.inv(machine.to_joint) / machine.ratio
     motors = machine.read(_lagged(machine, motion, t) + noise)

@@ -90,7 +90,7 @@ class Chain:
             w = at.R @ twist[:3]
             screws[k, :, :3] = w
             screws[k, :, 3:] = np.cross(at.p, w) + at.R @ twist[3:]
-            at = at @ exponential(twist, c[k])
+            at = at @ exponential(twist, c[k]) if c[k].any() else at
             links.append(at)
         return Placed(screws, tuple(links), at @ self.home)
 
