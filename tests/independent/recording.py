@@ -42,6 +42,7 @@ class Faults:
     """What goes wrong between a sound machine and its files; nothing by default."""
 
     robot: str = ""  # another robot's file
+    forearm_error: float = 0.0  # [m] of the d4 that the robot's file states
     rod_error: float = 0.0  # [m] of the length that the ball-bar's file states
     lines: int = LINES  # declared for b1
     swapped: tuple[int, int] | None = None  # two encoders whose columns change places
@@ -260,7 +261,13 @@ NDInt = np.ndarray[tuple[int], np.dtype[np.int64]]
 def _write_description(
     plan: Plan, cell: Files, machine: Machine, folder: Path, faults: Faults
 ) -> None:
-    bar = "lund_600"
+    robot, bar = faults.robot or "irb2400", "lund_600"
+    if faults.forearm_error:
+        text = (CELL / "robots" / f"{robot}.yaml").read_text()
+        stated = cell.robot["dh"][3]["d_m"]
+        robot = "robot.yaml"
+        text = text.replace(f"d_m: {stated},", f"d_m: {stated + faults.forearm_error:.6f},")
+        (folder / robot).write_text(text)
     if plan.rod_known or faults.rod_error:
         stated = cell.bar["dh"][2]["d_m"]
         if plan.rod_known:
@@ -282,7 +289,7 @@ def _write_description(
     description = {
         "schema": "ballbar-recording/1",
         "kind": "simulated",
-        "robot": faults.robot or "irb2400",
+        "robot": robot,
         "ballbar": bar,
         "plate": "plate_250",
         "sources": {
