@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from tests.independent.screws import Array, Chain, Pose, exponential, homes, shift, turn
 
@@ -32,8 +33,11 @@ RATED = np.array([784.0, 784.0, 412.0, 80.0, 60.0, 40.0])
 RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn
 UNLISTED = 4e-6  # [rad] of a ripple whose order no file lists
 HYSTERESIS, FLANK = 0.002, 0.003  # of the rated torque: half width of the loop, width of the flank
-_X, _Y, _Z = np.eye(3)
+_X, _Y = np.eye(3)[:2]
 PLATE_WIDTH = 100.0 / 45.0  # across over along the bending: the box of the plate's file
+
+
+Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ class Mechanism:
     """A chain, its joints and its bodies."""
 
     chain: Chain
-    joints: Array  # (J,) int, twists that are joints (of a ball-bar its slide too)
+    joints: Indices  # (J,) twists that are joints (of a ball-bar its slide too)
     bodies: tuple[Body, ...]
 
 
@@ -206,7 +210,7 @@ def nominal(cell: Files) -> Machine:
     return _machine(cell, Effects(), None)
 
 
-def drawn(cell: Files, seed: int, effects: Effects = Effects()) -> Machine:  # noqa: B008  frozen
+def drawn(cell: Files, seed: int, effects: Effects = Effects()) -> Machine:
     """A true machine; the same seed gives the same machine under other effects."""
     return _machine(cell, effects, np.random.default_rng([seed, 15]))
 
@@ -309,7 +313,7 @@ def _arm(
             grow[0] = len(twists)
             twists.append(shift(frames[2].R[:, 0]))
     tip, first = frames[6], len(twists)
-    x, y, z = tip.R.T
+    _, y, z = tip.R.T
     twists += [shift(z), turn(y, tip.p), shift(y), turn(z, tip.p)]
     compliance = np.diag([soft.get(k, 0.0) for k in range(len(twists))])
     length, stiffness = plate

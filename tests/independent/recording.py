@@ -15,18 +15,17 @@ import yaml
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from tests.independent.machine import BASE_STIFFNESS as BASE_STIFFNESS  # noqa: PLC0414
 from tests.independent.machine import CELL, Effects, Files, Machine, drawn, files
+from tests.independent.path import FIRST, SECOND, Choice, path
 from tests.independent.path import Path as RobotPath
-from tests.independent.path import path
 from tests.independent.screws import Array, Pose, exponential
 from tests.independent.statics import Motion, held, unloaded
 
-PATHS = (4, 17)  # seeds of the two paths
 ENCODERS = (1, 2, 4, 5)
 LINES, BITS = 3600, 12
 ROBOT_PERIOD, TASK = 0.004032, 0.005  # [s] rows of the robot; PLC task, two to a row
 OVERRUN = 0.005  # probability of a row one task late
+FIRST_STAMPS = 1234.5, 830_000_000_000_000_000  # [s, ns] up-time; distributed clock
 LEAD = 1.0  # [s] into the path at which the later log begins
 NOISE = 2e-6  # [rad] of encoders, and of the robot's joints
 QUANTUM = 2.0 * np.pi / 65536  # [rad] of a resolver's converter
@@ -43,6 +42,7 @@ class Faults:
     """What goes wrong between a sound machine and its files; nothing by default."""
 
     robot: str = ""  # another robot's file
+    forearm_error: float = 0.0  # [m] of the d4 that the robot's file states
     rod_error: float = 0.0  # [m] of the length that the ball-bar's file states
     lines: int = LINES  # declared for b1
     swapped: tuple[int, int] | None = None  # two encoders whose columns change places
@@ -56,8 +56,6 @@ class Faults:
     still: tuple[int, ...] = ()  # motors whose logged angle does not change
     no_torque: bool = False
     clock_step: float = 0.0  # [s] of the ball-bar's stamps, halfway
-    noise: float = 1.0  # factor on all noise of angles
-    stamps: float = 1.0  # factor on the robot's stamps
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,34 +83,20 @@ class Plan:
 
     seed: int = 1
     effects: Effects = field(default_factory=Effects)
-    paths: tuple[int, ...] = PATHS
+    paths: tuple[Choice, ...] = (FIRST, SECOND)
     duration: float = 120.0  # [s]
     rod_known: float = 0.0  # [m] sigma of a measured rod whose length the ball-bar's file states
 
 
-def record(plan: Plan, folder: Path, faults: tuple[Faults, ...] = ()) -> list[Truth]:
-    """Write a recording a path, `folder/1`, `folder/2`, ...; their truths.
+def record(plan: Plan, folder: Path, faults: Faults = Faults()) -> list[Truth]:
+    """Write a recording a path, `folder/1`, `folder/2`, ...; their truths."""
+    return [record_path(plan, k, folder / str(k + 1), faults) for k in range(len(plan.paths))]
 
-    faults : of each recording; the last one's go on.
-    """
-    cell = files()
+
+def record_path(plan: Plan, k: int, folder: Path, faults: Faults = Faults()) -> Truth:
+    """Write the recording of path k, from 0; its truth."""
+    cell, way = files(), _path(plan.paths[k], plan.duration)
     machine = drawn(cell, plan.seed, plan.effects)
-    faults = faults or (Faults(),)
-    return [
-        _recorded(plan, cell, machine, k, folder / str(k + 1), faults[min(k, len(faults) - 1)])
-        for k in range(len(plan.paths))
-    ]
-
-
-@lru_cache(maxsize=8)
-def _path(seed: int, duration: float) -> RobotPath:
-    return path(files(), seed, duration)
-
-
-def _recorded(
-    plan: Plan, cell: Files, machine: Machine, k: int, folder: Path, faults: Faults
-) -> Truth:
-    way = _path(plan.paths[k], plan.duration)
     rng = np.random.default_rng([plan.seed, k, 120])
     grown = _growth(plan.effects, way.command.t, k)
     motion = held(machine, way.command, grown, way.bar, _remounted(plan, k))
@@ -122,6 +106,11 @@ def _recorded(
     fitted = _write_ballbar(plan, motion, clock, rng, folder, faults)
     _write_description(plan, cell, machine, folder, faults)
     return Truth(machine, *fitted, motion)
+
+
+@lru_cache(maxsize=8)
+def _path(choice: Choice, duration: float) -> RobotPath:
+    return path(files(), choice, duration)
 
 
 def _growth(effects: Effects, t: Array, k: int) -> Array:
@@ -150,8 +139,8 @@ def _write_robot(
 ) -> None:  # fmt: skip
     start = LEAD - max(0.0, offset)
     rows = int((motion.t[-1] - LEAD - start) / ROBOT_PERIOD) + 1
-    t = start + ROBOT_PERIOD * np.arange(rows)
-    noise = faults.noise * NOISE * rng.standard_normal((rows, 6))
+    t: Array = start + ROBOT_PERIOD * np.arange(rows, dtype=np.float64)
+    noise = NOISE * rng.standard_normal((rows, 6))
     noise = noise @ np.linalg.inv(machine.to_joint) / machine.ratio
     motors = machine.read(_lagged(machine, motion, t) + noise)
     motors = QUANTUM * np.rint(motors / QUANTUM)
@@ -159,7 +148,7 @@ def _write_robot(
     torque = torque * machine.gain + TORQUE_NOISE * rng.standard_normal((rows, 6))
     torque = torque * machine.ratio  # at the motor, by virtual work
     motors = _mistaken(motors, faults)
-    columns = [faults.stamps * (1234.5 + t - t[0]), *motors.T]
+    columns = [FIRST_STAMPS[0] + t - t[0], *motors.T]
     names = ["time", *(f"m{i}" for i in range(1, 7))]
     if not faults.no_torque:
         columns, names = [*columns, *torque.T], [*names, *(f"tau{i}" for i in range(1, 7))]
@@ -227,12 +216,12 @@ def _write_ballbar(
     for j in range(1, 6):
         angle = bar[:, j - 1] + (np.where(stamp > 0.5 * stamp[-1], faults.slip[1], 0.0)
                                  if faults.slip[0] == j else 0.0)  # fmt: skip
-        counts = _counts(angle, direction(plan.seed, j), rng, kinds, faults.noise)
+        counts = _counts(angle, direction(plan.seed, j), rng, kinds)
         columns[j] = np.roll(counts, 1) if faults.late == j else counts
     if faults.swapped:
         i, j = faults.swapped
         columns[i], columns[j] = columns[j], columns[i]
-    time = 830_000_000_000_000_000 + np.rint(1e9 * stamp).astype(np.int64)
+    time = FIRST_STAMPS[1] + np.rint(1e9 * stamp).astype(np.int64)
     time += np.where(stamp > 0.5 * stamp[-1], round(1e9 * faults.clock_step), 0)
     table = [time, *(columns[j] for j in ENCODERS), *[(tasks & 1) << 15] * len(ENCODERS)]
     names = ["time", *(f"b{j}" for j in ENCODERS), *(f"s{j}" for j in ENCODERS)]
@@ -249,9 +238,7 @@ def direction(seed: int, encoder: int) -> int:
     return int(np.random.default_rng([seed, encoder, 9]).choice([-1, 1]))
 
 
-def _counts(
-    angle: Array, sign: int, rng: np.random.Generator, kinds: np.random.Generator, noise: float
-) -> NDInt:
+def _counts(angle: Array, sign: int, rng: np.random.Generator, kinds: np.random.Generator) -> NDInt:
     """(N,) counter values at joint angles (N,) [rad]: graduation, then sine and cosine signals."""
     first, *others = GRADUATION
     mounted = angle - kinds.uniform(0.0, 2.0 * np.pi)
@@ -262,7 +249,7 @@ def _counts(
     offset, gain, phase = SIGNAL * kinds.standard_normal(3)
     sine = (1.0 + gain) * np.sin(turns + phase) + offset
     within = np.angle((np.cos(turns) + 1j * sine) * np.exp(-1j * turns))
-    read = (turns + within) / LINES + noise * NOISE * rng.standard_normal(angle.size)
+    read = (turns + within) / LINES + NOISE * rng.standard_normal(angle.size)
     zero = kinds.uniform(-np.pi, np.pi)
     counted = np.rint(sign * (read - zero) * (LINES << BITS) / (2.0 * np.pi)).astype(np.int64)
     return np.asarray(counted % 2**32)
@@ -274,7 +261,13 @@ NDInt = np.ndarray[tuple[int], np.dtype[np.int64]]
 def _write_description(
     plan: Plan, cell: Files, machine: Machine, folder: Path, faults: Faults
 ) -> None:
-    bar = "lund_600"
+    robot, bar = faults.robot or "irb2400", "lund_600"
+    if faults.forearm_error:
+        text = (CELL / "robots" / f"{robot}.yaml").read_text()
+        stated = cell.robot["dh"][3]["d_m"]
+        robot = "robot.yaml"
+        text = text.replace(f"d_m: {stated},", f"d_m: {stated + faults.forearm_error:.6f},")
+        (folder / robot).write_text(text)
     if plan.rod_known or faults.rod_error:
         stated = cell.bar["dh"][2]["d_m"]
         if plan.rod_known:
@@ -296,7 +289,7 @@ def _write_description(
     description = {
         "schema": "ballbar-recording/1",
         "kind": "simulated",
-        "robot": faults.robot or "irb2400",
+        "robot": robot,
         "ballbar": bar,
         "plate": "plate_250",
         "sources": {

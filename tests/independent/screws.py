@@ -56,13 +56,12 @@ def exponential(twist: Array, c: Array) -> Pose:
     return Pose(R, point - R @ point)
 
 
-def rotation_vector(R: Array) -> Array:
+def rotation_vector(turned: Array) -> Array:
     """(N, 3) [rad] of rotations (N, 3, 3) by less than half a turn."""
-    axis = 0.5 * np.stack(
-        (R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]), axis=1
-    )
+    skew = 0.5 * (turned - turned.swapaxes(1, 2))
+    axis = np.stack((skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]), axis=1)
     sine = np.linalg.norm(axis, axis=1)
-    angle = np.arctan2(sine, 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0))
+    angle = np.arctan2(sine, 0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0))
     return axis * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0)[:, None]
 
 
@@ -91,7 +90,7 @@ class Chain:
             w = at.R @ twist[:3]
             screws[k, :, :3] = w
             screws[k, :, 3:] = np.cross(at.p, w) + at.R @ twist[3:]
-            at = at @ exponential(twist, c[k])
+            at = at @ exponential(twist, c[k]) if c[k].any() else at
             links.append(at)
         return Placed(screws, tuple(links), at @ self.home)
 

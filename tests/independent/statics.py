@@ -10,8 +10,8 @@ and bearings deflect under the load, the ball-bar reaches the tool:
     rod          slide(b) = F / k_rod + backlash(F)
 
 Loads follow from virtual work on the screws of each chain, with the weight and inertia of every
-body (d'Alembert). The load of a gear depends on F and weakly on the coordinates, so that coordinates
-are iterated and F takes Newton steps on the last equation.
+body (d'Alembert). The load of a gear depends on F and weakly on the coordinates, so that
+coordinates are iterated and F takes Newton steps on the last equation.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from tests.independent.machine import HYSTERESIS, FLANK, RATED, Body, Machine, Mechanism
+from tests.independent.machine import FLANK, HYSTERESIS, RATED, Body, Machine, Mechanism
 from tests.independent.screws import (
     Array,
     Placed,
@@ -35,7 +35,8 @@ from tests.independent.screws import (
 
 STEPS, PATIENCE = 60, 6
 CLOSED = 1e-10  # [m, rad] largest last step and opening of the loop
-TRAVEL = 3e-4  # [rad] over which friction builds up after a reversal (Dahl 1968)
+# [rad] over which friction builds up after a reversal (Dahl 1968)
+TRAVEL = np.array([3e-4, 3e-4, 3e-4, 1e-3, 1e-3, 1e-3])
 ROD_FLANK = 2.0  # [N] over which the rod crosses its backlash
 STATIC = 0.15  # of the Coulomb friction, that it rises by towards rest
 BAR_SPEED = 0.02  # [rad/s] over which the ball-bar's friction rises
@@ -95,10 +96,9 @@ def held(machine: Machine, command: Command, growth: Array, bar: Array, tool: Po
         arm = m.arm.chain.place(c)
         target = arm.end @ tool
         target = Pose(target.R, target.p - pulled / m.base_stiffness)
-        for _ in range(2):
-            reached = m.bar.chain.place(b)
-            b = b + _closing(reached, target)
         reached = m.bar.chain.place(b)
+        closing = _closing(reached, target)
+        b = b + closing
         known, per_newton = _on_bar(m, reached, bar_inertia, rubs)
         pulled = known[:, 3:] + tension[:, None] * per_newton[:, 3:]
         load = -_behind(m.arm, arm, m.gravity, inertia) + power(arm.screws, known)
@@ -120,7 +120,7 @@ def held(machine: Machine, command: Command, growth: Array, bar: Array, tool: Po
         new = -m.compliance @ (load + unit * tension)
         new[m.arm.joints] = ((rigid - _deflection(m, total, lag).T) @ m.to_joint).T
         new[list(m.grow)] = growth
-        moved, c = float(np.abs(new - c).max()), new
+        moved, c = max(float(np.abs(x).max()) for x in (new - c, closing)), new
         if moved < CLOSED and np.abs(excess).max() < CLOSED and step > PATIENCE:
             break
     else:
@@ -164,7 +164,7 @@ def friction(machine: Machine, gear: Array, speed: Array) -> Array:
     for k, s in zip(keep, side, strict=True):
         state = k * state + (1.0 - k) * s
         out.append(state)
-    return np.array(out) * limit
+    return np.asarray(np.array(out) * limit)
 
 
 def _lag(load: Array) -> Array:
@@ -201,7 +201,8 @@ def _closing(reached: Placed, target: Pose) -> Array:
     arm = reached.end.p
     at_tip = w[:, 3:] - cross_matrix(arm) @ w[:, :3]  # velocity of the tip
     error = np.concatenate((turned, target.p - arm), axis=1)
-    return np.linalg.solve(np.concatenate((w[:, :3], at_tip), axis=1), error[..., None])[..., 0].T
+    whole = np.concatenate((w[:, :3], at_tip), axis=1)
+    return np.asarray(np.linalg.solve(whole, error[..., None])[..., 0].T, dtype=np.float64)
 
 
 def _on_bar(m: Machine, bar: Placed, inertia: _Inertia, rubs: Array) -> tuple[Array, Array]:
@@ -210,7 +211,7 @@ def _on_bar(m: Machine, bar: Placed, inertia: _Inertia, rubs: Array) -> tuple[Ar
     unit = np.zeros_like(needed)
     unit[3] = 1.0
     screws = bar.screws.transpose(1, 0, 2)  # (N, 6, 6)
-    solved = np.linalg.solve(screws, np.stack((needed.T, unit.T), axis=2))
+    solved = np.linalg.solve(screws, np.stack((needed.T, unit.T), axis=2)).astype(np.float64)
     return solved[..., 0], solved[..., 1]
 
 
