@@ -14,7 +14,7 @@ from ident.corrections.base import Coefficient, Correction, State
 
 # clearance holes and a face that was wiped (notes/unknown machines); a dowel pin leaves a fifth
 SHIFT, TURN = 1e-4, 2.5e-4  # [m], [rad]
-# all six directions: the offset of the last encoder is a recording's own, so `theta` shifts the tool
+# all six directions: the last encoder has an offset in each recording, so `theta` shifts the tool
 KINDS = ("a", "d", "alpha", "theta", "beta")
 
 
