@@ -16,6 +16,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
+from ident.corrections.rod_elongation import ROD_ELONGATION
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
@@ -45,6 +46,7 @@ MEASURED = ("torque", "sensor")
 # Noise and width of backlash, times, without a measured tension (notes/identification sec. 4)
 CONTINUATION = (20.0, 6.0, 2.0)
 CONTINUED_ITERATIONS = 8
+WANDERING = 100.0  # [N] prior of a knot of a force that the rod's length alone shows
 FIRST_EXCESS = ExcessNoise(5e-6, 1e-5, 1e-5, 1e-6)  # what the first fit finds on the full scenarios
 NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a step fault must bring it down to
@@ -143,7 +145,7 @@ class _Run:
         sources = [
             r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings
         ]
-        if pose.model.masses is not None and "none" in sources:
+        if needs_loads(chosen) and not wanders(chosen) and "none" in sources:
             pose = continued(pose, self.listener)
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS, self.listener)
@@ -249,6 +251,8 @@ def posed(
         start_of(r, samples, source)
         for r, samples, source in zip(recordings, every, sources, strict=True)
     ]
+    if wanders(chosen):
+        starts = [replace(start, tension_sigma=WANDERING) for start in starts]
     layout, x = complete_unknowns(
         cell,
         recordings[0].nominal,
@@ -266,6 +270,15 @@ def posed(
 def needs_loads(corrections: Sequence[Correction]) -> bool:
     """Whether any of them depends on loads."""
     return any(correction.slopes is not None for correction in corrections)
+
+
+def wanders(corrections: Sequence[Correction]) -> bool:
+    """Whether the tension enters by a rod that wanders, and by nothing else.
+
+    Its prior then stays wide: it follows from the path, as errors of the geometry do, and a prior
+    as narrow as it turns out would take their part for sure.
+    """
+    return [c.name for c in corrections if c.slopes is not None] == [ROD_ELONGATION]
 
 
 def clock_steps_of(faults: Sequence[StepFault], recording: int) -> tuple[float, ...]:
@@ -328,6 +341,8 @@ def continued(pose: Pose, listener: Listener = SILENT) -> Pose:
 def with_likely_tension(result: Fit) -> Model:
     """The model with priors of the tension's knots as wide as they turned out (one EM step)."""
     layout: Unknowns = result.model.unknowns
+    if wanders(result.model.corrections):
+        return result.model
     sigma = layout.sigma.copy()
     for own in layout.own:
         if own.knots is not None:

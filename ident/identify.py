@@ -20,6 +20,7 @@ from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.payload import with_payload
 from ident.complete_fit import coefficients_of, fit_complete, lasting, settled
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
+from ident.corrections.rod_elongation import rod_elongation
 from ident.estimator.fit import Fit
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import log_noise
@@ -48,7 +49,15 @@ from ident.robot.accuracy import accuracy_grid, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.softening import fit_softening
-from ident.verdict import AUTOCORRELATED, PULL, Evidence, RecordingEvidence, Status, judge
+from ident.verdict import (
+    AUTOCORRELATED,
+    CORRELATED,
+    PULL,
+    Evidence,
+    RecordingEvidence,
+    Status,
+    judge,
+)
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 COMPLIANCES = ("rad/(N m)", "m/N")
@@ -99,8 +108,15 @@ def identify_together(
     automatic = options.model == "auto" and options.corrections is None
     if len(single) == 1 and (options.model == "dh" or automatic):
         simple = _result(cell, single, single[0].fit, options)
-        if options.model == "dh" or not _asks_for_more(simple):
+        if options.model == "dh":
             return simple
+        if not _asks_for_more(simple):
+            if not _shares_errors(simple):
+                return simple
+            found = [rod_elongation(cell)]
+            return _result(
+                cell, single, fit_complete(cell, single, (), options, listener, found), options
+            )
     measures_length = cell.ballbar.stroke is not None
     corrections, payload = supported_corrections(cell.robot, rod_sensed=measures_length), None
     if options.corrections is not None:
@@ -144,6 +160,13 @@ def _asks_for_more(simple: Identification) -> bool:
         return left or not simple.verdict.acceptable
     left = simple.verdict.status in (Status.SUSPECT, Status.MISFIT)
     return (left and len(recording.encoders) >= COMPLETE_ENCODERS) or bool(recording.step_faults)
+
+
+def _shares_errors(simple: Identification) -> bool:
+    """Whether neighbouring residuals of a good dh fit are alike: the rod may yield."""
+    rigid = simple.robot.cell.ballbar.stroke is None
+    several = len(simple.recordings[0].encoders) >= COMPLETE_ENCODERS
+    return rigid and several and simple.fit.autocorrelation > CORRELATED
 
 
 def _result(

@@ -103,8 +103,8 @@ def recording_remarks(fit: Fit) -> list[str]:
         rows = {n.removeprefix("remount_"): v for n, v in found.items() if n.startswith("remount_")}
         own = {n.partition("@")[0]: v for n, v in rows.items() if n.endswith(f"@{k + 1}")}
         if own:
-            shift = np.hypot(*(v for n, v in own.items() if parameter_named(n).is_length))
-            turn = np.hypot(*(v for n, v in own.items() if not parameter_named(n).is_length))
+            shift = np.linalg.norm([v for n, v in own.items() if parameter_named(n).is_length])
+            turn = np.linalg.norm([v for n, v in own.items() if not parameter_named(n).is_length])
             out.append(
                 f"the tool sits elsewhere in recording {k + 1} than in the first, by "
                 f"{shift * 1e6:.0f} um and {turn * 1e6:.0f} urad: it was remounted, or yields"

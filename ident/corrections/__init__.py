@@ -18,6 +18,7 @@ from ident.corrections.joint_lag import joint_lag
 from ident.corrections.link_growth import link_growth
 from ident.corrections.plate_bending import plate_bending
 from ident.corrections.remounted_tool import remounted_tool
+from ident.corrections.rod_elongation import ROD_ELONGATION, rod_elongation
 from ident.corrections.rod_strain import rod_strain
 from ident.corrections.unit_weights import unit_weights_of_cell
 
@@ -108,7 +109,7 @@ def correction_named(
 
 def belongs_to_machine(correction: Correction) -> bool:
     """Whether a correction is the machine's: slips and remounted tools are a recording's."""
-    found = (JOINT_HARMONICS, GEAR_SOFTENING)
+    found = (JOINT_HARMONICS, GEAR_SOFTENING, ROD_ELONGATION)
     return correction.name in CORRECTIONS or correction.name in found
 
 
@@ -123,4 +124,6 @@ def correction_of_result(
         return joint_harmonics(orders_of(coefficients))
     if name == GEAR_SOFTENING:
         return gear_softening(cell.robot, knees_of(coefficients))
+    if name == ROD_ELONGATION:
+        return rod_elongation(cell)
     return correction_named(name, cell, encoders)
