@@ -86,6 +86,12 @@ class IdentifySettings(Strict):
         "its length. Without this key the catalogue's tolerance is used.",
     )
 
+    accuracy_mm: Annotated[float, Field(gt=0.0)] | None = Field(
+        None,
+        description="Stated TCP uncertainty (1 sigma, rms over the workspace) up to which a result "
+        "is acceptable; by default half of the nominal robot's error, and 0.1 mm in any case.",
+    )
+
     @property
     def options(self) -> FitOptions:
         """The options of the identification itself."""
@@ -95,6 +101,7 @@ class IdentifySettings(Strict):
             force=self.force,
             rod_sigma=self.rod_sigma_m,
             samples=self.samples,
+            accuracy=None if self.accuracy_mm is None else self.accuracy_mm * 1e-3,
         )
 
 

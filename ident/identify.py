@@ -18,6 +18,7 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.payload import with_payload
+from cell.statistics import rms
 from ident.complete_fit import coefficients_of, fit_complete, lasting, settled
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
 from ident.corrections.rod_elongation import rod_elongation
@@ -45,7 +46,7 @@ from ident.result import (
     Residuals,
     RobotEstimate,
 )
-from ident.robot.accuracy import accuracy_grid, position_sigma
+from ident.robot.accuracy import accuracy_grid, position_error, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.softening import fit_softening
@@ -210,6 +211,9 @@ def _result(
         complete=complete,
         pulled=pulled(fit),
         unphysical=unphysical(fit, stated.covariance, payload),
+        tcp_sigma=rms(robot.tcp_sigma),
+        nominal_error=_nominal_error(robot),
+        accuracy=options.accuracy,
     )
     each = [
         RecordingEvidence(
@@ -373,6 +377,13 @@ def pulled(fit: Fit) -> tuple[str, ...]:
     far = np.abs(fit.x[machine] - layout.mean[machine]) / layout.sigma[machine]
     out = [layout.names[i] for i in np.argsort(-far) if far[i] > PULL]
     return (*out, "force_gain") if abs(force_gain(fit)) > PULL * GAIN_PRIOR else tuple(out)
+
+
+def _nominal_error(robot: RobotEstimate) -> float:
+    """[m] mean distance over the workspace of the nominal tool from the identified one."""
+    grid = accuracy_grid(robot.cell.robot)
+    nominal = UnloadedRobot(robot.cell, robot.nominal)
+    return position_error(nominal.tool(grid), robot.unloaded().tool(grid)).mean
 
 
 def unphysical(fit: Fit, covariance: Array, payload: PayloadEstimate | None) -> tuple[str, ...]:

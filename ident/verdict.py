@@ -21,6 +21,9 @@ FEW_SAMPLES = 200  # thesis sec. 3.5 wants 750
 # where nothing is missing (friction), 0.5 to 0.6 without a good plate's bending, 0.7 to 0.9 without
 # ripple, encoder harmonics, backlash or compliance.
 AUTOCORRELATED, AUTOCORRELATED_MISFIT = 0.6, 0.7
+# A result must be better than the nominal robot to be of use: by default its stated TCP uncertainty
+# is at most this share of what the nominal robot is off, or below what no nominal robot keeps.
+WORTHWHILE, ALWAYS_WORTHWHILE = 0.5, 1e-4  # [1], [m]
 PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
 CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
 
@@ -32,6 +35,7 @@ class Status(StrEnum):
     NOT_CONVERGED = "not converged"
     AMBIGUOUS = "ambiguous"
     MISFIT = "misfit"
+    UNCERTAIN = "uncertain"
     SUSPECT = "suspect"
     GOOD = "good"
 
@@ -83,6 +87,16 @@ class Evidence:
     complete: bool  # whether the complete model was fitted
     pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
     unphysical: tuple[str, ...] = ()  # stiffness, play or mass that is negative
+    tcp_sigma: float = 0.0  # [m] stated, rms over the workspace
+    nominal_error: float = 0.0  # [m] mean distance of the nominal tool from the identified one
+    accuracy: float | None = None  # [m] stated TCP uncertainty that is asked for
+
+    @property
+    def largest_sigma(self) -> float:
+        """[m] stated TCP uncertainty above which the result is of no use."""
+        if self.accuracy is not None:
+            return self.accuracy
+        return max(WORTHWHILE * self.nominal_error, ALWAYS_WORTHWHILE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +173,17 @@ def _judged(
             f"Misfit: the residual is {ratio:.1f} times what the noise in the logs explains. "
             "Something is in the data that is not in the model; the stated intervals are widened "
             "by that factor but may still be too narrow."
+        )
+    if evidence.tcp_sigma > evidence.largest_sigma:
+        limit = (
+            f"the {evidence.accuracy * 1e3:.3g} mm that are asked for"
+            if evidence.accuracy is not None
+            else f"half of the {evidence.nominal_error * 1e3:.2g} mm that the nominal robot is off"
+        )
+        return Status.UNCERTAIN, (
+            f"Uncertain: the tool is known to {evidence.tcp_sigma * 1e3:.2g} mm (1 sigma, rms over "
+            f"the workspace), and {limit} would be the most. Record longer, on a path that moves "
+            "every joint further, or several recordings together."
         )
     if evidence.pulled:
         return Status.SUSPECT, (
