@@ -16,7 +16,7 @@ from cell.descriptions import Cell
 from ident.complete_fit import refit
 from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.estimator.fit import Fit
-from ident.estimator.order_search import LinearModel
+from ident.estimator.order_search import LinearModel, left_out, of_few
 from ident.joint_errors import linearised, thinning
 from ident.options import Listener
 
@@ -118,12 +118,23 @@ def _beyond(model: LinearModel, columns: Array) -> tuple[Array, Array]:
 
 
 def _tests(model: LinearModel, rest: Array, residual: Array) -> Array:
-    """(C,) squared scores over the sums of squares of the scores of blocks of time.
+    """(C,) squared scores over their variance, that of the scores of blocks of time.
 
-    0 where a gear would have to be stiffer below its knee, as none is.
+    0 where a gear would have to be stiffer below its knee, as none is. Blocks are few, so the
+    variance and the distribution are those of ident.estimator.order_search.
     """
-    scores = (rest * residual).reshape(len(rest), *model.residual.shape).sum(axis=1)
-    blocks = np.zeros((model.groups.max() + 1, len(rest)))
-    np.add.at(blocks, model.groups, scores.T)
-    variance = np.maximum((blocks * blocks).sum(axis=0), np.finfo(float).tiny)
-    return np.asarray(np.maximum(-scores.sum(axis=1), 0.0) ** 2 / variance)
+    score, information = (
+        _in_blocks(model, values.reshape(len(rest), *model.residual.shape).sum(axis=1))
+        for values in (rest * residual, rest * rest)
+    )
+    each = left_out(score[:, None], information[:, None, None], np.inf)[:, 0]
+    variance = np.maximum((each * each).sum(axis=1), np.finfo(float).tiny)
+    softer = np.maximum(-score.sum(axis=1), 0.0)
+    return of_few(softer**2 / variance, score.shape[1])
+
+
+def _in_blocks(model: LinearModel, values: Array) -> Array:
+    """(C, G) sums of values (C, N) over blocks of time."""
+    out = np.zeros((model.groups.max() + 1, len(values)))
+    np.add.at(out, model.groups, values.T)
+    return out.T
