@@ -211,6 +211,7 @@ def _result(
         complete=complete,
         pulled=pulled(fit),
         unphysical=unphysical(fit, stated.covariance, payload),
+        softer=1.0 if payload else _softer(fit),
         tcp_sigma=rms(robot.tcp_sigma),
         nominal_error=_nominal_error(robot),
         accuracy=options.accuracy,
@@ -384,6 +385,16 @@ def _nominal_error(robot: RobotEstimate) -> float:
     grid = accuracy_grid(robot.cell.robot)
     nominal = UnloadedRobot(robot.cell, robot.nominal)
     return position_error(nominal.tool(grid), robot.unloaded().tool(grid)).mean
+
+
+def _softer(fit: Fit) -> float:
+    """Geometric mean over the gears of compliance over the catalogue's; 1 where none was fitted."""
+    for correction in fit.model.corrections:
+        if correction.name == "joint_compliance":
+            mean = np.array([c.mean for c in correction.coefficients])
+            ratio = fit.x[coefficients_of(fit, correction)] / mean
+            return float(np.exp(np.log(np.maximum(ratio, 1e-3)).mean()))
+    return 1.0
 
 
 def unphysical(fit: Fit, covariance: Array, payload: PayloadEstimate | None) -> tuple[str, ...]:

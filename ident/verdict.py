@@ -24,6 +24,9 @@ AUTOCORRELATED, AUTOCORRELATED_MISFIT = 0.6, 0.7
 # A result must be better than the nominal robot to be of use: by default its stated TCP uncertainty
 # is at most this share of what the nominal robot is off, or below what no nominal robot keeps.
 WORTHWHILE, ALWAYS_WORTHWHILE = 0.5, 1e-4  # [1], [m]
+# Compliance of all gears over the catalogue's that is no chance of single gears (1.7 between those
+# of a class, 1.2 in the mean of six)
+ALL_SOFTER = 1.35
 PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
 CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
 
@@ -87,6 +90,9 @@ class Evidence:
     complete: bool  # whether the complete model was fitted
     pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
     unphysical: tuple[str, ...] = ()  # stiffness, play or mass that is negative
+    softer: float = (
+        1.0  # compliance of all gears over the catalogue's, where no torque tells masses
+    )
     tcp_sigma: float = 0.0  # [m] stated, rms over the workspace
     nominal_error: float = 0.0  # [m] mean distance of the nominal tool from the identified one
     accuracy: float | None = None  # [m] stated TCP uncertainty that is asked for
@@ -184,6 +190,12 @@ def _judged(
             f"Uncertain: the tool is known to {evidence.tcp_sigma * 1e3:.2g} mm (1 sigma, rms over "
             f"the workspace), and {limit} would be the most. Record longer, on a path that moves "
             "every joint further, or several recordings together."
+        )
+    if not 1.0 / ALL_SOFTER < evidence.softer < ALL_SOFTER:
+        return Status.SUSPECT, (
+            f"Usable, with care: all gears together are {evidence.softer:.2f} times as soft as the "
+            "catalogue's, as if the tool or the arm weighed that much more than the files say. "
+            "State what the flange carries (`body` in the plate's file), or log motor torques."
         )
     if evidence.pulled:
         return Status.SUSPECT, (

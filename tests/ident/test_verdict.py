@@ -95,6 +95,11 @@ def judged(evidence: Evidence, *recordings: RecordingEvidence) -> Verdict:
             Status.GOOD,
             "Good fit",
         ),
+        (
+            replace(COMPLETE, softer=1.6),
+            Status.SUSPECT,
+            "Usable, with care: all gears together are 1.60 times as soft as the catalogue's, as",
+        ),
         (replace(GOOD, tcp_sigma=0.05e-3), Status.GOOD, "Good fit"),  # a robot that was right
         (
             replace(GOOD, pulled=("rod_compliance", "bd3")),
