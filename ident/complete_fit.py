@@ -76,15 +76,15 @@ def fit_complete(
     corrections: Sequence[str],
     options: FitOptions,
     listener: Listener = SILENT,
-    found: Sequence[Correction] = (),
+    extras: Sequence[Correction] = (),
 ) -> Fit:
     """The joint fit of all recordings with the named corrections, step faults repaired.
 
-    found : further corrections, formed by what the data have shown.
+    extras : further corrections, formed by what the data have shown.
     Corrections that the data do not support are left out, unless the options name them.
     """
     run, lines = _Run(cell, recordings, options, listener), cell.ballbar.encoder_lines
-    chosen = [*run.formed(corrections), *found]
+    chosen = [*run.formed(corrections), *extras]
     automatic = options.corrections is None
     tried = []
     if automatic and corrections:
@@ -151,14 +151,14 @@ class _Run:
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS, self.listener)
 
 
-def refit(result: Fit, found: Sequence[Correction], listener: Listener = SILENT) -> Fit:
+def refit(result: Fit, extras: Sequence[Correction], listener: Listener = SILENT) -> Fit:
     """The fit begun again where it ended, with corrections that its residual has shown.
 
-    found : they replace those of the same names.
+    extras : they replace those of the same names.
     """
-    names = {correction.name for correction in found}
+    names = {correction.name for correction in extras}
     chosen = [c for c in present(result) if c.name not in names]
-    pose = recast(result, [*chosen, *found])
+    pose = recast(result, [*chosen, *extras])
     return replace(with_noise(result, listener, pose), step_faults=result.step_faults)
 
 

@@ -62,7 +62,9 @@ from ident.verdict import (
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 COMPLIANCES = ("rad/(N m)", "m/N")
-NEGATIVE = 2.0  # deviations below zero from which a negative compliance is no chance
+# A compliance or play is negative beyond so many deviations, and so much of its prior's: a rigid
+# gear may come out a little on either side.
+NEGATIVE, NOTHING = 2.0, 0.1
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
 
 
@@ -114,9 +116,9 @@ def identify_together(
         if not _asks_for_more(simple):
             if not _shares_errors(simple):
                 return simple
-            found = [rod_elongation(cell)]
+            extras = [rod_elongation(cell)]
             return _result(
-                cell, single, fit_complete(cell, single, (), options, listener, found), options
+                cell, single, fit_complete(cell, single, (), options, listener, extras), options
             )
     measures_length = cell.ballbar.stroke is not None
     corrections, payload = supported_corrections(cell.robot, rod_sensed=measures_length), None
@@ -145,11 +147,11 @@ def _payload(
     """The masses that the torque logs ask for; None where no recording has one that tells."""
     if options.force == "none" or any(cell.robot.lacks(key) for key in TORQUE_NEEDS):
         return None
-    told = [r for r in single if r.logs.robot.torque is not None and r.samples.encoders]
-    if not told:
+    logged = [r for r in single if r.logs.robot.torque is not None and r.samples.encoders]
+    if not logged:
         return None
-    torques = [logged_torque(cell, r.samples, r.geometry, r.clock, r.logs.robot) for r in told]
-    return payload_from_torque(cell, [r.geometry for r in told], torques)
+    torques = [logged_torque(cell, r.samples, r.geometry, r.clock, r.logs.robot) for r in logged]
+    return payload_from_torque(cell, [r.geometry for r in logged], torques)
 
 
 def _asks_for_more(simple: Identification) -> bool:
@@ -407,7 +409,8 @@ def unphysical(fit: Fit, covariance: Array, payload: PayloadEstimate | None) -> 
         for i, c in enumerate(
             (c for correction in fit.model.corrections for c in correction.coefficients), first
         )
-        if (c.unit in COMPLIANCES or "backlash" in c.name) and fit.x[i] < -NEGATIVE * sigma[i]
+        if (c.unit in COMPLIANCES or "backlash" in c.name)
+        and fit.x[i] < -max(NEGATIVE * sigma[i], NOTHING * c.sigma)
     ]
     if payload is not None and payload.payload.mass < 0.0:
         out.append("the tool's mass")

@@ -64,8 +64,8 @@ def fit_joint_errors(
             break
         orders += search.orders
         listener.progress(f"fitting again with {len(orders)} joint errors")
-        found = joint_harmonics([(o.joint, o.order) for o in orders])
-        fit = refit(fit, [found], listener)
+        harmonics = joint_harmonics([(o.joint, o.order) for o in orders])
+        fit = refit(fit, [harmonics], listener)
     return fit, tuple(orders)
 
 

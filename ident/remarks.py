@@ -82,25 +82,27 @@ def joint_error_remark(
 
 
 def payload_remark(payload: PayloadEstimate | None) -> str:
-    """What the torque logs say of the masses, where the file's gave way to it; else empty."""
+    """What the torque logs say of the masses, where they replace the file's; else empty."""
     if payload is None or not payload.significant:
         return ""
-    gear = int(payload.asked.argmax())
+    gear = int(payload.added_load.argmax())
     return (
         f"the torque log asks for {payload.excess:+.1f} kg at the tool: "
         f"{payload.payload.mass:.1f} kg (2 sigma {2.0 * payload.mass_sigma:.1f}) instead of "
         f"{payload.stated:.1f}, the arm's masses times {payload.payload.arm:.3f}; gear {gear + 1} "
-        f"carries {payload.asked[gear]:.0f} N m rms more. The fit uses these masses; mend the "
-        "`body` of the plate's file"
+        f"carries {payload.added_load[gear]:.0f} N m rms more. The fit uses these masses; correct "
+        "`body` in the plate's file"
     )
 
 
 def recording_remarks(fit: Fit) -> list[str]:
     """What changed between or during the recordings: a remounted tool, links that grew."""
     names, out = fit.model.unknowns.names, []
-    found = dict(zip(names, fit.x.tolist(), strict=True))
+    values = dict(zip(names, fit.x.tolist(), strict=True))
     for k in range(1, len(fit.model.recordings)):
-        rows = {n.removeprefix("remount_"): v for n, v in found.items() if n.startswith("remount_")}
+        rows = {
+            n.removeprefix("remount_"): v for n, v in values.items() if n.startswith("remount_")
+        }
         own = {n.partition("@")[0]: v for n, v in rows.items() if n.endswith(f"@{k + 1}")}
         if own:
             shift = np.linalg.norm([v for n, v in own.items() if parameter_named(n).is_length])
@@ -111,9 +113,9 @@ def recording_remarks(fit: Fit) -> list[str]:
             )
     for k, samples in enumerate(fit.model.recordings):
         time = samples.times[-1] / UNIT
-        for name, line in found.items():
+        for name, line in values.items():
             if name.startswith("growth_") and name.endswith(f"_line@{k + 1}"):
-                square = found[name.replace("_line", "_square")]
+                square = values[name.replace("_line", "_square")]
                 link = name.removeprefix("growth_r").partition("_")[0]
                 size = (line * time + square * time * time) * 1e6
                 out.append(f"{link} grew by {size:+.0f} um during recording {k + 1}: it warmed up")

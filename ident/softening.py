@@ -63,15 +63,15 @@ def search_knees(fit: Fit) -> Knees:
         [-model.joints[gear] * np.clip(load[gear], -knee, knee) for gear, knee in limits]
     ).reshape(len(limits), -1)
     residual, rest = _beyond(model, columns)
-    found: Knees = []
+    knees: Knees = []
     threshold = 2.0 * np.log(len(limits)) + THRESHOLD
     while True:
         tests = _tests(model, rest, residual)
-        tests[[gear in dict(found) for gear, _ in limits]] = 0.0
+        tests[[gear in dict(knees) for gear, _ in limits]] = 0.0
         best = int(tests.argmax())
         if tests[best] < threshold:
-            return found
-        found.append(limits[best])
+            return knees
+        knees.append(limits[best])
         own = rest[best].copy()
         length = float(own @ own)
         residual = residual - own * (own @ residual / length)

@@ -332,17 +332,17 @@ def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]
     }
 
 
-def _masses(found: PayloadEstimate | None) -> MassesEntry | None:
-    if found is None or not found.significant:
+def _masses(estimate: PayloadEstimate | None) -> MassesEntry | None:
+    if estimate is None or not estimate.significant:
         return None
-    x, y, z = found.payload.com.tolist()
+    x, y, z = estimate.payload.com.tolist()
     return MassesEntry(
-        tool_kg=found.payload.mass,
-        tool_sigma_kg=found.mass_sigma,
-        tool_stated_kg=found.stated,
+        tool_kg=estimate.payload.mass,
+        tool_sigma_kg=estimate.mass_sigma,
+        tool_stated_kg=estimate.stated,
         tool_com_m=(x, y, z),
-        arm_scale=found.payload.arm,
-        arm_scale_sigma=found.arm_sigma,
+        arm_scale=estimate.payload.arm,
+        arm_scale_sigma=estimate.arm_sigma,
     )
 
 

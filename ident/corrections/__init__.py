@@ -109,8 +109,8 @@ def correction_named(
 
 def belongs_to_machine(correction: Correction) -> bool:
     """Whether a correction is the machine's: slips and remounted tools are a recording's."""
-    found = (JOINT_HARMONICS, GEAR_SOFTENING, ROD_ELONGATION)
-    return correction.name in CORRECTIONS or correction.name in found
+    names = (JOINT_HARMONICS, GEAR_SOFTENING, ROD_ELONGATION)
+    return correction.name in CORRECTIONS or correction.name in names
 
 
 def correction_of_result(

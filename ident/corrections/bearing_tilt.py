@@ -1,7 +1,7 @@
 """Bearings of the first joints tilt under the moment across their axes.
 
 A bearing yields about x and y of the frame in which its joint turns, each by a compliance of its
-own: one for both hides a bearing that is not symmetric (notes/unknown machines). Where an axis is
+own: one for both hides a bearing that is not symmetric (notes/unknown_machines). Where an axis is
 parallel to the joint before, that joint's gear compliance holds the tilt too, and none is fitted.
 """
 

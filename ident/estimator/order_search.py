@@ -207,13 +207,13 @@ def left_out(scores: Array, information: Array, prior: float) -> Array:
     scores : (C, K, G) of K columns a candidate. information : (C, K, K, G). prior : [rad] of the
     amplitudes.
     """
-    one = np.eye(scores.shape[1])
-    whole = information.sum(axis=-1) + one / prior**2  # (C, K, K)
+    identity = np.eye(scores.shape[1])
+    whole = information.sum(axis=-1) + identity / prior**2  # (C, K, K)
     amplitude = np.linalg.solve(whole, scores.sum(axis=-1)[..., None])[..., 0]
     each = np.moveaxis(information, -1, 1)  # (C, G, K, K)
     left = scores.swapaxes(1, 2) - np.einsum("cgij,cj->cgi", each, amplitude)
     share = np.einsum("cgij,cjk->cgik", each, np.linalg.inv(whole))
-    return np.asarray(np.linalg.solve(one - share, left[..., None])[..., 0].swapaxes(1, 2))
+    return np.asarray(np.linalg.solve(identity - share, left[..., None])[..., 0].swapaxes(1, 2))
 
 
 def of_few(tests: Array, groups: int) -> Array:

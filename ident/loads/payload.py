@@ -41,7 +41,7 @@ TORQUE_SIGMA, REVERSAL_SPEED = 2.0, 0.03
 # Standard deviation that no block of time shows, over the arm's mass: a correct tool of 4 kg on an
 # arm of 360 kg was found 0.1 to 0.6 kg too heavy (notes/unknown_machines).
 FLOOR = 1e-3
-SURE = 3.0  # deviations from which the file's masses give way
+SURE = 3.0  # deviations from which the found masses replace the file's
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class PayloadEstimate:
     stated: float  # [kg] mass of the tool in the file
     mass_sigma: float  # [kg]
     arm_sigma: float
-    asked: Array  # (J,) [N m] rms that the found masses add at each gear
+    added_load: Array  # (J,) [N m] rms that the found masses add at each gear
 
     @property
     def excess(self) -> float:
@@ -61,7 +61,7 @@ class PayloadEstimate:
 
     @property
     def significant(self) -> bool:
-        """Whether the file's masses give way."""
+        """Whether the found masses replace the file's."""
         arm = abs(self.payload.arm - 1.0) > SURE * self.arm_sigma
         return arm or abs(self.excess) > SURE * self.mass_sigma
 
@@ -98,7 +98,7 @@ def payload_from_torque(
         stated=body.mass,
         mass_sigma=float(np.hypot(sigma[0], FLOOR * arm_mass)),
         arm_sigma=float(sigma[4]),
-        asked=np.sqrt((np.einsum("pjn,p->jn", columns[:5], change[:5]) ** 2).mean(axis=1)),
+        added_load=np.sqrt((np.einsum("pjn,p->jn", columns[:5], change[:5]) ** 2).mean(axis=1)),
     )
 
 
@@ -159,8 +159,8 @@ def _mass_columns(cell: Cell, geometry: Geometry, log: LoggedTorque) -> Array:
         """Of a point mass, and per metre by which it moves along each of the axes."""
         none = np.zeros((3, 3))
         here = of_link(joint, Link(mass, com, none))
-        near = [of_link(joint, Link(mass, com + NEAR * axis, none)) for axis in axes]
-        return [here, *((there - here) / NEAR for there in near)]
+        shifted = [of_link(joint, Link(mass, com + NEAR * axis, none)) for axis in axes]
+        return [here, *((there - here) / NEAR for there in shifted)]
 
     bodies = [links[0] for links in carried_bodies(cell)]
     links = [of_link(joint, body) for joint, body in enumerate(bodies)]

@@ -54,7 +54,7 @@ def test_a_tool_twice_as_heavy_is_found_within_its_sigma() -> None:
     assert abs(estimate.payload.mass - heavier.mass) < 2.0 * estimate.mass_sigma
     assert abs(estimate.payload.mass - heavier.mass) < 0.1 * heavier.mass
     assert np.abs(estimate.payload.com - heavier.com).max() < 0.02
-    assert estimate.asked[1:3].min() > 10.0  # [N m] at the gears that carry it
+    assert estimate.added_load[1:3].min() > 10.0  # [N m] at the gears that carry it
 
 
 def test_the_masses_of_the_files_stay_where_they_are_right() -> None:
