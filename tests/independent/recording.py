@@ -63,7 +63,9 @@ class Truth:
     """What one recording was made from."""
 
     machine: Machine
-    offset: float  # [s] t_robot = offset + (1 + skew) t_ballbar, both from their first rows
+    # [s] t_robot = offset + (1 + skew) t_ballbar, both from their first rows; the lag of motor 1,
+    # which no log tells from the clock, is part of it
+    offset: float
     skew: float
     motion: Motion
 
@@ -105,7 +107,7 @@ def record_path(plan: Plan, k: int, folder: Path, faults: Faults = Faults()) -> 
     _write_robot(machine, motion, clock[0], rng, folder, faults)
     fitted = _write_ballbar(plan, motion, clock, rng, folder, faults)
     _write_description(plan, cell, machine, folder, faults)
-    return Truth(machine, *fitted, motion)
+    return Truth(machine, fitted[0] + plan.effects.lag[0], fitted[1], motion)
 
 
 @lru_cache(maxsize=8)
