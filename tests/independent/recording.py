@@ -104,10 +104,10 @@ def record_path(plan: Plan, k: int, folder: Path, faults: Faults = Faults()) -> 
     motion = held(machine, way.command, grown, way.bar, _remounted(plan, k))
     clock = float(rng.uniform(-OFFSET, OFFSET)), float(SKEW * rng.standard_normal())
     (folder / "raw").mkdir(parents=True, exist_ok=True)
-    _write_robot(machine, motion, clock[0], rng, folder, faults)
-    fitted = _write_ballbar(plan, motion, clock, rng, folder, faults)
+    first = _write_robot(machine, motion, clock[0], rng, folder, faults)
+    offset, skew = _write_ballbar(plan, motion, clock, rng, folder, faults)
     _write_description(plan, cell, machine, folder, faults)
-    return Truth(machine, fitted[0] + plan.effects.lag[0], fitted[1], motion)
+    return Truth(machine, offset - first + plan.effects.lag[0], skew, motion)
 
 
 @lru_cache(maxsize=8)
@@ -138,7 +138,8 @@ def _remounted(plan: Plan, k: int) -> Pose:
 def _write_robot(
     machine: Machine, motion: Motion, offset: float, rng: np.random.Generator, folder: Path,
     faults: Faults,
-) -> None:  # fmt: skip
+) -> float:  # fmt: skip
+    """Write motor angles and torques; the time [s] of the first row that is kept."""
     start = LEAD - max(0.0, offset)
     rows = int((motion.t[-1] - LEAD - start) / ROBOT_PERIOD) + 1
     t: Array = start + ROBOT_PERIOD * np.arange(rows, dtype=np.float64)
@@ -159,6 +160,7 @@ def _write_robot(
     form = ",".join(["%.6f", *["%.9f"] * (len(names) - 1)]) + "\n"
     lines = [",".join(names) + "\n", *(form % tuple(row) for row in table.tolist())]
     (folder / "raw" / "robot.csv").write_text("".join(lines))
+    return float((t - t[0])[inside][0])
 
 
 def _mistaken(motors: Array, faults: Faults) -> Array:
@@ -200,7 +202,10 @@ def _write_ballbar(
     plan: Plan, motion: Motion, clock: tuple[float, float], rng: np.random.Generator,
     folder: Path, faults: Faults,
 ) -> tuple[float, float]:  # fmt: skip
-    """Write the counters; offset [s] and skew of the straight line through the clock's drift."""
+    """Write the counters; offset [s] at the first row that is kept, and skew.
+
+    Both are those of the straight line through the clock's drift.
+    """
     offset, skew = clock
     start = LEAD + min(0.0, offset)
     end = motion.t[-1] - LEAD
@@ -232,7 +237,8 @@ def _write_ballbar(
     rows = np.stack(table, axis=1)[inside].tolist()
     lines = [";".join(names), *(";".join(map(str, row)) for row in rows)]
     (folder / "raw" / "ballbar.csv").write_text("\r\n".join(lines) + "\r\n", newline="")
-    return offset + float(ahead), skew + float(rate)
+    skew += float(rate)
+    return offset + float(ahead) + (1.0 + skew) * float(stamp[inside][0]), skew
 
 
 def direction(seed: int, encoder: int) -> int:
