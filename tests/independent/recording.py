@@ -68,6 +68,7 @@ class Truth:
     offset: float
     skew: float
     motion: Motion
+    scaled: tuple[int, float] = (0, 1.0)  # motor, and factor by which its log is wrong
 
     def tool(self, joints: Array) -> Array:
         """(N, 3) [m] tool of the unloaded robot under its own weight at logged angles (N, 6) [rad].
@@ -76,6 +77,9 @@ class Truth:
         """
         m = self.machine
         readings = joints @ np.linalg.inv(m.to_joint) / m.ratio
+        motor, factor = self.scaled
+        if motor:
+            readings[:, motor - 1] /= factor
         return unloaded(m, m.gears(m.from_readings(readings)))
 
 
@@ -107,7 +111,7 @@ def record_path(plan: Plan, k: int, folder: Path, faults: Faults = Faults()) -> 
     first = _write_robot(machine, motion, clock[0], rng, folder, faults)
     offset, skew = _write_ballbar(plan, motion, clock, rng, folder, faults)
     _write_description(plan, cell, machine, folder, faults)
-    return Truth(machine, offset - first + plan.effects.lag[0], skew, motion)
+    return Truth(machine, offset - first + plan.effects.lag[0], skew, motion, faults.scaled)
 
 
 @lru_cache(maxsize=8)
