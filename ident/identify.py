@@ -28,7 +28,7 @@ from ident.estimator.noise import log_noise
 from ident.estimator.order_search import JointOrder
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
-from ident.estimator.unknowns import GAIN_PRIOR, declared_names, fixed_names
+from ident.estimator.unknowns import GAIN_PRIOR, fixed_names, held_names
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
 from ident.loads.payload import PayloadEstimate, payload_from_torque
@@ -307,7 +307,7 @@ def _dropped(
     if fit is first.fit:
         return first.subset.dropped
     reasons = {d.name: d for d in first.subset.dropped}
-    never = fixed_names(first.nominal.table, declared_names(cell))
+    never = fixed_names(first.nominal.table, held_names(cell))
     fixed = [d for d in first.subset.dropped if d.name in never]
     return (*fixed, *(reasons.get(n, DroppedParameter(n, "prior", ())) for n in at_prior))
 

@@ -28,6 +28,7 @@ THRESHOLD = 12.0
 MOVES = 4  # of the knees, each with a fit
 MOVED = 0.02  # relative; less is no move
 FURTHEST = 0.4  # relative, of one move
+NO_PRIOR = 1.0  # [rad/(N m)] far beyond any gear
 LEAST_LOAD = 1.0  # [N m] a gear that carries less shows no knee
 
 Knees = list[tuple[int, float]]
@@ -127,7 +128,7 @@ def _tests(model: LinearModel, rest: Array, residual: Array) -> Array:
         _in_blocks(model, values.reshape(len(rest), *model.residual.shape).sum(axis=1))
         for values in (rest * residual, rest * rest)
     )
-    each = left_out(score[:, None], information[:, None, None], np.inf)[:, 0]
+    each = left_out(score[:, None], information[:, None, None], NO_PRIOR)[:, 0]
     variance = np.maximum((each * each).sum(axis=1), np.finfo(float).tiny)
     softer = np.maximum(-score.sum(axis=1), 0.0)
     return of_few(softer**2 / variance, score.shape[1])

@@ -5,8 +5,9 @@ and the gain of a measured rod force. Each recording has its own encoder offsets
 ball-bar, clock, and where nothing measures the rod's tension its spline. An infinite prior sigma
 means no prior.
 
-The gauge of the robot's parameters stays fixed, as does the plate, the known length (thesis Table
-3.2): of the IRB 2400 `rd1`, `rtheta1`, `rd3` and `ra6`.
+The gauge of the robot's parameters stays fixed: of the IRB 2400 `rd1`, `rtheta1`, `rd3`. The plate
+is the known length (thesis Table 3.2, `ra6`): fixed in a fit without priors, else an unknown under
+the prior of its file.
 """
 
 from __future__ import annotations
@@ -66,6 +67,17 @@ def declared_names(cell: Cell) -> tuple[str, ...]:
     zero = ("bd3",) if bar.length_tolerance <= KNOWN_LENGTH else ()
     joints = (n for n in table.names if n.startswith(("ba", "bd", "balpha")) and n != "bd3")
     return (*plate, *zero, *joints)
+
+
+def held_names(cell: Cell) -> tuple[str, ...]:
+    """Those of `declared_names` that stay as declared where every unknown has a prior.
+
+    The plate of a ball-bar has the standard deviation of its file: held as exact, it would pass its
+    own error on as scale that nobody states.
+    """
+    if cell.ballbar.stroke is None:
+        return ()
+    return declared_names(cell)
 
 
 def fixed_names(table: ParameterTable, declared: Sequence[str] | None = None) -> tuple[str, ...]:
@@ -231,7 +243,7 @@ def complete_unknowns(
     """
     build = _Builder()
     table = nominal.table
-    fixed = fixed_names(table, declared_names(cell))
+    fixed = fixed_names(table, held_names(cell))
     shared = [name for name in shared_names(table) if name not in fixed]
     for name in shared:
         build.add(name, nominal[name], _prior(cell, name, rod_sigma))

@@ -1,4 +1,4 @@
-"""Corrections that enter on evidence: their regressors at known states, and names that hold knees."""
+"""Corrections on evidence: their regressors at known states, and names that hold knees."""
 
 from __future__ import annotations
 
