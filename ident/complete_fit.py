@@ -104,8 +104,12 @@ def fit_complete(
             break
         faults, result = (*faults, fault), repaired
     idle = unsupported(result)
-    chosen += [correction for correction in tried if correction.name not in idle]
-    result = with_noise(result, listener, recast(result, chosen) if tried else None)
+    needed = [correction for correction in tried if correction.name not in idle]
+    chosen += needed
+    if needed:
+        result = with_noise(result, listener, recast(result, chosen))
+    else:  # as if nothing had been tried: what was tried has moved the tension
+        result = with_noise(run.first(chosen, faults) if tried else result, listener)
     while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         faults = (*faults, fault)  # it shows only once the noise is known

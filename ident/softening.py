@@ -25,11 +25,12 @@ LOWEST, HIGHEST = 0.02, 0.7  # of the gear's largest load
 # Of the score test, chi-square with one degree of freedom: above twice the logarithm of the number
 # of candidates as in ident.joint_errors
 THRESHOLD = 12.0
-MOVES = 4  # of the knees, each with a fit
+MOVES = 3  # of the knees, each with a fit
 MOVED = 0.02  # relative; less is no move
 FURTHEST = 0.4  # relative, of one move
 NO_PRIOR = 1.0  # [rad/(N m)] far beyond any gear
-LEAST_LOAD = 1.0  # [N m] a gear that carries less shows no knee
+# Widths of the backlash's transition up to which a knee cannot be told from the backlash itself
+APART = 12.0
 
 Knees = list[tuple[int, float]]
 
@@ -58,8 +59,10 @@ def search_knees(fit: Fit) -> Knees:
         (gear, float(knee))
         for gear, largest in enumerate(np.abs(load).max(axis=1))
         for knee in np.geomspace(LOWEST, HIGHEST, KNEES) * largest
-        if largest > LEAST_LOAD
+        if knee > APART * fit.model.gearing.transition[gear]
     ]
+    if not limits:
+        return []
     columns = np.stack(
         [-model.joints[gear] * np.clip(load[gear], -knee, knee) for gear, knee in limits]
     ).reshape(len(limits), -1)
