@@ -119,6 +119,8 @@ def fit_recording(
     directions, first_spacing = chosen.hypothesis.directions, float(times[1] - times[0])
     samples = samples_of(robot, ballbar, encoders, directions, times, spacing=first_spacing)
     geometry, clock = chosen.fit.geometry(), chosen.fit.clock()
+    if samples.measures_length:
+        samples = samples.with_noise_held(clock)
     try:
         requested = candidates(nominal.table, encoders, declared=declared_names(cell))
         subset = identifiable_parameters(samples, geometry, clock, excess, nominal, requested)
@@ -127,6 +129,8 @@ def fit_recording(
     callback = listener.on_iteration
     begin = _on_nominal(geometry, nominal, subset.parameters)
     first = fit_kinematics(samples, begin, clock, subset.parameters, excess, on_iteration=callback)
+    if samples.measures_length:
+        samples = samples.with_noise_held(first.clock())
     final = fit_kinematics(
         samples,
         first.geometry(),
