@@ -44,6 +44,13 @@ class Lengths:
         return int(((self.length < low) | (self.length > high)).any(axis=1).sum())
 
     @property
+    def scale(self) -> float:
+        """Factor on the robots' errors with which all stay in the middle half of the stroke."""
+        low, high = self.stroke
+        middle = self.length[:, :1]  # where each begins
+        return float(0.25 * (high - low) / np.abs(self.length - middle).max())
+
+    @property
     def warning(self) -> str:
         """Says with how many robots the bar leaves its stroke, and the remedy; empty for none."""
         if not self.leaving:
