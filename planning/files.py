@@ -56,6 +56,10 @@ EVERYTHING_ON: dict[str, object] = {  # as in scenarios/irb2400_full.yaml
 def path_data(candidate: Candidate) -> dict[str, object]:
     """A path file of schema ballbar-path/1, for the first configuration that keeps the ranges."""
     shape = candidate.shape
+    rod = [
+        {"amplitude_m": h.amplitude, "cycles": h.cycles, "phase_deg": float(np.degrees(h.phase))}
+        for h in shape.rod
+    ]
     return {
         "schema": "ballbar-path/1",
         "centre_deg": np.degrees(shape.centre).round(DECIMALS).tolist(),
@@ -63,6 +67,7 @@ def path_data(candidate: Candidate) -> dict[str, object]:
         "cycles": shape.cycles.astype(int).tolist(),
         "phase_deg": np.degrees(shape.phase).round(DECIMALS).tolist(),
         "ballbar_position_m": candidate.position.tolist(),
+        **({"rod": rod} if rod else {}),
     }
 
 

@@ -81,4 +81,5 @@ def predicted_lengths(model: StrokeModel, trajectory: Trajectory) -> Lengths:
     along = [(screw(frames, p.kind, p.row)[:3] * rod).sum(axis=0) for p in parameters]
     change = model.errors.T @ np.stack(along) - model.seat.T @ rod
     change -= change[:, :1] * (rod * rod[:, :1]).sum(axis=0)
-    return Lengths(trajectory.nominal["bd3"] + change, model.stroke)
+    commanded = np.linalg.norm(trajectory.tip - trajectory.nominal.origin, axis=1)
+    return Lengths(commanded + change, model.stroke)
