@@ -175,8 +175,8 @@ def reference_path(
     if not branches:
         raise _out_of_reach(nominal, shape, t, phase)
     if beginning is not None:
-        near = [float(np.abs(np.angle(np.exp(1j * (q[0] - beginning)))).max()) for q in branches]
-        branches = [branches[int(np.argmin(near))]]
+        turned = [float(np.abs(np.angle(np.exp(1j * (q[0] - beginning)))).max()) for q in branches]
+        branches = [branches[int(np.argmin(turned))]]
     q = _branch_in_range(robot, t, [_turned(robot, nominal, branch) for branch in branches])
     speed = CubicSpline(t, q).derivative()(t)
     check_speeds(robot, t, speed)

@@ -103,7 +103,8 @@ class Samples:
         """The samples with the noise of the robot's log held at the times of a clock.
 
         A length changes by millimetres, so slowly that the noise in the robot's speed would pass
-        for knowledge of the clock (errors in variables; Fuller 1987).
+        for knowledge of the clock: its column of the Jacobian would hold
+        the noise as well (errors in variables).
         """
         return replace(self, held=self.robot_time(clock, self.times))
 

@@ -337,7 +337,9 @@ def test_what_a_small_path_leaves_open_is_stated(
     assert rms(error) < 1.5 * rms(result.robot.tcp_sigma)
 
 
-def test_the_command_writes_what_a_telescoping_bar_needs_and_a_scenario_that_runs(tmp_path: Path) -> None:
+def test_the_command_writes_what_a_telescoping_bar_needs_and_a_scenario_that_runs(
+    tmp_path: Path,
+) -> None:
     out = tmp_path / "plan"
     result = CliRunner().invoke(app, ["plan", str(REQUEST), "--path", str(PATH), "--out", str(out)])
     assert result.exit_code == 0, result.output
