@@ -166,6 +166,7 @@ def _result(
             start=estimate.start,
             encoders=estimate.encoders,
             samples=estimate.samples,
+            clock_sigma=estimate.clock_sigma[0],
             remarks=log_remarks(r.samples, estimate.step_faults),
         )
         for r, estimate in zip(single, estimates, strict=True)
