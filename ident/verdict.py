@@ -22,8 +22,8 @@ FEW_SAMPLES = 200  # thesis sec. 3.5 wants 750
 # ripple, encoder harmonics, backlash or compliance.
 AUTOCORRELATED, AUTOCORRELATED_MISFIT = 0.6, 0.7
 PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
-# [s] deviation of the clock offset from which it is hardly seen: of ten simulated robots that change
-# a length by 0.2 mm it scattered by two stated deviations or more
+# [s] deviation of the clock offset from which it is hardly seen: of ten simulated robots that
+# change a length by 0.2 mm it scattered by two stated deviations or more
 UNSEEN_CLOCK = 0.01
 CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
 
@@ -95,8 +95,8 @@ class RecordingEvidence:
     start: Start
     encoders: tuple[int, ...]
     samples: int
-    clock_sigma: float = 0.0  # [s] of the clock offset
     remarks: tuple[str, ...] = ()
+    clock_sigma: float = 0.0  # [s] of the clock offset
 
 
 def judge(
