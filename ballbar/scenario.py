@@ -212,6 +212,17 @@ def load_scenario(path: str | Path) -> Scenario:
     return scenario
 
 
+def with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:
+    """The scenario with absolute names of its robot, ball-bar and plate files.
+
+    recording.yaml, in another folder, takes over these names.
+    """
+    names = scenario.cell.model_dump(include={"robot", "ballbar", "instrument", "plate"})
+    own = {key: name for key, name in names.items() if (name or "").endswith(".yaml")}
+    absolute = {key: str((folder / name).resolve()) for key, name in own.items()}
+    return scenario.model_copy(update={"cell": scenario.cell.model_copy(update=absolute)})
+
+
 def load_any_scenario(path: str | Path) -> Scenario | PoseScenario:
     """The checked scenario of a file or of a shipped name: of still poses if it has `poses`.
 

@@ -224,6 +224,7 @@ def _result(
             start=estimate.start,
             encoders=estimate.encoders,
             samples=estimate.samples,
+            clock_sigma=estimate.clock_sigma[0],
             remarks=log_remarks(r.samples, estimate.step_faults),
         )
         for r, estimate in zip(single, estimates, strict=True)
@@ -303,12 +304,14 @@ def _robot(
 def _dropped(
     cell: Cell, first: RecordingFit, fit: Fit, at_prior: Sequence[str]
 ) -> tuple[DroppedParameter, ...]:
-    """The parameters left at nominal; of a complete fit also those that stand at their priors."""
-    if fit is first.fit:
-        return first.subset.dropped
+    """The parameters left at nominal, and those that stand at their priors."""
     reasons = {d.name: d for d in first.subset.dropped}
-    never = fixed_names(first.nominal.table, held_names(cell))
-    fixed = [d for d in first.subset.dropped if d.name in never]
+    if fit is first.fit:
+        fitted = {first.nominal.table.names[i] for i in first.subset.weak}
+        fixed = [d for d in first.subset.dropped if d.name not in fitted]
+    else:
+        never = fixed_names(first.nominal.table, held_names(cell))
+        fixed = [d for d in first.subset.dropped if d.name in never]
     return (*fixed, *(reasons.get(n, DroppedParameter(n, "prior", ())) for n in at_prior))
 
 

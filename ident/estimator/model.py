@@ -92,7 +92,7 @@ class Evaluation:
     @cached_property
     def channel_speed(self) -> Array:
         """(J, N) [rad/s] speed of the robot's channels."""
-        speed = np.asarray(self.samples.robot.speed(self.robot_time))
+        speed = self.samples.joint_speed(self.robot_time)
         return (speed @ self.gearing.to_gear).T
 
     @cached_property
@@ -187,7 +187,7 @@ class Model:
         samples, layout = self.recordings[k], self.unknowns
         geometry, clock = layout.geometry(x, k), layout.clock(x, k)
         at = self.robot_times(x, k)
-        q = np.asarray(samples.robot.spline(at))
+        q = samples.joint_angles(at)
         if samples.measures_length:
             ballbar = pointing_bar(geometry, q, samples.extension)
         if not self.corrections:

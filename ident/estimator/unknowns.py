@@ -276,6 +276,17 @@ def _own(build: _Builder, recording: RecordingStart, tail: str) -> Own:
     return Own(indices, geometry, clocks, steps, knots)
 
 
+def priors(cell: Cell, table: ParameterTable, parameters: NDArray[np.intp]) -> Array:
+    """(P,) [m, rad] prior sigma of parameters (P,), indices into the table.
+
+    Infinite for those that belong to a recording.
+    """
+    names = [table.names[i] for i in parameters]
+    return np.array(
+        [np.inf if belongs_to_recording(name) else _prior(cell, name, None) for name in names]
+    )
+
+
 class _Builder:
     """Collects names, means and sigmas in order."""
 

@@ -302,3 +302,10 @@ def test_statuses_are_ordered_from_worst_to_best_and_their_words_are_those_of_th
         "good",
     ]
     assert [status.acceptable for status in Status] == [False] * 5 + [True] * 2
+
+
+def test_a_clock_that_a_length_hardly_shows_is_said() -> None:
+    (good, care) = (judged(GOOD, replace(RECORDING, clock_sigma=s)) for s in (0.009, 0.02))
+    assert good.status is Status.GOOD
+    assert care.status is Status.SUSPECT
+    assert "the clock offset is known to 20 ms at best" in care.sentence

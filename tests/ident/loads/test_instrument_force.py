@@ -1,18 +1,23 @@
-"""The force along a telescoping rod or a wire."""
+"""Force along rod or wire: constant, spring, friction."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
+import pytest
 
-from ident.loads.instrument_force import SLIDING, instrument_forces
+from ident.estimator.samples import samples_of
+from ident.loads.instrument_force import instrument_forces
+from ident.signals.smooth_log import interpolating_log
 
 
-def test_the_force_has_a_constant_a_spring_and_a_friction_of_one_newton_each() -> None:
-    extension = np.array([-1e-3, 0.0, 1e-3])
-    samples = SimpleNamespace(extension=extension, extension_rate=np.array([-1.0, 0.0, SLIDING]))
-    constant, spring, friction = instrument_forces(samples, (0.299, 0.301)).toarray()  # type: ignore[arg-type]
-    np.testing.assert_array_equal(constant, 1.0)
-    np.testing.assert_allclose(spring, [-1.0, 0.0, 1.0])
-    np.testing.assert_allclose(friction, [-1.0, 0.0, np.sqrt(0.5)])
+def test_the_spring_follows_the_extension_and_friction_the_sign_of_its_rate() -> None:
+    t = np.arange(0.0, 20.0, 0.05)
+    still = interpolating_log(t, np.zeros((t.size, 6)), np.zeros(6))
+    extension = interpolating_log(t, 2e-3 * np.sin(t)[:, None], np.zeros(1))
+    at = np.linspace(1.0, 19.0, 200)
+    samples = samples_of(still, extension, (), (), at)
+    constant, spring, friction = instrument_forces(samples, (0.995, 1.005)).toarray()
+    assert (constant == 1.0).all()
+    assert spring == pytest.approx(0.4 * np.sin(at), abs=1e-6)  # 1 N at the end of the stroke
+    fast = np.abs(np.cos(at)) > 0.1
+    assert friction[fast] == pytest.approx(np.sign(np.cos(at))[fast], abs=0.02)
