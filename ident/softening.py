@@ -13,7 +13,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.complete_fit import refit
+from ident.complete_fit import needs_loads, refit
 from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.estimator.fit import Fit
 from ident.estimator.order_search import LinearModel, left_out, of_few
@@ -29,7 +29,7 @@ MOVES = 3  # of the knees, each with a fit
 MOVED = 0.02  # relative; less is no move
 FURTHEST = 0.4  # relative, of one move
 NO_PRIOR = 1.0  # [rad/(N m)] far beyond any gear
-# Widths of the backlash's transition up to which a knee cannot be told from the backlash itself
+# Widths of the backlash's transition up to which a knee is too much like the backlash
 APART = 12.0
 
 Knees = list[tuple[int, float]]
@@ -52,7 +52,7 @@ def fit_softening(cell: Cell, fit: Fit, listener: Listener) -> Fit:
 
 def search_knees(fit: Fit) -> Knees:
     """Gear, from 0, and knee [N m] of every softening that the residual shows, the surest first."""
-    if fit.model.masses is None:
+    if not needs_loads(fit.model.corrections):
         return []
     model, load = linearised(fit), _loads(fit)
     limits = [
