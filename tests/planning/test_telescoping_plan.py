@@ -329,7 +329,8 @@ def test_what_a_small_path_leaves_open_is_stated(
     q = CubicSpline(outcome.trajectory.t, outcome.trajectory.q)(t)
     run = planned_run(evaluator.cell, outcome.trajectory.nominal, t, q, seed=seed, noise=5e-6)
     result = identify_together(run.cell, [run.logs], options=FitOptions(model="dh"))
-    assert result.verdict.status is Status.GOOD, result.verdict.sentence
+    # an uncertain result is one that says so
+    assert result.verdict.status in (Status.GOOD, Status.UNCERTAIN), result.verdict.sentence
     (recording,) = result.recordings
     assert recording.clock is not None
     assert abs(recording.clock.offset - run.clock.offset) < 3.0 * recording.clock_sigma[0]
