@@ -1,0 +1,286 @@
+"""Machines that no file describes, recorded by the independent generator: is the answer right?
+
+    python -m benchmarks.unknown_machines                        # 3 robots, all effects
+    python -m benchmarks.unknown_machines --robots 12 --effects base,rod
+    python -m benchmarks.unknown_machines --attacks              # wrong and poor input as well
+
+Each robot is recorded on two paths of 120 s by tests/independent, with one effect at a time, and
+identified from its files. Judged is the tool of the unloaded robot under its own weight over the
+accuracy box, base aligned; clocks by their stated sigma; stiffness as identified over true, lowest
+and highest gear. An attack succeeds where the verdict is acceptable and the mean error more than
+twice the stated sigma, or a clock more than four sigma off. Writes a row for each case to --out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import shutil
+import tempfile
+import time
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from ballbar import identify_recordings
+from ballbar.scenario import IdentifySettings
+from cell.errors import FailureError, InputError
+from ident.result import Identification
+from ident.start.automatic import StartError
+from tests.independent.machine import Effects, files
+from tests.independent.path import FIRST
+from tests.independent.recording import (
+    Faults,
+    Plan,
+    Truth,
+    accuracy_box,
+    aligned_distance,
+    record_path,
+)
+
+ROD_KNOWN = 5e-6  # [m]
+LAG = (8e-3, 10e-3, 12e-3, 8e-3, 10e-3, 12e-3)  # [s]
+TOOL = 4.73  # [kg] of 4.30 that the plate's file states
+UNLIKE = (1e-7, 3e-7, 3e-7, 1e-7, 2e-7, 3e-7)  # [rad/(N m)] x1 y1 x2 y2 x3 y3
+TWICE, CLOCK = 2.0, 4.0  # stated sigmas
+
+
+@dataclass(frozen=True)
+class Case:
+    """One machine, or several of which one recording each is taken, and what spoils the files."""
+
+    effects: tuple[Effects, ...] = (Effects(),)  # of each recording, the last one goes on
+    faults: tuple[Faults, ...] = (Faults(),)  # likewise
+    rod_known: float = 0.0  # [m]
+    other_robot: bool = False  # whether the second recording is of another robot
+    crossed: bool = False  # whether the logs of two runs are mixed
+    single: bool = False  # whether the first recording is all there is
+    reach: tuple[float, ...] = ()  # factors on the motion of b1..b5 in both recordings
+
+
+def _of(**effects: object) -> Case:
+    return Case((Effects(**effects),))  # type: ignore[arg-type]
+
+
+def _with(**faults: object) -> Case:
+    return Case(faults=(Faults(**faults),))  # type: ignore[arg-type]
+
+
+def _first_with(**faults: object) -> Case:
+    return Case(faults=(Faults(**faults), Faults()))  # type: ignore[arg-type]
+
+
+EFFECTS: dict[str, Case] = {
+    "base": Case(),
+    "rod": Case(rod_known=ROD_KNOWN),
+    "bearing1": _of(bearing=(1e-7,) * 6),
+    "bearing3": _of(bearing=(3e-7,) * 6),
+    "unlike": _of(bearing=UNLIKE),
+    "lags": _of(lag=LAG),
+    "growth": _of(growth=(40e-6, 32e-6)),
+    "warm": _of(growth=(40e-6, 32e-6), growth_time=60.0),
+    "knee": _of(knee=0.1),
+    "remount20": _of(remount=(20e-6, 50e-6)),
+    "remount100": _of(remount=(100e-6, 250e-6)),
+    "tool": _of(tool_mass=TOOL),
+    "tool_silent": Case((Effects(tool_mass=TOOL),), (Faults(no_torque=True),)),
+    "combination": _of(
+        tool_mass=TOOL, bearing=(3e-7,) * 6, lag=LAG, remount=(20e-6, 50e-6)
+    ),
+}  # fmt: skip
+
+ATTACKS: dict[str, Case] = {
+    **{name: EFFECTS[name] for name in EFFECTS if name not in ("base", "rod", "knee")},
+    "knee 5 %": _of(knee=0.05),
+    "knee 10 %": _of(knee=0.1),
+    "knee 15 %": _of(knee=0.15),
+    "robot irb4600": _with(robot="irb4600"),
+    "forearm stated 100 mm too long": _with(forearm_error=0.1),
+    "b1 declared with 1800 lines": _with(lines=1800),
+    "b1 declared with 5000 lines": _with(lines=5000),
+    "columns b1 and b2 swapped": _with(swapped=(1, 2)),
+    "columns b4 and b5 swapped": _with(swapped=(4, 5)),
+    "motors 5 and 6 swapped": _with(swapped_motors=(5, 6)),
+    "sign of b1": _with(sign=1),
+    "sign of motor 1": _with(motor_sign=1),
+    "sign of motor 6": _with(motor_sign=6),
+    "rod stated 1 mm too long": _with(rod_error=1e-3),
+    "rod stated 20 mm too long": _with(rod_error=20e-3),
+    "measured rod 50 um wrong": Case(faults=(Faults(rod_error=50e-6),), rod_known=ROD_KNOWN),
+    "logs of different runs": Case(crossed=True),
+    "10 s of one recording": Case(faults=(Faults(keep=(20.0, 30.0)),), single=True),
+    "20 s of one recording": Case(faults=(Faults(keep=(20.0, 40.0)),), single=True),
+    "few joints move": Case(reach=(1.0, 0.0, 0.0, 0.0, 1.0)),
+    "b1 a row late": _with(late=1),
+    "b5 a row late in one": _first_with(late=5),
+    "motor 2 times 1.001": _with(scaled=(2, 1.001)),
+    "motor 6 times 1.001": _with(scaled=(6, 1.001)),
+    "b2 slips by 0.5 mrad": _first_with(slip=(2, 5e-4)),
+    "motor 3 stuck": _with(still=(3,)),
+    "clock set by 20 ms halfway": _first_with(clock_step=0.02),
+    "two robots": Case(other_robot=True),
+    "two tools": Case((Effects(), Effects(tool_mass=5.0))),
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """How one case ended."""
+
+    robot: int
+    case: str
+    status: str
+    tcp_mean_mm: float = np.nan
+    tcp_max_mm: float = np.nan
+    tcp_sigma_mm: float = np.nan
+    clock_sigmas: float = np.nan  # the worst of offsets and rates
+    clock_us: float = np.nan
+    stiffness_low: float = np.nan
+    stiffness_high: float = np.nan
+    seconds: float = np.nan
+    acceptable: bool = False
+    sentence: str = field(default="")
+
+    @property
+    def deceived(self) -> bool:
+        """Whether the verdict is acceptable and the answer is not."""
+        wrong = self.tcp_mean_mm > TWICE * self.tcp_sigma_mm or self.clock_sigmas > CLOCK
+        return self.acceptable and wrong
+
+
+def row_of(robot: int, name: str, case: Case) -> Row:
+    """Record one case and identify it."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folders, truths = _recordings(robot, case, Path(scratch))
+        settings = IdentifySettings(rod_sigma_m=case.rod_known or None)
+        begun = time.perf_counter()
+        try:
+            found = identify_recordings(folders, settings=settings).identification
+        except (InputError, StartError, FailureError) as error:
+            seconds = time.perf_counter() - begun
+            return Row(robot, name, "refused", seconds=seconds, sentence=str(error))
+        return _judged(robot, name, found, truths, time.perf_counter() - begun)
+
+
+def _recordings(robot: int, case: Case, scratch: Path) -> tuple[list[Path], list[Truth]]:
+    folders, truths = [], []
+    for k in range(1 if case.single else 2):
+        seed = robot + 1000 * (case.other_robot and k == 1)
+        plan = Plan(seed, case.effects[min(k, len(case.effects) - 1)], rod_known=case.rod_known)
+        if case.reach:
+            degrees = tuple(r * f for r, f in zip(FIRST.reach_deg, case.reach, strict=True))
+            chosen = replace(FIRST, reach_deg=degrees)
+            plan = replace(plan, paths=(chosen, replace(chosen, seed=8)))
+        folders.append(scratch / str(k + 1))
+        faults = case.faults[min(k, len(case.faults) - 1)]
+        truths.append(record_path(plan, k, folders[-1], faults))
+    if case.crossed:
+        a, b = (folder / "raw" / "robot.csv" for folder in folders)
+        shutil.copy(b, a)
+        return folders[:1], truths[:1]
+    return folders, truths
+
+
+def _judged(
+    robot: int, name: str, found: Identification, truths: Sequence[Truth], seconds: float
+) -> Row:
+    q = accuracy_box(files())
+    error = 1e3 * aligned_distance(found.robot.unloaded().tool(q), truths[0].tool(q))
+    clocks, offsets = [0.0], [0.0]
+    for own, truth in zip(found.recordings, truths, strict=True):
+        if own.clock is not None:
+            pairs = (own.clock.offset - truth.offset, own.clock.skew - truth.skew)
+            clocks += [abs(e) / s for e, s in zip(pairs, own.clock_sigma, strict=True)]
+            offsets.append(1e6 * abs(pairs[0]))
+    values = {c.name: c.value for group in found.robot.corrections for c in group.coefficients}
+    compliance = np.array([values.get(f"compliance{i + 1}", np.nan) for i in range(6)])
+    ratio = 1.0 / (compliance * truths[0].machine.stiffness)
+    return Row(
+        robot=robot,
+        case=name,
+        status=str(found.verdict.status),
+        tcp_mean_mm=float(error.mean()),
+        tcp_max_mm=float(error.max()),
+        tcp_sigma_mm=1e3 * float(found.robot.tcp_sigma.mean()),
+        clock_sigmas=float(max(clocks)),
+        clock_us=float(max(offsets)),
+        stiffness_low=float(ratio.min()),
+        stiffness_high=float(ratio.max()),
+        seconds=seconds,
+        acceptable=found.verdict.acceptable,
+        sentence=found.verdict.sentence,
+    )
+
+
+def main() -> None:
+    """Records, identifies, prints every case as it ends, and writes all rows."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--robots", type=int, default=3)
+    parser.add_argument("--effects", default=",".join(EFFECTS), help="names, by comma")
+    parser.add_argument("--attacks", action="store_true", help="attacks instead of effects")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("unknown_machines.csv"))
+    given = parser.parse_args()
+    if unknown := set(given.effects.split(",")) - EFFECTS.keys():
+        parser.error(f"no effect {', '.join(unknown)}; there are {', '.join(EFFECTS)}")
+    cases = ATTACKS if given.attacks else {n: EFFECTS[n] for n in given.effects.split(",")}
+    robots = [1] if given.attacks else range(1, given.robots + 1)
+    with ProcessPoolExecutor(given.workers) as pool:
+        jobs = [
+            pool.submit(row_of, robot, name, case)
+            for name, case in cases.items()
+            for robot in robots
+        ]
+        rows = [_said(job.result()) for job in jobs]
+    _write(given.out, rows)
+    deceived = [row for row in rows if row.deceived]
+    print(f"{len(deceived)} of {len(rows)} acceptable and wrong: "
+          f"{', '.join(f'{r.case} ({r.robot})' for r in deceived) or 'none'}")  # fmt: skip
+    if not given.attacks:
+        _summary(rows)
+
+
+def _said(row: Row) -> Row:
+    print(
+        f"{row.case:28} {row.robot:3} {row.status:13} TCP {row.tcp_mean_mm:.4f} / "
+        f"{row.tcp_max_mm:.4f}, stated {row.tcp_sigma_mm:.4f}; clock {row.clock_sigmas:.1f} sigma; "
+        f"stiffness {row.stiffness_low:.2f} to {row.stiffness_high:.2f}; {row.seconds:.1f} s"
+        f"{'; DECEIVED' * row.deceived}\n      {row.sentence}",
+        flush=True,
+    )
+    return row
+
+
+def _summary(rows: Iterable[Row]) -> None:
+    """Median over the robots of each effect."""
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(row.case, []).append(row)
+    for name, group in groups.items():
+        columns = ("tcp_mean_mm", "tcp_max_mm", "tcp_sigma_mm", "clock_sigmas")
+        mean, top, stated, clock = (
+            np.median([getattr(r, column) for r in group]) for column in columns
+        )
+        print(f"{name:14} median TCP {mean:.4f} / {top:.4f}, stated {stated:.4f}; "
+              f"clock {clock:.1f} sigma; {sum(r.acceptable for r in group)} of {len(group)} "
+              "acceptable")  # fmt: skip
+
+
+def _write(path: Path, rows: Sequence[Row]) -> None:
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, [f.name for f in fields(Row)], lineterminator="\n")
+        writer.writeheader()
+        for row in rows:
+            values = asdict(row)
+            writer.writerow(
+                {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in values.items()}
+            )
+
+
+if __name__ == "__main__":
+    main()
