@@ -8,6 +8,7 @@ several recordings are given: the complete model of all recordings together (ide
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
+from ident.causes import Causes
 from ident.complete_fit import coefficients_of, fit_complete, lasting
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
 from ident.estimator.fit import Fit
@@ -42,7 +44,17 @@ from ident.result import (
 from ident.robot.accuracy import accuracy_grid, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
-from ident.verdict import AUTOCORRELATED, PULL, Evidence, RecordingEvidence, Status, judge
+from ident.start.automatic import StartError
+from ident.verdict import (
+    AUTOCORRELATED,
+    PULL,
+    UNEXPLAINED,
+    Evidence,
+    RecordingEvidence,
+    Status,
+    implausible,
+    judge,
+)
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
@@ -76,18 +88,44 @@ def identify_together(
 ) -> Identification:
     """Identify one robot from several recordings, or from one.
 
-    Each recording has its own clock, encoder offsets and base pose of the ball-bar.
+    Each recording has its own clock, encoder offsets and base pose of the ball-bar. Where the
+    result is not acceptable, its verdict names what may be wrong with the logs (ident.causes).
 
-    Raises StartError when the logs of a recording cannot be brought together; ValueError for model
-    `dh` with several recordings.
+    Raises StartError when the logs of a recording cannot be brought together, with the same cause;
+    ValueError for model `dh` with several recordings.
     """
     if options.model == "dh" and len(recordings) > 1:
         raise ValueError("model: dh fits one recording; several together need the complete model")
     silent = Listener(progress=listener.progress)
-    single = [
-        fit_recording(cell, logs, options, silent if k else listener)
-        for k, logs in enumerate(recordings)
-    ]
+    try:
+        single = [
+            fit_recording(cell, logs, options, silent if k else listener)
+            for k, logs in enumerate(recordings)
+        ]
+    except StartError as error:
+        causes = Causes.of(cell, recordings)
+        raise (StartError(f"{causes} ({error})") if causes else error) from None
+    if len(single) > 1 and any(map(_is_other_machine, single)):
+        causes = Causes.of(cell, recordings)
+        if causes.hopeless:  # the complete fit would take long and come to nothing
+            raise StartError(str(causes))
+    result = _fitted(cell, single, options, listener)
+    if result.verdict.status in UNEXPLAINED and (causes := Causes.of(cell, recordings)):
+        return replace(result, verdict=result.verdict.with_cause(str(causes)))
+    return result
+
+
+def _is_other_machine(recording: RecordingFit) -> bool:
+    """Whether a recording by itself is fitted by no built robot."""
+    identified = [recording.nominal.table.names[i] for i in recording.subset.parameters]
+    strange = implausible(recording.geometry, identified, recording.nominal)
+    return bool(strange) or not recording.fit.converged
+
+
+def _fitted(
+    cell: Cell, single: Sequence[RecordingFit], options: FitOptions, listener: Listener
+) -> Identification:
+    """The result of the model that the options name, or that the data ask for."""
     automatic = options.model == "auto" and options.corrections is None
     if len(single) == 1 and (options.model == "dh" or automatic):
         simple = _result(cell, single, single[0].fit, options)

@@ -45,6 +45,15 @@ class Status(StrEnum):
         return self in (Status.GOOD, Status.SUSPECT)
 
 
+# Of these, the logs themselves may show the cause (ident.causes).
+UNEXPLAINED = (Status.IMPLAUSIBLE, Status.NOT_CONVERGED, Status.MISFIT)
+_FIRST_WORDS = {
+    Status.IMPLAUSIBLE: "Not the declared cell",
+    Status.NOT_CONVERGED: "Not converged",
+    Status.MISFIT: "Misfit",
+}
+
+
 def noise_status(chi2_per_dof: float) -> Status:
     """The status by what the noise in the logs explains alone."""
     if chi2_per_dof > MISFIT:
@@ -68,6 +77,11 @@ class Verdict:
     def with_warning(self, sentence: str) -> Verdict:
         """The verdict with one more remark."""
         return replace(self, warnings=(*self.warnings, sentence))
+
+    def with_cause(self, cause: str) -> Verdict:
+        """The verdict whose sentence names the cause; what the fit made of it becomes a remark."""
+        sentence = f"{_FIRST_WORDS[self.status]}: {cause}"
+        return replace(self, sentence=sentence, warnings=(self.sentence, *self.warnings))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +137,7 @@ def _judged(
     noise, start = noise_status(evidence.chi2_per_dof), recording.start
     neighbours = f"autocorrelation {evidence.autocorrelation:.2f}"
     unfinished = f"Not converged after {evidence.iterations} iterations"
-    if strange := _implausible(evidence, nominal):
+    if strange := implausible(evidence.geometry, evidence.identified, nominal):
         machine = f"{cell.robot.title} on {cell.ballbar.title}"
         fits = f"The logs fit a mechanism, but not {machine}" if evidence.converged else unfinished
         return Status.IMPLAUSIBLE, (
@@ -169,10 +183,10 @@ def _judged(
     return noise, f"{opening}: {explained}"
 
 
-def _implausible(evidence: Evidence, nominal: Geometry) -> str:
+def implausible(geometry: Geometry, identified: Sequence[str], nominal: Geometry) -> str:
     """The parameters further from the catalogue than any built robot's, in words; or nothing."""
-    off = {name: evidence.geometry[name] - nominal[name] for name in evidence.identified}
-    parameters = [parameter_named(name) for name in evidence.identified]
+    off = {name: geometry[name] - nominal[name] for name in identified}
+    parameters = [parameter_named(name) for name in identified]
     machine = [p for p in parameters if p.side == "robot" or p.name == "bd3"]
     worst = sorted(
         (p for p in machine if abs(off[p.name]) > PLAUSIBLE), key=lambda p: -abs(off[p.name])
