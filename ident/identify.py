@@ -105,13 +105,17 @@ def identify_together(
     except StartError as error:
         causes = Causes.of(cell, recordings)
         raise (StartError(f"{causes} ({error})") if causes else error) from None
-    if len(single) > 1 and any(map(_is_other_machine, single)):
-        causes = Causes.of(cell, recordings)
-        if causes.hopeless:  # the complete fit would take long and come to nothing
+    causes = Causes.of(cell, recordings) if any(map(_is_other_machine, single)) else None
+    if causes and causes.hopeless:  # the complete fit would take long and come to nothing
+        if len(single) > 1:
             raise StartError(str(causes))
-    result = _fitted(cell, single, options, listener)
-    if result.verdict.status in UNEXPLAINED and (causes := Causes.of(cell, recordings)):
-        return replace(result, verdict=result.verdict.with_cause(str(causes)))
+        result = _result(cell, single, single[0].fit, options)
+    else:
+        result = _fitted(cell, single, options, listener)
+    if result.verdict.status in UNEXPLAINED:
+        causes = Causes.of(cell, recordings) if causes is None else causes
+        if causes:
+            result = replace(result, verdict=result.verdict.with_cause(str(causes)))
     return result
 
 

@@ -91,31 +91,43 @@ def tool_path(nominal: Geometry, q: Array) -> ToolPath:
     return ToolPath(sphere.radius, rms, rms * float(np.sqrt(normal[3, 3])), {1: u, 5: v})
 
 
-def explained(turning: Array, tilting: Array, direction: Array, step: float) -> Array:
-    """(L,) half the log-likelihood gain a sample of a gimbal at each lag; -inf where too short.
+class Gimbal:
+    """Two columns of readings, compared with the direction that they should hold at all lags."""
 
-    turning, tilting : (Nb,) [rad] readings. direction : (Nr, 3) unit vectors that they should hold.
-    """
-    scan, floor = PairScan(Pair(turning, tilting, direction), step), DIRECTION_SIGMA**2
-    gain = 0.5 * np.log((scan.signal + floor) / (scan.residual_variance() + floor))
-    share = scan.overlap / min(turning.size, len(direction))
-    return np.asarray(np.where(scan.usable, share * gain, -np.inf))
+    def __init__(self, turning: Array, tilting: Array, direction: Array, step: float) -> None:
+        """turning, tilting : (Nb,) [rad] readings. direction : (Nr, 3). step : [s]"""
+        self._scan = PairScan(Pair(turning, tilting, direction), step)
+        self._share = self._scan.overlap / min(turning.size, len(direction))
+        gain = self._gain(self._scan.signal, self._scan.residual_variance())
+        # (L,) half the log-likelihood gain a sample at each lag; -inf where the overlap is short
+        self.gain = np.where(self._scan.usable, self._share * gain, -np.inf)
+
+    def refined(self, lag: int) -> float:
+        """The gain at a lag, by its index, between the offsets of the grid."""
+        if not self._scan.usable[lag]:
+            return 0.0
+        signal, variance = self._scan.signal[lag], self._scan.branches(lag)[0].variance
+        return float(self._share[lag] * self._gain(signal, np.asarray(variance)))
+
+    def _gain(self, signal: Array, residual: Array) -> Array:
+        floor = DIRECTION_SIGMA**2
+        return np.asarray(0.5 * np.log((signal + floor) / (residual + floor)))
 
 
-def left(gains: Sequence[Array]) -> float:
+def left(gimbals: Sequence[Gimbal]) -> float:
     """The unexplained share of the motion at the best common lag, of the gimbal that agrees least.
 
-    gains : of each gimbal as by `explained`, (L,).
+    gimbals : of the same two logs.
     """
-    best = int(np.argmax(np.sum(gains, axis=0)))
-    return min(1.0, float(np.exp(-min(gain[best] for gain in gains))))
+    best = int(np.argmax(np.sum([gimbal.gain for gimbal in gimbals], axis=0)))
+    return min(1.0, float(np.exp(-min(gimbal.refined(best) for gimbal in gimbals))))
 
 
 def left_of(motion: Motion, path: ToolPath) -> float:
     """The unexplained share of the motion with the encoders as declared."""
     return left(
         [
-            explained(motion.column(i), motion.column(j), path.directions[i], motion.step)
+            Gimbal(motion.column(i), motion.column(j), path.directions[i], motion.step)
             for i, j in motion.gimbals
         ]
     )

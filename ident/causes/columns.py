@@ -18,21 +18,14 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.geometry import Geometry
-from ident.causes.agreement import (
-    SPHERE_ROWS,
-    Motion,
-    ToolPath,
-    explained,
-    left,
-    left_of,
-    tool_path,
-)
+from ident.causes.agreement import SPHERE_ROWS, Gimbal, Motion, ToolPath, left, left_of, tool_path
 from ident.start.speed_scan import scan_speeds
 
 CANDIDATES = 12  # of the robot's columns that are compared with the encoders
 MUST_OVERLAP = 10.0  # [s] to compare speeds
 PLURAL = {"axis": "axes", "motor": "motors", "joint": "joints"}
 SAME_SCALE = 0.01  # ratio of angles beyond which a line count is wrong
+LEAST_SCALE = 1e-3  # smaller ratios are of encoders that stand still
 
 
 @dataclass(frozen=True)
@@ -51,8 +44,8 @@ def encoder_orders(motion: Motion, path: ToolPath) -> list[Reading]:
     directions = {i: path.directions[i] for i, _ in motion.gimbals}
     if len(motion.encoders) == 2:  # of which gimbal they are, may be wrong too
         directions = path.directions
-    gains = {
-        (i, j, turning): explained(motion.column(i), motion.column(j), direction, motion.step)
+    gimbals = {
+        (i, j, turning): Gimbal(motion.column(i), motion.column(j), direction, motion.step)
         for i, j in permutations(motion.encoders, 2)
         for turning, direction in directions.items()
     }
@@ -60,12 +53,12 @@ def encoder_orders(motion: Motion, path: ToolPath) -> list[Reading]:
     readings = []
     for order in permutations(motion.encoders, len(declared)):
         pairs = list(zip(order[::2], order[1::2], motion.gimbals, strict=True))
-        share = left([gains[i, j, gimbal[0]] for i, j, gimbal in pairs])
+        share = left([gimbals[i, j, turning] for i, j, (turning, _) in pairs])
         held = dict(zip(declared, order, strict=True))
         if any(joint != column for joint, column in held.items()):
             readings.append(_ordered(held, share, path.rms))
     if len(motion.encoders) == 2:
-        readings += _of_other_gimbal(motion, gains, path.rms)
+        readings += _of_other_gimbal(motion, gimbals, path.rms)
     return readings
 
 
@@ -82,7 +75,7 @@ def _ordered(held: dict[int, int], share: float, rms: float) -> Reading:
 
 
 def _of_other_gimbal(
-    motion: Motion, gains: dict[tuple[int, int, int], Array], rms: float
+    motion: Motion, gimbals: dict[tuple[int, int, int], Gimbal], rms: float
 ) -> Iterator[Reading]:
     (i, j) = motion.gimbals[0]
     other = (5, 4) if i == 1 else (1, 2)
@@ -91,7 +84,7 @@ def _of_other_gimbal(
         yield Reading(
             f"the encoders b{a} and b{b} are {names}",
             "Name them so in recording.yaml",
-            left([gains[a, b, other[0]]]),
+            left([gimbals[a, b, other[0]]]),
             rms,
         )
 
@@ -100,7 +93,7 @@ def encoder_scales(motion: Motion, path: ToolPath) -> list[Reading]:
     """The encoders with line counts by which they turn as far as the robot's pose says; or none."""
     ratios = _ratios(motion, path)
     wrong = {j: r for j, r in ratios.items() if abs(r - 1.0) > SAME_SCALE}
-    if not wrong:
+    if not wrong or min(wrong.values()) < LEAST_SCALE:
         return []
     scale = np.array([wrong.get(joint, 1.0) for joint in motion.encoders])
     corrected = replace(motion, readings=motion.readings / scale)

@@ -137,17 +137,19 @@ def _readings(
             return []
         limit, readings = path.rms / nominal["bd3"] / DECISIVE, []
     readings += robot_columns(cell.robot, nominal, motion, path.rms)
-    good = sorted((r for r in readings if r.left <= limit), key=lambda r: r.left)
+    # Robots of one maker may differ by the sign of an axis and a few lengths: that is no sphere.
+    good = [r for r in readings if r.left <= limit and r.rms <= OFF_SPHERE]
+    good.sort(key=lambda reading: reading.left)
     return [r for r in good if r.left <= COMPARABLE * good[0].left]
 
 
 def _of_reading(reading: Reading, share: float, rms: float, encoders: bool) -> Suspect:
     sphere = (
-        f"{reading.rms * 1e3:.1f} mm rms of the tool's path by the robot are off a sphere, as "
-        f"declared {rms * 1e3:.1f} mm"
+        f"the tool's path by the robot is {reading.rms * 1e3:.1f} mm rms off a sphere, as declared "
+        f"{rms * 1e3:.1f} mm"
     )
     motion = (
-        f"{_percent(reading.left)} of the rod's motion stay unexplained, as declared "
+        f"{_percent(reading.left)} of the rod's motion stays unexplained, as declared "
         f"{_percent(share)}"
     )
     evidence = motion if encoders else sphere

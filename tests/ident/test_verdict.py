@@ -273,3 +273,23 @@ def test_statuses_are_ordered_from_worst_to_best_and_their_words_are_those_of_th
         "good",
     ]
     assert [status.acceptable for status in Status] == [False] * 4 + [True] * 2
+
+
+def test_a_named_cause_takes_the_place_of_the_sentence_and_leaves_it_as_a_remark() -> None:
+    verdict = judged(STRANGE).with_cause("two columns are exchanged: 3 %, not 90 %. Correct them.")
+    assert verdict.sentence == (
+        "Not the declared cell: two columns are exchanged: 3 %, not 90 %. Correct them."
+    )
+    assert verdict.status is Status.IMPLAUSIBLE
+    assert verdict.warnings[0] == judged(STRANGE).sentence
+
+
+@pytest.mark.parametrize(("off", "remarks"), [(2.9e-3, 0), (-3.1e-3, 1)])  # tolerance 3 mm
+def test_a_rod_beyond_its_tolerance_is_remarked_on_in_a_good_fit(off: float, remarks: int) -> None:
+    verdict = judged(replace(GOOD, geometry=NOMINAL.replaced({"bd3": NOMINAL["bd3"] + off})))
+    assert verdict.status is Status.GOOD
+    assert len(verdict.warnings) == remarks
+    if remarks:
+        assert verdict.warnings[0].startswith(
+            "the rod comes out 596.90 mm long, and the file of lund_600 states 600.00 mm (bd3); is"
+        )
