@@ -40,6 +40,9 @@ MOVES = 0.1  # [rad] range of a joint that does not
 OFF_SPHERE = 0.010
 # [m] smallest error of the rod that is named, and in standard deviations of the sphere's radius
 ROD_ERROR, ROD_SIGMAS = 5e-4, 2.0
+# [m] rms from the sphere above which single lengths are tried, and [m, rad] what they then must be
+# off by: no robot is built so badly (ident.verdict.PLAUSIBLE is twice that)
+LENGTH_RMS, LENGTH_ERROR = 0.003, 0.010
 SHORT = 30.0  # [s] of a log that cannot determine a robot
 
 
@@ -219,10 +222,12 @@ def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterato
             "Name the ball-bar that was used, or correct bd3 in its file",
             hopeless=False,
         )
-    if path.rms <= OFF_SPHERE:
+    if path.rms <= LENGTH_RMS:
         return
     lengths = single_lengths(nominal, q)
     for length in lengths:
+        if abs(length.change) < LENGTH_ERROR:
+            continue
         if length.rms <= min(path.rms / DECISIVE, COMPARABLE * lengths[0].rms):
             yield Suspect(
                 f"{_what(cell, length.name)} is wrong by {_size(length.change, length.name)}",

@@ -38,6 +38,10 @@ SOUND = {
 
 def named(folder: Path, seed: int, faults: Faults) -> list[str]:
     record_path(Plan(seed), SECOND, folder, faults)
+    return causes_of(folder)
+
+
+def causes_of(folder: Path) -> list[str]:
     recording = read_recording(folder)
     files = recording.description
     cell = load_cell(files.robot, files.measured_by, files.plate, relative_to=folder)
@@ -51,6 +55,16 @@ def test_each_cause_is_named_first_of_every_machine(cause: str, tmp_path: Path) 
     right = [names[0].startswith(cause) for names in first if names]
     print(f"{sum(right)} of {len(SEEDS)}: {cause}")
     assert sum(right) == len(SEEDS), first
+
+
+@pytest.mark.slow
+def test_logs_of_different_runs_are_named_of_every_machine(tmp_path: Path) -> None:
+    for seed in SEEDS:
+        folders = [tmp_path / f"{seed}-{k}" for k in range(2)]
+        for k, folder in enumerate(folders):
+            record_path(Plan(seed), k, folder)
+        (folders[1] / "raw" / "robot.csv").rename(folders[0] / "raw" / "robot.csv")
+        assert causes_of(folders[0]) == ["the logs are not of one run"]
 
 
 @pytest.mark.slow
