@@ -103,8 +103,8 @@ def identify_together(
             for k, logs in enumerate(recordings)
         ]
     except StartError as error:
-        causes = Causes.of(cell, recordings)
-        raise (StartError(f"{causes} ({error})") if causes else error) from None
+        named = Causes.of(cell, recordings)
+        raise (StartError(f"{named} ({error})") if named else error) from None
     causes = Causes.of(cell, recordings) if any(map(_is_other_machine, single)) else None
     if causes and causes.hopeless:  # the complete fit would take long and come to nothing
         if len(single) > 1:
