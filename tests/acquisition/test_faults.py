@@ -253,7 +253,8 @@ def test_exchanged_columns_and_another_robot_are_asked_for_too(tmp_path: Path) -
     wide = MOTORS.copy()
     wide[:, 3] = np.linspace(0.0, 1.6 * np.pi, len(wide)) / np.abs(ROBOT.transmission[3, 3])
     names = "time,m1,m2,m3,m4,m5,m6"
-    with pytest.raises(LogError, match=r"another robot than irb2400\?.* columns.* motors \d and \d"):
+    words = r"another robot than irb2400\?.* columns.* motors \d and \d"
+    with pytest.raises(LogError, match=words):
         other_numbers(tmp_path, wide[:, [0, 1, 2, 4, 3, 5]], "abb-motor", names, ticks=1.0)
 
 
