@@ -201,8 +201,9 @@ def _rod_warnings(evidence: Evidence, cell: Cell, nominal: Geometry) -> list[str
     """Of a rigid rod that is not as long as its file says; the fit is none the worse for it."""
     length, stated = evidence.geometry["bd3"], nominal["bd3"]
     sensed = cell.ballbar.stroke is not None or "bd3" not in evidence.identified
-    if sensed or abs(length - stated) <= max(ROD, cell.ballbar.length_tolerance):
-        return []
+    off = abs(length - stated)
+    if sensed or not max(ROD, cell.ballbar.length_tolerance) < off <= PLAUSIBLE:
+        return []  # beyond it the verdict's sentence says so
     return [
         f"the rod comes out {length * 1e3:.2f} mm long, and the file of {cell.ballbar.name} states "
         f"{stated * 1e3:.2f} mm (bd3); is it the ball-bar that was used?"
