@@ -16,7 +16,7 @@ from ballbar.result.iterations import IterationLog
 from ballbar.result.names import CALIBRATION, IMPORT_REPORT, OUTPUTS, RECORDING, REPLAY, REPORT
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
-from ballbar.scenario import Scenario
+from ballbar.scenario import Scenario, with_absolute_names
 from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.files import claim_folder, write_whole
@@ -56,7 +56,7 @@ def simulate_scenario(
     except InputError as error:
         raise InputError(f"{scenario_file}: {error}") from None
     progress("writing the device logs")
-    write_recording(simulation, scenario, folder)
+    write_recording(simulation, with_absolute_names(scenario, files), folder)
     return simulation
 
 

@@ -86,6 +86,12 @@ class IdentifySettings(Strict):
         "its length. Without this key the catalogue's tolerance is used.",
     )
 
+    accuracy_mm: Annotated[float, Field(gt=0.0)] | None = Field(
+        None,
+        description="Stated TCP uncertainty (1 sigma, rms over the workspace) up to which a result "
+        "is acceptable; by default half of the nominal robot's error, and 0.1 mm in any case.",
+    )
+
     @property
     def options(self) -> FitOptions:
         """The options of the identification itself."""
@@ -95,6 +101,7 @@ class IdentifySettings(Strict):
             force=self.force,
             rod_sigma=self.rod_sigma_m,
             samples=self.samples,
+            accuracy=None if self.accuracy_mm is None else self.accuracy_mm * 1e-3,
         )
 
 
@@ -203,6 +210,17 @@ def load_scenario(path: str | Path) -> Scenario:
             "`ballbar run` and `ballbar simulate` take it."
         )
     return scenario
+
+
+def with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:
+    """The scenario with absolute names of its robot, ball-bar and plate files.
+
+    recording.yaml, in another folder, takes over these names.
+    """
+    names = scenario.cell.model_dump(include={"robot", "ballbar", "instrument", "plate"})
+    own = {key: name for key, name in names.items() if (name or "").endswith(".yaml")}
+    absolute = {key: str((folder / name).resolve()) for key, name in own.items()}
+    return scenario.model_copy(update={"cell": scenario.cell.model_copy(update=absolute)})
 
 
 def load_any_scenario(path: str | Path) -> Scenario | PoseScenario:

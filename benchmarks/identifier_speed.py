@@ -30,7 +30,7 @@ from cell.descriptions import Cell
 from cell.load import load_cell
 from cell.threads import one_thread_each
 from ident.complete_fit import FIRST_EXCESS, approached, fit_pose, posed
-from ident.corrections import supported_corrections
+from ident.corrections import correction_named, supported_corrections
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
 from ident.estimator.model import Model, joints_as_logged
@@ -140,8 +140,10 @@ def corrected(folder: Path, count: int) -> tuple[float, int]:
     """[ms] of a fit with all corrections, from the dh fit to the covariance; count of unknowns."""
     cell, logs = read(folder)
     options = FitOptions(force="torque", samples=count)
-    corrections = supported_corrections(cell.robot)
-    pose = posed(cell, [fit_recording(cell, logs, options)], corrections, options)
+    recording = fit_recording(cell, logs, options)
+    names, encoders = supported_corrections(cell.robot), recording.samples.encoders
+    corrections = [correction_named(name, cell, encoders) for name in names]
+    pose = posed(cell, [recording], corrections, options)
 
     def fit() -> Fit:
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS)

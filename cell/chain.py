@@ -141,14 +141,15 @@ def screw(frames: Frames, kind: str, row: int, out: Array | None = None) -> Arra
     Components 0..2 are the velocity of the tip [m per unit], 3..5 the angular velocity [rad per
     unit]. The joint angle q_i has the screw of `theta` of its row.
 
-    kind : one of KINDS. row : from 0. out : (6, N) array to write to.
+    kind : one of KINDS. row : from 0; with -1, `alpha` and `beta` tilt the base frame. out : (6, N)
+        array to write to.
     """
     if kind in ("theta", "d"):
         axis, point = frames.z[row], frames.origin[row]
     elif kind == "beta":
         axis, point = frames.y[row + 1], frames.origin[row + 1]
     elif kind in ("a", "alpha"):
-        axis, point = frames.x_link[row], frames.origin[row + 1]
+        axis, point = frames.x_link[row] if row >= 0 else frames.x[0], frames.origin[row + 1]
     else:
         raise ValueError(f"parameter kind {kind!r} is none of {KINDS}")
     out = np.empty((6, axis.shape[1])) if out is None else out

@@ -51,17 +51,37 @@ def joint_torques(
         frame that turns with it. gravity : (3,) [m/s^2]. speed, acceleration : (N, J) [rad/s],
         [rad/s^2]; both or neither, which stands for a robot at rest.
     """
+    moments = joint_moments(
+        frames, bodies, q, gravity=gravity, speed=speed, acceleration=acceleration
+    )
+    return np.asarray((frames.z[: len(bodies)] * moments).sum(axis=1))
+
+
+def joint_moments(
+    frames: Frames,
+    bodies: Sequence[Sequence[Link]],
+    q: Array,
+    *,
+    gravity: Array,
+    speed: Array | None = None,
+    acceleration: Array | None = None,
+) -> Array:
+    """(J, 3, N) [N m] moment at each joint that carries and accelerates all bodies beyond it.
+
+    Base frame. The part about the joint's axis is its torque, the rest is the bearing's. Arguments
+    as of `joint_torques`.
+    """
     loaded = _loaded(frames, bodies, q, gravity, speed, acceleration)
     joints, n = len(bodies), q.shape[0]
-    torque = np.zeros((joints, n))
+    out = np.zeros((joints, 3, n))
     # of all bodies beyond a joint, about the origin of the base
     force, moment = np.zeros((3, n)), np.zeros((3, n))
     for i in range(joints - 1, -1, -1):
         for body in loaded[i]:
             force = force + body.force
             moment = moment + body.moment + cross(body.com, body.force)
-        torque[i] = (frames.z[i] * (moment - cross(frames.origin[i], force))).sum(axis=0)
-    return torque
+        out[i] = moment - cross(frames.origin[i], force)
+    return out
 
 
 def _loaded(

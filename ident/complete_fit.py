@@ -14,14 +14,15 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections import belongs_to_machine, correction_named
+from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
-from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics
+from ident.corrections.rod_elongation import ROD_ELONGATION
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples, samples_of
 from ident.estimator.step_faults import (
+    ENCODER_JUMPS,
     MAX_FOUND,
     encoder_slips,
     find_step_fault,
@@ -45,10 +46,10 @@ MEASURED = ("torque", "sensor")
 # Noise and width of backlash, times, without a measured tension (notes/identification sec. 4)
 CONTINUATION = (20.0, 6.0, 2.0)
 CONTINUED_ITERATIONS = 8
+WANDERING = 100.0  # [N] prior of a knot of a force that the rod's length alone shows
 FIRST_EXCESS = ExcessNoise(5e-6, 1e-5, 1e-5, 1e-6)  # what the first fit finds on the full scenarios
 NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a step fault must bring it down to
-NEEDS_LOADS = {"joint_compliance", "gear_backlash", "rod_strain", "plate_bending"}
 # A correction stays whose coefficients' chi-square exceeds its count k by SUPPORT sqrt(2 k): four
 # standard deviations of what chance gives.
 SUPPORT = 4.0
@@ -58,9 +59,6 @@ COARSE_SAMPLES, COARSE_SHARE = 1500, 3
 PER_UNKNOWN = (
     1e-4  # predicted decrease for each unknown that ends a fit, as `fit.NEGLIGIBLE` for one
 )
-
-
-Orders = Sequence[tuple[int, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,42 +76,55 @@ def fit_complete(
     corrections: Sequence[str],
     options: FitOptions,
     listener: Listener = SILENT,
-    *,
-    orders: Orders = (),
+    extras: Sequence[Correction] = (),
 ) -> Fit:
     """The joint fit of all recordings with the named corrections, step faults repaired.
 
-    orders : joint, from 0, and cycles a turn of periodic joint errors that were found.
+    extras : further corrections, formed by what the data have shown.
     Corrections that the data do not support are left out, unless the options name them.
     """
-    run = _Run(cell, recordings, options, listener, orders)
-    lines, names = cell.ballbar.encoder_lines, list(corrections)
-    names += [JOINT_HARMONICS] if orders else []
+    run, lines = _Run(cell, recordings, options, listener), cell.ballbar.encoder_lines
+    chosen = [*run.formed(corrections), *extras]
+    automatic = options.corrections is None
+    tried = []
+    if automatic and corrections:
+        tried = run.formed(corrections_on_evidence(cell.robot, len(recordings)))
     faults = tuple(
         fault
         for k, r in enumerate(recordings)
         for fault in step_faults_in_logs(r.samples, r.clock, k)
     )
     most = len(faults) + MAX_FOUND
-    result = run.first(names, faults)
+    result = run.first([*chosen, *tried], faults)
     while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
-        tried = run.first(names, (*faults, fault))  # before it can pass for noise
-        if tried.chi2_per_dof > HELPS * result.chi2_per_dof:  # whatever is wrong, it is no step
+        # before it can pass for noise
+        repaired = run.first([*chosen, *tried], (*faults, fault))
+        if repaired.chi2_per_dof > HELPS * result.chi2_per_dof:  # whatever is wrong, it is no step
             break
-        faults, result = (*faults, fault), tried
-    result = run.with_noise(result)
+        faults, result = (*faults, fault), repaired
+    idle = unsupported(result)
+    needed = [correction for correction in tried if correction.name not in idle]
+    chosen += needed
+    if needed:
+        result = with_noise(result, listener, recast(result, chosen))
+    else:  # as if nothing had been tried: what was tried has moved the tension
+        result = with_noise(run.first(chosen, faults) if tried else result, listener)
     while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         faults = (*faults, fault)  # it shows only once the noise is known
-        result = run.with_noise(run.first(names, faults))
+        result = with_noise(run.first(chosen, faults), listener)
     exact = with_exact_periods(result, faults, lines)
-    idle = unsupported(result) if options.corrections is None else set()
+    idle = unsupported(result) if automatic else set()
     if idle or exact != faults:
         without = f"without {', '.join(sorted(idle))}" if idle else "with whole signal periods"
         listener.progress(f"fitting again {without}")
-        names, faults = [name for name in names if name not in idle], exact
-        result = run.with_noise(run.first(names, faults))
+        chosen = [c for c in chosen if c.name not in idle]
+        if exact == faults:
+            result = with_noise(result, listener, recast(result, chosen))
+        else:
+            faults = exact
+            result = with_noise(run.first(chosen, faults), listener)
     return replace(result, step_faults=sized(result, faults, lines))
 
 
@@ -125,32 +136,75 @@ class _Run:
     recordings: Sequence[RecordingFit]
     options: FitOptions
     listener: Listener
-    orders: Orders
 
-    def first(self, names: Sequence[str], faults: tuple[StepFault, ...]) -> Fit:
+    def formed(self, names: Sequence[str]) -> list[Correction]:
+        """The corrections of these names."""
+        encoders, count = self.recordings[0].samples.encoders, len(self.recordings)
+        return [correction_named(name, self.cell, encoders, count) for name in names]
+
+    def first(self, chosen: Sequence[Correction], faults: tuple[StepFault, ...]) -> Fit:
         """A fit with the first guess of the noise."""
         self.listener.progress("preparing the complete model")
-        pose = posed(self.cell, self.recordings, names, self.options, faults, self.orders)
+        pose = posed(self.cell, self.recordings, chosen, self.options, faults)
         sources = [
             r.logs.force_source(self.options.force, self.cell.robot) for r in self.recordings
         ]
-        if pose.model.masses is not None and "none" in sources:
+        if needs_loads(chosen) and not wanders(chosen) and "none" in sources:
             pose = continued(pose, self.listener)
         self.listener.progress(f"fitting {pose.model.unknowns.count} unknowns")
         return fit_pose(approached(pose, FIRST_EXCESS), FIRST_EXCESS, self.listener)
 
-    def with_noise(self, result: Fit) -> Fit:
-        """Further fits, each with the noise that the one before left unexplained."""
-        for k in range(1, NOISE_PASSES + 1):
-            begin = Pose(with_likely_tension(result), result.x, result.ballbars)
-            excess, iterations = excess_noise(result), result.iterations
-            del result  # large with many samples
-            self.listener.progress(
-                f"fitting {begin.x.size} unknowns with estimated noise, {k} of {NOISE_PASSES}"
-            )
-            result = fit_pose(begin, excess, self.listener)
-            result = replace(result, iterations=iterations + result.iterations)
+
+def refit(result: Fit, extras: Sequence[Correction], listener: Listener = SILENT) -> Fit:
+    """The fit begun again where it ended, with corrections that its residual has shown.
+
+    extras : they replace those of the same names.
+    """
+    names = {correction.name for correction in extras}
+    chosen = [c for c in present(result) if c.name not in names]
+    pose = recast(result, [*chosen, *extras])
+    return replace(with_noise(result, listener, pose), step_faults=result.step_faults)
+
+
+def settled(result: Fit, listener: Listener = SILENT) -> Fit:
+    """The fit without what it no longer needs, since it has more to explain the data with."""
+    idle = unsupported(result)
+    if not idle:
         return result
+    listener.progress(f"fitting again without {', '.join(sorted(idle))}")
+    pose = recast(result, [c for c in present(result) if c.name not in idle])
+    return replace(with_noise(result, listener, pose), step_faults=result.step_faults)
+
+
+def recast(result: Fit, chosen: Sequence[Correction]) -> Pose:
+    """The model of a fit with other corrections, at what the fit has found.
+
+    Encoder slips stay, and the tension is as likely as it turned out.
+    """
+    model = with_likely_tension(result)
+    slips = [c for c in result.model.corrections if c.name == ENCODER_JUMPS]
+    corrections = (*chosen, *slips)
+    coefficients = [c for correction in corrections for c in correction.coefficients]
+    layout, x = model.unknowns.with_coefficients(coefficients, result.x)
+    return Pose(replace(model, corrections=corrections, unknowns=layout), x, result.ballbars)
+
+
+def with_noise(result: Fit, listener: Listener = SILENT, pose: Pose | None = None) -> Fit:
+    """Further fits, each with the noise that the one before left unexplained.
+
+    pose : where the first begins, if not at the result.
+    """
+    for k in range(1, NOISE_PASSES + 1):
+        begin = pose or Pose(with_likely_tension(result), result.x, result.ballbars)
+        pose = None
+        excess, iterations = excess_noise(result), result.iterations
+        del result  # large with many samples
+        listener.progress(
+            f"fitting {begin.x.size} unknowns with estimated noise, {k} of {NOISE_PASSES}"
+        )
+        result = fit_pose(begin, excess, listener)
+        result = replace(result, iterations=iterations + result.iterations)
+    return result
 
 
 def fit_pose(
@@ -184,25 +238,14 @@ def approached(pose: Pose, excess: ExcessNoise) -> Pose:
 def posed(
     cell: Cell,
     recordings: Sequence[RecordingFit],
-    corrections: Sequence[str],
+    corrections: Sequence[Correction],
     options: FitOptions,
     faults: tuple[StepFault, ...] = (),
-    orders: Orders = (),
 ) -> Pose:
-    """The complete model of some recordings, and where its fit starts.
-
-    orders : joint, from 0, and cycles a turn of the joint errors, if they are a correction.
-    """
-    encoders = recordings[0].samples.encoders
-    chosen = [
-        joint_harmonics(orders)
-        if name == JOINT_HARMONICS
-        else correction_named(name, cell, encoders)
-        for name in corrections
-    ]
+    """The complete model of some recordings, and where its fit starts."""
     slips = encoder_slips(faults)
-    chosen += [] if slips is None else [slips]
-    loaded = bool(NEEDS_LOADS & set(corrections))
+    chosen = [*corrections] if slips is None else [*corrections, slips]
+    loaded = needs_loads(chosen)
     sources = [r.logs.force_source(options.force, cell.robot) for r in recordings]
     every = [
         with_tension(cell, r, source, clock_steps_of(faults, k), loaded=loaded)
@@ -212,6 +255,8 @@ def posed(
         start_of(r, samples, source)
         for r, samples, source in zip(recordings, every, sources, strict=True)
     ]
+    if wanders(chosen):
+        starts = [replace(start, tension_sigma=WANDERING) for start in starts]
     layout, x = complete_unknowns(
         cell,
         recordings[0].nominal,
@@ -224,6 +269,20 @@ def posed(
     model = Model(gearing(cell), masses, tuple(chosen), layout, tuple(every))
     ballbars = [r.samples.ballbar_angles(r.geometry, r.clock) for r in recordings]
     return Pose(model, x, ballbars)
+
+
+def needs_loads(corrections: Sequence[Correction]) -> bool:
+    """Whether any of them depends on loads."""
+    return any(correction.slopes is not None for correction in corrections)
+
+
+def wanders(corrections: Sequence[Correction]) -> bool:
+    """Whether the tension enters by a rod that wanders, and by nothing else.
+
+    Its prior then stays wide: it follows from the path, as errors of the geometry do, and a prior
+    as narrow as it turns out would take their part for sure.
+    """
+    return [c.name for c in corrections if c.slopes is not None] == [ROD_ELONGATION]
 
 
 def clock_steps_of(faults: Sequence[StepFault], recording: int) -> tuple[float, ...]:
@@ -265,8 +324,7 @@ def with_tension(
     tension = np.zeros(old.times.size)
     geometry, clock = recording.geometry, recording.clock
     if source == "torque":
-        log = logs.robot
-        tension = torque_tension(cell, old, geometry, clock, log.t, log.torque)
+        tension = torque_tension(cell, old, geometry, clock, logs.robot)
     elif source == "sensor":
         tension = sensor_tension(cell, old, geometry, clock, logs.force)
     return replace(new, tension=tension, splines=tension_splines(old.times))
@@ -287,6 +345,8 @@ def continued(pose: Pose, listener: Listener = SILENT) -> Pose:
 def with_likely_tension(result: Fit) -> Model:
     """The model with priors of the tension's knots as wide as they turned out (one EM step)."""
     layout: Unknowns = result.model.unknowns
+    if wanders(result.model.corrections):
+        return result.model
     sigma = layout.sigma.copy()
     for own in layout.own:
         if own.knots is not None:
@@ -298,7 +358,7 @@ def with_likely_tension(result: Fit) -> Model:
 def unsupported(result: Fit) -> set[str]:
     """Names of corrections whose coefficients are all zero as far as the data can tell."""
     stated, out = uncertainty(result), set()
-    for correction in lasting(result):
+    for correction in present(result):
         position = coefficients_of(result, correction)
         values = result.x[position]
         spread = stated.covariance[position, position]
@@ -306,6 +366,11 @@ def unsupported(result: Fit) -> set[str]:
         if chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
             out.add(correction.name)
     return out
+
+
+def present(result: Fit) -> list[Correction]:
+    """The corrections of a fit, encoder slips left out."""
+    return [c for c in result.model.corrections if c.name != ENCODER_JUMPS]
 
 
 def lasting(result: Fit) -> list[Correction]:

@@ -19,11 +19,11 @@ import numpy as np
 from cell.arrays import Array
 from ident.complete_fit import (
     MEASURED,
-    NEEDS_LOADS,
     Pose,
     clock_steps_of,
     continued,
     fit_pose,
+    needs_loads,
     start_of,
     with_likely_tension,
     with_tension,
@@ -157,7 +157,7 @@ def _fit(
 ) -> Fit:
     """The recording's own unknowns fitted to a given robot, ball-bar and coefficients."""
     cell, source = robot.cell, recording.logs.force_source(options.force, robot.cell.robot)
-    loaded = bool(NEEDS_LOADS & {c.name for c in robot.corrections})
+    loaded = needs_loads(robot.corrections)
     steps = clock_steps_of(faults, 0)
     samples = with_tension(cell, recording, source, steps, loaded=loaded)
     slips = encoder_slips(faults)

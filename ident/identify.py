@@ -17,20 +17,26 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
+from cell.payload import with_payload
+from cell.statistics import rms
 from ident.causes import Causes
-from ident.complete_fit import coefficients_of, fit_complete, lasting
+from ident.complete_fit import coefficients_of, fit_complete, lasting, settled
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
+from ident.corrections.rod_elongation import rod_elongation
 from ident.estimator.fit import Fit
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import log_noise
 from ident.estimator.order_search import JointOrder
 from ident.estimator.step_faults import as_logged, step_faults_in_logs
 from ident.estimator.uncertainty import Uncertainty, uncertainty
-from ident.estimator.unknowns import declared_names, fixed_names
+from ident.estimator.unknowns import GAIN_PRIOR, fixed_names, held_names
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
+from ident.loads.logged_tension import logged_torque
+from ident.loads.payload import PayloadEstimate, payload_from_torque
+from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
-from ident.remarks import joint_error_remark, log_remarks
+from ident.remarks import joint_error_remark, log_remarks, payload_remark, recording_remarks
 from ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
@@ -41,12 +47,14 @@ from ident.result import (
     Residuals,
     RobotEstimate,
 )
-from ident.robot.accuracy import accuracy_grid, position_sigma
+from ident.robot.accuracy import accuracy_grid, position_error, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
+from ident.softening import fit_softening
 from ident.start.automatic import StartError
 from ident.verdict import (
     AUTOCORRELATED,
+    CORRELATED,
     PULL,
     UNEXPLAINED,
     Evidence,
@@ -57,6 +65,10 @@ from ident.verdict import (
 )
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
+COMPLIANCES = ("rad/(N m)", "m/N")
+# A compliance or play is negative beyond so many deviations, and so much of its prior's: a rigid
+# gear may come out a little on either side.
+NEGATIVE, NOTHING = 2.0, 0.1
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
 
 
@@ -133,22 +145,47 @@ def _fitted(
     automatic = options.model == "auto" and options.corrections is None
     if len(single) == 1 and (options.model == "dh" or automatic):
         simple = _result(cell, single, single[0].fit, options)
-        if options.model == "dh" or not _asks_for_more(simple):
+        if options.model == "dh":
             return simple
+        if not _asks_for_more(simple):
+            if not _shares_errors(simple):
+                return simple
+            extras = [rod_elongation(cell)]
+            return _result(
+                cell, single, fit_complete(cell, single, (), options, listener, extras), options
+            )
     measures_length = cell.ballbar.stroke is not None
-    corrections = supported_corrections(cell.robot, rod_sensed=measures_length)
+    corrections, payload = supported_corrections(cell.robot, rod_sensed=measures_length), None
     if options.corrections is not None:
         corrections = list(options.corrections)
+    elif payload := _payload(cell, single, options):
+        cell = with_payload(cell, payload.payload) if payload.significant else cell
     few = len(single[0].samples.encoders) < COMPLETE_ENCODERS and not measures_length
     if automatic and len(single) == 1 and few:
         corrections = []  # step faults can be sized all the same
     fit = fit_complete(cell, single, corrections, options, listener)
-    result = _result(cell, single, fit, options)
+    if automatic and corrections:
+        fit = fit_softening(cell, fit, listener)
+    result = _result(cell, single, fit, options, payload=payload)
     if automatic and corrections and may_have_joint_errors(result):
-        fit, orders = fit_joint_errors(cell, single, corrections, fit, options, listener)
+        fit, orders = fit_joint_errors(cell, fit, listener)
         if orders:
-            result = _result(cell, single, fit, options, orders)
+            fit = settled(fit, listener)
+            result = _result(cell, single, fit, options, orders, payload=payload)
     return result
+
+
+def _payload(
+    cell: Cell, single: Sequence[RecordingFit], options: FitOptions
+) -> PayloadEstimate | None:
+    """The masses that the torque logs ask for; None where no recording has one that tells."""
+    if options.force == "none" or any(cell.robot.lacks(key) for key in TORQUE_NEEDS):
+        return None
+    logged = [r for r in single if r.logs.robot.torque is not None and r.samples.encoders]
+    if not logged:
+        return None
+    torques = [logged_torque(cell, r.samples, r.geometry, r.clock, r.logs.robot) for r in logged]
+    return payload_from_torque(cell, [r.geometry for r in logged], torques)
 
 
 def _asks_for_more(simple: Identification) -> bool:
@@ -162,12 +199,20 @@ def _asks_for_more(simple: Identification) -> bool:
     return (left and len(recording.encoders) >= COMPLETE_ENCODERS) or bool(recording.step_faults)
 
 
+def _shares_errors(simple: Identification) -> bool:
+    """Whether neighbouring residuals of a good dh fit are alike: the rod may yield."""
+    rigid = simple.robot.cell.ballbar.stroke is None
+    several = len(simple.recordings[0].encoders) >= COMPLETE_ENCODERS
+    return rigid and several and simple.fit.autocorrelation > CORRELATED
+
+
 def _result(
     cell: Cell,
     single: Sequence[RecordingFit],
     fit: Fit,
     options: FitOptions,
     orders: Sequence[JointOrder] = (),
+    payload: PayloadEstimate | None = None,
 ) -> Identification:
     """The result of a fit of one or several recordings.
 
@@ -176,7 +221,7 @@ def _result(
     stated, layout = uncertainty(fit), fit.model.unknowns
     complete = fit is not single[0].fit
     known = stated.information_gain > MOSTLY_PRIOR
-    robot = _robot(cell, single[0], fit, stated, known)
+    robot = replace(_robot(cell, single[0], fit, stated, known), payload=payload)
     estimates = tuple(
         _recording(cell, r, fit, k if complete else 0, stated, known, options)
         for k, r in enumerate(single)
@@ -201,6 +246,11 @@ def _result(
         identified=tuple(robot.sigma),
         complete=complete,
         pulled=pulled(fit),
+        unphysical=unphysical(fit, stated.covariance, payload),
+        softer=1.0 if payload else _softer(fit),
+        tcp_sigma=rms(robot.tcp_sigma),
+        nominal_error=_nominal_error(robot),
+        accuracy=options.accuracy,
     )
     each = [
         RecordingEvidence(
@@ -208,6 +258,7 @@ def _result(
             start=estimate.start,
             encoders=estimate.encoders,
             samples=estimate.samples,
+            clock_sigma=estimate.clock_sigma[0],
             remarks=log_remarks(r.samples, estimate.step_faults),
         )
         for r, estimate in zip(single, estimates, strict=True)
@@ -226,6 +277,8 @@ def _result(
                 f"{', '.join(without)} were not fitted: the file of robot {cell.robot.name} "
                 f"has no {', '.join(keys)}{_substituted(robot)}"
             )
+    for remark in (payload_remark(payload), *recording_remarks(fit)):
+        verdict = verdict.with_warning(remark) if remark else verdict
     if orders and (remark := joint_error_remark(orders, robot.corrections)):
         verdict = verdict.with_warning(remark)
     return Identification(robot, estimates, statistics, verdict)
@@ -285,12 +338,14 @@ def _robot(
 def _dropped(
     cell: Cell, first: RecordingFit, fit: Fit, at_prior: Sequence[str]
 ) -> tuple[DroppedParameter, ...]:
-    """The parameters left at nominal; of a complete fit also those that stand at their priors."""
-    if fit is first.fit:
-        return first.subset.dropped
+    """The parameters left at nominal, and those that stand at their priors."""
     reasons = {d.name: d for d in first.subset.dropped}
-    never = fixed_names(first.nominal.table, declared_names(cell))
-    fixed = [d for d in first.subset.dropped if d.name in never]
+    if fit is first.fit:
+        fitted = {first.nominal.table.names[i] for i in first.subset.weak}
+        fixed = [d for d in first.subset.dropped if d.name not in fitted]
+    else:
+        never = fixed_names(first.nominal.table, held_names(cell))
+        fixed = [d for d in first.subset.dropped if d.name in never]
     return (*fixed, *(reasons.get(n, DroppedParameter(n, "prior", ())) for n in at_prior))
 
 
@@ -360,7 +415,56 @@ def pulled(fit: Fit) -> tuple[str, ...]:
     layout = fit.model.unknowns
     machine = layout.machine
     far = np.abs(fit.x[machine] - layout.mean[machine]) / layout.sigma[machine]
-    return tuple(layout.names[i] for i in np.argsort(-far) if far[i] > PULL)
+    out = [layout.names[i] for i in np.argsort(-far) if far[i] > PULL]
+    return (*out, "force_gain") if abs(force_gain(fit)) > PULL * GAIN_PRIOR else tuple(out)
+
+
+def _nominal_error(robot: RobotEstimate) -> float:
+    """[m] mean distance over the workspace of the nominal tool from the identified one."""
+    grid = accuracy_grid(robot.cell.robot)
+    nominal = UnloadedRobot(robot.cell, robot.nominal)
+    return position_error(nominal.tool(grid), robot.unloaded().tool(grid)).mean
+
+
+def _softer(fit: Fit) -> float:
+    """Geometric mean over the gears of compliance over the catalogue's; 1 where none was fitted."""
+    for correction in fit.model.corrections:
+        if correction.name == "joint_compliance":
+            mean = np.array([c.mean for c in correction.coefficients])
+            ratio = fit.x[coefficients_of(fit, correction)] / mean
+            return float(np.exp(np.log(np.maximum(ratio, 1e-3)).mean()))
+    return 1.0
+
+
+def unphysical(fit: Fit, covariance: Array, payload: PayloadEstimate | None) -> tuple[str, ...]:
+    """Compliances, plays and masses that are negative beyond their uncertainty."""
+    layout = fit.model.unknowns
+    sigma = np.sqrt(np.diag(covariance))
+    first = layout.coefficients.start
+    out = [
+        c.name
+        for i, c in enumerate(
+            (c for correction in fit.model.corrections for c in correction.coefficients), first
+        )
+        if (c.unit in COMPLIANCES or "backlash" in c.name)
+        and fit.x[i] < -max(NEGATIVE * sigma[i], NOTHING * c.sigma)
+    ]
+    if payload is not None and payload.payload.mass < 0.0:
+        out.append("the tool's mass")
+    return tuple(out)
+
+
+def force_gain(fit: Fit) -> float:
+    """How much more tension the geometry shows than what was measured; 0 where nothing was.
+
+    Of both over time, since the gain of the fit shares its work with the knots.
+    """
+    if fit.model.unknowns.gain is None:
+        return 0.0
+    samples = fit.model.recordings
+    shown = np.concatenate([fit.model.tension(fit.x, k) for k in range(len(samples))])
+    measured = np.concatenate([s.tension for s in samples])
+    return float(np.cov(shown, measured)[0, 1] / max(measured.var(ddof=1), 1e-12)) - 1.0
 
 
 def _residuals(fit: Fit, k: int) -> Residuals:

@@ -14,10 +14,10 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
-from ident.complete_fit import fit_complete
+from ident.complete_fit import refit
 from ident.corrections.base import BAR, GEAR
 from ident.corrections.gear_ripple import harmonic_orders
-from ident.corrections.joint_harmonics import JOINT_HARMONICS, PRIOR, orders_of
+from ident.corrections.joint_harmonics import JOINT_HARMONICS, PRIOR, joint_harmonics, orders_of
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import jacobian
 from ident.estimator.order_search import (
@@ -29,8 +29,7 @@ from ident.estimator.order_search import (
 )
 from ident.estimator.regions import joint_regions
 from ident.estimator.uncertainty import block_numbers
-from ident.options import FitOptions, Listener
-from ident.recording_fit import RecordingFit
+from ident.options import Listener
 from ident.result import Identification
 from ident.verdict import Status
 
@@ -51,16 +50,11 @@ def may_have_joint_errors(result: Identification) -> bool:
 
 
 def fit_joint_errors(
-    cell: Cell,
-    recordings: Sequence[RecordingFit],
-    corrections: Sequence[str],
-    fit: Fit,
-    options: FitOptions,
-    listener: Listener,
+    cell: Cell, fit: Fit, listener: Listener
 ) -> tuple[Fit, tuple[JointOrder, ...]]:
-    """The complete fit with the joint errors that the data ask for; and these, in order of search.
+    """A complete fit with the joint errors that the data ask for; and these, in order of search.
 
-    corrections : names of those that are fitted beside. fit : without joint errors.
+    fit : without joint errors.
     """
     orders: list[JointOrder] = []
     for _ in range(SEARCHES):
@@ -70,8 +64,8 @@ def fit_joint_errors(
             break
         orders += search.orders
         listener.progress(f"fitting again with {len(orders)} joint errors")
-        pairs = [(o.joint, o.order) for o in orders]
-        fit = fit_complete(cell, recordings, corrections, options, listener, orders=pairs)
+        harmonics = joint_harmonics([(o.joint, o.order) for o in orders])
+        fit = refit(fit, [harmonics], listener)
     return fit, tuple(orders)
 
 
@@ -105,10 +99,14 @@ def candidate_orders(robot: Robot, known: Sequence[tuple[int, float]]) -> list[t
     ]
 
 
+def thinning(fit: Fit) -> int:
+    """Of how many samples of a fit one enters `linearised`."""
+    return -(-sum(r.times.size for r in fit.model.recordings) // SEARCHED)
+
+
 def linearised(fit: Fit) -> LinearModel:
     """A complete fit at its estimate, the samples of all recordings beside each other."""
-    layout, linear = fit.model.unknowns, fit.linear
-    step = -(-sum(r.times.size for r in fit.model.recordings) // SEARCHED)
+    layout, linear, step = fit.model.unknowns, fit.linear, thinning(fit)
     rows = max(len(residual) for residual in linear.residuals)
     columns, residuals, joints, angles, q, blocks = [], [], [], [], [], []
     count = 0

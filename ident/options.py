@@ -28,6 +28,8 @@ class FitOptions:
     force: ForceSource = "auto"  # where the rod's force comes from; auto: the best logged signal
     rod_sigma: float | None = None  # [m] of a measured rod length (bd3 is then that length)
     samples: int = DEFAULT_SAMPLES  # of each recording
+    # [m] stated TCP uncertainty that is asked for; None: half of the nominal robot's error
+    accuracy: float | None = None
 
     def __post_init__(self) -> None:
         for name in self.corrections or ():

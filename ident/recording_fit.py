@@ -21,7 +21,7 @@ from ident.estimator.identifiability import Identifiability, candidates, identif
 from ident.estimator.model import Model, joints_as_logged
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples, sample_times, samples_of
-from ident.estimator.unknowns import declared_names, kinematic_unknowns
+from ident.estimator.unknowns import declared_names, kinematic_unknowns, priors
 from ident.estimator.variance_components import rod_deviation
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.options import SILENT, FitOptions, ForceSource, Listener
@@ -119,20 +119,33 @@ def fit_recording(
     directions, first_spacing = chosen.hypothesis.directions, float(times[1] - times[0])
     samples = samples_of(robot, ballbar, encoders, directions, times, spacing=first_spacing)
     geometry, clock = chosen.fit.geometry(), chosen.fit.clock()
+    if samples.measures_length:
+        samples = samples.with_noise_held(clock)
     try:
         requested = candidates(nominal.table, encoders, declared=declared_names(cell))
         subset = identifiable_parameters(samples, geometry, clock, excess, nominal, requested)
     except UnreachableError as error:
         raise StartError(str(error)) from None
     callback = listener.on_iteration
-    begin = _on_nominal(geometry, nominal, subset.parameters)
-    first = fit_kinematics(samples, begin, clock, subset.parameters, excess, on_iteration=callback)
+    fitted, free = np.concatenate((subset.parameters, subset.weak)), subset.parameters
+    prior = priors(cell, nominal.table, fitted)
+    if samples.measures_length:
+        free = np.array([i for i in free if np.isinf(prior[fitted == i][0])])
+    else:
+        prior[: free.size] = np.inf
+    begin = _on_nominal(geometry, nominal, free)  # the means of the priors are nominal
+    first = fit_kinematics(
+        samples, begin, clock, fitted, excess, prior_sigma=prior, on_iteration=callback
+    )
+    if samples.measures_length:
+        samples = samples.with_noise_held(first.clock())
     final = fit_kinematics(
         samples,
-        first.geometry(),
+        _on_nominal(first.geometry(), nominal, free),
         first.clock(),
-        subset.parameters,
+        fitted,
         ExcessNoise(rod=rod_deviation(first)),
+        prior_sigma=prior,
         on_iteration=callback,
     )
     iterations = chosen.fit.iterations + first.iterations + final.iterations

@@ -6,9 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cell.geometry import parameter_named
 from ident.corrections.joint_harmonics import harmonic_name
+from ident.corrections.link_growth import UNIT
+from ident.estimator.fit import Fit
 from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
+from ident.loads.payload import PayloadEstimate
 from ident.result import CorrectionEstimate
 from ident.signals.smooth_log import Outliers
 from ident.signals.step_fault import StepFault
@@ -75,3 +79,44 @@ def joint_error_remark(
             f"joint {o.joint + 1}: {o.order:g} cycles a turn{others}, {size * 1e6:.0f} urad"
         )
     return f"joint errors found by evidence: {'; '.join(parts)}" if parts else ""
+
+
+def payload_remark(payload: PayloadEstimate | None) -> str:
+    """What the torque logs say of the masses, where they replace the file's; else empty."""
+    if payload is None or not payload.significant:
+        return ""
+    gear = int(payload.added_load.argmax())
+    return (
+        f"the torque log asks for {payload.excess:+.1f} kg at the tool: "
+        f"{payload.payload.mass:.1f} kg (2 sigma {2.0 * payload.mass_sigma:.1f}) instead of "
+        f"{payload.stated:.1f}, the arm's masses times {payload.payload.arm:.3f}; gear {gear + 1} "
+        f"carries {payload.added_load[gear]:.0f} N m rms more. The fit uses these masses; correct "
+        "`body` in the plate's file"
+    )
+
+
+def recording_remarks(fit: Fit) -> list[str]:
+    """What changed between or during the recordings: a remounted tool, links that grew."""
+    names, out = fit.model.unknowns.names, []
+    values = dict(zip(names, fit.x.tolist(), strict=True))
+    for k in range(1, len(fit.model.recordings)):
+        rows = {
+            n.removeprefix("remount_"): v for n, v in values.items() if n.startswith("remount_")
+        }
+        own = {n.partition("@")[0]: v for n, v in rows.items() if n.endswith(f"@{k + 1}")}
+        if own:
+            shift = np.linalg.norm([v for n, v in own.items() if parameter_named(n).is_length])
+            turn = np.linalg.norm([v for n, v in own.items() if not parameter_named(n).is_length])
+            out.append(
+                f"the tool sits elsewhere in recording {k + 1} than in the first, by "
+                f"{shift * 1e6:.0f} um and {turn * 1e6:.0f} urad: it was remounted, or yields"
+            )
+    for k, samples in enumerate(fit.model.recordings):
+        time = samples.times[-1] / UNIT
+        for name, line in values.items():
+            if name.startswith("growth_") and name.endswith(f"_line@{k + 1}"):
+                square = values[name.replace("_line", "_square")]
+                link = name.removeprefix("growth_r").partition("_")[0]
+                size = (line * time + square * time * time) * 1e6
+                out.append(f"{link} grew by {size:+.0f} um during recording {k + 1}: it warmed up")
+    return out

@@ -19,6 +19,7 @@ from cell.geometry import Geometry
 from ident.corrections import correction_of_result
 from ident.estimator.identifiability import DroppedParameter
 from ident.estimator.noise import ExcessNoise, LogNoise
+from ident.loads.payload import PayloadEstimate
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.start.automatic import Start
@@ -68,6 +69,8 @@ class RobotEstimate:
     corrections: tuple[CorrectionEstimate, ...]
     tcp_sigma: Array  # (G,) [m] stated TCP uncertainty over the accuracy grid
     dropped: tuple[DroppedParameter, ...]  # parameters left at nominal or prior, and why
+    # Masses that the torque logs asked for, and that `cell` then has; None where none were logged
+    payload: PayloadEstimate | None = None
 
     def unloaded(self) -> UnloadedRobot:
         """The robot as identified, without ball-bar."""

@@ -22,7 +22,16 @@ FEW_SAMPLES = 200  # thesis sec. 3.5 wants 750
 # ripple, encoder harmonics, backlash or compliance.
 AUTOCORRELATED, AUTOCORRELATED_MISFIT = 0.6, 0.7
 ROD = 5e-4  # [m] error of the rod that is remarked on, unless its file allows more
+# A result must be better than the nominal robot to be of use: by default its stated TCP uncertainty
+# is at most this share of what the nominal robot is off, or below what no nominal robot keeps.
+WORTHWHILE, ALWAYS_WORTHWHILE = 0.5, 1e-4  # [1], [m]
+# Compliance of all gears over the catalogue's that is no chance of single gears (1.7 between those
+# of a class, 1.2 in the mean of six)
+ALL_SOFTER = 1.35
 PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
+# [s] deviation of the clock offset from which it is hardly seen: of ten simulated robots that
+# change a length by 0.2 mm it scattered by two stated deviations or more
+UNSEEN_CLOCK = 0.01
 CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
 
 
@@ -33,6 +42,7 @@ class Status(StrEnum):
     NOT_CONVERGED = "not converged"
     AMBIGUOUS = "ambiguous"
     MISFIT = "misfit"
+    UNCERTAIN = "uncertain"
     SUSPECT = "suspect"
     GOOD = "good"
 
@@ -47,11 +57,12 @@ class Status(StrEnum):
 
 
 # Of these, the logs themselves may show the cause (ident.causes).
-UNEXPLAINED = (Status.IMPLAUSIBLE, Status.NOT_CONVERGED, Status.MISFIT)
+UNEXPLAINED = (Status.IMPLAUSIBLE, Status.NOT_CONVERGED, Status.MISFIT, Status.UNCERTAIN)
 _FIRST_WORDS = {
     Status.IMPLAUSIBLE: "Not the declared cell",
     Status.NOT_CONVERGED: "Not converged",
     Status.MISFIT: "Misfit",
+    Status.UNCERTAIN: "Uncertain",
 }
 
 
@@ -97,6 +108,20 @@ class Evidence:
     identified: tuple[str, ...]
     complete: bool  # whether the complete model was fitted
     pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
+    unphysical: tuple[str, ...] = ()  # stiffness, play or mass that is negative
+    softer: float = (
+        1.0  # compliance of all gears over the catalogue's, where no torque tells masses
+    )
+    tcp_sigma: float = 0.0  # [m] stated, rms over the workspace
+    nominal_error: float = 0.0  # [m] mean distance of the nominal tool from the identified one
+    accuracy: float | None = None  # [m] stated TCP uncertainty that is asked for
+
+    @property
+    def largest_sigma(self) -> float:
+        """[m] stated TCP uncertainty above which the result is of no use."""
+        if self.accuracy is not None:
+            return self.accuracy
+        return max(WORTHWHILE * self.nominal_error, ALWAYS_WORTHWHILE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +133,7 @@ class RecordingEvidence:
     encoders: tuple[int, ...]
     samples: int
     remarks: tuple[str, ...] = ()
+    clock_sigma: float = 0.0  # [s] of the clock offset
 
 
 def judge(
@@ -145,6 +171,12 @@ def _judged(
             f"Not the declared cell: {strange}. {fits}; check `robot`, `ballbar` and `plate` in "
             "recording.yaml and the units of the logs."
         )
+    if evidence.unphysical and evidence.converged:
+        return Status.MISFIT, (
+            f"Misfit: {', '.join(evidence.unphysical)} came out negative, as no stiffness, play or "
+            "mass can be: something else is not in the model, or `links` and `body` in the files "
+            "are not those of this machine."
+        )
     if not evidence.converged:
         return Status.NOT_CONVERGED, f"{unfinished}: do not use these parameters."
     if start.ambiguous:
@@ -168,6 +200,23 @@ def _judged(
             "Something is in the data that is not in the model; the stated intervals are widened "
             "by that factor but may still be too narrow."
         )
+    if evidence.tcp_sigma > evidence.largest_sigma:
+        limit = (
+            f"the {evidence.accuracy * 1e3:.3g} mm that are asked for"
+            if evidence.accuracy is not None
+            else f"half of the {evidence.nominal_error * 1e3:.2g} mm that the nominal robot is off"
+        )
+        return Status.UNCERTAIN, (
+            f"Uncertain: the tool is known to {evidence.tcp_sigma * 1e3:.2g} mm (1 sigma, rms over "
+            f"the workspace), and {limit} would be the most. Record longer, on a path that moves "
+            "every joint further, or several recordings together."
+        )
+    if not 1.0 / ALL_SOFTER < evidence.softer < ALL_SOFTER:
+        return Status.SUSPECT, (
+            f"Usable, with care: all gears together are {evidence.softer:.2f} times as soft as the "
+            "catalogue's, as if the tool or the arm weighed that much more than the files say. "
+            "State what the flange carries (`body` in the plate's file), or log motor torques."
+        )
     if evidence.pulled:
         return Status.SUSPECT, (
             f"Usable, with care: {', '.join(evidence.pulled)} stand more than {PULL:g} standard "
@@ -178,6 +227,11 @@ def _judged(
         return Status.SUSPECT, (
             f"Usable, with care: neighbouring residuals are correlated ({neighbours}), so "
             "something systematic is not in the model; the stated intervals may be too narrow."
+        )
+    if noise is Status.GOOD and recording.clock_sigma > UNSEEN_CLOCK:
+        return Status.SUSPECT, (
+            f"Usable, with care: the clock offset is known to {recording.clock_sigma * 1e3:.0f} ms "
+            "at best, since the length hardly changes. Vary it within its stroke, or move faster."
         )
     explained = f"the residual is {ratio:.2f} times what the noise in the logs explains."
     opening = "Good fit" if noise is Status.GOOD else "Usable, with care"

@@ -171,7 +171,9 @@ def planned_unknowns(
         rod_sigma=on.sensors.rod_sigma_m,
     )
     sigma = layout.sigma.copy()
-    exact = nominal.table.hayati if on.cell.ballbar.stroke is not None else ("ba5",)
+    exact = (
+        nominal.table.hayati if on.cell.ballbar.stroke is not None else ("ba5", nominal.table.plate)
+    )
     sigma[[layout.names.index(name) for name in exact]] = EXACT
     return replace(layout, sigma=sigma), x
 

@@ -7,20 +7,27 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.descriptions import Key, Robot
 from cell.files import write_whole, write_yaml
 from cell.geometry import nominal_chain
 from cell.inverse import has_closed_form
+from cell.robot_angles import joints_to_axes
 from planning.candidate import DECIMALS, Candidate
 from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
 from planning.export import BALLBAR, PROGRAM_AXES, TELESCOPING, pdl2, rapid, table
+from planning.force import ERROR
 from planning.plan import Plan
 from planning.request import OF_BALLBARS, PlanRequest
+from planning.stroke import Lengths
 from planning.targets import Targets, targets_of
+from sim.plant.mjcf import ROBOT_JOINTS
 
 PATH, SCENARIO, NUMBERS, TABLE = "path.yaml", "scenario.yaml", "plan.yaml", "path.csv"
 OUTPUTS = frozenset(
     {PATH, SCENARIO, NUMBERS, TABLE, "plan.svg", "what_if.csv", "what_if.svg", "plate.svg"}
 )
+PLANT_AXES = len(ROBOT_JOINTS)
+PLANT_KEYS: tuple[Key, ...] = ("links", "servo", "gears", "rotor_inertia_kg_m2")
 EVERYTHING_ON: dict[str, object] = {  # as in scenarios/irb2400_full.yaml
     "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
     "joint_compliance": {"spread": 0.3},
@@ -47,8 +54,12 @@ EVERYTHING_ON: dict[str, object] = {  # as in scenarios/irb2400_full.yaml
 
 
 def path_data(candidate: Candidate) -> dict[str, object]:
-    """A path file of schema ballbar-path/1."""
+    """A path file of schema ballbar-path/1, for the first configuration that keeps the ranges."""
     shape = candidate.shape
+    rod = [
+        {"amplitude_m": h.amplitude, "cycles": h.cycles, "phase_deg": float(np.degrees(h.phase))}
+        for h in shape.rod
+    ]
     return {
         "schema": "ballbar-path/1",
         "centre_deg": np.degrees(shape.centre).round(DECIMALS).tolist(),
@@ -56,16 +67,32 @@ def path_data(candidate: Candidate) -> dict[str, object]:
         "cycles": shape.cycles.astype(int).tolist(),
         "phase_deg": np.degrees(shape.phase).round(DECIMALS).tolist(),
         "ballbar_position_m": candidate.position.tolist(),
+        **({"rod": rod} if rod else {}),
+    }
+
+
+def planned_path_data(plan: Plan) -> dict[str, object]:
+    """The path file of a plan, in the configuration of the arm that was planned."""
+    first = joints_to_axes(plan.evaluator.cell.robot, plan.trajectory.q[0])
+    return {
+        **path_data(plan.evaluation.candidate),
+        "first_axes_deg": np.degrees(first).round(DECIMALS).tolist(),
     }
 
 
 def scenario_data(plan: Plan, folder: Path) -> dict[str, object]:
-    """A scenario in a folder that runs the path with all error sources."""
+    """A scenario in a folder that runs the path, with all error sources of a ball-bar."""
     request, sensors = plan.request, plan.request.sensors
-    return {
+    common = {
         "name": f"{request.name}_planned",
         "cell": cell_data(plan, folder),
         "path": {"kind": "lissajous", "file": PATH, **request.timing.model_dump()},
+        "seed": request.seed,
+    }
+    if plan.lengths is not None:
+        return common | length_data(plan.lengths, plan.evaluator.cell.robot)
+    return {
+        **common,
         "plant": {"servo": request.servo},
         "errors": EVERYTHING_ON,
         "encoders": {
@@ -74,7 +101,28 @@ def scenario_data(plan: Plan, folder: Path) -> dict[str, object]:
             "noise_sigma_rad": sensors.encoder_noise_sigma_rad,
         },
         "clocks": {"offset_s": 0.508, "skew": 5.0e-5, "overrun_probability": 0.005},
-        "seed": request.seed,
+    }
+
+
+def length_data(lengths: Lengths, robot: Robot) -> dict[str, object]:
+    """Plant and errors with which a telescoping bar is simulated: those that its stroke takes.
+
+    They are of an elastic robot in MuJoCo, as in scenarios/irb2400_telescoping.yaml, or of a rigid
+    one where its file lacks what MuJoCo needs.
+    """
+    size = float(f"{min(ERROR, lengths.scale * ERROR):.1g}")
+    errors: dict[str, object] = {
+        "static": {"sigma_m": size, "sigma_rad": size},
+        "joint_noise": {"sigma_rad": 5e-6},
+    }
+    dynamic = robot.joints == PLANT_AXES and not any(robot.lacks(key) for key in PLANT_KEYS)
+    if dynamic:
+        errors["joint_compliance"] = {}
+    return {
+        "plant": {"kind": "mujoco", "servo": "stiff"} if dynamic else {"kind": "kinematic"},
+        "errors": errors,
+        "length": {"rate_hz": 100},
+        "clocks": {"offset_s": 0.137, "skew": 5.0e-5},
     }
 
 
@@ -173,20 +221,18 @@ def limit_lines(request: PlanRequest) -> list[str]:
 def write_plan(plan: Plan, folder: Path) -> list[str]:
     """Write all files but the pictures. Returns their names.
 
-    Of a telescoping bar there is no scenario. Programs are for robots of PROGRAM_AXES.
+    Programs are for robots of PROGRAM_AXES.
     """
     robot, request = plan.evaluator.cell.robot, plan.request
     gauge = TELESCOPING if request.telescoping else BALLBAR
     targets = targets_of(plan.evaluator.cell, plan.trajectory, request.timing)
     name, limits = request.name, limit_lines(request)
-    write_yaml(folder / PATH, path_data(plan.evaluation.candidate))
-    scenario = [] if request.telescoping else [SCENARIO]
-    for file in scenario:
-        write_yaml(folder / file, scenario_data(plan, folder))
+    write_yaml(folder / PATH, planned_path_data(plan))
+    write_yaml(folder / SCENARIO, scenario_data(plan, folder))
     texts = {TABLE: table}
     if robot.joints == PROGRAM_AXES:
         texts |= {f"{name}.mod": rapid, f"{name}.pdl": pdl2}
     for file, write in texts.items():
         write_whole(folder / file, write(name, robot, targets, limits, gauge).encode())
     write_yaml(folder / NUMBERS, numbers_data(plan, targets, folder))
-    return [PATH, *scenario, *texts, NUMBERS]
+    return [PATH, SCENARIO, *texts, NUMBERS]

@@ -119,7 +119,9 @@ def _screened_by_leading(
     robot, chain, m = cell.robot, nominal.robot, len(positions)
     starts = best_branches(robot, chain, _poses(nominal, shapes, positions, 1, 0.0), count=LED)
     branch, which = np.nonzero(~np.isnan(starts).any(axis=2))
-    some = Lissajous(*(v[which] for v in vars(shapes).values()))
+    some = Lissajous(
+        shapes.centre[which], shapes.amplitude[which], shapes.cycles[which], shapes.phase[which]
+    )
     begin = np.repeat(starts[branch, which], LED_PHASES, axis=0)
     q = led(chain, begin, lambda w: _poses(nominal, some, positions[which], LED_PHASES, w))
     lost = np.asarray(np.isnan(q).any(axis=1))

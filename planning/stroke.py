@@ -44,6 +44,13 @@ class Lengths:
         return int(((self.length < low) | (self.length > high)).any(axis=1).sum())
 
     @property
+    def scale(self) -> float:
+        """Factor on the robots' errors with which all stay in the middle half of the stroke."""
+        low, high = self.stroke
+        middle = self.length[:, :1]  # where each begins
+        return float(0.25 * (high - low) / np.abs(self.length - middle).max())
+
+    @property
     def warning(self) -> str:
         """Says with how many robots the bar leaves its stroke, and the remedy; empty for none."""
         if not self.leaving:
@@ -74,4 +81,5 @@ def predicted_lengths(model: StrokeModel, trajectory: Trajectory) -> Lengths:
     along = [(screw(frames, p.kind, p.row)[:3] * rod).sum(axis=0) for p in parameters]
     change = model.errors.T @ np.stack(along) - model.seat.T @ rod
     change -= change[:, :1] * (rod * rod[:, :1]).sum(axis=0)
-    return Lengths(trajectory.nominal["bd3"] + change, model.stroke)
+    commanded = np.linalg.norm(trajectory.tip - trajectory.nominal.origin, axis=1)
+    return Lengths(commanded + change, model.stroke)

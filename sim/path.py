@@ -162,8 +162,8 @@ def reference_path(
 ) -> ReferencePath:
     """The command of one run, sampled every `step` seconds; other times as in `phase_over_time`.
 
-    beginning : (J,) [rad] joint angles near which it begins, in whose configuration of the arm it
-        stays; by default the first that keeps the axis ranges.
+    beginning : (J,) [rad] joint angles near which it begins, which choose the configuration of the
+        arm; by default the first that keeps the axis ranges.
 
     Raises InputError naming time, joint and value where the path leaves the robot's reach, an axis
     range or a speed limit.
@@ -175,7 +175,8 @@ def reference_path(
     if not branches:
         raise _out_of_reach(nominal, shape, t, phase)
     if beginning is not None:
-        branches.sort(key=lambda q: float(np.abs(np.angle(np.exp(1j * (q[0] - beginning)))).max()))
+        turned = [float(np.abs(np.angle(np.exp(1j * (q[0] - beginning)))).max()) for q in branches]
+        branches = [branches[int(np.argmin(turned))]]
     q = _branch_in_range(robot, t, [_turned(robot, nominal, branch) for branch in branches])
     speed = CubicSpline(t, q).derivative()(t)
     check_speeds(robot, t, speed)
@@ -263,7 +264,7 @@ def _branch_in_range(robot: Robot, t: Array, branches: list[Array]) -> Array:
             return q
         faults.append(fault)
     raise InputError(
-        "path: every configuration of the arm leaves an axis range; "
+        "path: every configuration of the arm that it may take leaves an axis range; "
         f"the nearest to feasible: {min(faults)[1]}"
     )
 

@@ -8,10 +8,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from cell.descriptions import Cell
+from cell.arrays import Array
+from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from cell.geometry import Geometry
 from cell.logs import RobotLog
+from cell.robot_angles import controller_to_joints
 from cell.schema import Strict
 from cell.strict_yaml import load_model
 from sim.path import Lissajous, PushPull, ReferencePath, RodHarmonic, reference_path
@@ -45,6 +47,11 @@ class LissajousFile(Strict):
     phase_deg: Vector5
     rod: tuple[RodHarmonicFile, ...] = Field(
         (), description="Of an instrument's length about its nominal one; absent for a ball-bar."
+    )
+    first_axes_deg: tuple[float, ...] | None = Field(
+        None,
+        description="Axis angles of the robot at the beginning, which choose the configuration of "
+        "the arm; absent for the first that keeps the axis ranges.",
     )
     ballbar_position_m: Position | None = Field(
         None, description="Position that the path was planned for; only `ballbar plan` reads it."
@@ -90,7 +97,13 @@ def scenario_path(
             telescopes=cell.ballbar.stroke is not None,
         )
     file = relative_to / settings.file
-    shape = load_push_pull(file) if settings.kind == "push_pull" else load_lissajous(file)
+    shape: Lissajous | PushPull
+    beginning = None
+    if settings.kind == "push_pull":
+        shape = load_push_pull(file)
+    else:
+        content = load_model(file, LissajousFile)
+        shape, beginning = lissajous(content), _beginning(content, cell.robot, file)
     if isinstance(shape, Lissajous) and shape.rod and cell.ballbar.stroke is None:
         raise InputError(
             f"{file}: the rod of {cell.ballbar.name} does not telescope. Leave out `rod`, or name "
@@ -104,7 +117,21 @@ def scenario_path(
         dwell=settings.dwell_s,
         stops=settings.stops,
         step=PATH_STEP,
+        beginning=beginning,
     )
+
+
+def _beginning(content: LissajousFile, robot: Robot, file: Path) -> Array | None:
+    """(J,) [rad] joint angles with which a path begins, where its file states them."""
+    axes = content.first_axes_deg
+    if axes is None:
+        return None
+    if len(axes) != robot.joints:
+        raise InputError(
+            f"{file}: first_axes_deg has {len(axes)} angles, robot {robot.name} has "
+            f"{robot.joints} axes. Leave it out for another robot than the path was planned for."
+        )
+    return controller_to_joints(robot, np.radians(axes))
 
 
 def load_lissajous(path: Path) -> Lissajous:

@@ -75,6 +75,14 @@ def identify(
             metavar="METRES",
         ),
     ] = None,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(
+            help="Stated TCP uncertainty [mm] (1 sigma, rms) up to which logs give an acceptable "
+            "result; default: half of the nominal robot's error.",
+            metavar="MM",
+        ),
+    ] = None,
     joint_errors: Annotated[
         str,
         typer.Option(
@@ -114,6 +122,7 @@ def identify(
         corrections="auto" if corrections == "auto" else names,
         force=force,
         rod_sigma_m=rod_sigma,
+        accuracy_mm=accuracy,
     )
     first = recordings[0]
     folder = out_dir or first.with_name(first.resolve().name + "-identified")

@@ -20,6 +20,8 @@ _UNITS = {
     "m/N": (1e9, "nm/N"),
     "m": (1e6, "µm"),
     "rad/m": (1e6, "µrad/m"),
+    "s": (1e6, "µs"),
+    "s^2": (1e6, "ms²"),
 }  # SI to what is shown
 _INVERSE = {"rad/(N m)": "N m/rad", "m/N": "N/m"}
 _CHANNELS = {

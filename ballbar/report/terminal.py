@@ -73,7 +73,7 @@ def _dh(data: RunData) -> list[str]:
     dropped = ", ".join(parameter.name for parameter in result.robot.dropped)
     return [
         f"{parameter_count(result)} parameters from {_samples(data)} samples in "
-        f"{result.fit.iterations} iterations; left at their nominal values: {dropped or 'none'}"
+        f"{result.fit.iterations} iterations; left at nominal values or priors: {dropped or 'none'}"
     ]
 
 

@@ -21,11 +21,13 @@ from cell.descriptions import Cell
 from cell.errors import DescriptionError
 from cell.files import write_yaml
 from cell.geometry import Geometry, table_of_names
+from cell.payload import Payload, with_payload
 from cell.schema import Strict
 from cell.statistics import rms
 from cell.strict_yaml import check_schema, load_yaml, parse_model
 from ident.estimator.unknowns import belongs_to_recording, shared_names
 from ident.held_out import HeldOut, LoopClosure
+from ident.loads.payload import PayloadEstimate
 from ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     from ballbar.result.pose_calibration import PoseCalibration
 
 SCHEMA = "ballbar-calibration/2"
+Positive = Annotated[float, Field(gt=0.0)]
 POSES = "poses"  # `model` of a result of still poses
 
 
@@ -159,6 +162,21 @@ class DroppedEntry(Strict):
     on: tuple[str, ...] = ()
 
 
+class MassesEntry(Strict):
+    """Masses that the torque logs asked for in place of those of the files."""
+
+    tool_kg: Positive
+    tool_sigma_kg: Positive
+    tool_stated_kg: float
+    tool_com_m: tuple[float, float, float]  # robot flange frame
+    arm_scale: Positive  # of the masses in the robot's file
+    arm_scale_sigma: Positive
+
+    @property
+    def payload(self) -> Payload:
+        return Payload(self.tool_kg, np.array(self.tool_com_m), self.arm_scale)
+
+
 class CalibrationFile(Strict):
     """Schema of calibration.yaml."""
 
@@ -172,6 +190,7 @@ class CalibrationFile(Strict):
     parameters: dict[str, ParameterEntry]  # of robot and instrument
     dropped: tuple[DroppedEntry, ...] = ()
     corrections: dict[str, dict[str, CoefficientEntry]] = Field(default_factory=dict)
+    masses: MassesEntry | None = None  # absent where those of the files were used
     recordings: Annotated[tuple[RecordingEntry, ...], Field(min_length=1)]
     fit: FitEntry
     held_out: tuple[HeldOutEntry, ...] = ()
@@ -231,6 +250,8 @@ class Calibration:
             for name, entries in self.file.corrections.items()
         )
         encoders = tuple(int(name[1]) for name in self.file.recordings[0].encoder_directions)
+        if self.file.masses is not None:
+            cell = with_payload(cell, self.file.masses.payload)
         return unloaded_robot(cell, self.geometry, encoders, corrections)
 
 
@@ -248,6 +269,7 @@ def calibration_of(data: RunData) -> CalibrationFile:
         parameters=_parameters(shared, robot.nominal, robot.geometry, robot.sigma),
         dropped=tuple(DroppedEntry(name=d.name, reason=d.reason, on=d.on) for d in robot.dropped),
         corrections=_corrections(robot),
+        masses=_masses(robot.payload),
         recordings=tuple(_recording(estimate) for estimate in result.recordings),
         fit=FitEntry(
             status=verdict.status,
@@ -308,6 +330,20 @@ def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]
         }
         for correction in robot.corrections
     }
+
+
+def _masses(estimate: PayloadEstimate | None) -> MassesEntry | None:
+    if estimate is None or not estimate.significant:
+        return None
+    x, y, z = estimate.payload.com.tolist()
+    return MassesEntry(
+        tool_kg=estimate.payload.mass,
+        tool_sigma_kg=estimate.mass_sigma,
+        tool_stated_kg=estimate.stated,
+        tool_com_m=(x, y, z),
+        arm_scale=estimate.payload.arm,
+        arm_scale_sigma=estimate.arm_sigma,
+    )
 
 
 def _recording(estimate: RecordingEstimate) -> RecordingEntry:

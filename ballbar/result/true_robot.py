@@ -39,7 +39,7 @@ def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
             )
         gears = shown + error
     if plant.gear_stiffness_N_m_per_rad is not None:
-        weight = own_weight(mass_model(cell), geometry, q).T
+        weight = own_weight(mass_model(cell), geometry, q).gear.T
         side = backlash_flanks(weight.T).T
         gears = (
             gears

@@ -21,7 +21,7 @@ from ballbar.result.compare import (
 from ballbar.result.names import RECORDING
 from ballbar.result.run_data import FittedRecording
 from ballbar.result.run_recordings import identify_recordings
-from ballbar.scenario import Scenario
+from ballbar.scenario import Scenario, with_absolute_names
 from ballbar.trial.nominal_path import recorded_log
 from ballbar.trial.sample_trial import (
     cost_parameters,
@@ -96,7 +96,7 @@ def _ml_samples_row(scenario: Scenario, folder: Path) -> Row:
 
 
 def _files_row(scenario: Scenario, folder: Path) -> Row:
-    scenario = _with_absolute_names(scenario, folder)
+    scenario = with_absolute_names(scenario, folder)
     log = recorded_log(scenario.path, folder)
     simulation = simulate(scenario, relative_to=folder, recorded=log)
     with TemporaryDirectory(prefix="ballbar-trial-") as top:
@@ -119,17 +119,6 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
     robot, truth = UnloadedRobot(simulation.cell, fit.geometry), simulation.truth
     names = [fit.geometry.table.names[i] for i in fit.parameters]
     return _cost_row(fit, compare_with_truth(robot, estimate.nominal, truth, names, None))
-
-
-def _with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:
-    """The scenario with absolute names of its robot, ball-bar and plate files.
-
-    recording.yaml, in another folder, takes over these names.
-    """
-    names = scenario.cell.model_dump(include={"robot", "ballbar", "instrument", "plate"})
-    own = {key: name for key, name in names.items() if (name or "").endswith(".yaml")}
-    absolute = {key: str((folder / name).resolve()) for key, name in own.items()}
-    return scenario.model_copy(update={"cell": scenario.cell.model_copy(update=absolute)})
 
 
 def _paired_angles(recording: FittedRecording) -> tuple[Array, Array]:

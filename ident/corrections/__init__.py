@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from cell.descriptions import Cell, Key, Robot
 from cell.errors import InputError
 from ident.corrections.base import Correction, Maker
+from ident.corrections.bearing_tilt import bearing_tilt
 from ident.corrections.encoder_harmonics import encoder_harmonics
 from ident.corrections.gear_backlash import gear_backlash
 from ident.corrections.gear_ripple import gear_ripple
+from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.corrections.joint_compliance import joint_compliance
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics, orders_of
+from ident.corrections.joint_lag import joint_lag
+from ident.corrections.link_growth import link_growth
 from ident.corrections.plate_bending import plate_bending
+from ident.corrections.remounted_tool import remounted_tool
+from ident.corrections.rod_elongation import ROD_ELONGATION, rod_elongation
 from ident.corrections.rod_strain import rod_strain
 from ident.corrections.unit_weights import unit_weights_of_cell
 
@@ -24,13 +30,25 @@ CORRECTIONS: dict[str, Maker] = {
     "rod_strain": rod_strain,
     "plate_bending": plate_bending,
     "unit_weights": unit_weights_of_cell,
+    "bearing_tilt": bearing_tilt,
+    "joint_lag": joint_lag,
 }
+
+# What holds for single recordings, by cell and number of recordings.
+OF_RECORDINGS: dict[str, Callable[[Cell, int], Correction]] = {
+    "link_growth": link_growth,
+    "remounted_tool": remounted_tool,
+}
+
+# Left out of the complete model until the data ask for them: few machines need them.
+ON_EVIDENCE = ("bearing_tilt", "joint_lag", "link_growth", "remounted_tool")
 
 # Keys of the robot's file without which a correction cannot be formed.
 REQUIRED: dict[str, tuple[Key, ...]] = {
     "joint_compliance": ("links", "gears"),
     "gear_backlash": ("links", "gears"),
     "gear_ripple": ("gears",),
+    "bearing_tilt": ("links",),
 }
 
 
@@ -51,9 +69,17 @@ def supported_corrections(robot: Robot, *, rod_sensed: bool = False) -> list[str
         name
         for name in CORRECTIONS
         if name not in without
+        and name not in ON_EVIDENCE
         and (name not in SUBSTITUTES or SUBSTITUTES[name] in without)
         and not (rod_sensed and name in OF_RIGID_ROD)
     ]
+
+
+def corrections_on_evidence(robot: Robot, recordings: int) -> list[str]:
+    """Names of the corrections that a robot's complete model may need beside those."""
+    without = corrections_without_data(robot)
+    several = recordings > 1
+    return [n for n in ON_EVIDENCE if n not in without and (several or n != "remounted_tool")]
 
 
 def corrections_without_data(robot: Robot) -> dict[str, list[Key]]:
@@ -62,7 +88,9 @@ def corrections_without_data(robot: Robot) -> dict[str, list[Key]]:
     return {name: keys for name, keys in lacking.items() if keys}
 
 
-def correction_named(name: str, cell: Cell, encoders: tuple[int, ...]) -> Correction:
+def correction_named(
+    name: str, cell: Cell, encoders: tuple[int, ...], recordings: int = 1
+) -> Correction:
     """A correction for a cell.
 
     Raises InputError if the robot's file lacks what it needs, or the cell has no rigid rod.
@@ -74,12 +102,15 @@ def correction_named(name: str, cell: Cell, encoders: tuple[int, ...]) -> Correc
             f"correction {name} is of a ball-bar with a rigid rod, and {cell.ballbar.name} "
             "measures a length. Leave it out."
         )
+    if name in OF_RECORDINGS:
+        return OF_RECORDINGS[name](cell, recordings)
     return CORRECTIONS[name](cell, encoders)
 
 
 def belongs_to_machine(correction: Correction) -> bool:
-    """Whether a correction is the machine's: encoder slips are a recording's."""
-    return correction.name in CORRECTIONS or correction.name == JOINT_HARMONICS
+    """Whether a correction is the machine's: slips and remounted tools are a recording's."""
+    names = (JOINT_HARMONICS, GEAR_SOFTENING, ROD_ELONGATION)
+    return correction.name in CORRECTIONS or correction.name in names
 
 
 def correction_of_result(
@@ -91,4 +122,8 @@ def correction_of_result(
     """
     if name == JOINT_HARMONICS:
         return joint_harmonics(orders_of(coefficients))
+    if name == GEAR_SOFTENING:
+        return gear_softening(cell.robot, knees_of(coefficients))
+    if name == ROD_ELONGATION:
+        return rod_elongation(cell)
     return correction_named(name, cell, encoders)

@@ -1,9 +1,10 @@
 """What a correction is: an error source that displaces error channels of the mechanism.
 
-Channels are the gears, the five ball-bar joints, the rod's length and the plate's bending. A
-correction names its unknown coefficients, each with a prior of physical size, and gives for every
-sample the regressors phi that multiply them; so the derivative of the residual is the channel's own
-column times phi (docs/theory).
+Channels are the gears, the five ball-bar joints, the rod's length, the plate's bending, and any
+parameter of the robot that does not stay the same along a recording. A correction names its unknown
+coefficients, each with a prior of physical size, and gives for every sample the regressors phi that
+multiply them; so the derivative of the residual is the channel's own column times phi
+(docs/theory).
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
+from cell.geometry import Parameter
 from ident.loads.gear_loads import Loads
 
 # First channel of each kind. Those behind the gears count from the end, since the number of gears
 # is the robot's.
 GEAR, BAR, ROD, PLATE = 0, -7, -2, -1
 BEHIND_GEARS = 7  # channels
+Channel = int | Parameter
 
 # Half the backlash over the elastic deflection that the transition load causes: 1.5 N m for the
 # main axes of an IRB 2400. A wider transition biases the stiffness that is identified beside it, a
@@ -37,7 +40,7 @@ class Coefficient:
     unit: str  # SI
     mean: float  # of the prior
     sigma: float  # of the prior
-    channel: int
+    channel: Channel
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +54,8 @@ class State:
     loads: Loads
     tension: Array  # (N,) [N] of the rod
     width: Array  # (J,) [N m] load over which each gear changes the flank of its backlash
+    gear_speed: Array  # (J, N) [rad/s]
+    gear_acceleration: Array  # (J, N) [rad/s^2] of the arm as a rigid body
     sharpness: float = 1.0  # below 1 flanks change over a wider load; for continuation
     flanks: Array | None = None  # (J, N) of the backlash, where they are known otherwise
 

@@ -48,6 +48,7 @@ class Identifiability:
     """The parameters to identify, and what was left out."""
 
     parameters: NDArray[np.intp]  # (P,) kept, indices into the table, in order of priority
+    weak: NDArray[np.intp]  # (W,) poorly excited: they need a prior
     dropped: tuple[DroppedParameter, ...]
     rank: int  # directions the data determine, clock included
     condition: float  # of the kept whitened columns, scaled to unit length
@@ -95,7 +96,9 @@ def identifiable(
     values = np.linalg.svd(unit @ unit.T, compute_uv=False)
     parameters = requested[[k - len(clock) for k in selected if k >= len(clock)]]
     condition = float(np.sqrt(values[0] / values[-1]))
-    return Identifiability(parameters, tuple(dropped), len(selected), condition)
+    poor = [nominal.table.index[d.name] for d in dropped if d.reason == "poorly excited"]
+    weak = np.array(poor, dtype=np.intp)
+    return Identifiability(parameters, weak, tuple(dropped), len(selected), condition)
 
 
 def _columns_on_nominal(

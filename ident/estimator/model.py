@@ -16,7 +16,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
-from cell.geometry import BAR_ROWS, Geometry
+from cell.geometry import BAR_ROWS, Geometry, Parameter
 from cell.robot_angles import by_axis
 from ident.corrections.base import (
     BAR,
@@ -33,6 +33,7 @@ from ident.estimator.closure import (
     bar_joint_jacobian,
     beside_rod,
     close_loop,
+    parameter_jacobian,
     plate_jacobian,
     pointing_bar,
     robot_joint_jacobian,
@@ -84,13 +85,14 @@ class Evaluation:
     robot_time: Array  # (N,) [s] of the samples on the robot's clock
     state: State | None = None  # what the regressors depend on; None without corrections
     regressors: tuple[tuple[Array, ...], ...] = ()  # (N,) each, of every correction
+    varied: tuple[Parameter, ...] = ()  # parameters of the robot that are channels
     loads_at: tuple[Geometry, Clock] | None = None  # for which the loads were computed
     regressors_at: Clock | None = None  # for which regressors without loads were computed
 
     @cached_property
     def channel_speed(self) -> Array:
         """(J, N) [rad/s] speed of the robot's channels."""
-        speed = np.asarray(self.samples.robot.speed(self.robot_time))
+        speed = self.samples.joint_speed(self.robot_time)
         return (speed @ self.gearing.to_gear).T
 
     @cached_property
@@ -102,6 +104,11 @@ class Evaluation:
         columns[BAR:ROD] = bar_joint_jacobian(self.closure)
         columns[ROD], columns[PLATE] = rod_jacobian(self.closure), plate_jacobian(self.closure)
         return columns
+
+    @cached_property
+    def varied_columns(self) -> Array:
+        """(V, 6, N) likewise for a unit of each varied parameter."""
+        return parameter_jacobian(self.closure, self.varied)
 
     @property
     def time_column(self) -> Array:
@@ -139,6 +146,12 @@ class Model:
         1.0  # below 1 the backlash changes flanks over a wider load; for continuation
     )
 
+    @cached_property
+    def varied(self) -> tuple[Parameter, ...]:
+        """The parameters of the robot that are channels of corrections."""
+        channels = (c.channel for correction in self.corrections for c in correction.coefficients)
+        return tuple(dict.fromkeys(c for c in channels if isinstance(c, Parameter)))
+
     def robot_times(self, x: Array, k: int) -> Array:
         """(N,) [s] on the robot's clock of the samples of recording k, clock steps included."""
         samples, steps = self.recordings[k], self.unknowns.own[k].steps
@@ -174,7 +187,7 @@ class Model:
         samples, layout = self.recordings[k], self.unknowns
         geometry, clock = layout.geometry(x, k), layout.clock(x, k)
         at = self.robot_times(x, k)
-        q = np.asarray(samples.robot.spline(at))
+        q = samples.joint_angles(at)
         if samples.measures_length:
             ballbar = pointing_bar(geometry, q, samples.extension)
         if not self.corrections:
@@ -198,10 +211,12 @@ class Model:
             loads=carried,
             tension=self.tension(x, k),
             width=self.gearing.transition,
+            gear_speed=(samples.robot.speed(at) @ self.gearing.to_gear).T,
+            gear_acceleration=(samples.robot.arm(at, 2) @ self.gearing.to_gear).T,
             sharpness=self.sharpness,
         )
         regressors = self._regressors(state, reusable)
-        moved = self._displacements(x, regressors)
+        moved, varied = self._displacements(x, regressors, at.size)
         joints = q + moved[GEAR:BAR].T @ self.gearing.to_joint
         if samples.measures_length:
             closure = close_loop(geometry, joints, pointing_bar(geometry, joints, ballbar[:, -1]))
@@ -209,6 +224,8 @@ class Model:
             closure = close_loop(geometry, joints, ballbar + moved[BAR:ROD].T)
         error = closure.error + rod_jacobian(closure) * moved[ROD]
         error += plate_jacobian(closure) * moved[PLATE]
+        columns = parameter_jacobian(closure, self.varied)
+        error += np.einsum("vcn,vn->cn", columns, varied)
         return Evaluation(
             samples=samples,
             closure=replace(closure, error=error),
@@ -218,6 +235,7 @@ class Model:
             robot_time=at,
             state=state,
             regressors=regressors,
+            varied=self.varied,
             loads_at=loads_at,
             regressors_at=reusable.regressors_at if reusable else clock,
         )
@@ -263,16 +281,15 @@ class Model:
         out = np.zeros(evaluation.closure.error.shape)
         if evaluation.state is None:
             return out
-        moved = np.zeros(evaluation.columns.shape[::2])
-        values = iter(x[self.unknowns.coefficients])
-        for correction in self.corrections:
-            slopes = correction.slopes(evaluation.state) if correction.slopes else None
-            for j, coefficient in enumerate(correction.coefficients):
-                value = next(values)
-                if slopes is not None:
-                    moved[coefficient.channel] += value * slopes[j]
+        slopes = tuple(
+            tuple(c.slopes(evaluation.state)) if c.slopes else (0.0,) * len(c.coefficients)
+            for c in self.corrections
+        )
+        moved, varied = self._displacements(x, slopes, evaluation.robot_time.size)
         used = np.flatnonzero(np.abs(moved).max(axis=1) > 0.0)
-        return np.asarray(np.einsum("ckn,cn->kn", evaluation.columns[used], moved[used]))
+        out += np.einsum("ckn,cn->kn", evaluation.columns[used], moved[used])
+        out += np.einsum("vkn,vn->kn", evaluation.varied_columns, varied)
+        return out
 
     def _loads(
         self,
@@ -310,15 +327,24 @@ class Model:
             for c, old in zip(self.corrections, known, strict=True)
         )
 
-    def _displacements(self, x: Array, regressors: tuple[tuple[Array, ...], ...]) -> Array:
-        """(J + 7, N) displacement of each error channel: coefficients times regressors."""
-        joints = len(self.gearing.to_joint)
-        moved = np.zeros((joints + BEHIND_GEARS, regressors[0][0].size))
+    def _displacements(
+        self, x: Array, signals: tuple[tuple[Array | float, ...], ...], samples: int
+    ) -> tuple[Array, Array]:
+        """Coefficients times `signals`, of every correction: displacements of the error channels.
+
+        (J + 7, samples) of gears, ball-bar, rod and plate; (V, samples) of the varied parameters.
+        """
+        moved = np.zeros((len(self.gearing.to_joint) + BEHIND_GEARS, samples))
+        varied = np.zeros((len(self.varied), samples))
         values = iter(x[self.unknowns.coefficients])
-        for correction, signals in zip(self.corrections, regressors, strict=True):
-            for coefficient, signal in zip(correction.coefficients, signals, strict=True):
-                moved[coefficient.channel] += next(values) * signal
-        return moved
+        for correction, own in zip(self.corrections, signals, strict=True):
+            for coefficient, signal in zip(correction.coefficients, own, strict=True):
+                channel = coefficient.channel
+                if isinstance(channel, Parameter):
+                    varied[self.varied.index(channel)] += next(values) * signal
+                else:
+                    moved[channel] += next(values) * signal
+        return moved, varied
 
     def backlash_uncertainty(self, x: Array, evaluation: Evaluation) -> Array | float:
         """(J, N) [rad] uncertainty of each gear's flank: the half width near a load reversal."""

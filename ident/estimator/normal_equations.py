@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dsyrk
 
 from cell.arrays import Array
+from cell.geometry import Parameter
 from ident.estimator.model import Evaluation, Model
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.whitening import Whitening
@@ -170,6 +171,7 @@ def jacobian(
     index = np.concatenate([np.arange(part.start, part.stop) for part in parts])
     channels = [c.channel for correction in model.corrections for c in correction.coefficients]
     columns = weights(point.columns) if channels else ()
+    varied = dict(zip(point.varied, weights(point.varied_columns), strict=True))
     regressors = [signal for signals in point.regressors for signal in signals]
     shift = weights(point.time_column) if own.clock is not None else None
     slope = None
@@ -183,7 +185,8 @@ def jacobian(
         weights.part(block).jacobian(point.closure.part(block), geometric, values[: len(geometric)])
         rows = iter(values[len(geometric) :])
         for channel, regressor in zip(channels, regressors, strict=True):
-            np.multiply(columns[channel][:, block], regressor[block], out=next(rows))
+            column = varied[channel] if isinstance(channel, Parameter) else columns[channel]
+            np.multiply(column[:, block], regressor[block], out=next(rows))
         if layout.gain is not None and slope is not None:
             np.multiply(slope[:, block], samples.tension[block], out=next(rows))
         if shift is not None:

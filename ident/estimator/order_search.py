@@ -198,20 +198,22 @@ class _Scores:
 
 
 def left_out(scores: Array, information: Array, prior: float) -> Array:
-    """(C, 2, G) scores of the groups at the amplitudes that all other groups together give.
+    """(C, K, G) scores of the groups at the amplitudes that all other groups together give.
 
     Where groups are few, an error that is there would fill the variance of the test by itself, the
     more so the less they are alike. So the variance is that of the errors of prediction (CR3: Bell
     & McCaffrey 2002).
 
-    scores : (C, 2, G). information : (C, 2, 2, G). prior : [rad] of the amplitudes.
+    scores : (C, K, G) of K columns a candidate. information : (C, K, K, G). prior : [rad] of the
+    amplitudes.
     """
-    whole = information.sum(axis=-1) + np.eye(2) / prior**2  # (C, 2, 2)
+    identity = np.eye(scores.shape[1])
+    whole = information.sum(axis=-1) + identity / prior**2  # (C, K, K)
     amplitude = np.linalg.solve(whole, scores.sum(axis=-1)[..., None])[..., 0]
-    each = np.moveaxis(information, -1, 1)  # (C, G, 2, 2)
+    each = np.moveaxis(information, -1, 1)  # (C, G, K, K)
     left = scores.swapaxes(1, 2) - np.einsum("cgij,cj->cgi", each, amplitude)
     share = np.einsum("cgij,cjk->cgik", each, np.linalg.inv(whole))
-    return np.asarray(np.linalg.solve(np.eye(2) - share, left[..., None])[..., 0].swapaxes(1, 2))
+    return np.asarray(np.linalg.solve(identity - share, left[..., None])[..., 0].swapaxes(1, 2))
 
 
 def of_few(tests: Array, groups: int) -> Array:

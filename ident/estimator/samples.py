@@ -44,6 +44,7 @@ class Samples:
     splines: csr_array = field(default_factory=lambda: csr_array((0, 0)))  # (K, N) of the tension
     clock_steps: tuple[float, ...] = ()  # [s] instants at which one of the clocks was set
     length_noise: float = 0.0  # [m] of the sensed length; 0 where none is
+    held: Array | None = None  # (N,) [s] robot times at which the noise of the robot's log is held
 
     @property
     def has_clock(self) -> bool:
@@ -84,6 +85,29 @@ class Samples:
         """[s] between neighbouring instants."""
         return float(np.median(np.diff(self.times)))
 
+    def joint_angles(self, at: Array) -> Array:
+        """(N, J) [rad] of the robot's log at the samples, at robot times (N,) [s].
+
+        Where noise is held, a change of the clock moves the motion, not the noise.
+        """
+        log, held = self.robot, self.held
+        moved = log.spline(at) if held is None else log.spline(held) + log.arm(at) - log.arm(held)
+        return np.asarray(moved)
+
+    def joint_speed(self, at: Array) -> Array:
+        """(N, J) [rad/s] derivative of `joint_angles`."""
+        log = self.robot
+        return np.asarray((log.speed if self.held is None else log.arm.derivative())(at))
+
+    def with_noise_held(self, clock: Clock) -> Samples:
+        """The samples with the noise of the robot's log held at the times of a clock.
+
+        A length changes by millimetres, so slowly that the noise in the robot's speed would pass
+        for knowledge of the clock: its column of the Jacobian would hold
+        the noise as well (errors in variables).
+        """
+        return replace(self, held=self.robot_time(clock, self.times))
+
     def robot_time(self, clock: Clock, t: Array) -> Array:
         """(N,) [s] on the robot's clock of instants t (N,) [s], kept inside the robot's log."""
         return np.clip(clock.robot_time(t), self.robot.start, self.robot.end)
@@ -110,6 +134,7 @@ class Samples:
         return replace(
             self,
             times=self.times[::step],
+            held=None if self.held is None else self.held[::step],
             tension=self.tension[::step],
             splines=self.splines[:, ::step],
         )

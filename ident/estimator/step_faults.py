@@ -34,6 +34,7 @@ THRESHOLD = 250.0  # decrease of the cost, in units of chi-square per degree of 
 MARGIN = 15  # samples at either end, where a step is little more than a different start
 SLIP_PRIOR = 0.1  # [rad] of an encoder's step
 EXACT = 1e-9  # [rad] of one whose size is known
+ENCODER_JUMPS = "encoder_jumps"
 WHOLE, SURE = 0.1, 0.01  # signal periods off a whole number, to be named one; to be held at it
 # [rad], [s] a smaller step is something smooth that the model lacks
 SMALLEST: dict[Literal["encoder", "clock"], float] = {"encoder": 2e-4, "clock": 2e-3}
@@ -186,7 +187,7 @@ def encoder_slips(faults: Sequence[StepFault]) -> Correction | None:
         )
         for i, fault in enumerate(slips, start=1)
     ]
-    return Correction("encoder_jumps", "encoders that slipped", tuple(coefficients), regressors)
+    return Correction(ENCODER_JUMPS, "encoders that slipped", tuple(coefficients), regressors)
 
 
 def sized(fit: Fit, faults: Sequence[StepFault], lines: int) -> tuple[StepFault, ...]:

@@ -5,14 +5,15 @@ and the gain of a measured rod force. Each recording has its own encoder offsets
 ball-bar, clock, and where nothing measures the rod's tension its spline. An infinite prior sigma
 means no prior.
 
-The gauge of the robot's parameters stays fixed, as does the plate, the known length (thesis Table
-3.2): of the IRB 2400 `rd1`, `rtheta1`, `rd3` and `ra6`.
+The gauge of the robot's parameters stays fixed: of the IRB 2400 `rd1`, `rtheta1`, `rd3`. The plate
+is the known length (thesis Table 3.2, `ra6`): fixed in a fit without priors, else an unknown under
+the prior of its file.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.geometry import Geometry, ParameterTable, parameter_named, parameter_table
-from ident.corrections.base import Correction
+from ident.corrections.base import Coefficient, Correction
 
 LENGTH_PRIOR = (
     5e-3  # [m] of a robot's length about its catalogue value (notes/identification sec. 6)
@@ -66,6 +67,17 @@ def declared_names(cell: Cell) -> tuple[str, ...]:
     zero = ("bd3",) if bar.length_tolerance <= KNOWN_LENGTH else ()
     joints = (n for n in table.names if n.startswith(("ba", "bd", "balpha")) and n != "bd3")
     return (*plate, *zero, *joints)
+
+
+def held_names(cell: Cell) -> tuple[str, ...]:
+    """Those of `declared_names` that stay as declared where every unknown has a prior.
+
+    The plate of a ball-bar has the standard deviation of its file: held as exact, it would pass its
+    own error on as scale that nobody states.
+    """
+    if cell.ballbar.stroke is None:
+        return ()
+    return declared_names(cell)
 
 
 def fixed_names(table: ParameterTable, declared: Sequence[str] | None = None) -> tuple[str, ...]:
@@ -117,6 +129,48 @@ class Unknowns:
         """The clock of recording k."""
         position = self.own[k].clock
         return Clock(0.0, 0.0) if position is None else Clock(*(float(v) for v in x[position]))
+
+    def with_coefficients(
+        self, coefficients: Sequence[Coefficient], x: Array
+    ) -> tuple[Unknowns, Array]:
+        """The unknowns with other coefficients of corrections, and x (P,) for them.
+
+        Coefficients that were there keep their prior and value, the others begin at their means.
+        """
+        first, stop = self.coefficients.start, self.coefficients.stop
+        place = {name: first + i for i, name in enumerate(self.names[self.coefficients])}
+        shift = len(coefficients) - (stop - first)
+
+        def recast(old: Array, new: Sequence[float]) -> Array:
+            chosen = [
+                old[place[c.name]] if c.name in place else value
+                for c, value in zip(coefficients, new, strict=True)
+            ]
+            return np.concatenate((old[:first], chosen, old[stop:]))
+
+        def moved(part: slice | None) -> slice | None:
+            return None if part is None else slice(part.start + shift, part.stop + shift)
+
+        means = [c.mean for c in coefficients]
+        layout = replace(
+            self,
+            names=(*self.names[:first], *(c.name for c in coefficients), *self.names[stop:]),
+            mean=recast(self.mean, means),
+            sigma=recast(self.sigma, [c.sigma for c in coefficients]),
+            coefficients=slice(first, stop + shift),
+            gain=None if self.gain is None else self.gain + shift,
+            own=tuple(
+                Own(
+                    own.parameters,
+                    slice(own.geometry.start + shift, own.geometry.stop + shift),
+                    moved(own.clock),
+                    moved(own.steps),
+                    moved(own.knots),
+                )
+                for own in self.own
+            ),
+        )
+        return layout, recast(x, means)
 
     def moved(self, x: Array, step: Array) -> Array:
         """(P,) x + step, the clocks kept where the logs' splines say anything."""
@@ -189,7 +243,7 @@ def complete_unknowns(
     """
     build = _Builder()
     table = nominal.table
-    fixed = fixed_names(table, declared_names(cell))
+    fixed = fixed_names(table, held_names(cell))
     shared = [name for name in shared_names(table) if name not in fixed]
     for name in shared:
         build.add(name, nominal[name], _prior(cell, name, rod_sigma))
@@ -220,6 +274,17 @@ def _own(build: _Builder, recording: RecordingStart, tail: str) -> Own:
     knots = build.numbered("tension", recording.knots, recording.tension_sigma, tail)
     indices = np.array([start.table.index[name] for name in names], dtype=np.intp)
     return Own(indices, geometry, clocks, steps, knots)
+
+
+def priors(cell: Cell, table: ParameterTable, parameters: NDArray[np.intp]) -> Array:
+    """(P,) [m, rad] prior sigma of parameters (P,), indices into the table.
+
+    Infinite for those that belong to a recording.
+    """
+    names = [table.names[i] for i in parameters]
+    return np.array(
+        [np.inf if belongs_to_recording(name) else _prior(cell, name, None) for name in names]
+    )
 
 
 class _Builder:

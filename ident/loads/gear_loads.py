@@ -11,7 +11,7 @@ and plate (mass model of the cell files) and `-w` at the tool.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from cell.arrays import Array
 from cell.bodies import bar_bodies, carried_bodies
 from cell.chain import Frames, cross, joint_screws, screw
 from cell.descriptions import Cell, Link
-from cell.dynamics import joint_torques
+from cell.dynamics import joint_moments, joint_torques
 from cell.geometry import Geometry, bar_frames, robot_frames
+
+BEARINGS = 3  # joints, from the base, whose bearings carry moments that tilt them
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,10 @@ class Loads:
     gear_per_newton: Array  # (J, N) [m]
     plate: Array  # (N,) [N m] moment that bends the plate, positive along the tool's y
     plate_per_newton: Array  # (N,) [m]
+    # (BEARINGS, 2, N) [N m] moments about x and y of the frame in which each of the first joints
+    # turns
+    bearing: Array
+    bearing_per_newton: Array  # (BEARINGS, 2, N) [m]
 
     def gears(self, tension: Array) -> Array:
         """(J, N) [N m] at a rod tension (N,) [N]."""
@@ -39,6 +45,10 @@ class Loads:
     def plate_moment(self, tension: Array) -> Array:
         """(N,) [N m] at a rod tension (N,) [N]."""
         return self.plate + self.plate_per_newton * tension
+
+    def bearings(self, tension: Array) -> Array:
+        """(BEARINGS, 2, N) [N m] at a rod tension (N,) [N]."""
+        return self.bearing + self.bearing_per_newton * tension
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +87,13 @@ def loads(
     ball-bar angles as the encoders read. masses : of the cell.
     """
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
-    arm = joint_torques(
+    own = joint_moments(
         robot, masses.arm, q, gravity=masses.gravity, speed=speed, acceleration=acceleration
     )
-    weight, per_newton = on_ballbar(masses, bar, b)
-    screws = joint_screws(robot)
-    held = arm + (screws * weight).sum(axis=1)
-    held_per_newton = (screws * per_newton).sum(axis=1)
+    wrenches = on_ballbar(masses, bar, b)
+    weight, per_newton = wrenches
+    at_joints, per_newton_at_joints = (_at_joints(robot, wrench) for wrench in wrenches)
+    moments = own + at_joints
     hinge = robot.tip - (2.0 / 3.0 * geometry[geometry.table.plate]) * robot.x[-1]
     lever = cross(robot.y[-1], robot.tip - hinge)
     bend, bend_per_newton = (
@@ -91,22 +101,48 @@ def loads(
         for w in (weight, per_newton)
     )
     return Loads(
-        masses.gear_to_joint @ held, masses.gear_to_joint @ held_per_newton, bend, bend_per_newton
+        gear=_about_axes(masses, robot, moments),
+        gear_per_newton=_about_axes(masses, robot, per_newton_at_joints),
+        plate=bend,
+        plate_per_newton=bend_per_newton,
+        bearing=_across_axes(robot, moments),
+        bearing_per_newton=_across_axes(robot, per_newton_at_joints),
     )
 
 
 def no_loads(joints: int, samples: int) -> Loads:
     """Where no correction asks for any."""
     gears, none = np.zeros((joints, samples)), np.zeros(samples)
-    return Loads(gears, gears, none, none)
+    bearings = np.zeros((BEARINGS, 2, samples))
+    return Loads(gears, gears, none, none, bearings, bearings)
 
 
-def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Array:
-    """(J, N) [N m] at the gears' outputs: the unloaded robot at rest at q (N, J) [rad]."""
-    return np.asarray(
-        masses.gear_to_joint
-        @ joint_torques(robot_frames(geometry, q), masses.arm, q, gravity=masses.gravity)
+def own_weight(masses: MassModel, geometry: Geometry, q: Array) -> Loads:
+    """Of the unloaded robot at rest at q (N, J) [rad], without ball-bar."""
+    robot = robot_frames(geometry, q)
+    moments = joint_moments(robot, masses.arm, q, gravity=masses.gravity)
+    return replace(
+        no_loads(*q.T.shape),
+        gear=_about_axes(masses, robot, moments),
+        bearing=_across_axes(robot, moments),
     )
+
+
+def _at_joints(robot: Frames, wrench: Array) -> Array:
+    """(J, 3, N) [N m] moment at each joint's origin of a wrench (6, N) at the tip."""
+    arms = robot.tip - robot.origin[:-1]
+    return np.stack([cross(arm, wrench[:3]) + wrench[3:] for arm in arms])
+
+
+def _about_axes(masses: MassModel, robot: Frames, moments: Array) -> Array:
+    """(J, N) [N m] at the gears' outputs of moments (J, 3, N) at the joints."""
+    return np.asarray(masses.gear_to_joint @ (robot.z[:-1] * moments).sum(axis=1))
+
+
+def _across_axes(robot: Frames, moments: Array) -> Array:
+    """(BEARINGS, 2, N) [N m] about x and y of the frames in which the first joints turn."""
+    axes = (robot.x[:BEARINGS], robot.y[:BEARINGS])
+    return np.stack([(axis * moments[:BEARINGS]).sum(axis=1) for axis in axes], axis=1)
 
 
 def on_ballbar(masses: MassModel, bar: Frames, b: Array) -> tuple[Array, Array]:

@@ -6,6 +6,8 @@ the motion hardly changes, and brought to the ball-bar's clock.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
@@ -16,9 +18,9 @@ from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Geometry
-from cell.logs import ForceLog
+from cell.logs import ForceLog, RobotLog
 from ident.estimator.samples import Samples
-from ident.loads.gear_loads import loads, mass_model
+from ident.loads.gear_loads import Loads, loads, mass_model
 from ident.loads.rod_tension import Tension, from_force_sensor, from_motor_torque
 
 KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (notes/identification sec. 4)
@@ -37,19 +39,43 @@ def tension_splines(times: Array) -> csr_array:
     return csr_array(BSpline.design_matrix(np.clip(times, inner[0], inner[-1]), knots, 3).T)
 
 
-def torque_tension(
-    cell: Cell, samples: Samples, geometry: Geometry, clock: Clock, t: Array, torque: Array | None
-) -> Array:
-    """(N,) [N] at the samples, from motor torques (R, J) [N m] logged at robot times t (R,) [s].
+@dataclass(frozen=True, eq=False)
+class LoggedTorque:
+    """Motor torques in blocks of rows, and the motion that they drove."""
 
-    geometry, clock : of the recording, as far as they are known.
+    times: Array  # (N,) [s] on the ball-bar's clock
+    torque: Array  # (J, N) [N m] at the gears' outputs
+    q: Array  # (N, J) [rad] joint angles
+    speed: Array  # (J, N) [rad/s] of the gears
+    acceleration: Array  # (J, N) [rad/s^2]
+    carried: Loads  # of the mass model
+
+
+def torque_tension(
+    cell: Cell, samples: Samples, geometry: Geometry, clock: Clock, log: RobotLog
+) -> Array:
+    """(N,) [N] at the samples, from the motor torques of a log.
+
+    Arguments and errors as of `logged_torque`.
+    """
+    logged = logged_torque(cell, samples, geometry, clock, log)
+    tension = from_motor_torque(
+        cell, logged.torque, logged.carried, logged.speed, logged.acceleration
+    )
+    return np.interp(samples.times, logged.times, tension.force)
+
+
+def logged_torque(
+    cell: Cell, samples: Samples, geometry: Geometry, clock: Clock, log: RobotLog
+) -> LoggedTorque:
+    """The motor torques of a recording; geometry, clock : as far as they are known.
 
     Raises InputError when no torques were logged, or the robot's file lacks what they need.
     """
-    if torque is None:
+    if log.torque is None:
         raise InputError("the robot's log has no motor torques; choose force auto, sensor or none")
     cell.robot.required("links")  # the others are asked for where they are used
-    middle, torque = _block_means(t, samples.robot.stamps, torque)
+    middle, torque = _block_means(log.t, samples.robot.stamps, log.torque)
     times = clock.ballbar_time(middle)
     first, last = samples.times[0] - BEYOND, samples.times[-1] + BEYOND
     if samples.ballbar is not None:
@@ -62,10 +88,9 @@ def torque_tension(
     ballbar = samples.ballbar_angles(geometry, clock, times)
     carried = loads(mass_model(cell), geometry, q, ballbar, speed, acceleration)
     to_gear = cell.robot.joint_to_gear
-    tension = from_motor_torque(
-        cell, torque.T, carried, (speed @ to_gear).T, (acceleration @ to_gear).T
+    return LoggedTorque(
+        times, torque.T, q, (speed @ to_gear).T, (acceleration @ to_gear).T, carried
     )
-    return np.interp(samples.times, times, tension.force)
 
 
 def sensor_tension(

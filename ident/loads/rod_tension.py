@@ -60,16 +60,37 @@ def from_motor_torque(
     j, n = torque.shape
     gears = cell.robot.required("gears")
     coulomb, viscous = gears.coulomb, gears.viscous
-    direction = speed / np.sqrt(speed**2 + FRICTION_WIDTH**2)
+    direction = friction_sign(speed)
     columns = np.zeros((3 * j, j, n))
     for k in range(j):
         columns[k, k], columns[j + k, k], columns[2 * j + k, k] = direction[k], speed[k], torque[k]
     prior = np.concatenate((coulomb, 2.0 * viscous, np.full(j, TORQUE_GAIN)))
     mean = np.concatenate((coulomb, viscous, np.zeros(j)))
-    noise = by_axis(j, main=TORQUE_NOISE, wrist=TORQUE_NOISE_WRIST)
     known = carried.gear + cell.robot.required("rotor_inertia_kg_m2")[:, None] * acceleration
-    sigma = np.hypot(noise[:, None], coulomb[:, None] * np.exp(-((speed / REVERSAL_SPEED) ** 2)))
+    sigma = _torque_sigma(cell, speed)
     return _eliminated(torque - known, sigma, columns, carried.gear_per_newton, mean, prior)
+
+
+def friction_sign(speed: Array) -> Array:
+    """(J, N) direction, -1 to 1, of Coulomb friction at speeds (J, N) [rad/s]."""
+    return np.asarray(speed / np.sqrt(speed**2 + FRICTION_WIDTH**2))
+
+
+def _torque_sigma(cell: Cell, speed: Array) -> Array:
+    """(J, N) [N m] of a logged torque at speeds (J, N) [rad/s]: noise, friction at reversals."""
+    noise = by_axis(len(speed), main=TORQUE_NOISE, wrist=TORQUE_NOISE_WRIST)
+    coulomb = cell.robot.required("gears").coulomb
+    return np.hypot(noise[:, None], coulomb[:, None] * np.exp(-((speed / REVERSAL_SPEED) ** 2)))
+
+
+def without_tension(values: Array, sigma: Array, direction: Array) -> Array:
+    """(P, J, N) whitened values less what any tension could explain of them, sample by sample.
+
+    values : (P, J, N). sigma : (J, N). direction : (J, N) of the values per newton.
+    """
+    w = direction / sigma
+    unit, white = w / np.linalg.norm(w, axis=0), values / sigma
+    return np.asarray(white - unit * (unit * white).sum(axis=1, keepdims=True))
 
 
 def from_force_sensor(
@@ -114,10 +135,8 @@ def _eliminated(
     y: Array, sigma: Array, columns: Array, direction: Array, mean: Array, prior: Array
 ) -> Tension:
     white, w = y / sigma, direction / sigma
-    unit = w / np.linalg.norm(w, axis=0)
-    design = columns / sigma
-    design = design - unit * (unit * design).sum(axis=1, keepdims=True)
-    rest = white - unit * (unit * white).sum(axis=0)
+    design = without_tension(columns, sigma, direction)
+    rest = without_tension(y[None], sigma, direction)[0]
     flat = design.reshape(len(columns), -1)
     normal = flat @ flat.T + np.diag(prior**-2.0)
     theta = mean + np.linalg.solve(normal, flat @ (rest.reshape(-1) - mean @ flat))

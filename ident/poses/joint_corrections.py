@@ -26,14 +26,17 @@ def regressors_at(robot: Robot, corrections: Sequence[Correction], q: Array) -> 
     loads = no_loads(q.shape[1], n)
     if any(correction.slopes is not None for correction in corrections):
         loads = replace(loads, gear=resting_loads(robot, q))
+    gears = (q @ robot.joint_to_gear).T
     state = State(
         t=np.zeros(n),
         recording=-1,
-        gears=(q @ robot.joint_to_gear).T,
+        gears=gears,
         bar=np.zeros((0, n)),
         loads=loads,
         tension=np.zeros(n),
         width=np.zeros(q.shape[1]),
+        gear_speed=np.zeros_like(gears),
+        gear_acceleration=np.zeros_like(gears),
     )
     rows = [regressor for c in corrections for regressor in c.regressors(state)]
     return np.stack(rows) if rows else np.zeros((0, n))
@@ -70,4 +73,5 @@ def channel_columns(robot: Robot, corrections: Sequence[Correction], joint_colum
 
 def channels(corrections: Sequence[Correction]) -> list[int]:
     """Gear of every coefficient, from 0."""
-    return [c.channel for correction in corrections for c in correction.coefficients]
+    every = [c.channel for correction in corrections for c in correction.coefficients]
+    return [channel for channel in every if isinstance(channel, int)]

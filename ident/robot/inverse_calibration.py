@@ -22,6 +22,7 @@ from cell.descriptions import Robot
 from cell.geometry import Geometry, nominal_chain
 from cell.inverse import pose_error, refine_reachable
 from cell.robot_angles import joints_to_axes
+from cell.rotation import matrix_from_rotvec
 from ident.robot.identified_arm import IdentifiedArm
 from ident.robot.unloaded_robot import UnloadedRobot
 
@@ -63,7 +64,7 @@ def corrected_targets(robot: UnloadedRobot, nominal: Geometry, q: Array) -> Corr
     Raises TargetError for rows out of range, out of reach or too near to a singularity.
     """
     own = robot.cell.robot
-    return _corrected(own, robot.geometry.robot, nominal.robot, robot.joints, q)
+    return _corrected(own, robot.geometry.robot, nominal.robot, robot.deflected, q)
 
 
 def corrected_arm_targets(arm: IdentifiedArm, q: Array) -> CorrectedTargets:
@@ -79,18 +80,28 @@ def corrected_arm_targets(arm: IdentifiedArm, q: Array) -> CorrectedTargets:
             f"{arm.robot.title}: {arm.robot.joints} axes cannot keep a whole pose, so targets "
             "cannot be corrected"
         )
-    return _corrected(arm.robot, arm.chain, nominal_chain(arm.robot), arm.joints, q)
+
+    def deflected(logged: Array) -> tuple[Array, Array]:
+        return arm.joints(logged), np.zeros((6, len(logged)))
+
+    return _corrected(arm.robot, arm.chain, nominal_chain(arm.robot), deflected, q)
 
 
 def _corrected(
-    robot: Robot, chain: Chain, nominal: Chain, joints_at: Callable[[Array], Array], q: Array
+    robot: Robot,
+    chain: Chain,
+    nominal: Chain,
+    deflected: Callable[[Array], tuple[Array, Array]],
+    q: Array,
 ) -> CorrectedTargets:
-    """joints_at : actual joint angles (N, J) [rad] at logged ones."""
+    """deflected : as `UnloadedRobot.deflected`."""
     faults = _out_of_range(robot, q, "given") | _singular(chain, nominal, q)
     if faults:
         raise TargetError(faults)
     wanted = forward(nominal, q)
-    joints, reached = refine_reachable(chain, q, wanted.poses(), tolerance=_CONVERGED)
+    # the structure yields with the posture, which the correction hardly changes
+    poses = _moved(wanted.poses(), -deflected(q)[1])
+    joints, reached = refine_reachable(chain, q, poses, tolerance=_CONVERGED)
     if not reached.all():
         unreached = (
             "the identified robot does not reach the wanted pose near this target. Move the target."
@@ -98,14 +109,20 @@ def _corrected(
         raise TargetError({int(row): unreached for row in np.flatnonzero(~reached)})
     target = joints
     for _ in range(_ITERATIONS):
-        target = joints - (joints_at(target) - target)
+        target = joints - (deflected(target)[0] - target)
     faults = _out_of_range(robot, target, "corrected")
     if faults:
         raise TargetError(faults)
-    before, after = (
-        _distance(wanted, forward(chain, joints_at(commanded))) for commanded in (q, target)
-    )
+    before, after = (_distance(wanted, chain, *deflected(commanded)) for commanded in (q, target))
     return CorrectedTargets(target, *before, *after)
+
+
+def _moved(poses: Array, motion: Array) -> Array:
+    """(N, 4, 4) poses after small motions (6, N) [m, rad] of the base frame."""
+    out = poses.copy()
+    out[:, :3, :3] = matrix_from_rotvec(motion[3:]).transpose(2, 0, 1) @ poses[:, :3, :3]
+    out[:, :3, 3] += motion[:3].T
+    return out
 
 
 def _singular(chain: Chain, nominal: Chain, q: Array) -> dict[int, str]:
@@ -142,7 +159,7 @@ def _out_of_range(robot: Robot, q: Array, which: str) -> dict[int, str]:
     return faults
 
 
-def _distance(wanted: Frames, actual: Frames) -> tuple[Array, Array]:
-    """(N,) [m] and (N,) [rad] between wanted and actual frames."""
-    error = pose_error(wanted.rotation(), wanted.tip, actual)
+def _distance(wanted: Frames, chain: Chain, q: Array, motion: Array) -> tuple[Array, Array]:
+    """(N,) [m] and (N,) [rad] from the wanted frames to a chain at q that moved a little."""
+    error = pose_error(wanted.rotation(), wanted.tip, forward(chain, q)) - motion
     return np.linalg.norm(error[:3], axis=0), np.linalg.norm(error[3:], axis=0)

@@ -16,10 +16,18 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.chain import joint_screws, screw
 from cell.descriptions import Cell
-from cell.geometry import Geometry, robot_frames
+from cell.geometry import Geometry, Parameter, robot_frames
 from cell.robot_angles import by_axis
-from ident.corrections.base import BAR, BEHIND_GEARS, GEAR, Correction, State, backlash_transition
-from ident.loads.gear_loads import Loads, mass_model, own_weight
+from ident.corrections.base import (
+    BAR,
+    BEHIND_GEARS,
+    GEAR,
+    Channel,
+    Correction,
+    State,
+    backlash_transition,
+)
+from ident.loads.gear_loads import mass_model, own_weight
 
 # [N m] load under which backlash counts in the middle (notes/identification sec. 1, metric)
 UNDECIDED, UNDECIDED_WRIST = 3.0, 0.15
@@ -45,16 +53,30 @@ class UnloadedRobot:
 
     def tool(self, q: Array) -> Array:
         """(N, 3) [m] tool position, robot base frame, at logged joint angles q (N, J) [rad]."""
-        return robot_frames(self.geometry, self.joints(q)).tip.T
+        joints, motion = self.deflected(q)
+        return (robot_frames(self.geometry, joints).tip + motion[:3]).T
 
     def joints(self, q: Array) -> Array:
         """(N, J) [rad] actual joint angles at logged ones q (N, J) [rad]."""
+        return self.deflected(q)[0]
+
+    def deflected(self, q: Array) -> tuple[Array, Array]:
+        """Actual joint angles (N, J) [rad] at logged ones q (N, J) [rad], and the tool's motion.
+
+        The latter (6, N) [m, rad], base frame, is what the structure of the arm yields beside its
+        joints; to first order.
+        """
+        motion = np.zeros((6, len(q)))
         if self.values is None or not self.corrections:
-            return q
+            return q, motion
         moved = np.zeros((self.cell.robot.joints + BEHIND_GEARS, len(q)))
+        frames = robot_frames(self.geometry, q)
         for value, (channel, regressor) in zip(self.values, self._regressors(q), strict=True):
-            moved[channel] += value * regressor
-        return np.asarray(q + moved[GEAR:BAR].T @ self.cell.robot.gear_to_joint)
+            if isinstance(channel, Parameter):
+                motion += value * regressor * screw(frames, channel.kind, channel.row)
+            else:
+                moved[channel] += value * regressor
+        return np.asarray(q + moved[GEAR:BAR].T @ self.cell.robot.gear_to_joint), motion
 
     def jacobian(self, q: Array, parameters: NDArray[np.intp]) -> Array:
         """(P + C, 3, N) change of the tool position [m] per unit of each unknown.
@@ -70,25 +92,29 @@ class UnloadedRobot:
         if self.corrections:
             to_joint = self.cell.robot.gear_to_joint
             gears = np.einsum("gj,jcn->gcn", to_joint, joint_screws(frames)[:, :3])
-            columns += [gears[c] * s if c >= GEAR else none for c, s in self._regressors(q)]
+            for channel, regressor in self._regressors(q):
+                if isinstance(channel, Parameter):
+                    columns.append(regressor * screw(frames, channel.kind, channel.row)[:3])
+                else:
+                    columns.append(gears[channel] * regressor if channel >= GEAR else none)
         return np.stack(columns)
 
-    def _regressors(self, q: Array) -> Iterator[tuple[int, Array]]:
+    def _regressors(self, q: Array) -> Iterator[tuple[Channel, Array]]:
         """Channel and regressor (N,) of every coefficient, at rest under the robot's own weight."""
-        n = len(q)
-        weight, none = (
-            own_weight(mass_model(self.cell), self.geometry, q),
-            np.zeros((self.cell.robot.joints, n)),
-        )
+        weight = own_weight(mass_model(self.cell), self.geometry, q)
+        gears = (q @ self.cell.robot.joint_to_gear).T
+        still = np.zeros_like(gears)
         state = State(
-            t=np.zeros(n),
+            t=still[0],
             recording=-1,
-            gears=(q @ self.cell.robot.joint_to_gear).T,
-            bar=np.zeros((5, n)),
-            loads=Loads(weight, none, none[0], none[0]),
-            tension=none[0],
+            gears=gears,
+            bar=np.zeros((5, len(q))),
+            loads=weight,
+            tension=still[0],
             width=backlash_transition(self.cell),
-            flanks=backlash_flanks(weight),
+            gear_speed=still,
+            gear_acceleration=still,
+            flanks=backlash_flanks(weight.gear),
         )
         for correction in self.corrections:
             regressors = correction.regressors(state)

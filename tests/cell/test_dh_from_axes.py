@@ -153,7 +153,8 @@ def test_modified_rows_of_the_panda_give_its_standard_rows() -> None:
     assert largest_difference(form, axes) < ROUNDING
 
 
-@pytest.mark.parametrize("name", sorted(set(PUBLISHED) - {"gp25"}))
+# The IRB 2400's rows turn joint 5 the other way than its axis 5 (cell/robots/irb2400.yaml).
+@pytest.mark.parametrize("name", sorted(set(PUBLISHED) - {"gp25", "irb2400"}))
 def test_rows_are_those_of_the_shipped_description(name: str) -> None:
     chain, robot = dh_from_axes(axes_of(PUBLISHED[name].joints)).chain, load_robot(name)
     for key in ("a", "d", "alpha", "theta"):  # 1e-8: quarter turns of ten digits at UR

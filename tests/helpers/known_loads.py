@@ -52,7 +52,7 @@ class Motion:
         bare = replace(CELL, plate=replace(CELL.plate, body=plate))
         still = np.zeros_like(self.q)
         held = loads(mass_model(CELL), NOMINAL, self.q, self.b, still, still).gears(force)
-        through = own_weight(mass_model(bare), NOMINAL, self.q) - held  # at the gears
+        through = own_weight(mass_model(bare), NOMINAL, self.q).gear - held  # at the gears
         at_joints = CELL.robot.joint_to_gear @ through
         frames = robot_frames(NOMINAL, self.q)
         axes = np.stack((frames.x[-1], frames.y[-1], frames.z[-1]))

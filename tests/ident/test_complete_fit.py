@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +28,7 @@ from ident.complete_fit import (
     with_tension,
 )
 from ident.corrections import CORRECTIONS, supported_corrections
+from ident.corrections.base import Correction
 from ident.estimator.fit import Fit
 from ident.estimator.noise import ExcessNoise
 from ident.options import FitOptions, Listener
@@ -34,12 +36,16 @@ from ident.recording_fit import RecordingFit, fit_recording
 from ident.signals.step_fault import StepFault
 from tests.helpers.known_loads import tension_at
 from tests.helpers.minute_logs import LATE, minute_logs
-from tests.helpers.synthetic_recording import CELL
+from tests.helpers.synthetic_recording import CELL, UNIVERSAL_AND_GIMBAL
 
 OPTIONS = FitOptions(model="complete", samples=300)
 RIPPLE = 1e-4  # [rad]
 PERIOD = 2.0 * np.pi / CELL.ballbar.encoder_lines
 WITHOUT_LOADS = ("gear_ripple", "encoder_harmonics")
+
+
+def formed(names: Sequence[str]) -> list[Correction]:
+    return [CORRECTIONS[name](CELL, UNIVERSAL_AND_GIMBAL) for name in names]
 
 
 def fitted(**plants: object) -> RecordingFit:
@@ -60,7 +66,7 @@ def elastic() -> RecordingFit:
 @pytest.fixture(scope="module")
 def found(rippled: RecordingFit) -> Fit:
     """Ripple and harmonics together, of which only ripple is there."""
-    return fit_pose(posed(CELL, [rippled], WITHOUT_LOADS, OPTIONS), FIRST_EXCESS)
+    return fit_pose(posed(CELL, [rippled], formed(WITHOUT_LOADS), OPTIONS), FIRST_EXCESS)
 
 
 def test_a_correction_without_effect_is_not_supported_and_a_planted_one_is(found: Fit) -> None:
@@ -163,7 +169,7 @@ def test_coefficients_are_found_by_the_name_of_their_correction(found: Fit) -> N
 def test_a_fit_of_a_few_samples_comes_first_where_there_are_very_many(
     rippled: RecordingFit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pose = posed(CELL, [rippled], WITHOUT_LOADS, OPTIONS)
+    pose = posed(CELL, [rippled], formed(WITHOUT_LOADS), OPTIONS)
     assert approached(pose, FIRST_EXCESS) is pose
     monkeypatch.setattr(complete_fit, "COARSE_SAMPLES", 70)
     near, whole = approached(pose, FIRST_EXCESS), fit_pose(pose, FIRST_EXCESS)
@@ -179,12 +185,12 @@ def test_a_fit_of_a_few_samples_comes_first_where_there_are_very_many(
 def test_the_model_has_loads_tension_and_splines_only_where_a_correction_needs_them(
     elastic: RecordingFit,
 ) -> None:
-    bare = posed(CELL, [elastic], WITHOUT_LOADS, OPTIONS).model
+    bare = posed(CELL, [elastic], formed(WITHOUT_LOADS), OPTIONS).model
     assert bare.masses is None
     assert bare.unknowns.gain is None
     assert bare.unknowns.own[0].knots is None
     assert not bare.recordings[0].tension.any()
-    loaded = posed(CELL, [elastic], ("joint_compliance",), OPTIONS).model
+    loaded = posed(CELL, [elastic], formed(("joint_compliance",)), OPTIONS).model
     assert loaded.masses is not None
     assert loaded.unknowns.gain is not None
     samples = loaded.recordings[0]
@@ -197,7 +203,7 @@ def test_the_model_has_loads_tension_and_splines_only_where_a_correction_needs_t
 
 def test_a_rod_without_any_signal_has_a_spline_and_no_gain(elastic: RecordingFit) -> None:
     options = replace(OPTIONS, force="none")
-    model = posed(CELL, [elastic], ("joint_compliance",), options).model
+    model = posed(CELL, [elastic], formed(("joint_compliance",)), options).model
     assert model.unknowns.gain is None
     assert not model.recordings[0].tension.any()
     knots = model.unknowns.own[0].knots
@@ -219,7 +225,7 @@ def test_without_a_signal_the_fit_begins_with_much_noise_and_a_wide_backlash(
 
     monkeypatch.setattr(complete_fit, "fit_pose", followed)
     options = replace(OPTIONS, force="none")
-    pose = posed(CELL, [elastic], ("joint_compliance", "gear_backlash"), options)
+    pose = posed(CELL, [elastic], formed(("joint_compliance", "gear_backlash")), options)
     near = continued(pose, Listener(told.append))
     assert [line.split("(")[1] for line in told] == [
         f"{k:g} times the noise)" for k in CONTINUATION
@@ -237,7 +243,7 @@ def test_without_a_signal_the_fit_begins_with_much_noise_and_a_wide_backlash(
 
 
 def test_knots_get_a_prior_as_wide_as_they_turned_out(elastic: RecordingFit) -> None:
-    pose = posed(CELL, [elastic], ("joint_compliance",), OPTIONS)
+    pose = posed(CELL, [elastic], formed(("joint_compliance",)), OPTIONS)
     fit = fit_pose(pose, FIRST_EXCESS)
     knots = fit.model.unknowns.own[0].knots
     assert knots is not None
@@ -281,7 +287,7 @@ def test_two_recordings_share_the_machine_and_keep_their_own_clocks() -> None:
     """The same machine twice: its coefficients are known better by the root of two."""
     recordings = [fitted(ripple=RIPPLE, seed=seed) for seed in (1, 2)]
     single, both = (
-        fit_pose(posed(CELL, some, ("gear_ripple",), OPTIONS), FIRST_EXCESS)
+        fit_pose(posed(CELL, some, formed(("gear_ripple",)), OPTIONS), FIRST_EXCESS)
         for some in (recordings[:1], recordings)
     )
     assert "offset@2" in both.model.unknowns.names
@@ -294,7 +300,7 @@ def test_two_recordings_share_the_machine_and_keep_their_own_clocks() -> None:
 
 
 def test_a_pose_is_a_model_and_where_its_fit_begins(rippled: RecordingFit) -> None:
-    pose = posed(CELL, [rippled], (), OPTIONS)
+    pose = posed(CELL, [rippled], formed(()), OPTIONS)
     assert isinstance(pose, Pose)
     assert np.array_equal(pose.x, pose.model.unknowns.mean)
     assert pose.ballbars[0].shape == (rippled.samples.times.size, 5)

@@ -16,7 +16,8 @@ from cell.load import load_robot
 from ident import FitOptions, Identification, Listener, identify_together
 from ident.complete_fit import FIRST_EXCESS, fit_pose, posed
 from ident.corrections.gear_ripple import harmonic_orders
-from ident.corrections.joint_harmonics import JOINT_HARMONICS
+from ident.corrections.joint_compliance import joint_compliance
+from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics
 from ident.joint_errors import candidate_orders, linearised, may_have_joint_errors
 from ident.recording_fit import fit_recording
 from ident.robot.accuracy import accuracy_grid, position_error
@@ -117,8 +118,8 @@ def test_candidates_are_columns_of_the_fit_and_blocks_are_numbered_over_all_reco
         fit_recording(CELL, minute_logs(joint_error=(JOINT, ORDER, SIZE), seed=seed), OPTIONS)
         for seed in (1, 2)
     ]
-    names = ("joint_compliance", JOINT_HARMONICS)
-    pose = posed(CELL, recordings, names, OPTIONS, orders=[(JOINT, ORDER)])
+    chosen = [joint_compliance(CELL, ()), joint_harmonics([(JOINT, ORDER)])]
+    pose = posed(CELL, recordings, chosen, OPTIONS)
     model = linearised(fit := fit_pose(pose, FIRST_EXCESS))
     column = model.jacobian[fit.model.unknowns.names.index("joint2_17_cos")]
     expected = model.joints[JOINT] * np.cos(ORDER * model.angles[JOINT])

@@ -74,6 +74,34 @@ def judged(evidence: Evidence, *recordings: RecordingEvidence) -> Verdict:
             "Misfit: the residual is 3.0 times what the noise in the logs explains. Something",
         ),
         (
+            replace(COMPLETE, unphysical=("compliance2", "the tool's mass")),
+            Status.MISFIT,
+            "Misfit: compliance2, the tool's mass came out negative, as no stiffness, play or mass",
+        ),
+        (
+            replace(GOOD, tcp_sigma=0.8e-3, nominal_error=1.2e-3),
+            Status.UNCERTAIN,
+            "Uncertain: the tool is known to 0.8 mm (1 sigma, rms over the workspace), and half of "
+            "the 1.2 mm that the nominal robot is off would be the most. Record longer",
+        ),
+        (
+            replace(GOOD, tcp_sigma=0.06e-3, nominal_error=1.2e-3, accuracy=0.05e-3),
+            Status.UNCERTAIN,
+            "Uncertain: the tool is known to 0.06 mm (1 sigma, rms over the workspace), and the "
+            "0.05 mm that are asked for would be the most.",
+        ),
+        (
+            replace(GOOD, tcp_sigma=0.8e-3, nominal_error=1.2e-3, accuracy=1e-3),
+            Status.GOOD,
+            "Good fit",
+        ),
+        (
+            replace(COMPLETE, softer=1.6),
+            Status.SUSPECT,
+            "Usable, with care: all gears together are 1.60 times as soft as the catalogue's, as",
+        ),
+        (replace(GOOD, tcp_sigma=0.05e-3), Status.GOOD, "Good fit"),  # a robot that was right
+        (
             replace(GOOD, pulled=("rod_compliance", "bd3")),
             Status.SUSPECT,
             "Usable, with care: rod_compliance, bd3 stand more than 3.5 standard deviations from",
@@ -269,10 +297,18 @@ def test_statuses_are_ordered_from_worst_to_best_and_their_words_are_those_of_th
         "not converged",
         "ambiguous",
         "misfit",
+        "uncertain",
         "suspect",
         "good",
     ]
-    assert [status.acceptable for status in Status] == [False] * 4 + [True] * 2
+    assert [status.acceptable for status in Status] == [False] * 5 + [True] * 2
+
+
+def test_a_clock_that_a_length_hardly_shows_is_said() -> None:
+    (good, care) = (judged(GOOD, replace(RECORDING, clock_sigma=s)) for s in (0.009, 0.02))
+    assert good.status is Status.GOOD
+    assert care.status is Status.SUSPECT
+    assert "the clock offset is known to 20 ms at best" in care.sentence
 
 
 def test_a_named_cause_takes_the_place_of_the_sentence_and_leaves_it_as_a_remark() -> None:

@@ -31,6 +31,7 @@ BASE_STIFFNESS = 5e7  # [N/m] of the ball-bar's base
 # [N m] reducers RV-80E, RV-80E, RV-40E (catalogue, recalled); wrist assumed
 RATED = np.array([784.0, 784.0, 412.0, 80.0, 60.0, 40.0])
 RESOLVER = 1.5e-3  # [rad] at the motor, 1 and 2 cycles a turn
+DEPTH = 0.1  # [rad] of the phase's modulation, once a turn
 UNLISTED = 4e-6  # [rad] of a ripple whose order no file lists
 HYSTERESIS, FLANK = 0.002, 0.003  # of the rated torque: half width of the loop, width of the flank
 _X, _Y = np.eye(3)[:2]
@@ -342,7 +343,7 @@ def _ripples(
     cell: Files, ratio: Array, rng: np.random.Generator
 ) -> tuple[tuple[Ripple, ...], tuple[Ripple, ...]]:
     def ripple(gear: int, order: float, size: float) -> Ripple:
-        return Ripple(gear, order, size, rng.uniform(0, 2 * np.pi), rng.uniform(-0.1, 0.1))
+        return Ripple(gear, order, size, rng.uniform(0, 2 * np.pi), rng.uniform(-DEPTH, DEPTH))
 
     out = []
     for table in cell.robot["gears"]["transmission_error"]:

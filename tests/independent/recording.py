@@ -63,9 +63,12 @@ class Truth:
     """What one recording was made from."""
 
     machine: Machine
-    offset: float  # [s] t_robot = offset + (1 + skew) t_ballbar, both from their first rows
+    # [s] t_robot = offset + (1 + skew) t_ballbar, both from their first rows; the lag of motor 1,
+    # which no log tells from the clock, is part of it
+    offset: float
     skew: float
     motion: Motion
+    scaled: tuple[int, float] = (0, 1.0)  # motor, and factor by which its log is wrong
 
     def tool(self, joints: Array) -> Array:
         """(N, 3) [m] tool of the unloaded robot under its own weight at logged angles (N, 6) [rad].
@@ -74,6 +77,9 @@ class Truth:
         """
         m = self.machine
         readings = joints @ np.linalg.inv(m.to_joint) / m.ratio
+        motor, factor = self.scaled
+        if motor:
+            readings[:, motor - 1] /= factor
         return unloaded(m, m.gears(m.from_readings(readings)))
 
 
@@ -102,10 +108,10 @@ def record_path(plan: Plan, k: int, folder: Path, faults: Faults = Faults()) -> 
     motion = held(machine, way.command, grown, way.bar, _remounted(plan, k))
     clock = float(rng.uniform(-OFFSET, OFFSET)), float(SKEW * rng.standard_normal())
     (folder / "raw").mkdir(parents=True, exist_ok=True)
-    _write_robot(machine, motion, clock[0], rng, folder, faults)
-    fitted = _write_ballbar(plan, motion, clock, rng, folder, faults)
+    first = _write_robot(machine, motion, clock[0], rng, folder, faults)
+    offset, skew = _write_ballbar(plan, motion, clock, rng, folder, faults)
     _write_description(plan, cell, machine, folder, faults)
-    return Truth(machine, *fitted, motion)
+    return Truth(machine, offset - first + plan.effects.lag[0], skew, motion, faults.scaled)
 
 
 @lru_cache(maxsize=8)
@@ -136,7 +142,8 @@ def _remounted(plan: Plan, k: int) -> Pose:
 def _write_robot(
     machine: Machine, motion: Motion, offset: float, rng: np.random.Generator, folder: Path,
     faults: Faults,
-) -> None:  # fmt: skip
+) -> float:  # fmt: skip
+    """Write motor angles and torques; the time [s] of the first row that is kept."""
     start = LEAD - max(0.0, offset)
     rows = int((motion.t[-1] - LEAD - start) / ROBOT_PERIOD) + 1
     t: Array = start + ROBOT_PERIOD * np.arange(rows, dtype=np.float64)
@@ -157,6 +164,7 @@ def _write_robot(
     form = ",".join(["%.6f", *["%.9f"] * (len(names) - 1)]) + "\n"
     lines = [",".join(names) + "\n", *(form % tuple(row) for row in table.tolist())]
     (folder / "raw" / "robot.csv").write_text("".join(lines))
+    return float((t - t[0])[inside][0])
 
 
 def _mistaken(motors: Array, faults: Faults) -> Array:
@@ -198,7 +206,10 @@ def _write_ballbar(
     plan: Plan, motion: Motion, clock: tuple[float, float], rng: np.random.Generator,
     folder: Path, faults: Faults,
 ) -> tuple[float, float]:  # fmt: skip
-    """Write the counters; offset [s] and skew of the straight line through the clock's drift."""
+    """Write the counters; offset [s] at the first row that is kept, and skew.
+
+    Both are those of the straight line through the clock's drift.
+    """
     offset, skew = clock
     start = LEAD + min(0.0, offset)
     end = motion.t[-1] - LEAD
@@ -230,7 +241,8 @@ def _write_ballbar(
     rows = np.stack(table, axis=1)[inside].tolist()
     lines = [";".join(names), *(";".join(map(str, row)) for row in rows)]
     (folder / "raw" / "ballbar.csv").write_text("\r\n".join(lines) + "\r\n", newline="")
-    return offset + float(ahead), skew + float(rate)
+    skew += float(rate)
+    return offset + float(ahead) + (1.0 + skew) * float(stamp[inside][0]), skew
 
 
 def direction(seed: int, encoder: int) -> int:

@@ -28,7 +28,7 @@ from planning.clearance import clearance, nearest
 from planning.crlb import moving, predict
 from planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
 from planning.export import pdl2, rapid, table
-from planning.files import path_data
+from planning.files import path_data, planned_path_data
 from planning.first import first_path
 from planning.force import DRAWS, predicted_forces
 from planning.limits import violations
@@ -527,7 +527,7 @@ def test_the_command_writes_a_scenario_that_can_be_loaded(
     again = command.given_path(
         requested, out / "path.yaml", None
     )  # the file says where the ball-bar stands
-    assert path_data(again.evaluation.candidate) == load_yaml(out / "path.yaml").data
+    assert planned_path_data(again) == load_yaml(out / "path.yaml").data
     (out / "path.yaml").write_text(
         (out / "path.yaml").read_text().partition("ballbar_position_m")[0]
     )

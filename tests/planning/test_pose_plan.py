@@ -46,7 +46,7 @@ RUNNER = CliRunner()
 
 def changed(path: Path, **values: object) -> Setup:
     """The setup of a shipped request with other values and fewer candidates."""
-    request = load_pose_request(path).model_copy(update={"candidates": 600, **values})
+    request = load_pose_request(path).model_copy(update={"candidates": 250, "poses": 30, **values})
     return setup_of(request, relative_to=PLANS)
 
 
@@ -82,7 +82,7 @@ def tracker() -> PosePlan:
 
 @pytest.fixture(scope="module")
 def wire() -> PosePlan:
-    return planned(changed(WIRE, poses=40))
+    return planned(changed(WIRE, poses=40))  # one length a pose: more than the unknowns
 
 
 def keeps_limits(setup: Setup, poses: Candidates) -> None:
@@ -257,8 +257,8 @@ def test_an_exchange_never_makes_the_selection_worse_and_poses_stay_apart() -> N
 
 
 def test_a_plan_is_predicted_to_beat_random_poses(tracker: PosePlan, wire: PosePlan) -> None:
-    assert tracker.poses.size == wire.poses.size == 40
-    assert tracker.gain > 1.25
+    assert (tracker.poses.size, wire.poses.size) == (30, 40)
+    assert tracker.gain > 1.3
     assert wire.gain > 1.7
     assert tracker.sigma.mean() < tracker.random.min()
     assert wire.sigma.mean() < wire.random.min()
@@ -268,7 +268,7 @@ def test_a_plan_is_predicted_to_beat_random_poses(tracker: PosePlan, wire: PoseP
 def errors(plan: PosePlan, seeds: range) -> tuple[Array, Array]:
     """TCP errors [m] of drawn robots, identified from the plan and from random poses."""
     setup, rng = plan.setup, np.random.default_rng(plan.setup.request.seed)
-    candidates, count = random_candidates(setup, 600, rng), plan.poses.size
+    candidates, count = random_candidates(setup, 250, rng), plan.poses.size
 
     def error(robot: DrawnRobot, poses: Candidates, noise: np.random.Generator) -> float:
         result = identify_poses(robot.measured(poses, noise), PoseOptions(search=False))
@@ -295,21 +295,20 @@ def test_the_real_error_follows_the_prediction(tracker: PosePlan, wire: PosePlan
     assert np.median(by_random / by_plan) > 1.4
 
 
-def test_refinement_begins_only_within_the_time_given() -> None:
-    setup = changed(TRACKER)
-    hurried = pose_plan(setup, seconds=0.0, since=lambda: 1.0)
-    assert hurried.poses.size == 40
-    assert 1.0 < hurried.gain < planned(setup).gain
+def test_refinement_begins_only_within_the_time_given(tracker: PosePlan) -> None:
+    hurried = pose_plan(tracker.setup, seconds=0.0, since=lambda: 1.0)
+    assert hurried.poses.size == 30
+    assert 1.0 < hurried.gain < tracker.gain
 
 
 def test_the_order_of_a_plan_is_short_and_its_moves_are_clear(tracker: PosePlan) -> None:
     setup, axes = tracker.setup, tracker.poses.axes
     assert not tracker.route.blocked
-    moves = np.array([k for k in range(1, 40) if k not in tracker.route.passing])
+    moves = np.array([k for k in range(1, len(axes)) if k not in tracker.route.passing])
     assert clear_moves(setup, 0, axes[moves - 1], axes[moves]).all()
     speed = setup.robot.axis_speed_max
     rng = np.random.default_rng(1)
-    shuffled = [np.diff(axes[rng.permutation(40)], axis=0) for _ in range(20)]
+    shuffled = [np.diff(axes[rng.permutation(30)], axis=0) for _ in range(20)]
     times = [float((np.abs(step) / speed).max(axis=1).sum()) for step in shuffled]
     assert tracker.route.seconds < 0.7 * min(times)
 
@@ -341,7 +340,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path: Path) -> None:
     request = load_pose_request(TRACKER).model_dump(mode="json", by_alias=True)
-    request |= {"candidates": 400, "poses": 30}
+    request |= {"candidates": 200, "poses": 30}
     file, folder = tmp_path / "request.yaml", tmp_path / "plan"
     write_yaml(file, request)
     done = RUNNER.invoke(app, ["plan", str(file), "--out", str(folder)])
@@ -389,7 +388,7 @@ def test_programs_read_back_are_the_poses(tracker: PosePlan) -> None:
     expected = np.degrees(tracker.poses.axes)
     assert read[poses] == pytest.approx(expected, abs=1e-4)
     assert re.findall(r"MoveAbsJ (\w+)", text) == names
-    assert text.count("WaitTime 3;") == 40
+    assert text.count("WaitTime 3;") == 30
     moves = re.findall(r"MOVE JOINT TO \{(.*)\}", pdl2_poses(tracker))
     read = np.array([[float(v) for v in move.split(",")] for move in moves])
     assert read[poses] == pytest.approx(expected, abs=1e-4)

@@ -13,25 +13,37 @@ from scipy.interpolate import CubicSpline
 from typer.testing import CliRunner
 
 from ballbar.commands.cli import app
+from ballbar.result.compare import identification_against_truth
+from ballbar.result.run_recordings import identify_recordings
+from ballbar.run import simulate_scenario
+from ballbar.scenario import load_scenario
+from cell.arrays import Array
 from cell.errors import DescriptionError, InputError
 from cell.geometry import robot_frames
+from cell.load import load_robot
+from cell.robot_angles import joints_to_axes
 from cell.strict_yaml import load_yaml
 from ident.identify import identify_together
 from ident.options import DEFAULT_SAMPLES, FitOptions
 from ident.robot.accuracy import tcp_error
+from ident.verdict import Status
 from planning.candidate import Candidate, space_of
 from planning.clearance import nearest
 from planning.crlb import EXACT, predict
 from planning.evaluation import Evaluator, check, evaluators, tcp_rms
+from planning.files import length_data
 from planning.first import first_path
+from planning.force import ERROR
 from planning.limits import leaning, violations
 from planning.plan import assess
 from planning.request import Cup, PlanLimits, load_request
 from planning.stroke import DRAWS, predicted_lengths, stroke_model
-from planning.trajectory import Trajectory
+from planning.trajectory import Trajectory, trajectories
 from planning.verify import checks, run_in_plant, violations_in
 from planning.what_if import answers, check_questions, question
-from sim.path_files import load_lissajous
+from sim.path import Lissajous
+from sim.path_files import load_lissajous, scenario_path
+from sim.settings import PathSettings
 from tests.helpers.command_line import ballbar
 from tests.helpers.length_recordings import planned_run
 from tests.helpers.program_reader import read_rapid
@@ -262,7 +274,7 @@ def test_a_better_sensor_predicts_less_and_a_rigid_hold_is_no_unknown(
 def test_the_prediction_is_the_error_that_identification_makes(
     evaluator: Evaluator, trajectory: Trajectory
 ) -> None:
-    """Six drawn robots on the path, kinematic, white noise: rms TCP error over the prediction."""
+    """Four drawn robots on the path, kinematic, white noise: rms TCP error over the prediction."""
     noise, timing = 5e-6, evaluator.request.timing
     spacing = (timing.duration_s - 2.0 * timing.dwell_s + 2.0) / DEFAULT_SAMPLES
     sensors = evaluator.request.sensors.model_copy(
@@ -276,20 +288,62 @@ def test_the_prediction_is_the_error_that_identification_makes(
     found = predict(predictor, trajectory, np.zeros(trajectory.t.size))
     t = np.arange(0.0, timing.duration_s, 0.02)
     q, square = CubicSpline(trajectory.t, trajectory.q)(t), []
-    for seed in range(6):
+    for seed in range(4):
         run = planned_run(evaluator.cell, trajectory.nominal, t, q, seed=seed, noise=noise)
         result = identify_together(run.cell, [run.logs], options=FitOptions(model="dh"))
         assert result.verdict.acceptable, result.verdict.sentence
         square.append(np.mean(tcp_error(result.robot.geometry, run.true, found.grid).error ** 2))
     ratio = np.sqrt(np.mean(square) / np.mean(found.tcp_sigma**2))
-    assert 0.75 < ratio < 1.35, ratio  # six robots scatter by a tenth or more
+    assert 0.75 < ratio < 1.35, ratio  # four robots scatter by a tenth or more
 
 
-def test_the_command_writes_what_a_telescoping_bar_needs_and_nothing_else(tmp_path: Path) -> None:
+# The path that was shipped before: over 2 % of the sphere.
+SMALL = Lissajous(
+    centre=np.radians([-71.41, -13.51, -157.43, -54.06, -5.95]),
+    amplitude=np.radians([10.28, 13.49, 49.99, 21.7, 7.06]),
+    cycles=np.array([2.0, 2.0, 3.0, 5.0, 3.0]),
+    phase=np.radians([9.44, 291.94, 59.34, 306.04, 202.04]),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("shape", "position", "seed"),
+    [
+        (SMALL, (0.295, 0.376, 0.12), 10),
+        (replace(load_lissajous(PATH), amplitude=0.5 * load_lissajous(PATH).amplitude), None, 13),
+    ],
+    ids=["small", "half"],
+)
+def test_what_a_small_path_leaves_open_is_stated(
+    evaluator: Evaluator, shape: Lissajous, position: tuple[float, ...] | None, seed: int
+) -> None:
+    """Regression. Small: noise in the robot's speed passed for knowledge of the clock, which was 5
+    sigma off, and the tool 1.8. Half: a parameter that was left out as poorly excited, rtheta4, put
+    the tool 2.3 sigma off.
+    """
+    at = known().position if position is None else np.array(position)
+    outcome = check(evaluator, Candidate(shape, at))
+    assert outcome.trajectory is not None
+    t = np.arange(0.0, evaluator.request.timing.duration_s, 0.02)
+    q = CubicSpline(outcome.trajectory.t, outcome.trajectory.q)(t)
+    run = planned_run(evaluator.cell, outcome.trajectory.nominal, t, q, seed=seed, noise=5e-6)
+    result = identify_together(run.cell, [run.logs], options=FitOptions(model="dh"))
+    assert result.verdict.status is Status.GOOD, result.verdict.sentence
+    (recording,) = result.recordings
+    assert recording.clock is not None
+    assert abs(recording.clock.offset - run.clock.offset) < 3.0 * recording.clock_sigma[0]
+    error = tcp_error(result.robot.geometry, run.true, evaluator.predictor.grid).error
+    assert rms(error) < 1.5 * rms(result.robot.tcp_sigma)
+
+
+def test_the_command_writes_what_a_telescoping_bar_needs_and_a_scenario_that_runs(
+    tmp_path: Path,
+) -> None:
     out = tmp_path / "plan"
     result = CliRunner().invoke(app, ["plan", str(REQUEST), "--path", str(PATH), "--out", str(out)])
     assert result.exit_code == 0, result.output
-    names = {"path.yaml", "plan.yaml", "plan.svg", "path.csv"}
+    names = {"path.yaml", "scenario.yaml", "plan.yaml", "plan.svg", "path.csv"}
     programs = {f"ur10e_telescoping.{kind}" for kind in ("mod", "pdl")}
     assert {p.name for p in out.iterdir()} == names | programs
     said = re.sub(r"\s+", " ", result.output)
@@ -310,6 +364,60 @@ def test_the_command_writes_what_a_telescoping_bar_needs_and_nothing_else(tmp_pa
     axes = np.array([[float(v) for v in row] for row in csv.reader(rows[1:])])[:, 1:7]
     assert read_rapid(program).axes == pytest.approx(axes)
     assert "soft servo" not in (out / "ur10e_telescoping.pdl").read_text()
+    scenario = load_scenario(out / "scenario.yaml")
+    assert scenario.plant.kind == "kinematic"  # the robot's file has no masses
+    recording = tmp_path / "recording"
+    simulation = simulate_scenario(
+        scenario, out / "scenario.yaml", recording, progress=lambda _: None
+    )
+    first = joints_to_axes(simulation.cell.robot, simulation.path.q[0])
+    assert np.degrees(first) == pytest.approx(axes[0], abs=0.1)  # of the file's rounding
+    found = identify_recordings([recording], settings=scenario.identify).identification
+    assert found.verdict.status is Status.GOOD, found.verdict.sentence
+    comparison = identification_against_truth(found, simulation.truth)
+    assert comparison.offset is not None
+    assert comparison.skew is not None
+    offset, skew = found.recordings[0].clock_sigma
+    assert abs(comparison.offset) < 3.0 * offset
+    assert abs(comparison.skew) < 3.0 * skew
+    assert rms(comparison.tcp.error) < 3.0 * rms(found.robot.tcp_sigma)
+
+
+def rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x * x)))
+
+
+def test_errors_of_a_simulated_robot_are_those_that_the_stroke_takes(
+    evaluator: Evaluator, trajectory: Trajectory
+) -> None:
+    assert evaluator.stroke_model is not None
+    short = replace(evaluator.stroke_model, stroke=(0.9995, 1.0005))
+    lengths = predicted_lengths(short, trajectory)
+    data = length_data(lengths, evaluator.cell.robot)
+    size = data["errors"]["static"]["sigma_m"]  # type: ignore[index]
+    assert 1e-5 < size < 5e-4
+    kept = replace(short, errors=short.errors * size / ERROR, seat=short.seat * size / ERROR)
+    assert predicted_lengths(kept, trajectory).leaving == 0
+    elastic = length_data(lengths, load_robot("irb2400"))
+    assert elastic["plant"] == {"kind": "mujoco", "servo": "stiff"}
+    assert "joint_compliance" in elastic["errors"]  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("configuration", [0, 1])
+def test_a_path_file_states_the_configuration_of_the_arm(
+    evaluator: Evaluator, tmp_path: Path, configuration: int
+) -> None:
+    """Regression: a scenario took the first configuration, whatever had been planned."""
+    cell, timing = evaluator.cell, evaluator.request.timing
+    planned = trajectories(cell, known(), timing)[configuration]
+    first = np.degrees(joints_to_axes(cell.robot, planned.q[0])).round(2).tolist()
+    (tmp_path / "path.yaml").write_text(f"{PATH.read_text()}first_axes_deg: {first}\n")
+    settings = PathSettings(kind="lissajous", file="path.yaml", **timing.model_dump())
+    path = scenario_path(settings, cell, planned.nominal, relative_to=tmp_path)
+    assert path.q[0] == pytest.approx(planned.q[0], abs=1e-6)
+    (tmp_path / "path.yaml").write_text(f"{PATH.read_text()}first_axes_deg: {first[:5]}\n")
+    with pytest.raises(InputError, match="first_axes_deg has 5 angles, robot ur10e has 6 axes"):
+        scenario_path(settings, cell, planned.nominal, relative_to=tmp_path)
 
 
 def test_a_property_that_the_bar_does_not_have_is_not_asked() -> None:
@@ -327,7 +435,15 @@ def test_what_if_the_sensor_were_better(evaluator: Evaluator) -> None:
     assert better.tcp < plan.evaluation.tcp
 
 
+@pytest.fixture
+def few_candidates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An eighth of the candidates of a search, which find a first path as well."""
+    monkeypatch.setattr("planning.first.BATCHES", 1)
+    monkeypatch.setattr("planning.first.TRIED", 4)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_candidates")
 @pytest.mark.parametrize("robot", ["ur10e", "ur5e", "kr10_r1100", "irb120", "panda"])
 def test_a_path_is_found_for_any_arm(robot: str, tmp_path: Path) -> None:
     request = load_request(written(tmp_path, f"robot: {robot}, instrument: qc20w_300"))
@@ -338,6 +454,7 @@ def test_a_path_is_found_for_any_arm(robot: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_candidates")
 def test_a_ballbar_with_encoders_is_planned_on_a_complete_file_of_another_arm(
     tmp_path: Path,
 ) -> None:

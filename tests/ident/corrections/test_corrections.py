@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
+from cell.geometry import Parameter
 from ident.corrections import CORRECTIONS
 from ident.corrections.base import (
     BACKLASH_SHARE,
@@ -30,7 +31,7 @@ from ident.corrections.gear_ripple import gear_ripple, harmonic_orders
 from ident.corrections.joint_compliance import joint_compliance
 from ident.corrections.plate_bending import plate_bending
 from ident.corrections.rod_strain import rod_strain
-from ident.loads.gear_loads import Loads
+from ident.loads.gear_loads import BEARINGS, Loads
 from tests.helpers.synthetic_recording import CELL
 
 ENCODERS = (1, 2, 4, 5)
@@ -51,9 +52,13 @@ def state() -> State:
             gear_per_newton=rng.normal(0.0, 0.3, (6, N)),
             plate=rng.normal(0.0, 2.0, N),
             plate_per_newton=rng.normal(0.0, 0.2, N),
+            bearing=rng.normal(0.0, 50.0, (BEARINGS, 2, N)),
+            bearing_per_newton=rng.normal(0.0, 0.5, (BEARINGS, 2, N)),
         ),
         tension=rng.normal(0.0, 4.0, N),
         width=backlash_transition(CELL),
+        gear_speed=rng.normal(0.0, 0.1, (6, N)),
+        gear_acceleration=rng.normal(0.0, 0.1, (6, N)),
     )
 
 
@@ -75,7 +80,10 @@ def test_every_coefficient_has_one_regressor_and_a_channel(
     names = [c.name for c in correction.coefficients]
     assert len(set(names)) == len(names)
     for c in correction.coefficients:
-        assert -BEHIND_GEARS <= c.channel < 6
+        if isinstance(c.channel, Parameter):
+            assert c.channel.side == "robot"
+        else:
+            assert -BEHIND_GEARS <= c.channel < 6
         assert c.sigma > 0.0
         assert c.mean >= 0.0
 

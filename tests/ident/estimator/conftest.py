@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from ident.corrections import CORRECTIONS, supported_corrections
+from ident.corrections import correction_named, supported_corrections
 from ident.estimator.fit import Fit, fit
 from ident.estimator.model import Model, gearing
 from ident.estimator.samples import Samples
@@ -44,8 +44,8 @@ def machine() -> CompleteModel:
         splines=tension_splines(times),
         clock_steps=(20.0,),
     )
-    every = supported_corrections(CELL.robot)
-    corrections = tuple(CORRECTIONS[name](CELL, UNIVERSAL_AND_GIMBAL) for name in every)
+    every = (*supported_corrections(CELL.robot), "bearing_tilt", "joint_lag")
+    corrections = tuple(correction_named(name, CELL, UNIVERSAL_AND_GIMBAL) for name in every)
     start = RecordingStart(
         encoders=UNIVERSAL_AND_GIMBAL,
         geometry=NOMINAL,

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
+from cell.geometry import Parameter
 from ident.corrections.base import BAR, BEHIND_GEARS, GEAR, PLATE, ROD
-from ident.estimator.closure import close_loop
+from ident.estimator.closure import close_loop, parameter_jacobian
 from ident.estimator.model import (
     LOADS_CLOCK,
     LOADS_GEOMETRY,
@@ -103,9 +104,14 @@ def test_corrections_displace_gears_ball_bar_rod_and_plate(machine: CompleteMode
     point = evaluated(machine)
     values = iter(machine.x[machine.model.unknowns.coefficients])
     moved = np.zeros((6 + BEHIND_GEARS, 200))
+    varied: dict[Parameter, Array] = {}
     for correction, regressors in zip(machine.model.corrections, point.regressors, strict=True):
         for coefficient, regressor in zip(correction.coefficients, regressors, strict=True):
-            moved[coefficient.channel] += next(values) * regressor
+            channel, value = coefficient.channel, next(values)
+            if isinstance(channel, Parameter):
+                varied[channel] = varied.get(channel, np.zeros(200)) + value * regressor
+            else:
+                moved[channel] += value * regressor
     q = machine.model.recordings[0].robot.spline(point.robot_time)
     geometry = machine.model.unknowns.geometry(machine.x, 0)
     closure = close_loop(
@@ -115,6 +121,9 @@ def test_corrections_displace_gears_ball_bar_rod_and_plate(machine: CompleteMode
     )
     beyond = point.closure.error - closure.error
     expected = np.einsum("ckn,cn->kn", point.columns[[ROD, PLATE]], moved[[ROD, PLATE]])
+    assert {"ralpha1", "rbeta0"} <= {parameter.name for parameter in varied}
+    for parameter, size in varied.items():
+        expected += parameter_jacobian(closure, [parameter])[0] * size
     assert beyond == pytest.approx(expected, abs=1e-15)
     assert np.flatnonzero(~moved.any(axis=1)).tolist() == [8]  # b3 has no encoder
 

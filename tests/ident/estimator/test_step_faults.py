@@ -293,6 +293,8 @@ def state(times: Array, recording: int) -> State:
         loads=no_loads(6, n),
         tension=np.zeros(n),
         width=np.ones(6),
+        gear_speed=np.zeros((6, n)),
+        gear_acceleration=np.zeros((6, n)),
     )
 
 

@@ -24,10 +24,11 @@ from ident.estimator.unknowns import (
     complete_unknowns,
     kinematic_unknowns,
 )
-from tests.helpers.six_axes import FIXED, INDEX, NAMES, SHARED
+from tests.helpers.six_axes import INDEX, NAMES, SHARED
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 ENCODERS = (1, 2, 4, 5)
+GAUGE = NOMINAL.table.gauge
 FIRST = RecordingStart(ENCODERS, NOMINAL, Clock(0.3, 1e-5), knots=3, tension_sigma=12.0)
 SECOND = RecordingStart(
     ENCODERS, NOMINAL.replaced({"ox": 0.8, "btheta1": 0.2}), Clock(-1.0, 0.0), clock_steps=2
@@ -87,8 +88,8 @@ def test_a_ball_bar_without_encoders_has_no_clock_of_its_own() -> None:
 
 def test_the_unknowns_of_one_recording_have_plain_names() -> None:
     layout, x = complete(FIRST, force=True)
-    shared = len(SHARED) - len(FIXED)
-    assert set(layout.names[:shared]) == set(SHARED) - set(FIXED)
+    free = set(SHARED) - set(GAUGE)
+    assert set(layout.names[: len(free)]) == free
     coefficients = ("rod_compliance", "rod_backlash", *(f"backlash{i}" for i in range(1, 7)))
     assert layout.names[layout.coefficients] == coefficients
     assert layout.names[layout.coefficients.stop :] == (
@@ -169,6 +170,7 @@ def test_moving_changes_neither_the_vector_nor_the_step() -> None:
 def test_gauge_directions_stay_fixed_at_the_catalogue() -> None:
     layout, x = complete(FIRST)
     geometry: Geometry = layout.geometry(x + 1e-3, 0)
-    for name in FIXED:
+    for name in GAUGE:
         assert name not in layout.names
         assert geometry[name] == NOMINAL[name]
+    assert layout.sigma[layout.names.index("ra6")] == CELL.plate.length_sigma

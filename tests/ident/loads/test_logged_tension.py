@@ -10,7 +10,7 @@ import pytest
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.errors import InputError
-from cell.logs import ForceLog
+from cell.logs import ForceLog, RobotLog
 from ident.estimator.samples import Samples
 from ident.loads.logged_tension import (
     KNOTS_PER_SECOND,
@@ -70,21 +70,26 @@ def test_splines_follow_any_tension_that_changes_slowly() -> None:
     assert np.abs(fitted - tension_at(times)).max() < 0.1  # of 80 N
 
 
+def log_of(t: Array, torque: Array | None) -> RobotLog:
+    return RobotLog(t, np.zeros((t.size, 6)), torque=torque)
+
+
 def test_the_tension_follows_from_the_torques_on_the_ball_bars_clock(
     samples: Samples, torque: Array
 ) -> None:
-    force = torque_tension(CELL, samples, NOMINAL, CLOCK, samples.robot.stamps, torque)
+    log = log_of(samples.robot.stamps, torque)
+    force = torque_tension(CELL, samples, NOMINAL, CLOCK, log)
     off = force - at_samples(samples)
     # Means over 0.08 s, and friction near reversals; a clock 0.25 s off would leave 5 N.
     assert np.sqrt((off[moving(samples)] ** 2).mean()) < 1.5
-    wrong = torque_tension(CELL, samples, NOMINAL, Clock(0.5, 0.0), samples.robot.stamps, torque)
+    wrong = torque_tension(CELL, samples, NOMINAL, Clock(0.5, 0.0), log)
     assert np.sqrt(((wrong - at_samples(samples)) ** 2).mean()) > 4.0
 
 
 def test_torques_logged_in_coarser_rows_serve_as_well(samples: Samples, torque: Array) -> None:
     t = samples.robot.stamps[::4]
     coarse = replace(samples, robot=replace(samples.robot, stamps=t))
-    force = torque_tension(CELL, coarse, NOMINAL, CLOCK, t, torque[::4])
+    force = torque_tension(CELL, coarse, NOMINAL, CLOCK, log_of(t, torque[::4]))
     off = (force - at_samples(samples))[moving(samples)]
     assert np.sqrt((off**2).mean()) < 1.5
 
@@ -107,6 +112,6 @@ def test_a_sensor_on_a_clock_of_its_own_is_aligned_by_what_it_should_measure(
 
 def test_a_signal_that_was_not_logged_is_refused_with_the_choices(samples: Samples) -> None:
     with pytest.raises(InputError, match="no motor torques; choose force auto, sensor or none"):
-        torque_tension(CELL, samples, NOMINAL, CLOCK, samples.robot.stamps, None)
+        torque_tension(CELL, samples, NOMINAL, CLOCK, log_of(samples.robot.stamps, None))
     with pytest.raises(InputError, match="no log of a force sensor; choose force auto, torque"):
         sensor_tension(CELL, samples, NOMINAL, CLOCK, None)

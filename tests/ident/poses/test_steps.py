@@ -11,6 +11,7 @@ from cell.arrays import Array
 from cell.poses import Measured, PoseTable
 from ident.poses.closure import Placement
 from ident.poses.identify import PoseOptions, identify_poses
+from ident.poses.steps import renamed
 from tests.helpers.still_poses import SEAT, TARGET, angles, group, table_of, true_robot
 
 PLAIN = PoseOptions(search=False)
@@ -95,3 +96,14 @@ def test_a_few_outliers_and_another_robot_are_no_steps() -> None:
     assert identify_poses(table, PLAIN).findings.steps == ()
     wrong = replace(table, groups=(replace(group, q=group.q[:, [0, 2, 1, 3, 4, 5]]),))
     assert identify_poses(wrong, PLAIN).findings.steps == ()
+
+
+def test_the_steps_of_a_result_rename_the_rows_behind_them_alone() -> None:
+    whole = stepped("point", "seat", np.array([0.0, 5e-3, 0.0]), at=60)
+    found = identify_poses(whole, PLAIN).findings.steps
+    assert renamed(whole, ()) is whole
+    table = renamed(whole, found)
+    assert sum(len(group.q) for group in table.groups) == COUNT
+    assert {group.seat: len(group.q) for group in table.groups} == pytest.approx(
+        {"hall": COUNT - 60, found[0].other: 60}, abs=1
+    )

@@ -47,7 +47,7 @@ def test_elastic_gears_yield_to_the_weight_of_arm_and_plate(
 ) -> None:
     compliance = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) * 1e-6
     robot = UnloadedRobot(cell, nominal, (CORRECTIONS["joint_compliance"](cell, ()),), compliance)
-    lag = compliance[:, None] * own_weight(mass_model(cell), nominal, q)
+    lag = compliance[:, None] * own_weight(mass_model(cell), nominal, q).gear
     assert robot.joints(q) == pytest.approx(q - lag.T @ cell.robot.gear_to_joint, abs=1e-15)
 
 
@@ -57,7 +57,7 @@ def test_backlash_lies_on_the_flank_that_the_weight_presses_it_to(
     """Fully, however little the load exceeds what decides, and in the middle below it."""
     half = np.full(6, 1e-4)
     robot = UnloadedRobot(cell, nominal, (CORRECTIONS["gear_backlash"](cell, ()),), half)
-    load = own_weight(mass_model(cell), nominal, q)
+    load = own_weight(mass_model(cell), nominal, q).gear
     gears = (robot.joints(q) - q) @ cell.robot.joint_to_gear
     decided = np.abs(load) >= np.repeat([UNDECIDED, UNDECIDED_WRIST], 3)[:, None]
     assert decided.any()

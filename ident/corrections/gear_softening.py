@@ -1,0 +1,62 @@
+"""Gears that are softer under a small load: a second slope below a knee.
+
+The stiffness of a reducer's data sheet is a polygon: K1 up to a few percent of the rated torque, K2
+beyond (Nabtesco RV and Harmonic Drive catalogues). Beside the compliance of the first slope beyond
+the knee, so much more holds below it. Knees are found by evidence (ident.softening); the names of
+the coefficients (`soft2_54.2`) hold them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.descriptions import Robot
+from cell.errors import InputError
+from ident.corrections.base import GEAR, Coefficient, Correction, State
+
+GEAR_SOFTENING = "gear_softening"
+SPREAD = 1.0  # of the catalogue compliance: half as stiff
+_COEFFICIENT = re.compile(r"soft(\d+)_(\d+(?:\.\d+)?(?:e[+-]?\d+)?)")
+
+
+def gear_softening(robot: Robot, knees: Sequence[tuple[int, float]]) -> Correction:
+    """Compliances [rad/(N m)] of gears (from 0) below their knees [N m], beside the others."""
+    compliance = 1.0 / robot.required("gears").stiffness
+
+    def regressors(state: State) -> list[Array]:
+        load = state.loads.gears(state.tension)
+        return [-np.clip(load[gear], -knee, knee) for gear, knee in knees]
+
+    def slopes(state: State) -> list[Array]:
+        load, per_newton = state.loads.gears(state.tension), state.loads.gear_per_newton
+        return [-per_newton[gear] * (np.abs(load[gear]) < knee) for gear, knee in knees]
+
+    coefficients = tuple(
+        Coefficient(
+            f"soft{gear + 1}_{knee:.10g}",
+            "rad/(N m)",
+            0.0,
+            SPREAD * float(compliance[gear]),
+            GEAR + gear,
+        )
+        for gear, knee in knees
+    )
+    return Correction(GEAR_SOFTENING, "gears softer below a knee", coefficients, regressors, slopes)
+
+
+def knees_of(names: Iterable[str]) -> list[tuple[int, float]]:
+    """Gear, from 0, and knee [N m] of every coefficient, by its name.
+
+    Raises InputError for a name that is none of this correction's.
+    """
+    knees = []
+    for name in names:
+        parts = _COEFFICIENT.fullmatch(name)
+        if parts is None:
+            raise InputError(f"corrections.{GEAR_SOFTENING}.{name}: expected soft2_54.2 or alike")
+        knees.append((int(parts[1]) - 1, float(parts[2])))
+    return knees

@@ -1,0 +1,144 @@
+"""Knees of gears that are softer under a small load, found by evidence.
+
+A complete fit is linearised at its estimate (ident.joint_errors.linearised), and every gear's
+column is tried with knees all over its load: a score test whose variance is that of blocks of time.
+The best one joins the model, until none is sure. A knee must be right within a tenth, or the answer
+is not better than without (notes/unknown_machines, 2E): so each fit with the second slope tells how
+far to move the knees, by the derivative of the column with the knee.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.descriptions import Cell
+from ident.complete_fit import needs_loads, refit
+from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
+from ident.estimator.fit import Fit
+from ident.estimator.order_search import LinearModel, left_out, of_few
+from ident.joint_errors import linearised, thinning
+from ident.options import Listener
+
+KNEES = 16  # tried of each gear
+LOWEST, HIGHEST = 0.02, 0.7  # of the gear's largest load
+# Of the score test, chi-square with one degree of freedom: above twice the logarithm of the number
+# of candidates as in ident.joint_errors
+THRESHOLD = 12.0
+MOVES = 3  # of the knees, each with a fit
+MOVED = 0.02  # relative; less is no move
+FURTHEST = 0.4  # relative, of one move
+NO_PRIOR = 1.0  # [rad/(N m)] far beyond any gear
+# Widths of the backlash's transition up to which a knee is too much like the backlash
+APART = 12.0
+
+Knees = list[tuple[int, float]]
+
+
+def fit_softening(cell: Cell, fit: Fit, listener: Listener) -> Fit:
+    """A complete fit with the softer first slopes that the data ask for; the same if with none."""
+    listener.progress("searching gears that are softer below a knee")
+    knees = search_knees(fit)
+    for _ in range(MOVES if knees else 0):
+        listener.progress(f"fitting again with {len(knees)} knees")
+        fit = refit(fit, [gear_softening(cell.robot, knees)], listener)
+        moved = moved_knees(fit)
+        far = max(abs(new / old - 1.0) for (_, new), (_, old) in zip(moved, knees, strict=True))
+        if far < MOVED:
+            break
+        knees = moved
+    return fit
+
+
+def search_knees(fit: Fit) -> Knees:
+    """Gear, from 0, and knee [N m] of every softening that the residual shows, the surest first."""
+    if not needs_loads(fit.model.corrections):
+        return []
+    model, load = linearised(fit), _loads(fit)
+    limits = [
+        (gear, float(knee))
+        for gear, largest in enumerate(np.abs(load).max(axis=1))
+        for knee in np.geomspace(LOWEST, HIGHEST, KNEES) * largest
+        if knee > APART * fit.model.gearing.transition[gear]
+    ]
+    if not limits:
+        return []
+    columns = np.stack(
+        [-model.joints[gear] * np.clip(load[gear], -knee, knee) for gear, knee in limits]
+    ).reshape(len(limits), -1)
+    residual, rest = _beyond(model, columns)
+    knees: Knees = []
+    threshold = 2.0 * np.log(len(limits)) + THRESHOLD
+    while True:
+        tests = _tests(model, rest, residual)
+        tests[[gear in dict(knees) for gear, _ in limits]] = 0.0
+        best = int(tests.argmax())
+        if tests[best] < threshold:
+            return knees
+        knees.append(limits[best])
+        own = rest[best].copy()
+        length = float(own @ own)
+        residual = residual - own * (own @ residual / length)
+        rest = rest - np.outer(rest @ own / length, own)
+
+
+def moved_knees(fit: Fit) -> Knees:
+    """The knees of a fit's softening, moved to where the residual wants them."""
+    (correction,) = (c for c in fit.model.corrections if c.name == GEAR_SOFTENING)
+    knees = knees_of(c.name for c in correction.coefficients)
+    values = dict(zip(fit.model.unknowns.names, fit.x.tolist(), strict=True))
+    model, load = linearised(fit), _loads(fit)
+    columns = np.stack(
+        [
+            -model.joints[gear]
+            * (values[c.name] * np.sign(load[gear]) * (np.abs(load[gear]) > knee))
+            for (gear, knee), c in zip(knees, correction.coefficients, strict=True)
+        ]
+    ).reshape(len(knees), -1)
+    residual, rest = _beyond(model, columns)
+    size = np.sqrt((rest * rest).sum(axis=1))
+    steps = -np.linalg.lstsq(rest.T / size, residual, rcond=1e-6)[0] / size
+    return [
+        (gear, knee * float(1.0 + np.clip(step / knee, -FURTHEST, FURTHEST)))
+        for (gear, knee), step in zip(knees, steps, strict=True)
+    ]
+
+
+def _loads(fit: Fit) -> Array:
+    """(J, N) [N m] loads of the gears at the samples of `linearised`."""
+    parts = []
+    for point in fit.linear.evaluations:
+        assert point.state is not None
+        parts.append(point.state.loads.gears(point.state.tension)[:, :: thinning(fit)])
+    return np.concatenate(parts, axis=1)
+
+
+def _beyond(model: LinearModel, columns: Array) -> tuple[Array, Array]:
+    """The residual (R,), and columns (C, R) less what the model's unknowns could do for them."""
+    present = model.jacobian.reshape(len(model.jacobian), -1)
+    normal = present @ present.T + model.prior_normal
+    rest = columns - np.linalg.solve(normal, present @ columns.T).T @ present
+    return model.residual.reshape(-1), rest
+
+
+def _tests(model: LinearModel, rest: Array, residual: Array) -> Array:
+    """(C,) squared scores over their variance, that of the scores of blocks of time.
+
+    0 where a gear would have to be stiffer below its knee, as none is. Blocks are few, so the
+    variance and the distribution are those of ident.estimator.order_search.
+    """
+    score, information = (
+        _in_blocks(model, values.reshape(len(rest), *model.residual.shape).sum(axis=1))
+        for values in (rest * residual, rest * rest)
+    )
+    each = left_out(score[:, None], information[:, None, None], NO_PRIOR)[:, 0]
+    variance = np.maximum((each * each).sum(axis=1), np.finfo(float).tiny)
+    softer = np.maximum(-score.sum(axis=1), 0.0)
+    return of_few(softer**2 / variance, score.shape[1])
+
+
+def _in_blocks(model: LinearModel, values: Array) -> Array:
+    """(C, G) sums of values (C, N) over blocks of time."""
+    out = np.zeros((model.groups.max() + 1, len(values)))
+    np.add.at(out, model.groups, values.T)
+    return out.T

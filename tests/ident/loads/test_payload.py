@@ -1,0 +1,87 @@
+"""The masses that motor torques ask for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from cell.descriptions import Cell, Link
+from cell.payload import Payload, with_payload
+from ident.loads.gear_loads import loads, mass_model
+from ident.loads.logged_tension import LoggedTorque
+from ident.loads.payload import SURE, PayloadEstimate, payload_from_torque
+from tests.helpers.known_loads import motion_at, tension_at
+from tests.helpers.synthetic_recording import CELL, NOMINAL
+
+T = np.arange(0.0, 60.0, 0.08)
+GAINS = np.array([0.01, -0.02, 0.015, 0.0, -0.01, 0.02])
+
+
+def logged(true: Cell, *, seed: int = 1) -> LoggedTorque:
+    """Torques of a machine with other masses, friction and rotors than the files state."""
+    motion, gears = motion_at(T), true.robot.required("gears")
+    to_gear = true.robot.joint_to_gear
+    q, b = motion.q, motion.b
+    speed, acceleration = (
+        np.gradient(q, T, axis=0),
+        np.gradient(np.gradient(q, T, axis=0), T, axis=0),
+    )
+    carried, felt = (
+        loads(mass_model(cell), NOMINAL, q, b, speed, acceleration) for cell in (CELL, true)
+    )
+    at_gears = (speed @ to_gear).T
+    friction = 1.3 * gears.coulomb[:, None] * np.tanh(at_gears / 1e-3)
+    friction += 0.6 * gears.viscous[:, None] * at_gears
+    rotors = 1.4 * true.robot.required("rotor_inertia_kg_m2")[:, None] * (acceleration @ to_gear).T
+    noise: Array = np.random.default_rng(seed).standard_normal(friction.shape)
+    torque = (1.0 + GAINS[:, None]) * felt.gears(tension_at(T)) + friction + rotors + 0.5 * noise
+    return LoggedTorque(T, torque, q, at_gears, (acceleration @ to_gear).T, carried)
+
+
+def found(true: Cell) -> PayloadEstimate:
+    return payload_from_torque(CELL, [NOMINAL], [logged(true)])
+
+
+def test_a_tool_twice_as_heavy_is_found_within_its_sigma() -> None:
+    body = CELL.plate.body
+    heavier = Payload(2.0 * body.mass, body.com + np.array([0.0, 0.01, 0.03]))
+    estimate = found(with_payload(CELL, heavier))
+    assert estimate.significant
+    assert estimate.stated == body.mass
+    assert abs(estimate.payload.mass - heavier.mass) < 2.0 * estimate.mass_sigma
+    assert abs(estimate.payload.mass - heavier.mass) < 0.1 * heavier.mass
+    assert np.abs(estimate.payload.com - heavier.com).max() < 0.02
+    assert estimate.added_load[1:3].min() > 10.0  # [N m] at the gears that carry it
+
+
+def test_the_masses_of_the_files_stay_where_they_are_right() -> None:
+    estimate = found(CELL)
+    assert not estimate.significant
+    assert abs(estimate.excess) < SURE * estimate.mass_sigma
+    assert estimate.payload.arm == pytest.approx(1.0, abs=3.0 * estimate.arm_sigma)
+
+
+def test_links_that_each_deviate_a_little_are_no_heavier_tool() -> None:
+    rng = np.random.default_rng(4)
+    links = CELL.robot.required("links")
+    others = tuple(
+        Link(link.mass * (1.0 + 0.02 * rng.standard_normal()), link.com, link.inertia)
+        for link in links
+    )
+    estimate = found(replace(CELL, robot=replace(CELL.robot, links=others)))
+    assert not estimate.significant
+
+
+def test_a_cell_with_other_masses_has_these_and_nothing_else() -> None:
+    cell = with_payload(CELL, Payload(7.0, np.array([0.1, 0.0, 0.05]), 1.1))
+    assert cell.plate.body.mass == 7.0
+    assert cell.plate.body.com.tolist() == [0.1, 0.0, 0.05]
+    for link, before in zip(
+        cell.robot.required("links"), CELL.robot.required("links"), strict=True
+    ):
+        assert link.mass == pytest.approx(1.1 * before.mass)
+        assert np.array_equal(link.com, before.com)
+    assert np.array_equal(cell.robot.a, CELL.robot.a)
