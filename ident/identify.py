@@ -19,6 +19,7 @@ from cell.geometry import Geometry
 from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.payload import with_payload
 from cell.statistics import rms
+from ident.causes import Causes
 from ident.complete_fit import coefficients_of, fit_complete, lasting, settled
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
 from ident.corrections.rod_elongation import rod_elongation
@@ -50,13 +51,16 @@ from ident.robot.accuracy import accuracy_grid, position_error, position_sigma
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.softening import fit_softening
+from ident.start.automatic import StartError
 from ident.verdict import (
     AUTOCORRELATED,
     CORRELATED,
     PULL,
+    UNEXPLAINED,
     Evidence,
     RecordingEvidence,
     Status,
+    implausible,
     judge,
 )
 
@@ -96,18 +100,48 @@ def identify_together(
 ) -> Identification:
     """Identify one robot from several recordings, or from one.
 
-    Each recording has its own clock, encoder offsets and base pose of the ball-bar.
+    Each recording has its own clock, encoder offsets and base pose of the ball-bar. Where the
+    result is not acceptable, its verdict names what may be wrong with the logs (ident.causes).
 
-    Raises StartError when the logs of a recording cannot be brought together; ValueError for model
-    `dh` with several recordings.
+    Raises StartError when the logs of a recording cannot be brought together, with the same cause;
+    ValueError for model `dh` with several recordings.
     """
     if options.model == "dh" and len(recordings) > 1:
         raise ValueError("model: dh fits one recording; several together need the complete model")
     silent = Listener(progress=listener.progress)
-    single = [
-        fit_recording(cell, logs, options, silent if k else listener)
-        for k, logs in enumerate(recordings)
-    ]
+    try:
+        single = [
+            fit_recording(cell, logs, options, silent if k else listener)
+            for k, logs in enumerate(recordings)
+        ]
+    except StartError as error:
+        named = Causes.of(cell, recordings)
+        raise (StartError(f"{named} ({error})") if named else error) from None
+    causes = Causes.of(cell, recordings) if any(map(_is_other_machine, single)) else None
+    if causes and causes.hopeless:  # the complete fit would take long and come to nothing
+        if len(single) > 1:
+            raise StartError(str(causes))
+        result = _result(cell, single, single[0].fit, options)
+    else:
+        result = _fitted(cell, single, options, listener)
+    if result.verdict.status in UNEXPLAINED:
+        causes = Causes.of(cell, recordings) if causes is None else causes
+        if causes:
+            result = replace(result, verdict=result.verdict.with_cause(str(causes)))
+    return result
+
+
+def _is_other_machine(recording: RecordingFit) -> bool:
+    """Whether a recording by itself is fitted by no built robot."""
+    identified = [recording.nominal.table.names[i] for i in recording.subset.parameters]
+    strange = implausible(recording.geometry, identified, recording.nominal)
+    return bool(strange) or not recording.fit.converged
+
+
+def _fitted(
+    cell: Cell, single: Sequence[RecordingFit], options: FitOptions, listener: Listener
+) -> Identification:
+    """The result of the model that the options name, or that the data ask for."""
     automatic = options.model == "auto" and options.corrections is None
     if len(single) == 1 and (options.model == "dh" or automatic):
         simple = _result(cell, single, single[0].fit, options)

@@ -21,6 +21,7 @@ FEW_SAMPLES = 200  # thesis sec. 3.5 wants 750
 # where nothing is missing (friction), 0.5 to 0.6 without a good plate's bending, 0.7 to 0.9 without
 # ripple, encoder harmonics, backlash or compliance.
 AUTOCORRELATED, AUTOCORRELATED_MISFIT = 0.6, 0.7
+ROD = 5e-4  # [m] error of the rod that is remarked on, unless its file allows more
 # A result must be better than the nominal robot to be of use: by default its stated TCP uncertainty
 # is at most this share of what the nominal robot is off, or below what no nominal robot keeps.
 WORTHWHILE, ALWAYS_WORTHWHILE = 0.5, 1e-4  # [1], [m]
@@ -55,6 +56,16 @@ class Status(StrEnum):
         return self in (Status.GOOD, Status.SUSPECT)
 
 
+# Of these, the logs themselves may show the cause (ident.causes).
+UNEXPLAINED = (Status.IMPLAUSIBLE, Status.NOT_CONVERGED, Status.MISFIT, Status.UNCERTAIN)
+_FIRST_WORDS = {
+    Status.IMPLAUSIBLE: "Not the declared cell",
+    Status.NOT_CONVERGED: "Not converged",
+    Status.MISFIT: "Misfit",
+    Status.UNCERTAIN: "Uncertain",
+}
+
+
 def noise_status(chi2_per_dof: float) -> Status:
     """The status by what the noise in the logs explains alone."""
     if chi2_per_dof > MISFIT:
@@ -78,6 +89,11 @@ class Verdict:
     def with_warning(self, sentence: str) -> Verdict:
         """The verdict with one more remark."""
         return replace(self, warnings=(*self.warnings, sentence))
+
+    def with_cause(self, cause: str) -> Verdict:
+        """The verdict whose sentence names the cause; what the fit made of it becomes a remark."""
+        sentence = f"{_FIRST_WORDS[self.status]}: {cause}"
+        return replace(self, sentence=sentence, warnings=(self.sentence, *self.warnings))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +148,7 @@ def judge(
     status, sentence = judged[worst]
     if worst > 0:
         sentence = f"{recordings[worst].name}: {sentence}"
-    warnings = []
+    warnings = _rod_warnings(evidence, cell, nominal)
     for recording in recordings:
         prefix = f"{recording.name}: " if len(recordings) > 1 else ""
         remarks = (*_direction_warnings(recording), *_data_warnings(evidence, recording))
@@ -148,7 +164,7 @@ def _judged(
     noise, start = noise_status(evidence.chi2_per_dof), recording.start
     neighbours = f"autocorrelation {evidence.autocorrelation:.2f}"
     unfinished = f"Not converged after {evidence.iterations} iterations"
-    if strange := _implausible(evidence, nominal):
+    if strange := implausible(evidence.geometry, evidence.identified, nominal):
         machine = f"{cell.robot.title} on {cell.ballbar.title}"
         fits = f"The logs fit a mechanism, but not {machine}" if evidence.converged else unfinished
         return Status.IMPLAUSIBLE, (
@@ -222,10 +238,10 @@ def _judged(
     return noise, f"{opening}: {explained}"
 
 
-def _implausible(evidence: Evidence, nominal: Geometry) -> str:
+def implausible(geometry: Geometry, identified: Sequence[str], nominal: Geometry) -> str:
     """The parameters further from the catalogue than any built robot's, in words; or nothing."""
-    off = {name: evidence.geometry[name] - nominal[name] for name in evidence.identified}
-    parameters = [parameter_named(name) for name in evidence.identified]
+    off = {name: geometry[name] - nominal[name] for name in identified}
+    parameters = [parameter_named(name) for name in identified]
     machine = [p for p in parameters if p.side == "robot" or p.name == "bd3"]
     worst = sorted(
         (p for p in machine if abs(off[p.name]) > PLAUSIBLE), key=lambda p: -abs(off[p.name])
@@ -233,6 +249,19 @@ def _implausible(evidence: Evidence, nominal: Geometry) -> str:
     return ", ".join(
         f"{p.name} is {off[p.name] * 1e3:+.0f} m{p.unit} off the catalogue" for p in worst[:3]
     )
+
+
+def _rod_warnings(evidence: Evidence, cell: Cell, nominal: Geometry) -> list[str]:
+    """Of a rigid rod that is not as long as its file says; the fit is none the worse for it."""
+    length, stated = evidence.geometry["bd3"], nominal["bd3"]
+    sensed = cell.ballbar.stroke is not None or "bd3" not in evidence.identified
+    off = abs(length - stated)
+    if sensed or not max(ROD, cell.ballbar.length_tolerance) < off <= PLAUSIBLE:
+        return []  # beyond it the verdict's sentence says so
+    return [
+        f"the rod comes out {length * 1e3:.2f} mm long, and the file of {cell.ballbar.name} states "
+        f"{stated * 1e3:.2f} mm (bd3); is it the ball-bar that was used?"
+    ]
 
 
 def _direction_warnings(recording: RecordingEvidence) -> list[str]:

@@ -14,6 +14,7 @@ Motor torques go with the angles to the gears' outputs.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -38,6 +39,7 @@ MOVES = 0.1  # [rad] a path for calibration turns some axis by more
 # Times the arm's own weight at full reach: no motor bears more at its gear's output, one in
 # another unit does.
 HEAVY = 20.0
+FEW_PAIRS = 2  # of exchanged columns; where more fit, one stands for all
 SENTINEL = 8.9e9  # controllers write 9E9 for an axis that is not there
 
 OUTLIER_ROWS = 5  # in a median over so many, two are outvoted
@@ -146,6 +148,26 @@ def refuse_other_angles(robot: Robot, table: Table, angles: RobotAngles) -> None
 
 def _hint(robot: Robot, angles: RobotAngles) -> str:
     """A question about what the angles may be instead of what they are declared to be."""
+    exchanged = _exchanged_columns(robot, angles)
+    if len(exchanged) > FEW_PAIRS:
+        exchanged = [f"two of the columns, such as {exchanged[0]},"]
+    questions = "".join(f" Or are {columns} exchanged?" for columns in exchanged)
+    return f"{_other_reading(robot, angles)}{questions}"
+
+
+def _exchanged_columns(robot: Robot, angles: RobotAngles) -> list[str]:
+    """Pairs of columns with which the robot, once they are exchanged, moves within its limits."""
+    pairs = []
+    for i, j in reversed(list(combinations(range(robot.joints), 2))):  # wrists are mixed up first
+        order = np.arange(robot.joints)
+        order[[i, j]] = j, i
+        joints = angles.reading.joints(robot, angles.logged[:, order])
+        if _fits(robot, angles.t, joints_to_axes(robot, joints)):
+            pairs.append(f"{angles.reading.kind} {i + 1} and {j + 1}")
+    return pairs
+
+
+def _other_reading(robot: Robot, angles: RobotAngles) -> str:
     reading, others = angles.reading, _others_that_fit(robot, angles)
     degrees = Reading(reading.kind, "deg")
     if reading.unit == "rad" and degrees not in others:
@@ -157,15 +179,16 @@ def _hint(robot: Robot, angles: RobotAngles) -> str:
             f" Is this the log of the robot that recording.yaml names, and does it hold {reading}? "
             "Correct its robot or dialect."
         )
+    robot_question = f" Or is it the log of another robot than {robot.name}?"
     if reading.unit == "rad" and degrees in others:
         rest = [other for other in others if other != degrees]
         also = f" Or {' or '.join(map(str, rest))}?" if rest else ""
         return (
             " Degrees where radians are declared? Read as degrees, all axes stay within their "
-            f"limits: convert the log, or declare degrees.{also}"
+            f"limits: convert the log, or declare degrees.{also}{robot_question}"
         )
     stay = "That way all axes stay within their limits: convert the log, or name its dialect."
-    return f" {_either(others)} where {reading} are declared? {stay}"
+    return f" {_either(others)} where {reading} are declared? {stay}{robot_question}"
 
 
 def _either(readings: list[Reading]) -> str:

@@ -248,6 +248,16 @@ def test_another_unit_or_side_is_refused_with_what_it_may_be(
         )
 
 
+def test_exchanged_columns_and_another_robot_are_asked_for_too(tmp_path: Path) -> None:
+    """Motor 4 turns by more than axis 5 may."""
+    wide = MOTORS.copy()
+    wide[:, 3] = np.linspace(0.0, 1.6 * np.pi, len(wide)) / np.abs(ROBOT.transmission[3, 3])
+    names = "time,m1,m2,m3,m4,m5,m6"
+    words = r"another robot than irb2400\?.* columns.* motors \d and \d"
+    with pytest.raises(LogError, match=words):
+        other_numbers(tmp_path, wide[:, [0, 1, 2, 4, 3, 5]], "abb-motor", names, ticks=1.0)
+
+
 def test_torques_that_no_motor_has_are_refused(tmp_path: Path) -> None:
     at_gears = np.random.default_rng(1).normal(0.0, 400.0, (ROBOT_T.size, 6))
     rows = [

@@ -202,7 +202,10 @@ def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_whi
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("robot", "bar", "words"),
-    [("nj220", "lund_600", "off the catalogue"), ("irb2400", "lund_900", "bd3 is -300 mm")],
+    [
+        ("nj220", "lund_600", "this is not the log of robot nj220"),
+        ("irb2400", "lund_900", "the file of lund_900 states 900.0 mm"),
+    ],
 )
 def test_a_wrong_robot_or_ball_bar_is_named_and_not_accepted(
     recorded: Recorded, robot: str, bar: str, words: str

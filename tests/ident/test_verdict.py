@@ -309,3 +309,23 @@ def test_a_clock_that_a_length_hardly_shows_is_said() -> None:
     assert good.status is Status.GOOD
     assert care.status is Status.SUSPECT
     assert "the clock offset is known to 20 ms at best" in care.sentence
+
+
+def test_a_named_cause_takes_the_place_of_the_sentence_and_leaves_it_as_a_remark() -> None:
+    verdict = judged(STRANGE).with_cause("two columns are exchanged: 3 %, not 90 %. Correct them.")
+    assert verdict.sentence == (
+        "Not the declared cell: two columns are exchanged: 3 %, not 90 %. Correct them."
+    )
+    assert verdict.status is Status.IMPLAUSIBLE
+    assert verdict.warnings[0] == judged(STRANGE).sentence
+
+
+@pytest.mark.parametrize(("off", "remarks"), [(2.9e-3, 0), (-3.1e-3, 1)])  # tolerance 3 mm
+def test_a_rod_beyond_its_tolerance_is_remarked_on_in_a_good_fit(off: float, remarks: int) -> None:
+    verdict = judged(replace(GOOD, geometry=NOMINAL.replaced({"bd3": NOMINAL["bd3"] + off})))
+    assert verdict.status is Status.GOOD
+    assert len(verdict.warnings) == remarks
+    if remarks:
+        assert verdict.warnings[0].startswith(
+            "the rod comes out 596.90 mm long, and the file of lund_600 states 600.00 mm (bd3); is"
+        )

@@ -1,0 +1,5 @@
+"""Why the logs of a recording do not fit together: tests of wrong columns, scales and files."""
+
+from ident.causes.suspects import Causes as Causes
+from ident.causes.suspects import Suspect as Suspect
+from ident.causes.suspects import suspects as suspects

@@ -1,0 +1,203 @@
+"""What the columns of the logs may hold instead of what is declared, and how well that agrees.
+
+Encoders: any order of the columns, and other line counts. The ratio of a line count follows from
+the angle that the robot's pose gives: `turning = arg(x + i y)` and `tilting = acos z` of the
+direction (x, y, z) that a gimbal holds, compared by their speeds at all lags with the gain free.
+Robot: two columns exchanged, or one that counts backwards, among its motors, axes or joints. All
+are judged by ident.causes.agreement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations, permutations
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.descriptions import Robot
+from cell.geometry import Geometry
+from ident.causes.agreement import SPHERE_ROWS, Gimbal, Motion, ToolPath, left, left_of, tool_path
+from ident.start.speed_scan import scan_speeds
+
+CANDIDATES = 12  # of the robot's columns that are compared with the encoders
+MUST_OVERLAP = 10.0  # [s] to compare speeds
+PLURAL = {"axis": "axes", "motor": "motors", "joint": "joints"}
+SAME_SCALE = 0.01  # ratio of angles beyond which a line count is wrong
+LEAST_SCALE = 1e-3  # smaller ratios are of encoders that stand still
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read the columns, and what it leaves unexplained."""
+
+    cause: str  # what would be wrong with the files
+    remedy: str
+    left: float  # unexplained share of the rod's motion
+    rms: float  # [m] of the tool's distance from its sphere
+    remark: str = ""  # to the evidence
+
+
+def encoder_orders(motion: Motion, path: ToolPath) -> list[Reading]:
+    """Every other order of the encoder columns."""
+    directions = {i: path.directions[i] for i, _ in motion.gimbals}
+    if len(motion.encoders) == 2:  # of which gimbal they are, may be wrong too
+        directions = path.directions
+    gimbals = {
+        (i, j, turning): Gimbal(motion.column(i), motion.column(j), direction, motion.step)
+        for i, j in permutations(motion.encoders, 2)
+        for turning, direction in directions.items()
+    }
+    declared = tuple(joint for pair in motion.gimbals for joint in pair)
+    readings = []
+    for order in permutations(motion.encoders, len(declared)):
+        pairs = list(zip(order[::2], order[1::2], motion.gimbals, strict=True))
+        share = left([gimbals[i, j, turning] for i, j, (turning, _) in pairs])
+        held = dict(zip(declared, order, strict=True))
+        if any(joint != column for joint, column in held.items()):
+            readings.append(_ordered(held, share, path.rms))
+    if len(motion.encoders) == 2:
+        readings += _of_other_gimbal(motion, gimbals, path.rms)
+    return readings
+
+
+def _ordered(held: dict[int, int], share: float, rms: float) -> Reading:
+    """held : column that holds a joint's readings, by joint."""
+    moved = {joint: column for joint, column in held.items() if joint != column}
+    if len(moved) == 2 and set(moved) == set(moved.values()):
+        i, j = sorted(moved)
+        cause = f"the columns of encoders b{i} and b{j} are exchanged"
+    else:
+        pairs = (f"b{joint} in that of b{column}" for joint, column in sorted(moved.items()))
+        cause = f"the encoder columns are in another order: {', '.join(pairs)}"
+    return Reading(cause, "Correct `column` of these encoders in recording.yaml", share, rms)
+
+
+def _of_other_gimbal(
+    motion: Motion, gimbals: dict[tuple[int, int, int], Gimbal], rms: float
+) -> Iterator[Reading]:
+    (i, j) = motion.gimbals[0]
+    other = (5, 4) if i == 1 else (1, 2)
+    for a, b in ((i, j), (j, i)):
+        names = f"those of b{other[0]} and b{other[1]}"
+        yield Reading(
+            f"the encoders b{a} and b{b} are {names}",
+            "Name them so in recording.yaml",
+            left([gimbals[a, b, other[0]]]),
+            rms,
+        )
+
+
+def encoder_scales(motion: Motion, path: ToolPath) -> list[Reading]:
+    """The encoders with line counts by which they turn as far as the robot's pose says; or none."""
+    ratios = _ratios(motion, path)
+    wrong = {j: r for j, r in ratios.items() if abs(r - 1.0) > SAME_SCALE}
+    if not wrong or min(wrong.values()) < LEAST_SCALE:
+        return []
+    scale = np.array([wrong.get(joint, 1.0) for joint in motion.encoders])
+    corrected = replace(motion, readings=motion.readings / scale)
+    names = " and ".join(f"b{j}" for j in sorted(wrong))
+    factors = [f"b{j} {ratio:.3f}" for j, ratio in sorted(wrong.items())]
+    return [
+        Reading(
+            f"the line count of encoder {names} is wrong",
+            f"Multiply `lines` in recording.yaml ({', '.join(factors)}), or correct `bits`, which "
+            "count as powers of two",
+            left_of(corrected, path),
+            path.rms,
+            f"; angle of the encoder over that of the robot's pose: {', '.join(factors)}",
+        )
+    ]
+
+
+def _ratios(motion: Motion, path: ToolPath) -> dict[int, float]:
+    """Angle of an encoder over that of the robot's pose, by joint; nothing where no lag fits."""
+    joints = [joint for pair in motion.gimbals for joint in pair]
+    poses = np.stack([a for i, _ in motion.gimbals for a in _angles(path.directions[i])], axis=1)
+    readings = np.stack([motion.column(joint) for joint in joints], axis=1)
+    least = round(MUST_OVERLAP / motion.step)
+    speeds = _speeds(poses), _speeds(readings)
+    pairs = [(k, k) for k in range(len(joints))]
+    scan = scan_speeds(*speeds, pairs, least=least, paired=True)
+    if not np.isfinite(scan.score).any():
+        return {}
+    lag = int(scan.lags[np.argmax(scan.score)])
+    first, last = max(0, -lag), min(len(readings), len(poses) - lag)
+    a, b = poses[first + lag : last + lag], readings[first:last]
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    moving = np.maximum((a * a).sum(axis=0), 1e-300)
+    return dict(zip(joints, np.abs((a * b).sum(axis=0) / moving).tolist(), strict=True))
+
+
+def _angles(direction: Array) -> tuple[Array, Array]:
+    """(N,) [rad] turning and tilting angle of unit vectors (N, 3)."""
+    x, y, z = direction.T
+    return np.unwrap(np.arctan2(y, x)), np.arccos(np.clip(z, -1.0, 1.0))
+
+
+def _speeds(angles: Array) -> Array:
+    """(N, C) speeds of angles (N, C) over their rms."""
+    speed = np.gradient(angles, axis=0)
+    return np.asarray(speed / np.maximum(np.sqrt((speed * speed).mean(axis=0)), 1e-12))
+
+
+def robot_columns(
+    robot: Robot, nominal: Geometry, motion: Motion, declared: float
+) -> list[Reading]:
+    """Two columns of the robot's log exchanged, or one counting backwards.
+
+    declared : [m] rms distance of the tool from its sphere as logged. Only what does not leave it
+    further away is compared with the encoders.
+    """
+    some = motion.q[:: 1 + len(motion.q) // SPHERE_ROWS]
+    spheres = []
+    for cause, matrix, offset in _column_maps(robot):
+        try:
+            rms = tool_path(nominal, some @ matrix + offset).rms
+        except ValueError:  # the tool hardly moves that way
+            continue
+        if rms <= 1.5 * declared + 1e-3:
+            spheres.append((rms, cause, matrix, offset))
+    readings = []
+    for _, cause, matrix, offset in sorted(spheres, key=lambda s: s[0])[:CANDIDATES]:
+        path = tool_path(nominal, motion.q @ matrix + offset)
+        share = left_of(motion, path) if motion.gimbals else path.rms / nominal["bd3"]
+        remedy = "Correct the columns of the robot's log, or its dialect"
+        readings.append(Reading(cause, remedy, share, path.rms))
+    return readings
+
+
+def _column_maps(robot: Robot) -> Iterator[tuple[str, Array, Array]]:
+    """What may be wrong with two or one of the columns, and `q matrix + offset` that corrects it.
+
+    matrix : (J, J). offset : (J,) [rad].
+    """
+    n, seen = robot.joints, list[tuple[Array, Array]]()
+    kinds = {
+        "axis": (robot.controller_to_joint, robot.controller_offset),
+        "motor": (robot.transmission, np.zeros(n)),
+        "joint": (np.eye(n), np.zeros(n)),
+    }
+    for kind, (to_joint, zero) in kinds.items():
+        for words, change in _changes(kind, n):
+            matrix = np.linalg.inv(to_joint) @ change @ to_joint
+            offset = zero - zero @ matrix
+            if any(np.allclose(matrix, m) and np.allclose(offset, o) for m, o in seen):
+                continue
+            seen.append((matrix, offset))
+            yield words, matrix, offset
+
+
+def _changes(kind: str, n: int) -> Iterator[tuple[str, Array]]:
+    for i in range(n):
+        signs = np.ones(n)
+        signs[i] = -1.0
+        yield f"{kind} {i + 1} of the robot's log counts backwards", np.diag(signs)
+    for i, j in combinations(range(n), 2):
+        order = np.arange(n)
+        order[[i, j]] = j, i
+        words = (
+            f"the columns of {PLURAL[kind]} {i + 1} and {j + 1} of the robot's log are exchanged"
+        )
+        yield words, np.eye(n)[order]

@@ -1,0 +1,289 @@
+"""Why the logs of a recording do not fit together, by cheap tests after a fit that failed.
+
+In this order, and only what explains the recording at least three times better than the files do:
+
+1. other columns and line counts (ident.causes.columns), by what they leave of the rod's motion;
+2. encoders and axes that stand still;
+3. the rod's length by the radius of the sphere, or one other length (ident.causes.lengths);
+4. too short a log;
+5. a sphere without agreement at any lag: logs of different runs. The ball-bar's log played
+   backwards shows how much agreement is chance;
+6. no sphere: another robot.
+
+A sound recording passes all of them, whatever the errors of an uncalibrated robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.arrays import Array
+from cell.descriptions import Cell
+from cell.geometry import Geometry, nominal_geometry, parameter_named
+from cell.robot_angles import joints_to_axes, joints_to_motors
+from ident.causes.agreement import SPHERE_ROWS, Motion, ToolPath, left_of, motion_of, tool_path
+from ident.causes.columns import PLURAL, Reading, encoder_orders, encoder_scales, robot_columns
+from ident.causes.lengths import single_lengths
+from ident.recording_fit import Logs
+
+AGREES = 0.1  # unexplained share of the rod's motion up to which nothing is wrong with the columns
+EXPLAINS = 0.2  # up to which another reading explains the recording
+UNRELATED = 0.5  # from which logs have nothing in common; 0.9 to 1 by chance
+DECISIVE = 3.0  # times less than as declared
+COMPARABLE = 2.0  # times the best: a suspect that is named too
+STILL = 1e-3  # [rad] range of a column that stands still
+MOVES = 0.1  # [rad] range of a joint that does not
+# [m] rms from the sphere; robots with errors of 10 mm and mrad stay below (notes/start)
+OFF_SPHERE = 0.010
+# [m] smallest error of the rod that is named, and in standard deviations of the sphere's radius
+ROD_ERROR, ROD_SIGMAS = 5e-4, 2.0
+# [m] rms from the sphere above which single lengths are tried, and [m, rad] what they then must be
+# off by: no robot is built so badly (ident.verdict.PLAUSIBLE is twice that)
+LENGTH_RMS, LENGTH_ERROR = 0.003, 0.010
+SHORT = 30.0  # [s] of a log that cannot determine a robot
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One cause with its evidence, and its remedy."""
+
+    cause: str
+    evidence: str
+    remedy: str
+    hopeless: bool = True  # whether no fit of these logs can be right
+
+    def __str__(self) -> str:
+        return f"{self.cause}: {self.evidence}. {self.remedy}."
+
+
+@dataclass(frozen=True)
+class Causes:
+    """The suspects of recordings whose fit failed; false where there are none."""
+
+    names: tuple[str, ...]  # of all recordings
+    suspects: tuple[tuple[Suspect, ...], ...]  # of each
+
+    @classmethod
+    def of(cls, cell: Cell, recordings: Sequence[Logs]) -> Causes:
+        """The suspects of these recordings."""
+        names = tuple(logs.name for logs in recordings)
+        return cls(names, tuple(tuple(suspects(cell, logs)) for logs in recordings))
+
+    def __bool__(self) -> bool:
+        return any(self.suspects)
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether no fit of these recordings can be right."""
+        return any(suspect.hopeless for each in self.suspects for suspect in each)
+
+    def __str__(self) -> str:
+        """Sentences; a cause that all recordings share stands once."""
+        causes = {tuple(suspect.cause for suspect in each) for each in self.suspects}
+        if len(causes) == 1:
+            return " Or ".join(map(str, self.suspects[0]))
+        named = [(n, each) for n, each in zip(self.names, self.suspects, strict=True) if each]
+        return " ".join(f"{name}: {' Or '.join(map(str, each))}" for name, each in named)
+
+
+def suspects(cell: Cell, logs: Logs) -> list[Suspect]:
+    """What may be wrong with a recording whose fit failed: the most likely cause first, or nothing.
+
+    Others follow only if their evidence is comparable.
+    """
+    if logs.length is not None:
+        return list(_duration(logs))
+    nominal = nominal_geometry(cell, np.zeros(3))
+    motion = _motion(logs)
+    try:
+        path = tool_path(nominal, motion.q)
+    except ValueError:
+        return list(_still_axes(cell, motion, 0.0))
+    share = left_of(motion, path) if motion.gimbals else 0.0
+    readings = _readings(cell, nominal, motion, path, share)
+    if readings:
+        return [_of_reading(r, share, path.rms, bool(motion.gimbals)) for r in readings]
+    some = motion.q[:: 1 + len(motion.q) // SPHERE_ROWS]
+    tests = (
+        (_still_encoders(motion), _still_axes(cell, motion, path.rms)),
+        (_duration(logs),),
+        (_lengths(cell, nominal, some, path),),
+        (_other_runs(motion, path, share), _other_robot(cell, path)),
+    )
+    for group in tests:
+        if named := [suspect for each in group for suspect in each]:
+            return named
+    return []
+
+
+def _motion(logs: Logs) -> Motion:
+    robot, ballbar = logs.robot, logs.ballbar
+    if ballbar is None:
+        return motion_of(robot.t, robot.q, np.zeros(0), np.zeros((0, 0)), ())
+    return motion_of(robot.t, robot.q, ballbar.t, ballbar.angles, ballbar.joints)
+
+
+def _readings(
+    cell: Cell, nominal: Geometry, motion: Motion, path: ToolPath, share: float
+) -> list[Reading]:
+    """The readings that explain the recording, best first."""
+    if motion.gimbals:
+        if share <= AGREES:
+            return []
+        limit = min(EXPLAINS, share / DECISIVE)
+        readings = [*encoder_scales(motion, path), *encoder_orders(motion, path)]
+    else:
+        if path.rms <= OFF_SPHERE:
+            return []
+        limit, readings = path.rms / nominal["bd3"] / DECISIVE, []
+    readings += robot_columns(cell.robot, nominal, motion, path.rms)
+    # Robots of one maker may differ by the sign of an axis and a few lengths: that is no sphere.
+    good = [r for r in readings if r.left <= limit and r.rms <= OFF_SPHERE]
+    good.sort(key=lambda reading: reading.left)
+    return [r for r in good if r.left <= COMPARABLE * good[0].left]
+
+
+def _of_reading(reading: Reading, share: float, rms: float, encoders: bool) -> Suspect:
+    sphere = (
+        f"the tool's path by the robot is {reading.rms * 1e3:.1f} mm rms off a sphere, as declared "
+        f"{rms * 1e3:.1f} mm"
+    )
+    motion = (
+        f"{_percent(reading.left)} of the rod's motion stays unexplained, as declared "
+        f"{_percent(share)}"
+    )
+    evidence = motion if encoders else sphere
+    if encoders and reading.rms < rms / DECISIVE:
+        evidence = f"{motion}, and {sphere}"
+    return Suspect(reading.cause, f"once corrected, {evidence}{reading.remark}", reading.remedy)
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
+
+
+def _still_encoders(motion: Motion) -> Iterator[Suspect]:
+    for joint, angles in zip(motion.encoders, motion.readings.T, strict=True):
+        if np.ptp(angles) > STILL:
+            continue
+        others = (motion.readings.max(axis=0) - motion.readings.min(axis=0)).max()
+        if others > MOVES:
+            yield Suspect(
+                f"encoder b{joint} stands still",
+                f"it turns by {np.ptp(angles) * 1e3:.2g} mrad in the whole log, others by up to "
+                f"{others:.2g} rad",
+                "Check its cable, its coupling and its `column` in recording.yaml",
+            )
+
+
+def _still_axes(cell: Cell, motion: Motion, rms: float) -> Iterator[Suspect]:
+    """rms : [m] of the tool's path from its sphere."""
+    columns = {
+        "axis": joints_to_axes(cell.robot, motion.q),
+        "motor": joints_to_motors(cell.robot, motion.q),
+        "joint": motion.q,
+    }
+    still = {
+        kind: [str(k + 1) for k in np.flatnonzero(np.ptp(angles, axis=0) <= STILL)]
+        for kind, angles in columns.items()
+    }
+    kind = max(still, key=lambda kind: len(still[kind]))
+    if not still[kind]:
+        return
+    names = f"{kind} {still[kind][0]}"
+    if len(still[kind]) > 1:
+        names = f"{PLURAL[kind]} {', '.join(still[kind])}"
+    if rms > OFF_SPHERE:
+        yield Suspect(
+            f"the robot's log does not hold the motion of {names}",
+            f"there is none, and without it the tool's path is {rms * 1e3:.0f} mm rms off a sphere",
+            "Correct the log of the robot, or its columns in the dialect",
+        )
+    else:
+        yield Suspect(
+            "too few joints move",
+            f"there is no motion of {names} of the robot in the whole log",
+            "Record a path that moves every joint (ballbar plan)",
+            hopeless=False,
+        )
+
+
+def _lengths(cell: Cell, nominal: Geometry, q: Array, path: ToolPath) -> Iterator[Suspect]:
+    stated = nominal["bd3"]
+    if abs(path.radius - stated) > max(ROD_ERROR, ROD_SIGMAS * path.radius_sigma):
+        yield Suspect(
+            "the rod is not as long as stated",
+            f"the tool's path by the robot lies on a sphere of {path.radius * 1e3:.1f} mm radius, "
+            f"{path.rms * 1e3:.1f} mm rms off it, and the file of {cell.ballbar.name} states "
+            f"{stated * 1e3:.1f} mm",
+            "Name the ball-bar that was used, or correct bd3 in its file",
+            hopeless=False,
+        )
+    if path.rms <= LENGTH_RMS:
+        return
+    lengths = single_lengths(nominal, q)
+    for length in lengths:
+        if abs(length.change) < LENGTH_ERROR:
+            continue
+        if length.rms <= min(path.rms / DECISIVE, COMPARABLE * lengths[0].rms):
+            yield Suspect(
+                f"{_what(cell, length.name)} is wrong by {_size(length.change, length.name)}",
+                f"so changed, the tool's path is {length.rms * 1e3:.1f} mm rms off a sphere, as "
+                f"stated {path.rms * 1e3:.1f} mm",
+                "Correct the file, or name that of the cell that was recorded",
+                hopeless=False,
+            )
+
+
+def _what(cell: Cell, name: str) -> str:
+    parameter = parameter_named(name)
+    last = parameter.row == cell.robot.joints - 1
+    if last and parameter.kind == "a":
+        return f"the length of plate {cell.plate.name} (ra{cell.robot.joints})"
+    if parameter.kind == "theta":
+        return f"the zero of joint {parameter.row + 1} in the robot's log or file ({name})"
+    return f"{name} of the file of robot {cell.robot.name}"
+
+
+def _size(value: float, name: str, sign: str = "+") -> str:
+    if parameter_named(name).is_length:
+        return f"{value * 1e3:{sign}.1f} mm"
+    return f"{np.rad2deg(value):{sign}.2f} deg"
+
+
+def _duration(logs: Logs) -> Iterator[Suspect]:
+    other = logs.length or logs.ballbar or logs.robot
+    duration = float(min(np.ptp(logs.robot.t), np.ptp(other.t)))
+    if duration < SHORT:
+        yield Suspect(
+            "the logs are too short",
+            f"they share at most {duration:.1f} s",
+            f"Record at least {SHORT:g} s, better two minutes, of motion of every joint",
+            hopeless=False,
+        )
+
+
+def _other_runs(motion: Motion, path: ToolPath, share: float) -> Iterator[Suspect]:
+    if not motion.gimbals or path.rms > OFF_SPHERE or share < UNRELATED:
+        return
+    chance = left_of(motion.reversed(), path)
+    yield Suspect(
+        "the logs are not of one run",
+        f"the best of all clock offsets leaves {_percent(share)} "
+        f"of the rod's motion unexplained, and {_percent(chance)} with the ball-bar's log played "
+        "backwards; no other order, sign or scale of the columns explains more",
+        "Name logs of one run in recording.yaml",
+    )
+
+
+def _other_robot(cell: Cell, path: ToolPath) -> Iterator[Suspect]:
+    if path.rms > OFF_SPHERE:
+        yield Suspect(
+            f"this is not the log of robot {cell.robot.name} with plate {cell.plate.name}",
+            f"the tool's path is {path.rms * 1e3:.0f} mm rms off the sphere that fits it best, and "
+            "no exchanged or reversed column and no single length explains that",
+            "Correct `robot` and `plate` in recording.yaml, or the dialect of the log",
+        )

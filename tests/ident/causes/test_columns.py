@@ -1,0 +1,45 @@
+"""Other ways to read the columns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ident.causes.agreement import Motion, motion_of, tool_path
+from ident.causes.columns import encoder_orders, encoder_scales, robot_columns
+from ident.causes.suspects import EXPLAINS
+from tests.helpers.synthetic_recording import CELL, NOMINAL, minute
+
+ENCODERS = (1, 2, 4, 5)
+PATH = minute(0.05)
+
+
+def motion(scale: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)) -> Motion:
+    bar = PATH.b[:, [0, 1, 3, 4]] * np.array(scale)
+    return motion_of(PATH.t, PATH.q, PATH.t, bar, ENCODERS)
+
+
+TOOL = tool_path(NOMINAL, motion().q)
+
+
+def test_there_are_23_other_orders_of_four_encoders_and_none_explains_a_sound_recording() -> None:
+    orders = encoder_orders(motion(), TOOL)
+    assert len(orders) == 23
+    assert len({order.cause for order in orders}) == 23
+    assert min(order.left for order in orders) > 2.0 * EXPLAINS
+
+
+def test_sound_line_counts_are_left_alone() -> None:
+    assert encoder_scales(motion(), TOOL) == []
+
+
+@pytest.mark.parametrize("scale", [(2.0, 1.0, 1.0, 1.0), (1.0, 0.25, 1.0, 0.72)])
+def test_line_counts_follow_from_the_poses(scale: tuple[float, ...]) -> None:
+    (reading,) = encoder_scales(motion(scale), TOOL)
+    for joint, factor in zip(ENCODERS, scale, strict=True):
+        assert (f"b{joint} {factor:.3f}" in reading.remark) == (factor != 1.0)
+    assert reading.left < 0.02
+
+
+def test_no_other_columns_of_a_sound_robot_are_nearer_to_a_sphere() -> None:
+    assert robot_columns(CELL.robot, NOMINAL, motion(), TOOL.rms) == []

@@ -1,0 +1,270 @@
+"""Each mistake in the files of a recording is named first; sound recordings are not suspected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from cell.descriptions import Cell
+from cell.geometry import robot_frames
+from cell.inverse import bar_angles
+from cell.load import load_cell
+from cell.logs import BallBarLog, RobotLog
+from cell.robot_angles import joints_to_motors, motors_to_joints
+from ident.causes.suspects import AGREES, SHORT, Causes, suspects
+from ident.identify import identify, identify_together
+from ident.options import FitOptions
+from ident.recording_fit import Logs
+from ident.start.automatic import StartError
+from ident.verdict import Status
+from tests.helpers.minute_logs import minute_logs
+from tests.helpers.synthetic_recording import CELL, NOMINAL
+
+FEW = FitOptions(samples=300)
+ENCODERS = (1, 2, 4, 5)
+
+
+@lru_cache
+def sound(encoders: tuple[int, ...] = ENCODERS, seed: int = 0) -> Logs:
+    return minute_logs(encoders=encoders, seed=seed, name="first")
+
+
+def with_encoders(change: Callable[[Array], Array], logs: Logs | None = None) -> Logs:
+    logs = sound() if logs is None else logs
+    assert logs.ballbar is not None
+    bar = logs.ballbar
+    return replace(logs, ballbar=BallBarLog(bar.t, change(bar.angles.copy()), bar.joints))
+
+
+def with_motors(change: Callable[[Array], Array], logs: Logs | None = None) -> Logs:
+    logs = sound() if logs is None else logs
+    motors = change(joints_to_motors(CELL.robot, logs.robot.q))
+    return replace(logs, robot=RobotLog(logs.robot.t, motors_to_joints(CELL.robot, motors)))
+
+
+def exchanged(i: int, j: int) -> Callable[[Array], Array]:
+    """Columns i and j, from 0."""
+
+    def change(values: Array) -> Array:
+        order = np.arange(values.shape[1])
+        order[[i, j]] = j, i
+        return values[:, order]
+
+    return change
+
+
+def scaled(column: int, factor: float) -> Callable[[Array], Array]:
+    """One column, from 0, times a factor; 0 leaves no motion."""
+
+    def change(values: Array) -> Array:
+        values[:, column] *= factor
+        return values
+
+    return change
+
+
+def other_run() -> Logs:
+    """The robot's log of the minute, the ball-bar's played backwards."""
+    return with_encoders(lambda angles: angles[::-1])
+
+
+def cut(seconds: float) -> Logs:
+    logs = sound()
+    assert logs.ballbar is not None
+    bar, robot = logs.ballbar, logs.robot
+    rows, bar_rows = (
+        (robot.t > 10) & (robot.t < 10 + seconds),
+        (bar.t > 10) & (bar.t < 10 + seconds),
+    )
+    return Logs(
+        RobotLog(robot.t[rows], robot.q[rows]),
+        BallBarLog(bar.t[bar_rows], bar.angles[bar_rows], bar.joints),
+        name="first",
+    )
+
+
+def turning(factor: float) -> Cell:
+    """The cell with a plate that is `factor` times as long."""
+    return replace(CELL, plate=replace(CELL.plate, length=factor * CELL.plate.length))
+
+
+MISTAKES: dict[str, tuple[Callable[[], Logs], str]] = {
+    "b1 and b2": (
+        lambda: with_encoders(exchanged(0, 1)),
+        "the columns of encoders b1 and b2 are exchanged: once corrected, ",
+    ),
+    "b2 and b5": (
+        lambda: with_encoders(exchanged(1, 3)),
+        "the columns of encoders b2 and b5 are exchanged: once corrected, ",
+    ),
+    "three encoders": (
+        lambda: with_encoders(lambda b: b[:, [1, 2, 0, 3]]),
+        "the encoder columns are in another order: b1 in that of b4, b2 in that of b1, b4 in that",
+    ),
+    "1800 lines": (
+        lambda: with_encoders(scaled(0, 2.0)),
+        "the line count of encoder b1 is wrong: once corrected, ",
+    ),
+    "one bit less": (
+        lambda: with_encoders(lambda b: 0.5 * b),
+        "the line count of encoder b1 and b2 and b4 and b5 is wrong: once corrected, ",
+    ),
+    "5000 lines of b5": (
+        lambda: with_encoders(scaled(3, 0.72)),
+        "the line count of encoder b5 is wrong: once corrected, ",
+    ),
+    "motors 5 and 6": (
+        lambda: with_motors(exchanged(4, 5)),
+        "the columns of motors 5 and 6 of the robot's log are exchanged: once corrected, ",
+    ),
+    "motor 1 backwards": (
+        lambda: with_motors(scaled(0, -1.0)),
+        "axis 1 of the robot's log counts backwards: once corrected, ",
+    ),
+    "motor 5 backwards": (
+        lambda: with_motors(scaled(4, -1.0)),
+        "motor 5 of the robot's log counts backwards: once corrected, ",
+    ),
+    "motor 3 not logged": (
+        lambda: with_motors(scaled(2, 0.0)),
+        "the robot's log does not hold the motion of axis 3: there is none, and without it ",
+    ),
+    "b2 not logged": (
+        lambda: with_encoders(scaled(1, 0.0)),
+        "encoder b2 stands still: it turns by 0 mrad in the whole log, ",
+    ),
+    "another run": (other_run, "the logs are not of one run: the best of all clock offsets "),
+    "15 s": (lambda: cut(15.0), "the logs are too short: they share at most 15.0 s. "),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_in_the_logs_is_named_first(mistake: str) -> None:
+    logs, words = MISTAKES[mistake]
+    first, *others = suspects(CELL, logs())
+    assert str(first).startswith(words)
+    assert not others
+
+
+@pytest.mark.parametrize(
+    ("cell", "words"),
+    [
+        (
+            load_cell("irb2400", "lund_900", "plate_250"),
+            "the rod is not as long as stated: the tool's path by the robot lies on a sphere of 60",
+        ),
+        (turning(1.4), "the length of plate plate_250 (ra6) is wrong by -100.0 mm: so changed, "),
+        (load_cell("nj220", "lund_600", "plate_250"), "this is not the log of robot nj220 with "),
+        (load_cell("irb1600", "lund_600", "plate_250"), "this is not the log of robot irb1600 "),
+    ],
+    ids=["rod", "plate", "robot", "robot of the same maker"],
+)
+def test_a_wrong_file_is_named_first(cell: Cell, words: str) -> None:
+    assert str(suspects(cell, sound())[0]).startswith(words)
+
+
+def test_evidence_and_remedy_of_a_line_count_give_its_factor() -> None:
+    (suspect,) = suspects(CELL, with_encoders(scaled(0, 2.0)))
+    assert suspect.evidence.endswith("angle of the encoder over that of the robot's pose: b1 2.000")
+    assert suspect.remedy.startswith("Multiply `lines` in recording.yaml (b1 2.000), or correct")
+
+
+def test_two_encoders_may_be_those_of_the_other_gimbal() -> None:
+    logs = sound((4, 5))
+    assert logs.ballbar is not None
+    bar = BallBarLog(logs.ballbar.t, logs.ballbar.angles[:, ::-1], (1, 2))
+    (suspect,) = suspects(CELL, replace(logs, ballbar=bar))
+    assert suspect.cause == "the encoders b1 and b2 are those of b5 and b4"
+
+
+def test_without_encoders_the_sphere_alone_names_an_axis_that_counts_backwards() -> None:
+    (suspect,) = suspects(CELL, with_motors(scaled(4, -1.0), sound(())))
+    assert suspect.cause == "motor 5 of the robot's log counts backwards"
+    assert "rms off a sphere" in suspect.evidence
+    assert "unexplained" not in suspect.evidence
+    assert suspects(CELL, sound(())) == []
+
+
+@pytest.mark.parametrize("encoders", [ENCODERS, (1, 2), (1, 2, 3, 4, 5)])
+def test_robots_that_are_not_calibrated_are_not_suspected(encoders: tuple[int, ...]) -> None:
+    """DH errors of 3 mm and mrad, three times those of an industrial robot (notes/start)."""
+    rng = np.random.default_rng(5)
+    table = NOMINAL.table
+    names = [n for n in table.robot if n not in table.gauge and n != table.plate]
+    for seed in range(4):
+        errors = dict(zip(names, 3e-3 * rng.standard_normal(len(names)), strict=True))
+        true = NOMINAL.replaced({n: NOMINAL[n] + e for n, e in errors.items()})
+        assert suspects(CELL, minute_logs(encoders=encoders, true=true, seed=seed)) == []
+
+
+def test_a_reversed_encoder_is_no_suspect_for_the_start_finds_its_direction() -> None:
+    assert suspects(CELL, with_encoders(scaled(0, -1.0))) == []
+    assert suspects(CELL, with_encoders(scaled(1, -1.0))) == []
+
+
+def test_joints_that_stand_still_on_a_sound_path_are_too_few_that_move() -> None:
+    """Axis 1 and 4 at rest, the others on the sphere by Newton steps."""
+    t, q, moving = sound().robot.t, sound().robot.q.copy(), [1, 2, 4, 5]
+    q[:, [0, 3]] = q[0, [0, 3]]
+    origin = NOMINAL.origin
+    for _ in range(20):
+        frames = robot_frames(NOMINAL, q)
+        rod = frames.tip.T - origin
+        distance = np.linalg.norm(rod, axis=1)
+        slope = np.stack(
+            [
+                (np.cross(frames.z[k].T, frames.tip.T - frames.origin[k].T) * rod).sum(axis=1)
+                / distance
+                for k in moving
+            ],
+            axis=1,
+        )
+        step = slope / (slope**2).sum(axis=1)[:, None] * (distance - NOMINAL["bd3"])[:, None]
+        q[:, moving] -= np.clip(step, -0.1, 0.1)
+    assert np.abs(distance - NOMINAL["bd3"]).max() < 1e-9  # converged
+    b = np.unwrap(bar_angles(robot_frames(NOMINAL, q).poses(), origin), axis=0)
+    logs = Logs(RobotLog(t, q), BallBarLog(t, b[:, [0, 1, 3, 4]], ENCODERS))
+    (suspect,) = suspects(CELL, logs)
+    assert suspect.cause == "too few joints move"
+    assert suspect.evidence == "there is no motion of axes 1, 4 of the robot in the whole log"
+    assert not suspect.hopeless
+
+
+def test_the_verdict_begins_with_the_cause_and_the_fit_becomes_a_remark() -> None:
+    logs = with_motors(scaled(4, -1.0))
+    result = identify(CELL, logs.robot, logs.ballbar, options=FEW)
+    assert result.verdict.status in (Status.IMPLAUSIBLE, Status.NOT_CONVERGED)
+    assert ": motor 5 of the robot's log counts backwards: once" in result.verdict.sentence
+    assert "off the catalogue" in result.verdict.warnings[0]
+
+
+def test_the_cause_stands_before_what_the_start_says() -> None:
+    logs = with_motors(scaled(1, -1.0))
+    words = r"^axis 2 of the robot's log counts backwards: .* \(the nominal robot reaches none of"
+    with pytest.raises(StartError, match=words):
+        identify(CELL, logs.robot, logs.ballbar, options=FEW)
+
+
+def test_of_several_recordings_the_one_with_the_mistake_is_named_before_the_complete_fit() -> None:
+    wrong = replace(with_encoders(exchanged(2, 3)), name="second")
+    with pytest.raises(StartError, match=r"^second: the columns of encoders b4 and b5 are exch"):
+        identify_together(CELL, [sound(), wrong], options=FEW)
+
+
+def test_a_cause_that_all_recordings_share_stands_once() -> None:
+    wrong = with_encoders(exchanged(0, 1))
+    causes = Causes.of(CELL, [wrong, replace(wrong, name="second")])
+    assert causes.hopeless
+    assert str(causes).startswith("the columns of encoders b1 and b2 are exchanged")
+    assert str(causes).count("exchanged") == 1
+    assert not Causes.of(CELL, [sound()])
+
+
+def test_the_limits_are_far_from_a_sound_recording_and_from_chance() -> None:
+    assert 0.03 < AGREES < 0.2
+    assert len(suspects(CELL, cut(SHORT + 5.0))) == 0
