@@ -53,6 +53,7 @@ from ident.signals.step_fault import StepFault
 from ident.softening import fit_softening
 from ident.start.automatic import StartError
 from ident.verdict import (
+    ALL_SOFTER,
     AUTOCORRELATED,
     CORRELATED,
     PULL,
@@ -69,6 +70,7 @@ COMPLIANCES = ("rad/(N m)", "m/N")
 # A compliance or play is negative beyond so many deviations, and so much of its prior's: a rigid
 # gear may come out a little on either side.
 NEGATIVE, NOTHING = 2.0, 0.1
+MASSES_IN_DOUBT = 0.5  # standard deviation, of the sag between the two ways to read soft gears
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
 
 
@@ -222,6 +224,9 @@ def _result(
     complete = fit is not single[0].fit
     known = stated.information_gain > MOSTLY_PRIOR
     robot = replace(_robot(cell, single[0], fit, stated, known), payload=payload)
+    softer = 1.0 if payload else _softer(fit)
+    if not 1.0 / ALL_SOFTER < softer < ALL_SOFTER:
+        robot = _with_doubt_of_masses(robot, softer)
     estimates = tuple(
         _recording(cell, r, fit, k if complete else 0, stated, known, options)
         for k, r in enumerate(single)
@@ -247,7 +252,7 @@ def _result(
         complete=complete,
         pulled=pulled(fit),
         unphysical=unphysical(fit, stated.covariance, payload),
-        softer=1.0 if payload else _softer(fit),
+        softer=softer,
         tcp_sigma=rms(robot.tcp_sigma),
         nominal_error=_nominal_error(robot),
         accuracy=options.accuracy,
@@ -424,6 +429,27 @@ def _nominal_error(robot: RobotEstimate) -> float:
     grid = accuracy_grid(robot.cell.robot)
     nominal = UnloadedRobot(robot.cell, robot.nominal)
     return position_error(nominal.tool(grid), robot.unloaded().tool(grid)).mean
+
+
+def _with_doubt_of_masses(robot: RobotEstimate, softer: float) -> RobotEstimate:
+    """The robot with the sag that wrong masses would give it in its stated TCP uncertainty.
+
+    Where all gears are softer by one factor, masses that are larger by it explain a recording as
+    well; the free robot then sags less where the file's masses are right, and as much where not.
+    """
+    stiffer = tuple(
+        replace(
+            correction,
+            coefficients=tuple(replace(c, value=c.value / softer) for c in correction.coefficients),
+        )
+        if correction.name == "joint_compliance"
+        else correction
+        for correction in robot.corrections
+    )
+    grid = accuracy_grid(robot.cell.robot)
+    other = replace(robot, corrections=stiffer).unloaded()
+    doubt = position_error(other.tool(grid), robot.unloaded().tool(grid)).error
+    return replace(robot, tcp_sigma=np.hypot(robot.tcp_sigma, MASSES_IN_DOUBT * doubt))
 
 
 def _softer(fit: Fit) -> float:
