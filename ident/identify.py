@@ -435,7 +435,7 @@ def _with_doubt_of_masses(robot: RobotEstimate, softer: float) -> RobotEstimate:
     """The robot with the sag that wrong masses would give it in its stated TCP uncertainty.
 
     Where all gears are softer by one factor, masses that are larger by it explain a recording as
-    well; the unloaded robot then sags less where the file's masses are right, and as much where not.
+    well; between the two lies how far the unloaded robot sags.
     """
     stiffer = tuple(
         replace(
