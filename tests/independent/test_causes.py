@@ -12,7 +12,7 @@ from ident.causes import suspects
 from ident.recording_fit import Logs
 from tests.independent.recording import Faults, Plan, record_path
 
-SEEDS = (1, 2, 3)
+SEEDS = (2,)
 SECOND = 1  # path that leaves the axes within their limits even where two are exchanged
 CAUSES = {
     "the columns of encoders b1 and b2 are exchanged": Faults(swapped=(1, 2)),
