@@ -103,7 +103,7 @@ def fit_complete(
         if repaired.chi2_per_dof > HELPS * result.chi2_per_dof:  # whatever is wrong, it is no step
             break
         faults, result = (*faults, fault), repaired
-    idle = unsupported(result)
+    idle = unsupported(result) if tried else set()
     needed = [correction for correction in tried if correction.name not in idle]
     chosen += needed
     if needed:

@@ -17,6 +17,7 @@ from ident.complete_fit import needs_loads, refit
 from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.estimator.fit import Fit
 from ident.estimator.order_search import LinearModel, left_out, of_few
+from ident.estimator.uncertainty import block_sums
 from ident.joint_errors import linearised, thinning
 from ident.options import Listener
 
@@ -128,17 +129,10 @@ def _tests(model: LinearModel, rest: Array, residual: Array) -> Array:
     variance and the distribution are those of ident.estimator.order_search.
     """
     score, information = (
-        _in_blocks(model, values.reshape(len(rest), *model.residual.shape).sum(axis=1))
+        block_sums(values.reshape(len(rest), *model.residual.shape).sum(axis=1), model.groups)
         for values in (rest * residual, rest * rest)
     )
     each = left_out(score[:, None], information[:, None, None], NO_PRIOR)[:, 0]
     variance = np.maximum((each * each).sum(axis=1), np.finfo(float).tiny)
     softer = np.maximum(-score.sum(axis=1), 0.0)
     return of_few(softer**2 / variance, score.shape[1])
-
-
-def _in_blocks(model: LinearModel, values: Array) -> Array:
-    """(C, G) sums of values (C, N) over blocks of time."""
-    out = np.zeros((model.groups.max() + 1, len(values)))
-    np.add.at(out, model.groups, values.T)
-    return out.T

@@ -70,6 +70,13 @@ def block_numbers(times: Array, block: float = BLOCK) -> NDArray[np.intp]:
     return np.cumsum(np.diff(np.floor((times - times[0]) / block), prepend=0.0) > 0)
 
 
+def block_sums(values: Array, numbers: NDArray[np.intp]) -> Array:
+    """(K, B) sums of values (K, N) over blocks of time; numbers : (N,) block of each, from 0."""
+    out = np.zeros((int(numbers.max()) + 1, len(values)))
+    np.add.at(out, numbers, values.T)
+    return out.T
+
+
 def _scores(fit: Fit) -> tuple[Array, Array]:
     """Products (P, P) of the scores summed over the samples; sums (P, B) over blocks of time.
 

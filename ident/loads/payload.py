@@ -24,7 +24,7 @@ from cell.descriptions import Cell, Link
 from cell.dynamics import joint_torques
 from cell.geometry import Geometry, robot_frames
 from cell.payload import Payload
-from ident.estimator.uncertainty import block_numbers
+from ident.estimator.uncertainty import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.rod_tension import friction_sign, without_tension
 
@@ -176,6 +176,4 @@ def _block_sums(scores: Array, logs: Sequence[LoggedTorque]) -> Array:
     for log in logs:
         numbers.append(block_numbers(log.times) + blocks)
         blocks = int(numbers[-1][-1]) + 1
-    out = np.zeros((blocks, len(scores)))
-    np.add.at(out, np.concatenate(numbers), scores.T)
-    return out.T
+    return block_sums(scores, np.concatenate(numbers))
