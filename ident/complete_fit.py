@@ -14,7 +14,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from ident.corrections import belongs_to_machine, correction_named, corrections_on_evidence
+from ident.corrections import correction_named, corrections_on_evidence
 from ident.corrections.base import Correction
 from ident.corrections.rod_elongation import ROD_ELONGATION
 from ident.estimator.fit import Fit, fit, thinned
@@ -30,12 +30,12 @@ from ident.estimator.step_faults import (
     step_faults_in_logs,
     with_exact_periods,
 )
-from ident.estimator.uncertainty import uncertainty
 from ident.estimator.unknowns import TENSION_PRIOR, RecordingStart, Unknowns, complete_unknowns
 from ident.estimator.variance_components import excess_noise
 from ident.loads.gear_loads import mass_model
 from ident.loads.instrument_force import FORCE_PRIOR, instrument_forces
 from ident.loads.logged_tension import sensor_tension, tension_splines, torque_tension
+from ident.model_choice import needed_corrections, present, unsupported
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import RecordingFit
 from ident.signals.step_fault import StepFault
@@ -50,9 +50,6 @@ WANDERING = 100.0  # [N] prior of a knot of a force that the rod's length alone 
 FIRST_EXCESS = ExcessNoise(5e-6, 1e-5, 1e-5, 1e-6)  # what the first fit finds on the full scenarios
 NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a step fault must bring it down to
-# A correction stays whose coefficients' chi-square exceeds its count k by SUPPORT sqrt(2 k): four
-# standard deviations of what chance gives.
-SUPPORT = 4.0
 MAX_ITERATIONS = 40
 # A fit of so many of each recording comes first, where there are so many times more.
 COARSE_SAMPLES, COARSE_SHARE = 1500, 3
@@ -103,8 +100,7 @@ def fit_complete(
         if repaired.chi2_per_dof > HELPS * result.chi2_per_dof:  # whatever is wrong, it is no step
             break
         faults, result = (*faults, fault), repaired
-    idle = unsupported(result) if tried else set()
-    needed = [correction for correction in tried if correction.name not in idle]
+    needed = needed_corrections(result, tried) if tried else []
     chosen += needed
     if needed:
         result = with_noise(result, listener, recast(result, chosen))
@@ -353,37 +349,3 @@ def with_likely_tension(result: Fit) -> Model:
             variance = np.diag(result.covariance)[own.knots]
             sigma[own.knots] = np.sqrt(np.mean(result.x[own.knots] ** 2 + variance))
     return replace(result.model, unknowns=replace(layout, sigma=sigma))
-
-
-def unsupported(result: Fit) -> set[str]:
-    """Names of corrections whose coefficients are all zero as far as the data can tell."""
-    stated, out = uncertainty(result), set()
-    for correction in present(result):
-        position = coefficients_of(result, correction)
-        values = result.x[position]
-        spread = stated.covariance[position, position]
-        chi2 = float(values @ np.linalg.solve(spread, values))
-        if chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
-            out.add(correction.name)
-    return out
-
-
-def present(result: Fit) -> list[Correction]:
-    """The corrections of a fit, encoder slips left out."""
-    return [c for c in result.model.corrections if c.name != ENCODER_JUMPS]
-
-
-def lasting(result: Fit) -> list[Correction]:
-    """The corrections that belong to the machine: encoder slips belong to a recording."""
-    return [c for c in result.model.corrections if belongs_to_machine(c)]
-
-
-def coefficients_of(result: Fit, correction: Correction) -> slice:
-    """Where a correction's coefficients stand in x. Raises KeyError if the fit has no such one."""
-    first = result.model.unknowns.coefficients.start
-    for other in result.model.corrections:
-        count = len(other.coefficients)
-        if other.name == correction.name:
-            return slice(first, first + count)
-        first += count
-    raise KeyError(correction.name)

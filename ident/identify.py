@@ -20,7 +20,7 @@ from cell.logs import BallBarLog, ForceLog, RobotLog
 from cell.payload import with_payload
 from cell.statistics import rms
 from ident.causes import Causes
-from ident.complete_fit import coefficients_of, fit_complete, lasting, settled
+from ident.complete_fit import fit_complete, settled
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
 from ident.corrections.rod_elongation import rod_elongation
 from ident.estimator.fit import Fit
@@ -34,6 +34,7 @@ from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
 from ident.loads.payload import PayloadEstimate, payload_from_torque
 from ident.loads.rod_tension import TORQUE_NEEDS
+from ident.model_choice import coefficients_of, lasting
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
 from ident.remarks import joint_error_remark, log_remarks, payload_remark, recording_remarks

@@ -41,6 +41,14 @@ class JacobianBlock:
             out[knots] = (splines * (self.slope * vector).sum(axis=0)).toarray()
         return out
 
+    def between(self, first: int, stop: int) -> JacobianBlock:
+        """The part from sample `first` of the recording up to `stop`."""
+        begin = self.samples.start
+        samples = slice(max(first, begin), min(stop, self.samples.stop))
+        own = slice(samples.start - begin, samples.stop - begin)
+        slope = None if self.slope is None else self.slope[:, own]
+        return JacobianBlock(samples, self.index, self.values[..., own], slope)
+
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
@@ -106,8 +114,8 @@ def normal_equations(
     for k, residual in enumerate(residuals):
         own = []
         for block in jacobian(model, out, k):
-            _add_normal(model, k, block, out.normal)
-            out.gradient[:] += _gradient(model, k, block, residual[:, block.samples])
+            add_normal(model, k, block, out.normal)
+            out.gradient[:] += gradient_of(model, k, block, residual[:, block.samples])
             own += [block] if keep_blocks else []
         blocks.append(tuple(own))
     return replace(out, blocks=tuple(blocks)) if keep_blocks else out
@@ -142,7 +150,7 @@ def at_trial(model: Model, equations: NormalEquations, accepted: Trial) -> Norma
     gradient = (accepted.x - model.unknowns.mean) / model.unknowns.sigma**2
     for k, (blocks, residual) in enumerate(zip(equations.blocks, accepted.residuals, strict=True)):
         for block in blocks:
-            gradient += _gradient(model, k, block, residual[:, block.samples])
+            gradient += gradient_of(model, k, block, residual[:, block.samples])
     return replace(
         equations,
         x=accepted.x,
@@ -201,7 +209,7 @@ def _prior_cost(model: Model, x: Array) -> float:
     return float((((x - model.unknowns.mean) / model.unknowns.sigma) ** 2).sum())
 
 
-def _gradient(model: Model, k: int, block: JacobianBlock, residual: Array) -> Array:
+def gradient_of(model: Model, k: int, block: JacobianBlock, residual: Array) -> Array:
     """(P,) of half the cost of one block with residuals (E, n)."""
     out, knots = np.zeros(model.unknowns.count), model.unknowns.own[k].knots
     out[block.index] = block.values.reshape(block.index.size, -1) @ residual.reshape(-1)
@@ -211,7 +219,7 @@ def _gradient(model: Model, k: int, block: JacobianBlock, residual: Array) -> Ar
     return out
 
 
-def _add_normal(model: Model, k: int, block: JacobianBlock, normal: Array) -> None:
+def add_normal(model: Model, k: int, block: JacobianBlock, normal: Array) -> None:
     """Adds the products of one block's columns to the normal matrix (P, P); in place."""
     flat, knots = block.values.reshape(block.index.size, -1), model.unknowns.own[k].knots
     half = dsyrk(1.0, flat.T, trans=1)  # the upper triangle

@@ -16,14 +16,11 @@ from ident.complete_fit import (
     Pose,
     approached,
     clock_steps_of,
-    coefficients_of,
     continued,
     fit_complete,
     fit_pose,
-    lasting,
     posed,
     start_of,
-    unsupported,
     with_likely_tension,
     with_tension,
 )
@@ -31,6 +28,7 @@ from ident.corrections import CORRECTIONS, supported_corrections
 from ident.corrections.base import Correction
 from ident.estimator.fit import Fit
 from ident.estimator.noise import ExcessNoise
+from ident.model_choice import coefficients_of, lasting, unsupported
 from ident.options import FitOptions, Listener
 from ident.recording_fit import RecordingFit, fit_recording
 from ident.signals.step_fault import StepFault

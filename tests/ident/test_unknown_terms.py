@@ -12,10 +12,11 @@ from cell.arrays import Array
 from cell.chain import joint_screws, screw
 from cell.geometry import robot_frames
 from cell.logs import RobotLog
-from ident.complete_fit import fit_complete, lasting
+from ident.complete_fit import fit_complete
 from ident.corrections import ON_EVIDENCE, supported_corrections
 from ident.corrections.gear_softening import GEAR_SOFTENING, knees_of
 from ident.estimator.fit import Fit
+from ident.model_choice import lasting
 from ident.options import SILENT, FitOptions
 from ident.recording_fit import Logs, fit_recording
 from ident.remarks import recording_remarks

@@ -1,0 +1,101 @@
+"""A fit taken apart into blocks of time: what each block says of the unknowns.
+
+About the estimate the cost of a block is a parabola to first order, so what the fit would be
+without some of them, and how well it would explain those, costs a few solutions of the normal
+equations. Neighbours in time share what the model lacks, so whole blocks are left out (blocked
+cross-validation, Roberts et al. 2017).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.arrays import Array
+from ident.estimator.fit import Fit
+from ident.estimator.normal_equations import add_normal, gradient_of, jacobian
+from ident.estimator.uncertainty import block_numbers
+
+LENGTH = 6.0  # [s] of a block: longer than residuals are correlated (notes/unknown_machines)
+FOLDS = 5  # every fifth block is left out at once
+
+
+@dataclass(frozen=True, eq=False)
+class TimeBlocks:
+    """The data's part of a fit's normal equations, block by block in order of time."""
+
+    fit: Fit
+    recording: NDArray[np.intp]  # (B,) from 0
+    start: Array  # (B,) [s] of the first sample
+    normal: Array  # (B, P, P)
+    gradient: Array  # (B, P) of half the cost
+    cost: Array  # (B,)
+
+    def held_out_cost(self, absent: NDArray[np.intp]) -> float:
+        """Cost of blocks that the fit was not made from, of the fit without some unknowns.
+
+        absent : indices of the unknowns that stay at their priors' means. The knots of the tension
+        belong to a block's own time; they are fitted there, under their priors.
+        """
+        layout = self.fit.model.unknowns
+        weight = layout.sigma**-2.0
+        slope = weight * (self.fit.x - layout.mean)
+        knots = np.concatenate(
+            [np.r_[own.knots] for own in layout.own if own.knots is not None] or [[]]
+        ).astype(np.intp)
+        away = np.zeros(layout.count)
+        away[absent] = layout.mean[absent] - self.fit.x[absent]
+        free = np.setdiff1d(np.arange(layout.count), absent)
+        fold = np.concatenate([np.arange(n) for n in np.bincount(self.recording)]) % FOLDS
+        whole, pull = self.normal.sum(axis=0), self.gradient.sum(axis=0)
+        total = 0.0
+        for out in range(FOLDS):
+            normal, gradient = (v[fold == out].sum(axis=0) for v in (self.normal, self.gradient))
+            step = _step(whole - normal + np.diag(weight), pull - gradient + slope, away, free)
+            step = _step(normal + np.diag(weight), gradient + slope, step, knots)
+            own = slope[knots] + 0.5 * weight[knots] * step[knots]
+            total += float(self.cost[fold == out].sum() + 2.0 * own @ step[knots])
+            total += float((2.0 * gradient + normal @ step) @ step)
+        return total
+
+
+def _step(normal: Array, gradient: Array, step: Array, free: NDArray[np.intp]) -> Array:
+    """A step (P,) whose elements `free` are those that minimise the cost, beside its others."""
+    out = step.copy()
+    out[free] = 0.0
+    slope = (gradient + normal @ out)[free]
+    out[free] = -np.linalg.solve(normal[np.ix_(free, free)], slope)
+    return out
+
+
+def time_blocks(fit: Fit, length: float = LENGTH) -> TimeBlocks:
+    """A fit in blocks of `length` [s]; no block spans two recordings."""
+    model, count = fit.model, fit.model.unknowns.count
+    recordings, starts, normals, gradients, costs = [], [], [], [], []
+    for k, (samples, residual) in enumerate(
+        zip(model.recordings, fit.linear.residuals, strict=True)
+    ):
+        number = block_numbers(samples.times, length)
+        edges = np.searchsorted(number, np.arange(number[-1] + 2))
+        normal = np.zeros((edges.size - 1, count, count))
+        gradient = np.zeros((edges.size - 1, count))
+        for chunk in jacobian(model, fit.linear, k):
+            for b in range(number[chunk.samples.start], number[chunk.samples.stop - 1] + 1):
+                part = chunk.between(edges[b], edges[b + 1])
+                add_normal(model, k, part, normal[b])
+                gradient[b] += gradient_of(model, k, part, residual[:, part.samples])
+        recordings.append(np.full(len(normal), k))
+        starts.append(samples.times[edges[:-1]])
+        normals.append(normal)
+        gradients.append(gradient)
+        costs.append(np.add.reduceat((residual * residual).sum(axis=0), edges[:-1]))
+    return TimeBlocks(
+        fit,
+        np.concatenate(recordings),
+        np.concatenate(starts),
+        np.concatenate(normals),
+        np.concatenate(gradients),
+        np.concatenate(costs),
+    )

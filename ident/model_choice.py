@@ -1,0 +1,84 @@
+"""Which corrections a complete fit keeps.
+
+What a robot's file describes stays unless its coefficients are zero as far as the data can tell.
+What few machines need enters only if a fit with it better explains blocks of time that it was not
+made from (ident.estimator.time_blocks): a residual can be white while the model is wrong, and what
+a missing term leaves over passes for support of another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ident.corrections import belongs_to_machine
+from ident.corrections.base import Correction
+from ident.estimator.fit import Fit
+from ident.estimator.step_faults import ENCODER_JUMPS
+from ident.estimator.time_blocks import time_blocks
+from ident.estimator.uncertainty import uncertainty
+
+# A correction stays whose coefficients' chi-square exceeds its count k by SUPPORT sqrt(2 k): four
+# standard deviations of what chance gives.
+SUPPORT = 4.0
+# Decrease of the held-out cost, in units of chi-square per degree of freedom, that a term must
+# bring: one that the machine does not need brings -170 to 20 (notes/unknown_machines, 3).
+DECREASE = 30.0
+
+
+def needed_corrections(fit: Fit, tried: Sequence[Correction]) -> list[Correction]:
+    """Of the corrections `tried` of a fit, those that held-out time asks for; in their order.
+
+    The best of them joins, until none brings enough.
+    """
+    blocks, needed = time_blocks(fit), set[str]()
+    places = {c.name: np.r_[coefficients_of(fit, c)] for c in tried}
+    limit = DECREASE * max(1.0, fit.chi2_per_dof)
+
+    def cost(names: set[str]) -> float:
+        absent = [place for name, place in places.items() if name not in names]
+        return blocks.held_out_cost(np.concatenate([np.empty(0, np.intp), *absent]))
+
+    least = cost(needed)
+    while costs := {name: cost({*needed, name}) for name in places if name not in needed}:
+        best = min(costs, key=costs.__getitem__)
+        if least - costs[best] < limit:
+            break
+        least = costs[best]
+        needed.add(best)
+    return [c for c in tried if c.name in needed]
+
+
+def unsupported(result: Fit) -> set[str]:
+    """Names of corrections whose coefficients are all zero as far as the data can tell."""
+    stated, out = uncertainty(result), set()
+    for correction in present(result):
+        position = coefficients_of(result, correction)
+        values = result.x[position]
+        spread = stated.covariance[position, position]
+        chi2 = float(values @ np.linalg.solve(spread, values))
+        if chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
+            out.add(correction.name)
+    return out
+
+
+def present(result: Fit) -> list[Correction]:
+    """The corrections of a fit, encoder slips left out."""
+    return [c for c in result.model.corrections if c.name != ENCODER_JUMPS]
+
+
+def lasting(result: Fit) -> list[Correction]:
+    """The corrections that belong to the machine: encoder slips belong to a recording."""
+    return [c for c in result.model.corrections if belongs_to_machine(c)]
+
+
+def coefficients_of(result: Fit, correction: Correction) -> slice:
+    """Where a correction's coefficients stand in x. Raises KeyError if the fit has no such one."""
+    first = result.model.unknowns.coefficients.start
+    for other in result.model.corrections:
+        count = len(other.coefficients)
+        if other.name == correction.name:
+            return slice(first, first + count)
+        first += count
+    raise KeyError(correction.name)
