@@ -54,7 +54,6 @@ from ident.signals.step_fault import StepFault
 from ident.softening import fit_softening
 from ident.start.automatic import StartError
 from ident.verdict import (
-    ALL_SOFTER,
     AUTOCORRELATED,
     CORRELATED,
     PULL,
@@ -64,6 +63,7 @@ from ident.verdict import (
     Status,
     implausible,
     judge,
+    masses_in_doubt,
 )
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
@@ -226,7 +226,7 @@ def _result(
     known = stated.information_gain > MOSTLY_PRIOR
     robot = replace(_robot(cell, single[0], fit, stated, known), payload=payload)
     softer = 1.0 if payload else _softer(fit)
-    if not 1.0 / ALL_SOFTER < softer < ALL_SOFTER:
+    if masses_in_doubt(softer):
         robot = _with_doubt_of_masses(robot, softer)
     estimates = tuple(
         _recording(cell, r, fit, k if complete else 0, stated, known, options)

@@ -28,6 +28,7 @@ WORTHWHILE, ALWAYS_WORTHWHILE = 0.5, 1e-4  # [1], [m]
 # Compliance of all gears over the catalogue's that is no chance of single gears (1.7 between those
 # of a class, 1.2 in the mean of six)
 ALL_SOFTER = 1.35
+RIGID = 1.0 / 3.0  # as soft: gears are stiff then, since no arm weighs that little of its catalogue's
 PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
 # [s] deviation of the clock offset from which it is hardly seen: of ten simulated robots that
 # change a length by 0.2 mm it scattered by two stated deviations or more
@@ -211,7 +212,7 @@ def _judged(
             f"the workspace), and {limit} would be the most. Record longer, on a path that moves "
             "every joint further, or several recordings together."
         )
-    if not 1.0 / ALL_SOFTER < evidence.softer < ALL_SOFTER:
+    if masses_in_doubt(evidence.softer):
         return Status.SUSPECT, (
             f"Usable, with care: all gears together are {evidence.softer:.2f} times as soft as the "
             "catalogue's, as if the tool or the arm weighed that much more than the files say. "
@@ -236,6 +237,11 @@ def _judged(
     explained = f"the residual is {ratio:.2f} times what the noise in the logs explains."
     opening = "Good fit" if noise is Status.GOOD else "Usable, with care"
     return noise, f"{opening}: {explained}"
+
+
+def masses_in_doubt(softer: float) -> bool:
+    """Whether gears, all together so many times as soft as the catalogue's, are no chance."""
+    return softer > ALL_SOFTER or RIGID < softer < 1.0 / ALL_SOFTER
 
 
 def implausible(geometry: Geometry, identified: Sequence[str], nominal: Geometry) -> str:
