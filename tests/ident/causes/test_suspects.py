@@ -27,6 +27,7 @@ from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 FEW = FitOptions(samples=300)
 ENCODERS = (1, 2, 4, 5)
+OTHER = load_cell("nj220", "lund_600", "plate_250")
 
 
 @lru_cache
@@ -130,6 +131,10 @@ MISTAKES: dict[str, tuple[Callable[[], Logs], str]] = {
         lambda: with_motors(scaled(4, -1.0)),
         "motor 5 of the robot's log counts backwards: once corrected, ",
     ),
+    "degrees": (
+        lambda: with_motors(np.rad2deg),
+        "the robot's log is in degrees and was read as rad: once corrected, ",
+    ),
     "motor 3 not logged": (
         lambda: with_motors(scaled(2, 0.0)),
         "the robot's log does not hold the motion of axis 3: there is none, and without it ",
@@ -159,7 +164,7 @@ def test_a_mistake_in_the_logs_is_named_first(mistake: str) -> None:
             "the rod is not as long as stated: the tool's path by the robot lies on a sphere of 60",
         ),
         (turning(1.4), "the length of plate plate_250 (ra6) is wrong by -100.0 mm: so changed, "),
-        (load_cell("nj220", "lund_600", "plate_250"), "this is not the log of robot nj220 with "),
+        (OTHER, "this is not the log of robot nj220 with "),
         (load_cell("irb1600", "lund_600", "plate_250"), "this is not the log of robot irb1600 "),
     ],
     ids=["rod", "plate", "robot", "robot of the same maker"],
@@ -188,6 +193,12 @@ def test_without_encoders_the_sphere_alone_names_an_axis_that_counts_backwards()
     assert "rms off a sphere" in suspect.evidence
     assert "unexplained" not in suspect.evidence
     assert suspects(CELL, sound(())) == []
+
+
+def test_without_encoders_the_sphere_alone_names_degrees() -> None:
+    (suspect,) = suspects(CELL, with_motors(np.rad2deg, sound(())))
+    assert suspect.cause == "the robot's log is in degrees and was read as rad"
+    assert str(suspects(OTHER, sound(()))[0]).startswith("this is not the log of robot nj220")
 
 
 @pytest.mark.parametrize("encoders", [ENCODERS, (1, 2), (1, 2, 3, 4, 5)])
