@@ -42,6 +42,7 @@ def identified(
     return simulation, table, identify_poses(table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES[:3])
 def test_a_scenario_of_still_poses_runs_to_report_and_limits(name: str, tmp_path: Path) -> None:
     """The limits stand in the scenarios, half again to three times what was measured."""
@@ -86,6 +87,7 @@ def test_the_identified_robot_is_better_than_the_nominal_one_by_far(tmp_path: Pa
     assert set(result.search.pairs) == {(0, 2), (2, 1)}, "the orders that were put in"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_no_joint_errors_are_found_where_there_are_none(seed: int, tmp_path: Path) -> None:
     changed = scenario("ur10e_tracker", {"joint_harmonics": ()}, seed=seed)
@@ -99,6 +101,7 @@ def lines_of(table: PoseTable, poses: np.ndarray) -> set[int]:
     return set(np.concatenate([g.rows for g in table.groups])[poses].tolist())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "share"),
     # a wire of 0.23 mm noise hides outliers below 1.6 mm
@@ -120,6 +123,7 @@ def test_outliers_are_found_named_and_do_no_harm(name: str, share: float, tmp_pa
     assert region < 1.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur10e_tracker", "panda_sockets"])
 def test_poses_read_too_early_are_told_from_outliers(name: str, tmp_path: Path) -> None:
     simulation, table, result = identified(scenario(name, {"unsettled": {}}), tmp_path / "t")

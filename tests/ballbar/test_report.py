@@ -378,6 +378,7 @@ def test_input_files_stand_with_their_hashes_relative_to_the_recording(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 def test_the_scenario_file_stands_among_the_inputs(run: RunData, tmp_path: Path) -> None:
     scenario = SCENARIOS / "irb2400.yaml"
     parsed = _Page(_page(replace(run, scenario_file=scenario), tmp_path))
@@ -498,6 +499,7 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
         write_report(

@@ -57,6 +57,7 @@ def test_a_machine_that_is_off_is_a_misfit(machine: Identification) -> None:
     assert outcome.normalised_innovation > 3.0
 
 
+@pytest.mark.slow
 def test_the_expected_chi_square_is_what_the_machines_errors_add_on_average() -> None:
     """A machine of 60 samples on 300 others, against the same machine with its true geometry.
 
@@ -90,6 +91,7 @@ def test_a_slip_in_the_held_out_recording_is_found_by_the_complete_model_only() 
     assert simple.step_faults == ()
 
 
+@pytest.mark.slow
 def test_a_held_out_recording_that_is_no_fit_names_the_cause(machine: Identification) -> None:
     sound = minute_logs(true=TRUE, seed=2)
     assert sound.ballbar is not None
@@ -100,6 +102,7 @@ def test_a_held_out_recording_that_is_no_fit_names_the_cause(machine: Identifica
     assert " Perhaps the columns of encoders b1 and b2 are exchanged: once " in outcome.sentence
 
 
+@pytest.mark.slow
 def test_a_held_out_recording_that_cannot_start_names_the_cause(machine: Identification) -> None:
     sound = minute_logs(true=TRUE, seed=2)
     motors = joints_to_motors(CELL.robot, sound.robot.q) * [1.0, -1.0, 1.0, 1.0, 1.0, 1.0]

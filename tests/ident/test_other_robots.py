@@ -77,6 +77,7 @@ def test_kinematics_of_any_robot_are_found_within_their_stated_noise(run: Run) -
     assert dropped == set(run.minute.nominal.table.gauge)
 
 
+@pytest.mark.slow
 def test_corrections_without_masses_and_gears_are_left_out_with_a_warning(run: Run) -> None:
     result = run.identified(model="complete")
     (warning,) = (text for text in result.verdict.warnings if "joint_compliance" in text)

@@ -62,6 +62,7 @@ def test_a_machine_that_needs_none_of_them_gets_none(sound: Fit) -> None:
     assert search_knees(sound) == []
 
 
+@pytest.mark.slow
 def test_lags_of_single_joints_are_found_relative_to_the_first() -> None:
     """Filters of the first order; together they shift the clock."""
     lags = np.array([8e-3, 10e-3, 12e-3, 8e-3, 10e-3, 12e-3])

@@ -219,6 +219,7 @@ def test_the_example_of_axis_angles_gives_the_joint_angles_that_the_page_says() 
     assert turned.tolist() == [0.0, 0.3, -0.3, 0.0, -0.2, 0.0]
 
 
+@pytest.mark.slow
 def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

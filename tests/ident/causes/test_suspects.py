@@ -147,8 +147,12 @@ MISTAKES: dict[str, tuple[Callable[[], Logs], str]] = {
     "15 s": (lambda: cut(15.0), "the logs are too short: they share at most 15.0 s. "),
 }
 
+QUICK = ("b1 and b2", "1800 lines", "motor 5 backwards", "another run")
 
-@pytest.mark.parametrize("mistake", MISTAKES)
+
+@pytest.mark.parametrize(
+    "mistake", [pytest.param(m, marks=() if m in QUICK else pytest.mark.slow) for m in MISTAKES]
+)
 def test_a_mistake_in_the_logs_is_named_first(mistake: str) -> None:
     logs, words = MISTAKES[mistake]
     first, *others = suspects(CELL, logs())
@@ -246,6 +250,7 @@ def test_joints_that_stand_still_on_a_sound_path_are_too_few_that_move() -> None
     assert not suspect.hopeless
 
 
+@pytest.mark.slow
 def test_the_verdict_begins_with_the_cause_and_the_fit_becomes_a_remark() -> None:
     logs = with_motors(scaled(4, -1.0))
     result = identify(CELL, logs.robot, logs.ballbar, options=FEW)
@@ -254,6 +259,7 @@ def test_the_verdict_begins_with_the_cause_and_the_fit_becomes_a_remark() -> Non
     assert "off the catalogue" in result.verdict.warnings[0]
 
 
+@pytest.mark.slow
 def test_the_cause_stands_before_what_the_start_says() -> None:
     logs = with_motors(scaled(1, -1.0))
     words = r"^axis 2 of the robot's log counts backwards: .* \(the nominal robot reaches none of"

@@ -54,6 +54,7 @@ def within(arm: IdentifiedArm, q: Array, seen: Array) -> float:
     return float(arm.within(q, seen @ turn - model).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seats", [1, 3])
 def test_regions_of_points_hold_where_rods_judge_one_direction(seats: int) -> None:
     """Of 16 robots; without the joint errors across the rods the worst of one seat had 0.55."""

@@ -33,6 +33,7 @@ def stepped(measured: Measured, kind: str, shift: Array, at: int, seed: int = 0)
     return PoseTable("ur5", true.robot, (group(measured, "hall", q, values, sigma),))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measured", ["point", "length"])
 @pytest.mark.parametrize("kind", ["seat", "target"])
 @pytest.mark.parametrize("size", [3e-4, 1e-2, 0.3])

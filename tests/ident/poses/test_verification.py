@@ -74,6 +74,7 @@ def test_the_limit_is_that_of_chi_square_where_the_stated_region_is() -> None:
     assert limit_of(24, 0.8) == limit_of(24, 1.0), "never lighter than the normal distribution"
 
 
+@pytest.mark.slow
 def test_an_unchanged_robot_is_called_changed_in_about_two_of_a_hundred(robot: Stored) -> None:
     """More than 4 % is refused. Of 1200 checks of three robots 23 were called changed."""
     rng = np.random.default_rng(2)
@@ -103,6 +104,7 @@ def drawn_change(robot: Stored, k: int, rng: np.random.Generator) -> tuple[PoseT
     return point_table(robot.drawn, q, NOISE, rng, zero=zero), "joint", str(joint + 1)
 
 
+@pytest.mark.slow
 def test_a_single_change_is_found_and_named(robot: Stored) -> None:
     """Of 50 draws, half of each robot, at least 90 %. Measured: 300 of 300, of three robots."""
     rng = np.random.default_rng(3)
