@@ -171,6 +171,7 @@ def test_drift_shows_in_lengths_too_seat_by_seat(tmp_path: Path) -> None:
     assert not any("mrad over the" in w for w in result.verdict.warnings)
 
 
+@pytest.mark.slow
 def test_simulate_writes_what_identify_reads(tmp_path: Path) -> None:
     folder = tmp_path / "poses"
     code, out, _ = ballbar("simulate", "panda_sockets", "--out", folder)

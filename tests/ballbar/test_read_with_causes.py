@@ -42,7 +42,11 @@ def declared(recorded: Recorded, folder: Path, robot: str) -> Path:
 @pytest.mark.parametrize(
     ("change", "cause"),
     [
-        (np.rad2deg, "the robot's log is in degrees and was read as rad: once corrected, "),
+        pytest.param(
+            np.rad2deg,
+            "the robot's log is in degrees and was read as rad: once corrected, ",
+            marks=pytest.mark.slow,
+        ),
         (
             lambda motors: motors[:, [0, 1, 2, 3, 5, 4]],
             "the columns of motors 5 and 6 of the robot's log are exchanged: once corrected, ",
@@ -62,7 +66,7 @@ def test_a_unit_or_two_columns_are_named_in_place_of_the_question(
     assert "?" not in words
 
 
-@pytest.mark.parametrize("robot", ["irb4600", "kr210"])
+@pytest.mark.parametrize("robot", ["irb4600", pytest.param("kr210", marks=pytest.mark.slow)])
 def test_another_robot_is_named_and_not_another_unit(
     recorded: Recorded, tmp_path: Path, robot: str
 ) -> None:

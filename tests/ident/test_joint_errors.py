@@ -80,6 +80,7 @@ def test_without_an_error_none_is_found(monkeypatch: pytest.MonkeyPatch) -> None
     assert result.robot.corrections == ()
 
 
+@pytest.mark.slow
 def test_a_search_where_nothing_is_left_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """A listed error: the complete fit explains it, and the search is made all the same."""
     monkeypatch.setattr(MODULE, "may_have_joint_errors", lambda _: True)

@@ -94,6 +94,7 @@ def test_two_lengths_are_fitted_together() -> None:
     assert max(off.values()) < 4.0, off
 
 
+@pytest.mark.slow
 def test_corrections_of_a_rigid_rod_are_refused() -> None:
     run = wire_run(Clock(0.3, 0.0), seed=6)
     options = FitOptions(corrections=("rod_strain",), samples=300)

@@ -105,6 +105,7 @@ def test_the_log_of_a_robot_with_another_number_of_axes_is_refused(
 SAG = 5e-4  # [rad/m] of a unit weight's coefficient
 
 
+@pytest.mark.slow
 def test_the_sag_of_a_robot_without_masses_is_found_by_unit_weights(tmp_path: Path) -> None:
     """Up to 1 mrad at the elbow: 0.37 mm of the tool without the correction, 0.015 mm with it."""
     run = Run(tmp_path, UR)

@@ -107,6 +107,7 @@ def test_bearings_that_tilt_are_found_and_their_loss_is_the_free_robots_too() ->
     assert "tilt2y" not in values  # gear 1 holds it
 
 
+@pytest.mark.slow
 def test_a_remounted_tool_and_links_that_grow_are_found_and_named() -> None:
     shift = 5e-5  # [m] along the plate
 
@@ -136,6 +137,7 @@ def _steps(q: Array, grown: dict[str, Array]) -> Array:
     return -np.linalg.solve(columns, moved.T[:, :, None])[:, :, 0]
 
 
+@pytest.mark.slow
 def test_a_gear_that_is_softer_below_a_knee_is_found_with_its_knee() -> None:
     gear, knee = 1, 120.0  # [N m]
 

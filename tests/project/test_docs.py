@@ -7,9 +7,11 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,17 +97,23 @@ def _sources(module: str) -> list[Path]:
     return sorted(path.rglob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
 
 
+@cache
+def application() -> Any:
+    """The command line with all its commands."""
+    return typer.main.get_command(cli.app)
+
+
 def _parse_ballbar(words: list[str]) -> None:
     """Fails for a command or an option that does not exist; files need not be there."""
-    group = typer.main.get_command(cli.app)
+    group = application()
     if not words:
         return
     if words[0].startswith("-"):
         assert words[0] in {name for option in group.params for name in option.opts} | {"--help"}
         return
     name, *rest = words
-    assert name in group.commands, f"no command {name}"  # type: ignore[attr-defined]
-    command = group.commands[name]  # type: ignore[attr-defined]
+    assert name in group.commands, f"no command {name}"
+    command = group.commands[name]
     if rest and rest[0] in getattr(command, "commands", {}):
         command, (inner, *rest) = command.commands[rest[0]], rest
         name = f"{name} {inner}"

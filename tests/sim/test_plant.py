@@ -256,6 +256,7 @@ def potential(cell: Cell, geometry: Geometry, b: np.ndarray, stretch: float) -> 
     return energy
 
 
+@pytest.mark.slow
 def test_the_force_sensor_shows_what_plate_and_ball_bar_weigh_and_pull() -> None:
     """Virtual work gives the ball-bar's pull on the tool: rod force and weight of its links."""
     cell, nominal, true, _ = machine("irb2400")

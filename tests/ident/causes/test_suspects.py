@@ -267,6 +267,7 @@ def test_the_cause_stands_before_what_the_start_says() -> None:
         identify(CELL, logs.robot, logs.ballbar, options=FEW)
 
 
+@pytest.mark.slow
 def test_of_several_recordings_the_one_with_the_mistake_is_named_before_the_complete_fit() -> None:
     wrong = replace(with_encoders(exchanged(2, 3)), name="second")
     with pytest.raises(StartError, match=r"^second: the columns of encoders b4 and b5 are exch"):

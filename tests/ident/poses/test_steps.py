@@ -75,6 +75,7 @@ def test_a_seat_may_move_between_two_files() -> None:
     assert step.other == f"hall from row {step.row}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measured", ["point", "length"])
 def test_clean_and_drifting_tables_have_no_steps(measured: Measured) -> None:
     """Largest scores of several hundred clean tables: 30, half the limit."""

@@ -148,6 +148,7 @@ def test_two_changes_at_once_are_not_given_one_name(robot: Stored) -> None:
     assert "No single cause" in outcome.sentence
 
 
+@pytest.mark.slow
 def test_distances_from_new_places_do_as_well(robot: Stored) -> None:
     rng = np.random.default_rng(7)
     seats = np.array([[0.9, 0.4, 0.0], [0.2, -0.9, 0.3], [-0.6, 0.7, 0.1]])
