@@ -101,9 +101,13 @@ class OtherAnglesError(LogError):
 
         angles : of the usable rows, as declared.
         """
-        super().__init__(f"{statement} {question}")
+        super().__init__(statement, question, angles)  # all that a copy in another process needs
         self.statement = statement
+        self.question = question
         self.angles = angles
+
+    def __str__(self) -> str:
+        return f"{self.statement} {self.question}"
 
 
 def read_angles(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -88,6 +89,15 @@ def test_what_nothing_explains_keeps_the_question_of_the_reader(
     with pytest.raises(LogError) as refused:
         read_with_causes(folder)
     assert str(refused.value) == str(plain.value)
+
+
+def test_a_refusal_goes_from_one_process_to_another_as_it_is(
+    recorded: Recorded, tmp_path: Path
+) -> None:
+    folder = changed(recorded, tmp_path / "copy", np.rad2deg)
+    with pytest.raises(LogError) as refused:
+        read_recording(folder)
+    assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)
 
 
 def test_a_sound_recording_is_read_as_it_is(recorded: Recorded) -> None:
