@@ -300,6 +300,7 @@ def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("blank_figures")
 def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(
     run: RunData, tmp_path: Path

@@ -77,6 +77,7 @@ def test_the_expected_chi_square_is_what_the_machines_errors_add_on_average() ->
     assert 0.6 < np.mean(added) / np.mean(expected) < 1.2
 
 
+@pytest.mark.slow
 def test_a_slip_in_the_held_out_recording_is_found_by_the_complete_model_only() -> None:
     """What a poor model leaves over passes for steps, so kinematics alone do not look for them."""
     options = FitOptions(model="complete", corrections=("gear_ripple",), samples=300)

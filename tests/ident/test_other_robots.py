@@ -88,6 +88,7 @@ def test_corrections_without_masses_and_gears_are_left_out_with_a_warning(run: R
     assert run.tcp_error(result) < 30e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DROPPED)
 def test_a_correction_that_is_asked_for_needs_its_data(run: Run, name: str) -> None:
     with pytest.raises(InputError, match=r"robot other has no `(links|gears)`"):

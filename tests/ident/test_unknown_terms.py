@@ -57,6 +57,7 @@ def sound() -> Fit:
     return fitted(elastic(), elastic(seed=1))
 
 
+@pytest.mark.slow
 def test_a_machine_that_needs_none_of_them_gets_none(sound: Fit) -> None:
     assert not names(sound) & set(ON_EVIDENCE)
     assert search_knees(sound) == []

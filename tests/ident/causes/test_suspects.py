@@ -199,6 +199,7 @@ def test_without_encoders_the_sphere_alone_names_an_axis_that_counts_backwards()
     assert suspects(CELL, sound(())) == []
 
 
+@pytest.mark.slow
 def test_without_encoders_the_sphere_alone_names_degrees() -> None:
     (suspect,) = suspects(CELL, with_motors(np.rad2deg, sound(())))
     assert suspect.cause == "the robot's log is in degrees and was read as rad"
