@@ -184,6 +184,7 @@ def test_simulate_writes_what_identify_reads(tmp_path: Path) -> None:
     assert "against the truth" not in (tmp_path / "result/report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_missed_limit_exits_with_1_and_json_holds_the_comparison(tmp_path: Path) -> None:
     text = scenario_file("ur10e_tracker").read_text()
     file = tmp_path / "strict.yaml"

@@ -46,6 +46,7 @@ def test_products_of_exponentials_are_our_rows() -> None:
         np.testing.assert_allclose(end.R, poses[:, :3, :3], atol=1e-14)
 
 
+@pytest.mark.slow
 def test_the_loop_is_closed_and_the_rod_balances_the_gears() -> None:
     cell = files()
     machine, way = drawn(cell, 1, Effects(bearing=(1e-7,) * 6, knee=0.1)), path(cell, FIRST, SHORT)

@@ -160,6 +160,7 @@ def test_a_mistake_in_the_logs_is_named_first(mistake: str) -> None:
     assert not others
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cell", "words"),
     [
@@ -275,6 +276,7 @@ def test_of_several_recordings_the_one_with_the_mistake_is_named_before_the_comp
         identify_together(CELL, [sound(), wrong], options=FEW)
 
 
+@pytest.mark.slow
 def test_a_cause_that_all_recordings_share_stands_once() -> None:
     wrong = with_encoders(exchanged(0, 1))
     causes = Causes.of(CELL, [wrong, replace(wrong, name="second")])
