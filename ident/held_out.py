@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.arrays import Array
+from ident.causes import Causes
 from ident.complete_fit import (
     MEASURED,
     Pose,
@@ -45,6 +46,7 @@ from ident.recording_fit import Logs, RecordingFit, fit_recording
 from ident.result import Identification, NamedCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
+from ident.start.automatic import StartError
 from ident.verdict import MISFIT
 
 HELD = 1e-6  # of a prior's sigma: below any length or angle that data could tell
@@ -79,6 +81,7 @@ class HeldOut:
     samples: int
     ambiguous: bool  # whether its logs can be aligned in more than one way
     step_faults: tuple[StepFault, ...]
+    causes: Causes | None = None  # what may be wrong with its logs, where it is not acceptable
 
     @property
     def acceptable(self) -> bool:
@@ -96,10 +99,17 @@ class HeldOut:
         )
         if self.ambiguous:
             doubt = "its logs can be aligned in more than one way, so this proves nothing"
-            return f"{closure}; but {doubt}."
+            return f"{closure}; but {doubt}.{self._cause}"
         if self.acceptable:
             return f"{closure}."
-        return f"{closure}: a misfit. The machine as identified does not explain this recording."
+        return (
+            f"{closure}: a misfit. The machine as identified does not explain this "
+            f"recording.{self._cause}"
+        )
+
+    @property
+    def _cause(self) -> str:
+        return f" Perhaps {self.causes}" if self.causes else ""
 
 
 def _two_digits(value: float) -> str:
@@ -118,10 +128,14 @@ def held_out(
 
     logs : of the same robot, ball-bar and plate. options : its samples and the source of its force.
 
-    Raises StartError when the logs cannot be brought together.
+    Raises StartError when the logs cannot be brought together, with the cause (ident.causes).
     """
     cell = machine.robot.cell
-    recording = fit_recording(cell, logs, options, Listener(listener.progress))
+    try:
+        recording = fit_recording(cell, logs, options, Listener(listener.progress))
+    except StartError as error:
+        named = Causes.of(cell, [logs])
+        raise (StartError(f"{named} ({error})") if named else error) from None
     robot = machine.robot.unloaded()
     bare = UnloadedRobot(cell, machine.robot.nominal)
     listener.progress(f"closing the loop of {logs.name}")
@@ -136,7 +150,7 @@ def held_out(
     nominal = _fit(bare, recording, options, faults, excess, listener)
     added = _expected(result, machine.robot.covariance, robot)
     innovation = result.chi2_per_dof * result.degrees / (result.degrees + added)
-    return HeldOut(
+    outcome = HeldOut(
         name=logs.name,
         identified=_closure(result),
         normalised_innovation=float(np.sqrt(innovation)),
@@ -145,6 +159,7 @@ def held_out(
         ambiguous=recording.start.ambiguous,
         step_faults=sized(result, faults, cell.ballbar.encoder_lines),
     )
+    return outcome if outcome.acceptable else replace(outcome, causes=Causes.of(cell, [logs]))
 
 
 def _fit(

@@ -93,6 +93,23 @@ class RobotAngles:
         return replace(self, t=self.t[rows], logged=logged, joints=joints, axes=axes)
 
 
+class OtherAnglesError(LogError):
+    """The angles of a robot's log cannot be what they are declared to be."""
+
+    def __init__(self, statement: str, question: str, angles: RobotAngles) -> None:
+        """Sentences on what contradicts the robot, and on what the angles may be.
+
+        angles : of the usable rows, as declared.
+        """
+        super().__init__(statement, question, angles)  # all that a copy in another process needs
+        self.statement = statement
+        self.question = question
+        self.angles = angles
+
+    def __str__(self) -> str:
+        return f"{self.statement} {self.question}"
+
+
 def read_angles(
     robot: Robot, table: Table, t: Array, columns: tuple[str, ...], reading: Reading
 ) -> RobotAngles:
@@ -106,7 +123,7 @@ def read_angles(
 
 
 def refuse_other_angles(robot: Robot, table: Table, angles: RobotAngles) -> None:
-    """Raises LogError if the logged angles cannot be what they are declared to be.
+    """Raises OtherAnglesError if the logged angles cannot be what they are declared to be.
 
     Rows with excluding flags are not judged. Angles `within_reach` that move and come nowhere too
     fast need no such check.
@@ -122,18 +139,22 @@ def refuse_other_angles(robot: Robot, table: Table, angles: RobotAngles) -> None
     if far.any(axis=1).sum() > max(1.0, _MANY * rows.size):
         row, axis = (int(index) for index in np.argwhere(far)[0])
         lower, upper = np.rad2deg(robot.axis_lower[axis]), np.rad2deg(robot.axis_upper[axis])
-        raise LogError(
+        raise OtherAnglesError(
             f"{table.location(rows[row])}: axis {axis + 1} of {robot.name} would stand at "
             f"{np.rad2deg(axes[row, axis]):.5g} deg, far beyond its limits {lower:.4g} to "
-            f"{upper:.4g} deg.{_hint(robot, angles)}"
+            f"{upper:.4g} deg.",
+            _question(robot, angles),
+            angles,
         )
     if fast.any(axis=1).sum() > max(2.0, _MANY * rows.size):
         row, axis = (int(index) for index in np.argwhere(fast)[0])
         speed = abs(usual[row + 1, axis] - usual[row, axis]) / max(t[row + 1] - t[row], 1e-9)
-        raise LogError(
+        raise OtherAnglesError(
             f"{table.location(rows[row + 1])}: axis {axis + 1} of {robot.name} would turn at "
             f"{speed:.4g} rad/s; it reaches {robot.axis_speed_max[axis]:.3g} rad/s. "
-            f"{fast.any(axis=1).sum()} such steps.{_hint(robot, angles)}"
+            f"{fast.any(axis=1).sum()} such steps.",
+            _question(robot, angles),
+            angles,
         )
     if not moves(angles.logged) or moves(angles.joints):
         return
@@ -146,7 +167,7 @@ def refuse_other_angles(robot: Robot, table: Table, angles: RobotAngles) -> None
         )
 
 
-def _hint(robot: Robot, angles: RobotAngles) -> str:
+def _question(robot: Robot, angles: RobotAngles) -> str:
     """A question about what the angles may be instead of what they are declared to be."""
     exchanged = _exchanged_columns(robot, angles)
     if len(exchanged) > FEW_PAIRS:
@@ -176,7 +197,7 @@ def _other_reading(robot: Robot, angles: RobotAngles) -> str:
             others.append(degrees)
     if not others:
         return (
-            f" Is this the log of the robot that recording.yaml names, and does it hold {reading}? "
+            f"Is this the log of the robot that recording.yaml names, and does it hold {reading}? "
             "Correct its robot or dialect."
         )
     robot_question = f" Or is it the log of another robot than {robot.name}?"
@@ -184,11 +205,11 @@ def _other_reading(robot: Robot, angles: RobotAngles) -> str:
         rest = [other for other in others if other != degrees]
         also = f" Or {' or '.join(map(str, rest))}?" if rest else ""
         return (
-            " Degrees where radians are declared? Read as degrees, all axes stay within their "
+            "Degrees where radians are declared? Read as degrees, all axes stay within their "
             f"limits: convert the log, or declare degrees.{also}{robot_question}"
         )
     stay = "That way all axes stay within their limits: convert the log, or name its dialect."
-    return f" {_either(others)} where {reading} are declared? {stay}{robot_question}"
+    return f"{_either(others)} where {reading} are declared? {stay}{robot_question}"
 
 
 def _either(readings: list[Reading]) -> str:

@@ -342,12 +342,13 @@ def check(
 
 def _check_recording(folder: Path, *, explain_reading: bool, as_json: bool) -> int:
     """Prints the page of a recording; gives how many kinds of repairs were needed."""
-    from acquisition import explain_lines, read_recording
+    from acquisition import explain_lines
     from ballbar.recordings.check import aligned, check_data, check_lines, repairs
+    from ballbar.recordings.read_with_causes import read_with_causes
 
     if explain_reading:
         _say_reasons(explain_lines(folder))
-    content = read_recording(folder)
+    content = read_with_causes(folder)
     alignment = aligned(content, folder)
     if as_json:
         say_json(check_data(content, alignment))

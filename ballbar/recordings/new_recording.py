@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition import Recording, read_recording
+from acquisition import Recording
 from acquisition.formats.dialect import (
     Container,
     Dialect,
@@ -31,6 +31,7 @@ from acquisition.table.preview import HEAD, column_names, likely_separator
 from acquisition.table.selectors import find
 from acquisition.table.text import LogText, read_filled, text_of
 from acquisition.times import TIME_FORMS, recognised, words
+from ballbar.recordings.read_with_causes import read_with_causes
 from cell.arrays import Array
 from cell.errors import InputError, LogError
 from cell.files import write_yaml
@@ -135,7 +136,7 @@ def new_recording(
             shutil.copyfile(own, aside / Path(own).name)
             description["instrument"] = Path(own).name
         write_yaml(aside / "recording.yaml", description)
-        recording = read_recording(aside)
+        recording = read_with_causes(aside)
         if folder.exists():
             folder.rmdir()
         aside.rename(folder)

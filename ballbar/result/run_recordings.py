@@ -10,7 +10,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from acquisition import Recording, read_recording
+from acquisition import Recording
+from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_data import FittedRecording, RunData, Validation
 from ballbar.scenario import IdentifySettings
 from cell.errors import InputError
@@ -41,7 +42,7 @@ def identify_recordings(
     _check_settings(settings, folders)
     _check_same_cell(every)
     listener.progress("reading the recordings" if len(every) > 1 else "reading the recording")
-    read = [read_recording(folder) for folder in every]
+    read = [read_with_causes(folder) for folder in every]
     for folder, recording in zip(every, read, strict=True):
         _check_force(settings, folder, recording)
     first = read[0].description

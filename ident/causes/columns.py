@@ -3,15 +3,14 @@
 Encoders: any order of the columns, and other line counts. The ratio of a line count follows from
 the angle that the robot's pose gives: `turning = arg(x + i y)` and `tilting = acos z` of the
 direction (x, y, z) that a gimbal holds, compared by their speeds at all lags with the gain free.
-Robot: two columns exchanged, or one that counts backwards, among its motors, axes or joints. All
-are judged by ident.causes.agreement.
+Robot: the mistakes of ident.causes.robot_log. All are judged by ident.causes.agreement.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations
+from itertools import permutations
 
 import numpy as np
 
@@ -19,13 +18,14 @@ from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.geometry import Geometry
 from ident.causes.agreement import SPHERE_ROWS, Gimbal, Motion, ToolPath, left, left_of, tool_path
+from ident.causes.robot_log import other_angles
 from ident.start.speed_scan import scan_speeds
 
 CANDIDATES = 12  # of the robot's columns that are compared with the encoders
 MUST_OVERLAP = 10.0  # [s] to compare speeds
-PLURAL = {"axis": "axes", "motor": "motors", "joint": "joints"}
 SAME_SCALE = 0.01  # ratio of angles beyond which a line count is wrong
 LEAST_SCALE = 1e-3  # smaller ratios are of encoders that stand still
+MOVES = 0.1  # [rad] a path for calibration turns some joint by more
 
 
 @dataclass(frozen=True)
@@ -145,59 +145,27 @@ def _speeds(angles: Array) -> Array:
 def robot_columns(
     robot: Robot, nominal: Geometry, motion: Motion, declared: float
 ) -> list[Reading]:
-    """Two columns of the robot's log exchanged, or one counting backwards.
+    """The robot's log with each mistake of ident.causes.robot_log corrected.
 
     declared : [m] rms distance of the tool from its sphere as logged. Only what does not leave it
     further away is compared with the encoders.
     """
     some = motion.q[:: 1 + len(motion.q) // SPHERE_ROWS]
     spheres = []
-    for cause, matrix, offset in _column_maps(robot):
+    for mistake in other_angles(robot):
+        q = mistake.joints(some)
+        if np.ptp(q, axis=0).max() < MOVES:  # a short path is on many spheres
+            continue
         try:
-            rms = tool_path(nominal, some @ matrix + offset).rms
+            rms = tool_path(nominal, q).rms
         except ValueError:  # the tool hardly moves that way
             continue
         if rms <= 1.5 * declared + 1e-3:
-            spheres.append((rms, cause, matrix, offset))
+            spheres.append((rms, mistake))
     readings = []
-    for _, cause, matrix, offset in sorted(spheres, key=lambda s: s[0])[:CANDIDATES]:
-        path = tool_path(nominal, motion.q @ matrix + offset)
+    for _, mistake in sorted(spheres, key=lambda sphere: sphere[0])[:CANDIDATES]:
+        path = tool_path(nominal, mistake.joints(motion.q))
         share = left_of(motion, path) if motion.gimbals else path.rms / nominal["bd3"]
         remedy = "Correct the columns of the robot's log, or its dialect"
-        readings.append(Reading(cause, remedy, share, path.rms))
+        readings.append(Reading(mistake.cause, remedy, share, path.rms))
     return readings
-
-
-def _column_maps(robot: Robot) -> Iterator[tuple[str, Array, Array]]:
-    """What may be wrong with two or one of the columns, and `q matrix + offset` that corrects it.
-
-    matrix : (J, J). offset : (J,) [rad].
-    """
-    n, seen = robot.joints, list[tuple[Array, Array]]()
-    kinds = {
-        "axis": (robot.controller_to_joint, robot.controller_offset),
-        "motor": (robot.transmission, np.zeros(n)),
-        "joint": (np.eye(n), np.zeros(n)),
-    }
-    for kind, (to_joint, zero) in kinds.items():
-        for words, change in _changes(kind, n):
-            matrix = np.linalg.inv(to_joint) @ change @ to_joint
-            offset = zero - zero @ matrix
-            if any(np.allclose(matrix, m) and np.allclose(offset, o) for m, o in seen):
-                continue
-            seen.append((matrix, offset))
-            yield words, matrix, offset
-
-
-def _changes(kind: str, n: int) -> Iterator[tuple[str, Array]]:
-    for i in range(n):
-        signs = np.ones(n)
-        signs[i] = -1.0
-        yield f"{kind} {i + 1} of the robot's log counts backwards", np.diag(signs)
-    for i, j in combinations(range(n), 2):
-        order = np.arange(n)
-        order[[i, j]] = j, i
-        words = (
-            f"the columns of {PLURAL[kind]} {i + 1} and {j + 1} of the robot's log are exchanged"
-        )
-        yield words, np.eye(n)[order]

@@ -25,8 +25,9 @@ from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry, parameter_named
 from cell.robot_angles import joints_to_axes, joints_to_motors
 from ident.causes.agreement import SPHERE_ROWS, Motion, ToolPath, left_of, motion_of, tool_path
-from ident.causes.columns import PLURAL, Reading, encoder_orders, encoder_scales, robot_columns
+from ident.causes.columns import Reading, encoder_orders, encoder_scales, robot_columns
 from ident.causes.lengths import single_lengths
+from ident.causes.robot_log import PLURAL
 from ident.recording_fit import Logs
 
 AGREES = 0.1  # unexplained share of the rod's motion up to which nothing is wrong with the columns

@@ -244,15 +244,7 @@ def test_a_machine_that_is_another_one_is_called_a_misfit(
 ) -> None:
     other = recorded_on(tmp_path / "other", str(third_path), seed=2)
     code, said, _ = ballbar(
-        "identify",
-        together.a,
-        together.b,
-        "--validate",
-        other,
-        "--samples",
-        300,
-        "--out",
-        tmp_path / "out",
+        "identify", together.a, "--validate", other, "--samples", 300, "--out", tmp_path / "out"
     )
     assert code == 1
     assert said.splitlines()[0].endswith(

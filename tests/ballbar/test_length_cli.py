@@ -11,6 +11,8 @@ from cell.clock import Clock
 from tests.helpers.command_line import ballbar
 from tests.helpers.length_recordings import LengthRun, wire_run, write_folder
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[LengthRun, Path, str]:

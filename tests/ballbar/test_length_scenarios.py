@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -17,30 +20,38 @@ from sim.truth import Truth
 from tests.helpers.command_line import ballbar
 
 
-def ring(
-    name: str, plant: str, folder: Path, *, model: str = "auto"
-) -> tuple[Identification, Truth]:
-    """A shipped scenario with another plant: what was identified, and what was true."""
-    scenario, file = load_scenario(name), SHIPPED / f"{name}.yaml"
-    compliance = scenario.errors.joint_compliance if plant == "mujoco" else None
-    scenario = scenario.model_copy(
-        update={
-            "plant": scenario.plant.model_copy(update={"kind": plant}),
-            "errors": scenario.errors.model_copy(update={"joint_compliance": compliance}),
-            "identify": scenario.identify.model_copy(update={"model": model}),
-        }
-    )
-    simulation = simulate_scenario(scenario, file, folder, progress=lambda _: None)
-    data = identify_recordings([folder], settings=scenario.identify)
-    return data.identification, simulation.truth
+@dataclass(frozen=True)
+class Ring:
+    """Shipped scenarios with the plant in MuJoCo, simulated and identified once each."""
+
+    folder: Path
+
+    @cache  # noqa: B019  a ring lives as long as the tests of this module
+    def recorded(self, name: str) -> tuple[Path, Truth]:
+        """The recording of a scenario, and what was true."""
+        scenario, folder = load_scenario(name), self.folder / name
+        plant = scenario.plant.model_copy(update={"kind": "mujoco"})
+        chosen = scenario.model_copy(update={"plant": plant})
+        file = SHIPPED / f"{name}.yaml"
+        simulation = simulate_scenario(chosen, file, folder, progress=lambda _: None)
+        return folder, simulation.truth
+
+    @cache  # noqa: B019
+    def identified(self, name: str, model: Literal["auto", "dh"] = "auto") -> Identification:
+        """What was identified from it."""
+        settings = load_scenario(name).identify.model_copy(update={"model": model})
+        return identify_recordings([self.recorded(name)[0]], settings=settings).identification
 
 
-@pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
+@pytest.fixture(scope="module")
+def ring(tmp_path_factory: pytest.TempPathFactory) -> Ring:
+    return Ring(tmp_path_factory.mktemp("lengths"))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["irb2400_telescoping", "irb2400_drawwire"])
-def test_clock_and_robot_lie_within_the_stated_deviations(
-    name: str, plant: str, tmp_path: Path
-) -> None:
-    result, truth = ring(name, plant, tmp_path / "recording")
+def test_clock_and_robot_lie_within_the_stated_deviations(name: str, ring: Ring) -> None:
+    result, (_, truth) = ring.identified(name), ring.recorded(name)
     assert result.verdict.status is Status.GOOD, result.verdict.sentence
     comparison = identification_against_truth(result, truth)
     (recording,) = result.recordings
@@ -57,14 +68,16 @@ def test_clock_and_robot_lie_within_the_stated_deviations(
     assert np.abs(off).max() < 4.0
 
 
+@pytest.mark.slow
 def test_elastic_gears_are_identified_from_a_length_and_the_force_of_the_rod_with_them(
-    tmp_path: Path,
+    ring: Ring,
 ) -> None:
     """Regression: without the slide's friction in the model the clock was 1.4 ms off, 4 sigma.
 
     Without the rod's weight the compliance of the wrist was 7 % off.
     """
-    result, truth = ring("irb2400_telescoping", "mujoco", tmp_path / "recording")
+    name = "irb2400_telescoping"
+    result, (_, truth) = ring.identified(name), ring.recorded(name)
     assert result.model == "complete"  # chosen by the residual's autocorrelation
     stiffness = truth.plant.gear_stiffness_N_m_per_rad
     assert stiffness is not None
@@ -76,13 +89,15 @@ def test_elastic_gears_are_identified_from_a_length_and_the_force_of_the_rod_wit
     assert recording.tension_source == "instrument"
 
 
-def test_kinematics_alone_of_elastic_gears_are_a_misfit(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_kinematics_alone_of_elastic_gears_are_a_misfit(ring: Ring) -> None:
     """Regression: the noise of the length took up what the gears gave way, and the fit was good."""
-    result, _ = ring("irb2400_telescoping", "mujoco", tmp_path / "recording", model="dh")
+    result = ring.identified("irb2400_telescoping", "dh")
     assert result.verdict.status is Status.MISFIT
     assert "correlated" in result.verdict.sentence
 
 
+@pytest.mark.slow
 def test_a_missed_limit_of_a_length_scenario_fails_the_run(tmp_path: Path) -> None:
     text = (SHIPPED / "irb2400_drawwire.yaml").read_text()
     own = tmp_path / "own.yaml"

@@ -145,6 +145,7 @@ def wire(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "raw"
 
 
+@pytest.mark.slow
 def test_a_length_log_is_proposed_column_unit_and_time(wire: Path, tmp_path: Path) -> None:
     logs = (wire / "robot.csv", wire / "length.csv")
     said = ["--robot", "irb2400", "--instrument", "drawwire_2m", "--robot-time", "s", "--yes"]

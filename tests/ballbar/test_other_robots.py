@@ -45,6 +45,7 @@ def result_of(folder: Path, rows: Rows) -> Result:
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [FIVE_AXES, UR, SEVEN_AXES], ids=["five", "ur", "seven"])
 def test_a_recording_of_any_robot_becomes_a_calibration_and_its_tables(
     tmp_path: Path, rows: Rows

@@ -387,6 +387,7 @@ def test_the_command_verifies_with_an_exit_code(tmp_path: Path) -> None:
     assert (code, "is of robot" in error) == (2, True)
 
 
+@pytest.mark.slow
 def test_identify_writes_a_replay_where_it_is_requested(tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
     drawn = drawn_robot("ur10", rng)

@@ -42,6 +42,7 @@ def identified(
     return simulation, table, identify_poses(table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES[:3])
 def test_a_scenario_of_still_poses_runs_to_report_and_limits(name: str, tmp_path: Path) -> None:
     """The limits stand in the scenarios, half again to three times what was measured."""
@@ -86,6 +87,7 @@ def test_the_identified_robot_is_better_than_the_nominal_one_by_far(tmp_path: Pa
     assert set(result.search.pairs) == {(0, 2), (2, 1)}, "the orders that were put in"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_no_joint_errors_are_found_where_there_are_none(seed: int, tmp_path: Path) -> None:
     changed = scenario("ur10e_tracker", {"joint_harmonics": ()}, seed=seed)
@@ -99,6 +101,7 @@ def lines_of(table: PoseTable, poses: np.ndarray) -> set[int]:
     return set(np.concatenate([g.rows for g in table.groups])[poses].tolist())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "share"),
     # a wire of 0.23 mm noise hides outliers below 1.6 mm
@@ -120,6 +123,7 @@ def test_outliers_are_found_named_and_do_no_harm(name: str, share: float, tmp_pa
     assert region < 1.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur10e_tracker", "panda_sockets"])
 def test_poses_read_too_early_are_told_from_outliers(name: str, tmp_path: Path) -> None:
     simulation, table, result = identified(scenario(name, {"unsettled": {}}), tmp_path / "t")
@@ -167,6 +171,7 @@ def test_drift_shows_in_lengths_too_seat_by_seat(tmp_path: Path) -> None:
     assert not any("mrad over the" in w for w in result.verdict.warnings)
 
 
+@pytest.mark.slow
 def test_simulate_writes_what_identify_reads(tmp_path: Path) -> None:
     folder = tmp_path / "poses"
     code, out, _ = ballbar("simulate", "panda_sockets", "--out", folder)
@@ -179,6 +184,7 @@ def test_simulate_writes_what_identify_reads(tmp_path: Path) -> None:
     assert "against the truth" not in (tmp_path / "result/report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_missed_limit_exits_with_1_and_json_holds_the_comparison(tmp_path: Path) -> None:
     text = scenario_file("ur10e_tracker").read_text()
     file = tmp_path / "strict.yaml"

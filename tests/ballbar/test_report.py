@@ -300,6 +300,7 @@ def test_same_inputs_give_the_same_bytes_but_for_the_line_with_the_time(
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("blank_figures")
 def test_without_truth_the_page_states_the_uncertainty_and_claims_no_error(
     run: RunData, tmp_path: Path
@@ -378,6 +379,7 @@ def test_input_files_stand_with_their_hashes_relative_to_the_recording(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 def test_the_scenario_file_stands_among_the_inputs(run: RunData, tmp_path: Path) -> None:
     scenario = SCENARIOS / "irb2400.yaml"
     parsed = _Page(_page(replace(run, scenario_file=scenario), tmp_path))
@@ -498,6 +500,7 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
         write_report(

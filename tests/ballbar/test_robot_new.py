@@ -68,6 +68,7 @@ def made(folder: Path, joints: tuple[Joint, ...], *words: object, **options: obj
     return load_robot(str(folder / "arm.yaml"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur10e", "kr210", "m20ia", "gp25", "panda"])
 def test_a_urdf_becomes_a_robot_with_the_same_flange(name: str, tmp_path: Path) -> None:
     joints = PUBLISHED[name].joints

@@ -659,6 +659,7 @@ def test_the_command_says_where_the_table_is_and_what_failed(
     assert err == "", "no bar where there is no terminal"
 
 
+@pytest.mark.slow
 def test_a_sweep_whose_every_run_fails_exits_with_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

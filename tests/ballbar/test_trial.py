@@ -448,6 +448,7 @@ def test_a_recorded_path_is_smooth_although_its_log_is_noisy(measured: Recorded)
     assert (path.b[:, [1, 3]] < 0.0).all()  # the configuration of the path files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["kinematic", "mujoco"])
 def test_a_recorded_path_can_be_run_again_with_known_errors(measured: Recorded, plant: str) -> None:
     asked = scenario(path=RECORDED, plant={"kind": plant}, identify={"cost": "ml", "samples": 400})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 from ballbar import PACKAGES
@@ -17,6 +18,12 @@ FILES = {
 }  # by the module's full name
 
 
+@cache
+def tree(file: Path) -> ast.Module:
+    """The syntax tree of a file, parsed once for all tests; not to be changed."""
+    return ast.parse(file.read_text())
+
+
 def imported(file: Path) -> set[str]:
     """First parts of all names that a file imports, also within functions."""
     return {name.split(".")[0] for name in full_names(file)}
@@ -24,7 +31,7 @@ def imported(file: Path) -> set[str]:
 
 def full_names(file: Path) -> set[str]:
     """Names of all modules and objects that a file imports, also within functions."""
-    return _names(ast.walk(ast.parse(file.read_text())))
+    return _names(ast.walk(tree(file)))
 
 
 def reached(module: str) -> set[str]:
@@ -37,7 +44,7 @@ def reached(module: str) -> set[str]:
     while left:
         name = left.pop()
         parents = {name.rsplit(".", k)[0] for k in range(1, name.count(".") + 1)}
-        names = {*_names(ast.parse(FILES[name].read_text()).body), *parents}
+        names = {*_names(tree(FILES[name]).body), *parents}
         new = {known if (known := _ours(n)) else n.split(".")[0] for n in names} - seen
         seen |= new
         left += new & FILES.keys()

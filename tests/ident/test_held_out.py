@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from cell.geometry import Geometry
+from cell.logs import BallBarLog, RobotLog
+from cell.robot_angles import joints_to_motors, motors_to_joints
 from ident.held_out import HeldOut, LoopClosure, held_out
 from ident.identify import identify_together
 from ident.options import FitOptions, Listener
 from ident.result import Identification
 from ident.signals.step_fault import StepFault
+from ident.start.automatic import StartError
 from sim.errors.static_errors import THESIS_3_1
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL, NOMINAL
@@ -54,6 +57,7 @@ def test_a_machine_that_is_off_is_a_misfit(machine: Identification) -> None:
     assert outcome.normalised_innovation > 3.0
 
 
+@pytest.mark.slow
 def test_the_expected_chi_square_is_what_the_machines_errors_add_on_average() -> None:
     """A machine of 60 samples on 300 others, against the same machine with its true geometry.
 
@@ -73,6 +77,7 @@ def test_the_expected_chi_square_is_what_the_machines_errors_add_on_average() ->
     assert 0.6 < np.mean(added) / np.mean(expected) < 1.2
 
 
+@pytest.mark.slow
 def test_a_slip_in_the_held_out_recording_is_found_by_the_complete_model_only() -> None:
     """What a poor model leaves over passes for steps, so kinematics alone do not look for them."""
     options = FitOptions(model="complete", corrections=("gear_ripple",), samples=300)
@@ -85,6 +90,27 @@ def test_a_slip_in_the_held_out_recording_is_found_by_the_complete_model_only() 
     assert outcome.acceptable
     simple = held_out(identified(3, MANY), slipped, options=MANY)
     assert simple.step_faults == ()
+
+
+@pytest.mark.slow
+def test_a_held_out_recording_that_is_no_fit_names_the_cause(machine: Identification) -> None:
+    sound = minute_logs(true=TRUE, seed=2)
+    assert sound.ballbar is not None
+    bar = sound.ballbar
+    exchanged = BallBarLog(bar.t, bar.angles[:, [1, 0, 2, 3]], bar.joints)
+    outcome = held_out(machine, replace(sound, ballbar=exchanged), options=MANY)
+    assert not outcome.acceptable
+    assert " Perhaps the columns of encoders b1 and b2 are exchanged: once " in outcome.sentence
+
+
+@pytest.mark.slow
+def test_a_held_out_recording_that_cannot_start_names_the_cause(machine: Identification) -> None:
+    sound = minute_logs(true=TRUE, seed=2)
+    motors = joints_to_motors(CELL.robot, sound.robot.q) * [1.0, -1.0, 1.0, 1.0, 1.0, 1.0]
+    robot = RobotLog(sound.robot.t, motors_to_joints(CELL.robot, motors))
+    words = r"^axis 2 of the robot's log counts backwards: .* \(the nominal robot reaches none of"
+    with pytest.raises(StartError, match=words):
+        held_out(machine, replace(sound, robot=robot), options=MANY)
 
 
 def test_the_identification_is_left_as_it_was(machine: Identification) -> None:

@@ -76,6 +76,7 @@ def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fitted", "parameters", "tcp_mm"),
     [((), 23, 0.1), ((1, 2), 25, 0.02), ((1, 2, 4, 5), 28, 0.02), ((1, 2, 3, 4, 5), 29, 0.02)],

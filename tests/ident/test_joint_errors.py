@@ -57,6 +57,7 @@ def amplitudes(result: Identification) -> dict[str, float]:
     }
 
 
+@pytest.mark.slow
 def test_an_error_that_no_list_holds_is_found_and_the_tool_with_it() -> None:
     result = identified()
     assert result.verdict.status is Status.GOOD
@@ -79,6 +80,7 @@ def test_without_an_error_none_is_found(monkeypatch: pytest.MonkeyPatch) -> None
     assert result.robot.corrections == ()
 
 
+@pytest.mark.slow
 def test_a_search_where_nothing_is_left_finds_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """A listed error: the complete fit explains it, and the search is made all the same."""
     monkeypatch.setattr(MODULE, "may_have_joint_errors", lambda _: True)
@@ -104,6 +106,7 @@ def with_orders_times(factor: float) -> Cell:
     return replace(CELL, robot=replace(CELL.robot, gears=replace(gears, harmonics=harmonics)))
 
 
+@pytest.mark.slow
 def test_the_right_order_is_found_where_the_file_lists_another() -> None:
     cell = with_orders_times(0.9)
     assert (JOINT, 36.0) in [pair[:2] for pair in harmonic_orders(cell)]

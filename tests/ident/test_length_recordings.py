@@ -33,6 +33,7 @@ def deviations(result: Identification, run: LengthRun) -> dict[str, float]:
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("offset", "seed"), [(0.002, 1), (1.0, 2)])
 @pytest.mark.parametrize("make", [bar_run, wire_run])
 def test_clock_and_geometry_lie_within_the_stated_deviations(
@@ -61,6 +62,7 @@ def test_what_a_point_cannot_see_stays_at_its_nominal_value() -> None:
     assert result.robot.geometry["ra6"] == result.robot.nominal["ra6"]  # the plate is known
 
 
+@pytest.mark.slow
 def test_a_tool_of_unknown_length_is_identified_with_a_calibrated_bar() -> None:
     run = bar_run(Clock(0.3, 0.0), seed=4)
     cell = replace(run.cell, plate=replace(run.cell.plate, length_sigma=1e-3))
@@ -69,6 +71,7 @@ def test_a_tool_of_unknown_length_is_identified_with_a_calibrated_bar() -> None:
     assert abs(error) < 4.0 * result.robot.sigma["ra6"] < 1e-4
 
 
+@pytest.mark.slow
 def test_an_identified_robot_explains_a_held_out_length() -> None:
     fitted, other = (wire_run(Clock(0.3, 0.0), seed=5, motion=motion) for motion in (1, 2))
     result = identify_together(fitted.cell, [fitted.logs], options=DH)
@@ -77,6 +80,7 @@ def test_an_identified_robot_explains_a_held_out_length() -> None:
     assert outcome.nominal.position_rms > 10.0 * outcome.identified.position_rms
 
 
+@pytest.mark.slow
 def test_two_lengths_are_fitted_together() -> None:
     runs = [wire_run(Clock(0.3, 0.0), seed=6, motion=motion) for motion in (1, 2)]
     options = FitOptions(corrections=(), samples=600)
@@ -90,6 +94,7 @@ def test_two_lengths_are_fitted_together() -> None:
     assert max(off.values()) < 4.0, off
 
 
+@pytest.mark.slow
 def test_corrections_of_a_rigid_rod_are_refused() -> None:
     run = wire_run(Clock(0.3, 0.0), seed=6)
     options = FitOptions(corrections=("rod_strain",), samples=300)

@@ -16,6 +16,7 @@ from tests.helpers.two_recorders import GAINS, ZEROS, two_logs, wandering
 SEEDS = 20
 
 
+@pytest.mark.slow
 def test_the_clock_lies_within_the_stated_95_percent_about_as_often_as_that() -> None:
     off = []
     for seed in range(SEEDS):
@@ -66,6 +67,7 @@ def test_channels_of_the_same_name_go_together_and_a_strange_one_is_reported() -
     assert alignment.remarks[0].startswith("channels y and y were left out: their speeds correlate")
 
 
+@pytest.mark.slow
 def test_a_drift_of_the_clocks_that_shifts_the_ends_by_a_second_is_followed() -> None:
     rng = np.random.default_rng(6)
     clock = Clock(12.0, 8e-4)

@@ -77,6 +77,7 @@ def test_kinematics_of_any_robot_are_found_within_their_stated_noise(run: Run) -
     assert dropped == set(run.minute.nominal.table.gauge)
 
 
+@pytest.mark.slow
 def test_corrections_without_masses_and_gears_are_left_out_with_a_warning(run: Run) -> None:
     result = run.identified(model="complete")
     (warning,) = (text for text in result.verdict.warnings if "joint_compliance" in text)
@@ -87,6 +88,7 @@ def test_corrections_without_masses_and_gears_are_left_out_with_a_warning(run: R
     assert run.tcp_error(result) < 30e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DROPPED)
 def test_a_correction_that_is_asked_for_needs_its_data(run: Run, name: str) -> None:
     with pytest.raises(InputError, match=r"robot other has no `(links|gears)`"):
@@ -104,6 +106,7 @@ def test_the_log_of_a_robot_with_another_number_of_axes_is_refused(
 SAG = 5e-4  # [rad/m] of a unit weight's coefficient
 
 
+@pytest.mark.slow
 def test_the_sag_of_a_robot_without_masses_is_found_by_unit_weights(tmp_path: Path) -> None:
     """Up to 1 mrad at the elbow: 0.37 mm of the tool without the correction, 0.015 mm with it."""
     run = Run(tmp_path, UR)

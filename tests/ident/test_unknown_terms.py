@@ -58,11 +58,13 @@ def sound() -> Fit:
     return fitted(elastic(), elastic(seed=1))
 
 
+@pytest.mark.slow
 def test_a_machine_that_needs_none_of_them_gets_none(sound: Fit) -> None:
     assert not names(sound) & set(ON_EVIDENCE)
     assert search_knees(sound) == []
 
 
+@pytest.mark.slow
 def test_lags_of_single_joints_are_found_relative_to_the_first() -> None:
     """Filters of the first order; together they shift the clock."""
     lags = np.array([8e-3, 10e-3, 12e-3, 8e-3, 10e-3, 12e-3])
@@ -107,6 +109,7 @@ def test_bearings_that_tilt_are_found_and_their_loss_is_the_free_robots_too() ->
     assert "tilt2y" not in values  # gear 1 holds it
 
 
+@pytest.mark.slow
 def test_a_remounted_tool_and_links_that_grow_are_found_and_named() -> None:
     shift = 5e-5  # [m] along the plate
 
@@ -136,6 +139,7 @@ def _steps(q: Array, grown: dict[str, Array]) -> Array:
     return -np.linalg.solve(columns, moved.T[:, :, None])[:, :, 0]
 
 
+@pytest.mark.slow
 def test_a_gear_that_is_softer_below_a_knee_is_found_with_its_knee() -> None:
     gear, knee = 1, 120.0  # [N m]
 

@@ -101,17 +101,23 @@ def record(plan: Plan, folder: Path, faults: Faults = Faults()) -> list[Truth]:
 
 def record_path(plan: Plan, k: int, folder: Path, faults: Faults = Faults()) -> Truth:
     """Write the recording of path k, from 0; its truth."""
-    cell, way = files(), _path(plan.paths[k], plan.duration)
-    machine = drawn(cell, plan.seed, plan.effects)
+    cell = files()
+    machine, motion = _moved(plan, k)
     rng = np.random.default_rng([plan.seed, k, 120])
-    grown = _growth(plan.effects, way.command.t, k)
-    motion = held(machine, way.command, grown, way.bar, _remounted(plan, k))
     clock = float(rng.uniform(-OFFSET, OFFSET)), float(SKEW * rng.standard_normal())
     (folder / "raw").mkdir(parents=True, exist_ok=True)
     first = _write_robot(machine, motion, clock[0], rng, folder, faults)
     offset, skew = _write_ballbar(plan, motion, clock, rng, folder, faults)
     _write_description(plan, cell, machine, folder, faults)
     return Truth(machine, offset - first + plan.effects.lag[0], skew, motion, faults.scaled)
+
+
+@lru_cache(maxsize=2)
+def _moved(plan: Plan, k: int) -> tuple[Machine, Motion]:
+    """The machine of a plan, and its motion on path k: the same whatever spoils the files."""
+    machine, way = drawn(files(), plan.seed, plan.effects), _path(plan.paths[k], plan.duration)
+    grown = _growth(plan.effects, way.command.t, k)
+    return machine, held(machine, way.command, grown, way.bar, _remounted(plan, k))
 
 
 @lru_cache(maxsize=8)

@@ -46,6 +46,7 @@ def test_products_of_exponentials_are_our_rows() -> None:
         np.testing.assert_allclose(end.R, poses[:, :3, :3], atol=1e-14)
 
 
+@pytest.mark.slow
 def test_the_loop_is_closed_and_the_rod_balances_the_gears() -> None:
     cell = files()
     machine, way = drawn(cell, 1, Effects(bearing=(1e-7,) * 6, knee=0.1)), path(cell, FIRST, SHORT)
@@ -73,6 +74,7 @@ def test_readings_lead_back_to_the_motors() -> None:
     np.testing.assert_allclose(machine.from_readings(machine.read(motors)), motors, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_lag_delays_the_logged_motors_by_itself(tmp_path: Path) -> None:
     plan = Plan(1, Effects(lag=(0.0, 0.02, 0.0, 0.0, 0.0, 0.0)), duration=SHORT)
     record_path(plan, 0, tmp_path / "late")

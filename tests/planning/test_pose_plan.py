@@ -338,6 +338,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path: Path) -> None:
     request = load_pose_request(TRACKER).model_dump(mode="json", by_alias=True)
     request |= {"candidates": 200, "poses": 30}

@@ -15,9 +15,10 @@ import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 from ballbar import PACKAGES
-from tests.helpers.source_imports import FILES, ROOT
+from tests.helpers.source_imports import FILES, ROOT, tree
 
 SHAPE_TARGET, UNIT_TARGET = 0.70, 0.60  # least shares in every package
 
@@ -38,10 +39,15 @@ class ArrayFunction:
     unit: bool
 
 
-def array_functions() -> Iterator[ArrayFunction]:
+@cache
+def array_functions() -> tuple[ArrayFunction, ...]:
     """All of them, in the order of packages and files."""
+    return tuple(_array_functions())
+
+
+def _array_functions() -> Iterator[ArrayFunction]:
     for file in FILES.values():
-        for node in ast.parse(file.read_text()).body:
+        for node in tree(file).body:
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and _takes(node):
                 text = ast.get_docstring(node) or ""
                 name = file.relative_to(ROOT)

@@ -7,9 +7,11 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,17 +97,23 @@ def _sources(module: str) -> list[Path]:
     return sorted(path.rglob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
 
 
+@cache
+def application() -> Any:
+    """The command line with all its commands."""
+    return typer.main.get_command(cli.app)
+
+
 def _parse_ballbar(words: list[str]) -> None:
     """Fails for a command or an option that does not exist; files need not be there."""
-    group = typer.main.get_command(cli.app)
+    group = application()
     if not words:
         return
     if words[0].startswith("-"):
         assert words[0] in {name for option in group.params for name in option.opts} | {"--help"}
         return
     name, *rest = words
-    assert name in group.commands, f"no command {name}"  # type: ignore[attr-defined]
-    command = group.commands[name]  # type: ignore[attr-defined]
+    assert name in group.commands, f"no command {name}"
+    command = group.commands[name]
     if rest and rest[0] in getattr(command, "commands", {}):
         command, (inner, *rest) = command.commands[rest[0]], rest
         name = f"{name} {inner}"
@@ -219,6 +227,7 @@ def test_the_example_of_axis_angles_gives_the_joint_angles_that_the_page_says() 
     assert turned.tolist() == [0.0, 0.3, -0.3, 0.0, -0.2, 0.0]
 
 
+@pytest.mark.slow
 def test_the_tutorial_goes_as_it_is_written_and_other_pages_go_on_from_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from ballbar import PACKAGES
-from tests.helpers.source_imports import FILES, ROOT, full_names, imported, reached
+from tests.helpers.source_imports import FILES, ROOT, full_names, imported, reached, tree
 
 ALLOWED = {
     "cell": {"cell"},
@@ -81,7 +81,7 @@ def test_what_reads_and_identifies_never_speaks_of_the_truth_file(package: str) 
     for file in (ROOT / package).rglob("*.py"):
         strings = [
             n.value
-            for n in ast.walk(ast.parse(file.read_text()))
+            for n in ast.walk(tree(file))
             if isinstance(n, ast.Constant) and isinstance(n.value, str)
         ]
         assert not [s for s in strings if "truth.yaml" in s or "ballbar-truth" in s], file.name

@@ -74,6 +74,7 @@ def test_the_example_from_poses_finds_the_robot_and_what_changed(
     assert "Changed since: joint 3 zero by +1.0" in said
 
 
+@pytest.mark.slow
 def test_the_example_from_a_recording_writes_its_calibration(
     recorded: Recorded,
     tmp_path: Path,

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.helpers.source_imports import FILES, ROOT
+from tests.helpers.source_imports import FILES, ROOT, tree
 
 MOST_POSITIONAL = 6  # arguments of a constructor call without their names
 MOST_PARAMETERS = 6  # of a function that takes two positional ones of the same annotation
@@ -17,7 +17,7 @@ MOST_PARAMETERS = 6  # of a function that takes two positional ones of the same 
 def nodes() -> Iterator[tuple[str, ast.AST]]:
     """Every syntax node of the product and the examples, with its file."""
     for file in (*FILES.values(), *sorted((ROOT / "examples").glob("*.py"))):
-        yield from ((str(file.relative_to(ROOT)), n) for n in ast.walk(ast.parse(file.read_text())))
+        yield from ((str(file.relative_to(ROOT)), n) for n in ast.walk(tree(file)))
 
 
 def long_constructor_calls() -> list[str]:

@@ -51,6 +51,14 @@ BANNED = (
     Word(r"surprise", "normalised innovation"),
     Word(r"ledgers?", "import report"),
 )
+
+
+def whole(pattern: str) -> str:
+    """A pattern that begins and ends with its word."""
+    return rf"(?<![A-Za-z])(?:{pattern})(?![A-Za-z])"
+
+
+ANY = re.compile("|".join(whole(word.pattern) for word in BANNED), re.IGNORECASE)
 NAMES = {  # of variables, parameters and attributes of our own: a pronoun hides the noun
     "one": "the noun",
     "found": "the noun",
@@ -74,8 +82,8 @@ def words_in(text: str) -> Iterator[tuple[int, str]]:
     """Line and fault of every banned word."""
     for number, line in enumerate(without_quotations(text).splitlines(), start=1):
         plain = line.replace("_", " ")
-        for word in BANNED:
-            banned = rf"(?<![A-Za-z])(?:{word.pattern})(?![A-Za-z])"
+        for word in BANNED if ANY.search(plain) else ():
+            banned = whole(word.pattern)
             excused = re.search(word.apart_from, line, re.IGNORECASE)
             if re.search(banned, plain, re.IGNORECASE) and not excused:
                 yield number, f"{word.pattern}: say {word.instead}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import mujoco
@@ -93,6 +94,7 @@ def test_a_mechanism_whose_rod_is_within_its_backlash_has_an_equilibrium() -> No
         assert abs(held.rod_force) < 2.0
 
 
+@cache
 def machine(robot: str) -> tuple[Cell, Geometry, Geometry, ReferencePath]:
     """A cell, its nominal and a true geometry, and the path of its scenario."""
     bar, position, path = CELLS[robot]
@@ -106,7 +108,10 @@ def machine(robot: str) -> tuple[Cell, Geometry, Geometry, ReferencePath]:
 
 
 @pytest.mark.parametrize("robot", list(CELLS))
-@pytest.mark.parametrize("effect", list(EFFECTS))
+@pytest.mark.parametrize(
+    "effect",
+    [pytest.param(e, marks=() if e == "everything" else pytest.mark.slow) for e in EFFECTS],
+)
 def test_a_held_pose_settles_where_the_statics_oracle_says(robot: str, effect: str) -> None:
     """Four poses, 0.1 urad, 0.1 um, 0.02 N; benchmarks/plant_oracle.py compares twenty.
 
@@ -222,6 +227,7 @@ def test_stretches_are_reported_as_they_come_and_join_to_the_motion_of_one_call(
     np.testing.assert_array_equal(run_plant(plant, path, timestep=1e-3).q, motion.q)
 
 
+@pytest.mark.slow
 def test_everything_on_keeps_the_loop_closed() -> None:
     cell, nominal, true, _ = machine("irb2400")
     errors = EFFECTS["everything"] | {"gear_friction": {}, "bar_friction": {}}
@@ -250,6 +256,7 @@ def potential(cell: Cell, geometry: Geometry, b: np.ndarray, stretch: float) -> 
     return energy
 
 
+@pytest.mark.slow
 def test_the_force_sensor_shows_what_plate_and_ball_bar_weigh_and_pull() -> None:
     """Virtual work gives the ball-bar's pull on the tool: rod force and weight of its links."""
     cell, nominal, true, _ = machine("irb2400")
@@ -304,6 +311,7 @@ def test_a_robot_pushed_beyond_an_axis_range_ends_with_axis_time_and_value(
         check_motion(replace(recorded.simulation.cell, robot=tight), recorded.simulation.motion)
 
 
+@pytest.mark.slow
 def test_pull_and_push_strains_the_rod_by_5_6_um_at_150_n_and_shows_the_backlash_asked_for() -> (
     None
 ):

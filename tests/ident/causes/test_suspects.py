@@ -27,6 +27,7 @@ from tests.helpers.synthetic_recording import CELL, NOMINAL
 
 FEW = FitOptions(samples=300)
 ENCODERS = (1, 2, 4, 5)
+OTHER = load_cell("nj220", "lund_600", "plate_250")
 
 
 @lru_cache
@@ -130,6 +131,10 @@ MISTAKES: dict[str, tuple[Callable[[], Logs], str]] = {
         lambda: with_motors(scaled(4, -1.0)),
         "motor 5 of the robot's log counts backwards: once corrected, ",
     ),
+    "degrees": (
+        lambda: with_motors(np.rad2deg),
+        "the robot's log is in degrees and was read as rad: once corrected, ",
+    ),
     "motor 3 not logged": (
         lambda: with_motors(scaled(2, 0.0)),
         "the robot's log does not hold the motion of axis 3: there is none, and without it ",
@@ -142,8 +147,12 @@ MISTAKES: dict[str, tuple[Callable[[], Logs], str]] = {
     "15 s": (lambda: cut(15.0), "the logs are too short: they share at most 15.0 s. "),
 }
 
+QUICK = ("b1 and b2", "1800 lines", "motor 5 backwards", "another run")
 
-@pytest.mark.parametrize("mistake", MISTAKES)
+
+@pytest.mark.parametrize(
+    "mistake", [pytest.param(m, marks=() if m in QUICK else pytest.mark.slow) for m in MISTAKES]
+)
 def test_a_mistake_in_the_logs_is_named_first(mistake: str) -> None:
     logs, words = MISTAKES[mistake]
     first, *others = suspects(CELL, logs())
@@ -151,6 +160,7 @@ def test_a_mistake_in_the_logs_is_named_first(mistake: str) -> None:
     assert not others
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cell", "words"),
     [
@@ -159,7 +169,7 @@ def test_a_mistake_in_the_logs_is_named_first(mistake: str) -> None:
             "the rod is not as long as stated: the tool's path by the robot lies on a sphere of 60",
         ),
         (turning(1.4), "the length of plate plate_250 (ra6) is wrong by -100.0 mm: so changed, "),
-        (load_cell("nj220", "lund_600", "plate_250"), "this is not the log of robot nj220 with "),
+        (OTHER, "this is not the log of robot nj220 with "),
         (load_cell("irb1600", "lund_600", "plate_250"), "this is not the log of robot irb1600 "),
     ],
     ids=["rod", "plate", "robot", "robot of the same maker"],
@@ -188,6 +198,13 @@ def test_without_encoders_the_sphere_alone_names_an_axis_that_counts_backwards()
     assert "rms off a sphere" in suspect.evidence
     assert "unexplained" not in suspect.evidence
     assert suspects(CELL, sound(())) == []
+
+
+@pytest.mark.slow
+def test_without_encoders_the_sphere_alone_names_degrees() -> None:
+    (suspect,) = suspects(CELL, with_motors(np.rad2deg, sound(())))
+    assert suspect.cause == "the robot's log is in degrees and was read as rad"
+    assert str(suspects(OTHER, sound(()))[0]).startswith("this is not the log of robot nj220")
 
 
 @pytest.mark.parametrize("encoders", [ENCODERS, (1, 2), (1, 2, 3, 4, 5)])
@@ -235,6 +252,7 @@ def test_joints_that_stand_still_on_a_sound_path_are_too_few_that_move() -> None
     assert not suspect.hopeless
 
 
+@pytest.mark.slow
 def test_the_verdict_begins_with_the_cause_and_the_fit_becomes_a_remark() -> None:
     logs = with_motors(scaled(4, -1.0))
     result = identify(CELL, logs.robot, logs.ballbar, options=FEW)
@@ -243,6 +261,7 @@ def test_the_verdict_begins_with_the_cause_and_the_fit_becomes_a_remark() -> Non
     assert "off the catalogue" in result.verdict.warnings[0]
 
 
+@pytest.mark.slow
 def test_the_cause_stands_before_what_the_start_says() -> None:
     logs = with_motors(scaled(1, -1.0))
     words = r"^axis 2 of the robot's log counts backwards: .* \(the nominal robot reaches none of"
@@ -250,12 +269,14 @@ def test_the_cause_stands_before_what_the_start_says() -> None:
         identify(CELL, logs.robot, logs.ballbar, options=FEW)
 
 
+@pytest.mark.slow
 def test_of_several_recordings_the_one_with_the_mistake_is_named_before_the_complete_fit() -> None:
     wrong = replace(with_encoders(exchanged(2, 3)), name="second")
     with pytest.raises(StartError, match=r"^second: the columns of encoders b4 and b5 are exch"):
         identify_together(CELL, [sound(), wrong], options=FEW)
 
 
+@pytest.mark.slow
 def test_a_cause_that_all_recordings_share_stands_once() -> None:
     wrong = with_encoders(exchanged(0, 1))
     causes = Causes.of(CELL, [wrong, replace(wrong, name="second")])

@@ -111,6 +111,7 @@ def test_joint_errors_learned_on_one_table_are_kept_on_another() -> None:
     assert tcp_error(with_it, true) < 0.5 * tcp_error(identify_poses(few, PLAIN), true)
 
 
+@pytest.mark.slow
 def test_stated_regions_hold_as_often_as_they_say() -> None:
     """New poses of ten robots; a model error that nobody declared is in the data."""
     inside = []

@@ -46,6 +46,7 @@ def tables(kind: str, seed: int, folder: Path) -> list[PoseTable]:
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sockets", "lengths"])
 def test_a_robot_of_another_generator_is_predicted_to_the_noise(kind: str, tmp_path: Path) -> None:
     fitted, held = tables(kind, 0, tmp_path)

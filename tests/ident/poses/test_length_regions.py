@@ -54,6 +54,7 @@ def within(arm: IdentifiedArm, q: Array, seen: Array) -> float:
     return float(arm.within(q, seen @ turn - model).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seats", [1, 3])
 def test_regions_of_points_hold_where_rods_judge_one_direction(seats: int) -> None:
     """Of 16 robots; without the joint errors across the rods the worst of one seat had 0.55."""
@@ -91,6 +92,7 @@ def test_lengths_of_fewer_than_three_seats_are_said_to_judge_along_the_rods() ->
         assert bool(sentences) == said
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not real_robots.DATA.is_dir(), reason="measured robots are not there")
 def test_points_of_a_measured_ur10_lie_in_the_regions_of_its_lengths(tmp_path: Path) -> None:
     """0.99 of them, 0.75 without the joint errors across the rods; measured with one seat."""

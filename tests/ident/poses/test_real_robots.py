@@ -23,6 +23,7 @@ def random_split(table: PoseTable, count: int) -> tuple[PoseTable, PoseTable]:
     return table.part(chosen), table.part(~chosen)
 
 
+@pytest.mark.slow
 def test_a_measured_ur5_is_predicted_where_it_was_not_fitted(tmp_path: Path) -> None:
     """0.056 mm in benchmarks/real_robots; 0.094 without the orders that are found."""
     fitted, judged = random_split(read_poses(real_robots.ur5_grid(tmp_path)), 600)

@@ -33,6 +33,7 @@ def stepped(measured: Measured, kind: str, shift: Array, at: int, seed: int = 0)
     return PoseTable("ur5", true.robot, (group(measured, "hall", q, values, sigma),))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measured", ["point", "length"])
 @pytest.mark.parametrize("kind", ["seat", "target"])
 @pytest.mark.parametrize("size", [3e-4, 1e-2, 0.3])
@@ -74,6 +75,7 @@ def test_a_seat_may_move_between_two_files() -> None:
     assert step.other == f"hall from row {step.row}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measured", ["point", "length"])
 def test_clean_and_drifting_tables_have_no_steps(measured: Measured) -> None:
     """Largest scores of several hundred clean tables: 30, half the limit."""

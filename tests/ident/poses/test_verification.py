@@ -74,6 +74,7 @@ def test_the_limit_is_that_of_chi_square_where_the_stated_region_is() -> None:
     assert limit_of(24, 0.8) == limit_of(24, 1.0), "never lighter than the normal distribution"
 
 
+@pytest.mark.slow
 def test_an_unchanged_robot_is_called_changed_in_about_two_of_a_hundred(robot: Stored) -> None:
     """More than 4 % is refused. Of 1200 checks of three robots 23 were called changed."""
     rng = np.random.default_rng(2)
@@ -103,6 +104,7 @@ def drawn_change(robot: Stored, k: int, rng: np.random.Generator) -> tuple[PoseT
     return point_table(robot.drawn, q, NOISE, rng, zero=zero), "joint", str(joint + 1)
 
 
+@pytest.mark.slow
 def test_a_single_change_is_found_and_named(robot: Stored) -> None:
     """Of 50 draws, half of each robot, at least 90 %. Measured: 300 of 300, of three robots."""
     rng = np.random.default_rng(3)
@@ -146,6 +148,7 @@ def test_two_changes_at_once_are_not_given_one_name(robot: Stored) -> None:
     assert "No single cause" in outcome.sentence
 
 
+@pytest.mark.slow
 def test_distances_from_new_places_do_as_well(robot: Stored) -> None:
     rng = np.random.default_rng(7)
     seats = np.array([[0.9, 0.4, 0.0], [0.2, -0.9, 0.3], [-0.6, 0.7, 0.1]])
