@@ -21,7 +21,7 @@ def scenario_of(robot: str, path: str, seed: int, duration: float) -> Scenario:
     """A drawn robot with everything on along one of its paths."""
     base = load_scenario(SCENARIOS / f"{robot}_full.yaml")
     changed = base.model_dump(mode="json", by_alias=True, exclude_none=True)
-    changed["errors"]["static"] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "thesis"}
+    changed["errors"]["static"] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "robot"}
     changed["path"] |= {"file": f"paths/{robot}_{path}.yaml", "duration_s": duration}
     return Scenario.model_validate(changed | {"seed": seed}, strict=False)
 

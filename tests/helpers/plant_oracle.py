@@ -31,6 +31,8 @@ EFFECTS: dict[str, dict[str, object]] = {
     "rod_backlash": {"rod_backlash": {}},
     "plate_bending": {"plate_bending": {}},
     "base_compliance": {"base_compliance": {}},
+    "unlisted_ripple": {"unlisted_ripple": {}},
+    "masses": {"joint_compliance": {}, "masses": {}},
 }
 EFFECTS["everything"] = {
     name: value for effect in list(EFFECTS.values()) for name, value in effect.items()
