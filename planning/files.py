@@ -29,16 +29,14 @@ OUTPUTS = frozenset(
 PLANT_AXES = len(ROBOT_JOINTS)
 PLANT_KEYS: tuple[Key, ...] = ("links", "servo", "gears", "rotor_inertia_kg_m2")
 EVERYTHING_ON: dict[str, object] = {  # as in scenarios/irb2400_full.yaml
-    "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "robot"},
+    "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
     "joint_compliance": {"spread": 0.3},
     "gear_backlash": {"spread": 0.3},
     "joint_noise": {"sigma_rad": 2e-6},
-    "ballbar_axes": {"parameters": "all"},
     **{
         name: {}
         for name in (
             "transmission_error",
-            "unlisted_ripple",
             "gear_friction",
             "resolver_error",
             "rod_strain",
@@ -46,9 +44,8 @@ EVERYTHING_ON: dict[str, object] = {  # as in scenarios/irb2400_full.yaml
             "bar_friction",
             "plate_bending",
             "base_compliance",
-            "masses",
+            "ballbar_axes",
             "base_tilt",
-            "plate_length",
             "encoder_eccentricity",
             "subdivisional_error",
         )
