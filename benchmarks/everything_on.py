@@ -30,6 +30,7 @@ from ident.options import FitOptions, ForceSource
 from ident.result import Identification
 from sim.truth import Truth
 from tests.helpers.drawn_robots import ROOT, recorded, scenario_of
+from tests.helpers.stated_uncertainty import stated_uncertainty
 
 FORCES: dict[str, ForceSource] = {"none": "none", "torque": "torque", "sensor": "sensor"}
 ROD_SIGMA = 5e-6  # [m] of a measured rod
@@ -39,7 +40,6 @@ COLUMNS = (
     "chi2", "autocorrelation", "stiffness_median_percent", "stiffness_worst_percent",
     "clock_us", "skew_ppm", "geometry_covered", "stiffness_covered",
 )  # fmt: skip
-RATIO, COVERAGE = (0.8, 1.2), (0.93, 0.97)  # targets: error over stated, share of 95 % intervals
 
 
 def robot_rows(
@@ -165,24 +165,17 @@ def _say(paths: str, signal: str, rows: list[dict[str, object]]) -> None:
             f"worst {mean.max():.4f} / {largest.max():.4f}"
         )
 
-    ratio = float(np.sqrt((column("over_stated") ** 2).mean()))
-    geometry, gears = (float(column(f"{k}_covered").mean()) for k in ("geometry", "stiffness"))
+    covered = {kind: column(f"{kind}_covered") for kind in ("geometry", "stiffness")}
     print(
         f"{paths:4} {signal:12} TCP mean / max [mm]: {millimetres('tcp')}; "
         f"scale known: {millimetres('scale_known')}; "
         f"stated sigma {np.median(column('tcp_sigma_mm')):.4f}\n"
-        f"    error over stated, rms: {ratio:.2f} ({_against(ratio, RATIO)} 0.8..1.2); "
-        f"geometry intervals: {geometry:.1%} ({_against(geometry, COVERAGE)} 93..97 %); "
-        f"stiffness intervals: {gears:.1%} ({_against(gears, COVERAGE)} 93..97 %)\n"
+        f"    {stated_uncertainty(column('over_stated'), covered)}\n"
         f"    stiffness median {np.median(column('stiffness_median_percent')):.1f} %, "
         f"worst {column('stiffness_worst_percent').max():.1f} %; "
         f"clock {np.median(column('clock_us')):.1f} us, "
         f"{np.median(column('skew_ppm')):.2f} ppm"
     )
-
-
-def _against(value: float, target: tuple[float, float]) -> str:
-    return "below" if value < target[0] else "above" if value > target[1] else "within"
 
 
 if __name__ == "__main__":
