@@ -147,10 +147,11 @@ class StaticErrors(Strict):
     sigma_rad: Annotated[float, Field(ge=0.0)] | None = Field(
         None, description="Standard deviation of drawn angles."
     )
-    parameters: Literal["thesis", "all"] = Field(
+    parameters: Literal["thesis", "robot", "all"] = Field(
         "thesis",
-        description="Which parameters are drawn: those of Table 3.1, or all of robot, ball-bar and "
-        "base except the plate's length.",
+        description="Which parameters are drawn: those of Table 3.1; these and whatever else of "
+        "the robot can be identified; or all of robot, ball-bar and base except the plate's "
+        "length.",
     )
 
     @model_validator(mode="after")
@@ -158,10 +159,10 @@ class StaticErrors(Strict):
         drawn = self.sigma_m is not None and self.sigma_rad is not None
         if (self.table is None) != drawn:
             raise ValueError("give either table, or both sigma_m and sigma_rad")
-        if self.table and self.parameters == "all":
+        if self.table and self.parameters != "thesis":
             raise wrong_key(
                 "parameters",
-                message="Table 3.1 has its own; to draw all, give sigma_m and sigma_rad "
+                message="Table 3.1 has its own; to draw others, give sigma_m and sigma_rad "
                 "instead of table",
             )
         return self
@@ -177,6 +178,11 @@ class BallbarAxes(Strict):
     )
     sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
         5.0e-5, description="Standard deviation of the squareness errors."
+    )
+    parameters: Literal["between", "all"] = Field(
+        "between",
+        description="Which are drawn: those between the axes, or also those before the first axis "
+        "and behind the last one, which act as the base's height and as the plate do.",
     )
 
 

@@ -18,6 +18,7 @@ from cell.schema import Strict
 from cell.strict_yaml import check_schema, load_yaml, parse_model
 from sim.logging.log_truth import LogTruth
 from sim.plant.effects import RIGID_ROD, PlantEffects, Ripple
+from sim.plant.masses import Masses
 
 SCHEMA = "ballbar-truth/2"
 
@@ -31,8 +32,17 @@ class RippleTruth(Strict):
     phase_rad: float
 
 
+class BodyTruth(Strict):
+    """Mass and centre of mass of a body, in the frame of its description file."""
+
+    mass_kg: float
+    com_m: tuple[float, float, float]
+
+
 class PlantTruth(Strict):
-    """Compliance, backlash, ripple and friction of the plant; null or 0 where an effect was off."""
+    """Compliance, backlash, ripple, friction and masses of the plant; null, 0 or empty where an
+    effect was off.
+    """
 
     gear_stiffness_N_m_per_rad: tuple[float, ...] | None
     gear_backlash_half_width_rad: tuple[float, ...]
@@ -44,6 +54,18 @@ class PlantTruth(Strict):
     bar_friction_N_m: float
     plate_stiffness_N_per_m: float | None
     base_stiffness_N_per_m: float | None
+    bodies: dict[str, BodyTruth] = Field(default_factory=dict)
+
+    @property
+    def masses(self) -> Masses | None:
+        """Masses and centres of all bodies; None where they are those of the files."""
+        if not self.bodies:
+            return None
+        return Masses(
+            names=tuple(self.bodies),
+            mass=np.array([body.mass_kg for body in self.bodies.values()]),
+            centre=np.array([body.com_m for body in self.bodies.values()]),
+        )
 
 
 def plant_truth(effects: PlantEffects) -> PlantTruth:
@@ -60,7 +82,15 @@ def plant_truth(effects: PlantEffects) -> PlantTruth:
         bar_friction_N_m=effects.bar_friction,
         plate_stiffness_N_per_m=effects.plate_stiffness,
         base_stiffness_N_per_m=effects.base_stiffness,
+        bodies=_bodies(effects.masses),
     )
+
+
+def _bodies(masses: Masses | None) -> dict[str, BodyTruth]:
+    if masses is None:
+        return {}
+    rows = zip(masses.names, masses.mass.tolist(), masses.centre.tolist(), strict=True)
+    return {name: BodyTruth(mass_kg=mass, com_m=tuple(com)) for name, mass, com in rows}
 
 
 def _ripple_truth(ripple: Ripple) -> RippleTruth:

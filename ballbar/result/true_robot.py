@@ -39,7 +39,8 @@ def true_tool(cell: Cell, truth: Truth, geometry: Geometry, q: Array) -> Array:
             )
         gears = shown + error
     if plant.gear_stiffness_N_m_per_rad is not None:
-        weight = own_weight(mass_model(cell), geometry, q).gear.T
+        loaded = cell if plant.masses is None else plant.masses.on(cell)
+        weight = own_weight(mass_model(loaded), geometry, q).gear.T
         side = backlash_flanks(weight.T).T
         gears = (
             gears

@@ -76,6 +76,16 @@ class SinusoidalGearError(Strict):
     axes: Axes = Field((1, 2, 3, 4, 5, 6), description="Axes whose gears have the error.")
 
 
+class UnlistedRipple(Strict):
+    """Each gear has one harmonic error more, of an order that the robot file does not list.
+    Orders, 3 to 38 cycles a turn of the output, and phases are drawn.
+    """
+
+    amplitude_rad: Annotated[float, Field(ge=0.0)] = Field(
+        4.0e-6, description="Amplitude at the gear's output."
+    )
+
+
 class GearFriction(Strict):
     """The gears have Coulomb, viscous and, if chosen, Stribeck friction on the motor side
     (LuGre model).
@@ -129,6 +139,19 @@ class BaseCompliance(Strict):
     )
 
 
+class BodyMasses(Strict):
+    """Masses and centres of mass of the robot's links, the plate and the ball-bar's links deviate
+    from their files; each is drawn.
+    """
+
+    spread: Scale = Field(
+        0.02, description="Standard deviation of the logarithm of each mass; inertias follow."
+    )
+    centre_sigma_m: Annotated[float, Field(ge=0.0)] = Field(
+        3.0e-3, description="Standard deviation of each coordinate of the centres of mass."
+    )
+
+
 class PlantErrors(Strict):
     """Error sources that act in the plant; each is absent unless named."""
 
@@ -137,9 +160,11 @@ class PlantErrors(Strict):
     transmission_error: TransmissionError | None = None
     cycloid_ripple: CycloidRipple | None = None
     sinusoidal_gear_error: SinusoidalGearError | None = None
+    unlisted_ripple: UnlistedRipple | None = None
     gear_friction: GearFriction | None = None
     rod_strain: RodStrain | None = None
     rod_backlash: RodBacklash | None = None
     bar_friction: BarFriction | None = None
     plate_bending: PlateBending | None = None
     base_compliance: BaseCompliance | None = None
+    masses: BodyMasses | None = Field(None, description="Requires masses in the robot's file.")

@@ -22,9 +22,11 @@ THESIS_3_1 = {
     "ox": 0.16, "oy": 0.80, "oz": -0.70,
 }  # fmt: skip
 # Offsets between the axes of the gimbal (b1, b2, b3) and of the universal joint (b3, b4, b5), and
-# their squareness. No axis follows row 5: its parameters are those of the plate.
+# their squareness.
 AXIS_OFFSETS = ("ba1", "ba2", "ba3", "ba4", "bd2", "bd4")
 AXIS_ANGLES = ("balpha1", "balpha2", "balpha3", "balpha4")
+# No axis follows row 5 and none precedes row 1: these act as the plate and as the base's height do.
+AXIS_ENDS = ("ba5", "bd1", "bd5", "balpha5")
 BASE_TILT = ("otx", "oty")
 _MILLI = 1e-3  # mm and mrad of the table
 
@@ -54,7 +56,9 @@ def true_geometry(
         drawn.append(deviations(("bd3",), {True: zero_sigma}, stream(seed, "length_zero")))
     if axes:
         sigma = {True: axes.sigma_m, False: axes.sigma_rad}
-        drawn.append(deviations((*AXIS_OFFSETS, *AXIS_ANGLES), sigma, stream(seed, "ballbar_axes")))
+        ends = AXIS_ENDS if axes.parameters == "all" else ()
+        names = (*AXIS_OFFSETS, *AXIS_ANGLES, *ends)
+        drawn.append(deviations(names, sigma, stream(seed, "ballbar_axes")))
     if tilt:
         drawn.append(deviations(BASE_TILT, {False: tilt.sigma_rad}, stream(seed, "base_tilt")))
     if plate:
@@ -74,11 +78,15 @@ def static_deviations(
     """Deviation [m, rad] of each parameter, from thesis Table 3.1 or drawn."""
     if errors.table == "thesis_3_1":
         return {name: value * _MILLI for name, value in THESIS_3_1.items()}
+    # Table 3.1 comes first, so that its parameters are always drawn alike. The plate is the known
+    # length: only errors.plate_length changes it.
     names = tuple(THESIS_3_1)
+    others = tuple(name for name in table.names if name not in (*names, table.plate))
     if errors.parameters == "all":
-        # Table 3.1 comes first, so that its parameters are drawn alike for `thesis` and `all`. The
-        # plate is the known length: only errors.plate_length changes it.
-        names += tuple(name for name in table.names if name not in (*THESIS_3_1, table.plate))
+        names += others
+    elif errors.parameters == "robot":
+        rows = (*table.robot, *table.hayati)
+        names += tuple(name for name in others if name in rows and name not in table.gauge)
     return deviations(names, {True: errors.sigma_m or 0.0, False: errors.sigma_rad or 0.0}, rng)
 
 

@@ -14,10 +14,16 @@ from sim.plant.effects import PlantEffects
 class Plant:
     """One machine to simulate."""
 
-    cell: Cell  # nominal
+    cell: Cell  # nominal, which the servo's feed-forward knows
     geometry: Geometry  # true parameters; encoder offsets belong to the encoders and are not here
     effects: PlantEffects
     gains: ServoGains
+
+    @property
+    def loaded(self) -> Cell:
+        """The cell with its true masses."""
+        masses = self.effects.masses
+        return self.cell if masses is None else masses.on(self.cell)
 
 
 def servo_gains(robot: Robot, name: str, *, key: str = "plant.servo") -> ServoGains:

@@ -1,4 +1,4 @@
-"""Elasticity, backlash, ripple and friction of one simulated machine, as a scenario states them.
+"""Elasticity, backlash, ripple, friction and masses of one simulated machine, drawn by a scenario.
 
 Gear effects act at the gear, between motor i and its output g_i; `joints = g @ gear_to_joint` maps
 them through parallel rod and wrist into the joints. What differs from unit to unit (phases, spread)
@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Cell
+from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from sim.errors.plant_errors import CycloidRipple, PlantErrors
+from sim.plant.masses import Masses, drawn_masses
 from sim.streams import stream
 
 RIGID_ROD = (
@@ -23,6 +24,7 @@ RIGID_ROD = (
 # Harmonics of the cusped wave; the others amount to 11 % of the peak at the cusp, 4 % at 25 deg,
 # 2 % at 60 deg and 1.5 % further away.
 CUSP_TERMS = 4
+UNLISTED_ORDERS = range(3, 39)  # cycles per turn of the output; between those of the files
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Ripple:
 
 @dataclass(frozen=True, eq=False)
 class PlantEffects:
-    """Elasticity, backlash, ripple and friction of one machine."""
+    """Elasticity, backlash, ripple, friction and masses of one machine."""
 
     gear_stiffness: Array | None = None  # (J,) [N m/rad]; None: rigid gears
     # (J,) [rad] half widths of the dead band and of the hysteresis loop
@@ -51,6 +53,7 @@ class PlantEffects:
     bar_friction: float = 0.0  # [N m]
     plate_stiffness: float | None = None  # [N/m] at the tip; None: rigid
     base_stiffness: float | None = None  # [N/m]; None: rigid
+    masses: Masses | None = None  # None: those of the files
     force_sensor: bool = False  # whether the flange's force and torque are measured
 
     def transmission_error(self, gears: Array) -> Array:
@@ -108,6 +111,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
         if plate
         else None,
         base_stiffness=errors.base_compliance.stiffness_N_per_m if errors.base_compliance else None,
+        masses=drawn_masses(errors.masses, cell, stream(seed, "masses")) if errors.masses else None,
     )
 
 
@@ -134,7 +138,19 @@ def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:
                 else 1.0 / abs(float(cell.robot.transmission[axis - 1, axis - 1]))
             )
             ripples.append(Ripple(axis - 1, order, sine.amplitude_rad, float(phases[axis - 1])))
+    if (unlisted := errors.unlisted_ripple) is not None:
+        ripples += _unlisted(unlisted.amplitude_rad, cell.robot, stream(seed, "unlisted_ripple"))
     return _merged(ripples)
+
+
+def _unlisted(amplitude: float, robot: Robot, rng: np.random.Generator) -> list[Ripple]:
+    listed = robot.gears.harmonics if robot.gears else ((),) * robot.joints
+    ripples = []
+    for gear, harmonics in enumerate(listed):
+        orders = sorted(set(UNLISTED_ORDERS) - {order for order, _ in harmonics})
+        order, phase = float(rng.choice(orders)), float(rng.uniform(0.0, 2.0 * np.pi))
+        ripples.append(Ripple(gear, order, amplitude, phase))
+    return ripples
 
 
 def _merged(ripples: list[Ripple]) -> tuple[Ripple, ...]:

@@ -26,6 +26,7 @@ WITH_FORCES = (
     "bar_friction",
     "plate_bending",
     "base_compliance",
+    "masses",
 )
 
 

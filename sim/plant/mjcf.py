@@ -157,7 +157,7 @@ def unloaded_robot_spec(plant: Plant, *, timestep: float) -> mujoco.MjSpec:
 
 
 def _add_robot(spec: mujoco.MjSpec, plant: Plant) -> None:
-    cell, geometry, effects = plant.cell, plant.geometry, plant.effects
+    cell, geometry, effects = plant.loaded, plant.geometry, plant.effects
     parent = spec.worldbody
     placements = row_placements(geometry.robot)
     rotation, position = np.eye(3), np.zeros(3)
@@ -328,7 +328,7 @@ def _add_bar(spec: mujoco.MjSpec, plant: Plant) -> None:
     placements = row_placements(geometry.bar)
     if effects.base_stiffness is not None:
         parent, position = _add_base(spec, geometry, effects.base_stiffness), np.zeros(3)
-    for i, link in enumerate(bar_bodies(plant.cell)):
+    for i, link in enumerate(bar_bodies(plant.loaded)):
         parent = parent.add_body(name=f"bar{i + 1}", pos=position, quat=quat_wxyz(rotation))
         set_inertia(parent, link)
         damping = float(bar.joint_damping[i])

@@ -121,7 +121,8 @@ def gravity_torque(cell: Cell, geometry: Geometry, q: Array) -> Array:
 
 
 def _machine(plant: Plant, command: Array) -> _Machine:
-    effects, bar = plant.effects, plant.cell.ballbar
+    effects, cell = plant.effects, plant.loaded
+    bar = cell.ballbar
     movable = np.ones(COORDINATES, dtype=bool)
     movable[GEAR] = effects.gear_stiffness is not None
     movable[PLATE] = effects.plate_stiffness is not None
@@ -131,7 +132,7 @@ def _machine(plant: Plant, command: Array) -> _Machine:
         plant=plant,
         joint_to_gear=plant.cell.robot.joint_to_gear,
         command=command,
-        robot=_robot_links(plant.cell),
+        robot=_robot_links(cell),
         bar=_turning_links(bar_chain, bar.links),
         active=np.flatnonzero(movable),
     )

@@ -31,10 +31,12 @@ EFFECTS: dict[str, dict[str, object]] = {
     "rod_backlash": {"rod_backlash": {}},
     "plate_bending": {"plate_bending": {}},
     "base_compliance": {"base_compliance": {}},
+    "unlisted_ripple": {"unlisted_ripple": {}},
 }
 EFFECTS["everything"] = {
     name: value for effect in list(EFFECTS.values()) for name, value in effect.items()
 }
+EFFECTS["masses"] = {"joint_compliance": {}, "masses": {}}  # another machine, no other effect
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,12 +72,24 @@ def known_robot(plant: PlantRobot) -> UnloadedRobot:
             waves[i, order] = waves.get((i, order), 0j) - share * h.amplitude_rad * np.exp(
                 1j * phase
             )
-    found = [waves.get((gear, order), 0j) for gear, order, _ in harmonic_orders(plant.cell)]
+    cell = known_cell(plant.cell, effects)
+    found = [waves.get((gear, order), 0j) for gear, order, _ in harmonic_orders(cell)]
     ripple = [part for z in found for part in (z.real, z.imag)]
     values = np.concatenate((1.0 / effects.gear_stiffness, effects.gear_backlash, ripple))
     return UnloadedRobot(
-        plant.cell, plant.true, tuple(CORRECTIONS[name](plant.cell, ()) for name in GEARS), values
+        cell, plant.true, tuple(CORRECTIONS[name](cell, ()) for name in GEARS), values
     )
+
+
+def known_cell(cell: Cell, effects: PlantEffects) -> Cell:
+    """The cell with its true masses and with every order of its gears' ripple in its list."""
+    loaded = cell if effects.masses is None else effects.masses.on(cell)
+    gears = loaded.robot.required("gears")
+    listed = [dict(harmonics) for harmonics in gears.harmonics]
+    for ripple in effects.ripples:
+        listed[ripple.gear].setdefault(ripple.order, ripple.amplitude)
+    known = replace(gears, harmonics=tuple(tuple(orders.items()) for orders in listed))
+    return replace(loaded, robot=replace(loaded.robot, gears=known))
 
 
 def pose_distance(wanted: Frames, held: HeldPoses) -> tuple[Array, Array]:
@@ -99,6 +112,7 @@ def study(plant: PlantRobot, identified: UnloadedRobot, poses: int) -> dict[str,
     known = pose_distance(
         wanted, plant.hold(corrected_targets(known_robot(plant), plant.nominal, q).q)
     )[0]
+    aligned = position_error(wanted.tip.T, after.tool[:, :3, 3])
     (p0, a0), (p1, a1) = pose_distance(wanted, before), pose_distance(wanted, after)
     return {
         "poses": len(q),
@@ -109,7 +123,8 @@ def study(plant: PlantRobot, identified: UnloadedRobot, poses: int) -> dict[str,
         "after_max_mm": p1.max() * 1e3,
         "before_mean_mrad": a0.mean() * 1e3,
         "after_mean_mrad": a1.mean() * 1e3,
-        "after_aligned_mean_mm": position_error(wanted.tip.T, after.tool[:, :3, 3]).mean * 1e3,
+        "after_aligned_mean_mm": aligned.mean * 1e3,
+        "after_scale_known_mean_mm": aligned.error_without_scale.mean() * 1e3,
         "known_mean_mm": known.mean() * 1e3,
         "known_max_mm": known.max() * 1e3,
         "predicted_before_mean_mm": corrected.position_before.mean() * 1e3,

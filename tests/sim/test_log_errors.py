@@ -491,7 +491,7 @@ def test_a_restarted_logger_leaves_two_files_and_a_gap_while_counters_and_toggle
 
 STATIC: dict[str, dict[str, Any]] = {
     "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "all"},
-    "ballbar_axes": {},
+    "ballbar_axes": {"parameters": "all"},
     "base_tilt": {},
     "plate_length": {"sigma_m": 1e-4},
 }
@@ -511,12 +511,24 @@ def drawn(errors: dict[str, Any], seed: int) -> Array:
     [
         ({"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3}}, tuple(THESIS_3_1), 2e-3, 1e-3),
         (
+            {"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3, "parameters": "robot"}},
+            (*THESIS_3_1, "ralpha6", "rbeta2", "rbeta6"),
+            2e-3,
+            1e-3,
+        ),
+        (
             {"static": {"sigma_m": 2e-3, "sigma_rad": 1e-3, "parameters": "all"}},
             tuple(n for n in NAMES if n != "ra6"),
             2e-3,
             1e-3,
         ),
         ({"ballbar_axes": {}}, AXIS_OFFSETS + AXIS_ANGLES, 5e-6, 5e-5),
+        (
+            {"ballbar_axes": {"parameters": "all"}},
+            AXIS_OFFSETS + AXIS_ANGLES + ("ba5", "bd1", "bd5", "balpha5"),
+            5e-6,
+            5e-5,
+        ),
         ({"base_tilt": {}}, BASE_TILT, 0.0, 1e-3),
         ({"plate_length": {}}, ("ra6",), 5e-6, 0.0),
     ],
@@ -541,12 +553,21 @@ def test_a_static_source_deviates_its_own_parameters_by_its_own_size(
     )
 
 
-def test_all_parameters_include_the_thesis_draws_unchanged() -> None:
-    few, all_ = (
-        drawn({"static": {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": which}}, 7)
-        for which in ("thesis", "all")
-    )
-    assert few[few != 0.0] == pytest.approx(all_[few != 0.0], abs=1e-15)
+@pytest.mark.parametrize(
+    ("source", "fewer", "more"),
+    [
+        ("static", "thesis", "robot"),
+        ("static", "thesis", "all"),
+        ("ballbar_axes", "between", "all"),
+    ],
+)
+def test_more_parameters_leave_the_draws_of_the_fewer_unchanged(
+    source: str, fewer: str, more: str
+) -> None:
+    size = {"sigma_m": 1e-3, "sigma_rad": 1e-3}
+    few, many = (drawn({source: size | {"parameters": which}}, 7) for which in (fewer, more))
+    assert few[few != 0.0] == pytest.approx(many[few != 0.0], abs=1e-15)
+    assert (many != 0.0).sum() > (few != 0.0).sum()
 
 
 def test_static_sources_add_up() -> None:
@@ -615,7 +636,7 @@ NAMED = {
     "coupling_slips": 4,
 }  # the encoder that each of them names
 GEOMETRY: dict[str, Any] = {
-    "ballbar_axes": {},
+    "ballbar_axes": {"parameters": "all"},
     "base_tilt": {},
     "plate_length": {},
     "static": STATIC["static"],
@@ -845,7 +866,12 @@ def test_everything_at_once_is_in_the_truth_file_and_the_reader_copes(tmp_path: 
     errors = (
         NOISY["errors"]
         | SENSORS
-        | {"resolver_error": {}, "ballbar_axes": {}, "base_tilt": {}, "plate_length": {}}
+        | {
+            "resolver_error": {},
+            "ballbar_axes": {"parameters": "all"},
+            "base_tilt": {},
+            "plate_length": {},
+        }
     )
     clocks = NOISY["clocks"] | {
         "wander": {},
@@ -923,7 +949,7 @@ def test_without_errors_the_truth_file_says_when_the_logs_began_and_no_more(plai
         ({"errors": {"base_tilt": {"sigma_deg": 1.0}}}, "unknown key errors.base_tilt.sigma_deg"),
         (
             {"errors": {"static": {"table": "thesis_3_1", "parameters": "all"}}},
-            "Table 3.1 has its own; to draw all, give sigma_m and sigma_rad",
+            "Table 3.1 has its own; to draw others, give sigma_m and sigma_rad",
         ),
         ({"clocks": {"step": {"at_s": 0.2}}}, "clocks.step.at_s = 0.2: t = 0.2 s is not logged"),
         ({"clocks": {"restart": {"at_s": 58.0}}}, "t = 60 s is not logged"),

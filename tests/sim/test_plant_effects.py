@@ -18,10 +18,13 @@ import pytest
 from pydantic import ValidationError
 from scipy.optimize import curve_fit
 
+from ballbar.result.true_robot import true_tool
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.inverse import pose_error
+from cell.load import load_robot
+from ident.robot.accuracy import accuracy_grid
 from sim.errors.plant_errors import PlantErrors
 from sim.logging.load_logs import (
     ForceSensor,
@@ -46,6 +49,7 @@ from tests.helpers.log_analysis import (
     settled_direction,
     there_and_back,
 )
+from tests.helpers.plant_robot import PlantRobot
 from tests.helpers.simulated_recordings import SCENARIOS, record, settings
 
 pytestmark = pytest.mark.slow  # a simulated run for each effect
@@ -245,6 +249,91 @@ def test_each_harmonic_of_the_gears_lies_between_motor_and_pose(robot: str, tmp_
         for gear in logs.cell.robot.gears.harmonics
     ]
     assert_ripples(logs, asked, tmp_path)
+
+
+def test_each_gear_has_a_ripple_of_an_order_that_its_file_does_not_list(tmp_path: Path) -> None:
+    logs = run(tmp_path, duration=90.0, errors={"unlisted_ripple": {"amplitude_rad": 6e-5}})
+    orders = {r.axis: r.cycles_per_turn for r in stated(tmp_path).transmission_error}
+    assert_ripples(logs, [[(orders[i + 1], 6e-5)] for i in range(6)], tmp_path)
+
+
+def test_unlisted_orders_are_those_between_the_listed_ones_from_robot_to_robot(cell: Cell) -> None:
+    errors = PlantErrors.model_validate({"unlisted_ripple": {}})
+    drawn = [r for seed in range(300) for r in plant_effects(errors, cell, seed).ripples]
+    listed = [{order for order, _ in gear} for gear in cell.robot.gears.harmonics]
+    assert [r.amplitude for r in drawn] == pytest.approx([4e-6] * len(drawn))
+    assert all(r.order not in listed[r.gear] for r in drawn)
+    assert {r.order for r in drawn} == set(range(3, 39))
+    assert abs(np.mean([np.exp(1j * r.phase) for r in drawn])) < 3.0 / np.sqrt(len(drawn))
+
+
+def test_the_kinematic_plant_has_unlisted_ripples_too(tmp_path: Path) -> None:
+    still, rippled = (
+        simulate(settings(plant={"kind": "kinematic"}, errors=errors), relative_to=SCENARIOS).motion
+        for errors in ({}, {"unlisted_ripple": {}})
+    )
+    change = np.abs(rippled.shown - still.shown)
+    np.testing.assert_array_equal(rippled.q, still.q)
+    assert (change.max(axis=0) > 3.9e-6).all()  # wrist joints carry the ripple of several motors
+    assert change.max() < 1.3e-5
+
+
+# --- masses
+
+
+def test_the_motors_carry_the_drawn_masses_of_the_links(tmp_path: Path) -> None:
+    logs = run(tmp_path, plant=SAGGING, errors={"masses": {}})
+    still = logs.t < 1.5
+    masses = stated(tmp_path).masses
+    assert masses is not None
+    known = replace(logs, cell=masses.on(logs.cell))
+    assert np.abs(known.torque[still] - known.load[still]).max() < 1e-3  # as above
+    assert np.abs(logs.torque[still] - logs.load[still]).max() > 1.0
+
+
+def test_a_body_has_the_mass_and_centre_that_the_truth_states_for_it(tmp_path: Path) -> None:
+    logs = run(tmp_path, errors={"masses": {}})
+    plant = stated(tmp_path)
+    assert plant.masses is not None
+    true, nominal = plant.masses.on(logs.cell), logs.cell
+    pairs = {
+        "plate": (true.plate.body, nominal.plate.body),
+        **{f"link{i}": (true.robot.links[i], nominal.robot.links[i]) for i in range(1, 7)},
+        **{f"bar{i + 1}": (true.ballbar.links[i], nominal.ballbar.links[i]) for i in range(5)},
+    }
+    assert set(plant.bodies) == set(pairs)
+    for name, (body, file) in pairs.items():
+        assert body.mass == plant.bodies[name].mass_kg
+        assert tuple(body.com) == plant.bodies[name].com_m
+        assert 0.0 < abs(body.mass / file.mass - 1.0) < 0.1
+        assert 0.0 < np.abs(body.com - file.com).max() < 0.015
+        np.testing.assert_allclose(body.inertia * file.mass, file.inertia * body.mass)
+    assert true.robot.links[0] is nominal.robot.links[0]
+
+
+def test_masses_and_centres_spread_as_stated_from_robot_to_robot(cell: Cell) -> None:
+    errors = PlantErrors.model_validate({"masses": {"spread": 0.05, "centre_sigma_m": 2e-3}})
+    drawn = [plant_effects(errors, cell, seed).masses for seed in range(4000)]
+    bodies = [*cell.robot.links[1:], cell.plate.body, *cell.ballbar.links]
+    mass = np.log([m.mass for m in drawn]) - np.log([body.mass for body in bodies])
+    centre = np.array([m.centre for m in drawn]) - [body.com for body in bodies]
+    assert mass.std() == pytest.approx(0.05, rel=WITHIN)
+    assert centre.std() == pytest.approx(2e-3, rel=WITHIN)
+    each = np.concatenate((mass[:, :, None], centre), axis=2).reshape(len(drawn), -1)
+    assert np.abs(np.corrcoef(each.T) - np.eye(48)).max() < 6.0 / np.sqrt(len(drawn))
+
+
+def test_the_true_tool_sags_under_the_true_masses() -> None:
+    """Of the reference of all TCP errors; held free in MuJoCo."""
+    errors = {"joint_compliance": {}, "masses": {"spread": 0.1, "centre_sigma_m": 0.02}}
+    chosen = settings(errors=errors)
+    truth = simulate(chosen, relative_to=SCENARIOS).truth
+    robot, q = PlantRobot(chosen), accuracy_grid(load_robot("irb2400"))[:4]
+    actual = robot.hold(q).tool[:, :3, 3]
+    files = replace(truth, plant=truth.plant.model_copy(update={"bodies": {}}))
+    with_truth, with_files = (true_tool(robot.cell, t, robot.true, q) for t in (truth, files))
+    assert np.abs(with_truth - actual).max() < 1e-6
+    assert np.abs(with_files - actual).max() > 1e-5
 
 
 def test_a_cycloid_drive_ripples_as_a_sine_on_the_asked_axes_only(tmp_path: Path) -> None:
@@ -640,6 +729,8 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "bar_friction": {},
     "plate_bending": {},
     "base_compliance": {},
+    "unlisted_ripple": {},
+    "masses": {},
 }
 PLAY = {
     "joint_compliance": {"spread": 0.3},
@@ -652,6 +743,8 @@ OWN_STREAMS = {
     "transmission_error": {"transmission_error"},
     "cycloid_ripple": {"cycloid_ripple"},
     "sinusoidal_gear_error": {"sinusoidal_gear_error"},
+    "unlisted_ripple": {"unlisted_ripple"},
+    "masses": {"masses"},
     "torque": {"torque_gain", "torque_noise"},
     "force_sensor": {"force_sensor_mounting", "force_sensor_noise"},
 }
@@ -775,6 +868,7 @@ def test_a_load_log_changes_nothing_in_the_other_files_and_columns(
         "bar_friction",
         "plate_bending",
         "base_compliance",
+        "masses",
     ],
 )
 def test_the_kinematic_plant_refuses_an_effect_that_needs_forces(effect: str) -> None:

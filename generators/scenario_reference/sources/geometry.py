@@ -8,7 +8,7 @@ from generators.scenario_reference import signals
 from generators.scenario_reference.plots import KINEMATIC, Plot, T, error, residual_plot
 from generators.scenario_reference.runs import Changes, merged
 from generators.scenario_reference.sources.source import Source
-from sim.errors.static_errors import AXIS_ANGLES, AXIS_OFFSETS
+from sim.errors.static_errors import AXIS_ANGLES, AXIS_ENDS, AXIS_OFFSETS
 
 STATIC_OFF: Changes = {"errors": {"static": None}, "plant": {"kind": "kinematic"}}
 GEOMETRY = (
@@ -35,7 +35,8 @@ GEOMETRY = (
     ),
     Source(
         "errors.ballbar_axes",
-        f"`sigma_m z` on {', '.join(AXIS_OFFSETS)}; `sigma_rad z` on {', '.join(AXIS_ANGLES)}.",
+        f"`sigma_m z` on {', '.join(AXIS_OFFSETS)}; `sigma_rad z` on {', '.join(AXIS_ANGLES)}; "
+        f"with `all` on {', '.join(AXIS_ENDS)} too.",
         "Geometry: ball-bar rows.",
         "Assumed.",
         "Residual of the order of rod length times squareness error.",

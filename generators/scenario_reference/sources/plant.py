@@ -11,7 +11,7 @@ from cell.descriptions import Cell
 from generators.scenario_reference import signals
 from generators.scenario_reference.plots import Plot, T, error, residual_plot
 from generators.scenario_reference.sources.source import Source
-from sim.plant.effects import CUSP_TERMS
+from sim.plant.effects import CUSP_TERMS, UNLISTED_ORDERS
 from sim.plant.mjcf import BRISTLE_TRAVEL, HYSTERESIS_STIFFNESS
 
 
@@ -122,6 +122,21 @@ GEARS = (
         ),
     ),
     Source(
+        "errors.unlisted_ripple",
+        "`A sin(n g + phi)`, n drawn for each gear from the whole numbers "
+        f"{UNLISTED_ORDERS[0]} to {UNLISTED_ORDERS[-1]} that its list does not hold.",
+        "As transmission_error.",
+        "Assumed: an identified list of orders leaves out what is small.",
+        "A wave of an order that no model of the gears has; a fit must look for it.",
+        Plot(
+            signals.logged_gear_deg(1),
+            signals.behind_gear_urad(1),
+            ("axis 1 [deg]", "joint - log, change [urad]"),
+            {"": error("unlisted_ripple")},
+            window=(3.0, 9.0),
+        ),
+    ),
+    Source(
         "errors.gear_friction",
         "`sign(w) (Fc + (Fs - Fc) exp(-(w/ws)^2)) + Fv w` against the speed w; `Fs = Fc` unless "
         "`stribeck`. Before it slips, a bristle of "
@@ -142,6 +157,21 @@ GEARS = (
             marks=True,
         ),
         of_machine=("N m, Coulomb", lambda cell: cell.robot.gears.coulomb),
+    ),
+    Source(
+        "errors.masses",
+        "`m = nominal exp(spread z)`, inertia with m; `com = nominal + centre_sigma_m z` in x, y "
+        "and z. The servo's feed-forward and the identifier know the nominal ones.",
+        "Plant: bodies of robot, plate and ball-bar.",
+        "Assumed: what a weighed or modelled part leaves open.",
+        "The arm leans on the soft servo and the rod; elastic gears yield otherwise than the "
+        "files' masses say.",
+        Plot(
+            signals.time,
+            signals.torque(2),
+            (T, "torque of axis 2, change [N m]"),
+            {"": error("masses")},
+        ),
     ),
     Source(
         "plant.servo",

@@ -1,0 +1,33 @@
+"""Stated uncertainty of many robots against its target; too large is as wrong as too small."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cell.arrays import Array
+
+RATIO = (0.8, 1.2)  # target of the error over the stated one, rms over the robots
+COVERAGE = (0.93, 0.97)  # target of the share of 95 % intervals that hold the truth
+
+
+def stated_uncertainty(over_stated: Array, covered: dict[str, Array]) -> str:
+    """The figures of N robots with their targets, and whether they are below, within or above.
+
+    over_stated : (N,) TCP error over the stated one. covered : for each kind of parameter, (N,)
+    share of its 95 % intervals that hold the truth.
+    """
+    ratio = float(np.sqrt((over_stated**2).mean()))
+    parts = [f"error over stated, rms: {ratio:.2f} ({_place(ratio, RATIO)} {_words(RATIO, 'g')})"]
+    for kind, shares in covered.items():
+        mean = float(shares.mean())
+        target = f"{_place(mean, COVERAGE)} {_words(COVERAGE, '.0%')}"
+        parts.append(f"{kind} intervals: {mean:.1%} ({target})")
+    return "; ".join(parts)
+
+
+def _place(value: float, target: tuple[float, float]) -> str:
+    return "below" if value < target[0] else "above" if value > target[1] else "within"
+
+
+def _words(target: tuple[float, float], form: str) -> str:
+    return f"{target[0]:{form}}..{target[1]:{form}}"
