@@ -16,7 +16,7 @@ from ident.corrections import belongs_to_machine
 from ident.corrections.base import Correction
 from ident.estimator.fit import Fit
 from ident.estimator.step_faults import ENCODER_JUMPS
-from ident.estimator.time_blocks import time_blocks
+from ident.estimator.time_blocks import NONE, time_blocks
 from ident.estimator.uncertainty import uncertainty
 
 # A correction stays whose coefficients' chi-square exceeds its count k by SUPPORT sqrt(2 k): four
@@ -38,7 +38,7 @@ def needed_corrections(fit: Fit, tried: Sequence[Correction]) -> list[Correction
 
     def cost(names: set[str]) -> float:
         absent = [place for name, place in places.items() if name not in names]
-        return blocks.held_out_cost(np.concatenate([np.empty(0, np.intp), *absent]))
+        return blocks.held_out_cost(np.concatenate([NONE, *absent]))
 
     least = cost(needed)
     while costs := {name: cost({*needed, name}) for name in places if name not in needed}:

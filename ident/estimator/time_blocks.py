@@ -20,6 +20,7 @@ from ident.estimator.uncertainty import block_numbers
 
 LENGTH = 6.0  # [s] of a block: longer than residuals are correlated (notes/unknown_machines)
 FOLDS = 5  # every fifth block is left out at once
+NONE = np.empty(0, dtype=np.intp)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,26 +40,58 @@ class TimeBlocks:
         absent : indices of the unknowns that stay at their priors' means. The knots of the tension
         belong to a block's own time; they are fitted there, under their priors.
         """
+        knots = [np.r_[own.knots] for own in self.fit.model.unknowns.own if own.knots is not None]
+        local = np.concatenate([NONE, *knots])
+        fold = np.concatenate([np.arange(n) for n in np.bincount(self.recording)]) % FOLDS
+        return sum(self.left_out(fold == k, local, absent) for k in range(FOLDS))
+
+    def left_out(
+        self,
+        left: NDArray[np.bool_],
+        local: NDArray[np.intp],
+        absent: NDArray[np.intp] = NONE,
+    ) -> float:
+        """Cost of some blocks (B,) of the fit that is made from the others.
+
+        local : indices of the unknowns that are fitted to the blocks that were left out; their
+        priors count. absent : as above.
+        """
         layout = self.fit.model.unknowns
         weight = layout.sigma**-2.0
         slope = weight * (self.fit.x - layout.mean)
-        knots = np.concatenate(
-            [np.r_[own.knots] for own in layout.own if own.knots is not None] or [[]]
-        ).astype(np.intp)
         away = np.zeros(layout.count)
         away[absent] = layout.mean[absent] - self.fit.x[absent]
         free = np.setdiff1d(np.arange(layout.count), absent)
-        fold = np.concatenate([np.arange(n) for n in np.bincount(self.recording)]) % FOLDS
         whole, pull = self.normal.sum(axis=0), self.gradient.sum(axis=0)
-        total = 0.0
-        for out in range(FOLDS):
-            normal, gradient = (v[fold == out].sum(axis=0) for v in (self.normal, self.gradient))
-            step = _step(whole - normal + np.diag(weight), pull - gradient + slope, away, free)
-            step = _step(normal + np.diag(weight), gradient + slope, step, knots)
-            own = slope[knots] + 0.5 * weight[knots] * step[knots]
-            total += float(self.cost[fold == out].sum() + 2.0 * own @ step[knots])
-            total += float((2.0 * gradient + normal @ step) @ step)
-        return total
+        normal, gradient = (v[left].sum(axis=0) for v in (self.normal, self.gradient))
+        step = _step(whole - normal + np.diag(weight), pull - gradient + slope, away, free)
+        step = _step(normal + np.diag(weight), gradient + slope, step, local)
+        prior = (2.0 * slope[local] + weight[local] * step[local]) @ step[local]
+        data = self.cost[left].sum() + (2.0 * gradient + normal @ step) @ step
+        return float(data + prior)
+
+    def expected(self, left: NDArray[np.bool_], local: NDArray[np.intp]) -> float:
+        """Cost that the uncertainty of the fit to the others adds to `left_out`, on average."""
+        count = self.fit.model.unknowns.count
+        weight, shared = self.fit.model.unknowns.sigma**-2.0, np.setdiff1d(np.arange(count), local)
+        whole, normal = self.normal.sum(axis=0), self.normal[left].sum(axis=0)
+        covariance = np.linalg.inv(whole - normal + np.diag(weight))[np.ix_(shared, shared)]
+        mixed, own = normal[np.ix_(shared, local)], normal[np.ix_(local, local)]
+        absorbed = mixed @ np.linalg.solve(own + np.diag(weight[local]), mixed.T)
+        return float(np.sum(covariance * (normal[np.ix_(shared, shared)] - absorbed)))
+
+    def changed(self, after: NDArray[np.bool_], group: NDArray[np.intp]) -> tuple[float, Array]:
+        """Decrease of the cost if a group of unknowns may differ in some blocks (B,); and how far.
+
+        A score test: `h' W^-1 h` with h the group's gradient in those blocks and
+        `W = N - N C N + prior` what they say of it beyond all others.
+        """
+        normal, gradient = (v[after].sum(axis=0) for v in (self.normal, self.gradient))
+        mixed = normal[group]
+        own = mixed[:, group] - mixed @ self.fit.covariance @ mixed.T
+        own += np.diag(self.fit.model.unknowns.sigma[group] ** -2.0)
+        step = -np.linalg.solve(own, gradient[group])
+        return float(-gradient[group] @ step), step
 
 
 def _step(normal: Array, gradient: Array, step: Array, free: NDArray[np.intp]) -> Array:
