@@ -28,7 +28,7 @@ WORTHWHILE, ALWAYS_WORTHWHILE = 0.5, 1e-4  # [1], [m]
 # Compliance of all gears over the catalogue's that is no chance of single gears (1.7 between those
 # of a class, 1.2 in the mean of six)
 ALL_SOFTER = 1.35
-RIGID = 1.0 / 3.0  # as soft: gears are stiff then, since no arm weighs that little of its catalogue's
+RIGID = 1.0 / 3.0  # as soft: gears are stiff then; no arm weighs that little of its catalogue mass
 PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
 # [s] deviation of the clock offset from which it is hardly seen: of ten simulated robots that
 # change a length by 0.2 mm it scattered by two stated deviations or more
