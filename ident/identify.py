@@ -161,7 +161,7 @@ def _fitted(
     if options.corrections is not None:
         corrections = list(options.corrections)
     elif payload := _payload(cell, single, options):
-        cell = with_payload(cell, payload.payload) if payload.significant else cell
+        cell = with_payload(cell, payload.masses)
     few = len(single[0].samples.encoders) < COMPLETE_ENCODERS and not measures_length
     if automatic and len(single) == 1 and few:
         corrections = []  # step faults can be sized all the same

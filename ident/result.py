@@ -69,7 +69,7 @@ class RobotEstimate:
     corrections: tuple[CorrectionEstimate, ...]
     tcp_sigma: Array  # (G,) [m] stated TCP uncertainty over the accuracy grid
     dropped: tuple[DroppedParameter, ...]  # parameters left at nominal or prior, and why
-    # Masses that the torque logs asked for, and that `cell` then has; None where none were logged
+    # Masses that the torque logs show, and that `cell` then has; None where none were logged
     payload: PayloadEstimate | None = None
 
     def unloaded(self) -> UnloadedRobot:
