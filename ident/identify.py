@@ -314,7 +314,9 @@ def _robot(
         geometry=first.nominal.with_values(geometry),
         sigma={layout.names[i]: float(deviations[i]) for i in shared if known[i]},
         covariance=NamedCovariance(
-            tuple(layout.names[i] for i in machine), stated.covariance[np.ix_(machine, machine)]
+            tuple(layout.names[i] for i in machine),
+            stated.covariance[np.ix_(machine, machine)],
+            fit.covariance[np.ix_(machine, machine)],
         ),
         corrections=tuple(
             CorrectionEstimate(

@@ -54,6 +54,9 @@ class NamedCovariance:
 
     names: tuple[str, ...]
     values: Array  # (U, U) SI units
+    # (U, U) likewise of the priors and of white noise alone, not inflated for autocorrelated
+    # residuals and misfit: what a complete model would leave uncertain
+    white: Array
 
 
 @dataclass(frozen=True, eq=False)

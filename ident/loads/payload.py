@@ -120,7 +120,7 @@ def _solved(design: Array, rest: Array, prior: Array) -> tuple[Array, Array]:
     """
     flat = design.reshape(len(design), -1)
     covariance = np.linalg.inv(flat @ flat.T + np.diag(prior**-2.0))
-    return covariance @ (flat @ rest.reshape(-1)), covariance
+    return np.asarray(covariance @ (flat @ rest.reshape(-1))), np.asarray(covariance)
 
 
 def _payload(cell: Cell, change: Array) -> Payload:
