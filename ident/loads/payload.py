@@ -32,19 +32,21 @@ from cell.geometry import Geometry, robot_frames
 from cell.payload import Payload
 from ident.estimator.uncertainty import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
-from ident.loads.rod_tension import friction_sign, without_tension
+from ident.loads.rod_tension import (
+    ROTOR_PRIOR,
+    STRIBECK_PRIOR,
+    friction_sign,
+    stribeck_rise,
+    torque_sigma,
+    without_tension,
+)
 
 MASS_PRIOR, MOMENT_PRIOR = 10.0, 3.0  # [kg], [kg m] a tool that nobody declared
 ARM_PRIOR = 0.05  # of a catalogue arm's masses, with what hangs on it
 LINK_PRIOR, CENTRE_PRIOR = 0.02, 3e-3  # of each link's mass; [m] of its centre; assumed
 USUAL_ARM = 1e-3  # of an arm whose links deviate each by itself, with a tool as its file has it
 GAIN_PRIOR = 0.02  # (notes/identification sec. 1)
-STRIBECK_PRIOR = 0.3  # of the Coulomb friction
-ROTOR_PRIOR = 1.0  # of the file's inertia; one taken as exact draws the mass
 NEAR = 0.01  # [m] from the flange to point masses that give the first moment; inertia 1e-4 kg m^2
-# [N m] of every gear, and [rad/s] below which its friction is no law's: wider than for the tension,
-# since what is left here is no noise
-TORQUE_SIGMA, REVERSAL_SPEED = 2.0, 0.03
 # Standard deviation that no block of time shows, over the arm's mass: a correct tool of 4 kg on an
 # arm of 360 kg was found 0.1 to 0.6 kg too heavy (notes/unknown_machines).
 FLOOR = 1e-3
@@ -151,16 +153,13 @@ def _priors(cell: Cell) -> tuple[Array, Array]:
 
 def _regression(cell: Cell, geometry: Geometry, log: LoggedTorque) -> tuple[Array, Array]:
     """Whitened torque beyond the modelled load (J, N) and columns (5 + 9 J, J, N), no tension."""
-    gears, side = cell.robot.required("gears"), friction_sign(log.speed)
-    rise = side / (1.0 + (log.speed / gears.stribeck[:, None]) ** 2)
+    side, rise = friction_sign(log.speed), stribeck_rise(cell, log.speed)
     terms = (side, log.speed, log.carried.gear, log.acceleration, rise)
     each = np.zeros((len(terms), cell.robot.joints, *log.torque.shape))
     for k in range(cell.robot.joints):
         each[:, k, k] = [term[k] for term in terms]
     columns = np.concatenate((_mass_columns(cell, geometry, log), *each))
-    unlike = gears.coulomb[:, None] * np.exp(-((log.speed / REVERSAL_SPEED) ** 2))
-    sigma = np.hypot(TORQUE_SIGMA, unlike)
-    direction = log.carried.gear_per_newton
+    sigma, direction = torque_sigma(cell, log.speed), log.carried.gear_per_newton
     rest = without_tension((log.torque - log.carried.gear)[None], sigma, direction)[0]
     return rest, without_tension(columns, sigma, direction)
 
