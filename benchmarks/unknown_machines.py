@@ -8,9 +8,10 @@ Each robot is recorded on two paths of 120 s by tests/independent, with one effe
 identified from its files. Judged is the tool of the unloaded robot under its own weight over the
 accuracy box, base aligned; clocks by their stated sigma; stiffness as identified over true, lowest
 and highest gear. Beside them stand what priors and noise allow, whether 95 % intervals of geometry
-and stiffness hold the truth (benchmarks.stated_uncertainty), and the limits of each figure, which
-can be missed on either side: an error below its bound, or intervals that always hold, say that the
-study is wrong. The bound's ratio comes with what chance leaves for so many robots. The largest
+and stiffness hold the truth (tests.helpers.stated_uncertainty), and the limits of each figure,
+which can be missed on either side: an error below its bound, or intervals that always hold, say
+that the study is wrong. The bound's ratio comes with what chance leaves for so many robots. The
+largest
 error is also given over the poses where the true flank of every gear's backlash is clear: near the
 load at which a gear changes flanks, where it lies depends on a load known to 0.1 N m in the wrist,
 and half a backlash is 0.03 mm. An attack succeeds where the verdict is acceptable and the mean
@@ -35,16 +36,16 @@ from numpy.typing import NDArray
 
 from ballbar import identify_recordings
 from ballbar.scenario import IdentifySettings
-from benchmarks.stated_uncertainty import (
+from cell.errors import FailureError, InputError
+from ident.result import Identification
+from ident.start.automatic import StartError
+from tests.helpers.stated_uncertainty import (
     bound_draws,
     geometry_errors,
     held,
     stiffness_errors,
     true_compliance,
 )
-from cell.errors import FailureError, InputError
-from ident.result import Identification
-from ident.start.automatic import StartError
 from tests.independent.machine import Effects, files
 from tests.independent.path import FIRST
 from tests.independent.recording import (

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from ballbar import identify_recordings
-from benchmarks.stated_uncertainty import true_geometry
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.load import load_cell
+from tests.helpers.stated_uncertainty import true_geometry
 from tests.independent.machine import POSITION, Effects, drawn, files, nominal
 from tests.independent.path import FIRST, path
 from tests.independent.recording import Plan, accuracy_box, aligned_distance, record, record_path

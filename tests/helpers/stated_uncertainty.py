@@ -3,15 +3,15 @@
 Bound: errors of the machine's unknowns are drawn from the white covariance of the fit, that of
 priors and noise without the inflation for autocorrelated residuals, and pushed through the Jacobian
 of the unloaded tool, base aligned. The median over the draws of their mean and largest distance is
-what a median robot of an ideal identification has (a Bayesian Cramer-Rao bound; Van Trees 1968).
+what a median robot of an ideal identification has (a Bayesian Cramer-Rao bound).
 The noise is the one that the fit estimated; what no unknown of the model describes is not in it:
 ripple of unlisted orders, errors of the masses.
 
 Intervals: parameters that the fit calls identified, in the gauge that it holds fixed. rd1 and
 rtheta1 move the base alone; rd3 goes to rd2, since axes 2 and 3 are parallel. The mean of a gear's
 ripple counts as joint offset: no log tells them apart. The stiffness of gear 1 includes the bearing
-of joint 2 about y, which turns about the same axis; that of gear 6 the plate's bending across, which
-the model does not have: where the generator's plate is rigid across, gear 6 is 0.5 % off and not 2.
+of joint 2 about y, which turns about the same axis; that of gear 6 the plate's bending across,
+which the model does not have: with a plate that is rigid across, gear 6 is 0.5 % off and not 2 %.
 """
 
 from __future__ import annotations
