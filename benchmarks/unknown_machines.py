@@ -11,12 +11,10 @@ and highest gear. Beside them stand what priors and noise allow, whether 95 % in
 and stiffness hold the truth (tests.helpers.stated_uncertainty), and the limits of each figure,
 which can be missed on either side: an error below its bound, or intervals that always hold, say
 that the study is wrong. The bound's ratio comes with what chance leaves for so many robots. The
-largest
-error is also given over the poses where the true flank of every gear's backlash is clear: near the
-load at which a gear changes flanks, where it lies depends on a load known to 0.1 N m in the wrist,
-and half a backlash is 0.03 mm. An attack succeeds where the verdict is acceptable and the mean
-error more than twice the stated sigma, or a clock more than four sigma off. Writes a row for each
-case to --out.
+largest error is also given over the poses where the true flank of every gear's backlash is clear:
+elsewhere it depends on a load that is known to 0.1 N m in the wrist, and half a backlash is 0.03
+mm. An attack succeeds where the verdict is acceptable and the mean error more than twice the stated
+sigma, or a clock more than four sigma off. Writes a row for each case to --out.
 """
 
 from __future__ import annotations
