@@ -162,7 +162,7 @@ def _fitted(
     if options.corrections is not None:
         corrections = list(options.corrections)
     elif payload := _payload(cell, single, options):
-        cell = with_payload(cell, payload.payload) if payload.significant else cell
+        cell = with_payload(cell, payload.masses)
     few = len(single[0].samples.encoders) < COMPLETE_ENCODERS and not measures_length
     if automatic and len(single) == 1 and few:
         corrections = []  # step faults can be sized all the same
@@ -315,7 +315,9 @@ def _robot(
         geometry=first.nominal.with_values(geometry),
         sigma={layout.names[i]: float(deviations[i]) for i in shared if known[i]},
         covariance=NamedCovariance(
-            tuple(layout.names[i] for i in machine), stated.covariance[np.ix_(machine, machine)]
+            tuple(layout.names[i] for i in machine),
+            stated.covariance[np.ix_(machine, machine)],
+            fit.covariance[np.ix_(machine, machine)],
         ),
         corrections=tuple(
             CorrectionEstimate(

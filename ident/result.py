@@ -54,6 +54,9 @@ class NamedCovariance:
 
     names: tuple[str, ...]
     values: Array  # (U, U) SI units
+    # (U, U) likewise of the priors and of white noise alone, not inflated for autocorrelated
+    # residuals and misfit: what a complete model would leave uncertain
+    white: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +72,7 @@ class RobotEstimate:
     corrections: tuple[CorrectionEstimate, ...]
     tcp_sigma: Array  # (G,) [m] stated TCP uncertainty over the accuracy grid
     dropped: tuple[DroppedParameter, ...]  # parameters left at nominal or prior, and why
-    # Masses that the torque logs asked for, and that `cell` then has; None where none were logged
+    # Masses that the torque logs show, and that `cell` then has; None where none were logged
     payload: PayloadEstimate | None = None
 
     def unloaded(self) -> UnloadedRobot:

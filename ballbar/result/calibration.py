@@ -162,8 +162,18 @@ class DroppedEntry(Strict):
     on: tuple[str, ...] = ()
 
 
+class LinkMassEntry(Strict):
+    """How one link deviates from the robot's file, beside the arm's scale."""
+
+    relative_mass: float
+    centre_m: tuple[float, float, float]  # shift in the frame of the file
+
+
 class MassesEntry(Strict):
-    """Masses that the torque logs asked for in place of those of the files."""
+    """Masses that the torque logs show, in place of those of the files.
+
+    The standard deviations are those of an estimate that does not trust the files.
+    """
 
     tool_kg: Positive
     tool_sigma_kg: Positive
@@ -171,10 +181,12 @@ class MassesEntry(Strict):
     tool_com_m: tuple[float, float, float]  # robot flange frame
     arm_scale: Positive  # of the masses in the robot's file
     arm_scale_sigma: Positive
+    links: tuple[LinkMassEntry, ...] = ()  # 1 to J
 
     @property
     def payload(self) -> Payload:
-        return Payload(self.tool_kg, np.array(self.tool_com_m), self.arm_scale)
+        links = tuple((link.relative_mass, *link.centre_m) for link in self.links)
+        return Payload(self.tool_kg, np.array(self.tool_com_m), self.arm_scale, links)
 
 
 class CalibrationFile(Strict):
@@ -333,16 +345,20 @@ def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]
 
 
 def _masses(estimate: PayloadEstimate | None) -> MassesEntry | None:
-    if estimate is None or not estimate.significant:
+    if estimate is None:
         return None
-    x, y, z = estimate.payload.com.tolist()
+    masses = estimate.masses
+    x, y, z = masses.com.tolist()
     return MassesEntry(
-        tool_kg=estimate.payload.mass,
+        tool_kg=masses.mass,
         tool_sigma_kg=estimate.mass_sigma,
         tool_stated_kg=estimate.stated,
         tool_com_m=(x, y, z),
-        arm_scale=estimate.payload.arm,
+        arm_scale=masses.arm,
         arm_scale_sigma=estimate.arm_sigma,
+        links=tuple(
+            LinkMassEntry(relative_mass=mass, centre_m=(x, y, z)) for mass, x, y, z in masses.links
+        ),
     )
 
 

@@ -46,10 +46,7 @@ class TimeBlocks:
         return sum(self.left_out(fold == k, local, absent) for k in range(FOLDS))
 
     def left_out(
-        self,
-        left: NDArray[np.bool_],
-        local: NDArray[np.intp],
-        absent: NDArray[np.intp] = NONE,
+        self, left: NDArray[np.bool_], local: NDArray[np.intp], absent: NDArray[np.intp] = NONE
     ) -> float:
         """Cost of some blocks (B,) of the fit that is made from the others.
 

@@ -19,17 +19,20 @@ from cell.arrays import Array
 from cell.chain import cross
 from cell.descriptions import Cell, Key
 from cell.geometry import Geometry, bar_frames, robot_frames
-from cell.robot_angles import by_axis
 from ident.loads.gear_loads import Loads, mass_model, on_ballbar
 
-# [N m] a row, of main axes and wrist (notes/identification sec. 1)
-TORQUE_NOISE, TORQUE_NOISE_WRIST = 2.0, 0.3
+# [N m] of every gear. What a law of friction leaves is as large in the wrist as in the main axes,
+# and no noise: with the 0.3 N m that a wrist's log shows, tensions were found up to 9 % too small,
+# and with them gears too soft (notes/unknown_machines).
+TORQUE_SIGMA = 2.0
 # Keys of the robot's file without which motor torques do not tell the tension.
 TORQUE_NEEDS: tuple[Key, ...] = ("links", "gears", "rotor_inertia_kg_m2")
-TORQUE_GAIN = 0.02  # likewise
-REVERSAL_SPEED = (
-    0.012  # [rad/s] below it friction may have either sign (notes/identification sec. 5)
-)
+TORQUE_GAIN = 0.02  # (notes/identification sec. 1)
+# [rad/s] below it friction is no law's: wider than where it may have either sign, 0.012
+# (notes/identification sec. 5), since it builds up over a travel of its own (Dahl 1968)
+REVERSAL_SPEED = 0.03
+STRIBECK_PRIOR = 0.3  # rise of friction towards rest, of the Coulomb friction
+ROTOR_PRIOR = 1.0  # of the file's inertia
 FRICTION_WIDTH = 2e-3  # [rad/s] over which the sign of a speed changes
 SENSOR_GAIN = 0.01
 SENSOR_NOISE = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])  # [N, N m]
@@ -55,20 +58,25 @@ def from_motor_torque(
 
     torque : (J, N) [N m] at the gears' outputs. carried : loads of the mass model. speed,
     acceleration : (J, N) [rad/s, rad/s^2] of the gears. The result's theta holds J Coulomb
-    torques [N m], J viscous coefficients [N m s/rad], J gain errors.
+    torques [N m], J viscous coefficients [N m s/rad], J gain errors, J rises of the friction
+    towards rest [N m], J rotor inertias at the outputs [kg m^2].
     """
     j, n = torque.shape
-    gears = cell.robot.required("gears")
-    coulomb, viscous = gears.coulomb, gears.viscous
-    direction = friction_sign(speed)
-    columns = np.zeros((3 * j, j, n))
-    for k in range(j):
-        columns[k, k], columns[j + k, k], columns[2 * j + k, k] = direction[k], speed[k], torque[k]
-    prior = np.concatenate((coulomb, 2.0 * viscous, np.full(j, TORQUE_GAIN)))
-    mean = np.concatenate((coulomb, viscous, np.zeros(j)))
-    known = carried.gear + cell.robot.required("rotor_inertia_kg_m2")[:, None] * acceleration
-    sigma = _torque_sigma(cell, speed)
-    return _eliminated(torque - known, sigma, columns, carried.gear_per_newton, mean, prior)
+    gears, rotors = cell.robot.required("gears"), cell.robot.required("rotor_inertia_kg_m2")
+    coulomb, viscous, none = gears.coulomb, gears.viscous, np.zeros(j)
+    columns = np.zeros((5, j, j, n))
+    terms = (friction_sign(speed), speed, torque, stribeck_rise(cell, speed), acceleration)
+    columns[:, range(j), range(j)] = terms
+    mean = (coulomb, viscous, none, none, rotors)
+    gain, rise = np.full(j, TORQUE_GAIN), STRIBECK_PRIOR * coulomb
+    return _eliminated(
+        torque - carried.gear,
+        torque_sigma(cell, speed),
+        columns.reshape(-1, j, n),
+        carried.gear_per_newton,
+        np.concatenate(mean),
+        np.concatenate((coulomb, 2.0 * viscous, gain, rise, ROTOR_PRIOR * rotors)),
+    )
 
 
 def friction_sign(speed: Array) -> Array:
@@ -76,11 +84,16 @@ def friction_sign(speed: Array) -> Array:
     return np.asarray(speed / np.sqrt(speed**2 + FRICTION_WIDTH**2))
 
 
-def _torque_sigma(cell: Cell, speed: Array) -> Array:
-    """(J, N) [N m] of a logged torque at speeds (J, N) [rad/s]: noise, friction at reversals."""
-    noise = by_axis(len(speed), main=TORQUE_NOISE, wrist=TORQUE_NOISE_WRIST)
+def stribeck_rise(cell: Cell, speed: Array) -> Array:
+    """(J, N) share, -1 to 1, of friction's rise towards rest at speeds (J, N) [rad/s]."""
+    stribeck = cell.robot.required("gears").stribeck
+    return np.asarray(friction_sign(speed) / (1.0 + (speed / stribeck[:, None]) ** 2))
+
+
+def torque_sigma(cell: Cell, speed: Array) -> Array:
+    """(J, N) [N m] of a logged torque at speeds (J, N) [rad/s], larger at reversals."""
     coulomb = cell.robot.required("gears").coulomb
-    return np.hypot(noise[:, None], coulomb[:, None] * np.exp(-((speed / REVERSAL_SPEED) ** 2)))
+    return np.hypot(TORQUE_SIGMA, coulomb[:, None] * np.exp(-((speed / REVERSAL_SPEED) ** 2)))
 
 
 def without_tension(values: Array, sigma: Array, direction: Array) -> Array:

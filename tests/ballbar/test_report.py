@@ -427,7 +427,7 @@ def test_the_directions_on_the_sphere_are_those_of_the_true_rod(run: RunData) ->
 
 def test_correlations_are_drawn_for_groups_and_only_while_names_are_readable() -> None:
     names = tuple(f"p{k}" for k in range(41))
-    covariance = NamedCovariance(names, np.eye(41))
+    covariance = NamedCovariance(names, np.eye(41), np.eye(41))
     figure = correlation_map(covariance, [("p3", "p5")])
     assert ">p3<" in figure
     assert ">p4<" not in figure

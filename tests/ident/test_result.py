@@ -56,7 +56,7 @@ def robot_of(*corrections: CorrectionEstimate) -> RobotEstimate:
         nominal=NOMINAL,
         geometry=NOMINAL.replaced({"ra2": NOMINAL["ra2"] + 1e-3}),
         sigma={"ra2": 1e-5},
-        covariance=NamedCovariance(("ra2",), np.array([[1e-10]])),
+        covariance=NamedCovariance(("ra2",), np.array([[1e-10]]), np.array([[1e-11]])),
         corrections=corrections,
         tcp_sigma=np.full(10, 1e-5),
         dropped=(),

@@ -93,6 +93,8 @@ class Ripple:
 class Machine:
     """A robot that holds a plate and a ball-bar."""
 
+    rows: Array  # (6, 5) DH rows of the robot, as of `homes`
+    bar_rows: Array  # (5, 5) likewise
     arm: Mechanism
     bar: Mechanism
     compliance: Array  # (K, K) [rad/(N m), m/N] of the arm's coordinates other than its gears
@@ -250,6 +252,8 @@ def _machine(cell: Files, effects: Effects, rng: np.random.Generator | None) -> 
     ratio = np.diag(cell.transmission)
     ripples, resolvers = _ripples(cell, ratio, rng) if rng is not None else ((), ())
     return Machine(
+        rows=rows,
+        bar_rows=bar,
         arm=arm,
         bar=_bar(bar, cell.bar, base, z),
         compliance=compliance,

@@ -19,7 +19,7 @@ from tests.independent.machine import CELL, Effects, Files, Machine, drawn, file
 from tests.independent.path import FIRST, SECOND, Choice, path
 from tests.independent.path import Path as RobotPath
 from tests.independent.screws import Array, Pose, exponential
-from tests.independent.statics import Motion, held, unloaded
+from tests.independent.statics import Motion, held, resting_flanks, unloaded
 
 ENCODERS = (1, 2, 4, 5)
 LINES, BITS = 3600, 12
@@ -75,12 +75,20 @@ class Truth:
 
         The logged angles are free of lag and noise, their resolvers' errors included.
         """
+        return unloaded(self.machine, self._rigid(joints))
+
+    def flanks(self, joints: Array) -> Array:
+        """(N, 6) flank, -1 to 1, on which each gear's backlash then lies."""
+        return resting_flanks(self.machine, self._rigid(joints))
+
+    def _rigid(self, joints: Array) -> Array:
+        """(N, 6) [rad] where rigid gears would be."""
         m = self.machine
         readings = joints @ np.linalg.inv(m.to_joint) / m.ratio
         motor, factor = self.scaled
         if motor:
             readings[:, motor - 1] /= factor
-        return unloaded(m, m.gears(m.from_readings(readings)))
+        return m.gears(m.from_readings(readings))
 
 
 @dataclass(frozen=True)

@@ -132,6 +132,17 @@ def held(machine: Machine, command: Command, growth: Array, bar: Array, tool: Po
 
 def unloaded(machine: Machine, rigid: Array) -> Array:
     """(N, 3) [m] tool of the robot at rest without ball-bar, rigid gears at (N, 6) [rad]."""
+    return machine.arm.chain.place(_resting(machine, rigid)[0]).end.p
+
+
+def resting_flanks(machine: Machine, rigid: Array) -> Array:
+    """(N, 6) flank of each gear's backlash, -1 to 1, of the same robot."""
+    load = machine.to_joint @ _resting(machine, rigid)[1][machine.arm.joints]
+    return np.tanh(load.T / (FLANK * RATED))
+
+
+def _resting(machine: Machine, rigid: Array) -> tuple[Array, Array]:
+    """Coordinates (K, N) of the robot at rest, and what loads each of them."""
     m = machine
     c = np.zeros((len(m.arm.chain.twists), len(rigid)))
     c[m.arm.joints] = (rigid @ m.to_joint).T
@@ -141,7 +152,7 @@ def unloaded(machine: Machine, rigid: Array) -> Array:
         c = -m.compliance @ load
         bent = _deflection(m, m.to_joint @ load[m.arm.joints], still)
         c[m.arm.joints] = ((rigid - bent.T) @ m.to_joint).T
-    return m.arm.chain.place(c).end.p
+    return c, load
 
 
 def weight_on_gears(machine: Machine, joints: Array) -> Array:

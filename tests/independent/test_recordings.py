@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from ballbar import identify_recordings
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.load import load_cell
+from tests.helpers.independent_truth import true_geometry
 from tests.independent.machine import POSITION, Effects, drawn, files, nominal
 from tests.independent.path import FIRST, path
 from tests.independent.recording import Plan, accuracy_box, aligned_distance, record, record_path
@@ -44,6 +46,20 @@ def test_products_of_exponentials_are_our_rows() -> None:
         poses = frames.poses()
         np.testing.assert_allclose(end.p, poses[:, :3, 3], atol=1e-14)  # rounding
         np.testing.assert_allclose(end.R, poses[:, :3, :3], atol=1e-14)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_truth_that_intervals_are_judged_by_is_the_machines(seed: int) -> None:
+    machine = replace(drawn(files(), seed), ripples=())
+    catalogue = nominal_geometry(load_cell("irb2400", "lund_600", "plate_250"), POSITION)
+    q = np.random.default_rng(3).uniform(-np.pi, np.pi, (200, 6))
+    c = np.zeros((len(machine.arm.chain.twists), 200))
+    c[machine.arm.joints] = q.T
+    actual = machine.arm.chain.place(c).end.p
+    tips = [robot_frames(g, q).tip.T for g in (true_geometry(catalogue, machine), catalogue)]
+    true, stated = (aligned_distance(tip, actual).max() for tip in tips)
+    assert stated > 1e-3  # [m]
+    assert true < 5e-6  # [m] second order: 1 mm times 1 mrad, thrice
 
 
 @pytest.mark.slow

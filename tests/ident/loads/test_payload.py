@@ -10,7 +10,7 @@ import pytest
 from cell.arrays import Array
 from cell.descriptions import Cell, Link
 from cell.payload import Payload, with_payload
-from ident.loads.gear_loads import loads, mass_model
+from ident.loads.gear_loads import loads, mass_model, own_weight
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.payload import SURE, PayloadEstimate, payload_from_torque
 from tests.helpers.known_loads import motion_at, tension_at
@@ -64,6 +64,21 @@ def test_the_masses_of_the_files_stay_where_they_are_right() -> None:
     assert estimate.payload.arm == pytest.approx(1.0, abs=3.0 * estimate.arm_sigma)
 
 
+def test_a_shifted_centre_of_the_forearm_is_found_by_the_load_of_the_wrist() -> None:
+    links = list(CELL.robot.required("links"))
+    links[4] = Link(links[4].mass, links[4].com + np.array([0.0, 3e-3, 0.0]), links[4].inertia)
+    true = replace(CELL, robot=replace(CELL.robot, links=tuple(links)))
+    estimate = found(true)
+    assert not estimate.significant
+    q: Array = np.random.default_rng(3).uniform(-1.5, 1.5, (200, 6))
+    felt, stated, shown = (
+        own_weight(mass_model(cell), NOMINAL, q).gear[3:]
+        for cell in (true, CELL, with_payload(CELL, estimate.masses))
+    )
+    assert np.abs(stated - felt)[0].max() > 0.5  # [N m] 29.7 kg by 3 mm
+    assert np.sqrt(((shown - felt) ** 2).mean()) < 0.3 * np.sqrt(((stated - felt) ** 2).mean())
+
+
 def test_links_that_each_deviate_a_little_are_no_heavier_tool() -> None:
     rng = np.random.default_rng(4)
     links = CELL.robot.required("links")
@@ -76,6 +91,11 @@ def test_links_that_each_deviate_a_little_are_no_heavier_tool() -> None:
 
 
 def test_a_cell_with_other_masses_has_these_and_nothing_else() -> None:
+    links = ((0.0,) * 4,) * 3 + ((0.02, 0.0, 3e-3, 0.0),) + ((0.0,) * 4,) * 2
+    shifted = with_payload(CELL, Payload(7.0, np.array([0.1, 0.0, 0.05]), 1.1, links))
+    forearm, before = (c.robot.required("links")[4] for c in (shifted, CELL))
+    assert forearm.mass == pytest.approx(1.12 * before.mass)
+    assert np.array_equal(forearm.com, before.com + np.array([0.0, 3e-3, 0.0]))
     cell = with_payload(CELL, Payload(7.0, np.array([0.1, 0.0, 0.05]), 1.1))
     assert cell.plate.body.mass == 7.0
     assert cell.plate.body.com.tolist() == [0.1, 0.0, 0.05]

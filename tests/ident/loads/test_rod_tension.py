@@ -12,8 +12,7 @@ from ident.loads.rod_tension import (
     REVERSAL_SPEED,
     SENSOR_BIAS,
     SENSOR_NOISE,
-    TORQUE_NOISE,
-    TORQUE_NOISE_WRIST,
+    TORQUE_SIGMA,
     Tension,
     from_force_sensor,
     from_motor_torque,
@@ -45,7 +44,7 @@ def test_a_planted_tension_is_found_from_torques_with_friction_and_a_gain_error(
 
 def test_the_stated_deviations_hold_for_white_noise_of_the_torques(moving: Motion) -> None:
     force = tension_at(moving.t)
-    sigma = np.repeat([TORQUE_NOISE, TORQUE_NOISE_WRIST], 3)
+    sigma = np.full(6, TORQUE_SIGMA)
     found = from_torque(moving, moving.torque(force) + noise(moving, sigma))
     # Friction and gains are fitted to the same torques, so a little more than sigma is left.
     assert np.sqrt((((found.force - force) / found.sigma) ** 2).mean()) == pytest.approx(1, abs=0.2)
