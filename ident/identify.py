@@ -21,6 +21,7 @@ from cell.payload import with_payload
 from cell.statistics import rms
 from ident.causes import Causes
 from ident.complete_fit import fit_complete, settled
+from ident.consistency import consistency
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
 from ident.corrections.rod_elongation import rod_elongation
 from ident.estimator.fit import Fit
@@ -32,12 +33,18 @@ from ident.estimator.uncertainty import Uncertainty, uncertainty
 from ident.estimator.unknowns import GAIN_PRIOR, fixed_names, held_names
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
-from ident.loads.payload import PayloadEstimate, payload_from_torque
+from ident.loads.payload import PayloadEstimate, payload_of_recordings
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.model_choice import coefficients_of, lasting
 from ident.options import DEFAULTS, SILENT, FitOptions, Listener
 from ident.recording_fit import Logs, RecordingFit, fit_recording, nominal_robot_fit
-from ident.remarks import joint_error_remark, log_remarks, payload_remark, recording_remarks
+from ident.remarks import (
+    joint_error_remark,
+    log_remarks,
+    payload_remark,
+    recording_remarks,
+    unlike_tools,
+)
 from ident.result import (
     CoefficientEstimate,
     CorrectionEstimate,
@@ -188,7 +195,7 @@ def _payload(
     if not logged:
         return None
     torques = [logged_torque(cell, r.samples, r.geometry, r.clock, r.logs.robot) for r in logged]
-    return payload_from_torque(cell, [r.geometry for r in logged], torques)
+    return payload_of_recordings(cell, [r.geometry for r in logged], torques)
 
 
 def _asks_for_more(simple: Identification) -> bool:
@@ -225,11 +232,15 @@ def _result(
     complete = fit is not single[0].fit
     known = stated.information_gain > MOSTLY_PRIOR
     robot = replace(_robot(cell, single[0], fit, stated, known), payload=payload)
+    agreement = consistency(fit)
     softer = 1.0 if payload else _softer(fit)
     if masses_in_doubt(softer):
         robot = _with_doubt_of_masses(robot, softer)
     estimates = tuple(
-        _recording(cell, r, fit, k if complete else 0, stated, known, options)
+        replace(
+            _recording(cell, r, fit, k if complete else 0, stated, known, options),
+            held_out=agreement.held_out[k] if agreement.held_out else None,
+        )
         for k, r in enumerate(single)
     )
     first = single[0]
@@ -251,8 +262,11 @@ def _result(
         geometry=robot.geometry,
         identified=tuple(robot.sigma),
         complete=complete,
+        blocks=stated.blocks,
         pulled=pulled(fit),
+        lengths_apart=stated.lengths.apart,
         unphysical=unphysical(fit, stated.covariance, payload),
+        disagreement=unlike_tools(payload) or agreement.sentence,
         softer=softer,
         tcp_sigma=rms(robot.tcp_sigma),
         nominal_error=_nominal_error(robot),
@@ -265,6 +279,7 @@ def _result(
             encoders=estimate.encoders,
             samples=estimate.samples,
             clock_sigma=estimate.clock_sigma[0],
+            held_out=estimate.held_out,
             remarks=log_remarks(r.samples, estimate.step_faults),
         )
         for r, estimate in zip(single, estimates, strict=True)

@@ -17,6 +17,9 @@ from ident.result import CorrectionEstimate
 from ident.signals.smooth_log import Outliers
 from ident.signals.step_fault import StepFault
 
+# [m], [rad] a tool that sits elsewhere by less may do so by what is in no model
+LITTLE_SHIFT, LITTLE_TURN = 5e-6, 2.5e-5
+
 
 def log_remarks(samples: Samples, faults: Sequence[StepFault]) -> tuple[str, ...]:
     """A sentence for each step fault, each further repair, and the outliers of each log."""
@@ -95,6 +98,17 @@ def payload_remark(payload: PayloadEstimate | None) -> str:
     )
 
 
+def unlike_tools(payload: PayloadEstimate | None) -> str:
+    """That the torque logs of the recordings ask for different tools; else empty."""
+    if payload is None or not payload.each:
+        return ""
+    masses = " kg, ".join(f"recording {k} for {m:.1f}" for k, m in enumerate(payload.each, 1))
+    return (
+        f"the recordings are not of one tool: by its torque log {masses} kg at the flange. "
+        "Identify them one by one, each with its own `body` in the plate's file"
+    )
+
+
 def recording_remarks(fit: Fit) -> list[str]:
     """What changed between or during the recordings: a remounted tool, links that grew."""
     names, out = fit.model.unknowns.names, []
@@ -107,6 +121,8 @@ def recording_remarks(fit: Fit) -> list[str]:
         if own:
             shift = np.linalg.norm([v for n, v in own.items() if parameter_named(n).is_length])
             turn = np.linalg.norm([v for n, v in own.items() if not parameter_named(n).is_length])
+            if shift < LITTLE_SHIFT and turn < LITTLE_TURN:
+                continue
             out.append(
                 f"the tool sits elsewhere in recording {k + 1} than in the first, by "
                 f"{shift * 1e6:.0f} um and {turn * 1e6:.0f} urad: it was remounted, or yields"

@@ -30,9 +30,16 @@ WORTHWHILE, ALWAYS_WORTHWHILE = 0.5, 1e-4  # [1], [m]
 ALL_SOFTER = 1.35
 RIGID = 1.0 / 3.0  # as soft: gears are stiff then; no arm weighs that little of its catalogue mass
 PULL = 3.5  # prior deviations from which an unknown stands for something that is not in the model
+# Standard deviations by which the lengths that give the scale contradict each other, from which one
+# of them is wrong: once in 370 sound machines
+CONTRADICTION = 3.0
 # [s] deviation of the clock offset from which it is hardly seen: of ten simulated robots that
 # change a length by 0.2 mm it scattered by two stated deviations or more
 UNSEEN_CLOCK = 0.01
+# Residual of a recording by the machine of the others over what noise and stated uncertainty
+# explain: 0.1 to 2.7 where all are of one machine, 7 and more of two robots
+UNLIKE_OTHERS = 4.0
+FEW_BLOCKS = 12  # of time: the spread of fewer tells little of the uncertainty
 CORRELATED = 0.05  # two standard deviations of white noise at 1500 samples
 
 
@@ -110,12 +117,32 @@ class Evidence:
     complete: bool  # whether the complete model was fitted
     pulled: tuple[str, ...] = ()  # unknowns further than PULL from their priors
     unphysical: tuple[str, ...] = ()  # stiffness, play or mass that is negative
+    disagreement: str = ""  # what is not the same in all recordings, or all along one
     softer: float = (
         1.0  # compliance of all gears over the catalogue's, where no torque tells masses
     )
     tcp_sigma: float = 0.0  # [m] stated, rms over the workspace
     nominal_error: float = 0.0  # [m] mean distance of the nominal tool from the identified one
     accuracy: float | None = None  # [m] stated TCP uncertainty that is asked for
+
+    blocks: int = FEW_BLOCKS  # of time, that the uncertainty of a complete model rests on
+    lengths_apart: float = 0.0  # standard deviations by which known lengths contradict each other
+
+    def tells(self, cell: Cell) -> bool:
+        """Whether neighbours in the residual tell what the model lacks.
+
+        The noise of a sensed length, the one residual, takes up what kinematics leaves over.
+        """
+        return self.complete or cell.ballbar.stroke is not None
+
+    @property
+    def ratio(self) -> float:
+        """Residual over what the noise in the logs explains."""
+        return float(np.sqrt(self.chi2_per_dof))
+
+    @property
+    def neighbours(self) -> str:
+        return f"autocorrelation {self.autocorrelation:.2f}"
 
     @property
     def largest_sigma(self) -> float:
@@ -135,6 +162,7 @@ class RecordingEvidence:
     samples: int
     remarks: tuple[str, ...] = ()
     clock_sigma: float = 0.0  # [s] of the clock offset
+    held_out: float | None = None  # its residual by the machine of the others (ident.consistency)
 
 
 def judge(
@@ -161,16 +189,44 @@ def _judged(
     evidence: Evidence, recording: RecordingEvidence, cell: Cell, nominal: Geometry
 ) -> tuple[Status, str]:
     """The first rule that applies."""
-    ratio = float(np.sqrt(evidence.chi2_per_dof))
-    noise, start = noise_status(evidence.chi2_per_dof), recording.start
-    neighbours = f"autocorrelation {evidence.autocorrelation:.2f}"
-    unfinished = f"Not converged after {evidence.iterations} iterations"
+    return (
+        _wrong(evidence, recording, cell, nominal)
+        or _unexplained(evidence, cell)
+        or _uncertain(evidence)
+        or _with_care(evidence, recording, cell)
+        or (
+            Status.GOOD,
+            f"Good fit: the residual is {evidence.ratio:.2f} times what the noise in the logs "
+            "explains.",
+        )
+    )
+
+
+def _wrong(
+    evidence: Evidence, recording: RecordingEvidence, cell: Cell, nominal: Geometry
+) -> tuple[Status, str] | None:
+    """Another machine than the declared one, or no answer at all."""
+    start, unfinished = recording.start, f"Not converged after {evidence.iterations} iterations"
     if strange := implausible(evidence.geometry, evidence.identified, nominal):
         machine = f"{cell.robot.title} on {cell.ballbar.title}"
         fits = f"The logs fit a mechanism, but not {machine}" if evidence.converged else unfinished
         return Status.IMPLAUSIBLE, (
             f"Not the declared cell: {strange}. {fits}; check `robot`, `ballbar` and `plate` in "
             "recording.yaml and the units of the logs."
+        )
+    if evidence.lengths_apart > CONTRADICTION:
+        return Status.MISFIT, (
+            "Misfit: the lengths that the files state as known contradict each other by "
+            f"{evidence.lengths_apart:.1f} standard deviations. Measure the rod and the plate "
+            "again, or state how well they are known."
+        )
+    if evidence.disagreement:
+        return Status.MISFIT, f"Misfit: {evidence.disagreement}."
+    if recording.held_out is not None and recording.held_out > UNLIKE_OTHERS:
+        return Status.MISFIT, (
+            f"Misfit: the machine of the other recordings leaves {recording.held_out:.1f} times "
+            "what noise and its uncertainty explain. Identify each recording by itself, and "
+            "compare the results."
         )
     if evidence.unphysical and evidence.converged:
         return Status.MISFIT, (
@@ -188,18 +244,33 @@ def _judged(
             f"offsets {offsets}). Repeat the run so that it starts and ends at rest inside both "
             "logs."
         )
-    # The noise of a sensed length, the one residual, takes up what kinematics leaves over.
-    tells = evidence.complete or cell.ballbar.stroke is not None
-    if tells and evidence.autocorrelation > AUTOCORRELATED_MISFIT:
+    return None
+
+
+def _unexplained(evidence: Evidence, cell: Cell) -> tuple[Status, str] | None:
+    """Something in the data, or in the files, that the model cannot have."""
+    if evidence.tells(cell) and evidence.autocorrelation > AUTOCORRELATED_MISFIT:
         return Status.MISFIT, (
-            f"Misfit: neighbouring residuals are correlated ({neighbours}): something systematic "
-            "is in the data that is not in the model; the stated intervals are too narrow."
+            f"Misfit: neighbouring residuals are correlated ({evidence.neighbours}): something "
+            "systematic is in the data that is not in the model; the stated intervals are too "
+            "narrow."
         )
-    if noise is Status.MISFIT:
+    if noise_status(evidence.chi2_per_dof) is Status.MISFIT:
         return Status.MISFIT, (
-            f"Misfit: the residual is {ratio:.1f} times what the noise in the logs explains. "
-            "Something is in the data that is not in the model; the stated intervals are widened "
-            "by that factor but may still be too narrow."
+            f"Misfit: the residual is {evidence.ratio:.1f} times what the noise in the logs "
+            "explains. Something is in the data that is not in the model; the stated intervals are "
+            "widened by that factor but may still be too narrow."
+        )
+    return None
+
+
+def _uncertain(evidence: Evidence) -> tuple[Status, str] | None:
+    """Too little in the logs to be of use."""
+    if evidence.complete and evidence.blocks < FEW_BLOCKS:
+        return Status.UNCERTAIN, (
+            "Uncertain: the logs are too short for a complete model to state how well it is known "
+            f"({evidence.blocks} blocks of a few seconds, {FEW_BLOCKS} are needed). Record two "
+            "minutes of motion of every joint."
         )
     if evidence.tcp_sigma > evidence.largest_sigma:
         limit = (
@@ -212,31 +283,40 @@ def _judged(
             f"the workspace), and {limit} would be the most. Record longer, on a path that moves "
             "every joint further, or several recordings together."
         )
+    return None
+
+
+def _with_care(
+    evidence: Evidence, recording: RecordingEvidence, cell: Cell
+) -> tuple[Status, str] | None:
+    """Usable, but something small is not as it should be."""
+    care: str | None = None
+    noise = noise_status(evidence.chi2_per_dof)
     if masses_in_doubt(evidence.softer):
-        return Status.SUSPECT, (
-            f"Usable, with care: all gears together are {evidence.softer:.2f} times as soft as the "
+        care = (
+            f"all gears together are {evidence.softer:.2f} times as soft as the "
             "catalogue's, as if the tool or the arm weighed that much more than the files say. "
             "State what the flange carries (`body` in the plate's file), or log motor torques."
         )
-    if evidence.pulled:
-        return Status.SUSPECT, (
-            f"Usable, with care: {', '.join(evidence.pulled)} stand more than {PULL:g} standard "
+    elif evidence.pulled:
+        care = (
+            f"{', '.join(evidence.pulled)} stand more than {PULL:g} standard "
             "deviations from what the cell files expect; either the files are wrong or something "
             "else is not in the model."
         )
-    if tells and evidence.autocorrelation > AUTOCORRELATED:
-        return Status.SUSPECT, (
-            f"Usable, with care: neighbouring residuals are correlated ({neighbours}), so "
+    elif evidence.tells(cell) and evidence.autocorrelation > AUTOCORRELATED:
+        care = (
+            f"neighbouring residuals are correlated ({evidence.neighbours}), so "
             "something systematic is not in the model; the stated intervals may be too narrow."
         )
-    if noise is Status.GOOD and recording.clock_sigma > UNSEEN_CLOCK:
-        return Status.SUSPECT, (
-            f"Usable, with care: the clock offset is known to {recording.clock_sigma * 1e3:.0f} ms "
+    elif noise is Status.GOOD and recording.clock_sigma > UNSEEN_CLOCK:
+        care = (
+            f"the clock offset is known to {recording.clock_sigma * 1e3:.0f} ms "
             "at best, since the length hardly changes. Vary it within its stroke, or move faster."
         )
-    explained = f"the residual is {ratio:.2f} times what the noise in the logs explains."
-    opening = "Good fit" if noise is Status.GOOD else "Usable, with care"
-    return noise, f"{opening}: {explained}"
+    elif noise is Status.SUSPECT:
+        care = f"the residual is {evidence.ratio:.2f} times what the noise in the logs explains."
+    return None if care is None else (Status.SUSPECT, f"Usable, with care: {care}")
 
 
 def masses_in_doubt(softer: float) -> bool:

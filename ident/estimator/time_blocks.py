@@ -8,7 +8,7 @@ cross-validation, Roberts et al. 2017).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ class TimeBlocks:
     normal: Array  # (B, P, P)
     gradient: Array  # (B, P) of half the cost
     cost: Array  # (B,)
+    covariance: Array  # (P, P) of the fit to all blocks
 
     def held_out_cost(self, absent: NDArray[np.intp]) -> float:
         """Cost of blocks that the fit was not made from, of the fit without some unknowns.
@@ -83,12 +84,26 @@ class TimeBlocks:
         A score test: `h' W^-1 h` with h the group's gradient in those blocks and
         `W = N - N C N + prior` what they say of it beyond all others.
         """
-        normal, gradient = (v[after].sum(axis=0) for v in (self.normal, self.gradient))
-        mixed = normal[group]
-        own = mixed[:, group] - mixed @ self.fit.covariance @ mixed.T
-        own += np.diag(self.fit.model.unknowns.sigma[group] ** -2.0)
-        step = -np.linalg.solve(own, gradient[group])
-        return float(-gradient[group] @ step), step
+        own, _ = self._beyond(after, group)
+        gradient = self.gradient[after].sum(axis=0)[group]
+        step = -np.linalg.solve(own, gradient)
+        return float(-gradient @ step), step
+
+    def freed(self, after: NDArray[np.bool_], group: NDArray[np.intp]) -> TimeBlocks:
+        """The blocks at the fit in which a group of unknowns differs in some of them."""
+        own, mixed = self._beyond(after, group)
+        shared = self.covariance @ mixed.T
+        _, apart = self.changed(after, group)
+        gradient = self.gradient + self.normal @ (-shared @ apart)
+        gradient[after] += self.normal[after][:, :, group] @ apart
+        covariance = self.covariance + shared @ np.linalg.solve(own, shared.T)
+        return replace(self, gradient=gradient, covariance=covariance)
+
+    def _beyond(self, after: NDArray[np.bool_], group: NDArray[np.intp]) -> tuple[Array, Array]:
+        """W (G, G) of `changed`, and the normal matrix (G, P) of those blocks."""
+        mixed = self.normal[after].sum(axis=0)[group]
+        own = mixed[:, group] - mixed @ self.covariance @ mixed.T
+        return own + np.diag(self.fit.model.unknowns.sigma[group] ** -2.0), mixed
 
 
 def _step(normal: Array, gradient: Array, step: Array, free: NDArray[np.intp]) -> Array:
@@ -122,10 +137,11 @@ def time_blocks(fit: Fit, length: float = LENGTH) -> TimeBlocks:
         gradients.append(gradient)
         costs.append(np.add.reduceat((residual * residual).sum(axis=0), edges[:-1]))
     return TimeBlocks(
-        fit,
-        np.concatenate(recordings),
-        np.concatenate(starts),
-        np.concatenate(normals),
-        np.concatenate(gradients),
-        np.concatenate(costs),
+        fit=fit,
+        recording=np.concatenate(recordings),
+        start=np.concatenate(starts),
+        normal=np.concatenate(normals),
+        gradient=np.concatenate(gradients),
+        cost=np.concatenate(costs),
+        covariance=fit.covariance,
     )

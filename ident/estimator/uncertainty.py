@@ -5,7 +5,7 @@ squares would add up to the variance; where they are autocorrelated, sums over b
 seconds do (block sandwich; Newey & West 1987 for the idea, blocks instead of lags). The ratio
 inflates each unknown's standard deviation, so the correlations stay those of the normal equations,
 which a sandwich of some tens of blocks could not give for a hundred unknowns. What the prior
-contributes is not inflated.
+contributes is not inflated, unless the lengths that are known beforehand contradict each other.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from ident.estimator.fit import Fit
+from ident.estimator.known_lengths import KnownLengths, known_lengths
 from ident.estimator.normal_equations import jacobian
 
 BLOCK = 3.0  # [s] longer than residuals are correlated: the path's own motion, the tension's knots
@@ -31,22 +32,33 @@ class Uncertainty:
     inflation: Array  # (P,) factor on each standard deviation over that of white residuals
     information_gain: Array  # (P,) 1 - (posterior sigma / prior sigma)^2: 0 prior alone, 1 data
     autocorrelation: float  # of neighbours in the whitened residual
+    blocks: int  # of time, that the inflation comes from
+    lengths: KnownLengths
 
 
 def uncertainty(fit: Fit) -> Uncertainty:
     """Autocorrelation-robust covariance of a fit, misfit included."""
-    sigma, misfit = fit.model.unknowns.sigma, max(1.0, fit.chi2_per_dof)
-    inflation = inflation_factors(fit.covariance, *_scores(fit))
+    layout, misfit = fit.model.unknowns, max(1.0, fit.chi2_per_dof)
+    sigma, lengths = layout.sigma, known_lengths(layout, fit.x, fit.covariance)
+    power, sums = _scores(fit)
+    inflation = inflation_factors(fit.covariance, power, sums)
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
     covariance = misfit * data * np.outer(inflation, inflation) + prior
+    doubted = fit.covariance[:, lengths.unknowns] / sigma[lengths.unknowns]
+    covariance += (lengths.widening**2 - 1.0) * doubted @ doubted.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
     neighbours = [
         autocorrelation(residual, samples.times, samples.smoothing)
         for residual, samples in zip(fit.linear.residuals, fit.model.recordings, strict=True)
     ]
     return Uncertainty(
-        0.5 * (covariance + covariance.T), inflation, gain, float(np.mean(neighbours))
+        0.5 * (covariance + covariance.T),
+        inflation,
+        gain,
+        float(np.mean(neighbours)),
+        sums.shape[1],
+        lengths,
     )
 
 

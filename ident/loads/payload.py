@@ -20,7 +20,7 @@ which decides on which flank of its backlash the gear lies.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,6 +50,9 @@ NEAR = 0.01  # [m] from the flange to point masses that give the first moment; i
 # Standard deviation that no block of time shows, over the arm's mass: a correct tool of 4 kg on an
 # arm of 360 kg was found 0.1 to 0.6 kg too heavy (notes/unknown_machines).
 FLOOR = 1e-3
+# Over the arm's mass: standard deviation from which recordings may be of different tools; 1.7e-3
+# where they are of one, 7e-3 of two that are 5 kg apart
+SCATTERED = 3e-3
 SURE = 3.0  # deviations from which the found masses replace the file's
 
 
@@ -63,6 +66,7 @@ class PayloadEstimate:
     mass_sigma: float  # [kg]
     arm_sigma: float
     added_load: Array  # (J,) [N m] rms that the found masses add at each gear
+    each: tuple[float, ...] = ()  # [kg] tool of each recording, where they are not one tool
 
     @property
     def excess(self) -> float:
@@ -113,6 +117,24 @@ def payload_from_torque(
         arm_sigma=float(sigma[4]),
         added_load=np.sqrt((np.einsum("pjn,p->jn", columns[:5], change[:5]) ** 2).mean(axis=1)),
     )
+
+
+def payload_of_recordings(
+    cell: Cell, geometries: Sequence[Geometry], logs: Sequence[LoggedTorque]
+) -> PayloadEstimate:
+    """As `payload_from_torque`; that of the first recording, where they are not of one tool."""
+    together = payload_from_torque(cell, geometries, logs)
+    arm_mass = sum(link.mass for link in cell.robot.required("links")[1:])
+    if len(logs) == 1 or together.mass_sigma < SCATTERED * arm_mass:
+        return together
+    single = [
+        payload_from_torque(cell, [g], [log]) for g, log in zip(geometries, logs, strict=True)
+    ]
+    masses = tuple(estimate.payload.mass for estimate in single)
+    sigma = np.hypot.reduce([estimate.mass_sigma for estimate in single])
+    if max(masses) - min(masses) < SURE * sigma:
+        return together
+    return replace(single[0], each=masses)
 
 
 def _solved(design: Array, rest: Array, prior: Array) -> tuple[Array, Array]:

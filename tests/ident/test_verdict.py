@@ -10,11 +10,14 @@ from ident.start.automatic import Start
 from ident.verdict import (
     AUTOCORRELATED,
     AUTOCORRELATED_MISFIT,
+    CONTRADICTION,
     CORRELATED,
+    FEW_BLOCKS,
     FEW_SAMPLES,
     MISFIT,
     PLAUSIBLE,
     SUSPECT,
+    UNLIKE_OTHERS,
     WELL_UNDER,
     Evidence,
     RecordingEvidence,
@@ -72,6 +75,22 @@ def judged(evidence: Evidence, *recordings: RecordingEvidence) -> Verdict:
             replace(GOOD, chi2_per_dof=9.0),
             Status.MISFIT,
             "Misfit: the residual is 3.0 times what the noise in the logs explains. Something",
+        ),
+        (
+            replace(COMPLETE, disagreement="recording 2 is of another tool"),
+            Status.MISFIT,
+            "Misfit: recording 2 is of another tool.",
+        ),
+        (
+            replace(COMPLETE, lengths_apart=CONTRADICTION + 0.5),
+            Status.MISFIT,
+            "Misfit: the lengths that the files state as known contradict each other by 3.5",
+        ),
+        (
+            replace(COMPLETE, blocks=FEW_BLOCKS - 5),
+            Status.UNCERTAIN,
+            "Uncertain: the logs are too short for a complete model to state how well it is known "
+            "(7 blocks",
         ),
         (
             replace(COMPLETE, unphysical=("compliance2", "the tool's mass")),
@@ -329,3 +348,12 @@ def test_a_rod_beyond_its_tolerance_is_remarked_on_in_a_good_fit(off: float, rem
         assert verdict.warnings[0].startswith(
             "the rod comes out 596.90 mm long, and the file of lund_600 states 600.00 mm (bd3); is"
         )
+
+
+def test_a_recording_that_the_machine_of_the_others_does_not_explain_is_a_misfit() -> None:
+    unlike = replace(RECORDING, name="second", held_out=UNLIKE_OTHERS + 1.0)
+    verdict = judged(COMPLETE, replace(RECORDING, held_out=1.1), unlike)
+    assert verdict.status is Status.MISFIT
+    assert verdict.sentence.startswith(
+        "second: Misfit: the machine of the other recordings leaves 5.0 times what noise and its"
+    )

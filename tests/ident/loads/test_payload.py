@@ -12,7 +12,8 @@ from cell.descriptions import Cell, Link
 from cell.payload import Payload, with_payload
 from ident.loads.gear_loads import loads, mass_model, own_weight
 from ident.loads.logged_tension import LoggedTorque
-from ident.loads.payload import SURE, PayloadEstimate, payload_from_torque
+from ident.loads.payload import SURE, PayloadEstimate, payload_from_torque, payload_of_recordings
+from ident.remarks import unlike_tools
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
@@ -105,3 +106,18 @@ def test_a_cell_with_other_masses_has_these_and_nothing_else() -> None:
         assert link.mass == pytest.approx(1.1 * before.mass)
         assert np.array_equal(link.com, before.com)
     assert np.array_equal(cell.robot.a, CELL.robot.a)
+
+
+def test_recordings_under_two_tools_are_not_pooled() -> None:
+    body = CELL.plate.body
+    heavier = with_payload(CELL, Payload(2.5 * body.mass, body.com))
+    two = [logged(CELL), logged(heavier, seed=2)]
+    estimate = payload_of_recordings(CELL, [NOMINAL] * 2, two)
+    first, second = estimate.each
+    assert first == pytest.approx(body.mass, abs=1.0)
+    assert second == pytest.approx(2.5 * body.mass, abs=1.5)
+    assert estimate.payload.mass == first
+    assert f"recording 2 for {second:.1f} kg" in unlike_tools(estimate)
+    alike = payload_of_recordings(CELL, [NOMINAL] * 2, [logged(CELL), logged(CELL, seed=2)])
+    assert alike.each == ()
+    assert unlike_tools(alike) == ""
