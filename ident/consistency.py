@@ -109,6 +109,8 @@ def _surest(blocks: TimeBlocks) -> Change | None:
         return None
     best = max(range(len(judged)), key=lambda k: judged[k].change.times)
     change, after = judged[best].change, parts[best][2]
+    if change.times < SURE:
+        return None
     groups = _groups(blocks.fit, change.recording, within=change.time is not None)
     rest = blocks.freed(after, groups[change.group])
     left = [value for part in parts for value in _Part.of(rest, *part).each.values()]
@@ -129,7 +131,8 @@ class _Part:
         cls, blocks: TimeBlocks, recording: int, time: float | None, after: NDArray[np.bool_]
     ) -> _Part:
         groups = _groups(blocks.fit, recording, within=time is not None)
-        tests = {name: blocks.changed(after, group) for name, group in groups.items()}
+        part = blocks.added(after)
+        tests = {name: part.changed(group) for name, group in groups.items()}
         return cls(recording, time, tests)
 
     @property

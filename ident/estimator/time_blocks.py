@@ -9,6 +9,7 @@ cross-validation, Roberts et al. 2017).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +43,30 @@ class TimeBlocks:
         belong to a block's own time; they are fitted there, under their priors.
         """
         knots = [np.r_[own.knots] for own in self.fit.model.unknowns.own if own.knots is not None]
-        local = np.concatenate([NONE, *knots])
+        local, folds = np.concatenate([NONE, *knots]), self.folds
+        return sum(folds.left_out(np.arange(FOLDS) == k, local, absent) for k in range(FOLDS))
+
+    @cached_property
+    def folds(self) -> TimeBlocks:
+        """Those that are left out at once, as one block each."""
         fold = np.concatenate([np.arange(n) for n in np.bincount(self.recording)]) % FOLDS
-        return sum(self.left_out(fold == k, local, absent) for k in range(FOLDS))
+        return self.added(*(fold == k for k in range(FOLDS)))
+
+    def added(self, *parts: NDArray[np.bool_]) -> TimeBlocks:
+        """Parts (B,) of the blocks, each as one block."""
+        normal, gradient, cost = (
+            np.stack([values[part].sum(axis=0) for part in parts])
+            for values in (self.normal, self.gradient, self.cost)
+        )
+        first = [int(np.argmax(part)) for part in parts]
+        return replace(
+            self,
+            recording=self.recording[first],
+            start=self.start[first],
+            normal=normal,
+            gradient=gradient,
+            cost=cost,
+        )
 
     def left_out(
         self, left: NDArray[np.bool_], local: NDArray[np.intp], absent: NDArray[np.intp] = NONE
@@ -78,32 +100,31 @@ class TimeBlocks:
         absorbed = mixed @ np.linalg.solve(own + np.diag(weight[local]), mixed.T)
         return float(np.sum(covariance * (normal[np.ix_(shared, shared)] - absorbed)))
 
-    def changed(self, after: NDArray[np.bool_], group: NDArray[np.intp]) -> tuple[float, Array]:
-        """Decrease of the cost if a group of unknowns may differ in some blocks (B,); and how far.
+    def changed(self, group: NDArray[np.intp]) -> tuple[float, Array]:
+        """Decrease of the cost if a group of unknowns may differ in one block; and by how far.
 
-        A score test: `h' W^-1 h` with h the group's gradient in those blocks and
-        `W = N - N C N + prior` what they say of it beyond all others.
+        A score test: `h' W^-1 h` with h the group's gradient in that block and
+        `W = N - N C N + prior` what it says of the group beyond all other blocks of the fit.
         """
-        own, _ = self._beyond(after, group)
-        gradient = self.gradient[after].sum(axis=0)[group]
-        step = -np.linalg.solve(own, gradient)
-        return float(-gradient @ step), step
+        own, _, step = self._apart(group)
+        return float(step @ own @ step), step
 
-    def freed(self, after: NDArray[np.bool_], group: NDArray[np.intp]) -> TimeBlocks:
-        """The blocks at the fit in which a group of unknowns differs in some of them."""
-        own, mixed = self._beyond(after, group)
+    def freed(self, part: NDArray[np.bool_], group: NDArray[np.intp]) -> TimeBlocks:
+        """The blocks at the fit in which a group of unknowns differs in a part of them (B,)."""
+        own, mixed, step = self.added(part)._apart(group)
         shared = self.covariance @ mixed.T
-        _, apart = self.changed(after, group)
-        gradient = self.gradient + self.normal @ (-shared @ apart)
-        gradient[after] += self.normal[after][:, :, group] @ apart
+        gradient = self.gradient - self.normal @ (shared @ step)
+        gradient[part] += self.normal[part][:, :, group] @ step
         covariance = self.covariance + shared @ np.linalg.solve(own, shared.T)
         return replace(self, gradient=gradient, covariance=covariance)
 
-    def _beyond(self, after: NDArray[np.bool_], group: NDArray[np.intp]) -> tuple[Array, Array]:
-        """W (G, G) of `changed`, and the normal matrix (G, P) of those blocks."""
-        mixed = self.normal[after].sum(axis=0)[group]
+    def _apart(self, group: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+        """Of one block: W (G, G) as above, normal matrix (G, P), and the group's step (G,)."""
+        (normal,), (gradient,) = self.normal, self.gradient
+        mixed = normal[group]
         own = mixed[:, group] - mixed @ self.covariance @ mixed.T
-        return own + np.diag(self.fit.model.unknowns.sigma[group] ** -2.0), mixed
+        own += np.diag(self.fit.model.unknowns.sigma[group] ** -2.0)
+        return own, mixed, -np.linalg.solve(own, gradient[group])
 
 
 def _step(normal: Array, gradient: Array, step: Array, free: NDArray[np.intp]) -> Array:
