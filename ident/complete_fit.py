@@ -102,10 +102,8 @@ def fit_complete(
         faults, result = (*faults, fault), repaired
     needed = needed_corrections(result, tried) if tried else []
     chosen += needed
-    if needed:
-        result = with_noise(result, listener, recast(result, chosen))
-    else:  # as if nothing had been tried: what was tried has moved the tension
-        result = with_noise(run.first(chosen, faults) if tried else result, listener)
+    pose = recast(result, chosen) if tried else None
+    result = with_noise(result, listener, pose)
     while len(faults) < most and (fault := find_step_fault(result)) is not None:
         listener.progress(f"a step fault at t = {fault.time:.1f} s: fitting again with it")
         faults = (*faults, fault)  # it shows only once the noise is known
