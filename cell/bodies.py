@@ -41,6 +41,14 @@ def bar_bodies(cell: Cell) -> list[Link]:
     return _local(Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5)), bar.links)
 
 
+def link_rotations(robot: Robot) -> list[Array]:
+    """Rotations (3, 3) of links 1..J: columns are the axes of the frame that turns with the joint,
+    in the frame of the robot's file.
+    """
+    frames = forward(nominal_chain(robot), np.zeros((1, robot.joints)))
+    return [frames.rotation(i)[:, :, 0] for i in range(robot.joints)]
+
+
 def flange_on_last_link(cell: Cell) -> tuple[Array, Array]:
     """Pose of the nominal flange in the frame that turns with the last joint.
 

@@ -32,6 +32,7 @@ from ident.estimator.uncertainty import Uncertainty, uncertainty
 from ident.estimator.unknowns import GAIN_PRIOR, fixed_names, held_names
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
+from ident.loads.mass_uncertainty import UncertainMasses, stated_masses
 from ident.loads.payload import PayloadEstimate, payload_from_torque
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.model_choice import coefficients_of, lasting
@@ -162,7 +163,7 @@ def _fitted(
     if options.corrections is not None:
         corrections = list(options.corrections)
     elif payload := _payload(cell, single, options):
-        cell = with_payload(cell, payload.payload) if payload.significant else cell
+        cell = with_payload(cell, payload.payload)
     few = len(single[0].samples.encoders) < COMPLETE_ENCODERS and not measures_length
     if automatic and len(single) == 1 and few:
         corrections = []  # step faults can be sized all the same
@@ -221,10 +222,11 @@ def _result(
 
     single : the dh fit of each. orders : of joint errors that were found by evidence.
     """
-    stated, layout = uncertainty(fit), fit.model.unknowns
+    masses = _masses(cell, fit, payload)
+    stated, layout = uncertainty(fit, masses), fit.model.unknowns
     complete = fit is not single[0].fit
     known = stated.information_gain > MOSTLY_PRIOR
-    robot = replace(_robot(cell, single[0], fit, stated, known), payload=payload)
+    robot = replace(_robot(cell, single[0], fit, stated, known, masses), payload=payload)
     softer = 1.0 if payload else _softer(fit)
     if masses_in_doubt(softer):
         robot = _with_doubt_of_masses(robot, softer)
@@ -297,7 +299,12 @@ def _substituted(robot: RobotEstimate) -> str:
 
 
 def _robot(
-    cell: Cell, first: RecordingFit, fit: Fit, stated: Uncertainty, known: NDArray[np.bool_]
+    cell: Cell,
+    first: RecordingFit,
+    fit: Fit,
+    stated: Uncertainty,
+    known: NDArray[np.bool_],
+    masses: UncertainMasses | None,
 ) -> RobotEstimate:
     layout, x = fit.model.unknowns, fit.x
     shared = np.arange(layout.shared.size)
@@ -336,7 +343,7 @@ def _robot(
             )
             for c, position in zip(corrections, positions, strict=True)
         ),
-        tcp_sigma=_tcp_sigma(cell, fit, stated.covariance),
+        tcp_sigma=_tcp_sigma(cell, fit, stated, masses),
         dropped=_dropped(cell, first, fit, at_prior),
     )
 
@@ -355,14 +362,31 @@ def _dropped(
     return (*fixed, *(reasons.get(n, DroppedParameter(n, "prior", ())) for n in at_prior))
 
 
-def _tcp_sigma(cell: Cell, fit: Fit, covariance: Array) -> Array:
-    """(G,) [m] stated uncertainty of the unloaded robot's tool, base aligned."""
+def _masses(cell: Cell, fit: Fit, payload: PayloadEstimate | None) -> UncertainMasses | None:
+    """What is not known of the masses that a fit took as given; None where it took none."""
+    if fit.model.masses is None or cell.robot.lacks("links"):
+        return None
+    return stated_masses(cell) if payload is None else UncertainMasses(cell, payload.covariance)
+
+
+def _tcp_sigma(cell: Cell, fit: Fit, stated: Uncertainty, masses: UncertainMasses | None) -> Array:
+    """(G,) [m] stated uncertainty of the unloaded robot's tool, base aligned.
+
+    Masses move the tool directly and by what they made of the unknowns, so both stand in one
+    covariance.
+    """
     layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
     corrections, values = fit.model.corrections, fit.x[layout.coefficients]
     robot = UnloadedRobot(cell, fit.geometry(), corrections, values)
-    machine = layout.machine
+    tool, machine = robot.tool(grid), layout.machine
     moves = robot.jacobian(grid, layout.shared)
-    return position_sigma(robot.tool(grid), moves, covariance[np.ix_(machine, machine)])
+    covariance = stated.covariance[np.ix_(machine, machine)]
+    if masses is not None:
+        deviated = [replace(robot, cell=other).tool(grid) - tool for other in masses.deviated()]
+        moves = np.concatenate((moves, np.transpose(deviated, (0, 2, 1))))
+        shifts = stated.considered[machine]
+        covariance = np.block([[covariance, shifts], [shifts.T, np.eye(len(deviated))]])
+    return position_sigma(tool, moves, covariance)
 
 
 def _recording(

@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from ident.estimator.considered import considered_shifts
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import jacobian
+from ident.loads.mass_uncertainty import UncertainMasses
 
 BLOCK = 3.0  # [s] longer than residuals are correlated: the path's own motion, the tension's knots
 STRONG = 0.9  # correlation from which two unknowns are named together
@@ -27,26 +29,36 @@ STRONG = 0.9  # correlation from which two unknowns are named together
 class Uncertainty:
     """How well the unknowns of a fit are known."""
 
-    covariance: Array  # (P, P)
+    covariance: Array  # (P, P) what is considered included
+    considered: Array  # (P, K) shifts of the estimate for a deviation of each direction of masses
     inflation: Array  # (P,) factor on each standard deviation over that of white residuals
     information_gain: Array  # (P,) 1 - (posterior sigma / prior sigma)^2: 0 prior alone, 1 data
     autocorrelation: float  # of neighbours in the whitened residual
 
 
-def uncertainty(fit: Fit) -> Uncertainty:
-    """Autocorrelation-robust covariance of a fit, misfit included."""
+def uncertainty(fit: Fit, masses: UncertainMasses | None = None) -> Uncertainty:
+    """Autocorrelation-robust covariance of a fit, misfit included.
+
+    masses : those that the fit took as given, where they are considered.
+    """
     sigma, misfit = fit.model.unknowns.sigma, max(1.0, fit.chi2_per_dof)
     inflation = inflation_factors(fit.covariance, *_scores(fit))
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
     covariance = misfit * data * np.outer(inflation, inflation) + prior
+    shifts = np.zeros((sigma.size, 0)) if masses is None else considered_shifts(fit, masses)
+    covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
     neighbours = [
         autocorrelation(residual, samples.times, samples.smoothing)
         for residual, samples in zip(fit.linear.residuals, fit.model.recordings, strict=True)
     ]
     return Uncertainty(
-        0.5 * (covariance + covariance.T), inflation, gain, float(np.mean(neighbours))
+        covariance=0.5 * (covariance + covariance.T),
+        considered=shifts,
+        inflation=inflation,
+        information_gain=gain,
+        autocorrelation=float(np.mean(neighbours)),
     )
 
 

@@ -19,18 +19,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.arrays import Array
-from cell.bodies import carried_bodies, flange_on_last_link
+from cell.bodies import carried_bodies, flange_on_last_link, link_rotations
 from cell.descriptions import Cell, Link
 from cell.dynamics import joint_torques
 from cell.geometry import Geometry, robot_frames
-from cell.payload import Payload
+from cell.payload import TOOL, Payload, payload_of
 from ident.estimator.uncertainty import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
+from ident.loads.mass_uncertainty import stated_covariance
 from ident.loads.rod_tension import friction_sign, without_tension
 
 MASS_PRIOR, MOMENT_PRIOR = 10.0, 3.0  # [kg], [kg m] a tool that nobody declared
 ARM_PRIOR = 0.05  # of a catalogue arm's masses, with what hangs on it
-LINK_PRIOR, CENTRE_PRIOR = 0.02, 3e-3  # of each link's mass; [m] of its centre; assumed
 GAIN_PRIOR = 0.02  # (notes/identification sec. 1)
 STRIBECK_PRIOR = 0.3  # of the Coulomb friction
 ROTOR_PRIOR = 1.0  # of the file's inertia; one taken as exact draws the mass
@@ -41,6 +41,8 @@ TORQUE_SIGMA, REVERSAL_SPEED = 2.0, 0.03
 # Standard deviation that no block of time shows, over the arm's mass: a correct tool of 4 kg on an
 # arm of 360 kg was found 0.1 to 0.6 kg too heavy (notes/unknown_machines).
 FLOOR = 1e-3
+ARM = TOOL  # where the arm's factor stands among the unknowns
+EXACT = 1e-9  # of the arm's factor where the links deviate one by one
 SURE = 3.0  # deviations from which the found masses replace the file's
 
 
@@ -53,17 +55,13 @@ class PayloadEstimate:
     mass_sigma: float  # [kg]
     arm_sigma: float
     added_load: Array  # (J,) [N m] rms that the found masses add at each gear
+    significant: bool  # whether tool or arm are beside their files, as no file's tolerance explains
+    covariance: Array  # (4 + 4 J, 4 + 4 J) of the masses (ident.loads.mass_uncertainty)
 
     @property
     def excess(self) -> float:
         """[kg] by which the tool is heavier than its file says."""
         return self.payload.mass - self.stated
-
-    @property
-    def significant(self) -> bool:
-        """Whether the found masses replace the file's."""
-        arm = abs(self.payload.arm - 1.0) > SURE * self.arm_sigma
-        return arm or abs(self.excess) > SURE * self.mass_sigma
 
 
 def payload_from_torque(
@@ -71,49 +69,85 @@ def payload_from_torque(
 ) -> PayloadEstimate:
     """The masses that the torques of some recordings ask for.
 
-    geometries : of the recordings, from their `dh` fits.
+    geometries : of the recordings, from their `dh` fits. A tool that nobody declared is tried
+    first; where it is none, tool and links are what the files say within their tolerance.
     """
     whitened = [_regression(cell, g, log) for g, log in zip(geometries, logs, strict=True)]
     rest, design = (np.concatenate([part[k] for part in whitened], axis=-1) for k in range(2))
     mean, prior = _priors(cell)
-    rest = rest - np.einsum("pjn,p->jn", design, mean)
-    flat = design.reshape(len(design), -1)
-    covariance = np.linalg.inv(flat @ flat.T + np.diag(prior**-2.0))
-    change = covariance @ (flat @ rest.reshape(-1))
-    scores = (design * (rest - np.einsum("pjn,p->jn", design, change))).sum(axis=1)
-    # from the priors, and from the scores of blocks of time
-    variance = ((covariance / prior) ** 2).sum(axis=1)
-    variance += ((covariance @ _block_sums(scores, logs)) ** 2).sum(axis=1)
-    sigma = np.sqrt(variance)
-    body, (mass, *moment), arm = cell.plate.body, change[:4], change[4]
-    total = body.mass + mass
+    regression = _Regression(rest - np.einsum("pjn,p->jn", design, mean), design, logs)
+    change, covariance = regression.solved(prior)
+    sigma = np.sqrt(np.diag(covariance))
+    arm_mass = sum(link.mass for link in cell.robot.required("links")[1:])
+    mass_sigma, arm_sigma = float(np.hypot(sigma[0], FLOOR * arm_mass)), float(sigma[ARM])
+    significant = bool(abs(change[0]) > SURE * mass_sigma or abs(change[ARM]) > SURE * arm_sigma)
+    if not significant:
+        change, covariance = regression.solved(_declared(cell, prior))
+        mass_sigma, arm_sigma = (float(np.sqrt(covariance[k, k])) for k in (0, ARM))
+    bodies = np.delete(np.arange(ARM + 1 + 4 * cell.robot.joints), ARM)
     columns = np.concatenate(
         [_mass_columns(cell, g, log) for g, log in zip(geometries, logs, strict=True)], axis=-1
     )
-    arm_mass = sum(link.mass for link in cell.robot.required("links")[1:])
     return PayloadEstimate(
-        payload=Payload(
-            float(total), (body.mass * body.com + np.array(moment)) / total, 1.0 + float(arm)
+        payload=payload_of(cell, change[bodies], 1.0 + float(change[ARM])),
+        stated=cell.plate.body.mass,
+        mass_sigma=mass_sigma,
+        arm_sigma=arm_sigma,
+        added_load=np.sqrt(
+            (np.einsum("pjn,p->jn", columns[: ARM + 1], change[: ARM + 1]) ** 2).mean(axis=1)
         ),
-        stated=body.mass,
-        mass_sigma=float(np.hypot(sigma[0], FLOOR * arm_mass)),
-        arm_sigma=float(sigma[4]),
-        added_load=np.sqrt((np.einsum("pjn,p->jn", columns[:5], change[:5]) ** 2).mean(axis=1)),
+        significant=significant,
+        covariance=covariance[np.ix_(bodies, bodies)],
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Regression:
+    """Whitened torques beyond the modelled load, linear in what is unknown."""
+
+    rest: Array  # (J, N)
+    design: Array  # (P, J, N)
+    logs: Sequence[LoggedTorque]
+
+    def solved(self, prior: Array) -> tuple[Array, Array]:
+        """Estimate (P,) and its covariance (P, P), from the prior (P, P) and blocks of time."""
+        flat = self.design.reshape(len(self.design), -1)
+        normal = flat @ flat.T
+        half = np.linalg.cholesky(prior + 0.0)
+        inner = np.linalg.inv(half.T @ normal @ half + np.eye(len(half)))
+        covariance = half @ inner @ half.T
+        change = covariance @ (flat @ self.rest.reshape(-1))
+        left = self.rest - np.einsum("pjn,p->jn", self.design, change)
+        influence = covariance @ _block_sums((self.design * left).sum(axis=1), self.logs)
+        from_prior = half @ inner
+        return change, from_prior @ from_prior.T + influence @ influence.T
 
 
 def _priors(cell: Cell) -> tuple[Array, Array]:
-    """Means and standard deviations of the unknowns, in the order of `_regression`."""
+    """Mean (P,) and covariance (P, P) of the unknowns, in the order of `_regression`.
+
+    A tool that nobody declared and an arm of another weight are allowed for.
+    """
     gears, rotors = cell.robot.required("gears"), cell.robot.required("rotor_inertia_kg_m2")
-    links = [LINK_PRIOR, *[CENTRE_PRIOR] * 3] * cell.robot.joints
-    masses = np.array([MASS_PRIOR, *[MOMENT_PRIOR] * 3, ARM_PRIOR, *links])
     none, gain = np.zeros(cell.robot.joints), np.full(cell.robot.joints, GAIN_PRIOR)
-    mean = (np.zeros(masses.size), gears.coulomb, gears.viscous, none, rotors, none)
+    masses = np.zeros(ARM + 1 + 4 * cell.robot.joints)
+    mean = (masses, gears.coulomb, gears.viscous, none, rotors, none)
     friction = (gears.coulomb, 2.0 * gears.viscous)
     rise = STRIBECK_PRIOR * gears.coulomb
-    return np.concatenate(mean), np.concatenate(
-        (masses, *friction, gain, ROTOR_PRIOR * rotors, rise)
-    )
+    sigma = np.concatenate((masses, *friction, gain, ROTOR_PRIOR * rotors, rise))
+    prior = _declared(cell, np.diag(sigma**2))
+    tool = np.array([MASS_PRIOR, *[MOMENT_PRIOR] * 3, ARM_PRIOR])
+    prior[: ARM + 1, : ARM + 1] = np.diag(tool**2)
+    return np.concatenate(mean), prior
+
+
+def _declared(cell: Cell, prior: Array) -> Array:
+    """The prior covariance with bodies as the files state them, within their tolerance."""
+    out, stated = prior.copy(), stated_covariance(cell)
+    out[ARM, ARM] = EXACT**2
+    bodies = np.delete(np.arange(ARM + 1 + 4 * cell.robot.joints), ARM)
+    out[np.ix_(bodies, bodies)] = stated
+    return out
 
 
 def _regression(cell: Cell, geometry: Geometry, log: LoggedTorque) -> tuple[Array, Array]:
@@ -166,7 +200,8 @@ def _mass_columns(cell: Cell, geometry: Geometry, log: LoggedTorque) -> Array:
     links = [of_link(joint, body) for joint, body in enumerate(bodies)]
     columns = [*of_point(joints - 1, 1.0, flange, rotation.T), np.sum(links, axis=0)]
     for joint, (body, whole) in enumerate(zip(bodies, links, strict=True)):
-        columns += [whole, *of_point(joint, body.mass, body.com, np.eye(3))[1:]]
+        axes = link_rotations(cell.robot)[joint]
+        columns += [whole, *of_point(joint, body.mass, body.com, axes)[1:]]
     return np.stack(columns)
 
 
