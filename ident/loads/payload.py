@@ -27,7 +27,7 @@ from cell.payload import TOOL, Payload, payload_of
 from ident.estimator.uncertainty import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.mass_uncertainty import stated_covariance
-from ident.loads.rod_tension import friction_sign, without_tension
+from ident.loads.rod_tension import friction_sign, from_motor_torque, without_tension
 
 MASS_PRIOR, MOMENT_PRIOR = 10.0, 3.0  # [kg], [kg m] a tool that nobody declared
 ARM_PRIOR = 0.05  # of a catalogue arm's masses, with what hangs on it
@@ -154,7 +154,8 @@ def _regression(cell: Cell, geometry: Geometry, log: LoggedTorque) -> tuple[Arra
     """Whitened torque beyond the modelled load (J, N) and columns (5 + 9 J, J, N), no tension."""
     gears, side = cell.robot.required("gears"), friction_sign(log.speed)
     rise = side / (1.0 + (log.speed / gears.stribeck[:, None]) ** 2)
-    terms = (side, log.speed, log.carried.gear, log.acceleration, rise)
+    tension = from_motor_torque(cell, log.torque, log.carried, log.speed, log.acceleration).force
+    terms = (side, log.speed, log.carried.gears(tension), log.acceleration, rise)
     each = np.zeros((len(terms), cell.robot.joints, *log.torque.shape))
     for k in range(cell.robot.joints):
         each[:, k, k] = [term[k] for term in terms]
