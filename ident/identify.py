@@ -32,7 +32,7 @@ from ident.estimator.uncertainty import Uncertainty, uncertainty
 from ident.estimator.unknowns import GAIN_PRIOR, fixed_names, held_names
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
-from ident.loads.mass_uncertainty import UncertainMasses, stated_masses
+from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
 from ident.loads.payload import PayloadEstimate, payload_from_torque
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.model_choice import coefficients_of, lasting
@@ -222,11 +222,11 @@ def _result(
 
     single : the dh fit of each. orders : of joint errors that were found by evidence.
     """
-    masses = _masses(cell, fit, payload)
-    stated, layout = uncertainty(fit, masses), fit.model.unknowns
+    deviated = _deviated(cell, fit, payload)
+    stated, layout = uncertainty(fit, deviated), fit.model.unknowns
     complete = fit is not single[0].fit
     known = stated.information_gain > MOSTLY_PRIOR
-    robot = replace(_robot(cell, single[0], fit, stated, known, masses), payload=payload)
+    robot = replace(_robot(cell, single[0], fit, stated, known, deviated), payload=payload)
     softer = 1.0 if payload else _softer(fit)
     if masses_in_doubt(softer):
         robot = _with_doubt_of_masses(robot, softer)
@@ -304,7 +304,7 @@ def _robot(
     fit: Fit,
     stated: Uncertainty,
     known: NDArray[np.bool_],
-    masses: UncertainMasses | None,
+    deviated: Sequence[Cell],
 ) -> RobotEstimate:
     layout, x = fit.model.unknowns, fit.x
     shared = np.arange(layout.shared.size)
@@ -343,7 +343,7 @@ def _robot(
             )
             for c, position in zip(corrections, positions, strict=True)
         ),
-        tcp_sigma=_tcp_sigma(cell, fit, stated, masses),
+        tcp_sigma=_tcp_sigma(cell, fit, stated, deviated),
         dropped=_dropped(cell, first, fit, at_prior),
     )
 
@@ -362,14 +362,15 @@ def _dropped(
     return (*fixed, *(reasons.get(n, DroppedParameter(n, "prior", ())) for n in at_prior))
 
 
-def _masses(cell: Cell, fit: Fit, payload: PayloadEstimate | None) -> UncertainMasses | None:
-    """What is not known of the masses that a fit took as given; None where it took none."""
-    if fit.model.masses is None or cell.robot.lacks("links"):
-        return None
-    return stated_masses(cell) if payload is None else UncertainMasses(cell, payload.covariance)
+def _deviated(cell: Cell, fit: Fit, payload: PayloadEstimate | None) -> tuple[Cell, ...]:
+    """Cells that deviate by what is not known of the masses that a fit took as given."""
+    if fit.model.masses is None:
+        return ()
+    known = stated_covariance(cell) if payload is None else payload.covariance
+    return deviated_cells(cell, known)
 
 
-def _tcp_sigma(cell: Cell, fit: Fit, stated: Uncertainty, masses: UncertainMasses | None) -> Array:
+def _tcp_sigma(cell: Cell, fit: Fit, stated: Uncertainty, deviated: Sequence[Cell]) -> Array:
     """(G,) [m] stated uncertainty of the unloaded robot's tool, base aligned.
 
     Masses move the tool directly and by what they made of the unknowns, so both stand in one
@@ -378,15 +379,14 @@ def _tcp_sigma(cell: Cell, fit: Fit, stated: Uncertainty, masses: UncertainMasse
     layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
     corrections, values = fit.model.corrections, fit.x[layout.coefficients]
     robot = UnloadedRobot(cell, fit.geometry(), corrections, values)
-    tool, machine = robot.tool(grid), layout.machine
+    machine = layout.machine
     moves = robot.jacobian(grid, layout.shared)
     covariance = stated.covariance[np.ix_(machine, machine)]
-    if masses is not None:
-        deviated = [replace(robot, cell=other).tool(grid) - tool for other in masses.deviated()]
-        moves = np.concatenate((moves, np.transpose(deviated, (0, 2, 1))))
+    if deviated:
         shifts = stated.considered[machine]
+        moves = np.concatenate((moves, robot.moved_by_masses(deviated, grid)))
         covariance = np.block([[covariance, shifts], [shifts.T, np.eye(len(deviated))]])
-    return position_sigma(tool, moves, covariance)
+    return position_sigma(robot.tool(grid), moves, covariance)
 
 
 def _recording(

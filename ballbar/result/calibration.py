@@ -21,7 +21,7 @@ from cell.descriptions import Cell
 from cell.errors import DescriptionError
 from cell.files import write_yaml
 from cell.geometry import Geometry, table_of_names
-from cell.payload import Payload, with_payload
+from cell.payload import LinkDeviation, Payload, with_payload
 from cell.schema import Strict
 from cell.statistics import rms
 from cell.strict_yaml import check_schema, load_yaml, parse_model
@@ -162,8 +162,15 @@ class DroppedEntry(Strict):
     on: tuple[str, ...] = ()
 
 
+class LinkMassEntry(Strict):
+    """How one link deviates from the robot's file, the arm's factor apart."""
+
+    scale: Positive  # of its mass and inertia
+    shift_m: tuple[float, float, float]  # of its centre, frame of the robot's file
+
+
 class MassesEntry(Strict):
-    """Masses that the torque logs asked for in place of those of the files."""
+    """Masses that the fit took from the torque logs in place of those of the files."""
 
     tool_kg: Positive
     tool_sigma_kg: Positive
@@ -171,10 +178,12 @@ class MassesEntry(Strict):
     tool_com_m: tuple[float, float, float]  # robot flange frame
     arm_scale: Positive  # of the masses in the robot's file
     arm_scale_sigma: Positive
+    links: tuple[LinkMassEntry, ...] = ()  # of links 1 to J beside that
 
     @property
     def payload(self) -> Payload:
-        return Payload(self.tool_kg, np.array(self.tool_com_m), self.arm_scale)
+        links = tuple(LinkDeviation(link.scale, np.array(link.shift_m)) for link in self.links)
+        return Payload(self.tool_kg, np.array(self.tool_com_m), self.arm_scale, links)
 
 
 class CalibrationFile(Strict):
@@ -333,9 +342,10 @@ def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]
 
 
 def _masses(estimate: PayloadEstimate | None) -> MassesEntry | None:
-    if estimate is None or not estimate.significant:
+    if estimate is None:
         return None
     x, y, z = estimate.payload.com.tolist()
+    links = [(link.scale, *link.shift.tolist()) for link in estimate.payload.links]
     return MassesEntry(
         tool_kg=estimate.payload.mass,
         tool_sigma_kg=estimate.mass_sigma,
@@ -343,6 +353,7 @@ def _masses(estimate: PayloadEstimate | None) -> MassesEntry | None:
         tool_com_m=(x, y, z),
         arm_scale=estimate.payload.arm,
         arm_scale_sigma=estimate.arm_sigma,
+        links=tuple(LinkMassEntry(scale=scale, shift_m=(a, b, c)) for scale, a, b, c in links),
     )
 
 

@@ -10,16 +10,17 @@ contributes is not inflated.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from cell.descriptions import Cell
 from ident.estimator.considered import considered_shifts
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import jacobian
-from ident.loads.mass_uncertainty import UncertainMasses
 
 BLOCK = 3.0  # [s] longer than residuals are correlated: the path's own motion, the tension's knots
 STRONG = 0.9  # correlation from which two unknowns are named together
@@ -36,17 +37,18 @@ class Uncertainty:
     autocorrelation: float  # of neighbours in the whitened residual
 
 
-def uncertainty(fit: Fit, masses: UncertainMasses | None = None) -> Uncertainty:
+def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     """Autocorrelation-robust covariance of a fit, misfit included.
 
-    masses : those that the fit took as given, where they are considered.
+    deviated : cells with masses beside those that the fit took as given, as in
+        ident.estimator.considered.
     """
     sigma, misfit = fit.model.unknowns.sigma, max(1.0, fit.chi2_per_dof)
     inflation = inflation_factors(fit.covariance, *_scores(fit))
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
     covariance = misfit * data * np.outer(inflation, inflation) + prior
-    shifts = np.zeros((sigma.size, 0)) if masses is None else considered_shifts(fit, masses)
+    shifts = considered_shifts(fit, deviated)
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
     neighbours = [

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.bodies import carried_bodies, flange_on_last_link, link_rotations
@@ -72,32 +73,32 @@ def payload_from_torque(
     geometries : of the recordings, from their `dh` fits. A tool that nobody declared is tried
     first; where it is none, tool and links are what the files say within their tolerance.
     """
-    whitened = [_regression(cell, g, log) for g, log in zip(geometries, logs, strict=True)]
+    columns = [_mass_columns(cell, g, log) for g, log in zip(geometries, logs, strict=True)]
+    whitened = [_regression(cell, c, log) for c, log in zip(columns, logs, strict=True)]
     rest, design = (np.concatenate([part[k] for part in whitened], axis=-1) for k in range(2))
     mean, prior = _priors(cell)
     regression = _Regression(rest - np.einsum("pjn,p->jn", design, mean), design, logs)
-    change, covariance = regression.solved(prior)
-    sigma = np.sqrt(np.diag(covariance))
+    change, covariance, blocked = regression.solved(prior)
+    sigma = np.sqrt(np.diag(blocked))
     arm_mass = sum(link.mass for link in cell.robot.required("links")[1:])
     mass_sigma, arm_sigma = float(np.hypot(sigma[0], FLOOR * arm_mass)), float(sigma[ARM])
     significant = bool(abs(change[0]) > SURE * mass_sigma or abs(change[ARM]) > SURE * arm_sigma)
     if not significant:
-        change, covariance = regression.solved(_declared(cell, prior))
-        mass_sigma, arm_sigma = (float(np.sqrt(covariance[k, k])) for k in (0, ARM))
-    bodies = np.delete(np.arange(ARM + 1 + 4 * cell.robot.joints), ARM)
-    columns = np.concatenate(
-        [_mass_columns(cell, g, log) for g, log in zip(geometries, logs, strict=True)], axis=-1
-    )
+        change, covariance, _ = regression.solved(_declared(cell, prior))
+        mass_sigma = float(np.sqrt(covariance[0, 0]))
+    own = change[: ARM + 1]
+    added = np.concatenate([np.einsum("pjn,p->jn", c[: ARM + 1], own) for c in columns], axis=-1)
+    bodies = _bodies(cell)
+    with_arm = np.eye(change.size)[bodies]
+    with_arm[TOOL::4, ARM] = 1.0  # the arm's factor is a deviation of every link's mass
     return PayloadEstimate(
         payload=payload_of(cell, change[bodies], 1.0 + float(change[ARM])),
         stated=cell.plate.body.mass,
         mass_sigma=mass_sigma,
         arm_sigma=arm_sigma,
-        added_load=np.sqrt(
-            (np.einsum("pjn,p->jn", columns[: ARM + 1], change[: ARM + 1]) ** 2).mean(axis=1)
-        ),
+        added_load=np.sqrt((added**2).mean(axis=1)),
         significant=significant,
-        covariance=covariance[np.ix_(bodies, bodies)],
+        covariance=with_arm @ covariance @ with_arm.T,
     )
 
 
@@ -109,18 +110,18 @@ class _Regression:
     design: Array  # (P, J, N)
     logs: Sequence[LoggedTorque]
 
-    def solved(self, prior: Array) -> tuple[Array, Array]:
-        """Estimate (P,) and its covariance (P, P), from the prior (P, P) and blocks of time."""
+    def solved(self, prior: Array) -> tuple[Array, Array, Array]:
+        """Estimate (P,), its covariance (P, P), and that from the prior and blocks of time."""
         flat = self.design.reshape(len(self.design), -1)
         normal = flat @ flat.T
-        half = np.linalg.cholesky(prior + 0.0)
+        half = np.linalg.cholesky(prior)
         inner = np.linalg.inv(half.T @ normal @ half + np.eye(len(half)))
         covariance = half @ inner @ half.T
         change = covariance @ (flat @ self.rest.reshape(-1))
         left = self.rest - np.einsum("pjn,p->jn", self.design, change)
         influence = covariance @ _block_sums((self.design * left).sum(axis=1), self.logs)
         from_prior = half @ inner
-        return change, from_prior @ from_prior.T + influence @ influence.T
+        return change, covariance, from_prior @ from_prior.T + influence @ influence.T
 
 
 def _priors(cell: Cell) -> tuple[Array, Array]:
@@ -145,13 +146,22 @@ def _declared(cell: Cell, prior: Array) -> Array:
     """The prior covariance with bodies as the files state them, within their tolerance."""
     out, stated = prior.copy(), stated_covariance(cell)
     out[ARM, ARM] = EXACT**2
-    bodies = np.delete(np.arange(ARM + 1 + 4 * cell.robot.joints), ARM)
+    bodies = _bodies(cell)
     out[np.ix_(bodies, bodies)] = stated
     return out
 
 
-def _regression(cell: Cell, geometry: Geometry, log: LoggedTorque) -> tuple[Array, Array]:
-    """Whitened torque beyond the modelled load (J, N) and columns (5 + 9 J, J, N), no tension."""
+def _bodies(cell: Cell) -> NDArray[np.intp]:
+    """Where the deviations of tool and links stand among the unknowns."""
+    return np.delete(np.arange(ARM + 1 + 4 * cell.robot.joints), ARM)
+
+
+def _regression(cell: Cell, masses: Array, log: LoggedTorque) -> tuple[Array, Array]:
+    """Whitened torque beyond the modelled load (J, N) and columns (5 + 9 J, J, N), no tension.
+
+    masses : (5 + 4 J, J, N) columns of the masses. A gain is one of the whole load, the rod's share
+    included: as a gain of the arm's weight alone it passes for other masses.
+    """
     gears, side = cell.robot.required("gears"), friction_sign(log.speed)
     rise = side / (1.0 + (log.speed / gears.stribeck[:, None]) ** 2)
     tension = from_motor_torque(cell, log.torque, log.carried, log.speed, log.acceleration).force
@@ -159,7 +169,7 @@ def _regression(cell: Cell, geometry: Geometry, log: LoggedTorque) -> tuple[Arra
     each = np.zeros((len(terms), cell.robot.joints, *log.torque.shape))
     for k in range(cell.robot.joints):
         each[:, k, k] = [term[k] for term in terms]
-    columns = np.concatenate((_mass_columns(cell, geometry, log), *each))
+    columns = np.concatenate((masses, *each))
     unlike = gears.coulomb[:, None] * np.exp(-((log.speed / REVERSAL_SPEED) ** 2))
     sigma = np.hypot(TORQUE_SIGMA, unlike)
     direction = log.carried.gear_per_newton
