@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,7 +56,7 @@ def payload_of(cell: Cell, deviations: Array, arm: float = 1.0) -> Payload:
     """The masses of a cell with such deviations, and all links times `arm` beside."""
     body, tool = cell.plate.body, deviations[:TOOL]
     mass = body.mass + float(tool[0])
-    rows: Sequence[Array] = deviations[TOOL:].reshape(-1, 4)
+    rows = deviations[TOOL:].reshape(-1, 4)
     return Payload(
         mass,
         (body.mass * body.com + tool[1:]) / mass,
