@@ -18,7 +18,7 @@ from cell.robot_angles import controller_to_joints
 from ident.loads.gear_loads import mass_model, own_weight
 
 LINK_PRIOR, CENTRE_PRIOR = 0.02, 3e-3  # of a body's mass; [m] of its centre; assumed
-LEFT_OUT = 1e-3  # of the variance of the loads that directions left out may have
+LEFT_OUT = 3e-3  # of the variance of the loads that directions left out may have
 POSES, _SEED = 40, 7  # at which loads are compared
 
 
@@ -52,9 +52,10 @@ def deviated_cells(cell: Cell, covariance: Array) -> tuple[Cell, ...]:
         return own_weight(mass_model(masses), geometry, q).gear
 
     carried = gear_loads(cell)
-    scale = np.maximum(np.sqrt((carried**2).mean(axis=1, keepdims=True)), np.finfo(float).tiny)
-    changes = [((gear_loads(with_deviations(cell, c)) - carried) / scale).ravel() for c in factor.T]
-    turned, sizes, _ = np.linalg.svd(np.array(changes), full_matrices=False)
+    changes = np.stack([gear_loads(with_deviations(cell, c)) - carried for c in factor.T])
+    spread = np.sqrt((changes**2).sum(axis=(0, 2)))  # every gear that carries counts alike
+    changes /= np.where(spread > 0.0, spread, 1.0)[:, None]
+    turned, sizes, _ = np.linalg.svd(changes.reshape(len(changes), -1), full_matrices=False)
     beyond = 1.0 - np.cumsum(sizes**2) / (sizes**2).sum()
     count = int(np.argmax(beyond < LEFT_OUT)) + 1
     return tuple(with_deviations(cell, c) for c in (factor @ turned[:, :count]).T)
