@@ -41,10 +41,12 @@ def bar_bodies(cell: Cell) -> list[Link]:
     return _local(Chain(bar.a, bar.d, bar.alpha, bar.theta, np.zeros(5)), bar.links)
 
 
-def link_rotations(robot: Robot) -> Array:
-    """(J, 3, 3) from the frame that turns with each joint to the base, all joint angles zero."""
+def link_rotations(robot: Robot) -> list[Array]:
+    """Rotations (3, 3) of links 1..J: columns are the axes of the frame that turns with the joint,
+    in the frame of the robot's file.
+    """
     frames = forward(nominal_chain(robot), np.zeros((1, robot.joints)))
-    return np.stack([frames.rotation(i)[:, :, 0] for i in range(robot.joints)])
+    return [frames.rotation(i)[:, :, 0] for i in range(robot.joints)]
 
 
 def flange_on_last_link(cell: Cell) -> tuple[Array, Array]:

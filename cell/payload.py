@@ -1,4 +1,4 @@
-"""Masses that a recording found: those of the tool at the flange, and of the arm's links."""
+"""Masses beside those of the files: of the tool at the flange, and of the arm's links."""
 
 from __future__ import annotations
 
@@ -9,6 +9,16 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell, Link
 
+TOOL = 4  # deviations of the tool: mass [kg] and first moment [kg m] in the flange's frame
+
+
+@dataclass(frozen=True, eq=False)
+class LinkDeviation:
+    """How one link deviates from the robot's file."""
+
+    scale: float  # of its mass and inertia
+    shift: Array  # (3,) [m] of its centre of mass, frame of the file
+
 
 @dataclass(frozen=True, eq=False)
 class Payload:
@@ -16,26 +26,44 @@ class Payload:
 
     mass: float  # [kg]
     com: Array  # (3,) [m] centre of mass, robot flange frame
-    arm: float = 1.0  # masses of the arm's links over those of the robot's file
-    # By how much each of links 1..J deviates beside that: its mass, relative, and its centre
-    # x, y, z [m] in the frame of the file; none where the links are taken as the file has them
-    links: tuple[tuple[float, float, float, float], ...] = ()
+    arm: float = 1.0  # masses of all links over those of the robot's file
+    links: tuple[LinkDeviation, ...] = ()  # of links 1 to J beside that; none for exact ones
 
 
 def with_payload(cell: Cell, payload: Payload) -> Cell:
     """The cell with these masses; the tool keeps the inertia of the plate about its own centre."""
     body = Link(payload.mass, payload.com, cell.plate.body.inertia)
     base, *links = cell.robot.required("links")
-    every = payload.links or ((0.0, 0.0, 0.0, 0.0),) * len(links)
-    changed = [_scaled(base, payload.arm, np.zeros(3))]
-    changed += [
-        _scaled(link, payload.arm + mass, np.array(centre))
-        for link, (mass, *centre) in zip(links, every, strict=True)
+    own = payload.links or (LinkDeviation(1.0, np.zeros(3)),) * len(links)
+    changed = [
+        _scaled(link, payload.arm * deviation.scale, deviation.shift)
+        for link, deviation in zip(links, own, strict=True)
     ]
-    return replace(
-        cell, plate=replace(cell.plate, body=body), robot=replace(cell.robot, links=tuple(changed))
+    robot = replace(cell.robot, links=(_scaled(base, payload.arm, np.zeros(3)), *changed))
+    return replace(cell, plate=replace(cell.plate, body=body), robot=robot)
+
+
+def with_deviations(cell: Cell, deviations: Array) -> Cell:
+    """The cell with masses that deviate by `deviations` (TOOL + 4 J,) from its own.
+
+    Of the tool mass [kg] and first moment [kg m], then of each link the mass relative to its own
+    and the centre [m].
+    """
+    return with_payload(cell, payload_of(cell, deviations))
+
+
+def payload_of(cell: Cell, deviations: Array, arm: float = 1.0) -> Payload:
+    """The masses of a cell with such deviations, and all links times `arm` beside."""
+    body, tool = cell.plate.body, deviations[:TOOL]
+    mass = body.mass + float(tool[0])
+    rows = deviations[TOOL:].reshape(-1, 4)
+    return Payload(
+        mass,
+        (body.mass * body.com + tool[1:]) / mass,
+        arm,
+        tuple(LinkDeviation(1.0 + float(row[0]), row[1:]) for row in rows),
     )
 
 
-def _scaled(link: Link, factor: float, shift: Array) -> Link:
-    return Link(factor * link.mass, link.com + shift, factor * link.inertia)
+def _scaled(link: Link, scale: float, shift: Array) -> Link:
+    return Link(scale * link.mass, link.com + shift, scale * link.inertia)

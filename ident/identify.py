@@ -33,6 +33,7 @@ from ident.estimator.uncertainty import Uncertainty, uncertainty
 from ident.estimator.unknowns import GAIN_PRIOR, fixed_names, held_names
 from ident.joint_errors import fit_joint_errors, may_have_joint_errors
 from ident.loads.logged_tension import logged_torque
+from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
 from ident.loads.payload import PayloadEstimate, payload_of_recordings
 from ident.loads.rod_tension import TORQUE_NEEDS
 from ident.model_choice import coefficients_of, lasting
@@ -169,7 +170,7 @@ def _fitted(
     if options.corrections is not None:
         corrections = list(options.corrections)
     elif payload := _payload(cell, single, options):
-        cell = with_payload(cell, payload.masses)
+        cell = with_payload(cell, payload.payload)
     few = len(single[0].samples.encoders) < COMPLETE_ENCODERS and not measures_length
     if automatic and len(single) == 1 and few:
         corrections = []  # step faults can be sized all the same
@@ -228,10 +229,11 @@ def _result(
 
     single : the dh fit of each. orders : of joint errors that were found by evidence.
     """
-    stated, layout = uncertainty(fit), fit.model.unknowns
+    deviated = _deviated(cell, fit, payload)
+    stated, layout = uncertainty(fit, deviated), fit.model.unknowns
     complete = fit is not single[0].fit
     known = stated.information_gain > MOSTLY_PRIOR
-    robot = replace(_robot(cell, single[0], fit, stated, known), payload=payload)
+    robot = replace(_robot(cell, single[0], fit, stated, known, deviated), payload=payload)
     agreement = consistency(fit)
     softer = 1.0 if payload else _softer(fit)
     if masses_in_doubt(softer):
@@ -312,7 +314,12 @@ def _substituted(robot: RobotEstimate) -> str:
 
 
 def _robot(
-    cell: Cell, first: RecordingFit, fit: Fit, stated: Uncertainty, known: NDArray[np.bool_]
+    cell: Cell,
+    first: RecordingFit,
+    fit: Fit,
+    stated: Uncertainty,
+    known: NDArray[np.bool_],
+    deviated: Sequence[Cell],
 ) -> RobotEstimate:
     layout, x = fit.model.unknowns, fit.x
     shared = np.arange(layout.shared.size)
@@ -353,7 +360,7 @@ def _robot(
             )
             for c, position in zip(corrections, positions, strict=True)
         ),
-        tcp_sigma=_tcp_sigma(cell, fit, stated.covariance),
+        tcp_sigma=_tcp_sigma(cell, fit, stated, deviated),
         dropped=_dropped(cell, first, fit, at_prior),
     )
 
@@ -372,14 +379,31 @@ def _dropped(
     return (*fixed, *(reasons.get(n, DroppedParameter(n, "prior", ())) for n in at_prior))
 
 
-def _tcp_sigma(cell: Cell, fit: Fit, covariance: Array) -> Array:
-    """(G,) [m] stated uncertainty of the unloaded robot's tool, base aligned."""
+def _deviated(cell: Cell, fit: Fit, payload: PayloadEstimate | None) -> tuple[Cell, ...]:
+    """Cells that deviate by what is not known of the masses that a fit took as given."""
+    if fit.model.masses is None:
+        return ()
+    known = stated_covariance(cell) if payload is None else payload.covariance
+    return deviated_cells(cell, known)
+
+
+def _tcp_sigma(cell: Cell, fit: Fit, stated: Uncertainty, deviated: Sequence[Cell]) -> Array:
+    """(G,) [m] stated uncertainty of the unloaded robot's tool, base aligned.
+
+    Masses move the tool directly and by what they made of the unknowns, so both stand in one
+    covariance.
+    """
     layout, grid = fit.model.unknowns, accuracy_grid(cell.robot)
     corrections, values = fit.model.corrections, fit.x[layout.coefficients]
     robot = UnloadedRobot(cell, fit.geometry(), corrections, values)
     machine = layout.machine
     moves = robot.jacobian(grid, layout.shared)
-    return position_sigma(robot.tool(grid), moves, covariance[np.ix_(machine, machine)])
+    covariance = stated.covariance[np.ix_(machine, machine)]
+    if deviated:
+        shifts = stated.considered[machine]
+        moves = np.concatenate((moves, robot.moved_by_masses(deviated, grid)))
+        covariance = np.block([[covariance, shifts], [shifts.T, np.eye(len(deviated))]])
+    return position_sigma(robot.tool(grid), moves, covariance)
 
 
 def _recording(

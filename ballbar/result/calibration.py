@@ -21,7 +21,7 @@ from cell.descriptions import Cell
 from cell.errors import DescriptionError
 from cell.files import write_yaml
 from cell.geometry import Geometry, table_of_names
-from cell.payload import Payload, with_payload
+from cell.payload import LinkDeviation, Payload, with_payload
 from cell.schema import Strict
 from cell.statistics import rms
 from cell.strict_yaml import check_schema, load_yaml, parse_model
@@ -163,17 +163,14 @@ class DroppedEntry(Strict):
 
 
 class LinkMassEntry(Strict):
-    """How one link deviates from the robot's file, beside the arm's scale."""
+    """How one link deviates from the robot's file, the arm's factor apart."""
 
-    relative_mass: float
-    centre_m: tuple[float, float, float]  # shift in the frame of the file
+    scale: Positive  # of its mass and inertia
+    shift_m: tuple[float, float, float]  # of its centre, frame of the robot's file
 
 
 class MassesEntry(Strict):
-    """Masses that the torque logs show, in place of those of the files.
-
-    The standard deviations are those of an estimate that does not trust the files.
-    """
+    """Masses that the fit took from the torque logs in place of those of the files."""
 
     tool_kg: Positive
     tool_sigma_kg: Positive
@@ -181,11 +178,11 @@ class MassesEntry(Strict):
     tool_com_m: tuple[float, float, float]  # robot flange frame
     arm_scale: Positive  # of the masses in the robot's file
     arm_scale_sigma: Positive
-    links: tuple[LinkMassEntry, ...] = ()  # 1 to J
+    links: tuple[LinkMassEntry, ...] = ()  # of links 1 to J beside that
 
     @property
     def payload(self) -> Payload:
-        links = tuple((link.relative_mass, *link.centre_m) for link in self.links)
+        links = tuple(LinkDeviation(link.scale, np.array(link.shift_m)) for link in self.links)
         return Payload(self.tool_kg, np.array(self.tool_com_m), self.arm_scale, links)
 
 
@@ -347,18 +344,16 @@ def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]
 def _masses(estimate: PayloadEstimate | None) -> MassesEntry | None:
     if estimate is None:
         return None
-    masses = estimate.masses
-    x, y, z = masses.com.tolist()
+    x, y, z = estimate.payload.com.tolist()
+    links = [(link.scale, *link.shift.tolist()) for link in estimate.payload.links]
     return MassesEntry(
-        tool_kg=masses.mass,
+        tool_kg=estimate.payload.mass,
         tool_sigma_kg=estimate.mass_sigma,
         tool_stated_kg=estimate.stated,
         tool_com_m=(x, y, z),
-        arm_scale=masses.arm,
+        arm_scale=estimate.payload.arm,
         arm_scale_sigma=estimate.arm_sigma,
-        links=tuple(
-            LinkMassEntry(relative_mass=mass, centre_m=(x, y, z)) for mass, x, y, z in masses.links
-        ),
+        links=tuple(LinkMassEntry(scale=scale, shift_m=(a, b, c)) for scale, a, b, c in links),
     )
 
 

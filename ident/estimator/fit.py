@@ -95,6 +95,7 @@ class _WhitenedLoopClosure:
     ballbars: Sequence[Array]
     excess: ExcessNoise
     keep_blocks: bool
+    freeze_after: int
 
     def start(self) -> NormalEquations:
         return normal_equations(
@@ -112,7 +113,7 @@ class _WhitenedLoopClosure:
             accepted.x,
             [point.ballbar for point in equations.evaluations],
             self.excess,
-            weights=equations.weights if iterations >= FREEZE_AFTER else (),
+            weights=equations.weights if iterations >= self.freeze_after else (),
             previous=accepted.evaluations,
             keep_blocks=self.keep_blocks,
         )
@@ -130,13 +131,15 @@ def fit(
     negligible: float = NEGLIGIBLE,
     max_iterations: int = 50,
     reuse_below: float = 0.0,
+    freeze_after: int = FREEZE_AFTER,
     search: Search | None = None,
     on_iteration: IterationCallback | None = None,
 ) -> Fit:
     """Fit the model from x (P,).
 
     ballbars : (N, 5) [rad] of each recording, where its unmeasured joints start.
-    negligible, reuse_below : as `NEGLIGIBLE` and `REUSE_BELOW` above. search : as in `minimise`.
+    negligible, reuse_below, freeze_after : as `NEGLIGIBLE`, `REUSE_BELOW` and `FREEZE_AFTER` above.
+    search : as in `minimise`.
     on_iteration : called with the start and each iteration.
 
     Raises SingularError where the model has no finite linearisation.
@@ -147,7 +150,7 @@ def fit(
             on_iteration(_iteration(model, equations))
 
     minimum = minimise(
-        _WhitenedLoopClosure(model, x, ballbars, excess, keep_blocks=reuse_below > 0.0),
+        _WhitenedLoopClosure(model, x, ballbars, excess, reuse_below > 0.0, freeze_after),
         Stop(decrease=negligible),
         max_iterations=max_iterations,
         reuse_below=reuse_below,

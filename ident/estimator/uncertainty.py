@@ -10,12 +10,15 @@ contributes is not inflated, unless the lengths that are known beforehand contra
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from cell.descriptions import Cell
+from ident.estimator.considered import considered_shifts
 from ident.estimator.fit import Fit
 from ident.estimator.known_lengths import KnownLengths, known_lengths
 from ident.estimator.normal_equations import jacobian
@@ -28,7 +31,8 @@ STRONG = 0.9  # correlation from which two unknowns are named together
 class Uncertainty:
     """How well the unknowns of a fit are known."""
 
-    covariance: Array  # (P, P)
+    covariance: Array  # (P, P) what is considered included
+    considered: Array  # (P, K) shifts of the estimate for a deviation of each direction of masses
     inflation: Array  # (P,) factor on each standard deviation over that of white residuals
     information_gain: Array  # (P,) 1 - (posterior sigma / prior sigma)^2: 0 prior alone, 1 data
     autocorrelation: float  # of neighbours in the whitened residual
@@ -36,8 +40,12 @@ class Uncertainty:
     lengths: KnownLengths
 
 
-def uncertainty(fit: Fit) -> Uncertainty:
-    """Autocorrelation-robust covariance of a fit, misfit included."""
+def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
+    """Autocorrelation-robust covariance of a fit, misfit included.
+
+    deviated : cells with masses beside those that the fit took as given, as in
+        ident.estimator.considered.
+    """
     layout, misfit = fit.model.unknowns, max(1.0, fit.chi2_per_dof)
     sigma, lengths = layout.sigma, known_lengths(layout, fit.x, fit.covariance)
     power, sums = _scores(fit)
@@ -47,18 +55,21 @@ def uncertainty(fit: Fit) -> Uncertainty:
     covariance = misfit * data * np.outer(inflation, inflation) + prior
     doubted = fit.covariance[:, lengths.unknowns] / sigma[lengths.unknowns]
     covariance += (lengths.widening**2 - 1.0) * doubted @ doubted.T
+    shifts = considered_shifts(fit, deviated)
+    covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
     neighbours = [
         autocorrelation(residual, samples.times, samples.smoothing)
         for residual, samples in zip(fit.linear.residuals, fit.model.recordings, strict=True)
     ]
     return Uncertainty(
-        0.5 * (covariance + covariance.T),
-        inflation,
-        gain,
-        float(np.mean(neighbours)),
-        sums.shape[1],
-        lengths,
+        covariance=0.5 * (covariance + covariance.T),
+        considered=shifts,
+        inflation=inflation,
+        information_gain=gain,
+        autocorrelation=float(np.mean(neighbours)),
+        blocks=sums.shape[1],
+        lengths=lengths,
     )
 
 

@@ -7,8 +7,9 @@ that the weight presses it to.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +99,30 @@ class UnloadedRobot:
                 else:
                     columns.append(gears[channel] * regressor if channel >= GEAR else none)
         return np.stack(columns)
+
+    def moved_by_masses(self, cells: Sequence[Cell], q: Array) -> Array:
+        """(K, 3, N) [m] how the tool moves at q (N, J) [rad] if its masses are those of K cells.
+
+        Joints turn the tool to first order.
+        """
+        carrying = self._carrying()
+        joints, motion = carrying.deflected(q)
+        screws = joint_screws(robot_frames(self.geometry, self.joints(q)))[:, :3]
+        moves = []
+        for cell in cells:
+            others, other_motion = replace(carrying, cell=cell).deflected(q)
+            turned = np.einsum("nj,jcn->cn", others - joints, screws)
+            moves.append(turned + other_motion[:3] - motion[:3])
+        return np.stack(moves)
+
+    def _carrying(self) -> UnloadedRobot:
+        """The robot with no other corrections than those that depend on loads."""
+        if self.values is None:
+            return self
+        loaded = [c.slopes is not None for c in self.corrections]
+        chosen = np.repeat(loaded, [len(c.coefficients) for c in self.corrections])
+        corrections = tuple(compress(self.corrections, loaded))
+        return replace(self, corrections=corrections, values=self.values[chosen])
 
     def _regressors(self, q: Array) -> Iterator[tuple[Channel, Array]]:
         """Channel and regressor (N,) of every coefficient, at rest under the robot's own weight."""

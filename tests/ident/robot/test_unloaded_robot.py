@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, robot_frames
+from cell.payload import Payload, with_payload
 from ident.corrections import CORRECTIONS
 from ident.loads.gear_loads import mass_model, own_weight
 from ident.robot.unloaded_robot import UNDECIDED, UNDECIDED_WRIST, UnloadedRobot, backlash_flanks
@@ -110,3 +113,17 @@ def test_values_that_do_not_fit_the_corrections_are_refused(robot: UnloadedRobot
     short = UnloadedRobot(robot.cell, robot.geometry, robot.corrections, robot.values[:-1])
     with pytest.raises(ValueError, match="zip"):
         short.tool(q)
+
+
+def test_the_tool_moves_with_the_masses_as_the_robot_of_the_other_cell(
+    cell: Cell, robot: UnloadedRobot, q: Array
+) -> None:
+    """Every correction that does not depend on loads cancels."""
+    body = cell.plate.body
+    other = with_payload(cell, Payload(1.2 * body.mass, body.com + 0.01, 1.02))
+    expected = replace(robot, cell=other).tool(q) - robot.tool(q)
+    moves = robot.moved_by_masses([other, cell], q)
+    assert np.linalg.norm(expected, axis=1).min() > 5e-6
+    # turns by 3e-5 rad under displacements of 1e-4 rad: second order is 1e-8 of a metre
+    assert np.abs(moves[0].T - expected).max() < 2e-8
+    assert not moves[1].any()

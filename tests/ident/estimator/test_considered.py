@@ -1,0 +1,176 @@
+"""What uncertain masses add to the uncertainty of a fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.arrays import Array
+from cell.descriptions import Cell
+from cell.payload import with_deviations
+from ident.corrections import correction_named
+from ident.estimator import considered
+from ident.estimator.considered import considered_shifts
+from ident.estimator.fit import Fit, fit
+from ident.estimator.model import Model, gearing
+from ident.estimator.samples import samples_of
+from ident.estimator.uncertainty import uncertainty
+from ident.estimator.unknowns import RecordingStart, complete_unknowns
+from ident.loads.gear_loads import loads, mass_model
+from ident.loads.logged_tension import tension_splines
+from ident.loads.mass_uncertainty import deviated_cells, stated_covariance
+from ident.robot.accuracy import accuracy_grid, position_sigma, rigid_basis
+from ident.robot.unloaded_robot import UnloadedRobot
+from tests.helpers.complete_model import EXCESS
+from tests.helpers.synthetic_recording import (
+    CELL,
+    NO_CLOCK_ERROR,
+    NOMINAL,
+    UNIVERSAL_AND_GIMBAL,
+    exact_log,
+    minute,
+)
+
+GRID = accuracy_grid(CELL.robot)[::8]
+STIFFNESS = CELL.robot.required("gears").stiffness
+
+
+@pytest.fixture(scope="module")
+def deviated() -> tuple[Cell, ...]:
+    return deviated_cells(CELL, stated_covariance(CELL))
+
+
+@pytest.fixture(scope="module")
+def elastic_fit() -> Fit:
+    """A minute of a robot on elastic gears with the masses of its files and a known tension."""
+    path, columns = minute(), [j - 1 for j in UNIVERSAL_AND_GIMBAL]
+    still = np.zeros_like(path.q)
+    pull = 30.0 * np.sin(path.t)
+    load = loads(mass_model(CELL), NOMINAL, path.q, path.b, still, still).gears(pull)
+    logged = path.q + (load / STIFFNESS[:, None]).T @ CELL.robot.gear_to_joint
+    times = np.linspace(3.0, 57.0, 200)
+    samples = samples_of(
+        exact_log(path.t, logged),
+        exact_log(path.t, path.b[:, columns]),
+        UNIVERSAL_AND_GIMBAL,
+        np.ones(len(columns)),
+        times,
+    )
+    samples = replace(
+        samples, tension=np.interp(times, path.t, pull), splines=tension_splines(times)
+    )
+    start = RecordingStart(
+        UNIVERSAL_AND_GIMBAL, NOMINAL, NO_CLOCK_ERROR, samples.splines.shape[0], tension_sigma=1.0
+    )
+    chosen = (correction_named("joint_compliance", CELL, UNIVERSAL_AND_GIMBAL),)
+    layout, x = complete_unknowns(
+        CELL, NOMINAL, [start], chosen, measured_force=True, rod_sigma=None
+    )
+    model = Model(gearing(CELL), mass_model(CELL), chosen, layout, (samples,))
+    return fit(model, x, [samples.ballbar_angles(NOMINAL, NO_CLOCK_ERROR)], EXCESS)
+
+
+def refitted(estimate: Fit, cell: Cell) -> Fit:
+    """The same recording, fitted with the masses of another cell."""
+    model = replace(estimate.model, masses=mass_model(cell))
+    return fit(model, estimate.x, estimate.ballbars, EXCESS, negligible=1e-3)
+
+
+def compliances(estimate: Fit) -> list[int]:
+    return [estimate.model.unknowns.names.index(f"compliance{i}") for i in range(1, 7)]
+
+
+def unloaded(estimate: Fit, cell: Cell, x: Array) -> UnloadedRobot:
+    model = estimate.model
+    geometry = model.unknowns.geometry(x, 0)
+    return UnloadedRobot(cell, geometry, model.corrections, x[model.unknowns.coefficients])
+
+
+def drawn_cells(count: int) -> list[Cell]:
+    factor = np.linalg.cholesky(stated_covariance(CELL))
+    z = np.random.default_rng(8).standard_normal((count, len(factor)))
+    return [with_deviations(CELL, factor @ row) for row in z]
+
+
+def test_a_fit_with_other_masses_ends_where_the_shift_says(
+    elastic_fit: Fit, deviated: tuple[Cell, ...]
+) -> None:
+    """The directions are sorted by their effect; the first carries most of it."""
+    shift = considered_shifts(elastic_fit, deviated[:1])[:, 0]
+    moved = refitted(elastic_fit, deviated[0]).x - elastic_fit.x
+    sigma = np.sqrt(np.diag(elastic_fit.covariance))
+    # the deflection is bilinear in masses and compliances, and the masses differ by 2 %
+    assert np.linalg.norm((moved - shift) / sigma) < 0.15 * np.linalg.norm(moved / sigma)
+
+
+def test_few_samples_of_a_recording_give_the_same_shifts(
+    elastic_fit: Fit, deviated: tuple[Cell, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine = elastic_fit.model.unknowns.machine
+    every = considered_shifts(elastic_fit, deviated)[machine]
+    monkeypatch.setattr(considered, "SAMPLES", 100)  # of 200
+    half = considered_shifts(elastic_fit, deviated)[machine]
+    sigma = np.sqrt(np.diag(elastic_fit.covariance))[machine, None]
+    assert np.abs((half - every) / sigma).max() < 0.2
+
+
+def test_compliances_scatter_over_drawn_masses_as_stated(
+    elastic_fit: Fit, deviated: tuple[Cell, ...]
+) -> None:
+    """The recording is the same each time, so all scatter is that of the masses."""
+    where = compliances(elastic_fit)
+    shifts = considered_shifts(elastic_fit, deviated)[where]
+    fits = [refitted(elastic_fit, cell) for cell in drawn_cells(24)]
+    moved = np.array([(other.x - elastic_fit.x)[where] for other in fits])
+    ratio = np.sqrt((moved**2).mean(axis=0) / (shifts**2).sum(axis=1))
+    # 24 draws, six values that are correlated: a seventh of sampling error
+    assert 0.7 < np.sqrt((ratio**2).mean()) < 1.4
+
+
+def test_the_tool_scatters_over_drawn_masses_as_the_joint_covariance_says(
+    elastic_fit: Fit, deviated: tuple[Cell, ...]
+) -> None:
+    """A heavier link under the same deflection means a stiffer gear: the sag changes less."""
+    robot, machine = unloaded(elastic_fit, CELL, elastic_fit.x), elastic_fit.model.unknowns.machine
+    shifts = considered_shifts(elastic_fit, deviated)[machine]
+    moves = np.concatenate(
+        (
+            robot.jacobian(GRID, elastic_fit.model.unknowns.shared),
+            robot.moved_by_masses(deviated, GRID),
+        )
+    )
+    each = np.eye(len(deviated))
+    joint = np.block([[shifts @ shifts.T, shifts], [shifts.T, each]])
+    apart = np.block([[shifts @ shifts.T, 0.0 * shifts], [0.0 * shifts.T, each]])
+    here = robot.tool(GRID)
+    stated = np.sqrt((position_sigma(here, moves, joint) ** 2).mean())
+    errors, basis = [], rigid_basis(here)
+    for cell in drawn_cells(40):
+        moved = (
+            unloaded(elastic_fit, cell, refitted(elastic_fit, cell).x).tool(GRID) - here
+        ).ravel()
+        moved -= basis @ (basis.T @ moved)
+        errors.append((moved**2).sum() / len(GRID))
+    # 40 draws of a few directions: a seventh of sampling error
+    assert 0.75 < np.sqrt(np.mean(errors)) / stated < 1.33
+    assert np.sqrt((position_sigma(here, moves, apart) ** 2).mean()) > 1.2 * stated
+
+
+def test_stated_covariance_is_that_of_known_masses_and_the_shifts(
+    elastic_fit: Fit, deviated: tuple[Cell, ...]
+) -> None:
+    known, stated = uncertainty(elastic_fit), uncertainty(elastic_fit, deviated)
+    added = stated.considered @ stated.considered.T
+    assert known.considered.shape[1] == 0
+    scale = np.sqrt(np.outer(*[np.diag(stated.covariance)] * 2))
+    assert stated.covariance / scale == pytest.approx((known.covariance + added) / scale, abs=1e-9)
+    assert np.diag(added)[compliances(elastic_fit)].min() > 0.0
+
+
+def test_a_fit_without_loads_has_nothing_to_consider(
+    elastic_fit: Fit, deviated: tuple[Cell, ...]
+) -> None:
+    bare = replace(elastic_fit, model=replace(elastic_fit.model, masses=None))
+    assert not considered_shifts(bare, deviated).any()
