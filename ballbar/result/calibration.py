@@ -278,7 +278,7 @@ def calibration_of(data: RunData) -> CalibrationFile:
         parameters=_parameters(shared, robot.nominal, robot.geometry, robot.sigma),
         dropped=tuple(DroppedEntry(name=d.name, reason=d.reason, on=d.on) for d in robot.dropped),
         corrections=_corrections(robot),
-        masses=_masses(robot.payload),
+        masses=masses_entry(robot.payload),
         recordings=tuple(_recording(estimate) for estimate in result.recordings),
         fit=FitEntry(
             status=verdict.status,
@@ -341,7 +341,8 @@ def _corrections(robot: RobotEstimate) -> dict[str, dict[str, CoefficientEntry]]
     }
 
 
-def _masses(estimate: PayloadEstimate | None) -> MassesEntry | None:
+def masses_entry(estimate: PayloadEstimate | None) -> MassesEntry | None:
+    """The masses that a fit took from torque logs; None where it took those of the files."""
     if estimate is None:
         return None
     x, y, z = estimate.payload.com.tolist()
