@@ -7,7 +7,7 @@ is drawn from the stream of its source.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -55,6 +55,11 @@ class PlantEffects:
     base_stiffness: float | None = None  # [N/m]; None: rigid
     masses: Masses | None = None  # None: those of the files
     force_sensor: bool = False  # whether the flange's force and torque are measured
+
+    @property
+    def without_backlash(self) -> PlantEffects:
+        """The same machine with no play in gears and rod."""
+        return replace(self, gear_backlash=np.zeros_like(self.gear_backlash), rod_backlash=0.0)
 
     def transmission_error(self, gears: Array) -> Array:
         """(N, J) [rad] error delta of each gear at output angles g (N, J) [rad].

@@ -12,7 +12,7 @@ sec. 5).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,17 @@ class Equilibrium:
 
 
 @dataclass(frozen=True, eq=False)
+class _Solution:
+    """Where the Newton steps ended."""
+
+    x: Array  # (22,)
+    multipliers: Array  # (6,)
+    rod: float  # [N] force in it
+    open: float  # [m, rad] of the loop
+    still: bool
+
+
+@dataclass(frozen=True, eq=False)
 class _Machine:
     """What does not change during the search."""
 
@@ -87,15 +98,31 @@ def equilibrium(plant: Plant, command: Array, q: Array, b: Array) -> Equilibrium
     machine = _machine(plant, command)
     x = np.zeros(COORDINATES)
     x[MOTOR], x[BAR] = q, b
-    multipliers = np.zeros(6)
-    active = machine.active
+    solution = _solved(machine, x, np.zeros(6))
+    if not solution.still:  # where nothing has play the steps do not jump from flank to flank
+        rigid = _machine(replace(plant, effects=plant.effects.without_backlash), command)
+        first = _solved(rigid, x, np.zeros(6))
+        solution = _solved(machine, first.x, first.multipliers)
+    if not solution.still:
+        raise NoEquilibriumError(
+            f"statics: no equilibrium in {_MAX_STEPS} steps; loop open by {solution.open:.3g}. "
+            "Move the pose away from singularities, or start closer to it"
+        )
+    return _as_equilibrium(machine, solution.x, solution.rod)
+
+
+def _solved(machine: _Machine, x: Array, multipliers: Array) -> _Solution:
+    """Newton steps from x (22,) and multipliers (6,) of the loop until everything is still."""
+    x, multipliers, active = x.copy(), multipliers.copy(), machine.active
     for k in range(_MAX_STEPS):
         ends = _ends(machine, x)
         closed, columns = _closure(ends), _closure_columns(ends)[:, active]
         force, hessian = _forces(machine, ends, x)
         imbalance = force[active] + columns.T @ multipliers
-        if np.abs(closed).max() < _CLOSURE_TOLERANCE and np.abs(imbalance).max() < _FORCE_TOLERANCE:
-            return _as_equilibrium(machine, x, float(force[ROD] - _rod_weight(machine, ends)))
+        gap = float(np.abs(closed).max())
+        if gap < _CLOSURE_TOLERANCE and np.abs(imbalance).max() < _FORCE_TOLERANCE:
+            rod = float(force[ROD] - _rod_weight(machine, ends))
+            return _Solution(x, multipliers, rod, gap, still=True)
         system = np.block(
             [[hessian[np.ix_(active, active)], columns.T], [columns, np.zeros((6, 6))]]
         )
@@ -105,10 +132,7 @@ def equilibrium(plant: Plant, command: Array, q: Array, b: Array) -> Equilibrium
         share = 1.0 if k < _PATIENCE else _to_end_of_backlash(machine, x, step)
         x += share * step
         multipliers += share * (solution[active.size :] - multipliers)
-    raise NoEquilibriumError(
-        f"statics: no equilibrium in {_MAX_STEPS} steps; loop open by {np.abs(closed).max():.3g}. "
-        "Move the pose away from singularities, or start closer to it"
-    )
+    return _Solution(x, multipliers, 0.0, gap, still=False)
 
 
 def gravity_torque(cell: Cell, geometry: Geometry, q: Array) -> Array:

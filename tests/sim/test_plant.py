@@ -29,6 +29,7 @@ from sim.plant.mjcf import plant_model
 from sim.plant.mujoco_plant import PlantError, check_motion, prepare, roll_out, run_plant
 from sim.plant.statics import equilibrium, gravity_torque
 from sim.simulate import simulate
+from tests.helpers.drawn_robots import scenario_of
 from tests.helpers.log_analysis import pull_push
 from tests.helpers.plant_oracle import CELLS, EFFECTS, held_against_oracle
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, perturbed, settings
@@ -57,6 +58,13 @@ def test_the_run_starts_at_rest(recorded: Recorded) -> None:
     motion = recorded.simulation.motion
     assert np.abs(motion.q[500] - motion.q[0]).max() < 1e-8  # half a second into the first dwell
     assert abs(motion.rod_force[500] - motion.rod_force[0]) < 1e-2
+
+
+@pytest.mark.slow
+def test_a_mechanism_whose_steps_jump_from_flank_to_flank_has_an_equilibrium() -> None:
+    """Drawn robot 8: from the path's first pose they end with the loop open by 5 mm."""
+    run = simulate(scenario_of("irb2400", "a", 8, 120.0), relative_to=SCENARIOS)
+    assert run.truth.closure_position < 0.5e-6
 
 
 def test_a_mechanism_whose_rod_is_within_its_backlash_has_an_equilibrium() -> None:
