@@ -28,7 +28,7 @@ from ident.estimator.order_search import (
     whole_orders,
 )
 from ident.estimator.regions import joint_regions
-from ident.estimator.uncertainty import block_numbers
+from ident.estimator.time_blocks import block_numbers
 from ident.options import Listener
 from ident.result import Identification
 from ident.verdict import Status

@@ -51,13 +51,18 @@ def needed_corrections(fit: Fit, tried: Sequence[Correction]) -> list[Correction
 
 
 def unsupported(result: Fit) -> set[str]:
-    """Names of corrections whose coefficients are all zero as far as the data can tell."""
+    """Names of corrections whose coefficients are all zero as far as the data can tell.
+
+    All deviations of a correction are widened by one factor, or single coefficients that a few
+    blocks of time determine would break the correlations of the others.
+    """
     stated, out = uncertainty(result), set()
     for correction in present(result):
         position = coefficients_of(result, correction)
         values = result.x[position]
-        spread = stated.covariance[position, position]
-        chi2 = float(values @ np.linalg.solve(spread, values))
+        widening = max(1.0, result.chi2_per_dof) * np.median(stated.inflation[position]) ** 2
+        white = result.covariance[position, position]
+        chi2 = float(values @ np.linalg.solve(white, values)) / widening
         if chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
             out.add(correction.name)
     return out

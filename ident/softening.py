@@ -17,7 +17,7 @@ from ident.complete_fit import needs_loads, refit
 from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.estimator.fit import Fit
 from ident.estimator.order_search import LinearModel, left_out, of_few
-from ident.estimator.uncertainty import block_sums
+from ident.estimator.time_blocks import block_sums
 from ident.joint_errors import linearised, thinning
 from ident.options import Listener
 

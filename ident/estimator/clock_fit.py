@@ -20,7 +20,8 @@ import numpy as np
 from cell.arrays import Array
 from cell.clock import Clock
 from ident.estimator.samples import MARGIN
-from ident.estimator.uncertainty import block_numbers, inflation_factors
+from ident.estimator.time_blocks import block_numbers
+from ident.estimator.uncertainty import inflation_factors
 from ident.signals.smooth_log import SmoothLog
 
 SHORTEST = 2.5  # [s] of overlap that is fitted

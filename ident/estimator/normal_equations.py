@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +41,6 @@ class JacobianBlock:
             splines = model.recordings[k].splines[:, self.samples]
             out[knots] = (splines * (self.slope * vector).sum(axis=0)).toarray()
         return out
-
-    def between(self, first: int, stop: int) -> JacobianBlock:
-        """The part from sample `first` of the recording up to `stop`."""
-        begin = self.samples.start
-        samples = slice(max(first, begin), min(stop, self.samples.stop))
-        own = slice(samples.start - begin, samples.stop - begin)
-        slope = None if self.slope is None else self.slope[:, own]
-        return JacobianBlock(samples, self.index, self.values[..., own], slope)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,10 +155,16 @@ def at_trial(model: Model, equations: NormalEquations, accepted: Trial) -> Norma
 
 
 def jacobian(
-    model: Model, equations: NormalEquations, k: int, *, from_the_end: bool = False
+    model: Model,
+    equations: NormalEquations,
+    k: int,
+    *,
+    firsts: Sequence[int] = (),
+    from_the_end: bool = False,
 ) -> Iterator[JacobianBlock]:
     """Whitened derivatives of recording k, block after block in order of time.
 
+    firsts : first sample of each block, increasing; by default blocks are of one size.
     from_the_end : the last block first, for sums over all samples behind an instant.
     """
     layout, samples, own = model.unknowns, model.recordings[k], model.unknowns.own[k]
@@ -186,10 +185,10 @@ def jacobian(
     if point.state is not None and (layout.gain is not None or own.knots is not None):
         slope = weights(model.tension_column(x, point))
     steps = samples.after_clock_steps() if own.steps is not None else ()
-    firsts = range(0, samples.times.size, BLOCK_SAMPLES)
-    for first in reversed(firsts) if from_the_end else firsts:
-        block = slice(first, min(first + BLOCK_SAMPLES, samples.times.size))
-        values = np.empty((index.size, weights.matrix.shape[0], block.stop - first))
+    edges = [*(firsts or range(0, samples.times.size, BLOCK_SAMPLES)), samples.times.size]
+    blocks = [slice(first, stop) for first, stop in pairwise(edges)]
+    for block in reversed(blocks) if from_the_end else blocks:
+        values = np.empty((index.size, weights.matrix.shape[0], block.stop - block.start))
         weights.part(block).jacobian(point.closure.part(block), geometric, values[: len(geometric)])
         rows = iter(values[len(geometric) :])
         for channel, regressor in zip(channels, regressors, strict=True):

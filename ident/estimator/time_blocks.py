@@ -8,6 +8,7 @@ cross-validation, Roberts et al. 2017).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from ident.estimator.fit import Fit
 from ident.estimator.normal_equations import add_normal, gradient_of, jacobian
-from ident.estimator.uncertainty import block_numbers
 
+BLOCK = 3.0  # [s] longer than residuals are correlated: the path's own motion, the tension's knots
 LENGTH = 6.0  # [s] of a block: longer than residuals are correlated (notes/unknown_machines)
 FOLDS = 5  # every fifth block is left out at once
 NONE = np.empty(0, dtype=np.intp)
@@ -136,33 +137,56 @@ def _step(normal: Array, gradient: Array, step: Array, free: NDArray[np.intp]) -
     return out
 
 
-def time_blocks(fit: Fit, length: float = LENGTH) -> TimeBlocks:
-    """A fit in blocks of `length` [s]; no block spans two recordings."""
+@dataclass(frozen=True, eq=False)
+class Block:
+    """The data's part of the normal equations of one block of time."""
+
+    recording: int  # from 0
+    start: float  # [s] of the first sample
+    normal: Array  # (P, P)
+    gradient: Array  # (P,) of half the cost
+    cost: float
+
+
+def each_block(fit: Fit, length: float) -> Iterator[Block]:
+    """The blocks of `length` [s] of a fit in order of time; none spans two recordings."""
     model, count = fit.model, fit.model.unknowns.count
-    recordings, starts, normals, gradients, costs = [], [], [], [], []
     for k, (samples, residual) in enumerate(
         zip(model.recordings, fit.linear.residuals, strict=True)
     ):
         number = block_numbers(samples.times, length)
-        edges = np.searchsorted(number, np.arange(number[-1] + 2))
-        normal = np.zeros((edges.size - 1, count, count))
-        gradient = np.zeros((edges.size - 1, count))
-        for chunk in jacobian(model, fit.linear, k):
-            for b in range(number[chunk.samples.start], number[chunk.samples.stop - 1] + 1):
-                part = chunk.between(edges[b], edges[b + 1])
-                add_normal(model, k, part, normal[b])
-                gradient[b] += gradient_of(model, k, part, residual[:, part.samples])
-        recordings.append(np.full(len(normal), k))
-        starts.append(samples.times[edges[:-1]])
-        normals.append(normal)
-        gradients.append(gradient)
-        costs.append(np.add.reduceat((residual * residual).sum(axis=0), edges[:-1]))
+        firsts = np.searchsorted(number, np.arange(number[-1] + 1)).tolist()
+        for part in jacobian(model, fit.linear, k, firsts=firsts):
+            normal, own = np.zeros((count, count)), residual[:, part.samples]
+            add_normal(model, k, part, normal)
+            start, gradient = samples.times[part.samples.start], gradient_of(model, k, part, own)
+            yield Block(k, float(start), normal, gradient, float((own * own).sum()))
+
+
+def time_blocks(fit: Fit, length: float = LENGTH) -> TimeBlocks:
+    """A fit in blocks of `length` [s]; no block spans two recordings."""
+    blocks = list(each_block(fit, length))
     return TimeBlocks(
         fit=fit,
-        recording=np.concatenate(recordings),
-        start=np.concatenate(starts),
-        normal=np.concatenate(normals),
-        gradient=np.concatenate(gradients),
-        cost=np.concatenate(costs),
+        recording=np.array([b.recording for b in blocks]),
+        start=np.array([b.start for b in blocks]),
+        normal=np.stack([b.normal for b in blocks]),
+        gradient=np.stack([b.gradient for b in blocks]),
+        cost=np.array([b.cost for b in blocks]),
         covariance=fit.covariance,
     )
+
+
+def block_numbers(times: Array, block: float = BLOCK) -> NDArray[np.intp]:
+    """(N,) number of each sample's block of time, from 0.
+
+    times : (N,) [s], increasing. block : [s] its length.
+    """
+    return np.cumsum(np.diff(np.floor((times - times[0]) / block), prepend=0.0) > 0)
+
+
+def block_sums(values: Array, numbers: NDArray[np.intp]) -> Array:
+    """(K, B) sums of values (K, N) over blocks of time; numbers : (N,) block of each, from 0."""
+    out = np.zeros((int(numbers.max()) + 1, len(values)))
+    np.add.at(out, numbers, values.T)
+    return out.T

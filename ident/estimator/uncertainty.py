@@ -1,10 +1,10 @@
-"""Autocorrelation-robust (block sandwich) covariance, observability and correlation of a fit.
+"""Autocorrelation-robust (jackknife) covariance, observability and correlation of a fit.
 
-The influence of one sample on the estimate is `H^-1 J_t' r_t`. Were the residuals white, their
-squares would add up to the variance; where they are autocorrelated, sums over blocks of a few
-seconds do (block sandwich; Newey & West 1987 for the idea, blocks instead of lags). The ratio
-inflates each unknown's standard deviation, so the correlations stay those of the normal equations,
-which a sandwich of some tens of blocks could not give for a hundred unknowns. What the prior
+Were the residuals white, the normal equations would give the variance; where they are
+autocorrelated, the estimates without each block of a few seconds do (blocks instead of lags, as for
+Newey & West 1987; left out, so that the residual of what only a block tells is not fitted away).
+The ratio inflates each unknown's standard deviation, so the correlations stay those of the normal
+equations, which some tens of blocks could not give for a hundred unknowns. What the prior
 contributes is not inflated, unless the lengths that are known beforehand contradict each other.
 """
 
@@ -14,16 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.estimator.considered import considered_shifts
 from ident.estimator.fit import Fit
 from ident.estimator.known_lengths import KnownLengths, known_lengths
-from ident.estimator.normal_equations import jacobian
+from ident.estimator.time_blocks import BLOCK, each_block
 
-BLOCK = 3.0  # [s] longer than residuals are correlated: the path's own motion, the tension's knots
 STRONG = 0.9  # correlation from which two unknowns are named together
 
 
@@ -48,10 +46,11 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     """
     layout, misfit = fit.model.unknowns, max(1.0, fit.chi2_per_dof)
     sigma, lengths = layout.sigma, known_lengths(layout, fit.x, fit.covariance)
-    power, sums = _scores(fit)
-    inflation = inflation_factors(fit.covariance, power, sums)
     prior = fit.covariance @ (fit.covariance / sigma[:, None] ** 2)
     data = fit.covariance - prior
+    variance, blocks = _left_out(fit)
+    white = misfit * np.maximum(np.diag(data), np.finfo(float).tiny)
+    inflation = np.sqrt(np.maximum(1.0, variance / white))
     covariance = misfit * data * np.outer(inflation, inflation) + prior
     doubted = fit.covariance[:, lengths.unknowns] / sigma[lengths.unknowns]
     covariance += (lengths.widening**2 - 1.0) * doubted @ doubted.T
@@ -68,7 +67,7 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
         inflation=inflation,
         information_gain=gain,
         autocorrelation=float(np.mean(neighbours)),
-        blocks=sums.shape[1],
+        blocks=blocks,
         lengths=lengths,
     )
 
@@ -85,39 +84,22 @@ def inflation_factors(covariance: Array, power: Array, sums: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(1.0, ratio)))
 
 
-def block_numbers(times: Array, block: float = BLOCK) -> NDArray[np.intp]:
-    """(N,) number of each sample's block of time, from 0.
+def _left_out(fit: Fit) -> tuple[Array, int]:
+    """(P,) variance by leaving out each block of time in turn, and how many blocks there are.
 
-    times : (N,) [s], increasing. block : [s] its length.
+    The jackknife: `(B - 1) / B` times the sum of squares over B blocks (Efron & Stein 1981).
+    Without a block of normal matrix N and gradient g the estimate moves by `(H - N)^-1 g`, so what
+    single blocks hold alone counts for what it is.
     """
-    return np.cumsum(np.diff(np.floor((times - times[0]) / block), prepend=0.0) > 0)
-
-
-def block_sums(values: Array, numbers: NDArray[np.intp]) -> Array:
-    """(K, B) sums of values (K, N) over blocks of time; numbers : (N,) block of each, from 0."""
-    out = np.zeros((int(numbers.max()) + 1, len(values)))
-    np.add.at(out, numbers, values.T)
-    return out.T
-
-
-def _scores(fit: Fit) -> tuple[Array, Array]:
-    """Products (P, P) of the scores summed over the samples; sums (P, B) over blocks of time.
-
-    A score is the gradient of half the cost of one sample. No block spans two recordings.
-    """
-    model, count = fit.model, fit.model.unknowns.count
-    power, sums = np.zeros((count, count)), []
-    for k, (samples, residual) in enumerate(
-        zip(model.recordings, fit.linear.residuals, strict=True)
-    ):
-        number = block_numbers(samples.times)
-        own = np.zeros((count, number[-1] + 1))
-        for block in jacobian(model, fit.linear, k):
-            score = block.scores(residual[:, block.samples], model, k)
-            power += score @ score.T
-            np.add.at(own.T, number[block.samples], score.T)
-        sums.append(own)
-    return power, np.concatenate(sums, axis=1)
+    variance, count = np.zeros(fit.model.unknowns.count), 0
+    for block in each_block(fit, BLOCK):
+        own = np.flatnonzero(np.diag(block.normal))
+        normal, covariance = block.normal[np.ix_(own, own)], fit.covariance[:, own]
+        without = np.eye(own.size) - normal @ covariance[own]
+        moved = covariance @ np.linalg.solve(without, block.gradient[own])
+        variance += moved**2
+        count += 1
+    return variance * (count - 1) / count, count
 
 
 def autocorrelation(residual: Array, times: Array, smoothing: float) -> float:

@@ -25,7 +25,7 @@ from cell.descriptions import Cell, Link
 from cell.dynamics import joint_torques
 from cell.geometry import Geometry, robot_frames
 from cell.payload import TOOL, Payload, payload_of
-from ident.estimator.uncertainty import block_numbers, block_sums
+from ident.estimator.time_blocks import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.mass_uncertainty import stated_covariance
 from ident.loads.rod_tension import friction_sign, from_motor_torque, without_tension

@@ -121,8 +121,7 @@ def _joint_sigma(fit: PoseFit, variance: float) -> float:
 def robust_covariance(fit: PoseFit) -> Array:
     """(P, P) covariance of the unknowns where neighbouring poses share what the model leaves over.
 
-    The block sandwich of logs (ident.estimator.uncertainty), its blocks regions of joint space
-    instead of time.
+    Sums of the scores over blocks (sandwich form: White 1982), which are regions of joint space.
     """
     equations, layout = fit.equations, fit.model.unknowns
     blocks = pose_regions(fit.model.table.q, BLOCKS)

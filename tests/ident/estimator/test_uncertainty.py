@@ -12,10 +12,9 @@ from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import candidates
 from ident.estimator.noise import ExcessNoise
 from ident.estimator.samples import Samples
+from ident.estimator.time_blocks import BLOCK, block_numbers
 from ident.estimator.uncertainty import (
-    BLOCK,
     autocorrelation,
-    block_numbers,
     correlated_groups,
     inflation_factors,
     observability,
