@@ -120,7 +120,8 @@ class UnloadedRobot:
         if self.values is None:
             return self
         loaded = [c.slopes is not None for c in self.corrections]
-        chosen = np.repeat(loaded, [len(c.coefficients) for c in self.corrections])
+        counts = np.array([len(c.coefficients) for c in self.corrections], dtype=np.intp)
+        chosen = np.repeat(np.array(loaded, dtype=np.bool_), counts)
         corrections = tuple(compress(self.corrections, loaded))
         return replace(self, corrections=corrections, values=self.values[chosen])
 
