@@ -43,7 +43,7 @@ LEFT, RIGHT, BOTTOM, TOP, GAP = 0.76, 0.16, 0.46, 0.1, 0.16  # [in] around plots
 LEGEND_ROW = 0.21  # [in]
 BAR_TOP = 0.66  # [in] room of a colour scale above plots
 _LABEL = 0.02, 0.17  # [in] left edge and upper edge of the labels of an axis, from the room's end
-_BAR_TICKS = 5  # at most, of a colour scale
+_BAR_TICKS = 5  # intervals between the numbers of a colour scale, at most
 SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far pose would pale them
 _CELLS = 14  # across a map, about 0.13 m each for the IRB 2400
 _HISTOGRAM_HALF_WIDTH = 5.0  # standard deviations; wider where the residuals are
@@ -160,7 +160,7 @@ def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> 
     t : (N,) [s] on the clock named `clock`.
     """
     with matplotlib.rc_context(STYLE):
-        figure, panels = plots(3.5, 3, top=TOP + LEGEND_ROW, sharex=True, sharey=True)
+        figure, panels = plots(3.5, rows=3, top=TOP + LEGEND_ROW, sharex=True, sharey=True)
         for axes, column, name in zip(panels, values.T, "xyz", strict=True):
             axes.axhline(0.0, color=QUIET, linewidth=0.6)
             axes.plot(t, column, color=AFTER, linewidth=0.8)
@@ -205,7 +205,7 @@ def order_spectra(before: Array, after: Array) -> Markup:
     """Score (J, K) of the first K orders of every joint, before the search for them and after."""
     orders = np.arange(1, before.shape[1] + 1)
     with matplotlib.rc_context(STYLE):
-        figure, panels = plots(1.25 * len(before), len(before), width=2.0 * WIDTH, sharex=True)
+        figure, panels = plots(1.25 * len(before), rows=len(before), width=2.0 * WIDTH, sharex=True)
         for joint, (axes, first, last) in enumerate(zip(panels, before, after, strict=True)):
             axes.vlines(orders - 0.13, 0.0, first, color=BEFORE, linewidth=2.4, label="before")
             axes.vlines(orders + 0.13, 0.0, last, color=AFTER, linewidth=2.4, label="after")
@@ -224,9 +224,9 @@ def one_panel(height: float, *, top: float = TOP) -> tuple[Figure, Axes]:
 
 def plots(
     height: float,
+    *,
     rows: int = 1,
     columns: int = 1,
-    *,
     width: float = WIDTH,
     left: float = LEFT,
     bottom: float = BOTTOM,

@@ -86,7 +86,7 @@ def jitter_in_dwell(fitted: FittedRecording) -> Markup:
     if len(dwells) < len(logs):
         return Markup()
     with matplotlib.rc_context(STYLE):
-        figure, panels = plots(1.5 * len(logs) + 0.4, len(logs), gap=0.35)
+        figure, panels = plots(1.5 * len(logs) + 0.4, rows=len(logs), gap=0.35)
         for axes, (name, t, angles, colour), rows in zip(panels, logs, dwells, strict=True):
             jitter = (angles[rows] - angles[rows].mean(axis=0)) * URAD
             axes.plot(t[rows], jitter, color=colour, linewidth=0.5)
@@ -142,7 +142,7 @@ def angles_with_marks(fitted: FittedRecording, motion: CellMotion, passed: Marks
     length = fitted.recording.length_log
     used = on_robot_clock(estimate, estimate.after.t)
     with matplotlib.rc_context(STYLE):
-        figure, panels = plots(4.1, 2, top=LEGEND_ROW, gap=TOP + LEGEND_ROW, sharex=True)
+        figure, panels = plots(4.1, rows=2, top=LEGEND_ROW, gap=TOP + LEGEND_ROW, sharex=True)
         joints = [f"q{j + 1}" for j in range(motion.q.shape[1])]
         _draw_angles(panels[0], motion.t, motion.q, joints)
         panels[0].set_ylabel("robot joints [rad]")
