@@ -40,14 +40,14 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def svg_text(figure: Figure, *, transparent: bool = False) -> str:
+def svg_text(figure: Figure) -> str:
     """The figure as an SVG file without date and program names: same figure, same text."""
     if layout := figure.get_layout_engine():
         layout.execute(figure)  # once: savefig would do it twice, half of the time of a figure
         figure.set_layout_engine("none")
     text = io.StringIO()
     metadata = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    figure.savefig(text, format="svg", metadata=metadata, transparent=transparent)
+    figure.savefig(text, format="svg", metadata=metadata)
     return text.getvalue()
 
 

@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from ballbar.recordings.check import import_reports
+from ballbar.outputs import Progress, write_outputs
 from ballbar.replay.live import LiveRun
-from ballbar.replay.write import write_replay
-from ballbar.report.page import write_report
-from ballbar.result.calibration import write_calibration
 from ballbar.result.compare import identification_against_truth, limits_of
 from ballbar.result.iterations import IterationLog
-from ballbar.result.names import CALIBRATION, IMPORT_REPORT, OUTPUTS, RECORDING, REPLAY, REPORT
+from ballbar.result.names import OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, with_absolute_names
 from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
-from cell.files import claim_folder, write_whole
+from cell.files import claim_folder
 from cell.recording import load_recording_file
 from sim.recording_files import truth_path, write_recording
 from sim.simulate import Simulation, simulate
-
-Progress = Callable[[str], None]
 
 
 def simulate_scenario(
@@ -71,20 +65,6 @@ def claim_recording(folder: Path) -> None:
             f"{folder}: holds a real recording; nothing was written. Choose another folder with "
             "--out."
         )
-
-
-def write_outputs(
-    out: Path, data: RunData, *, command: str, replay: bool, progress: Progress
-) -> None:
-    """Writes calibration.yaml, import_report.json, report.html and, with `replay`, run.rrd."""
-    reports = {name: recording for name, _, recording in data.read}
-    write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
-    write_calibration(out / CALIBRATION, data)
-    progress("writing the report")
-    write_report(out / REPORT, data, command=command)
-    if replay:
-        progress("writing the replay")
-        write_replay(out / REPLAY, data)
 
 
 def run_scenario(

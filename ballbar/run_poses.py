@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from ballbar.outputs import Progress
 from ballbar.report.pose_page import write_pose_report
 from ballbar.result.compare import Limit
 from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth, pose_limits
 from ballbar.result.names import CALIBRATION, RECORDING, REPORT
 from ballbar.result.pose_calibration import write_pose_calibration
 from ballbar.result.pose_run import PoseRun, identify_pose_folders
-from ballbar.run import Progress
 from ballbar.scenario import PoseScenario
 from cell.errors import InputError
 from cell.files import claim_folder

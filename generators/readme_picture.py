@@ -41,7 +41,7 @@ def picture(data: RunData) -> bytes:
     """PNG: the identified mechanism on its sphere, and the TCP error before and after."""
     tcp = tcp_view(data)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(10.0, 4.4))
+        figure = Figure(figsize=(10.0, 4.4), layout="constrained", facecolor="white")
         cell = figure.add_subplot(1, 2, 1, projection="3d")
         assert isinstance(cell, Axes3D)
         _draw_cell(cell, data)

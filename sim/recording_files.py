@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +21,10 @@ from sim.logging.writers import (
     write_twincat_plc,
 )
 from sim.settings import SimulationSettings
-from sim.simulate import Simulation
 from sim.streams import stream
+
+if TYPE_CHECKING:
+    from sim.simulate import Simulation
 
 SENSOR_EPOCH = 51.0  # [s] up-time of the logger of lengths at its first row
 

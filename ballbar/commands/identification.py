@@ -104,14 +104,14 @@ def identify(
     is not acceptable.
     """
     from ballbar.commands.result_json import run_data
+    from ballbar.outputs import write_outputs
     from ballbar.report.terminal import say_identification
     from ballbar.result.iterations import IterationLog
     from ballbar.result.names import OUTPUTS
-    from ballbar.result.pose_run import holds_poses
     from ballbar.result.run_recordings import identify_recordings
-    from ballbar.run import write_outputs
+    from cell.pose_file import pose_file_path
 
-    if holds_poses(recordings[0]):
+    if pose_file_path(recordings[0]).is_file():
         _identify_poses(
             recordings, validate or [], out_dir, joint_errors, rerun=rerun, as_json=as_json
         )

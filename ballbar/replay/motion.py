@@ -8,6 +8,7 @@ log, follow from the robot's pose.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,7 +23,9 @@ from cell.statistics import rms
 from ident.estimator.closure import complete_bar_angles, pointing_bar
 from ident.result import RecordingEstimate
 from ident.robot.accuracy import accuracy_grid
-from sim.simulate import Simulation
+
+if TYPE_CHECKING:
+    from sim.simulate import Simulation
 
 POSE_RATE = 30.0  # [Hz] smooth to the eye; the mechanism moves below 3 Hz
 GAP_PERIODS = 3.0  # as ident.signals.smooth_log: a longer stretch without rows is not bridged

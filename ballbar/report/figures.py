@@ -20,7 +20,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.rcsetup import cycler
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
+from matplotlib.transforms import blended_transform_factory
 
 from ballbar.figure_style import AFTER, BEFORE, DASHED, FRAME, INK, LINES, QUIET, svg_text
 from ballbar.report.numbers import length_scale
@@ -38,6 +39,11 @@ CORRELATION_SCALE = LinearSegmentedColormap.from_list(
     "correlation", [BEFORE, "#fbe3c6", "#ffffff", "#d6e6f4", AFTER]
 )
 WIDTH = 4.6  # [in] 442 px: two figures side by side on a page of 1000 px, one on a phone
+LEFT, RIGHT, BOTTOM, TOP, GAP = 0.76, 0.16, 0.46, 0.1, 0.16  # [in] around plots; between rows
+LEGEND_ROW = 0.21  # [in]
+BAR_TOP = 0.66  # [in] room of a colour scale above plots
+_LABEL = 0.02, 0.17  # [in] left edge and upper edge of the labels of an axis, from the room's end
+_BAR_TICKS = 5  # intervals between the numbers of a colour scale, at most
 SCALE_TOP = 0.98  # share of the cells inside the colour scale; a single far pose would pale them
 _CELLS = 14  # across a map, about 0.13 m each for the IRB 2400
 _HISTOGRAM_HALF_WIDTH = 5.0  # standard deviations; wider where the residuals are
@@ -54,7 +60,8 @@ STYLE: dict[RcKeyType, Any] = {
     "legend.fontsize": 10.0,
     "lines.linewidth": 1.1,
     "path.simplify_threshold": 0.2,
-    "figure.constrained_layout.use": True,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
 }
 
 
@@ -79,7 +86,7 @@ class Sphere:
 def cumulative(curves: Sequence[Curve], *, label: str) -> Markup:
     """Share of the poses with at most so much of the quantity `label`, logarithmic axis in mm."""
     with matplotlib.rc_context(STYLE):
-        figure, axes = one_panel(3.5)
+        figure, axes = one_panel(3.5, top=TOP + LEGEND_ROW * len(curves))
         for curve in curves:
             ordered = np.sort(curve.values) * MM
             share = np.arange(1, ordered.size + 1) / ordered.size * 100.0
@@ -115,8 +122,7 @@ def workspace_map(
     factor, unit = length_scale(float(error.max()))
     views = ((2, "from the side"), (1, "from above"))
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 3.95))
-        panels = figure.subplots(1, 2, sharex=True)
+        figure, panels = plots(3.6, columns=2, left=0.62, top=BAR_TOP + LEGEND_ROW, sharex=True)
         maps = []
         for axes, (column, title) in zip(panels, views, strict=True):
             maps.append(_map(axes, position[:, [0, column]], error * factor, colours))
@@ -126,7 +132,7 @@ def workspace_map(
         means = np.concatenate([cells.get_array().compressed() for cells in maps])
         for cells in maps:
             cells.set_clim(0.0, float(np.quantile(means, SCALE_TOP)))
-        colour_bar(figure, maps[0], panels, f"{label} [{unit}]", extend="max")
+        colour_bar(maps[0], panels, f"{label} [{unit}]", extend="max")
         return as_svg(figure)
 
 
@@ -136,7 +142,7 @@ def norms_over_time(t: Array, before: Array, after: Array, *, label: str, clock:
     t : (N,) [s] on the clock named `clock`.
     """
     with matplotlib.rc_context(STYLE):
-        figure, axes = one_panel(2.9)
+        figure, axes = one_panel(2.9, top=TOP + LEGEND_ROW)
         for values, colour, name in ((before, BEFORE, "before"), (after, AFTER, "after")):
             norm = np.linalg.norm(values, axis=1)
             axes.plot(t, np.where(norm > 0.0, norm, np.nan), color=colour, label=name)
@@ -154,13 +160,12 @@ def components_over_time(t: Array, values: Array, *, label: str, clock: str) -> 
     t : (N,) [s] on the clock named `clock`.
     """
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 3.5))
-        panels = figure.subplots(3, 1, sharex=True, sharey=True)
+        figure, panels = plots(3.5, rows=3, top=TOP + LEGEND_ROW, sharex=True, sharey=True)
         for axes, column, name in zip(panels, values.T, "xyz", strict=True):
             axes.axhline(0.0, color=QUIET, linewidth=0.6)
             axes.plot(t, column, color=AFTER, linewidth=0.8)
             axes.set_ylabel(name)
-            axes.yaxis.label.set(rotation=0, va="center")
+            axes.yaxis.label.set(rotation=0, ha="left", va="center")
         _time_axis(panels[2], t, clock)
         panels[0].set_title(label, loc="left")
         return as_svg(figure)
@@ -185,7 +190,7 @@ def whitened_histogram(whitened: Array) -> Markup:
     normal = np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)
     outside = f"{int((np.abs(values) > half).sum())} of {values.size} beyond ±{half:g}"
     with matplotlib.rc_context(STYLE):
-        figure, axes = one_panel(2.9)
+        figure, axes = one_panel(2.9, top=TOP + LEGEND_ROW)
         axes.hist(values, bins=bins, density=True, color="#8fb4d9", label="residuals after")
         axes.plot(x, normal, color=INK, linewidth=1.4, label="unit normal")
         axes.set(
@@ -200,8 +205,7 @@ def order_spectra(before: Array, after: Array) -> Markup:
     """Score (J, K) of the first K orders of every joint, before the search for them and after."""
     orders = np.arange(1, before.shape[1] + 1)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(2.0 * WIDTH, 1.25 * len(before)))
-        panels = figure.subplots(len(before), 1, sharex=True, squeeze=False)[:, 0]
+        figure, panels = plots(1.25 * len(before), rows=len(before), width=2.0 * WIDTH, sharex=True)
         for joint, (axes, first, last) in enumerate(zip(panels, before, after, strict=True)):
             axes.vlines(orders - 0.13, 0.0, first, color=BEFORE, linewidth=2.4, label="before")
             axes.vlines(orders + 0.13, 0.0, last, color=AFTER, linewidth=2.4, label="after")
@@ -212,31 +216,71 @@ def order_spectra(before: Array, after: Array) -> Markup:
         return as_svg(figure)
 
 
-def one_panel(height: float) -> tuple[Figure, Axes]:
-    """A figure of a height [in] with one plot."""
-    figure = Figure(figsize=(WIDTH, height))
-    return figure, figure.subplots()
+def one_panel(height: float, *, top: float = TOP) -> tuple[Figure, Axes]:
+    """A figure of a height [in] with one plot; top : [in] room above it."""
+    figure, (axes,) = plots(height, top=top)
+    return figure, axes
+
+
+def plots(
+    height: float,
+    *,
+    rows: int = 1,
+    columns: int = 1,
+    width: float = WIDTH,
+    left: float = LEFT,
+    bottom: float = BOTTOM,
+    top: float = TOP,
+    gap: float = GAP,
+    sharex: bool = False,
+    sharey: bool = False,
+) -> tuple[Figure, list[Axes]]:
+    """A figure of a height [in] with equal plots, row after row.
+
+    left : [in] room of labels left of every plot. bottom, top : [in] room at the ends of the
+        figure. gap : [in] between rows. A layout that measures the texts would double the time.
+    """
+    figure = Figure(figsize=(width, height))
+    grid = {
+        "left": left / width,
+        "right": 1.0 - RIGHT / width,
+        "bottom": bottom / height,
+        "top": 1.0 - top / height,
+        "wspace": left / ((width - RIGHT) / columns - left),
+        "hspace": gap / ((height - bottom - top + gap) / rows - gap),
+    }
+    panels = figure.subplots(
+        rows, columns, sharex=sharex, sharey=sharey, squeeze=False, gridspec_kw=grid
+    )
+    inches = figure.dpi_scale_trans
+    for axes in panels.flat:
+        x, y = axes.get_position().x0 * width - left + _LABEL[0], _LABEL[1]
+        axes.xaxis.set_label_coords(0.5, y, blended_transform_factory(axes.transAxes, inches))
+        axes.yaxis.set_label_coords(x, 0.5, blended_transform_factory(inches, axes.transAxes))
+        axes.yaxis.label.set_va("top")  # a second line goes towards the plot
+    return figure, panels.ravel().tolist()
 
 
 def legend_above(figure: Figure, *, columns: int = 2) -> None:
     """The legend above the plots."""
-    figure.legend(loc="outside upper left", ncols=columns, handlelength=1.6)
+    figure.legend(loc="upper left", ncols=columns, handlelength=1.6, borderaxespad=0.0)
 
 
-def colour_bar(
-    figure: Figure,
-    cells: Any,
-    axes: Any,
-    label: str,
-    *,
-    aspect: float = 38,
-    extend: Any = "neither",
-) -> None:
-    """The colour scale of `cells`, above their plots."""
+def colour_bar(cells: Any, panels: Sequence[Axes], label: str, *, extend: Any = "neither") -> None:
+    """The colour scale of `cells` at the top of the figure, above their plots."""
+    figure, first, last = cells.figure, panels[0].get_position(), panels[-1].get_position()
+    height = figure.get_figheight()
+    axes = figure.add_axes((first.x0, 1.0 - 0.5 / height, last.x1 - first.x0, 0.09 / height))
     bar = figure.colorbar(
-        cells, ax=axes, location="top", aspect=aspect, pad=0.02, extend=extend, label=label
+        cells,
+        cax=axes,
+        orientation="horizontal",
+        ticklocation="top",
+        ticks=MaxNLocator(_BAR_TICKS, steps=[1, 2, 5, 10]),
+        extend=extend,
     )
     bar.outline.set_visible(False)
+    figure.text(0.5 * (first.x0 + last.x1), 0.995, label, ha="center", va="top")
 
 
 def _time_axis(axes: Axes, t: Array, clock: str) -> None:
@@ -245,7 +289,7 @@ def _time_axis(axes: Axes, t: Array, clock: str) -> None:
 
 def _map(axes: Axes, position: Array, error: Array, colours: LinearSegmentedColormap) -> Any:
     """Cells of one view; position : (G, 2) [m], error : (G,)."""
-    axes.set_aspect("equal")
+    axes.set_aspect("equal", anchor="S")
     axes.xaxis.set_major_locator(MultipleLocator(0.5))
     axes.yaxis.set_major_locator(MultipleLocator(0.5))
     x, y = position.T
@@ -277,7 +321,7 @@ def as_svg(figure: Figure) -> Markup:
 
     Without XML header, metadata, namespaces (HTML knows them) and names that would clash in a page.
     """
-    text = svg_text(figure, transparent=True)
+    text = svg_text(figure)
     text = text[text.index("<svg") :]
     text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text)
     text = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", text)

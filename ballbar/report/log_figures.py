@@ -12,13 +12,12 @@ import matplotlib
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from acquisition import find_dwells
 from ballbar.figure_style import AFTER, BEFORE, PURPLE, QUIET
 from ballbar.replay.marks import Marks, mark_sentences, marks
 from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles, on_robot_clock
-from ballbar.report.figures import STYLE, WIDTH, as_svg, legend_above, one_panel
+from ballbar.report.figures import LEGEND_ROW, STYLE, TOP, as_svg, legend_above, one_panel, plots
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import MM, MS, URAD
 from cell.arrays import Array
@@ -87,8 +86,7 @@ def jitter_in_dwell(fitted: FittedRecording) -> Markup:
     if len(dwells) < len(logs):
         return Markup()
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 1.5 * len(logs) + 0.4))
-        panels = np.atleast_1d(figure.subplots(len(logs), 1))
+        figure, panels = plots(1.5 * len(logs) + 0.4, rows=len(logs), gap=0.35)
         for axes, (name, t, angles, colour), rows in zip(panels, logs, dwells, strict=True):
             jitter = (angles[rows] - angles[rows].mean(axis=0)) * URAD
             axes.plot(t[rows], jitter, color=colour, linewidth=0.5)
@@ -119,7 +117,7 @@ def dwells_of_both(fitted: FittedRecording) -> Markup:
     if instants.size:
         middle = float(instants[np.abs(instants - instants.mean()).argmin()])  # in a dwell
     with matplotlib.rc_context(STYLE):
-        figure, axes = one_panel(1.9)
+        figure, axes = one_panel(1.9, top=TOP + LEGEND_ROW)
         for name, t, level, colour in (
             ("robot", robot.t, robot_dwells.astype(float), BEFORE),
             ("ball-bar", clock.robot_time(ballbar.t), -ballbar_dwells.astype(float), AFTER),
@@ -144,8 +142,7 @@ def angles_with_marks(fitted: FittedRecording, motion: CellMotion, passed: Marks
     length = fitted.recording.length_log
     used = on_robot_clock(estimate, estimate.after.t)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 4.1))
-        panels = figure.subplots(2, 1, sharex=True)
+        figure, panels = plots(4.1, rows=2, top=LEGEND_ROW, gap=TOP + LEGEND_ROW, sharex=True)
         joints = [f"q{j + 1}" for j in range(motion.q.shape[1])]
         _draw_angles(panels[0], motion.t, motion.q, joints)
         panels[0].set_ylabel("robot joints [rad]")

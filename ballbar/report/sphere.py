@@ -15,19 +15,19 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from ballbar.figure_style import DASHED, INK
 from ballbar.replay.motion import logged_joints
 from ballbar.report.figures import (
+    BAR_TOP,
     CORRELATION_SCALE,
     SCALE_TOP,
     STYLE,
-    WIDTH,
+    TOP,
     as_svg,
     colour_bar,
-    one_panel,
+    plots,
 )
 from ballbar.result.run_data import FittedRecording
 from ballbar.units import UM, URAD
@@ -39,6 +39,7 @@ from ident.result import NamedCovariance, Residuals
 EQUATOR = float(np.sqrt(2.0))  # of the projection of a unit sphere
 _CELLS = 22
 _LABELLED = 40  # names that stay readable on an axis of half a page
+_POINTS = 72.0  # an inch
 _NAMES = 250.0  # [pt] height of all names together, 8 pt each at most
 
 
@@ -79,8 +80,7 @@ def sphere_map(
     panels = [("position [µm]", residuals.position * UM)]
     panels += [("angle [µrad]", residuals.angle * URAD)] * angles
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(WIDTH, 2.95))
-        grid = figure.subplots(1, 2)
+        figure, grid = plots(2.95, columns=2, left=0.1, bottom=0.02, top=BAR_TOP)
         for axes in grid[len(panels) :]:
             axes.remove()
         for axes, (title, vectors) in zip(grid, panels, strict=False):
@@ -97,7 +97,7 @@ def sphere_map(
             )
             top = float(np.quantile(cells.get_array().compressed(), SCALE_TOP))
             cells.set_clim(0.0, top if top > 0.0 else 1.0)
-            colour_bar(figure, cells, axes, title, aspect=22, extend="max")
+            colour_bar(cells, [axes], title, extend="max")
         return as_svg(figure)
 
 
@@ -112,8 +112,10 @@ def correlation_map(covariance: NamedCovariance, groups: Sequence[Sequence[str]]
     indices = [covariance.names.index(name) for name in members]
     block = covariance.values[np.ix_(indices, indices)]
     deviation = np.sqrt(np.diag(block))
+    size = min(8.0, _NAMES / len(members))  # [pt]
+    left = 0.15 + 0.6 * size * max(map(len, members)) / _POINTS
     with matplotlib.rc_context(STYLE):
-        figure, axes = one_panel(4.2)
+        figure, (axes,) = plots(4.2, left=left, bottom=TOP, top=BAR_TOP)
         axes.grid(visible=False)
         cells = axes.pcolormesh(
             block / np.outer(deviation, deviation),
@@ -123,11 +125,10 @@ def correlation_map(covariance: NamedCovariance, groups: Sequence[Sequence[str]]
             edgecolors="white",
         )
         axes.set_xticks([])  # in the same order
-        ticks, size = np.arange(len(members)) + 0.5, min(8.0, _NAMES / len(members))
-        axes.set_yticks(ticks, members, fontsize=size)
+        axes.set_yticks(np.arange(len(members)) + 0.5, members, fontsize=size)
         axes.invert_yaxis()
         axes.set_aspect("equal")
-        colour_bar(figure, cells, axes, "correlation [1]")
+        colour_bar(cells, [axes], "correlation [1]")
         return as_svg(figure)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from rich.console import Console
 from rich.markup import escape
 
@@ -11,7 +13,9 @@ from ballbar.report.rod_force import TENSION_SOURCES
 from ballbar.result.compare import Comparison
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, MS, PPM, UM, URAD, US
-from sim.simulate import Simulation
+
+if TYPE_CHECKING:
+    from sim.simulate import Simulation
 
 
 def say_identification(out: Console, data: RunData) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from acquisition import Recording
 from ballbar.result.compare import Comparison, Limit
@@ -11,7 +12,9 @@ from ballbar.result.iterations import Step
 from ballbar.scenario import Scenario
 from ident.held_out import HeldOut
 from ident.result import Identification, RecordingEstimate
-from sim.simulate import Simulation
+
+if TYPE_CHECKING:
+    from sim.simulate import Simulation  # imports MuJoCo, which an identification can do without
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,31 @@
+"""The files that a run or an identification leaves in its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from ballbar.recordings.check import import_reports
+from ballbar.report.page import write_report
+from ballbar.result.calibration import write_calibration
+from ballbar.result.names import CALIBRATION, IMPORT_REPORT, REPLAY, REPORT
+from ballbar.result.run_data import RunData
+from cell.files import write_whole
+
+Progress = Callable[[str], None]
+
+
+def write_outputs(
+    out: Path, data: RunData, *, command: str, replay: bool, progress: Progress
+) -> None:
+    """Writes calibration.yaml, import_report.json, report.html and, with `replay`, run.rrd."""
+    reports = {name: recording for name, _, recording in data.read}
+    write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
+    write_calibration(out / CALIBRATION, data)
+    progress("writing the report")
+    write_report(out / REPORT, data, command=command)
+    if replay:
+        from ballbar.replay.write import write_replay  # noqa: PLC0415  imports Rerun
+
+        progress("writing the replay")
+        write_replay(out / REPLAY, data)
