@@ -129,3 +129,8 @@ def test_the_product_starts_without_any_extra(entry: str) -> None:
 @pytest.mark.parametrize("module", ["ballbar.trial.trial", "ballbar.sweep.chunk"])
 def test_a_worker_of_a_sweep_imports_no_viewer_and_no_page(module: str) -> None:
     assert not reached(module) & {"rerun", "matplotlib", "jinja2"}
+
+
+@pytest.mark.parametrize("module", ["ballbar.outputs", "ballbar.result.run_recordings"])
+def test_an_identification_imports_no_viewer_and_no_simulator(module: str) -> None:
+    assert not reached(module) & {"rerun", "mujoco"}
