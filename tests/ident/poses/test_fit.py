@@ -51,7 +51,7 @@ def fitted(stated: float, *, alike: int = 1, held: bool = False) -> PoseFit:
 
 
 @pytest.mark.parametrize("measured", ["point", "length", "socket"])
-def test_every_prior_counts_once_and_the_gradient_is_half_the_derivative_of_the_cost(
+def test_priors_count_once_and_the_gradient_is_half_the_derivative_of_the_cost(
     measured: Measured,
 ) -> None:
     """Of residuals, priors and known distances, a deviation off the priors' means."""
