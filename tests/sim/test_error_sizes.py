@@ -203,6 +203,46 @@ PLANT: dict[str, Callable[[], Size]] = {
 }
 
 
+# --- geometry
+
+
+def drawn_geometry(kind: bool, **errors: Any) -> Array:
+    """Deviations [m] of lengths (kind True) or [rad] of angles, of 200 machines."""
+    chosen = ErrorSettings.model_validate(errors)
+    true = np.stack(
+        [true_geometry(NOMINAL, chosen, plate_sigma=7e-6, seed=s).values for s in SEEDS]
+    )
+    of_kind = np.array([p.is_length for p in NOMINAL.table.parameters]) == kind
+    drawn = (true - NOMINAL.values)[:, of_kind]
+    return np.asarray(drawn[:, drawn.any(axis=0)])
+
+
+def axes(kind: bool, size: float, parameters: str) -> Size:
+    errors = {"sigma_m": 2e-5, "sigma_rad": 3e-4, "parameters": parameters}
+    return spread(drawn_geometry(kind, ballbar_axes=errors), size)
+
+
+GEOMETRY: dict[str, Callable[[], Size]] = {
+    "static.sigma_m": lambda: spread(
+        drawn_geometry(True, static={"sigma_m": 2e-3, "sigma_rad": 1e-3}), 2e-3
+    ),
+    "static.sigma_rad": lambda: spread(
+        drawn_geometry(False, static={"sigma_m": 2e-3, "sigma_rad": 1e-3}), 1e-3
+    ),
+    "ballbar_axes.sigma_m": lambda: axes(True, 2e-5, "between"),
+    "ballbar_axes.sigma_rad": lambda: axes(False, 3e-4, "between"),
+    "ballbar_axes.sigma_m, all": lambda: axes(True, 2e-5, "all"),
+    "ballbar_axes.sigma_rad, all": lambda: axes(False, 3e-4, "all"),
+    "base_tilt.sigma_rad": lambda: spread(
+        drawn_geometry(False, base_tilt={"sigma_rad": 2e-3}), 2e-3
+    ),
+    "plate_length.sigma_m": lambda: spread(
+        drawn_geometry(True, plate_length={"sigma_m": 1e-4}), 1e-4
+    ),
+    "plate_length of the file": lambda: spread(drawn_geometry(True, plate_length={}), 7e-6),
+}
+
+
 # --- robot's angles, lengths
 
 
@@ -400,9 +440,8 @@ LOADS: dict[str, Callable[[], Size]] = {
     "force_sensor.offset_s": sensor_start,
 }
 
-EVERY = {**PLANT, **ANGLES, **LOGGERS, **LOADS}
-IN_LOGS = {"static", "ballbar_axes", "base_tilt", "plate_length", *SensorErrors.model_fields}
-CLOCKS_IN_LOGS = {"offset_s", "skew", "wander", "step", "quantum", "restart"}
+EVERY = {**PLANT, **GEOMETRY, **ANGLES, **LOGGERS, **LOADS}
+IN_LOGS = {*SensorErrors.model_fields, "offset_s", "skew", "wander", "step", "quantum", "restart"}
 
 
 @pytest.mark.parametrize("source", EVERY)
@@ -414,7 +453,7 @@ def test_a_source_has_the_size_that_the_scenario_states(source: str) -> None:
 
 def test_no_source_is_without_a_test_of_its_size() -> None:
     measured = {name.replace(",", " ").split()[0].split(".")[0] for name in EVERY}
-    elsewhere = IN_LOGS | CLOCKS_IN_LOGS | set(SampleErrors.model_fields)
+    elsewhere = IN_LOGS | set(SampleErrors.model_fields)
     for group in (ErrorSettings, ClockSettings, LoadLogs):
         assert set(group.model_fields) <= measured | elsewhere
 
