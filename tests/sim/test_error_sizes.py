@@ -50,7 +50,7 @@ CELL = load_cell("irb2400", "lund_600", "plate_250")
 NOMINAL = nominal_geometry(CELL, np.array([0.70, 0.0, 0.54]))
 GEARS = CELL.robot.required("gears")
 ROUNDING = 1e-9
-SEEDS = range(200)
+SEEDS = range(400)
 ROWS = 100_000
 
 
@@ -207,7 +207,7 @@ PLANT: dict[str, Callable[[], Size]] = {
 
 
 def drawn_geometry(kind: bool, **errors: Any) -> Array:
-    """Deviations [m] of lengths (kind True) or [rad] of angles, of 200 machines."""
+    """Deviations [m] of lengths (kind True) or [rad] of angles, of 400 machines."""
     chosen = ErrorSettings.model_validate(errors)
     true = np.stack(
         [true_geometry(NOMINAL, chosen, plate_sigma=7e-6, seed=s).values for s in SEEDS]
