@@ -1,5 +1,5 @@
-"""Every error source has the size that a scenario states, measured in what it makes; no run of a
-plant.
+"""Every error source has the size that a scenario states, measured in what it makes, without a
+run of a plant.
 
 Each is stated at another size than its default. Of drawn values the tolerance is five deviations of
 what a sample of that many tells: `5 / sqrt(2 n)` for a standard deviation, `5 sqrt((1 - p) / n p)`
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -41,7 +42,9 @@ from sim.logging.load_logs import (
 from sim.logging.loggers import logged_rows
 from sim.motion import Motion
 from sim.path_files import scenario_path
+from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects, plant_effects
+from sim.plant.mjcf import BAR_JOINTS, ROTORS, plant_model
 from sim.settings import ClockSettings, ErrorSettings
 from sim.simulate import simulate
 from tests.helpers.simulated_recordings import SCENARIOS, record, settings
@@ -51,6 +54,7 @@ NOMINAL = nominal_geometry(CELL, np.array([0.70, 0.0, 0.54]))
 GEARS = CELL.robot.required("gears")
 ROUNDING = 1e-9
 SEEDS = range(400)
+SPEED = 0.2  # [rad/s] at which gears and bearings rub
 ROWS = 100_000
 
 
@@ -150,6 +154,30 @@ def masses(spread_of_masses: float, centre: float) -> Array:
     return machines(body_masses, masses=errors) - exact
 
 
+def friction(**errors: Any) -> tuple[Array, Array]:
+    """(6,) [N m] of the gears and (5,) of the ball-bar's joints, all of which turn at SPEED.
+
+    For 200 ms in MuJoCo, at the same pose: the friction model's bristles are then at rest. Springs
+    and dampers are those of a machine without friction, and subtracted.
+    """
+    forces = []
+    for named in (errors, {}):
+        effects = machine(**named, joint_compliance={})
+        plant = Plant(CELL, NOMINAL, effects, CELL.robot.servo["soft"])
+        model = plant_model(plant, timestep=1e-3).model
+        data = mujoco.MjData(model)
+        turning = [model.joint(name).dofadr[0] for name in (*ROTORS, *BAR_JOINTS)]
+        start = data.qpos.copy()
+        for _ in range(200):
+            data.qpos[:], data.qvel[:] = start, 0.0
+            data.qvel[turning] = SPEED
+            mujoco.mj_step(model, data)
+        rubbing = data.qfrc_damper + data.qfrc_actuator
+        forces.append(-rubbing[turning])
+    gears, bearings = np.split(forces[0] - forces[1], [len(ROTORS)])
+    return gears, bearings
+
+
 PLANT: dict[str, Callable[[], Size]] = {
     "joint_compliance.scale": lambda: Size(
         stiffness(machine(joint_compliance={"scale": 0.6})), 0.6 * GEARS.stiffness
@@ -179,7 +207,9 @@ PLANT: dict[str, Callable[[], Size]] = {
     ),
     "sinusoidal_gear_error.amplitude_rad, input": motor_ripple,
     "unlisted_ripple.amplitude_rad": unlisted_ripples,
-    "gear_friction.scale": lambda: Size(machine(gear_friction={"scale": 1.2}).friction_scale, 1.2),
+    "gear_friction.scale": lambda: Size(
+        friction(gear_friction={"scale": 1.2})[0], 1.2 * (GEARS.coulomb + GEARS.viscous * SPEED)
+    ),
     "rod_strain.scale": lambda: Size(
         machine(rod_strain={"scale": 0.7}).rod_stiffness, 0.7 * CELL.ballbar.axial_stiffness
     ),
@@ -189,9 +219,7 @@ PLANT: dict[str, Callable[[], Size]] = {
     "rod_backlash of the file": lambda: Size(
         2.0 * machine(rod_backlash={}).rod_backlash, CELL.ballbar.backlash
     ),
-    "bar_friction.torque_N_m": lambda: Size(
-        machine(bar_friction={"torque_N_m": 0.08}).bar_friction, 0.08
-    ),
+    "bar_friction.torque_N_m": lambda: Size(friction(bar_friction={"torque_N_m": 0.08})[1], 0.08),
     "plate_bending.tip_stiffness_N_per_m": lambda: Size(
         machine(plate_bending={"tip_stiffness_N_per_m": 2e6}).plate_stiffness or 0.0, 2e6
     ),
