@@ -16,6 +16,7 @@ from acquisition.faults.encoders import (
     with_status_checked,
 )
 from acquisition.flags import RowFlag, usable
+from acquisition.formats.dialect import load_dialect
 from acquisition.table.table import Table
 from cell.errors import LogError
 from cell.recording import EncoderFitting
@@ -239,6 +240,21 @@ def test_rows_with_a_faulty_encoder_are_flagged_and_counted(
     assert [(e.kind, e.severity, e.lines, e.count) for e in table.findings] == [
         (kind, "repaired", (12, 13, 14, 15, 16), 7)
     ]
+
+
+@pytest.mark.parametrize(
+    ("dialect", "column"),
+    [("canonical-ballbar", "b{}_status"), ("twincat-plc", "s{}"), ("twincat-scope", "s{}")],
+)
+@pytest.mark.parametrize("number", [1, 2, 3, 4, 5])
+def test_a_faulty_status_word_is_that_of_the_encoder_whose_number_its_column_bears(
+    dialect: str, column: str, number: int
+) -> None:
+    toggle = (np.arange(400) % 2) << 15
+    words = {column.format(k): toggle for k in range(1, 6)}
+    words[column.format(number)] = toggle + (1 << 4)
+    table = with_status_checked(table_of(**words), load_dialect(dialect).status)
+    assert [entry.sentence.split(":")[0] for entry in table.findings] == [f"encoder b{number}"]
 
 
 def test_garbage_words_between_good_ones_add_no_wrap() -> None:

@@ -134,6 +134,7 @@ def test_candidates_are_columns_of_the_fit_and_blocks_are_numbered_over_all_reco
     # the gradient of the whole cost, the knots of the tension included, vanishes at the estimate
     gradient = np.einsum("pen,en->p", model.jacobian, model.residual) + model.prior_gradient
     assert gradient == pytest.approx(fit.linear.gradient, abs=1e-6 * np.abs(gradient).max() + 1e-3)
+    assert np.diag(model.prior_normal) == pytest.approx(fit.model.unknowns.sigma**-2.0)
 
 
 def test_listed_orders_are_no_candidates_and_turns_of_the_motor_are() -> None:

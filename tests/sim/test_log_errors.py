@@ -37,8 +37,6 @@ from sim.truth import Truth, load_truth
 from tests.helpers.simulated_recordings import Recorded, record, settings
 from tests.helpers.six_axes import INDEX, NAMES, PARAMETERS
 
-pytestmark = pytest.mark.slow  # a simulated run for each effect
-
 PERIOD = 0.004032  # [s] of the robot's rows
 WITHIN = 0.01  # of what was asked for
 CLOCK = {"offset_s": 0.137, "skew": 5e-5}
@@ -406,6 +404,7 @@ def test_ballbar_stamps_are_rounded_to_their_quantum(tmp_path: Path) -> None:
     assert np.diff(run.robot()[0]) == pytest.approx(PERIOD, abs=1.1e-6)
 
 
+@pytest.mark.slow
 def test_jitter_of_the_robots_stamps_has_the_asked_size_and_no_memory(tmp_path: Path) -> None:
     run = simulated(tmp_path, duration=150.0, clocks={**CLOCK, "jitter": {}})
     stamps, _ = run.robot()
@@ -418,6 +417,7 @@ def test_jitter_of_the_robots_stamps_has_the_asked_size_and_no_memory(tmp_path: 
 # --- loggers
 
 
+@pytest.mark.slow
 def test_overruns_come_as_often_as_asked_and_on_the_task_grid(tmp_path: Path) -> None:
     run = simulated(tmp_path, duration=600.0, clocks={**CLOCK, "overrun_probability": 0.4})
     step = np.diff(run.ballbar())
@@ -435,6 +435,7 @@ def lossy(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return simulated(tmp_path_factory.mktemp("lossy"), duration=600.0, clocks=clocks)
 
 
+@pytest.mark.slow
 def test_rows_are_dropped_and_duplicated_as_often_as_asked(lossy: Run) -> None:
     robot, bar = lossy.robot()[0] / PERIOD, lossy.ballbar() // 10_000_000
     for side, place, (dropped, duplicated) in (
@@ -455,6 +456,7 @@ def test_the_first_row_from_which_time_counts_is_always_written_once() -> None:
     assert hit.any(axis=0).tolist() == [False, True, True]
 
 
+@pytest.mark.slow
 def test_the_reader_keeps_the_first_of_two_rows_and_reports_the_gaps(lossy: Run) -> None:
     read = read_recording(lossy.folder)
     assert read.ballbar_log is not None
@@ -506,6 +508,7 @@ def drawn(errors: dict[str, Any], seed: int) -> Array:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "names", "sigma_m", "sigma_rad"),
     [
@@ -668,6 +671,7 @@ def raw(run: Run, name: str) -> bytes:
     return (run.folder / "raw" / name).read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", SENSORS)
 def test_an_encoder_error_changes_nothing_but_its_own_encoders(
     source: str, plain: Run, tmp_path: Path
@@ -697,6 +701,7 @@ def test_an_encoder_error_changes_nothing_but_its_own_encoders(
         )
 
 
+@pytest.mark.slow
 def test_resolver_errors_leave_the_noise_of_the_robot_and_the_ballbar_alone(
     plain: Run, tmp_path: Path
 ) -> None:
@@ -720,6 +725,7 @@ def test_resolver_errors_leave_the_noise_of_the_robot_and_the_ballbar_alone(
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", GEOMETRY)
 def test_a_static_error_leaves_noise_zeros_and_clocks_alone(
     source: str, plain: Run, tmp_path: Path
@@ -740,6 +746,7 @@ def test_a_static_error_leaves_noise_zeros_and_clocks_alone(
     assert noise.std() > 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", STAMPS)
 def test_an_error_of_one_clock_leaves_the_other_log_and_all_noise_alone(
     source: str, plain: Run, tmp_path: Path
@@ -758,6 +765,7 @@ def test_an_error_of_one_clock_leaves_the_other_log_and_all_noise_alone(
         assert (run.ballbar(name) == plain.ballbar(name)).all()
 
 
+@pytest.mark.slow
 def test_a_wandering_clock_keeps_overruns_and_encoder_noise(plain: Run, tmp_path: Path) -> None:
     run = noisy(tmp_path, "clocks", wander=STAMPS["wander"])
     rows = min(run.ballbar().size, plain.ballbar().size)
@@ -774,6 +782,7 @@ def test_a_wandering_clock_keeps_overruns_and_encoder_noise(plain: Run, tmp_path
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ROWS)
 def test_lost_and_repeated_rows_leave_the_other_rows_as_they_were(
     source: str, plain: Run, tmp_path: Path
@@ -807,6 +816,7 @@ def test_every_stream_of_random_numbers_has_one_user() -> None:
     } <= set(names)
 
 
+@pytest.mark.slow
 def test_dropping_rows_does_not_change_which_ones_are_doubled(tmp_path: Path) -> None:
     double = noisy(tmp_path / "a", "clocks", duplicated_rows={"robot_probability": 0.2})
     both = noisy(
@@ -850,6 +860,7 @@ SWITCHED_ON_AT_SIZE_ZERO: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", SWITCHED_ON_AT_SIZE_ZERO)
 def test_a_source_of_size_zero_is_as_good_as_absent(
     source: str, plain: Run, tmp_path: Path
@@ -862,6 +873,7 @@ def test_a_source_of_size_zero_is_as_good_as_absent(
     assert (run.truth.geometry.values == plain.truth.geometry.values).all()
 
 
+@pytest.mark.slow
 def test_everything_at_once_is_in_the_truth_file_and_the_reader_copes(tmp_path: Path) -> None:
     errors = (
         NOISY["errors"]
@@ -897,6 +909,7 @@ def test_everything_at_once_is_in_the_truth_file_and_the_reader_copes(tmp_path: 
     assert {"amplitude error", "duplicate stamp", "gap"} <= kinds
 
 
+@pytest.mark.slow
 def test_without_errors_the_truth_file_says_when_the_logs_began_and_no_more(plain: Run) -> None:
     stated = yaml.safe_load(truth_path(plain.folder).read_text())["logs"]
     assert stated == {"first_rows": {"robot_s": pytest.approx(0.363), "ballbar_s": 0.5}}

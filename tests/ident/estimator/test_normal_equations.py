@@ -46,6 +46,8 @@ def test_normal_matrix_and_gradient_are_those_of_the_dense_jacobian_and_the_prio
     )
     assert equations.cost == pytest.approx((residual**2).sum() + off @ off)
     assert equations.data_cost == pytest.approx((residual**2).sum())
+    # The prior is a small part: of the sum nobody would miss it
+    assert equations.cost - equations.data_cost == pytest.approx(off @ off, rel=1e-3)
     assert equations.equations == residual.size == 5 * 200
 
 
