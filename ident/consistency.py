@@ -87,6 +87,9 @@ class Consistency:
         return "" if self.change is None else self.change.sentence
 
 
+AGREED = Consistency((), None)
+
+
 def consistency(fit: Fit) -> Consistency:
     """How the recordings of a fit, and the parts of each, agree with each other."""
     blocks, count = time_blocks(fit), len(fit.model.recordings)

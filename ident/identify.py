@@ -21,7 +21,7 @@ from cell.payload import with_payload
 from cell.statistics import rms
 from ident.causes import Causes
 from ident.complete_fit import fit_complete, settled
-from ident.consistency import consistency
+from ident.consistency import AGREED, consistency
 from ident.corrections import SUBSTITUTES, corrections_without_data, supported_corrections
 from ident.corrections.rod_elongation import rod_elongation
 from ident.estimator.fit import Fit
@@ -234,7 +234,7 @@ def _result(
     complete = fit is not single[0].fit
     known = stated.information_gain > MOSTLY_PRIOR
     robot = replace(_robot(cell, single[0], fit, stated, known, deviated), payload=payload)
-    agreement = consistency(fit)
+    agreement = consistency(fit) if complete else AGREED  # kinematics alone lack too much
     softer = 1.0 if payload else _softer(fit)
     if masses_in_doubt(softer):
         robot = _with_doubt_of_masses(robot, softer)

@@ -17,11 +17,11 @@ from ident.corrections.base import Correction
 from ident.estimator.fit import Fit
 from ident.estimator.step_faults import ENCODER_JUMPS
 from ident.estimator.time_blocks import NONE, time_blocks
-from ident.estimator.uncertainty import uncertainty
+from ident.estimator.uncertainty import mean_autocorrelation
 
-# A correction stays whose coefficients' chi-square exceeds its count k by SUPPORT sqrt(2 k): four
-# standard deviations of what chance gives.
-SUPPORT = 4.0
+# A correction stays whose coefficients' chi-square exceeds its count k by SUPPORT sqrt(2 k): what
+# chance gives to one coefficient in 500.
+SUPPORT = 6.0
 # Decrease of the held-out cost, in units of chi-square per degree of freedom, that a term must
 # bring: one that the machine does not need brings -170 to 20 (notes/unknown_machines, 3).
 DECREASE = 30.0
@@ -53,15 +53,13 @@ def needed_corrections(fit: Fit, tried: Sequence[Correction]) -> list[Correction
 def unsupported(result: Fit) -> set[str]:
     """Names of corrections whose coefficients are all zero as far as the data can tell.
 
-    All deviations of a correction are widened by one factor, or single coefficients that a few
-    blocks of time determine would break the correlations of the others.
+    Neighbours with autocorrelation a leave `(1 - a) / (1 + a)` of the samples (Bartlett 1946).
     """
-    stated, out = uncertainty(result), set()
+    alike, out = min(0.9, max(0.0, mean_autocorrelation(result))), set()
+    widening = result.chi2_per_dof * (1.0 + alike) / (1.0 - alike)
     for correction in present(result):
         position = coefficients_of(result, correction)
-        values = result.x[position]
-        widening = max(1.0, result.chi2_per_dof) * np.median(stated.inflation[position]) ** 2
-        white = result.covariance[position, position]
+        values, white = result.x[position], result.covariance[position, position]
         chi2 = float(values @ np.linalg.solve(white, values)) / widening
         if chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
             out.add(correction.name)

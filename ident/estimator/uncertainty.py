@@ -57,16 +57,12 @@ def uncertainty(fit: Fit, deviated: Sequence[Cell] = ()) -> Uncertainty:
     shifts = considered_shifts(fit, deviated)
     covariance += shifts @ shifts.T
     gain = 1.0 - np.clip(np.diag(fit.covariance) / sigma**2, 0.0, 1.0)
-    neighbours = [
-        autocorrelation(residual, samples.times, samples.smoothing)
-        for residual, samples in zip(fit.linear.residuals, fit.model.recordings, strict=True)
-    ]
     return Uncertainty(
         covariance=0.5 * (covariance + covariance.T),
         considered=shifts,
         inflation=inflation,
         information_gain=gain,
-        autocorrelation=float(np.mean(neighbours)),
+        autocorrelation=mean_autocorrelation(fit),
         blocks=blocks,
         lengths=lengths,
     )
@@ -100,6 +96,15 @@ def _left_out(fit: Fit) -> tuple[Array, int]:
         variance += moved**2
         count += 1
     return variance * (count - 1) / count, count
+
+
+def mean_autocorrelation(fit: Fit) -> float:
+    """Of neighbours in the whitened residuals of a fit's recordings."""
+    each = [
+        autocorrelation(residual, samples.times, samples.smoothing)
+        for residual, samples in zip(fit.linear.residuals, fit.model.recordings, strict=True)
+    ]
+    return float(np.mean(each))
 
 
 def autocorrelation(residual: Array, times: Array, smoothing: float) -> float:
