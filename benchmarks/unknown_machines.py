@@ -44,6 +44,7 @@ from tests.helpers.independent_truth import (
     stiffness_errors,
     true_compliance,
 )
+from tests.helpers.stated_uncertainty import COVERAGE, RATIO, place
 from tests.independent.machine import Effects, files
 from tests.independent.path import FIRST
 from tests.independent.recording import (
@@ -74,9 +75,9 @@ LIMITS = {
 }
 EACH = {
     "over the bound": (0.9, 1.1),
-    "over stated, rms": (0.8, 1.2),
-    "geometry held": (0.93, 0.97),
-    "stiffness held": (0.93, 0.97),
+    "over stated, rms": RATIO,
+    "geometry held": COVERAGE,
+    "stiffness held": COVERAGE,
 }
 
 
@@ -354,9 +355,9 @@ def _uncertainty(name: str, group: Sequence[Row]) -> None:
         "over stated, rms": np.sqrt(((mean / column("tcp_sigma_mm")) ** 2).mean()),
         **{f"{kind} held": share for kind, share in shares.items()},
     }
-    for key, (least, most) in (LIMITS.get(name, {}) | EACH).items():
-        verdict = "below" if figures[key] < least else "above" if figures[key] > most else "within"
-        print(f"    {key:17} {figures[key]:.4f}, {verdict} {least:g} to {most:g}")
+    for key, limits in (LIMITS.get(name, {}) | EACH).items():
+        print(f"    {key:17} {figures[key]:.4f}, {place(float(figures[key]), limits)} "
+              f"{limits[0]:g} to {limits[1]:g}")  # fmt: skip
 
 
 def _chance(group: Sequence[Row]) -> tuple[float, float]:

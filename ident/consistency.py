@@ -78,7 +78,8 @@ def _cause(group: str, size: float) -> str:
 class Consistency:
     """How the recordings of a fit agree."""
 
-    held_out: tuple[float, ...]  # residual of each by the machine of the others, over its own
+    # residual of each by the machine of the others, over what noise and its uncertainty explain
+    held_out: tuple[float, ...]
     change: Change | None  # the surest
 
     @property
@@ -107,67 +108,57 @@ def _surest(blocks: TimeBlocks) -> Change | None:
     Those are known by what is left once it is part of the model.
     """
     parts = list(_parts(blocks))
-    judged = [_Part.of(blocks, *part) for part in parts]
-    if not judged:
+    if not parts:
         return None
-    best = max(range(len(judged)), key=lambda k: judged[k].change.times)
-    change, after = judged[best].change, parts[best][2]
+    changes = [part.change(blocks) for part in parts]
+    best = max(range(len(parts)), key=lambda k: changes[k].times)
+    change, part = changes[best], parts[best]
     if change.times < SURE:
         return None
-    groups = _groups(blocks.fit, change.recording, within=change.time is not None)
-    rest = blocks.freed(after, groups[change.group])
-    left = [value for part in parts for value in _Part.of(rest, *part).each.values()]
+    rest = blocks.freed(part.blocks, part.groups[change.group])
+    left = [decrease / step.size for p in parts for decrease, step in p.tests(rest).values()]
     times = change.times / max(1.0, float(np.median(left)))
     return replace(change, times=times) if times > SURE else None
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Blocks that may differ from the others, and what each group would explain of them."""
+    """Blocks that may differ from the others, and the groups of unknowns that may do so there."""
 
     recording: int
     time: float | None
-    tests: dict[str, tuple[float, Array]]  # decrease of the cost, and change, of each group
+    blocks: NDArray[np.bool_]  # (B,)
+    groups: dict[str, NDArray[np.intp]]
 
-    @classmethod
-    def of(
-        cls, blocks: TimeBlocks, recording: int, time: float | None, after: NDArray[np.bool_]
-    ) -> _Part:
-        groups = _groups(blocks.fit, recording, within=time is not None)
-        part = blocks.added(after)
-        tests = {name: part.changed(group) for name, group in groups.items()}
-        return cls(recording, time, tests)
+    def tests(self, blocks: TimeBlocks) -> dict[str, tuple[float, Array]]:
+        """Decrease of the cost, and change, of each group."""
+        part = blocks.added(self.blocks)
+        return {name: part.changed(group) for name, group in self.groups.items()}
 
-    @property
-    def each(self) -> dict[str, float]:
-        """Decrease for each unknown."""
-        return {name: decrease / step.size for name, (decrease, step) in self.tests.items()}
-
-    @property
-    def change(self) -> Change:
+    def change(self, blocks: TimeBlocks) -> Change:
         """The smallest group that explains nearly as much as any other."""
-        each = self.each
-        beyond = {name: decrease - step.size for name, (decrease, step) in self.tests.items()}
+        tests = self.tests(blocks)
+        beyond = {name: decrease - step.size for name, (decrease, step) in tests.items()}
         enough = SHARE * max(0.0, *beyond.values())
-        causes = [name for name in each if beyond[name] >= enough] or list(each)
-        cause = min(causes, key=lambda name: (self.tests[name][1].size, -beyond[name]))
-        step = self.tests[cause][1]
-        times = each[cause] / (1.0 + (SINGLE - 1.0) / step.size**0.25)
+        causes = [name for name in tests if beyond[name] >= enough] or list(tests)
+        cause = min(causes, key=lambda name: (tests[name][1].size, -beyond[name]))
+        decrease, step = tests[cause]
+        times = decrease / step.size / (1.0 + (SINGLE - 1.0) / step.size**0.25)
         size = float(step[0]) if step.size == 1 else float(np.linalg.norm(step[:3]))
         return Change(self.recording, self.time, cause, size, float(times))
 
 
-def _parts(blocks: TimeBlocks) -> Iterator[tuple[int, float | None, NDArray[np.bool_]]]:
+def _parts(blocks: TimeBlocks) -> Iterator[_Part]:
     """Blocks that may differ from the others: each recording, and what follows an instant."""
     count = int(blocks.recording.max()) + 1
     for k in range(1 if count == 2 else 0, count if count > 1 else 0):
-        yield k, None, blocks.recording == k
+        yield _Part(k, None, blocks.recording == k, _groups(blocks.fit, k, within=False))
     for k in range(count):
-        here = np.flatnonzero(blocks.recording == k)
+        here, groups = np.flatnonzero(blocks.recording == k), _groups(blocks.fit, k, within=True)
         for first in here[EDGE : here.size - EDGE + 1 : 2]:
             after = np.zeros(blocks.recording.size, dtype=np.bool_)
             after[first : here[-1] + 1] = True
-            yield k, float(blocks.start[first]), after
+            yield _Part(k, float(blocks.start[first]), after, groups)
 
 
 def _groups(fit: Fit, recording: int, *, within: bool) -> dict[str, NDArray[np.intp]]:

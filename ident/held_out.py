@@ -134,8 +134,7 @@ def held_out(
     try:
         recording = fit_recording(cell, logs, options, Listener(listener.progress))
     except StartError as error:
-        named = Causes.of(cell, [logs])
-        raise (StartError(f"{named} ({error})") if named else error) from None
+        raise StartError(Causes.of(cell, [logs]).before(error)) from None
     robot = machine.robot.unloaded()
     bare = UnloadedRobot(cell, machine.robot.nominal)
     listener.progress(f"closing the loop of {logs.name}")

@@ -126,8 +126,7 @@ def identify_together(
             for k, logs in enumerate(recordings)
         ]
     except StartError as error:
-        named = Causes.of(cell, recordings)
-        raise (StartError(f"{named} ({error})") if named else error) from None
+        raise StartError(Causes.of(cell, recordings).before(error)) from None
     causes = Causes.of(cell, recordings) if any(map(_is_other_machine, single)) else None
     if causes and causes.hopeless:  # the complete fit would take long and come to nothing
         if len(single) > 1:
@@ -239,10 +238,7 @@ def _result(
     if masses_in_doubt(softer):
         robot = _with_doubt_of_masses(robot, softer)
     estimates = tuple(
-        replace(
-            _recording(cell, r, fit, k if complete else 0, stated, known, options),
-            held_out=agreement.held_out[k] if agreement.held_out else None,
-        )
+        _recording(cell, r, fit, k if complete else 0, stated, known, options)
         for k, r in enumerate(single)
     )
     first = single[0]
@@ -281,10 +277,10 @@ def _result(
             encoders=estimate.encoders,
             samples=estimate.samples,
             clock_sigma=estimate.clock_sigma[0],
-            held_out=estimate.held_out,
+            held_out=agreement.held_out[k] if agreement.held_out else None,
             remarks=log_remarks(r.samples, estimate.step_faults),
         )
-        for r, estimate in zip(single, estimates, strict=True)
+        for k, (r, estimate) in enumerate(zip(single, estimates, strict=True))
     ]
     verdict = judge(evidence, each, cell, robot.nominal)
     if options.rod_sigma is not None and not complete:

@@ -121,8 +121,6 @@ class RecordingEstimate:
     after: Residuals
     whitened: Array  # (E, N) residuals in units of their standard deviation
     start: Start
-    # residual by the machine of the other recordings, over what noise and its uncertainty explain
-    held_out: float | None = None
     step_faults: tuple[StepFault, ...] = ()
     tension: Array | None = None  # (N,) [N] of the rod at the samples, where loads were needed
     tension_source: str = ""  # as of Logs.force_source; empty where no loads were needed

@@ -31,7 +31,7 @@ def read_with_causes(folder: Path) -> Recording:
         return read_recording(folder)
     except OtherAnglesError as error:
         causes = _causes(folder, error.angles)
-        raise (LogError(f"{causes} ({error.statement})") if causes else error) from None
+        raise (LogError(causes.before(error.statement)) if causes else error) from None
 
 
 def _causes(folder: Path, angles: RobotAngles) -> Causes | None:

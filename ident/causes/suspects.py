@@ -76,6 +76,10 @@ class Causes:
     def __bool__(self) -> bool:
         return any(self.suspects)
 
+    def before(self, statement: object) -> str:
+        """A statement behind the causes, where there are any."""
+        return f"{self} ({statement})" if self else str(statement)
+
     @property
     def hopeless(self) -> bool:
         """Whether no fit of these recordings can be right."""

@@ -28,17 +28,20 @@ from cell.payload import TOOL, Payload, payload_of
 from ident.estimator.time_blocks import block_numbers, block_sums
 from ident.loads.logged_tension import LoggedTorque
 from ident.loads.mass_uncertainty import stated_covariance
-from ident.loads.rod_tension import friction_sign, from_motor_torque, without_tension
+from ident.loads.rod_tension import (
+    ROTOR_PRIOR,
+    STRIBECK_PRIOR,
+    TORQUE_GAIN,
+    friction_sign,
+    from_motor_torque,
+    stribeck_rise,
+    torque_sigma,
+    without_tension,
+)
 
 MASS_PRIOR, MOMENT_PRIOR = 10.0, 3.0  # [kg], [kg m] a tool that nobody declared
 ARM_PRIOR = 0.05  # of a catalogue arm's masses, with what hangs on it
-GAIN_PRIOR = 0.02  # (notes/identification sec. 1)
-STRIBECK_PRIOR = 0.3  # of the Coulomb friction
-ROTOR_PRIOR = 1.0  # of the file's inertia; one taken as exact draws the mass
 NEAR = 0.01  # [m] from the flange to point masses that give the first moment; inertia 1e-4 kg m^2
-# [N m] of every gear, and [rad/s] below which its friction is no law's: wider than for the tension,
-# since what is left here is no noise
-TORQUE_SIGMA, REVERSAL_SPEED = 2.0, 0.03
 # Standard deviation that no block of time shows, over the arm's mass: a correct tool of 4 kg on an
 # arm of 360 kg was found 0.1 to 0.6 kg too heavy (notes/unknown_machines).
 FLOOR = 1e-3
@@ -74,9 +77,47 @@ def payload_from_torque(
     geometries : of the recordings, from their `dh` fits. A tool that nobody declared is tried
     first; where it is none, tool and links are what the files say within their tolerance.
     """
-    columns = [_mass_columns(cell, g, log) for g, log in zip(geometries, logs, strict=True)]
-    whitened = [_regression(cell, c, log) for c, log in zip(columns, logs, strict=True)]
-    rest, design = (np.concatenate([part[k] for part in whitened], axis=-1) for k in range(2))
+    return _estimate(cell, _of_recordings(cell, geometries, logs))
+
+
+def payload_of_recordings(
+    cell: Cell, geometries: Sequence[Geometry], logs: Sequence[LoggedTorque]
+) -> PayloadEstimate:
+    """As `payload_from_torque`; that of the first recording, where they are not of one tool."""
+    recordings = _of_recordings(cell, geometries, logs)
+    if len(recordings) > 1:
+        single = [_estimate(cell, [recording]) for recording in recordings]
+        masses = tuple(estimate.payload.mass for estimate in single)
+        sigma = np.hypot.reduce([estimate.mass_sigma for estimate in single])
+        if max(masses) - min(masses) > SURE * sigma:
+            return replace(single[0], each=masses)
+    return _estimate(cell, recordings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Recording:
+    """The torques of one recording as the regression sees them."""
+
+    log: LoggedTorque
+    masses: Array  # (5 + 4 J, J, N) columns of the masses
+    rest: Array  # (J, N) whitened torque beyond the modelled load
+    design: Array  # (P, J, N) whitened columns
+
+
+def _of_recordings(
+    cell: Cell, geometries: Sequence[Geometry], logs: Sequence[LoggedTorque]
+) -> list[_Recording]:
+    out = []
+    for geometry, log in zip(geometries, logs, strict=True):
+        masses = _mass_columns(cell, geometry, log)
+        out.append(_Recording(log, masses, *_regression(cell, masses, log)))
+    return out
+
+
+def _estimate(cell: Cell, recordings: Sequence[_Recording]) -> PayloadEstimate:
+    rest = np.concatenate([recording.rest for recording in recordings], axis=-1)
+    design = np.concatenate([recording.design for recording in recordings], axis=-1)
+    logs = [recording.log for recording in recordings]
     mean, prior = _priors(cell)
     regression = _Regression(rest - np.einsum("pjn,p->jn", design, mean), design, logs)
     change, covariance, blocked = regression.solved(prior)
@@ -88,7 +129,10 @@ def payload_from_torque(
         change, covariance, _ = regression.solved(_declared(cell, prior))
         mass_sigma = float(np.sqrt(covariance[0, 0]))
     own = change[: ARM + 1]
-    added = np.concatenate([np.einsum("pjn,p->jn", c[: ARM + 1], own) for c in columns], axis=-1)
+    added = np.concatenate(
+        [np.einsum("pjn,p->jn", recording.masses[: ARM + 1], own) for recording in recordings],
+        axis=-1,
+    )
     bodies = _bodies(cell)
     with_arm = np.eye(change.size)[bodies]
     with_arm[TOOL::4, ARM] = 1.0  # the arm's factor is a deviation of every link's mass
@@ -101,21 +145,6 @@ def payload_from_torque(
         significant=significant,
         covariance=with_arm @ covariance @ with_arm.T,
     )
-
-
-def payload_of_recordings(
-    cell: Cell, geometries: Sequence[Geometry], logs: Sequence[LoggedTorque]
-) -> PayloadEstimate:
-    """As `payload_from_torque`; that of the first recording, where they are not of one tool."""
-    if len(logs) > 1:
-        single = [
-            payload_from_torque(cell, [g], [log]) for g, log in zip(geometries, logs, strict=True)
-        ]
-        masses = tuple(estimate.payload.mass for estimate in single)
-        sigma = np.hypot.reduce([estimate.mass_sigma for estimate in single])
-        if max(masses) - min(masses) > SURE * sigma:
-            return replace(single[0], each=masses)
-    return payload_from_torque(cell, geometries, logs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +175,7 @@ def _priors(cell: Cell) -> tuple[Array, Array]:
     A tool that nobody declared and an arm of another weight are allowed for.
     """
     gears, rotors = cell.robot.required("gears"), cell.robot.required("rotor_inertia_kg_m2")
-    none, gain = np.zeros(cell.robot.joints), np.full(cell.robot.joints, GAIN_PRIOR)
+    none, gain = np.zeros(cell.robot.joints), np.full(cell.robot.joints, TORQUE_GAIN)
     masses = np.zeros(ARM + 1 + 4 * cell.robot.joints)
     mean = (masses, gears.coulomb, gears.viscous, none, rotors, none)
     friction = (gears.coulomb, 2.0 * gears.viscous)
@@ -178,16 +207,14 @@ def _regression(cell: Cell, masses: Array, log: LoggedTorque) -> tuple[Array, Ar
     masses : (5 + 4 J, J, N) columns of the masses. A gain is one of the whole load, the rod's share
     included: as a gain of the arm's weight alone it passes for other masses.
     """
-    gears, side = cell.robot.required("gears"), friction_sign(log.speed)
-    rise = side / (1.0 + (log.speed / gears.stribeck[:, None]) ** 2)
+    side, rise = friction_sign(log.speed), stribeck_rise(cell, log.speed)
     tension = from_motor_torque(cell, log.torque, log.carried, log.speed, log.acceleration).force
     terms = (side, log.speed, log.carried.gears(tension), log.acceleration, rise)
     each = np.zeros((len(terms), cell.robot.joints, *log.torque.shape))
     for k in range(cell.robot.joints):
         each[:, k, k] = [term[k] for term in terms]
     columns = np.concatenate((masses, *each))
-    unlike = gears.coulomb[:, None] * np.exp(-((log.speed / REVERSAL_SPEED) ** 2))
-    sigma = np.hypot(TORQUE_SIGMA, unlike)
+    sigma = torque_sigma(cell, log.speed)
     direction = log.carried.gear_per_newton
     rest = without_tension((log.torque - log.carried.gear)[None], sigma, direction)[0]
     return rest, without_tension(columns, sigma, direction)
@@ -226,8 +253,8 @@ def _mass_columns(cell: Cell, geometry: Geometry, log: LoggedTorque) -> Array:
     bodies = [links[0] for links in carried_bodies(cell)]
     links = [of_link(joint, body) for joint, body in enumerate(bodies)]
     columns = [*of_point(joints - 1, 1.0, flange, rotation.T), np.sum(links, axis=0)]
-    for joint, (body, whole) in enumerate(zip(bodies, links, strict=True)):
-        axes = link_rotations(cell.robot)[joint]
+    axes_of_links = link_rotations(cell.robot)
+    for joint, (body, whole, axes) in enumerate(zip(bodies, links, axes_of_links, strict=True)):
         columns += [whole, *of_point(joint, body.mass, body.com, axes)[1:]]
     return np.stack(columns)
 

@@ -32,7 +32,7 @@ TORQUE_GAIN = 0.02  # (notes/identification sec. 1)
 # (notes/identification sec. 5), since it builds up over a travel of its own (Dahl 1968)
 REVERSAL_SPEED = 0.03
 STRIBECK_PRIOR = 0.3  # rise of friction towards rest, of the Coulomb friction
-ROTOR_PRIOR = 1.0  # of the file's inertia
+ROTOR_PRIOR = 1.0  # of the file's inertia; one taken as exact draws the masses
 FRICTION_WIDTH = 2e-3  # [rad/s] over which the sign of a speed changes
 SENSOR_GAIN = 0.01
 SENSOR_NOISE = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])  # [N, N m]

@@ -17,15 +17,16 @@ def stated_uncertainty(over_stated: Array, covered: dict[str, Array]) -> str:
     share of its 95 % intervals that hold the truth.
     """
     ratio = float(np.sqrt((over_stated**2).mean()))
-    parts = [f"error over stated, rms: {ratio:.2f} ({_place(ratio, RATIO)} {_words(RATIO, 'g')})"]
+    parts = [f"error over stated, rms: {ratio:.2f} ({place(ratio, RATIO)} {_words(RATIO, 'g')})"]
     for kind, shares in covered.items():
         mean = float(shares.mean())
-        target = f"{_place(mean, COVERAGE)} {_words(COVERAGE, '.0%')}"
+        target = f"{place(mean, COVERAGE)} {_words(COVERAGE, '.0%')}"
         parts.append(f"{kind} intervals: {mean:.1%} ({target})")
     return "; ".join(parts)
 
 
-def _place(value: float, target: tuple[float, float]) -> str:
+def place(value: float, target: tuple[float, float]) -> str:
+    """Whether a figure is below its target, within or above."""
     return "below" if value < target[0] else "above" if value > target[1] else "within"
 
 
