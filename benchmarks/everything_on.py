@@ -7,7 +7,8 @@ Every robot has its own geometry (1 mm, 1 mrad), plate, ball-bar axes, masses, s
 ripple, one order of it in no list, encoders and gains; its two recordings share all of that. Writes
 docs/studies/everything_on_ROBOT_COUNT.csv, a row for each robot and load signal. `scale known` is
 the error without the scale that plate and ball-bar axes leave open. Stated uncertainty is wrong in
-both directions: too small (ratio above, intervals below the target) and too large.
+both directions: too small (ratio above, intervals below the target) and too large. `bound_mm` is
+what it would be by priors and white noise alone, as planning predicts it.
 """
 
 from __future__ import annotations
@@ -30,13 +31,13 @@ from ident.options import FitOptions, ForceSource
 from ident.result import Identification
 from sim.truth import Truth
 from tests.helpers.drawn_robots import ROOT, recorded, scenario_of
-from tests.helpers.stated_uncertainty import stated_uncertainty
+from tests.helpers.stated_uncertainty import stated_uncertainty, white_tcp_sigma
 
 FORCES: dict[str, ForceSource] = {"none": "none", "torque": "torque", "sensor": "sensor"}
 ROD_SIGMA = 5e-6  # [m] of a measured rod
 COLUMNS = (
     "robot", "seed", "paths", "signal", "status", "tcp_mean_mm", "tcp_max_mm",
-    "scale_known_mean_mm", "scale_known_max_mm", "tcp_sigma_mm", "over_stated",
+    "scale_known_mean_mm", "scale_known_max_mm", "tcp_sigma_mm", "bound_mm", "over_stated",
     "chi2", "autocorrelation", "stiffness_median_percent", "stiffness_worst_percent",
     "clock_us", "skew_ppm", "geometry_covered", "stiffness_covered",
 )  # fmt: skip
@@ -96,13 +97,15 @@ def row(
     sigma = np.array([found.sigma[name] for name in compared.deviations])
     inside = np.abs(np.array(list(compared.deviations.values()))) < 1.96 * sigma
     scale_known, stated = compared.tcp.error_without_scale, float(found.robot.tcp_sigma.mean())
+    bound = float(white_tcp_sigma(found).mean())
     return dict(
         zip(
             COLUMNS,
             (
                 robot, seed, paths, signal, found.verdict.status, compared.tcp.mean * 1e3,
                 compared.tcp.maximum * 1e3, float(scale_known.mean()) * 1e3,
-                float(scale_known.max()) * 1e3, stated * 1e3, compared.tcp.mean / stated,
+                float(scale_known.max()) * 1e3, stated * 1e3, bound * 1e3,
+                compared.tcp.mean / stated,
                 found.fit.chi2_per_dof, found.fit.autocorrelation, float(np.median(wrong)) * 100,
                 float(wrong.max()) * 100, max(c[0] for c in clocks) * 1e6,
                 max(c[1] for c in clocks) * 1e6, float(inside.mean()),
@@ -169,7 +172,8 @@ def _say(paths: str, signal: str, rows: list[dict[str, object]]) -> None:
     print(
         f"{paths:4} {signal:12} TCP mean / max [mm]: {millimetres('tcp')}; "
         f"scale known: {millimetres('scale_known')}; "
-        f"stated sigma {np.median(column('tcp_sigma_mm')):.4f}\n"
+        f"stated sigma {np.median(column('tcp_sigma_mm')):.4f}, "
+        f"of which priors and white noise alone {np.median(column('bound_mm')):.4f}\n"
         f"    {stated_uncertainty(column('over_stated'), covered)}\n"
         f"    stiffness median {np.median(column('stiffness_median_percent')):.1f} %, "
         f"worst {column('stiffness_worst_percent').max():.1f} %; "

@@ -155,7 +155,7 @@ def numbers_data(plan: Plan, targets: Targets, folder: Path) -> dict[str, object
             "rms_worst_robot": float(plan.tcp.max()),
             "mean": float(typical.tcp_sigma.mean()),
             "largest": float(typical.tcp_sigma.max()),
-            f"{'bar' if plan.lengths else 'plate'}_length_adds": plan.plate_adds,
+            "scale_adds": plan.scale_adds,
         },
         "observability": plan.indices(),
         "sphere_covered": plan.coverage,

@@ -45,7 +45,7 @@ class Answer:
     key: str
     value: str
     tcp: float | None  # [m] root mean square of the predicted TCP sigma; None: no path was found
-    scale: float  # [m] error from the plate's length
+    scale: float  # [m] error from the scale
     note: str
 
     @property

@@ -57,7 +57,7 @@ def plan_picture(plan: Plan) -> bytes:
 def what_if_picture(plan: Plan, answers: Sequence[Answer]) -> bytes:
     """SVG of the expected TCP error over the values of each what-if question, a panel for each.
 
-    Filled marks: from the trajectory; open marks: with the error of the plate's length added.
+    Filled marks: from the trajectory; open marks: with the error of the scale added.
     """
     keys = list(dict.fromkeys(answer.key for answer in answers))
     with matplotlib.rc_context(STYLE):
@@ -69,7 +69,7 @@ def what_if_picture(plan: Plan, answers: Sequence[Answer]) -> bytes:
             tcp = [np.nan if a.tcp is None else a.tcp * UM for a in of_key]
             total = [np.nan if a.total is None else a.total * UM for a in of_key]
             axes.plot(x, tcp, "o-", color=INK, label="from the path")
-            axes.plot(x, total, "o--", color=INK, mfc="white", label="and the plate's length")
+            axes.plot(x, total, "o--", color=INK, mfc="white", label="and the scale")
             axes.axhline(plan.evaluation.tcp * UM, color=FAINT, lw=0.8)
             axes.set_xticks(x, [a.value for a in of_key], rotation=30, ha="right")
             axes.set_title(key.replace("_", " "))

@@ -139,11 +139,11 @@ def answer(
 def say_answers(out: Console, plan: Plan, results: Sequence[Answer]) -> None:
     """Prints the expected TCP error with one value of the rig changed at a time."""
     table = Table(box=None, pad_edge=False)
-    lengths = ("TCP sigma [um]", "plate's length adds [um]", "together [um]")
+    lengths = ("TCP sigma [um]", "scale adds [um]", "together [um]")
     for heading in ("what if", "value", *lengths, ""):
         table.add_column(escape(heading), justify="left" if heading in ("what if", "") else "right")
     planned = Answer(
-        key="as planned", value="", tcp=plan.evaluation.tcp, scale=plan.plate_adds, note=""
+        key="as planned", value="", tcp=plan.evaluation.tcp, scale=plan.scale_adds, note=""
     )
     for row in (planned, *results):
         sigma, total = ("-" if v is None else f"{v * UM:.1f}" for v in (row.tcp, row.total))
@@ -167,7 +167,7 @@ def answers_csv(results: Sequence[Answer]) -> bytes:
     """The what-if answers as a CSV file, SI units."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(("what_if", "value", "tcp_sigma_m", "plate_length_adds_m", "note"))
+    rows.writerow(("what_if", "value", "tcp_sigma_m", "scale_adds_m", "note"))
     rows.writerows(
         (a.key, a.value, "" if a.tcp is None else f"{a.tcp:.4g}", f"{a.scale:.4g}", a.note)
         for a in results
@@ -239,8 +239,8 @@ def say_plan(out: Console, plan: Plan) -> None:
         f"({position}) m"
     )
     spread = f" ({tcp.min():.1f} to {tcp.max():.1f} over {len(tcp)} robots)" if len(tcp) > 1 else ""
-    whose = "bar's calibrated" if plan.lengths else "plate's own"
-    adds = f"; the {whose} length adds {plan.plate_adds * UM:.1f} um" if plan.plate_adds else ""
+    source = "the bar's calibrated length" if plan.lengths else "the lengths of plate and ba5"
+    adds = f"; the scale from {source} adds {plan.scale_adds * UM:.1f} um" if plan.scale_adds else ""
     out.print(
         f"predicted TCP sigma over the workspace: {np.median(tcp):.1f} um rms{spread}, "
         f"largest {typical.tcp_sigma.max() * UM:.0f} um{adds}"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cell.arrays import Array
+from ident.result import Identification
+from ident.robot.accuracy import accuracy_grid, position_sigma
 
 RATIO = (0.8, 1.2)  # target of the error over the stated one, rms over the robots
 COVERAGE = (0.93, 0.97)  # target of the share of 95 % intervals that hold the truth
@@ -23,6 +25,14 @@ def stated_uncertainty(over_stated: Array, covered: dict[str, Array]) -> str:
         target = f"{place(mean, COVERAGE)} {_words(COVERAGE, '.0%')}"
         parts.append(f"{kind} intervals: {mean:.1%} ({target})")
     return "; ".join(parts)
+
+
+def white_tcp_sigma(found: Identification) -> Array:
+    """(G,) [m] TCP sigma of priors and white noise alone, the Cramer-Rao bound of the model."""
+    robot, covariance = found.robot.unloaded(), found.robot.covariance
+    grid, table = accuracy_grid(found.robot.cell.robot), found.robot.geometry.table
+    shared = np.array([table.index[n] for n in covariance.names if n in table.index])
+    return position_sigma(robot.tool(grid), robot.jacobian(grid, shared), covariance.white)
 
 
 def place(value: float, target: tuple[float, float]) -> str:
