@@ -48,11 +48,15 @@ EVERYTHING_ON: dict[str, object] = {
             "plate_bending",
             "base_compliance",
             "masses",
+            "payload",
             "base_tilt",
             "plate_length",
+            "motor_offsets",
+            "joint_lag",
             "mounting_eccentricity",
             "encoder_eccentricity",
             "subdivisional_error",
+            "signal_noise",
             "frozen_bits",
         )
     },
@@ -61,7 +65,9 @@ TWO_CLOCKS: dict[str, object] = {  # likewise
     "offset_s": 0.508,
     "skew": 5.0e-5,
     "overrun_probability": 0.005,
-    **{name: {} for name in ("wander", "jitter", "dropped_rows", "duplicated_rows")},
+    **{
+        name: {} for name in ("wander", "robot_wander", "jitter", "dropped_rows", "duplicated_rows")
+    },
 }
 
 

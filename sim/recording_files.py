@@ -11,7 +11,7 @@ from cell.arrays import Array
 from cell.files import write_yaml
 from cell.instrument import Instrument
 from sim.logging.clocks import BAR_EPOCH_NS
-from sim.logging.encoders import motor_angles
+from sim.logging.encoders import motor_angles, read_counts
 from sim.logging.load_logs import motor_torques, sensor_rows
 from sim.logging.loggers import LoggedRows
 from sim.logging.writers import (
@@ -88,8 +88,9 @@ def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder:
         b[:, fitted] += outliers.on_ballbar(len(b), len(fitted), seed)
     counts, status = {}, {}
     for e in simulation.encoders:
-        rng = stream(seed, f"encoder_noise_b{e.joint}")
-        counts[f"b{e.joint}"] = e.counts(b[:, e.joint - 1], times.bar_true, rng)
+        counts[f"b{e.joint}"] = read_counts(
+            e, b[:, e.joint - 1], times.bar_true, settings.errors.signal_noise, seed
+        )
         status[f"s{e.joint}"] = e.status(times.bar_task, times.bar_true)
     files = _files("ballbar", simulation.rows)
     for file, rows in zip(files, simulation.rows.ballbar, strict=True):

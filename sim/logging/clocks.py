@@ -1,8 +1,9 @@
 """Sampling times of both loggers, in true time and on their own clocks.
 
-The robot's clock runs true. With the clock's map of cell.clock, the ball-bar's clock runs slow by 1
-+ skew and its log begins `offset` seconds after the robot's. The later of the two logs begins LEAD
-seconds into the run; the rows that the other one has before that are of the first dwell.
+The robot's clock runs true but for its wander. With the clock's map of cell.clock, the ball-bar's
+clock runs slow by 1 + skew and its log begins `offset` seconds after the robot's. The later of the
+two logs begins LEAD seconds into the run; the rows that the other one has before that are of the
+first dwell.
 
 The ball-bar's logger is the thesis's (sec. 4.6): a 5 ms task writes a line and waits for the file,
 which takes 10 ms per row, or 15 ms when the write takes one cycle more. Its stamps are distributed
@@ -43,6 +44,7 @@ class LogTimes:
     bar_stamp: NDArray[np.int64]  # (M,) [ns]
     bar_task: NDArray[np.int64]  # (M,) PLC task cycles, or rows of lengths, since the first row
     wander: WanderCurve | None = None  # of the ball-bar's clock
+    robot_wander: WanderCurve | None = None
 
 
 def log_times(
@@ -68,14 +70,20 @@ def log_times(
     if clocks.wander:
         wander = wander_curve(clocks.wander, end - bar_start, stream(seed, "clock_wander"))
         bar_true += wander.at(bar_clock)
+    robot_true, robot_wander = robot_start + robot_clock, None
+    if clocks.robot_wander:
+        rng = stream(seed, "robot_clock_wander")
+        robot_wander = wander_curve(clocks.robot_wander, float(robot_clock[-1]), rng)
+        robot_true += robot_wander.at(robot_clock)
     inside = bar_true <= end
     return LogTimes(
-        robot_true=robot_start + robot_clock,
+        robot_true=robot_true,
         robot_stamp=ROBOT_EPOCH + robot_stamps(robot_clock, clocks, stream(seed, "stamp_jitter")),
         bar_true=bar_true[inside],
         bar_stamp=BAR_EPOCH_NS + bar_stamps(ticks[inside], bar_true[inside], clocks),
         bar_task=cycles[inside],
         wander=wander,
+        robot_wander=robot_wander,
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.arrays import Array
+from cell.clock import Clock
 from cell.descriptions import Robot
 from cell.schema import Strict
 from sim.motion import Motion
@@ -64,6 +65,9 @@ class ForceSensor(Strict):
     )
     offset_s: float = Field(
         0.05, description="Time from the first row of the robot to the first of the sensor."
+    )
+    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(
+        0.0, description="Seconds that the robot's clock gains in each second of the sensor's."
     )
 
 
@@ -119,11 +123,12 @@ def sensor_rows(
     Returns stamps (N,) [s] on the sensor's clock and readings (N, 6) [N, N m]. Raises ValueError if
     the flange of the motion has no sensor.
     """
-    count = int((last - first - sensor.offset_s) * sensor.rate_hz) + 1
-    elapsed = np.arange(count, dtype=np.float64) / sensor.rate_hz
+    length = (last - first - sensor.offset_s) / (1.0 + sensor.skew)  # on its own clock
+    elapsed = np.arange(int(length * sensor.rate_hz) + 1, dtype=np.float64) / sensor.rate_hz
     noise = stream(seed, "force_sensor_noise").standard_normal((elapsed.size, 6))
     noise = noise * np.repeat([sensor.noise_N, sensor.noise_N_m], 3)
-    wrench = _sampled(motion.t, motion.wrench, first + sensor.offset_s + elapsed)
+    times = first + Clock(sensor.offset_s, sensor.skew).robot_time(elapsed)
+    wrench = _sampled(motion.t, motion.wrench, times)
     return SENSOR_EPOCH + elapsed, np.asarray(wrench * drawn.force_gain + drawn.force_bias + noise)
 
 

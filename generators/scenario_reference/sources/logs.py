@@ -49,6 +49,19 @@ CLOCKS = (
         ),
     ),
     Source(
+        "clocks.robot_wander",
+        "As clocks.wander, of a stream of its own.",
+        "Instants of the robot's rows.",
+        "Usual for quartz oscillators without an oven.",
+        "Microseconds that no straight line takes out.",
+        rows_plot(
+            signals.robot_row_time,
+            signals.stamp_error(1e6),
+            "robot stamp - true [us]",
+            {"robot_wander": {}},
+        ),
+    ),
+    Source(
         "clocks.step",
         "`stamp + step_s` from at_s.",
         "Ball-bar stamps; the rows are taken as ever.",
