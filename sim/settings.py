@@ -27,7 +27,7 @@ from sim.errors.outliers import Outliers
 from sim.errors.plant_errors import PlantErrors
 from sim.errors.sample_errors import SampleErrors
 from sim.errors.sensor_errors import EncoderNumber, SensorErrors
-from sim.logging.load_logs import LoadLogs
+from sim.logging.load_logs import DeviceLogs
 
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Coordinate = Annotated[float, Field(ge=-20.0, le=20.0)]
@@ -336,7 +336,7 @@ OF_BALLBAR: dict[str, tuple[str, ...]] = {
         *("base_compliance", "outliers"),
     ),
     "clocks": ("overrun_probability",),
-    "logs": ("force_sensor",),
+    "logs": ("force_sensor", "ballbar"),
 }
 OF_LENGTH: dict[str, tuple[str, ...]] = {"length": (), "plant": tuple(RodAndWire.model_fields)}
 
@@ -351,7 +351,7 @@ class SimulationSettings(Strict):
     encoders: EncoderSettings = EncoderSettings()
     length: LengthSettings = LengthSettings()
     clocks: ClockSettings = ClockSettings()
-    logs: LoadLogs = LoadLogs()
+    logs: DeviceLogs = DeviceLogs()
     seed: Annotated[int, Field(ge=0)] = Field(
         0, description="Seed of all drawn values; each error source has its own stream."
     )

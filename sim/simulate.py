@@ -28,6 +28,7 @@ from sim.logging.joint_lag import joint_lags, with_lags
 from sim.logging.load_logs import drawn_loads
 from sim.logging.log_truth import FirstRows, LogTruth
 from sim.logging.loggers import LoggedRows, logged_rows
+from sim.logging.robot_files import robot_period
 from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath
 from sim.path_files import scenario_path
@@ -81,6 +82,7 @@ def simulate(
     chosen, errors, seed = settings.cell, settings.errors, settings.seed
     cell = scenario_cell(chosen, relative_to=relative_to)
     instrument = scenario_instrument(chosen, relative_to=relative_to)
+    period = robot_period(settings.logs, cell.robot)
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
     true = true_geometry(
         nominal,
@@ -100,7 +102,14 @@ def simulate(
     encoders = () if instrument else _encoders(settings, cell)
     resolvers = resolver_effects(errors.resolver_error, joints=cell.robot.joints, seed=seed)
     rate = settings.length.rate_hz if instrument else None
-    times = log_times(float(motion.t[-1]), settings.clocks, rate=rate, seed=seed)
+    times = log_times(
+        float(motion.t[-1]),
+        settings.clocks,
+        period=period,
+        task=settings.logs.ballbar.task_s,
+        rate=rate,
+        seed=seed,
+    )
     rows = logged_rows(times, settings.clocks, seed=seed)
     logs = _log_truth(settings, encoders, resolvers, times, rows, lags)
     return Simulation(

@@ -11,11 +11,14 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.descriptions import Robot
+from cell.dialect import load_dialect
+from cell.errors import DescriptionError
+from cell.recording import SourceName
 from cell.schema import Strict
 from sim.motion import Motion
 from sim.streams import stream
@@ -71,11 +74,58 @@ class ForceSensor(Strict):
     )
 
 
+def _dialect_of(source: SourceName) -> AfterValidator:
+    """A check that a name is that of a dialect with logs of a source."""
+
+    def check(name: str) -> str:
+        try:
+            dialect = load_dialect(name)
+        except DescriptionError as error:
+            raise ValueError(str(error)) from None
+        if dialect.source != source:
+            raise ValueError(f"{name} describes logs of a {dialect.source}, not of a {source}")
+        return name
+
+    return AfterValidator(check)
+
+
+class RobotLog(Strict):
+    """How the robot's controller logs its angles."""
+
+    dialect: Annotated[str, _dialect_of("robot")] | None = Field(
+        None,
+        description="A dialect of cell/dialects that holds a robot's angles; by default that of "
+        "the robot's file.",
+    )
+    rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] | None = Field(
+        None, description="Rows per second; by default those that the dialect's file states."
+    )
+
+
+class BallbarLog(Strict):
+    """How the ball-bar's encoders are logged: a PLC writes a row every two tasks."""
+
+    dialect: Annotated[str, _dialect_of("ballbar")] = Field(
+        "twincat-plc", description="A dialect of cell/dialects that holds a ball-bar's counters."
+    )
+    task_s: Annotated[float, Field(ge=1.0e-4, le=0.05)] = Field(
+        0.005, description="Cycle of the PLC's task (thesis sec. 4.6)."
+    )
+    status: bool = Field(True, description="Whether the status words of the terminals are logged.")
+
+
 class LoadLogs(Strict):
     """Loads that are logged; each is absent unless named."""
 
     torque: TorqueLog | None = None
     force_sensor: ForceSensor | None = None
+
+
+class DeviceLogs(LoadLogs):
+    """What is logged beside angles, and in which form."""
+
+    robot: RobotLog = RobotLog()
+    ballbar: BallbarLog = BallbarLog()
 
 
 class DrawnLoads(Strict):

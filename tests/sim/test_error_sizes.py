@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
+from cell.dialect import ABB_PERIOD
 from cell.geometry import Geometry, nominal_geometry
 from cell.load import load_cell
 from cell.robot_angles import motors_to_joints
@@ -28,7 +29,7 @@ from sim.errors.sensor_effects import resolver_effects
 from sim.errors.sensor_errors import SensorErrors, SignalNoise
 from sim.errors.static_errors import true_geometry
 from sim.kinematic_samples import kinematic_samples, sample_path
-from sim.logging.clocks import ROBOT_PERIOD, TASK_NS, log_times
+from sim.logging.clocks import log_times
 from sim.logging.encoders import BarEncoder, motor_angles, read_counts
 from sim.logging.joint_lag import joint_lags, with_lags
 from sim.logging.load_logs import (
@@ -443,14 +444,14 @@ def duplicated(side: str) -> Size:
 
 def overruns() -> Size:
     chosen = ClockSettings(overrun_probability=0.1)
-    late = np.diff(log_times(600.0, chosen, seed=1).bar_stamp) == 3 * TASK_NS
+    late = np.diff(log_times(600.0, chosen, seed=1).bar_stamp) == 15_000_000  # [ns] three tasks
     return share(late, 0.1)
 
 
 def jitter() -> Size:
     chosen = ClockSettings.model_validate({"jitter": {"sigma_s": 3e-4}})
     stamps = log_times(600.0, chosen, seed=1).robot_stamp
-    late = stamps - stamps[0] - ROBOT_PERIOD * np.arange(stamps.size)
+    late = stamps - stamps[0] - ABB_PERIOD * np.arange(stamps.size)
     return spread(late[1:], 3e-4)
 
 
@@ -458,7 +459,7 @@ def robot_wander() -> Size:
     chosen = ClockSettings.model_validate({"robot_wander": {"rate_rms_ppm": 0.7}})
     times = log_times(600.0, chosen, seed=1)
     assert (times.bar_true == log_times(600.0, ClockSettings(), seed=1).bar_true).all()
-    rate = np.diff(times.robot_true) / ROBOT_PERIOD - 1.0
+    rate = np.diff(times.robot_true) / ABB_PERIOD - 1.0
     return Size(rate.std(), 0.7e-6, 0.01)  # a knot a second
 
 
@@ -498,7 +499,7 @@ def felt(size: float, seconds: float, seed: int = 1, **changes: float) -> tuple[
 def shown(size: float, seconds: float, seed: int = 1, **changes: float) -> Array:
     """(N, 6) [N m] logged torques at the gears' outputs."""
     log = TorqueLog.model_validate(EXACT_TORQUE | changes)
-    drawn, times = drawn_loads(LoadLogs(torque=log), seed), np.arange(0.0, seconds, ROBOT_PERIOD)
+    drawn, times = drawn_loads(LoadLogs(torque=log), seed), np.arange(0.0, seconds, ABB_PERIOD)
     motion = loaded(size, seconds)
     motors = motor_torques(CELL.robot, motion, times, log=log, drawn=drawn, seed=seed)
     return np.asarray(motors / np.diag(CELL.robot.transmission))
