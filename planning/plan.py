@@ -61,7 +61,7 @@ class Plan:
 
     @property
     def scale_adds(self) -> float:
-        """[m] root mean square TCP error from the lengths that fix the scale, as no data show it."""
+        """[m] root mean square TCP error from the scale, which no data show."""
         return scale_error(self.evaluator.predictor.grid, self.evaluator.cell)
 
     @property
