@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from ballbar.recordings.check import import_reports
@@ -11,19 +12,29 @@ from ballbar.result.calibration import write_calibration
 from ballbar.result.names import CALIBRATION, IMPORT_REPORT, REPLAY, REPORT
 from ballbar.result.run_data import RunData
 from cell.files import write_whole
+from cell.processes import Begin
 
 Progress = Callable[[str], None]
 
 
 def write_outputs(
-    out: Path, data: RunData, *, command: str, replay: bool, progress: Progress
+    out: Path,
+    data: RunData,
+    *,
+    command: str,
+    replay: bool,
+    progress: Progress,
+    begin: Begin = partial,
 ) -> None:
-    """Writes calibration.yaml, import_report.json, report.html and, with `replay`, run.rrd."""
+    """Writes calibration.yaml, import_report.json, report.html and, with `replay`, run.rrd.
+
+    begin : draws some of the report meanwhile (ballbar.report.process).
+    """
     reports = {name: recording for name, _, recording in data.read}
     write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
     write_calibration(out / CALIBRATION, data)
     progress("writing the report")
-    write_report(out / REPORT, data, command=command)
+    write_report(out / REPORT, data, command=command, begin=begin)
     if replay:
         from ballbar.replay.write import write_replay  # noqa: PLC0415  imports Rerun
 

@@ -157,10 +157,10 @@ def predictor(
 def planned_unknowns(
     on: Predictor, nominal: Geometry, recordings: Sequence[RecordingStart]
 ) -> tuple[Unknowns, Array]:
-    """Unknowns of the complete model with the plate's length taken as exact, and start (P,) [SI].
+    """Unknowns of the complete model with the scale taken as exact, and start (P,) [SI].
 
-    `ba5` is equivalent to that length (ra6 against it): 5 um are 20 ppm of scale on any path, which
-    a plan states apart (planning.plan). The `dh` model of a length has no Hayati angles.
+    `ba5` is equivalent to the plate's length, ra6: 5 um of each are 28 ppm of scale on any path,
+    which a plan states apart (planning.plan). The `dh` model of a length has no Hayati angles.
     """
     layout, x = complete_unknowns(
         on.cell,

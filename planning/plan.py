@@ -15,7 +15,7 @@ from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.strict_yaml import load_model
 from ident.corrections.base import backlash_transition
 from ident.estimator.uncertainty import observability
-from ident.estimator.unknowns import AXIS_OFFSET_PRIOR, KNOWN_LENGTH
+from ident.estimator.unknowns import scale_sigma
 from planning.candidate import Candidate, genome_of, rounded, space_of
 from planning.crlb import Prediction, predictions
 from planning.evaluation import INFEASIBLE, Evaluation, Evaluator, evaluate, evaluators, tensions_of
@@ -61,7 +61,7 @@ class Plan:
 
     @property
     def scale_adds(self) -> float:
-        """[m] root mean square TCP error from the lengths that fix the scale, as no data show it."""
+        """[m] root mean square TCP error from the scale, which no data show."""
         return scale_error(self.evaluator.predictor.grid, self.evaluator.cell)
 
     @property
@@ -100,20 +100,11 @@ class Plan:
 def scale_error(grid: Array, cell: Cell) -> float:
     """[m] root mean square TCP error of one standard deviation of the scale.
 
-    The scale comes from the plate's length and the universal joint's offset `ba5` along it, which
-    no data tell apart; of a bar that measures its own length, from that to which it was calibrated.
     grid : (G, J) [rad] joint angles of the poses.
     """
     positions = robot_frames(nominal_geometry(cell, np.zeros(3)), grid).tip
     centred = positions - positions.mean(axis=1, keepdims=True)
-    spread = float(np.sqrt((centred**2).sum(axis=0).mean()))
-    bar, plate = cell.ballbar, cell.plate
-    if bar.stroke is None:
-        return spread * float(np.hypot(plate.length_sigma, AXIS_OFFSET_PRIOR)) / plate.length
-    # a zero that is not taken as exact is among the unknowns
-    return (
-        spread * bar.length_tolerance / bar.length if bar.length_tolerance <= KNOWN_LENGTH else 0.0
-    )
+    return float(np.sqrt((centred**2).sum(axis=0).mean())) * scale_sigma(cell)
 
 
 def covered(directions: Array) -> float:

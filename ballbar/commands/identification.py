@@ -103,12 +103,8 @@ def identify(
     RECORDING's folder with -identified appended). Exits with 1 when the fit or a held-out recording
     is not acceptable.
     """
-    from ballbar.commands.result_json import run_data
-    from ballbar.outputs import write_outputs
-    from ballbar.report.terminal import say_identification
-    from ballbar.result.iterations import IterationLog
+    from ballbar.report.process import reporting_process
     from ballbar.result.names import OUTPUTS
-    from ballbar.result.run_recordings import identify_recordings
     from cell.pose_file import pose_file_path
 
     if pose_file_path(recordings[0]).is_file():
@@ -127,7 +123,13 @@ def identify(
     first = recordings[0]
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     claim_folder(folder, OUTPUTS, "the result")
-    with progress_bar() as progress:
+    with progress_bar() as progress, reporting_process() as begin:
+        from ballbar.commands.result_json import run_data
+        from ballbar.outputs import write_outputs
+        from ballbar.report.terminal import say_identification
+        from ballbar.result.iterations import IterationLog
+        from ballbar.result.run_recordings import identify_recordings
+
         log = IterationLog(progress)
         data = identify_recordings(
             recordings,
@@ -136,7 +138,9 @@ def identify(
             listener=log.listener if rerun else Listener(log.listener.progress),
         )
         data = replace(data, iterations=tuple(log.steps))
-        write_outputs(folder, data, command=command_line(), replay=rerun, progress=progress)
+        write_outputs(
+            folder, data, command=command_line(), replay=rerun, progress=progress, begin=begin
+        )
     if as_json:
         say_json(run_data(data, folder))
     say_identification(out, data)

@@ -239,8 +239,8 @@ def say_plan(out: Console, plan: Plan) -> None:
         f"({position}) m"
     )
     spread = f" ({tcp.min():.1f} to {tcp.max():.1f} over {len(tcp)} robots)" if len(tcp) > 1 else ""
-    source = "the bar's calibrated length" if plan.lengths else "the lengths of plate and ba5"
-    adds = f"; the scale from {source} adds {plan.scale_adds * UM:.1f} um" if plan.scale_adds else ""
+    scale = "the bar's calibrated length" if plan.lengths else "the lengths of plate and ba5"
+    adds = f"; the scale from {scale} adds {plan.scale_adds * UM:.1f} um" if plan.scale_adds else ""
     out.print(
         f"predicted TCP sigma over the workspace: {np.median(tcp):.1f} um rms{spread}, "
         f"largest {typical.tcp_sigma.max() * UM:.0f} um{adds}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -11,11 +12,10 @@ from acquisition import ImportReport
 from ballbar.replay.motion import rms_norm
 from ballbar.report import figures, sphere
 from ballbar.report.clock import ClockRow, StartRow, clock_rows, direction_sentences, start_rows
-from ballbar.report.log_figures import LogSection, log_section
+from ballbar.report.log_figures import LogSection
 from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
 from ballbar.report.parameters import ParameterGroup, parameter_groups, taken_as_nominal
 from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence
-from ballbar.result.compare import Comparison
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MS, PPM, UM, URAD
 from cell.arrays import Array
@@ -94,18 +94,24 @@ class RecordingSection:
     imported: ImportReport
 
 
-def recording_sections(data: RunData) -> list[RecordingSection]:
-    """A section for each recording that was fitted."""
+def recording_sections(
+    data: RunData, residuals: Sequence[ResidualSection], logs: Sequence[LogSection]
+) -> list[RecordingSection]:
+    """A section for each recording that was fitted, with the parts of each that hold figures."""
     return [
-        _section(fitted, number, fitted.name if data.several else "", data.comparison)
-        for number, fitted in enumerate(data.recordings, start=1)
+        _section(data, number, *parts)
+        for number, parts in enumerate(zip(data.recordings, residuals, logs, strict=True), start=1)
     ]
 
 
 def _section(
-    fitted: FittedRecording, number: int, name: str, comparison: Comparison | None
+    data: RunData,
+    number: int,
+    fitted: FittedRecording,
+    residuals: ResidualSection,
+    logs: LogSection,
 ) -> RecordingSection:
-    estimate, recording = fitted.estimate, fitted.recording
+    estimate, recording, comparison = fitted.estimate, fitted.recording, data.comparison
     tension_figure = ""
     if estimate.tension is not None:
         tension_figure = figures.tension_over_time(
@@ -113,10 +119,10 @@ def _section(
         )
     return RecordingSection(
         number=number,
-        name=name,
+        name=fitted.name if data.several else "",
         description=recording.description,
         encoders=estimate.encoders,
-        residuals=_residuals(fitted),
+        residuals=residuals,
         groups=parameter_groups(estimate, comparison),
         taken_as_nominal=taken_as_nominal(estimate),
         clock=clock_rows(estimate, comparison),
@@ -127,7 +133,7 @@ def _section(
         tension_figure=tension_figure,
         step_faults=[capitalised(fault.sentence) for fault in estimate.step_faults],
         noise=_noise_rows(fitted),
-        logs=log_section(fitted),
+        logs=logs,
         imported=recording.report,
     )
 
@@ -139,7 +145,8 @@ def _clock_name(estimate: RecordingEstimate) -> str:
     return "ball-bar" if estimate.encoders else "sensor's"
 
 
-def _residuals(fitted: FittedRecording) -> ResidualSection:
+def residual_section(fitted: FittedRecording) -> ResidualSection:
+    """Figures and table of the residuals of a recording."""
     estimate, clock = fitted.estimate, _clock_name(fitted.estimate)
     t = estimate.after.t
     before, after = estimate.before, estimate.after

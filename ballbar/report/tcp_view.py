@@ -12,6 +12,7 @@ from ballbar.report.numbers import MISSING, significant
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, PPM
 from cell.arrays import Array
+from ident.estimator.unknowns import scale_sigma
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.robot.unloaded_robot import UnloadedRobot
 
@@ -55,7 +56,7 @@ class TcpSection:
     cumulative: str
     map_before: str
     map_after: str
-    scale_ppm: float  # standard deviation of every length, from that of the plate
+    scale_ppm: float  # standard deviation of every length in proportion
 
 
 def tcp_view(data: RunData) -> TcpView:
@@ -81,7 +82,6 @@ def tcp_section(data: RunData, view: TcpView) -> TcpSection:
     """Table, curves and maps of a TCP view."""
     estimates = [fitted.estimate for fitted in data.recordings]
     spheres = [figures.Sphere(e.geometry.origin, e.geometry["bd3"]) for e in estimates]
-    plate = data.identification.robot.cell.plate
     before, after = (f"{label}, mean" for label in (view.before_label, view.after_label))
     quantity = "TCP error" if view.against_truth else "distance of the TCP"
     return TcpSection(
@@ -94,7 +94,7 @@ def tcp_section(data: RunData, view: TcpView) -> TcpSection:
         map_after=figures.workspace_map(
             view.position, view.after, spheres, label=after, colours=figures.AFTER_SCALE
         ),
-        scale_ppm=plate.length_sigma / plate.length * PPM,
+        scale_ppm=scale_sigma(data.identification.robot.cell) * PPM,
     )
 
 

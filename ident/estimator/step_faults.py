@@ -41,6 +41,8 @@ SMALLEST: dict[Literal["encoder", "clock"], float] = {"encoder": 2e-4, "clock": 
 MAX_FOUND = 6  # in the residual of one set of recordings
 AS_LIKELY = 25.0  # decrease of the cost, likewise, by which distinguishable instants differ
 SIMILAR = 0.3  # of a clock step: how close the irregularity of the stamps that it left must come
+# Every so many instants are tried first, and all of them where one comes so close to the threshold
+_SCANNED, _NEARLY = 4, 0.8
 _DEPENDENT = 1e-3  # of the largest: a step whose remainder is smaller can be anywhere
 
 
@@ -93,13 +95,10 @@ def find_step_fault(fit: Fit) -> StepFault | None:
         residual = fit.linear.residuals[k]
         scores = _sums_from_the_end((columns * residual).sum(axis=1))
         energies = _sums_from_the_end((columns * columns).sum(axis=1))
-        remainders = energies - _explained(fit, k, columns)
-        for channel, score, energy, rest in zip(
-            channels, scores, energies, remainders, strict=True
-        ):
-            floor = _DEPENDENT * energy.max()
-            gain = np.where(rest > floor, score**2 / np.maximum(rest, floor), 0.0)
-            gain[:MARGIN] = gain[-MARGIN:] = 0.0
+        if _gains(fit, k, columns, scores, energies, _SCANNED)[0].max() < _NEARLY * best:
+            continue
+        gains, remainders = _gains(fit, k, columns, scores, energies)
+        for channel, score, gain, rest in zip(channels, scores, gains, remainders, strict=True):
             i = int(gain.argmax())
             size = float(score[i] / rest[i])  # what the step would take out
             if gain[i] <= best or abs(size) <= SMALLEST[channel.kind]:
@@ -124,15 +123,34 @@ def _channels(fit: Fit, k: int) -> list[_Channel]:
     return channels
 
 
-def _explained(fit: Fit, k: int, columns: Array) -> Array:
-    """(C, N) energy that a refit absorbs of each column (C, E, N) from each sample on."""
+def _gains(
+    fit: Fit, k: int, columns: Array, scores: Array, energies: Array, every: int = 1
+) -> tuple[Array, Array]:
+    """Decreases of the cost by a step at every so many samples, and energies that no refit absorbs.
+
+    columns : (C, E, N) whitened, of the channels. scores, energies : (C, N) their sums from each
+    sample on, with the residual and with themselves. Both results are (C, N / every).
+    """
+    floor = _DEPENDENT * energies.max(axis=1, keepdims=True)
+    rest = energies[:, ::every] - _explained(fit, k, columns, every)
+    gains = np.where(rest > floor, scores[:, ::every] ** 2 / np.maximum(rest, floor), 0.0)
+    margin = -(-MARGIN // every)
+    gains[:, :margin] = gains[:, -margin:] = 0.0
+    return gains, rest
+
+
+def _explained(fit: Fit, k: int, columns: Array, every: int) -> Array:
+    """(C, N / every) energy that a refit absorbs of each column (C, E, N) from a sample on."""
     out, beyond = np.empty(columns[:, 0].shape), np.zeros((len(columns), fit.model.unknowns.count))
     for block in jacobian(fit.model, fit.linear, k, from_the_end=True):
+        first = -block.samples.start % every
+        at = slice(block.samples.start + first, block.samples.stop, every)
         for c, column in enumerate(columns[..., block.samples]):
             behind = _sums_from_the_end(block.scores(column, fit.model, k)) + beyond[c][:, None]
             beyond[c] = behind[:, 0]
-            out[c, block.samples] = np.einsum("pn,pn->n", behind, fit.covariance @ behind)
-    return out
+            tried = behind[:, first::every]
+            out[c, at] = np.einsum("pn,pn->n", tried, fit.covariance @ tried)
+    return out[:, ::every]
 
 
 def _time_at_a_stamp(

@@ -69,6 +69,19 @@ def declared_names(cell: Cell) -> tuple[str, ...]:
     return (*plate, *zero, *joints)
 
 
+def scale_sigma(cell: Cell) -> float:
+    """Relative standard deviation of the scale, which no data show.
+
+    The plate's length gives it and the universal joint's offset `ba5` along it, equivalent to each
+    other; of a bar that measures its length, that to which it was calibrated. A zero of such a bar
+    that is not known is among the unknowns.
+    """
+    bar, plate = cell.ballbar, cell.plate
+    if bar.stroke is None:
+        return float(np.hypot(plate.length_sigma, AXIS_OFFSET_PRIOR)) / plate.length
+    return bar.length_tolerance / bar.length if bar.length_tolerance <= KNOWN_LENGTH else 0.0
+
+
 def held_names(cell: Cell) -> tuple[str, ...]:
     """Those of `declared_names` that stay as declared where every unknown has a prior.
 

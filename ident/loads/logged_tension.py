@@ -21,7 +21,7 @@ from cell.geometry import Geometry
 from cell.logs import ForceLog, RobotLog
 from ident.estimator.samples import Samples
 from ident.loads.gear_loads import Loads, loads, mass_model
-from ident.loads.rod_tension import Tension, from_force_sensor, from_motor_torque
+from ident.loads.rod_tension import Tension, from_force_sensor, from_motor_torque, on_flange
 
 KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (notes/identification sec. 4)
 LEAST_KNOTS = 8
@@ -105,10 +105,11 @@ def sensor_tension(
     middle, wrench = _block_means(log.t, log.t, log.wrench)
     at = samples.robot_time(clock, samples.times)
     q, ballbar = samples.robot.spline(at), samples.ballbar_angles(geometry, clock)
+    known, direction = on_flange(cell, geometry, q, ballbar)
 
     def at_lag(lag: float) -> tuple[Tension, float]:
         measured = np.stack([np.interp(at - lag, middle, column) for column in wrench.T])
-        return from_force_sensor(cell, geometry, measured, q, ballbar)
+        return from_force_sensor(measured, known, direction)
 
     lags = np.arange(-SENSOR_LAG, SENSOR_LAG + 0.5 * LAG_STEP, LAG_STEP)
     best = float(lags[int(np.argmin([at_lag(float(lag))[1] for lag in lags]))])

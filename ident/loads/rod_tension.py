@@ -106,21 +106,17 @@ def without_tension(values: Array, sigma: Array, direction: Array) -> Array:
     return np.asarray(white - unit * (unit * white).sum(axis=1, keepdims=True))
 
 
-def from_force_sensor(
-    cell: Cell, geometry: Geometry, wrench: Array, q: Array, b: Array
-) -> tuple[Tension, float]:
+def from_force_sensor(wrench: Array, known: Array, direction: Array) -> tuple[Tension, float]:
     """Tension from a six-axis sensor at the flange, and the rms of its residual [sigma].
 
-    wrench : (6, N) [N, N m] that plate and ball-bar exert on the flange, flange frame, at robot
-    angles q (N, J) and ball-bar angles b (N, 5) [rad]. The result's theta holds six biases
-    [N, N m], six gain errors.
+    wrench : (6, N) [N, N m] that plate and ball-bar exert on the flange, flange frame. known,
+    direction : as of `on_flange`. The result's theta holds six biases [N, N m], six gain errors.
     """
-    known, direction = _on_flange(cell, geometry, q, b)
-    columns = np.zeros((12, 6, q.shape[0]))
+    columns = np.zeros((12, 6, wrench.shape[1]))
     for k in range(6):
         columns[k, k], columns[6 + k, k] = 1.0, wrench[k]
     prior = np.concatenate((SENSOR_BIAS, np.full(6, SENSOR_GAIN)))
-    sigma = np.repeat(SENSOR_NOISE[:, None], q.shape[0], axis=1)
+    sigma = np.repeat(SENSOR_NOISE[:, None], wrench.shape[1], axis=1)
     tension = _eliminated(wrench - known, sigma, columns, direction, np.zeros(12), prior)
     left = (
         wrench - known - np.einsum("j,jkn->kn", tension.theta, columns) - direction * tension.force
@@ -128,8 +124,11 @@ def from_force_sensor(
     return tension, float(np.sqrt((left * left).mean()))
 
 
-def _on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> tuple[Array, Array]:
-    """Wrench on the flange, flange frame: (6, N) [N, N m] without tension, and per newton of it."""
+def on_flange(cell: Cell, geometry: Geometry, q: Array, b: Array) -> tuple[Array, Array]:
+    """Wrench on the flange, flange frame: (6, N) [N, N m] without tension, and per newton of it.
+
+    q (N, J), b (N, 5) : [rad] angles of robot and ball-bar.
+    """
     masses = mass_model(cell)
     robot, bar = robot_frames(geometry, q), bar_frames(geometry, b)
     axes = np.stack((robot.x[-1], robot.y[-1], robot.z[-1]))

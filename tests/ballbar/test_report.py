@@ -9,6 +9,7 @@ import hashlib
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,14 @@ import pytest
 from acquisition import read_recording
 from ballbar.report import figures as report_figures
 from ballbar.report.numbers import MISSING, fixed, significant, to_sigma
-from ballbar.report.page import write_report
+from ballbar.report.page import render_report, write_report
 from ballbar.report.provenance import without_folders
 from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
 from cell.geometry import robot_frames
+from cell.processes import process_pool
 from ident.identify import identify
 from ident.options import FitOptions
 from ident.result import NamedCovariance
@@ -484,6 +486,17 @@ def test_a_missed_limit_of_the_scenario_stands_in_the_heading(run: RunData, tmp_
     )
     assert "Limits of the scenario missed: TCP error, mean" in _Page(_page(missed, tmp_path)).text
     assert "Limits of the scenario missed" not in _Page(_page(run, tmp_path)).text
+
+
+def test_a_second_process_draws_the_same_page(run: RunData) -> None:
+    written = datetime(2026, 1, 1, tzinfo=UTC)
+    alone = render_report(run, command=COMMAND, written=written)
+    with process_pool(1, int) as pool:
+
+        def begin(work: Callable[..., object], *arguments: object) -> Callable[[], object]:
+            return pool.submit(work, *arguments).result
+
+        assert render_report(run, command=COMMAND, written=written, begin=begin) == alone
 
 
 def _raise(*_: object, **__: object) -> str:

@@ -104,12 +104,12 @@ def test_the_objective_of_a_search_is_the_tcp_sigma_over_the_grid(
     assert found.tcp_sigma == pytest.approx(longhand, rel=1e-4)  # an inverse without scaling
 
 
-def test_the_prediction_is_what_identification_states_afterwards(
+def test_the_prediction_is_the_bound_of_fits_afterwards(
     evaluator: Evaluator, manual: Candidate
 ) -> None:
     with (ROOT / "docs" / "studies" / "everything_on_irb2400_12.csv").open() as file:
-        stated = [
-            float(row["tcp_sigma_mm"]) * 1e-3 for row in csv.DictReader(file) if row["paths"] == "a"
+        bounds = [
+            float(row["bound_mm"]) * 1e-3 for row in csv.DictReader(file) if row["paths"] == "a"
         ]
     trajectory = trajectories(evaluator.cell, manual, PlanTiming())[0]
     found = predict(
@@ -119,10 +119,10 @@ def test_the_prediction_is_what_identification_states_afterwards(
     )
     both = np.hypot(
         tcp_rms(evaluator, found), scale_error(evaluator.predictor.grid, evaluator.cell)
-    )  # the fit counts the plate's length in (ba5)
+    )  # the fit counts the scale in
     mean_over_rms = found.tcp_sigma.mean() / tcp_rms(evaluator, found)
     assert both * mean_over_rms == pytest.approx(
-        np.median(stated), rel=0.1
+        np.median(bounds), rel=0.1
     )  # noise levels are estimated there, assumed here
 
 

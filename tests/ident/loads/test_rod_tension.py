@@ -16,6 +16,7 @@ from ident.loads.rod_tension import (
     Tension,
     from_force_sensor,
     from_motor_torque,
+    on_flange,
 )
 from tests.helpers.known_loads import FRICTION, Motion, tension_at
 from tests.helpers.synthetic_recording import CELL, NOMINAL
@@ -81,7 +82,9 @@ def test_the_friction_of_a_joint_that_never_moves_stays_the_catalogues(moving: M
 def test_what_gears_and_plate_carry_is_what_comes_through_the_flange(moving: Motion) -> None:
     """Statics through the arm, which share nothing with the sensor's model, leave no residual."""
     force = tension_at(moving.t)
-    found, left = from_force_sensor(CELL, NOMINAL, moving.wrench(force), moving.q, moving.b)
+    found, left = from_force_sensor(
+        moving.wrench(force), *on_flange(CELL, NOMINAL, moving.q, moving.b)
+    )
     assert found.force == pytest.approx(force, abs=1e-6)
     assert left < 1e-8
     assert np.abs(found.theta).max() < 1e-8
@@ -93,7 +96,7 @@ def test_a_sensor_with_biases_and_gain_errors_shows_the_same_tension(moving: Mot
     gain = 1.0 + 0.01 * rng.standard_normal(6)
     averaged = noise(moving, 0.1 * SENSOR_NOISE)  # over a hundred rows
     wrench = (moving.wrench(force) + averaged) * gain[:, None] + bias[:, None]
-    found, left = from_force_sensor(CELL, NOMINAL, wrench, moving.q, moving.b)
+    found, left = from_force_sensor(wrench, *on_flange(CELL, NOMINAL, moving.q, moving.b))
     # y = gain w + bias, so w = y - bias / gain - (1 - 1 / gain) y
     expected = np.concatenate((bias / gain, 1.0 - 1.0 / gain))
     assert (np.abs(found.theta - expected) < found.theta_sigma).all()
@@ -106,8 +109,6 @@ def test_a_sensor_with_biases_and_gain_errors_shows_the_same_tension(moving: Mot
 
 def test_what_is_left_over_grows_where_the_sensor_shows_another_pose(moving: Motion) -> None:
     wrench = moving.wrench(tension_at(moving.t))
-    left = [
-        from_force_sensor(CELL, NOMINAL, np.roll(wrench, k, axis=1), moving.q, moving.b)[1]
-        for k in (0, 1, 3)
-    ]
+    expected = on_flange(CELL, NOMINAL, moving.q, moving.b)
+    left = [from_force_sensor(np.roll(wrench, k, axis=1), *expected)[1] for k in (0, 1, 3)]
     assert left[0] < left[1] < left[2]

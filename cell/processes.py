@@ -1,0 +1,86 @@
+"""Processes beside this one, for work that Python does not do in threads.
+
+They compute with one thread, leave Ctrl-C to the process that started them, and end with it, even
+if it is killed.
+"""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+from cell.threads import one_thread_each
+
+# Begins work with its arguments; the function that it returns gives the result. `partial` is one
+# that begins nothing beforehand.
+Begin = Callable[..., Callable[[], Any]]
+
+
+@contextmanager
+def process_pool(
+    count: int, initializer: Callable[..., None], *arguments: object
+) -> Iterator[ProcessPoolExecutor]:
+    """A pool of `count` processes, each of which calls `initializer` first.
+
+    An exception kills them.
+    """
+    others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(
+        count, mp_context=context, initializer=_begin, initargs=(initializer, arguments)
+    )
+    with one_thread_each():
+        try:
+            yield pool
+        except BaseException:
+            for process in set(multiprocessing.active_children()) - others:
+                process.kill()
+            raise
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextmanager
+def second_process(*modules: str) -> Iterator[Begin]:
+    """A process that takes over work while this one has other work.
+
+    It imports the modules at once. Before it has done so, and of what it has not begun when the
+    result is asked for, the work is done in this process.
+    """
+    with process_pool(1, _import, modules) as pool:
+        ready = pool.submit(os.getpid)
+
+        def begin(work: Callable[..., object], *arguments: object) -> Callable[[], object]:
+            if not ready.done():
+                return lambda: work(*arguments)
+            future = pool.submit(work, *arguments)
+            return lambda: work(*arguments) if future.cancel() else future.result()
+
+        yield begin
+
+
+def _import(modules: tuple[str, ...]) -> None:
+    for module in modules:
+        importlib.import_module(module)
+
+
+def _begin(initializer: Callable[..., None], arguments: tuple[object, ...]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_exit_with, args=(parent,), daemon=True).start()
+    initializer(*arguments)
+
+
+def _exit_with(parent: BaseProcess) -> None:
+    """End this process when its parent is gone, even if that was killed."""
+    parent.join()
+    os._exit(1)

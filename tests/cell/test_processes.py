@@ -1,0 +1,57 @@
+"""A second process: what it takes over, and what is done here."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import pytest
+
+from cell.processes import Begin, second_process
+
+PATIENCE = 60.0  # [s] for a process to start
+
+
+def until_ready(begin: Begin) -> int:
+    """Its process number, as soon as it takes work."""
+    end = time.monotonic() + PATIENCE
+    while (number := begin(os.getpid)()) == os.getpid():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    return int(number)
+
+
+def test_work_is_done_here_until_the_other_process_is_ready_and_where_it_has_not_begun() -> None:
+    with second_process("json") as begin:
+        assert begin(os.getpid)() == os.getpid()
+        other = until_ready(begin)
+        started = [begin(time.sleep, 0.5) for _ in range(4)]  # more than it fetches in advance
+        assert begin(os.getpid)() == os.getpid()
+        for ended in started:
+            ended()
+        assert until_ready(begin) == other
+    with pytest.raises(ProcessLookupError):
+        os.kill(other, 0)
+
+
+def test_an_error_ends_the_other_process() -> None:
+    other = 0
+
+    def fail() -> None:
+        nonlocal other
+        with second_process("json") as begin:
+            other = until_ready(begin)
+            begin(time.sleep, 2.0 * PATIENCE)
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    with pytest.raises(ProcessLookupError):
+        os.kill(other, 0)
+
+
+def test_an_error_of_the_work_is_raised_where_its_result_is_needed() -> None:
+    with second_process("json") as begin:
+        until_ready(begin)
+        with pytest.raises(ZeroDivisionError):
+            begin(divmod, 1, 0)()
