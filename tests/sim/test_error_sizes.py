@@ -374,16 +374,19 @@ def zero_scale() -> Size:
 def lags(**errors: float) -> Array:
     """(S, 6) [s] by which the angles of an even motion are late: the filter's time."""
     t = np.linspace(0.0, 1.0, 1001)
-    ramp, still = np.repeat(t[:, None], 6, axis=1), np.zeros((t.size, 5))
-    motion = Motion(t, ramp, ramp, still, 0.0 * t, 0.0 * t, NOMINAL)
+    still, bar = 0.0 * t, np.zeros((t.size, 5))
+    gears = 0.7 + np.repeat(t[:, None], 6, axis=1)  # away from zero, where it starts at rest
+    joints = gears @ CELL.robot.gear_to_joint
+    motion = Motion(t, joints, joints, bar, still, still, NOMINAL)
     chosen = ErrorSettings.model_validate({"joint_lag": errors}).joint_lag
-    gears = [
-        with_lags(motion, CELL.robot, joint_lags(chosen, joints=6, seed=s)).shown[-1]
-        @ CELL.robot.joint_to_gear
-        for s in SEEDS
-    ]
-    even = ramp[-1] @ CELL.robot.joint_to_gear
-    return np.asarray((even - np.stack(gears)) / even)
+    late = []
+    for seed in SEEDS:
+        logged = with_lags(motion, CELL.robot, joint_lags(chosen, joints=6, seed=seed)).shown
+        behind = gears - logged @ CELL.robot.joint_to_gear
+        assert np.abs(behind[0]).max() < 1e-12
+        assert behind.min() > -1e-12
+        late.append(behind[-1])
+    return np.stack(late)
 
 
 def signal_noise() -> Size:
@@ -575,6 +578,14 @@ def test_lengths_are_rounded_to_the_stated_step(tmp_path: Path) -> None:
     steps = np.loadtxt(file, delimiter=",", skiprows=1)[:, 1] / 3e-2  # mm
     assert np.abs(steps - np.rint(steps)).max() < 1e-4  # the file has seven decimals
     assert np.gcd.reduce(np.diff(np.rint(steps).astype(int))) == 1
+
+
+def test_the_lag_of_the_first_motor_is_part_of_the_clock_offset() -> None:
+    """No log can tell one from the other."""
+    chosen = settings(plant={"kind": "kinematic"}, errors={"joint_lag": {}})
+    truth = simulate(chosen, relative_to=SCENARIOS).truth
+    assert len(truth.logs.joint_lag_s) == 6
+    assert truth.offset == 0.137 + truth.logs.joint_lag_s[0] > 0.14
 
 
 def test_the_lowest_of_thirteen_bits_fluctuates_at_rest_and_that_of_twelve_hardly() -> None:
