@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import TEST_BENCH, AsJson, Out, ScenarioFile, command_line, say_json
+from ballbar.commands.options import AsJson, Out, ScenarioFile, command_line, say_json
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar
 from cell.errors import InputError
 
@@ -26,10 +26,7 @@ CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous inte
 commands = typer.Typer()
 
 
-@commands.command(
-    rich_help_panel=TEST_BENCH,
-    epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`",
-)
+@commands.command(epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`")
 def run(
     scenario: ScenarioFile,
     out_dir: Out = None,
@@ -109,10 +106,7 @@ def _say_limits(limits: Sequence[Limit]) -> None:
         out.print(f"  {word} {limit.what} {measured} (limit {allowed})")
 
 
-@commands.command(
-    rich_help_panel=TEST_BENCH,
-    epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`",
-)
+@commands.command(epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`")
 def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) -> None:
     """Simulate a scenario and write its device logs as a recording.
 
@@ -157,9 +151,8 @@ def _simulate_poses(settings: PoseScenario, scenario: Path, folder: Path, *, as_
 
 
 @commands.command(
-    rich_help_panel=TEST_BENCH,
     epilog="Example: `ballbar sweep scenarios/sweeps/noise.yaml --workers 4`, or on a cluster "
-    "`--scheduler tcp://10.0.0.5:8786`",
+    "`--scheduler tcp://10.0.0.5:8786`"
 )
 def sweep(
     file: Annotated[
@@ -212,10 +205,7 @@ def sweep(
     raise typer.Exit(0 if succeeded else 1)
 
 
-@commands.command(
-    rich_help_panel=TEST_BENCH,
-    epilog="Example: `ballbar claims --quick`, or `ballbar claims noise`",
-)
+@commands.command(epilog="Example: `ballbar claims --quick`, or `ballbar claims noise`")
 def claims(
     names: Annotated[
         list[str] | None,

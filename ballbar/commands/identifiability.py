@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import TEST_BENCH, AsJson, ScenarioFile, say_json
+from ballbar.commands.options import AsJson, ScenarioFile, say_json
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.geometry import BAR_ROWS
@@ -19,9 +19,7 @@ commands = typer.Typer()
 
 
 @commands.command(
-    rich_help_panel=TEST_BENCH,
-    epilog="Example: `ballbar identifiability scenarios/irb2400.yaml --cost all "
-    "--encoders 1,2,4,5`",
+    epilog="Example: `ballbar identifiability scenarios/irb2400.yaml --cost all --encoders 1,2,4,5`"
 )
 def identifiability(
     scenario: ScenarioFile,

@@ -10,7 +10,7 @@ import typer
 from pydantic import ValidationError
 from rich.markup import escape
 
-from ballbar.commands.options import AT_THE_CELL, AsJson, Out, command_line, say_json
+from ballbar.commands.options import AsJson, Out, command_line, say_json
 from ballbar.scenario import IdentifySettings
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
@@ -25,9 +25,8 @@ commands = typer.Typer()
 
 
 @commands.command(
-    rich_help_panel=AT_THE_CELL,
     epilog="Example: `ballbar identify runs/a/recording runs/b/recording "
-    "--validate runs/c/recording --out runs/together`",
+    "--validate runs/c/recording --out runs/together`"
 )
 def identify(
     recordings: Annotated[

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import RESULT, AsJson, ResultFile, say_json
+from ballbar.commands.options import AsJson, ResultFile, say_json
 from ballbar.export.formats import Format
 from ballbar.replay.show import Layout, chosen_replay
 from ballbar.result.calibration import Calibration
@@ -21,9 +21,8 @@ commands = typer.Typer()
 
 
 @commands.command(
-    rich_help_panel=RESULT,
     epilog="Example: `ballbar replay runs/irb2400 --web`, or `ballbar replay runs/irb2400 "
-    "--against runs/nj220`",
+    "--against runs/nj220`"
 )
 def replay(
     run_dir: Annotated[
@@ -62,12 +61,10 @@ def replay(
 
 
 @commands.command(
-    rich_help_panel=RESULT,
-    name="compare",
     epilog="Example: `ballbar compare runs/irb2400/calibration.yaml "
-    "runs/irb2400/recording.truth.yaml`",
+    "runs/irb2400/recording.truth.yaml`"
 )
-def compare_files(
+def compare(
     calibration: Annotated[
         Path,
         typer.Argument(
@@ -148,9 +145,7 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
     return compare(model.unloaded_robot(cell), model.nominal, other.unloaded_robot(cell), shared)
 
 
-@commands.command(
-    rich_help_panel=RESULT, epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`"
-)
+@commands.command(epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`")
 def verify(
     result: ResultFile,
     poses: Annotated[
@@ -176,10 +171,9 @@ def verify(
 
 
 @commands.command(
-    rich_help_panel=RESULT,
     epilog="Example: `ballbar export runs/irb2400 --to urdf --out irb2400.urdf`, or "
     "`ballbar export runs/irb2400 --to hayati`, or "
-    "`ballbar export results/ur10 --into ur10.urdf --out ur10-identified.urdf`",
+    "`ballbar export results/ur10 --into ur10.urdf --out ur10-identified.urdf`"
 )
 def export(
     result: ResultFile,
@@ -250,8 +244,7 @@ def export(
 
 
 @commands.command(
-    rich_help_panel=RESULT,
-    epilog="Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`",
+    epilog="Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`"
 )
 def correct(
     path: Annotated[
