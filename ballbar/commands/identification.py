@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from rich.markup import escape
 
 from ballbar.commands.options import AsJson, Out, command_line, say_json
-from ballbar.scenario import IdentifySettings
+from ballbar.identify_settings import IdentifySettings
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import claim_folder

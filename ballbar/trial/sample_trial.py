@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ballbar.scenario import IdentifySettings, Scenario
+from ballbar.identify_settings import IdentifySettings
+from ballbar.scenario import Scenario
 from ballbar.trial.nominal_path import nominal_path, spread_rows
 from cell.descriptions import Cell
 from ident.thesis.cost_fit import CostFit, fit_cost, identifiable_by

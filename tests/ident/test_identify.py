@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from acquisition import read_recording
+from ballbar.identify_settings import IdentifySettings
 from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.run import run_scenario
-from ballbar.scenario import IdentifySettings, load_scenario
+from ballbar.scenario import load_scenario
 from cell.clock import Clock
 from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
