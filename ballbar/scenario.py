@@ -16,7 +16,7 @@ from cell.errors import DescriptionError
 from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_yaml, parse_model
-from ident.thesis.costs import ENCODERS_NEEDED
+from ident.thesis.names import ENCODERS_NEEDED
 from sim.poses.settings import PoseSimulationSettings
 from sim.settings import SimulationSettings
 

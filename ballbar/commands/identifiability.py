@@ -12,8 +12,7 @@ from rich.markup import escape
 from ballbar.commands.options import AsJson, ScenarioFile, say_json
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
-from cell.geometry import BAR_ROWS
-from ident.thesis.costs import COSTS
+from ident.thesis.names import COSTS
 
 commands = typer.Typer()
 
@@ -80,6 +79,8 @@ def identifiability(
 
 def parse_encoders(text: str) -> tuple[int, ...]:
     """`1,2,4,5` as numbers of ball-bar joints, `none` as no encoder. Raises InputError."""
+    from cell.geometry import BAR_ROWS
+
     if text.strip() == "none":
         return ()
     parts = [part.strip() for part in text.split(",")]

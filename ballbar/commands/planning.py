@@ -9,7 +9,7 @@ import typer
 
 from ballbar.commands.options import AsJson, Out, say_json
 from ballbar.terminal import err, out, silence
-from planning.what_if import CHANGES, ENCODERS
+from planning.questions import CHANGES, ENCODERS
 
 WHAT_IF = (*CHANGES, ENCODERS)
 

@@ -15,7 +15,7 @@ from acquisition.times import TIME_FORMS
 from ballbar.commands.options import AsJson, RecordingOrPoses, say_json
 from ballbar.terminal import err, out
 from cell.errors import InputError
-from cell.recording import SourceName
+from cell.logs import SourceName
 
 commands = typer.Typer()
 _POSES = "Options of still poses"
@@ -339,7 +339,7 @@ def check(
 
 def _check_recording(folder: Path, *, explain_reading: bool, as_json: bool) -> int:
     """Prints the page of a recording; gives how many kinds of repairs were needed."""
-    from acquisition import explain_lines
+    from acquisition.explain import explain_lines
     from ballbar.recordings.check import aligned, check_data, check_lines, repairs
     from ballbar.recordings.read_with_causes import read_with_causes
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
 from ballbar.commands.options import AsJson, ResultFile, say_json
-from ballbar.export.formats import Format
+from ballbar.export.names import Format
 from ballbar.replay.show import Layout, chosen_replay
-from ballbar.result.calibration import Calibration
-from ballbar.result.compare import Comparison
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import write_new, write_whole
+
+if TYPE_CHECKING:  # a command imports only what it shows
+    from ballbar.result.calibration import Calibration
+    from ballbar.result.compare import Comparison
 
 commands = typer.Typer()
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from acquisition import Recording
+from acquisition.recording import Recording
 from ballbar.result.compare import Comparison
 from ballbar.result.iterations import Step
 from ident.held_out import HeldOut

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ballbar.commands import cli
 from ballbar.identify_settings import IdentifySettings
 from ballbar.replay.show import chosen_replay
