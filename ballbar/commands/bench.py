@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +18,7 @@ from ballbar.terminal import INTERRUPTED, err, out, progress_bar
 from cell.errors import InputError
 
 if TYPE_CHECKING:  # each command loads what it shows alone
+    from ballbar.replay.live import LiveRun
     from ballbar.result.limits import Limit
     from ballbar.scenario import PoseScenario
 
@@ -45,7 +46,6 @@ def run(
     with 1 when a limit under `accept` is not met.
     """
     from ballbar.commands.result_json import run_data
-    from ballbar.replay.live import live_run
     from ballbar.report.terminal import say_comparison, say_identification, say_plant
     from ballbar.run import run_scenario
     from ballbar.scenario import PoseScenario, load_any_scenario
@@ -55,7 +55,7 @@ def run(
     if isinstance(settings, PoseScenario):
         _run_poses(settings, scenario, folder, live=live, as_json=as_json)
         return
-    with live_run() if live else nullcontext() as window, progress_bar() as progress:
+    with _live_window() if live else nullcontext() as window, progress_bar() as progress:
         data = run_scenario(
             settings, scenario, folder, command=command_line(), progress=progress, live=window
         )
@@ -70,6 +70,12 @@ def run(
     report = escape(str(folder / "report.html"))
     out.print(f"Look at {report}, or: ballbar replay {escape(str(folder))}")
     raise typer.Exit(0 if data.acceptable else 1)
+
+
+def _live_window() -> AbstractContextManager[LiveRun]:
+    from ballbar.replay.live import live_run
+
+    return live_run()
 
 
 def _run_poses(

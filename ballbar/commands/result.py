@@ -48,7 +48,7 @@ def replay(
     ] = None,
 ) -> None:
     """Open the replay of a run, or of two runs, in the rerun viewer."""
-    from ballbar.replay.write import open_viewer, serve_web
+    from ballbar.replay.viewer import open_viewer, serve_web
 
     if save is not None and save.exists():
         raise InputError(f"{save}: exists already; nothing was written. Name another file.")
