@@ -21,8 +21,9 @@ from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns, word
 from cell.arrays import Array
 from cell.dialect import Dialect, TimeForm, dialect_file, load_dialect
 from cell.errors import DescriptionError, LogError
+from cell.logs import SourceName
 from cell.neighbours import Mask
-from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile, SourceName
+from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile
 from cell.schema_errors import nearest
 
 # The complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix

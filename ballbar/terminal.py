@@ -11,12 +11,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from typer.core import TyperGroup
 
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
 
@@ -33,30 +32,6 @@ class _Detail:
 
 
 _detail = _Detail()
-
-
-class CommandGroup(TyperGroup):
-    """Commands that take --quiet and --verbose before the command's name or after it."""
-
-    def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
-        self.share([option for option in self.params if option.name in ("quiet", "verbose")])
-
-    def share(self, options: list[Any]) -> None:
-        """Gives every command of the group, and of the groups in it, these options too."""
-        for command in self.commands.values():
-            if isinstance(command, CommandGroup):
-                command.share(options)
-            else:
-                command.params += options
-
-    def invoke(self, ctx: Any) -> Any:
-        """Runs a command; exits with INTERRUPTED after Ctrl-C."""
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            err.print("interrupted; no incomplete file was left behind")
-            raise typer.Exit(INTERRUPTED) from None
 
 
 def reset_terminal() -> None:

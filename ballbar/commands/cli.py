@@ -11,27 +11,16 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands import (
-    bench,
-    identifiability,
-    identification,
-    planning,
-    recordings,
-    result,
-    robots,
-)
-from ballbar.terminal import CommandGroup, Quiet, Verbose, err, reset_terminal
+from ballbar.commands.listing import ListedCommands
+from ballbar.terminal import Quiet, Verbose, err, reset_terminal
 from cell.errors import FailureError, InputError
 
 app = typer.Typer(
-    cls=CommandGroup,
+    cls=ListedCommands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-# in the order of a day at the cell; the test bench last
-for group in (robots, planning, recordings, identification, result, bench, identifiability):
-    app.add_typer(group.commands)
 
 
 def _print_version(requested: bool) -> None:
