@@ -93,6 +93,6 @@ class ListedCommands(TyperGroup):
 @cache
 def _docstrings(module: str) -> dict[str, str | None]:
     """Docstrings of the functions of a module of commands, by name; the module is not imported."""
-    source = Path(__file__).with_name(f"{module}.py").read_text()
+    source = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
     functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
     return {function.name: ast.get_docstring(function) for function in functions}
