@@ -75,7 +75,6 @@ from ident.verdict import (
 )
 
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
-COMPLIANCES = ("rad/(N m)", "m/N")
 # A compliance or play is negative beyond so many deviations, and so much of its prior's: a rigid
 # gear may come out a little on either side.
 NEGATIVE, NOTHING = 2.0, 0.1
@@ -510,8 +509,7 @@ def unphysical(fit: Fit, covariance: Array, payload: PayloadEstimate | None) -> 
         for i, c in enumerate(
             (c for correction in fit.model.corrections for c in correction.coefficients), first
         )
-        if (c.unit in COMPLIANCES or "backlash" in c.name)
-        and fit.x[i] < -max(NEGATIVE * sigma[i], NOTHING * c.sigma)
+        if c.never_negative and fit.x[i] < -max(NEGATIVE * sigma[i], NOTHING * c.sigma)
     ]
     if payload is not None and payload.payload.mass < 0.0:
         out.append("the tool's mass")

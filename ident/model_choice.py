@@ -53,13 +53,16 @@ def needed_corrections(fit: Fit, tried: Sequence[Correction]) -> list[Correction
 def unsupported(result: Fit) -> set[str]:
     """Names of corrections whose coefficients are all zero as far as the data can tell.
 
-    Neighbours with autocorrelation a leave `(1 - a) / (1 + a)` of the samples (Bartlett 1946).
+    Neighbours with autocorrelation a leave `(1 - a) / (1 + a)` of the samples (Bartlett 1946). A
+    compliance that may well be absent, with a mean of 0, is not supported by coming out negative.
     """
     alike, out = min(0.9, max(0.0, mean_autocorrelation(result))), set()
     widening = result.chi2_per_dof * (1.0 + alike) / (1.0 - alike)
     for correction in present(result):
         position = coefficients_of(result, correction)
-        values, white = result.x[position], result.covariance[position, position]
+        values, white = result.x[position].copy(), result.covariance[position, position]
+        absent = [c.never_negative and c.mean == 0.0 for c in correction.coefficients]
+        values[absent] = np.maximum(values[absent], 0.0)
         chi2 = float(values @ np.linalg.solve(white, values)) / widening
         if chi2 < values.size + SUPPORT * np.sqrt(2.0 * values.size):
             out.add(correction.name)

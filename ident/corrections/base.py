@@ -42,6 +42,11 @@ class Coefficient:
     sigma: float  # of the prior
     channel: Channel
 
+    @property
+    def never_negative(self) -> bool:
+        """Whether it is a compliance or a backlash."""
+        return self.unit in ("rad/(N m)", "m/N") or "backlash" in self.name
+
 
 @dataclass(frozen=True, eq=False)
 class State:
