@@ -20,6 +20,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from cell.errors import DescriptionError
+from cell.foreign_text import is_printable, printable
 from cell.schema_errors import Loc, explain
 
 M = TypeVar("M", bound=BaseModel)
@@ -295,6 +296,12 @@ def _build_scalar(path: Path, node: yaml.ScalarNode) -> Any:
             path,
             node.start_mark.line + 1,
             f"{shown!r} is no {node.tag.removeprefix(_TAG)}, as its tag says; leave the tag out.",
+        )
+    if not is_printable(node.value, allowed="\n\t"):
+        _refuse(
+            path,
+            node.start_mark.line + 1,
+            f"{printable(shown)!r} holds a control or invisible character. Write it without.",
         )
     try:
         return convert(node.value)

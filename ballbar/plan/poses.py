@@ -50,7 +50,8 @@ def say_pose_plan(out: Console, plan: PosePlan) -> None:
     seats = len({s.seat for s in setup.stations})
     targets = len({s.target for s in setup.stations})
     out.print(
-        f"{plan.poses.size} poses of {setup.robot.name} for {setup.instrument.name}, {seats} "
+        f"{plan.poses.size} poses of {escape(setup.robot.name)} for "
+        f"{escape(setup.instrument.name)}, {seats} "
         f"seat{'s' * (seats > 1)}, {targets} target{'s' * (targets > 1)}; selected in "
         f"{plan.seconds:.0f} s"
     )

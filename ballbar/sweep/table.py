@@ -22,6 +22,7 @@ import pyarrow.parquet as pq
 from ballbar.sweep.chunk import Row
 from ballbar.sweep.file import Value
 from cell.errors import InputError
+from cell.foreign_text import csv_text
 
 # Rows of a row group, held in memory at once: 10 000 runs take the memory of 100.
 GROUP_ROWS = 2_000
@@ -67,7 +68,7 @@ def write_table(chunks: Sequence[Path], files: Mapping[str, Path]) -> None:
         csv = stack.enter_context(pa_csv.CSVWriter(aside["csv"], schema))
         for group in _groups(chunks, schema):
             parquet.write_table(group)
-            csv.write_table(group)
+            csv.write_table(_without_formulas(group))
 
 
 def table_schema(chunks: Iterable[Path]) -> pa.Schema:
@@ -92,6 +93,15 @@ def _groups(chunks: Iterable[Path], schema: pa.Schema) -> Iterator[pa.Table]:
             held = [rows.slice(GROUP_ROWS)]
     if sum(map(len, held)):
         yield pa.concat_tables(held).combine_chunks()
+
+
+def _without_formulas(rows: pa.Table) -> pa.Table:
+    """Rows whose text no spreadsheet runs."""
+    for i, field in enumerate(rows.schema):
+        if pa.types.is_string(field.type):
+            cells = [text if text is None else csv_text(text) for text in rows[i].to_pylist()]
+            rows = rows.set_column(i, field, pa.array(cells, field.type))
+    return rows
 
 
 def _in_schema(rows: pa.Table, schema: pa.Schema) -> pa.Table:

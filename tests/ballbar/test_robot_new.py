@@ -141,7 +141,7 @@ def test_the_name_of_a_joint_cannot_end_the_comment_it_stands_in(tmp_path: Path)
     urdf.write_text(text.replace('name="joint1"', 'name="j&#8232;title: x&#10;links: 3"'))
     code, _, err = ballbar("robot", "new", "arm", "--urdf", urdf, "--out", file)
     assert code == 0, err
-    assert load_robot(str(file)).title == "arm \ndh: 3"
+    assert load_robot(str(file)).title == "arm dh: 3"
 
 
 def test_a_table_of_standard_rows(tmp_path: Path) -> None:
