@@ -8,6 +8,7 @@ from pathlib import Path
 import yaml
 
 from cell.errors import InputError
+from cell.foreign_text import printable
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -34,8 +35,18 @@ def write_new(path: Path, content: bytes) -> None:
 
 
 def write_yaml(path: Path, data: dict[str, object]) -> None:
-    """Write plain data as YAML, keys in their order."""
-    write_whole(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120).encode())
+    """Write plain data as YAML, keys in their order, control characters of text as escapes."""
+    text = yaml.safe_dump(_printable(data), sort_keys=False, allow_unicode=True, width=120)
+    write_whole(path, text.encode())
+
+
+def _printable(data: object) -> object:
+    """Plain data with all text printable, as the reader of YAML files wants it."""
+    if isinstance(data, dict):
+        return {_printable(key): _printable(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_printable(value) for value in data]
+    return printable(data) if isinstance(data, str) else data
 
 
 def claim_folder(path: Path, known: set[str], what: str) -> None:

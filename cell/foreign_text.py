@@ -19,18 +19,14 @@ _MARKDOWN = re.compile(r"([\\`*_\[\]<>|])")
 
 def is_printable(text: str, allowed: str = "") -> bool:
     """Whether a text holds no control, invisible or line-breaking character but the allowed."""
-    return text.isprintable() or all(
-        c in allowed or unicodedata.category(c) not in _ACTING for c in text
-    )
+    return text.isprintable() or not _acting(text, allowed)
 
 
 def printable(text: str, allowed: str = "\n") -> str:
     """The text with its control, invisible and line-breaking characters as escapes, `\\x1b`."""
-    if is_printable(text, allowed):
+    if text.isprintable():
         return text
-    return "".join(
-        c if c in allowed or unicodedata.category(c) not in _ACTING else _escape(c) for c in text
-    )
+    return text.translate({ord(c): _escape(c) for c in _acting(text, allowed)})
 
 
 def one_line(text: str) -> str:
@@ -55,6 +51,11 @@ def csv_text(text: str) -> str:
 def markdown(text: str) -> str:
     """The text as one line of Markdown in which nothing is marked up."""
     return _MARKDOWN.sub(r"\\\1", one_line(text))
+
+
+def _acting(text: str, allowed: str) -> set[str]:
+    """Characters of a text that act."""
+    return {c for c in set(text) - set(allowed) if unicodedata.category(c) in _ACTING}
 
 
 def _escape(character: str) -> str:
