@@ -21,6 +21,7 @@ from acquisition.table.table import Table
 from acquisition.times import TIME_FORMS, TimeCells, TimeForm, recognised, stamps_ns, words
 from cell.arrays import Array
 from cell.errors import DescriptionError, LogError
+from cell.foreign_files import repeated
 from cell.neighbours import Mask
 from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile, SourceName
 from cell.schema_errors import nearest
@@ -153,6 +154,11 @@ def dialect_of(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
 
 def read_files(source: LogSource) -> tuple[list[Table], list[FileSummary]]:
     """All files of one source, each with stamps in order, and how each was read."""
+    if twice := repeated(source.folder, source.declared.files):
+        raise DescriptionError(
+            f"{source.folder / 'recording.yaml'}: sources.{source.name}.files: {twice[0]!r} and "
+            f"{twice[1]!r} are one file. Name it once."
+        )
     read = [_read_file(source, file) for file in source.declared.files]
     tables = [table for table, _ in read]
     _refuse_differing(tables, source.layout.together)
