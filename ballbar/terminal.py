@@ -24,6 +24,7 @@ from typer.core import TyperGroup
 
 from cell.foreign_text import printable
 
+FAULT = 3  # exit code after a fault of the program, or with too little memory
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
 
 
@@ -73,12 +74,17 @@ class CommandGroup(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            err.print("interrupted; no incomplete file was left behind")
+            say_interrupted()
             raise typer.Exit(INTERRUPTED) from None
         except Exception as error:
             if isinstance(message := getattr(error, "message", None), str):  # of wrong usage
                 error.message = printable(message)  # type: ignore[attr-defined]
             raise
+
+
+def say_interrupted() -> None:
+    """Prints that Ctrl-C ended a command."""
+    err.print("interrupted; no incomplete file was left behind")
 
 
 def reset_terminal() -> None:

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from cell.schema import Line, Strict
+from cell.schema import EncoderLines, Line, Strict
 from cell.schema_errors import Loc, wrong_key
 
 MAX_DH_LENGTH_M = 5.0  # [m] no link of an industrial robot is longer: a larger number is in mm
@@ -269,7 +269,7 @@ class BallBarLinksFile(Strict):
 class EncoderFile(Strict):
     """Resolution and noise of the ball-bar's encoders."""
 
-    lines: Annotated[int, Field(gt=0)]
+    lines: EncoderLines
     bits: Annotated[int, Field(ge=8, le=13)]  # EL5021 object 8001:11
     noise_sigma_rad: NotNegative
 

@@ -43,14 +43,16 @@ if TYPE_CHECKING:
 
 SCHEMA = "ballbar-calibration/2"
 Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+ParameterValue = Annotated[float, Field(ge=-1e3, le=1e3)]  # [m] or [rad]
 POSES = "poses"  # `model` of a result of still poses
 
 
 class ParameterEntry(Strict):
     """One kinematic parameter; lengths in m, angles in rad."""
 
-    nominal: float
-    value: float
+    nominal: ParameterValue
+    value: ParameterValue
     sigma: float | None = None
     identified: bool
 
@@ -67,9 +69,9 @@ class ClockEntry(Strict):
 class NoiseEntry(Strict):
     """Standard deviations of one logged row."""
 
-    joint_rad: tuple[float, ...]
-    encoder_rad: dict[str, float]
-    length_m: float | None = None  # of a sensed length
+    joint_rad: tuple[NotNegative, ...]
+    encoder_rad: dict[str, NotNegative]
+    length_m: NotNegative | None = None  # of a sensed length
 
 
 class CoefficientEntry(Strict):
@@ -96,11 +98,11 @@ class StepFaultEntry(Strict):
 class ResidualEntry(Strict):
     """Residuals of one recording."""
 
-    samples: int
-    equations: int
-    chi2: float  # sum of squares of the whitened residuals
-    position_rms_m: float  # of the norm
-    angle_rms_rad: float  # of the norm
+    samples: Annotated[int, Field(ge=0)]
+    equations: Annotated[int, Field(ge=0)]
+    chi2: NotNegative  # sum of squares of the whitened residuals
+    position_rms_m: NotNegative  # of the norm
+    angle_rms_rad: NotNegative  # of the norm
 
 
 class RecordingEntry(Strict):
