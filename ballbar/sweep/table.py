@@ -9,9 +9,8 @@ names of machines, one writer setting.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from functools import reduce
 from pathlib import Path
 
@@ -22,6 +21,7 @@ import pyarrow.parquet as pq
 from ballbar.sweep.chunk import Row
 from ballbar.sweep.file import Value
 from cell.errors import InputError
+from cell.files import written_whole
 from cell.foreign_text import csv_text
 
 # Rows of a row group, held in memory at once: 10 000 runs take the memory of 100.
@@ -63,7 +63,7 @@ def write_table(chunks: Sequence[Path], files: Mapping[str, Path]) -> None:
     """
     schema = table_schema(chunks)
     with ExitStack() as stack:
-        aside = {kind: stack.enter_context(_whole(path)) for kind, path in files.items()}
+        aside = {kind: stack.enter_context(written_whole(path)) for kind, path in files.items()}
         parquet = stack.enter_context(pq.ParquetWriter(aside["parquet"], schema))
         csv = stack.enter_context(pa_csv.CSVWriter(aside["csv"], schema))
         for group in _groups(chunks, schema):
@@ -147,16 +147,3 @@ def _as(kind: pa.DataType, value: Value) -> Value:
     if value is None or isinstance(value, str) or not pa.types.is_string(kind):
         return float(value) if pa.types.is_floating(kind) and value is not None else value
     return json.dumps(value)
-
-
-@contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """A temporary file beside `path`, renamed to it at the end, or deleted if anything fails."""
-    aside = path.with_name(f".{path.name}.part")
-    try:
-        yield aside
-        with aside.open("rb") as file:
-            os.fsync(file.fileno())
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
