@@ -12,9 +12,11 @@ from rich.table import Table
 from rich.text import Text
 
 from ballbar.commands import cli
+from ballbar.result.run_recordings import distinct_names
 from ballbar.terminal import PlainConsole, wide_console
 from cell.errors import DescriptionError
 from cell.files import write_yaml
+from cell.foreign_text import printable
 from cell.strict_yaml import load_yaml
 from tests.helpers.command_line import ballbar
 from tests.helpers.device_logs import robot_lines, write
@@ -64,6 +66,12 @@ def test_a_description_with_control_characters_is_refused_with_its_line(tmp_path
         load_yaml(file)
     write_yaml(file, {"name": [TITLE]})
     assert load_yaml(file).data["name"][0].startswith("\\x1b]0;owned")
+
+
+def test_the_name_of_a_recording_can_be_written_wherever_it_stands(tmp_path: Path) -> None:
+    """Under a locale that is not UTF-8, ü is two characters that UTF-8 cannot hold."""
+    (name,) = distinct_names([tmp_path / f"Gr\udcc3\udcbcn{TITLE}"])
+    assert name == f"Gr\\udcc3\\udcbcn{printable(TITLE)}"
 
 
 def test_a_locale_without_the_characters_prints_their_escapes(
