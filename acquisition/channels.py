@@ -23,7 +23,8 @@ from acquisition.table.header import Kind, Layout
 from acquisition.table.preview import column_names, likely_separator
 from acquisition.table.table import Table, read_table
 from acquisition.table.text import LogText, read_text
-from acquisition.times import TIME_FORMS, TimeCells, TimeForm, recognised, stamps_ns
+from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns
+from cell.dialect import TimeForm
 from cell.errors import InputError, LogError
 from cell.logs import ChannelLog
 from cell.recording import SourceName

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.dialect import Dialect
 from acquisition.sources import (
     LogSource,
     ballbar_layout,
@@ -22,6 +21,7 @@ from acquisition.table.header import Header, Layout, read_header
 from acquisition.table.rows import PlainRows, plain_rows
 from acquisition.table.text import read_text
 from acquisition.times import TimeCells, stamps_ns, words
+from cell.dialect import Dialect
 from cell.recording import (
     EncoderFitting,
     RecordingFile,

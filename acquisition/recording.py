@@ -57,7 +57,6 @@ from acquisition.sources import (
     robot_layout,
 )
 from acquisition.stamps.order import STAMP, seconds_from, with_periods_checked
-from acquisition.table.selectors import require
 from acquisition.table.table import Table
 from cell.arrays import Array
 from cell.descriptions import Robot
@@ -75,6 +74,7 @@ from cell.recording import (
     SourceName,
     load_recording_file,
 )
+from cell.selectors import require
 
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 REACH = 0.1  # of the stroke beyond its ends: data sheets state less than sensors show

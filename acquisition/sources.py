@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.flags import Flags
-from acquisition.formats.dialect import Dialect, dialect_file, load_dialect
 from acquisition.formats.registry import read_file
 from acquisition.report import FileSummary, Finding
 from acquisition.stamps.order import STAMP, in_order, in_sequence, join
 from acquisition.stamps.quantised import spread
 from acquisition.table.header import Kind, Layout
 from acquisition.table.table import Table
-from acquisition.times import TIME_FORMS, TimeCells, TimeForm, recognised, stamps_ns, words
+from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns, words
 from cell.arrays import Array
+from cell.dialect import Dialect, TimeForm, dialect_file, load_dialect
 from cell.errors import DescriptionError, LogError
 from cell.foreign_files import repeated
 from cell.neighbours import Mask

@@ -17,22 +17,16 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.report import Finding, finding
+from cell.dialect import TimeForm
 from cell.errors import LogError
 
 Stamps = NDArray[np.int64]
-TimeForm = Literal[
-    "s", "ms", "us", "100ns", "ns",
-    "ms-32bit", "ns-32bit",
-    "filetime", "dc", "unix-s", "unix-ms", "unix-us", "unix-ns",
-    "date", "iec-time",
-]  # fmt: skip
-
 TIME_FORMS: tuple[TimeForm, ...] = get_args(TimeForm)
 COARSEST = 1_000_000  # [ns] a stamp that a spreadsheet rounded to no worse is still a stamp
 EARLIEST, LATEST = 1980, 2100  # years; a controller that has lost its battery starts in 1980

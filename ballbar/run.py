@@ -9,9 +9,10 @@ from pathlib import Path
 
 from ballbar.outputs import Progress, write_outputs
 from ballbar.replay.live import LiveRun
-from ballbar.result.compare import identification_against_truth, limits_of
+from ballbar.result.compare import identification_against_truth
 from ballbar.result.iterations import IterationLog
-from ballbar.result.names import OUTPUTS, RECORDING
+from ballbar.result.limits import plant_limits, result_limits
+from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, with_absolute_names
@@ -82,6 +83,8 @@ def run_scenario(
 ) -> RunData:
     """Simulates, identifies, compares with the truth, and writes report and replay.
 
+    A recording on accept.held_out_file, of the same machine, is tried on the result.
+
     command : the command line, for the report. live : window that shows each stage while it runs.
 
     Raises InputError when the scenario cannot be run or identifies with one of the thesis's costs,
@@ -93,16 +96,25 @@ def run_scenario(
             f"{scenario.identify.data}: a run with report and replay identifies device logs with "
             "ml. The thesis's costs and paired samples are for sweeps."
         )
-    known = {RECORDING, truth_path(out / RECORDING).name, *OUTPUTS}
+    logs = (out / RECORDING, out / HELD_OUT)
+    known = {*OUTPUTS, *(f.name for log in logs for f in (log, truth_path(log)))}
     with claimed_folder(out, known, "a run"):
-        folder = out / RECORDING
+        folder, *held_out = logs if scenario.accept.held_out_file else logs[:1]
         simulation = simulate_scenario(
             scenario, scenario_file, folder, progress=progress, live=live
         )
+        for other in held_out:
+            simulate_scenario(_held_out(scenario), scenario_file, other, progress=progress)
         log = IterationLog(progress, live.iterated if live else None)
-        data = identify_recordings([folder], settings=scenario.identify, listener=log.listener)
+        data = identify_recordings(
+            [folder], held_out, settings=scenario.identify, listener=log.listener
+        )
         comparison = identification_against_truth(data.identification, simulation.truth)
-        limits = limits_of(comparison, data.identification.fit.iterations, scenario.accept)
+        outcomes = [validation.outcome for validation in data.validations]
+        limits = (
+            *result_limits(data.identification, comparison, scenario.accept, outcomes),
+            *plant_limits(simulation.truth, scenario.accept),
+        )
         data = replace(
             data,
             name=scenario.name,
@@ -117,3 +129,9 @@ def run_scenario(
             live.finished(data)
         write_outputs(out, data, command=command, replay=True, progress=progress)
         return data
+
+
+def _held_out(scenario: Scenario) -> Scenario:
+    """The scenario of the recording that takes no part in the fit: another path, all else equal."""
+    path = scenario.path.model_copy(update={"file": scenario.accept.held_out_file})
+    return scenario.model_copy(update={"path": path})

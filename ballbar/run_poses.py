@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ballbar.outputs import Progress
 from ballbar.report.pose_page import write_pose_report
-from ballbar.result.compare import Limit
-from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth, pose_limits
+from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth
+from ballbar.result.limits import Limit, pose_limits
 from ballbar.result.names import CALIBRATION, DESCRIPTIONS, RECORDING, REPORT
 from ballbar.result.pose_calibration import write_pose_calibration
 from ballbar.result.pose_run import PoseRun, identify_pose_folders
@@ -81,6 +81,5 @@ def run_pose_scenario(
         write_pose_calibration(out / CALIBRATION, run)
         progress("writing the report")
         write_pose_report(out / REPORT, run, comparison, command=command)
-        return PoseScenarioRun(
-            simulation, run, comparison, pose_limits(comparison, scenario.accept)
-        )
+        limits = pose_limits(run.identification, comparison, scenario.accept)
+        return PoseScenarioRun(simulation, run, comparison, limits)

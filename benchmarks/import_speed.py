@@ -23,9 +23,9 @@ import pandas as pd
 import yaml
 
 from acquisition import read_recording
-from acquisition.formats.dialect import load_dialect
 from acquisition.formats.registry import read_file
 from acquisition.sources import ballbar_layout, robot_layout
+from cell.dialect import load_dialect
 from cell.load import load_robot
 from cell.recording import SourceFile, load_recording_file
 from cell.robot_angles import joints_to_motors

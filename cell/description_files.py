@@ -169,6 +169,7 @@ class RobotFile(Strict):
     servo: dict[str, ServoFile] | None = None
     # base, link1, ... with all DH joint angles zero; com and axes in the robot base frame
     links: dict[str, LinkFile] | None = None
+    log_dialect: str = "abb-motor"  # of its controller's logs, as the simulator writes them
     gravity_m_per_s2: Vector3 = (0.0, 0.0, -9.81)  # standard gravity, rounded
 
     @property

@@ -112,6 +112,7 @@ class Robot:
     links: tuple[Link, ...] | None = None  # base, link 1..J; robot base frame, all q = 0
     servo: Mapping[str, ServoGains] | None = None  # by name: soft, stiff
     gears: Gears | None = None
+    log_dialect: str = "abb-motor"  # of its controller's logs (cell.dialect)
     armature: VectorJ | None = None  # [kg m^2] rotor inertia referred to the gear's output
 
     def __post_init__(self) -> None:

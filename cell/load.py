@@ -117,6 +117,7 @@ def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
         links=_optional(file.links, lambda f: tuple(_link(f[name]) for name in file.link_names)),
         servo=_optional(file.servo, _servo),
         gears=_optional(file.gears, lambda f: _gears(f, 1.0 / np.abs(np.diag(transmission)))),
+        log_dialect=file.log_dialect,
         armature=_optional(rotor, lambda f: np.array(f) / np.diag(transmission) ** 2),
     )
 

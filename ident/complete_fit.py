@@ -50,7 +50,7 @@ WANDERING = 100.0  # [N] prior of a knot of a force that the rod's length alone 
 FIRST_EXCESS = ExcessNoise(5e-6, 1e-5, 1e-5, 1e-6)  # what the first fit finds on the full scenarios
 NOISE_PASSES = 2  # fits with the noise levels of the one before
 HELPS = 0.98  # of chi-square: what a step fault must bring it down to
-MAX_ITERATIONS = 40
+MAX_ITERATIONS = 100
 # Iterations with new weights. After six, some fits went on to a minimum that their weights, up to
 # 50 % off there, were not made for: all gears 2 % too soft at a stated 0.4 %; after 25, one of
 # seven drawn robots of benchmarks.everything_on did not end.

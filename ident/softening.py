@@ -24,8 +24,8 @@ from ident.options import Listener
 KNEES = 16  # tried of each gear
 LOWEST, HIGHEST = 0.02, 0.7  # of the gear's largest load
 # Of the score test, chi-square with one degree of freedom: above twice the logarithm of the number
-# of candidates as in ident.joint_errors
-THRESHOLD = 12.0
+# of candidates as in ident.joint_errors, more than unlisted ripple of sound gears brings (up to 14)
+THRESHOLD = 20.0
 MOVES = 3  # of the knees, each with a fit
 MOVED = 0.02  # relative; less is no move
 FURTHEST = 0.4  # relative, of one move

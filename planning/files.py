@@ -28,15 +28,18 @@ OUTPUTS = frozenset(
 )
 PLANT_AXES = len(ROBOT_JOINTS)
 PLANT_KEYS: tuple[Key, ...] = ("links", "servo", "gears", "rotor_inertia_kg_m2")
-EVERYTHING_ON: dict[str, object] = {  # as in scenarios/irb2400_full.yaml
-    "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
+# All error sources of a real cell, as in scenarios/irb2400_full.yaml, where none is by table.
+EVERYTHING_ON: dict[str, object] = {
+    "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "robot"},
     "joint_compliance": {"spread": 0.3},
     "gear_backlash": {"spread": 0.3},
     "joint_noise": {"sigma_rad": 2e-6},
+    "ballbar_axes": {"parameters": "all"},
     **{
         name: {}
         for name in (
             "transmission_error",
+            "unlisted_ripple",
             "gear_friction",
             "resolver_error",
             "rod_strain",
@@ -44,11 +47,26 @@ EVERYTHING_ON: dict[str, object] = {  # as in scenarios/irb2400_full.yaml
             "bar_friction",
             "plate_bending",
             "base_compliance",
-            "ballbar_axes",
+            "masses",
+            "payload",
             "base_tilt",
+            "plate_length",
+            "motor_offsets",
+            "joint_lag",
+            "mounting_eccentricity",
             "encoder_eccentricity",
             "subdivisional_error",
+            "signal_noise",
+            "frozen_bits",
         )
+    },
+}
+TWO_CLOCKS: dict[str, object] = {  # likewise
+    "offset_s": 0.508,
+    "skew": 5.0e-5,
+    "overrun_probability": 0.005,
+    **{
+        name: {} for name in ("wander", "robot_wander", "jitter", "dropped_rows", "duplicated_rows")
     },
 }
 
@@ -100,7 +118,7 @@ def scenario_data(plan: Plan, folder: Path) -> dict[str, object]:
             "bits": 12,
             "noise_sigma_rad": sensors.encoder_noise_sigma_rad,
         },
-        "clocks": {"offset_s": 0.508, "skew": 5.0e-5, "overrun_probability": 0.005},
+        "clocks": TWO_CLOCKS,
     }
 
 

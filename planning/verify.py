@@ -101,7 +101,13 @@ def run_in_plant(
         beginning=beginning,
     )
     errors = plant_errors(table=seed == 0)
-    true = true_geometry(nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed)
+    true = true_geometry(
+        nominal,
+        errors,
+        plate_sigma=cell.plate.length_sigma,
+        transmission=cell.robot.transmission,
+        seed=seed,
+    )
     true = set_without_strain(true, path.q[:1])
     gains = servo_gains(cell.robot, request.servo, key="servo")
     plant = Plant(cell, true, plant_effects(errors, cell, seed), gains)

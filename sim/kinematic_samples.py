@@ -37,8 +37,24 @@ MOVING = 1e-3
 STICKING = 1e-3  # [m/s] vertical speed below which friction keeps its sign; assumed
 CHORDS = 10  # steps with the nominal Jacobian; errors of 1 mm and 1 mrad need five
 CONVERGED = 1e-13  # [rad] of a step (cell.inverse.refine)
-COUNTED = ("frozen_bits", "amplitude_errors", "slipped_periods", "outliers")
-STAMPED = ("wander", "step", "quantum", "jitter", "dropped_rows", "duplicated_rows", "restart")
+COUNTED = (
+    "signal_noise",
+    "frozen_bits",
+    "amplitude_errors",
+    "slipped_periods",
+    "outliers",
+    "joint_lag",
+)
+STAMPED = (
+    "wander",
+    "robot_wander",
+    "step",
+    "quantum",
+    "jitter",
+    "dropped_rows",
+    "duplicated_rows",
+    "restart",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +151,13 @@ def kinematic_samples(settings: SimulationSettings, path: SampledPath) -> Kinema
     refuse_forces(settings)
     _refuse_devices(settings)
     errors, cell, seed = settings.errors, path.cell, settings.seed
-    true = true_geometry(path.nominal, errors, plate_sigma=cell.plate.length_sigma, seed=seed)
+    true = true_geometry(
+        path.nominal,
+        errors,
+        plate_sigma=cell.plate.length_sigma,
+        transmission=cell.robot.transmission,
+        seed=seed,
+    )
     rod = errors.rod_deviation
     longer = rod.amplitude_m * without_mean(path.rising) if rod else np.zeros_like(path.t)
     q = _follow(true, path, longer)

@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cell.arrays import Array
+from cell.dialect import load_dialect
 from cell.files import write_yaml
 from cell.instrument import Instrument
 from sim.logging.clocks import BAR_EPOCH_NS
-from sim.logging.encoders import motor_angles
+from sim.logging.encoders import motor_angles, read_counts
 from sim.logging.load_logs import motor_torques, sensor_rows
 from sim.logging.loggers import LoggedRows
-from sim.logging.writers import (
-    write_abb_motor,
-    write_force_torque,
-    write_lengths,
-    write_twincat_plc,
-)
+from sim.logging.robot_files import robot_source, write_robot_log
+from sim.logging.writers import write_ballbar_log, write_force_torque, write_lengths
 from sim.settings import SimulationSettings
 from sim.streams import stream
 
@@ -62,7 +59,7 @@ def _write_robot(simulation: Simulation, settings: SimulationSettings, folder: P
             drawn=simulation.truth.logs.loads,
             seed=seed,
         )[rows]
-    write_abb_motor(folder / "raw" / "robot.csv", times.robot_stamp[rows], motors[rows], torques)
+    write_robot_log(folder, settings.logs, robot, times.robot_stamp[rows], motors[rows], torques)
 
 
 def _write_force(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
@@ -88,13 +85,16 @@ def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder:
         b[:, fitted] += outliers.on_ballbar(len(b), len(fitted), seed)
     counts, status = {}, {}
     for e in simulation.encoders:
-        rng = stream(seed, f"encoder_noise_b{e.joint}")
-        counts[f"b{e.joint}"] = e.counts(b[:, e.joint - 1], times.bar_true, rng)
-        status[f"s{e.joint}"] = e.status(times.bar_task, times.bar_true)
-    files = _files("ballbar", simulation.rows)
+        counts[f"b{e.joint}"] = read_counts(
+            e, b[:, e.joint - 1], times.bar_true, settings.errors.signal_noise, seed
+        )
+        if settings.logs.ballbar.status:
+            status[f"b{e.joint}"] = e.status(times.bar_task, times.bar_true)
+    files, dialect = _files("ballbar", simulation.rows), load_dialect(settings.logs.ballbar.dialect)
     for file, rows in zip(files, simulation.rows.ballbar, strict=True):
-        write_twincat_plc(
+        write_ballbar_log(
             folder / file,
+            dialect,
             times.bar_stamp[rows],
             {name: column[rows] for name, column in counts.items()},
             {name: column[rows] for name, column in status.items()},
@@ -124,9 +124,13 @@ def _files(log: str, rows: LoggedRows) -> list[str]:
 
 
 def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dict[str, object]:
-    sources: dict[str, object] = {"robot": {"files": ["raw/robot.csv"], "dialect": "abb-motor"}}
+    robot = robot_source(settings.logs, simulation.cell.robot)
+    sources: dict[str, object] = {"robot": robot}
     if simulation.encoders:
-        sources["ballbar"] = {"files": _files("ballbar", simulation.rows), "dialect": "twincat-plc"}
+        sources["ballbar"] = {
+            "files": _files("ballbar", simulation.rows),
+            "dialect": settings.logs.ballbar.dialect,
+        }
     if simulation.instrument:
         sources["length"] = {
             "files": _files("length", simulation.rows),

@@ -27,7 +27,7 @@ from sim.errors.outliers import Outliers
 from sim.errors.plant_errors import PlantErrors
 from sim.errors.sample_errors import SampleErrors
 from sim.errors.sensor_errors import EncoderNumber, SensorErrors
-from sim.logging.load_logs import LoadLogs
+from sim.logging.load_logs import DeviceLogs
 
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Coordinate = Annotated[float, Field(ge=-20.0, le=20.0)]
@@ -204,6 +204,30 @@ class PlateLength(Strict):
     )
 
 
+class MotorOffsets(Strict):
+    """The zeros of the robot's motors are off, as after a calibration by marks; they are drawn.
+    Couplings of the wrist carry an offset on to other joints. Axis 1 has none: it is the base's.
+    """
+
+    sigma_rad: Annotated[float, Field(ge=0.0)] = Field(
+        0.05, description="Standard deviation at the motor; 0.4 to 1.1 mrad at a joint. Assumed."
+    )
+
+
+class JointLag(Strict):
+    """The robot logs its angles behind a low-pass filter of first order, one for each motor.
+    Its time constants are drawn. The lag of axis 1 is part of the clock offset.
+    """
+
+    time_constant_s: Annotated[float, Field(gt=0.0, le=0.1)] = Field(
+        0.01,
+        description="Mean time constant; EGM delays by 10 to 20 ms (notes/log_formats sec. D).",
+    )
+    spread: Annotated[float, Field(ge=0.0)] = Field(
+        0.1, description="Standard deviation of its logarithm over the motors. Assumed."
+    )
+
+
 class JointNoise(Strict):
     """The logged robot angles have white noise."""
 
@@ -219,6 +243,8 @@ class ErrorSettings(PlantErrors, SensorErrors, SampleErrors):
     ballbar_axes: BallbarAxes | None = None
     base_tilt: BaseTilt | None = None
     plate_length: PlateLength | None = None
+    motor_offsets: MotorOffsets | None = None
+    joint_lag: JointLag | None = None
     joint_noise: JointNoise | None = None
     outliers: Outliers | None = None
 
@@ -282,7 +308,8 @@ class ClockSettings(Strict):
     overrun_probability: Annotated[float, Field(ge=0.0, lt=0.5)] = Field(
         0.0, description="Share of the ball-bar's rows that come one 5 ms task late."
     )
-    wander: ClockWander | None = None
+    wander: ClockWander | None = Field(None, description="Of the ball-bar's clock.")
+    robot_wander: ClockWander | None = Field(None, description="Of the robot's clock.")
     step: ClockStep | None = None
     quantum: StampQuantum | None = None
     jitter: StampJitter | None = None
@@ -309,7 +336,7 @@ OF_BALLBAR: dict[str, tuple[str, ...]] = {
         *("base_compliance", "outliers"),
     ),
     "clocks": ("overrun_probability",),
-    "logs": ("force_sensor",),
+    "logs": ("force_sensor", "ballbar"),
 }
 OF_LENGTH: dict[str, tuple[str, ...]] = {"length": (), "plant": tuple(RodAndWire.model_fields)}
 
@@ -324,7 +351,7 @@ class SimulationSettings(Strict):
     encoders: EncoderSettings = EncoderSettings()
     length: LengthSettings = LengthSettings()
     clocks: ClockSettings = ClockSettings()
-    logs: LoadLogs = LoadLogs()
+    logs: DeviceLogs = DeviceLogs()
     seed: Annotated[int, Field(ge=0)] = Field(
         0, description="Seed of all drawn values; each error source has its own stream."
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
@@ -23,9 +24,11 @@ from sim.errors.sensor_effects import (
 from sim.errors.static_errors import true_geometry
 from sim.logging.clocks import LogTimes, log_times
 from sim.logging.encoders import BarEncoder
+from sim.logging.joint_lag import joint_lags, with_lags
 from sim.logging.load_logs import drawn_loads
 from sim.logging.log_truth import FirstRows, LogTruth
 from sim.logging.loggers import LoggedRows, logged_rows
+from sim.logging.robot_files import robot_period
 from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath
 from sim.path_files import scenario_path
@@ -79,26 +82,36 @@ def simulate(
     chosen, errors, seed = settings.cell, settings.errors, settings.seed
     cell = scenario_cell(chosen, relative_to=relative_to)
     instrument = scenario_instrument(chosen, relative_to=relative_to)
+    period = robot_period(settings.logs, cell.robot)
     nominal = nominal_geometry(cell, np.array(chosen.ballbar_position_m))
     true = true_geometry(
         nominal,
         errors,
         plate_sigma=cell.plate.length_sigma,
+        transmission=cell.robot.transmission,
         zero_sigma=settings.length.zero_scale * instrument.sigma_zero if instrument else None,
         seed=seed,
     )
     path = scenario_path(settings.path, cell, nominal, relative_to=relative_to, recorded=recorded)
     effects = plant_effects(errors, cell, seed)
     plant = _Plant(settings, cell, instrument, true, effects)
-    motion = plant.motion(path, on_motion=on_motion)
+    lags = joint_lags(errors.joint_lag, joints=cell.robot.joints, seed=seed)
+    motion = with_lags(plant.motion(path, on_motion=on_motion), cell.robot, lags)
     if instrument:
         check_stroke(instrument, motion)
     encoders = () if instrument else _encoders(settings, cell)
     resolvers = resolver_effects(errors.resolver_error, joints=cell.robot.joints, seed=seed)
     rate = settings.length.rate_hz if instrument else None
-    times = log_times(float(motion.t[-1]), settings.clocks, rate=rate, seed=seed)
+    times = log_times(
+        float(motion.t[-1]),
+        settings.clocks,
+        period=period,
+        task=settings.logs.ballbar.task_s,
+        rate=rate,
+        seed=seed,
+    )
     rows = logged_rows(times, settings.clocks, seed=seed)
-    logs = _log_truth(settings, encoders, resolvers, times, rows)
+    logs = _log_truth(settings, encoders, resolvers, times, rows, lags)
     return Simulation(
         cell=cell,
         instrument=instrument,
@@ -208,7 +221,7 @@ def _truth(
     return Truth(
         geometry=true.replaced(offsets),
         directions={f"b{e.joint}": e.direction * e.declared for e in encoders},
-        offset=settings.clocks.offset_s,
+        offset=settings.clocks.offset_s + sum(logs.joint_lag_s[:1]),
         skew=settings.clocks.skew,
         seed=settings.seed,
         closure_position=float(position.max()),
@@ -226,6 +239,7 @@ def _log_truth(
     resolvers: ResolverEffects | None,
     times: LogTimes,
     rows: LoggedRows,
+    lags: Array,
 ) -> LogTruth:
     clocks = settings.clocks
     first = FirstRows(robot_s=float(times.robot_true[0]), ballbar_s=float(times.bar_true[0]))
@@ -233,7 +247,9 @@ def _log_truth(
         first_rows=first,
         encoders={f"b{e.joint}": e.effects for e in encoders if e.effects != EncoderEffects()},
         resolvers=resolvers,
+        joint_lag_s=tuple(lags.tolist()),
         clock_wander=times.wander,
+        robot_clock_wander=times.robot_wander,
         clock_step=clocks.step,
         restart=clocks.restart,
         loads=drawn_loads(settings.logs, settings.seed),

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from acquisition.flags import RowFlag, usable
-from acquisition.formats.dialect import AngleKind
 from acquisition.table.table import Table
 from cell.arrays import Array
 from cell.descriptions import Robot
+from cell.dialect import AngleKind
 from cell.errors import LogError
 from cell.neighbours import Rows
 from cell.robot_angles import controller_to_joints, joints_to_axes, motors_to_joints

@@ -1,4 +1,4 @@
-"""ABB EGM feedback: EgmRobot messages decoded from the wire, and the file in which they are stored.
+"""ABB EGM feedback: EgmRobot messages decoded from the wire and from files (cell.egm_file).
 
 EGM (externally guided motion) sends one protobuf message a UDP datagram, each 4.032 ms or a
 multiple. Read are, by field number:
@@ -12,10 +12,6 @@ multiple. Read are, by field number:
 Everything else is skipped, known or not. The clock starts where the controller likes: it is not
 always Unix time.
 
-File: FILE_START, then one frame a message: length (uint32), CRC-32 of length and message (uint32),
-message; little-endian. The sum is there because a flipped bit in a double is a joint angle like any
-other.
-
 Source: egm.proto in ros-industrial/abb_libegm (V1.1), the RobotWare 7 fields in ABBRobotEGM 1.0.7;
 protobuf wire format.
 """
@@ -28,12 +24,9 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from cell.egm_file import FILE_START, FRAME, LONGEST_MESSAGE
 from cell.errors import LogError
 
-FILE_START = b"EGM-RAW/1\r\n"  # the line end shows a copy in text mode
-LONGEST_MESSAGE = 65_507  # bytes that fit a UDP datagram; a real message has about a hundred
-
-_FRAME = struct.Struct("<II")
 # Wire types; 3 and 4 are groups, which EGM never had.
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _REMEDY = "Copy the file again from the logger, or cut it before this message."
@@ -82,19 +75,6 @@ def decode(message: bytes) -> EgmFeedback:
     return EgmFeedback(_uint32(numbers.get(1)), _uint32(numbers.get(2)), _time_ns(parts), joints)
 
 
-def frame(message: bytes) -> bytes:
-    """A message as it stands in a file, behind FILE_START.
-
-    Raises ValueError if it is empty or longer than a datagram.
-    """
-    if not 0 < len(message) <= LONGEST_MESSAGE:
-        raise ValueError(
-            f"an EGM message has 1 to {LONGEST_MESSAGE} bytes, this one {len(message)}"
-        )
-    length = len(message).to_bytes(4, "little")
-    return _FRAME.pack(len(message), zlib.crc32(message, zlib.crc32(length))) + message
-
-
 def read_frames(raw: bytes) -> Frames:
     """The messages of a file, in order.
 
@@ -117,16 +97,16 @@ def read_frames(raw: bytes) -> Frames:
     at, end = len(FILE_START), len(raw.rstrip(b"\0"))
     while at < len(raw):
         torn = Frames(messages, numbers, damaged, (at, len(raw) - 1))
-        if end <= at or len(raw) - at < _FRAME.size:  # NUL to the end, or half a frame's head
+        if end <= at or len(raw) - at < FRAME.size:  # NUL to the end, or half a frame's head
             return torn
-        length, checksum = _FRAME.unpack_from(raw, at)
+        length, checksum = FRAME.unpack_from(raw, at)
         number = len(numbers) + len(damaged) + 1
         if not 0 < length <= LONGEST_MESSAGE:
             raise LogError(
                 f"message {number} (byte {at}) claims {length} bytes; a datagram has 1 to "
                 f"{LONGEST_MESSAGE}. Damaged here: cut the file before it."
             )
-        message = raw[at + _FRAME.size : at + _FRAME.size + length]
+        message = raw[at + FRAME.size : at + FRAME.size + length]
         if len(message) < length:
             return torn
         if zlib.crc32(message, zlib.crc32(raw[at : at + 4])) == checksum:
@@ -134,7 +114,7 @@ def read_frames(raw: bytes) -> Frames:
             numbers.append(number)
         else:
             damaged.append(number)
-        at += _FRAME.size + length
+        at += FRAME.size + length
     return Frames(messages, numbers, damaged)
 
 

@@ -6,8 +6,6 @@ import struct
 from collections.abc import Callable
 from pathlib import Path
 
-from acquisition.formats.dialect import Container, Dialect
-from acquisition.formats.egm import FILE_START
 from acquisition.formats.egm_table import read_egm
 from acquisition.formats.json_lines import read_json_lines
 from acquisition.formats.mpe import VERSIONS, read_mpe
@@ -16,6 +14,8 @@ from acquisition.formats.rsi import read_rsi
 from acquisition.formats.scope import read_scope
 from acquisition.table.header import Layout
 from acquisition.table.table import Form, Table, read_table
+from cell.dialect import Container, Dialect
+from cell.egm_file import FILE_START
 from cell.errors import DescriptionError
 
 _Reader = Callable[[Path, str, str, Layout], tuple[Table, Form]]

@@ -13,8 +13,9 @@ from itertools import islice
 
 import numpy as np
 
-from acquisition.formats.egm import FILE_START, LONGEST_MESSAGE, EgmFeedback, decode, frame
+from acquisition.formats.egm import EgmFeedback, decode
 from acquisition.live.source import Batch, DeviceSilentError, Encoders
+from cell.egm_file import FILE_START, LONGEST_MESSAGE, frame
 from cell.errors import InputError, LogError
 from cell.recording import SourceName
 

@@ -19,11 +19,11 @@ from acquisition.poses.text import FileKind, first_separator
 from acquisition.report import Finding
 from acquisition.table.fields import SEPARATORS, is_number, split_fields
 from acquisition.table.header import PREAMBLE, Kind, Layout, Remedies
-from acquisition.table.selectors import by_position, checked, find
 from acquisition.table.table import Form, text_table
 from acquisition.table.text import LogText
 from cell.arrays import Array
 from cell.errors import DescriptionError, LogError
+from cell.selectors import by_position, checked, find
 
 _BRACKETS = re.compile(r"(.*?)\s*[\[(]\s*([^\[\]()]{1,8}?)\s*[\])]\s*")
 _BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s+in\s+)(\S{1,8})\s*")  # `A1 / °`, `A1 in °`

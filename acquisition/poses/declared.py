@@ -10,13 +10,13 @@ from acquisition.formats.rapid import COLUMNS as JOINTTARGET
 from acquisition.poses.columns import Quantity, header_names, quantities, selector, unit_stated
 from acquisition.poses.text import FileKind
 from acquisition.poses.values import METRES, RADIANS
-from acquisition.table.selectors import spread
 from acquisition.table.text import LogText
 from cell.descriptions import Robot
 from cell.errors import DescriptionError
 from cell.instrument import Instrument
 from cell.pose_file import AngleUnit, Column, NamedColumn, PoseTableFile, ValueColumns
 from cell.poses import COLUMNS, Measured
+from cell.selectors import spread
 
 # Columns of the joint angles of files that have names of their own for them.
 AXES_OF: dict[FileKind, tuple[str, ...]] = {

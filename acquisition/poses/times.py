@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from acquisition.poses.columns import PoseRows
 from acquisition.report import Finding, finding
-from acquisition.times import TIME_FORMS, TimeCells, TimeForm, recognised, stamps_ns
+from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns
+from cell.dialect import TimeForm
 from cell.errors import DescriptionError, LogError
 from cell.pose_file import PoseTime
 from cell.schema_errors import nearest

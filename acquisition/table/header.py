@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from acquisition.report import Finding, finding
-from acquisition.table import selectors
 from acquisition.table.fields import SEPARATORS, is_number, split_fields
 from acquisition.table.text import LogText
+from cell import selectors
 from cell.errors import LogError
 
 Kind = Literal["integer", "float", "decimal", "text"]  # decimal: text where a float loses digits
@@ -41,7 +41,7 @@ RECORDING = Remedies()
 
 @dataclass(frozen=True)
 class Layout:
-    """The columns of a log, by selector (acquisition.table.selectors)."""
+    """The columns of a log, by selector (cell.selectors)."""
 
     separators: tuple[str, ...]  # those the dialect allows
     required: Mapping[str, Kind]

@@ -18,7 +18,7 @@ from ballbar.terminal import INTERRUPTED, err, out, progress_bar
 from cell.errors import InputError
 
 if TYPE_CHECKING:  # each command loads what it shows alone
-    from ballbar.result.compare import Limit
+    from ballbar.result.limits import Limit
     from ballbar.scenario import PoseScenario
 
 CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous integration
@@ -105,8 +105,8 @@ def _run_poses(
 def _say_limits(limits: Sequence[Limit]) -> None:
     for limit in limits:
         word = "[green]met   [/]" if limit.met else "[red]missed[/]"
-        measured = f"{limit.measured:.3g} {limit.unit}".strip()
-        out.print(f"  {word} {limit.what} {measured} (limit {limit.allowed:g})")
+        measured, allowed = limit.sizes
+        out.print(f"  {word} {limit.what} {measured} (limit {allowed})")
 
 
 @commands.command(
@@ -116,10 +116,12 @@ def _say_limits(limits: Sequence[Limit]) -> None:
 def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) -> None:
     """Simulate a scenario and write its device logs as a recording.
 
-    The truth is written beside the recording's folder, not into it.
+    The truth is written beside the recording's folder, not into it. Exits with 1 when a limit of
+    the plant under `accept` is not met.
     """
     from ballbar.commands.result_json import simulation_data
     from ballbar.report.terminal import say_plant
+    from ballbar.result.limits import plant_limits
     from ballbar.run import simulate_scenario
     from ballbar.scenario import PoseScenario, load_any_scenario
     from sim.recording_files import truth_path
@@ -131,10 +133,13 @@ def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = Fals
         return
     with progress_bar() as progress:
         simulation = simulate_scenario(settings, scenario, folder, progress=progress)
+    limits = plant_limits(simulation.truth, settings.accept)
     if as_json:
-        say_json(simulation_data(simulation, folder))
+        say_json(simulation_data(simulation, limits, folder))
     say_plant(out, simulation)
+    _say_limits(limits)
     out.print(f"Recording {escape(str(folder))}, truth {escape(str(truth_path(folder)))}")
+    raise typer.Exit(0 if all(limit.met for limit in limits) else 1)
 
 
 def _simulate_poses(settings: PoseScenario, scenario: Path, folder: Path, *, as_json: bool) -> None:

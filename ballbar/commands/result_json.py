@@ -17,6 +17,7 @@ from sim.recording_files import truth_path
 if TYPE_CHECKING:  # each command loads what it shows alone
     from ballbar.claims.run import Judged
     from ballbar.result.compare import Comparison
+    from ballbar.result.limits import Limit
     from ballbar.result.pose_run import PoseRun
     from ballbar.result.run_data import RunData
     from ballbar.run_poses import PoseScenarioRun
@@ -38,7 +39,7 @@ def run_data(data: RunData, folder: Path) -> dict[str, object]:
         ),
         "plant": plant_data(data.simulation) if data.simulation else None,
         "comparison": comparison_data(data.comparison) if data.comparison else None,
-        "limits": [asdict(limit) | {"met": limit.met} for limit in data.limits],
+        "limits": [asdict(limit) for limit in data.limits],
     }
 
 
@@ -65,7 +66,7 @@ def pose_scenario_data(data: PoseScenarioRun, folder: Path) -> dict[str, object]
             "tcp_error": _tcp(data.comparison.tcp),
             "tcp_error_nominal": _tcp(data.comparison.tcp_nominal),
         },
-        "limits": [asdict(limit) | {"met": limit.met} for limit in data.limits],
+        "limits": [asdict(limit) for limit in data.limits],
     }
 
 
@@ -80,12 +81,15 @@ def pose_simulation_data(simulation: PoseSimulation, folder: Path) -> dict[str, 
     }
 
 
-def simulation_data(simulation: Simulation, folder: Path) -> dict[str, object]:
-    """JSON of `simulate`: recording, truth file, and accuracy of the simulated plant."""
+def simulation_data(
+    simulation: Simulation, limits: Sequence[Limit], folder: Path
+) -> dict[str, object]:
+    """JSON of `simulate`: recording, truth file, accuracy of the simulated plant, its limits."""
     return {
         "recording": str(folder),
         "truth": str(truth_path(folder)),
         "plant": plant_data(simulation),
+        "limits": [asdict(limit) for limit in limits],
     }
 
 

@@ -16,23 +16,16 @@ from typing import Any
 import numpy as np
 
 from acquisition import Recording
-from acquisition.formats.dialect import (
-    Container,
-    Dialect,
-    dialect_file,
-    dialect_names,
-    load_dialect,
-)
 from acquisition.formats.registry import container_of
 from acquisition.sources import force_layout, robot_layout
 from acquisition.table.fields import split_fields
 from acquisition.table.header import read_header
 from acquisition.table.preview import HEAD, column_names, likely_separator
-from acquisition.table.selectors import find
 from acquisition.table.text import LogText, read_filled, text_of
 from acquisition.times import TIME_FORMS, recognised, words
 from ballbar.recordings.read_with_causes import read_with_causes
 from cell.arrays import Array
+from cell.dialect import Container, Dialect, dialect_file, dialect_names, load_dialect
 from cell.errors import InputError, LogError
 from cell.files import write_yaml
 from cell.instrument import Instrument
@@ -45,6 +38,7 @@ from cell.load import (
     robot_names,
 )
 from cell.recording import SourceFile
+from cell.selectors import find
 
 Ask = Callable[[str, str | None], str]  # (question, proposed answer) -> answer
 

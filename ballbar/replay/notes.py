@@ -13,7 +13,8 @@ import yaml
 from acquisition.report import report_lines
 from ballbar.replay.motion import rms_norm
 from ballbar.replay.parameters import units_of
-from ballbar.result.compare import Comparison, Limit
+from ballbar.result.compare import Comparison
+from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, MS, PPM, UM, URAD, US
 from cell.foreign_text import markdown
@@ -140,15 +141,7 @@ def _recording_rows(estimate: RecordingEstimate) -> Rows:
 def _limits(limits: Sequence[Limit]) -> str:
     if not limits:
         return ""
-    rows = [
-        (
-            limit.what,
-            f"{limit.measured:.4g} {limit.unit}",
-            f"{limit.allowed:g} {limit.unit}",
-            "yes" if limit.met else "NO",
-        )
-        for limit in limits
-    ]
+    rows = [(limit.what, *limit.sizes, "yes" if limit.met else "NO") for limit in limits]
     return _table(("limit of the scenario", "measured", "allowed", "met"), rows)
 
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ballbar.result.true_robot import true_tool
-from ballbar.scenario import AcceptSettings
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, mirrored, parameter_named
@@ -133,37 +132,6 @@ def reference_of(truth: Truth) -> Geometry:
         if truth.directions.get(f"b{joint}") == -1:
             geometry = mirrored(geometry, joint)
     return geometry
-
-
-@dataclass(frozen=True)
-class Limit:
-    """One limit of a scenario, and how the run stands against it."""
-
-    what: str
-    measured: float
-    allowed: float
-    unit: str
-
-    @property
-    def met(self) -> bool:
-        return self.measured <= self.allowed
-
-
-def limits_of(comparison: Comparison, iterations: int, accept: AcceptSettings) -> tuple[Limit, ...]:
-    """Every limit that the scenario states."""
-    measured = {
-        "tcp_mean_mm": ("TCP error, mean", comparison.tcp.mean * 1e3, "mm"),
-        "tcp_max_mm": ("TCP error, largest", comparison.tcp.maximum * 1e3, "mm"),
-        "parameter_distance_mm_mrad": ("parameter distance", comparison.distance * 1e3, "mm|mrad"),
-        "clock_offset_us": ("clock offset error", abs(comparison.offset or 0.0) * 1e6, "us"),
-        "clock_skew_ppm": ("clock skew error", abs(comparison.skew or 0.0) * 1e6, "ppm"),
-        "iterations": ("iterations", float(iterations), ""),
-    }
-    stated = accept.model_dump(exclude_none=True)
-    return tuple(
-        Limit(measured[key][0], measured[key][1], float(allowed), measured[key][2])
-        for key, allowed in stated.items()
-    )
 
 
 def _difference(name: str, model: Geometry, reference: Geometry) -> float:

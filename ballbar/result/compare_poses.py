@@ -6,9 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ballbar.result.compare import Limit
-from ballbar.scenario import PoseAcceptSettings
-from ballbar.units import MM
 from cell.geometry import nominal_chain
 from ident.poses.result import PoseIdentification
 from ident.robot.accuracy import TcpError, position_error
@@ -39,16 +36,4 @@ def compare_poses_with_truth(result: PoseIdentification, truth: PoseTruth) -> Po
     )
     return PoseComparison(
         name, position_error(arm.tool(q), actual), position_error(bare.tool(q), actual)
-    )
-
-
-def pose_limits(comparison: PoseComparison, accept: PoseAcceptSettings) -> tuple[Limit, ...]:
-    """Every limit that the scenario states."""
-    measured = {
-        "tcp_mean_mm": ("TCP error, mean", comparison.tcp.mean * MM),
-        "tcp_max_mm": ("TCP error, largest", comparison.tcp.maximum * MM),
-    }
-    return tuple(
-        Limit(*measured[key], float(allowed), "mm")
-        for key, allowed in accept.model_dump(exclude_none=True).items()
     )

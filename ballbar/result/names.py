@@ -1,6 +1,7 @@
 """Names of what a run writes into its folder."""
 
 RECORDING = "recording"  # folder of the simulated recording
+HELD_OUT = "held_out"  # likewise of the one on accept.held_out_file
 CALIBRATION = "calibration.yaml"
 IMPORT_REPORT = "import_report.json"
 REPORT = "report.html"

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from acquisition import Recording
-from ballbar.result.compare import Comparison, Limit
+from ballbar.result.compare import Comparison
 from ballbar.result.iterations import Step
+from ballbar.result.limits import Limit
 from ballbar.scenario import Scenario
 from ident.held_out import HeldOut
 from ident.result import Identification, RecordingEstimate

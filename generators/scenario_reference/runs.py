@@ -15,10 +15,9 @@ from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from sim.errors.sample_errors import SampleErrors, delay_of
 from sim.kinematic_samples import KinematicSamples, kinematic_samples, sample_path_at
-from sim.logging.encoders import BarEncoder, motor_angles
+from sim.logging.encoders import BarEncoder, motor_angles, read_counts
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate
-from sim.streams import stream
 
 ROOT = Path(__file__).parents[2]
 
@@ -121,10 +120,9 @@ class View:
         return kinematic_samples(settings, path)
 
     def _counted(self, encoder: BarEncoder) -> Array:
-        rng = stream(self.run.settings.seed, f"encoder_noise_b{encoder.joint}")
-        counts = encoder.counts(self.true_angles[1][:, encoder.joint - 1], self.t, rng).astype(
-            np.int32
-        )
+        settings, angle = self.run.settings, self.true_angles[1][:, encoder.joint - 1]
+        read = read_counts(encoder, angle, self.t, settings.errors.signal_noise, settings.seed)
+        counts = read.astype(np.int32)
         return np.asarray(
             encoder.direction * counts * (2.0 * np.pi / encoder.counts_per_turn) + encoder.offset
         )

@@ -41,7 +41,7 @@ OF_RECORDINGS: dict[str, Callable[[Cell, int], Correction]] = {
 }
 
 # Left out of the complete model until the data ask for them: few machines need them.
-ON_EVIDENCE = ("bearing_tilt", "joint_lag", "link_growth", "remounted_tool")
+ON_EVIDENCE = ("joint_lag", "link_growth", "remounted_tool")
 
 # Keys of the robot's file without which a correction cannot be formed.
 REQUIRED: dict[str, tuple[Key, ...]] = {

@@ -1,4 +1,7 @@
-"""Ball-bar encoders: eccentric and elliptic graduation, one to three cycles a turn."""
+"""Ball-bar encoders: mounted off the axis, eccentric and elliptic graduation.
+
+One to three cycles a turn.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,9 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from ident.corrections.base import BAR, Coefficient, Correction, State
 
-AMPLITUDES = (6.0e-5, 2.5e-5, 8.0e-6)  # [rad] of 1, 2, 3 cycles a turn (notes/parameters, encoder)
+# [rad] of 1, 2, 3 cycles a turn; the first is that of the mounting, 3.0e-4, and of the graduation,
+# 6.0e-5, together (notes/parameters, encoder_error_model).
+AMPLITUDES = (3.1e-4, 2.5e-5, 8.0e-6)
 WAVES = {"sin": np.sin, "cos": np.cos}
 
 

@@ -2,8 +2,9 @@
 
 A vector of deviations holds the tool's mass [kg] and first moment [kg m] in the flange's frame,
 then of each link its relative mass and its centre [m] (cell.payload.with_deviations). Files state
-masses to a few percent and centres to millimetres; a torque log says more (ident.loads.payload).
-Of the many deviations only those matter that change a gear's load, a third or so of them.
+links to a few percent and millimetres, tools less well; a torque log says more
+(ident.loads.payload). Of the many deviations only those matter that change a gear's load, a third
+or so of them.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from cell.payload import with_deviations
 from cell.robot_angles import controller_to_joints
 from ident.loads.gear_loads import mass_model, own_weight
 
-LINK_PRIOR, CENTRE_PRIOR = 0.02, 3e-3  # of a body's mass; [m] of its centre; assumed
+LINK_PRIOR, CENTRE_PRIOR = 0.02, 3e-3  # of a link's mass; [m] of its centre; assumed
+# Likewise of the tool, with the hoses, cables and adapters that no file states
+TOOL_PRIOR, TOOL_CENTRE_PRIOR = 0.1, 5e-3
 LEFT_OUT = 3e-3  # of the variance of the loads that directions left out may have
 POSES, _SEED = 40, 7  # at which loads are compared
 
@@ -29,7 +32,8 @@ def stated_covariance(cell: Cell) -> Array:
     factor[0, 0] = body.mass
     factor[1:4, 0] = body.mass * body.com  # a heavier tool has its moment with it
     factor[1:4, 1:4] = body.mass * np.eye(3)
-    factor *= np.array([LINK_PRIOR, *[CENTRE_PRIOR] * 3] * (1 + joints))
+    link = [LINK_PRIOR, *[CENTRE_PRIOR] * 3]
+    factor *= np.array([TOOL_PRIOR, *[TOOL_CENTRE_PRIOR] * 3, *link * joints])
     return factor @ factor.T
 
 

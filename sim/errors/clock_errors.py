@@ -20,7 +20,7 @@ RunTime = Annotated[float, Field(description="Seconds after the start of the pat
 
 
 class ClockWander(Strict):
-    """The rate of the ball-bar's clock does a random walk and decays after power-on.
+    """The rate of a clock does a random walk and decays after power-on.
     The deviation from the straight line that clock offset and skew describe has no trend.
 
     A random walk of 0.5 ppm in 10 min amounts to 0.1 ppm in 2 min. A quartz changes its rate by

@@ -152,6 +152,21 @@ class BodyMasses(Strict):
     )
 
 
+class Payload(Strict):
+    """Something is mounted on the offset plate that no file states: hoses, cables, an adapter.
+    Mass and place are drawn.
+    """
+
+    sigma_kg: Annotated[float, Field(ge=0.0)] = Field(
+        0.4, description="Mass: the magnitude of a normal draw with this deviation. Assumed."
+    )
+    centre_sigma_m: Annotated[float, Field(ge=0.0)] = Field(
+        0.05,
+        description="Standard deviation of each coordinate of its centre about that of the plate. "
+        "Assumed.",
+    )
+
+
 class PlantErrors(Strict):
     """Error sources that act in the plant; each is absent unless named."""
 
@@ -168,3 +183,4 @@ class PlantErrors(Strict):
     plate_bending: PlateBending | None = None
     base_compliance: BaseCompliance | None = None
     masses: BodyMasses | None = Field(None, description="Requires masses in the robot's file.")
+    payload: Payload | None = Field(None, description="Requires masses in the robot's file.")

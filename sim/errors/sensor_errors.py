@@ -47,6 +47,18 @@ class SubdivisionalError(Strict):
     )
 
 
+class SignalNoise(Strict):
+    """Sine and cosine of the encoders have noise, by which the lowest of 13 bits fluctuate at rest
+    (thesis sec. 4.6). Of 12 bits and fewer it is a quarter of a count and less.
+    """
+
+    share: Annotated[float, Field(ge=0.0)] = Field(
+        3.5e-4,
+        description="Standard deviation over the signal's amplitude: half a step of a converter "
+        "of 12 bits. Assumed.",
+    )
+
+
 class FrozenBits(Strict):
     """The terminal freezes low bits at speed, one more with each octave of signal frequency.
     Its status word does not show it.
@@ -115,6 +127,7 @@ class SensorErrors(Strict):
     encoder_eccentricity: EncoderEccentricity | None = None
     mounting_eccentricity: MountingEccentricity | None = None
     subdivisional_error: SubdivisionalError | None = None
+    signal_noise: SignalNoise | None = None
     frozen_bits: FrozenBits | None = None
     amplitude_errors: tuple[AmplitudeError, ...] = ()
     slipped_periods: tuple[SlippedPeriods, ...] = ()

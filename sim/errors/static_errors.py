@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cell.arrays import Array
 from cell.geometry import Geometry, ParameterTable, parameter_named
 from sim.settings import ErrorSettings, StaticErrors
 from sim.streams import stream
@@ -36,12 +37,14 @@ def true_geometry(
     errors: ErrorSettings,
     *,
     plate_sigma: float,
+    transmission: Array,
     seed: int,
     zero_sigma: float | None = None,
 ) -> Geometry:
     """The nominal geometry with its static errors.
 
     plate_sigma : [m] standard deviation of the plate's length if the scenario states none.
+    transmission : (J, J) of the robot, joints = motors @ transmission.
     zero_sigma : [m] of the zero of a sensed length; None for a ball-bar. Universal joint and ball
         of an instrument are points, so its rows have no other errors.
     """
@@ -66,6 +69,11 @@ def true_geometry(
         drawn.append(
             deviations((nominal.table.plate,), {True: length}, stream(seed, "plate_length"))
         )
+    if errors.motor_offsets:
+        z = stream(seed, "motor_offsets").standard_normal(len(transmission))
+        joints = (errors.motor_offsets.sigma_rad * z) @ transmission
+        offsets = {f"rtheta{i + 1}": float(angle) for i, angle in enumerate(joints)}
+        drawn.append({n: v for n, v in offsets.items() if n not in nominal.table.gauge})
     true = nominal
     for source in drawn:
         true = true.replaced({name: true[name] + value for name, value in source.items()})

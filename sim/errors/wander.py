@@ -1,4 +1,4 @@
-"""Slow wander of the ball-bar's clock about `t_robot = offset + (1 + skew) * t_ballbar`.
+"""Slow wander of either clock about `t_robot = offset + (1 + skew) * t_ballbar`.
 
 The rate does a random walk and decays from power-on; its integral is the deviation in time. The
 least-squares line through the deviation over the log is removed, so that clock offset and skew
@@ -17,14 +17,14 @@ KNOT = 1.0  # [s] largest distance of knots: the rate changes over minutes, so a
 
 
 class WanderCurve(Strict):
-    """Deviation of the ball-bar's clock, linear between knots; added to the clock's map."""
+    """Deviation of one clock, linear between knots: later true time at a stamp."""
 
-    t_bar_s: tuple[float, ...]
+    t_clock_s: tuple[float, ...]
     deviation_s: tuple[float, ...]
 
-    def at(self, t_bar: Array) -> Array:
-        """(N,) [s] deviation at ball-bar times (N,) [s] from the first row."""
-        return np.interp(t_bar, self.t_bar_s, self.deviation_s)
+    def at(self, t_clock: Array) -> Array:
+        """(N,) [s] deviation at times (N,) [s] of the clock from its first row."""
+        return np.interp(t_clock, self.t_clock_s, self.deviation_s)
 
 
 def wander_curve(wander: ClockWander, length: float, rng: np.random.Generator) -> WanderCurve:
@@ -35,7 +35,9 @@ def wander_curve(wander: ClockWander, length: float, rng: np.random.Generator) -
     rate = walk + wander.warm_up_ppm * 1e-6 * np.exp(-middle / wander.warm_up_time_s)
     deviation = np.concatenate(([0.0], np.cumsum(rate * step)))
     line = np.polynomial.Polynomial.fit(t, deviation, 1)
-    return WanderCurve(t_bar_s=tuple(t.tolist()), deviation_s=tuple((deviation - line(t)).tolist()))
+    return WanderCurve(
+        t_clock_s=tuple(t.tolist()), deviation_s=tuple((deviation - line(t)).tolist())
+    )
 
 
 def _unit_walk(steps: int, rng: np.random.Generator) -> Array:

@@ -1,12 +1,13 @@
 """Sampling times of both loggers, in true time and on their own clocks.
 
-The robot's clock runs true. With the clock's map of cell.clock, the ball-bar's clock runs slow by 1
-+ skew and its log begins `offset` seconds after the robot's. The later of the two logs begins LEAD
-seconds into the run; the rows that the other one has before that are of the first dwell.
+The robot's clock runs true but for its wander. With the clock's map of cell.clock, the ball-bar's
+clock runs slow by 1 + skew and its log begins `offset` seconds after the robot's. The later of the
+two logs begins LEAD seconds into the run; the rows that the other one has before that are of the
+first dwell.
 
-The ball-bar's logger is the thesis's (sec. 4.6): a 5 ms task writes a line and waits for the file,
-which takes 10 ms per row, or 15 ms when the write takes one cycle more. Its stamps are distributed
-clock time, ns since 2000-01-01.
+The ball-bar's logger is the thesis's (sec. 4.6): a task of 5 ms writes a line and waits for the
+file, which takes 10 ms per row, or 15 ms when the write takes one cycle more. Its stamps are
+distributed clock time, ns since 2000-01-01.
 
 A wandering clock takes its rows at other times and stamps them as before. A step, jitter and
 rounding change the stamps only.
@@ -21,13 +22,13 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array
 from cell.clock import Clock
+from cell.dialect import ABB_PERIOD
 from sim.errors.clock_errors import LEAD, ClockStep
 from sim.errors.wander import WanderCurve, wander_curve
+from sim.logging.load_logs import BallbarLog
 from sim.settings import ClockSettings
 from sim.streams import stream
 
-ROBOT_PERIOD = 0.004032  # [s] Lund ExtCtrl interface (notes/log_formats sec. D)
-TASK_NS = 5_000_000  # [ns] PLC task
 SAMPLE_TASKS = 2  # cycles per row: one writes the line, the next waits for the file
 BAR_EPOCH_NS = 830_000_000_000_000_000  # [ns] a day in April 2026 in time since 2000
 ROBOT_EPOCH = 1234.5  # [s] controller up-time at the first row
@@ -43,22 +44,32 @@ class LogTimes:
     bar_stamp: NDArray[np.int64]  # (M,) [ns]
     bar_task: NDArray[np.int64]  # (M,) PLC task cycles, or rows of lengths, since the first row
     wander: WanderCurve | None = None  # of the ball-bar's clock
+    robot_wander: WanderCurve | None = None
 
 
 def log_times(
-    duration: float, clocks: ClockSettings, *, seed: int, rate: float | None = None
+    duration: float,
+    clocks: ClockSettings,
+    *,
+    seed: int,
+    period: float = ABB_PERIOD,
+    task: float = BallbarLog().task_s,
+    rate: float | None = None,
 ) -> LogTimes:
     """Times of the rows of both logs of a run of `duration` seconds of true time.
 
-    rate : [Hz] of a log of lengths, which is even; None for the PLC's log of the ball-bar.
+    period : [s] of the robot's rows. task : [s] of the PLC. rate : [Hz] of a log of lengths, which
+        is even; None for the PLC's log of the ball-bar.
     """
+    task_ns = round(task * 1e9)
     offset, end = clocks.offset_s, duration - LEAD
     robot_start, bar_start = LEAD - max(0.0, offset), LEAD + min(0.0, offset)
-    rows = int((end - robot_start) / ROBOT_PERIOD) + 1
-    robot_clock: Array = ROBOT_PERIOD * np.arange(rows, dtype=np.float64)
+    rows = int((end - robot_start) / period) + 1
+    robot_clock: Array = period * np.arange(rows, dtype=np.float64)
     if rate is None:
-        cycles = task_cycles(end - bar_start, clocks.overrun_probability, stream(seed, "overruns"))
-        ticks = TASK_NS * cycles
+        longest = int((end - bar_start) * 1e9 / (SAMPLE_TASKS * task_ns)) + 1
+        cycles = task_cycles(longest, clocks.overrun_probability, stream(seed, "overruns"))
+        ticks = task_ns * cycles
     else:
         cycles = np.arange(int((end - bar_start) * rate) + 1, dtype=np.int64)
         ticks = np.rint(cycles * (1e9 / rate)).astype(np.int64)
@@ -68,22 +79,27 @@ def log_times(
     if clocks.wander:
         wander = wander_curve(clocks.wander, end - bar_start, stream(seed, "clock_wander"))
         bar_true += wander.at(bar_clock)
+    robot_true, robot_wander = robot_start + robot_clock, None
+    if clocks.robot_wander:
+        rng = stream(seed, "robot_clock_wander")
+        robot_wander = wander_curve(clocks.robot_wander, float(robot_clock[-1]), rng)
+        robot_true += robot_wander.at(robot_clock)
     inside = bar_true <= end
     return LogTimes(
-        robot_true=robot_start + robot_clock,
+        robot_true=robot_true,
         robot_stamp=ROBOT_EPOCH + robot_stamps(robot_clock, clocks, stream(seed, "stamp_jitter")),
         bar_true=bar_true[inside],
         bar_stamp=BAR_EPOCH_NS + bar_stamps(ticks[inside], bar_true[inside], clocks),
         bar_task=cycles[inside],
         wander=wander,
+        robot_wander=robot_wander,
     )
 
 
 def task_cycles(
-    length: float, overrun_probability: float, rng: np.random.Generator
+    rows: int, overrun_probability: float, rng: np.random.Generator
 ) -> NDArray[np.int64]:
-    """(M,) PLC task cycles of the rows of `length` seconds: 2 apart, or 3 after an overrun."""
-    rows = int(length * 1e9 / (SAMPLE_TASKS * TASK_NS)) + 1
+    """(M,) PLC task cycles of so many rows: 2 apart, or 3 after an overrun."""
     tasks = SAMPLE_TASKS + (rng.random(rows) < overrun_probability)
     return np.asarray(np.cumsum(tasks) - tasks[0])
 

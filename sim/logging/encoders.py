@@ -16,6 +16,7 @@ from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.robot_angles import joints_to_motors
 from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
+from sim.errors.sensor_errors import SignalNoise
 from sim.settings import ErrorSettings
 from sim.streams import stream
 
@@ -58,6 +59,20 @@ class BarEncoder:
         """(N,) EL5021 status words at PLC cycles (N,) and run times (N,) [s]."""
         weak = np.where(self.effects.weak_signal(t), WEAK_SIGNAL, 0)
         return np.asarray(healthy_status(cycles) | weak)
+
+
+def read_counts(
+    encoder: BarEncoder, angle: Array, t: Array, noise: SignalNoise | None, seed: int
+) -> NDArray[np.uint32]:
+    """Counter values of an encoder at true joint angles (N,) [rad] and run times (N,) [s].
+
+    noise : of its signals. What is drawn for it and for its white noise are streams of its own.
+    """
+    if noise:
+        sigma = noise.share / encoder.lines  # of the arctangent, at the shaft
+        drawn = stream(seed, f"signal_noise_b{encoder.joint}").normal(0.0, sigma, angle.shape)
+        angle = angle + drawn
+    return encoder.counts(angle, t, stream(seed, f"encoder_noise_b{encoder.joint}"))
 
 
 def frozen_bits(frequency: Array, onset: float, bits: int) -> NDArray[np.int64]:

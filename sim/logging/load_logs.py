@@ -11,10 +11,14 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from cell.arrays import Array
+from cell.clock import Clock
 from cell.descriptions import Robot
+from cell.dialect import load_dialect
+from cell.errors import DescriptionError
+from cell.recording import SourceName
 from cell.schema import Strict
 from sim.motion import Motion
 from sim.streams import stream
@@ -65,6 +69,49 @@ class ForceSensor(Strict):
     offset_s: float = Field(
         0.05, description="Time from the first row of the robot to the first of the sensor."
     )
+    skew: Annotated[float, Field(ge=-2e-3, le=2e-3)] = Field(
+        0.0, description="Seconds that the robot's clock gains in each second of the sensor's."
+    )
+
+
+def _dialect_of(source: SourceName) -> AfterValidator:
+    """A check that a name is that of a dialect with logs of a source."""
+
+    def check(name: str) -> str:
+        try:
+            dialect = load_dialect(name)
+        except DescriptionError as error:
+            raise ValueError(str(error)) from None
+        if dialect.source != source:
+            raise ValueError(f"{name} describes logs of a {dialect.source}, not of a {source}")
+        return name
+
+    return AfterValidator(check)
+
+
+class RobotLog(Strict):
+    """How the robot's controller logs its angles."""
+
+    dialect: Annotated[str, _dialect_of("robot")] | None = Field(
+        None,
+        description="A dialect of cell/dialects that holds a robot's angles; by default that of "
+        "the robot's file.",
+    )
+    rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] | None = Field(
+        None, description="Rows per second; by default those that the dialect's file states."
+    )
+
+
+class BallbarLog(Strict):
+    """How the ball-bar's encoders are logged: a PLC writes a row every two tasks."""
+
+    dialect: Annotated[str, _dialect_of("ballbar")] = Field(
+        "twincat-plc", description="A dialect of cell/dialects that holds a ball-bar's counters."
+    )
+    task_s: Annotated[float, Field(ge=1.0e-4, le=0.05)] = Field(
+        0.005, description="Cycle of the PLC's task (thesis sec. 4.6)."
+    )
+    status: bool = Field(True, description="Whether the status words of the terminals are logged.")
 
 
 class LoadLogs(Strict):
@@ -72,6 +119,13 @@ class LoadLogs(Strict):
 
     torque: TorqueLog | None = None
     force_sensor: ForceSensor | None = None
+
+
+class DeviceLogs(LoadLogs):
+    """What is logged beside angles, and in which form."""
+
+    robot: RobotLog = RobotLog()
+    ballbar: BallbarLog = BallbarLog()
 
 
 class DrawnLoads(Strict):
@@ -119,11 +173,12 @@ def sensor_rows(
     Returns stamps (N,) [s] on the sensor's clock and readings (N, 6) [N, N m]. Raises ValueError if
     the flange of the motion has no sensor.
     """
-    count = int((last - first - sensor.offset_s) * sensor.rate_hz) + 1
-    elapsed = np.arange(count, dtype=np.float64) / sensor.rate_hz
+    length = (last - first - sensor.offset_s) / (1.0 + sensor.skew)  # on its own clock
+    elapsed = np.arange(int(length * sensor.rate_hz) + 1, dtype=np.float64) / sensor.rate_hz
     noise = stream(seed, "force_sensor_noise").standard_normal((elapsed.size, 6))
     noise = noise * np.repeat([sensor.noise_N, sensor.noise_N_m], 3)
-    wrench = _sampled(motion.t, motion.wrench, first + sensor.offset_s + elapsed)
+    times = first + Clock(sensor.offset_s, sensor.skew).robot_time(elapsed)
+    wrench = _sampled(motion.t, motion.wrench, times)
     return SENSOR_EPOCH + elapsed, np.asarray(wrench * drawn.force_gain + drawn.force_bias + noise)
 
 

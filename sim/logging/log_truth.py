@@ -30,7 +30,10 @@ class LogTruth(Strict):
     first_rows: FirstRows
     encoders: dict[str, EncoderEffects] = Field(default_factory=dict)  # of b1.., if any
     resolvers: ResolverEffects | None = None
-    clock_wander: WanderCurve | None = None
+    # [s] time constant of each motor's filter; that of the first is in the clock offset
+    joint_lag_s: tuple[float, ...] = ()
+    clock_wander: WanderCurve | None = None  # of the ball-bar's clock
+    robot_clock_wander: WanderCurve | None = None
     clock_step: ClockStep | None = None
     restart: LoggerRestart | None = None
     rows: dict[str, RowCounts] = Field(default_factory=dict)  # robot, ballbar

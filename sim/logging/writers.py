@@ -13,41 +13,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
+from cell.dialect import Dialect
 from cell.files import write_whole
 
+_DC_FILETIME = 125_911_584_000_000_000  # [100 ns] from 1601 to 2000
 
-def write_twincat_plc(
+
+def write_ballbar_log(
     path: Path,
+    dialect: Dialect,
     stamps: NDArray[np.int64],
     counts: Mapping[str, NDArray[np.uint32]],
     status: Mapping[str, NDArray[np.int64]],
 ) -> None:
-    """Write a ball-bar log: `time;b1;..;s1;..` with lines that end in CRLF.
+    """Write a ball-bar log: time, counters and status words, lines that end in CRLF.
 
-    stamps : (N,) [ns] distributed clock time since 2000-01-01. counts, status : (N,) uint32 counter
-        values and status words by column name. Source: notes/log_formats sec. A.6.
+    stamps : (N,) [ns] distributed clock time since 2000-01-01. counts : (N,) uint32 counter values
+        by column name. status : (N,) words by encoder, for the columns of the dialect. Source:
+        notes/log_formats secs. A.6, A.7.
     """
-    columns: dict[str, NDArray[np.integer[Any]]] = {**counts, **status}
+    words = {name: status[encoder] for encoder, name in dialect.status.items() if encoder in status}
+    columns: dict[str, NDArray[np.integer[Any]]] = {**counts, **words}
+    if dialect.container == "twincat-scope":
+        write_whole(path, _scope_export(stamps, columns))
+        return
     rows = np.column_stack((stamps, *(c.astype(np.int64) for c in columns.values())))
-    lines = [";".join(("time", *columns)), *(";".join(map(str, row)) for row in rows.tolist())]
+    separator = dialect.separators[0]
+    lines = [
+        separator.join((dialect.time.column, *columns)),
+        *(separator.join(map(str, row)) for row in rows.tolist()),
+    ]
     write_whole(path, ("\r\n".join(lines) + "\r\n").encode("ascii"))
 
 
-def write_abb_motor(path: Path, stamps: Array, motors: Array, torques: Array | None = None) -> None:
-    """Write a robot log: `time,m1..mJ[,tau1..tauJ]` in s, rad and N m.
-
-    stamps : (N,) [s] on the robot's clock. motors : (N, J) [rad]. torques : (N, J) [N m] at the
-        motors, if they are logged.
-    """
-    # 1e-9 rad of a motor is 1e-11 rad of its joint, 1e-6 N m is 1e-4 N m there.
-    joints = range(1, motors.shape[1] + 1)
-    names, forms = ["time", *(f"m{i}" for i in joints)], ["%.6f", *["%.9f"] * len(joints)]
-    columns = [stamps, motors]
-    if torques is not None:
-        names += [f"tau{i}" for i in joints]
-        forms += ["%.6f"] * len(joints)
-        columns.append(torques)
-    _write_table(path, names, forms, np.column_stack(columns))
+def _scope_export(
+    stamps: NDArray[np.int64], columns: Mapping[str, NDArray[np.integer[Any]]]
+) -> bytes:
+    """An export of TwinCAT Scope: channels with one column of times, ms from its start."""
+    start, end = (int(stamp) // 100 + _DC_FILETIME for stamp in stamps[[0, -1]])
+    elapsed = (stamps - stamps[0]).astype(np.float64) * 1e-6  # [ms]
+    step = f"{np.median(np.diff(elapsed)):g}"
+    count = len(columns)
+    metadata = {
+        "Name": list(columns),
+        "SymbolComment": [""] * count,
+        "Data-Type": ["UINT32"] * count,
+        "SampleTime[ms]": [step] * count,
+        "VariableSize": ["4"] * count,
+        "Offset": ["0"] * count,
+        "ScaleFactor": ["1"] * count,
+        "BitMask": ["0xffffffffffffffff"] * count,
+        "Unit": ["(None)"] * count,
+        "Unit ScaleFactor": ["1"] * count,
+        "Unit Offset": ["0"] * count,
+    }
+    head = [
+        "Name\tballbar",
+        "File\tballbar.csv",
+        f"Starttime of export\t{start}",
+        f"Endtime of export\t{end}",
+        "",
+        "",
+        *("\t".join((key, *values)) for key, values in metadata.items()),
+        "",
+    ]
+    values = np.column_stack([c.astype(np.int64) for c in columns.values()])
+    rows = [
+        "\t".join((f"{time:g}", *map(str, row)))
+        for time, row in zip(elapsed.tolist(), values.tolist(), strict=True)
+    ]
+    return ("\n".join([*head, *rows]) + "\n").encode("ascii")
 
 
 def write_lengths(path: Path, stamps: Array, lengths: Array) -> None:

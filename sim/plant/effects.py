@@ -15,7 +15,7 @@ from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from sim.errors.plant_errors import CycloidRipple, PlantErrors
-from sim.plant.masses import Masses, drawn_masses
+from sim.plant.masses import Masses, drawn_masses, stated_masses
 from sim.streams import stream
 
 RIGID_ROD = (
@@ -116,8 +116,15 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
         if plate
         else None,
         base_stiffness=errors.base_compliance.stiffness_N_per_m if errors.base_compliance else None,
-        masses=drawn_masses(errors.masses, cell, stream(seed, "masses")) if errors.masses else None,
+        masses=_masses(errors, cell, seed),
     )
+
+
+def _masses(errors: PlantErrors, cell: Cell, seed: int) -> Masses | None:
+    masses = drawn_masses(errors.masses, cell, stream(seed, "masses")) if errors.masses else None
+    if errors.payload is None:
+        return masses
+    return (masses or stated_masses(cell)).with_payload(errors.payload, stream(seed, "payload"))
 
 
 def _ripples(errors: PlantErrors, cell: Cell, seed: int) -> tuple[Ripple, ...]:

@@ -27,6 +27,7 @@ WITH_FORCES = (
     "plate_bending",
     "base_compliance",
     "masses",
+    "payload",
 )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Cell, Link
-from sim.errors.plant_errors import BodyMasses
+from sim.errors.plant_errors import BodyMasses, Payload
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,19 +39,38 @@ class Masses:
             ballbar=replace(cell.ballbar, links=tuple(links[joints + 1 :])),
         )
 
+    def with_payload(self, payload: Payload, rng: np.random.Generator) -> Masses:
+        """These bodies with a drawn payload on the plate."""
+        i, z = self.names.index("plate"), rng.standard_normal(4)
+        more = abs(payload.sigma_kg * z[0])
+        mass, centre = self.mass.copy(), self.centre.copy()
+        mass[i] += more
+        centre[i] += payload.centre_sigma_m * z[1:] * more / mass[i]
+        return replace(self, mass=mass, centre=centre)
 
-def drawn_masses(errors: BodyMasses, cell: Cell, rng: np.random.Generator) -> Masses:
-    """The masses and centres of the files with drawn deviations."""
+
+def stated_masses(cell: Cell) -> Masses:
+    """The masses and centres of the files."""
     bodies = _bodies(cell)
-    z = rng.standard_normal((len(bodies), 4))
     return Masses(
         names=(
             *(f"link{i + 1}" for i in range(cell.robot.joints)),
             "plate",
             *(f"bar{i + 1}" for i in range(len(cell.ballbar.links))),
         ),
-        mass=np.array([body.mass for body in bodies]) * np.exp(errors.spread * z[:, 0]),
-        centre=np.stack([body.com for body in bodies]) + errors.centre_sigma_m * z[:, 1:],
+        mass=np.array([body.mass for body in bodies]),
+        centre=np.stack([body.com for body in bodies]),
+    )
+
+
+def drawn_masses(errors: BodyMasses, cell: Cell, rng: np.random.Generator) -> Masses:
+    """The masses and centres of the files with drawn deviations."""
+    stated = stated_masses(cell)
+    z = rng.standard_normal((len(stated.names), 4))
+    return replace(
+        stated,
+        mass=stated.mass * np.exp(errors.spread * z[:, 0]),
+        centre=stated.centre + errors.centre_sigma_m * z[:, 1:],
     )
 
 

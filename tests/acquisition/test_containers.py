@@ -16,12 +16,13 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
 
-from acquisition.formats.dialect import load_dialect
-from acquisition.formats.egm import FILE_START, frame, read_frames
+from acquisition.formats.egm import read_frames
 from acquisition.formats.registry import read_file
 from acquisition.recording import read_ballbar, read_robot
 from acquisition.table.header import Layout
 from acquisition.table.table import Table
+from cell.dialect import load_dialect
+from cell.egm_file import FILE_START, frame
 from cell.errors import DescriptionError, InputError, LogError
 from cell.load import load_robot
 from cell.logs import RobotLog

@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from acquisition import read_recording
-from acquisition.table.selectors import find, spread, why_not
 from cell.errors import DescriptionError, LogError
 from cell.robot_angles import joints_to_axes
+from cell.selectors import find, spread, why_not
 from tests.helpers.device_logs import ROBOT, ROBOT_T, joint_trajectory, put, write
 
 AXES_DEG = np.rad2deg(joints_to_axes(ROBOT, joint_trajectory(ROBOT_T)))

@@ -10,9 +10,10 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.message import DecodeError, Message
 
-from acquisition.formats.egm import FILE_START, LONGEST_MESSAGE, decode, frame, read_frames
+from acquisition.formats.egm import decode, read_frames
+from cell.egm_file import FILE_START, LONGEST_MESSAGE, frame
 from cell.errors import LogError
-from tests.helpers.container_files import dbl, num, sub, varint
+from sim.logging.containers import double, number, part, varint
 
 _DOUBLE, _MESSAGE, _UINT32, _UINT64, _BOOL = 1, 11, 13, 4, 8
 # The published egm.proto of RobotWare 7; numbers, types and labels only.
@@ -50,8 +51,8 @@ def _robot_class() -> type[Message]:
     file = descriptor_pb2.FileDescriptorProto(name="egm.proto", package="egm", syntax="proto2")
     for name, fields in _PROTO.items():
         message = file.message_type.add(name=name)
-        for field, number, kind, repeated in fields:
-            made = message.field.add(name=field, number=number, label=3 if repeated else 1)
+        for field, key, kind, repeated in fields:
+            made = message.field.add(name=field, number=key, label=3 if repeated else 1)
             made.type = _MESSAGE if isinstance(kind, str) else kind  # type: ignore[assignment]
             if isinstance(kind, str):
                 made.type_name = f".egm.{kind}"
@@ -114,29 +115,33 @@ def test_messages_of_protobuf_are_decoded_as_protobuf_does() -> None:
 def test_unknown_fields_are_skipped_wherever_they_stand() -> None:
     rng = np.random.default_rng(2)
     strange = [
-        num(99, 2**63),
-        sub(100, b"anything"),
-        dbl(2**28, 1.0),
+        number(99, 2**63),
+        part(100, b"anything"),
+        double(2**28, 1.0),
         varint(77 << 3 | 5) + b"four",
-        num(2000, 0),
+        number(2000, 0),
     ]
     for _ in range(300):
         parts = [strange[int(i)] for i in rng.integers(len(strange), size=3)]
-        inner = parts[0] + sub(1, parts[1] + dbl(1, 3.5)) + parts[2]
+        inner = parts[0] + part(1, parts[1] + double(1, 3.5)) + parts[2]
         assert_as_protobuf(
-            parts[0] + sub(1, num(1, 5) + parts[1]) + sub(2, inner) + parts[2] + random_message(rng)
+            parts[0]
+            + part(1, number(1, 5) + parts[1])
+            + part(2, inner)
+            + parts[2]
+            + random_message(rng)
         )
 
 
 def test_packed_and_split_joints_are_joined_as_protobuf_does() -> None:
-    packed = sub(1, struct.pack("<3d", 1.0, 2.0, 3.0))
-    assert_as_protobuf(sub(2, sub(1, packed + dbl(1, 4.0))) + sub(2, sub(1, dbl(1, 5.0))))
-    assert decode(sub(2, sub(1, packed + dbl(1, 4.0)))).joints_deg == (1.0, 2.0, 3.0, 4.0)
+    packed = part(1, struct.pack("<3d", 1.0, 2.0, 3.0))
+    assert_as_protobuf(part(2, part(1, packed + double(1, 4.0))) + part(2, part(1, double(1, 5.0))))
+    assert decode(part(2, part(1, packed + double(1, 4.0)))).joints_deg == (1.0, 2.0, 3.0, 4.0)
 
 
 def test_numbers_too_long_for_their_field_keep_the_digits_that_protobuf_keeps() -> None:
-    assert_as_protobuf(sub(1, num(1, 2**40 + 17)))
-    assert_as_protobuf(sub(1, b"\x08" + b"\xff" * 9 + b"\x01"))
+    assert_as_protobuf(part(1, number(1, 2**40 + 17)))
+    assert_as_protobuf(part(1, b"\x08" + b"\xff" * 9 + b"\x01"))
 
 
 def test_damaged_messages_give_what_protobuf_gives_or_an_error() -> None:
@@ -169,17 +174,20 @@ def test_damaged_messages_give_what_protobuf_gives_or_an_error() -> None:
 
 REFUSED = {
     "a field that runs over the end": (
-        sub(2, b"")[:1] + varint(2**40),
+        part(2, b"")[:1] + varint(2**40),
         "claims 1099511627776 bytes, 0 are left",
     ),
     "a number without end": (b"\x08" + b"\xff" * 30, "has no end"),
     "a group": (b"\x0b\x0c", "wire type 3"),
     "field number zero": (b"\x02\x01x", "field number 0"),
-    "an angle that is no number": (sub(2, sub(1, dbl(1, math.nan))), "not finite"),
-    "half a double": (sub(2, sub(1, sub(1, b"abc"))), "a double has 8"),
-    "microseconds beyond a second": (sub(2, sub(4, num(1, 5) + num(2, 1_000_000))), "cannot be"),
-    "a time beyond 64 bits": (sub(2, sub(4, num(1, 2**60) + num(2, 0))), "cannot be"),
-    "a time without microseconds": (sub(2, sub(4, num(1, 5))), "without its fraction"),
+    "an angle that is no number": (part(2, part(1, double(1, math.nan))), "not finite"),
+    "half a double": (part(2, part(1, part(1, b"abc"))), "a double has 8"),
+    "microseconds beyond a second": (
+        part(2, part(4, number(1, 5) + number(2, 1_000_000))),
+        "cannot be",
+    ),
+    "a time beyond 64 bits": (part(2, part(4, number(1, 2**60) + number(2, 0))), "cannot be"),
+    "a time without microseconds": (part(2, part(4, number(1, 5))), "without its fraction"),
     "more than a datagram": (bytes(LONGEST_MESSAGE + 1), "at most 65507"),
 }
 

@@ -16,8 +16,8 @@ from acquisition.faults.encoders import (
     with_status_checked,
 )
 from acquisition.flags import RowFlag, usable
-from acquisition.formats.dialect import load_dialect
 from acquisition.table.table import Table
+from cell.dialect import load_dialect
 from cell.errors import LogError
 from cell.recording import EncoderFitting
 

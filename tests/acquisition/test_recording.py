@@ -11,7 +11,7 @@ import pytest
 
 from acquisition import read_recording, report_lines
 from acquisition.flags import RowFlag
-from acquisition.formats.dialect import dialect_names, load_dialect
+from cell.dialect import dialect_names, load_dialect
 from cell.errors import DescriptionError, InputError, LogError
 from cell.robot_angles import joints_to_axes, joints_to_motors
 from tests.helpers.device_logs import (

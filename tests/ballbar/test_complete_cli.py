@@ -19,6 +19,7 @@ from ballbar.replay.show import chosen_replay
 from ballbar.replay.write import write_replay
 from ballbar.report.page import render_report
 from ballbar.result.calibration import load_calibration, write_calibration
+from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData, Validation
 from ballbar.result.run_recordings import distinct_names, identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario
@@ -32,6 +33,7 @@ from ident.robot.accuracy import accuracy_grid
 from ident.signals.step_fault import StepFault
 from sim.recording_files import write_recording
 from sim.simulate import simulate
+from sim.truth import load_truth
 from tests.helpers.command_line import ballbar
 from tests.helpers.page_cells import Cells
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded
@@ -123,8 +125,8 @@ def test_two_recordings_give_one_robot_and_the_held_out_line_comes_first(
     assert normalised_innovation <= times
     assert lines[1].startswith(("Good fit", "Usable, with care"))
     assert (
-        "6 corrections (joint_compliance, gear_backlash, gear_ripple, encoder_harmonics, "
-        "rod_strain, plate_bending)" in together.said
+        "7 corrections (joint_compliance, gear_backlash, gear_ripple, encoder_harmonics, "
+        "rod_strain, plate_bending, joint_lag)" in together.said
     )
     assert re.search(
         r"^force in the rod of B: -1\d\d to -?\d+ N, from the force sensor$",
@@ -141,7 +143,9 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
     first, second = read.file.recordings
     assert [first.name, second.name] == ["A", "B"]
     clocks = [entry.clock.offset_s for entry in (first, second) if entry.clock is not None]
-    assert np.abs(np.array(clocks) - 0.508).max() < 30e-6
+    truth = load_truth(Path(f"{together.a}.truth.yaml"))
+    assert truth.offset > 0.508 + 0.005  # the clocks' own, and the filter of the first motor
+    assert np.abs(np.array(clocks) - truth.offset).max() < 30e-6
     assert first.parameters["btheta4"].value == read.geometry["btheta4"]
     assert second.parameters["ox"].value != read.geometry["ox"], "each has a base pose of its own"
     sizes = [entry.residuals for entry in (first, second)]
@@ -156,14 +160,18 @@ def test_the_joint_calibration_holds_each_recordings_own_and_predicts_the_same_t
 
 
 @pytest.mark.slow
-def test_a_joint_calibration_comes_near_the_truth(together: Together) -> None:
-    code, said, _ = ballbar(
-        "compare", together.out / "calibration.yaml", f"{together.a}.truth.yaml"
-    )
+def test_a_joint_calibration_comes_near_the_truth(together: Together, machine: RunData) -> None:
+    """The plate is not of its nominal length, so the scale is as uncertain as its file says."""
+    truth = f"{together.a}.truth.yaml"
+    code, said, _ = ballbar("compare", together.out / "calibration.yaml", truth)
     assert code == 0
     mean = re.search(r"TCP error over the workspace: mean ([\d.]+) mm", said)
     assert mean
-    assert float(mean[1]) < 0.03, (
+    stated = machine.identification.robot.tcp_sigma.mean()
+    assert float(mean[1]) * 1e-3 < 2.0 * stated < 0.08e-3  # 95 %
+    compared = identification_against_truth(machine.identification, load_truth(Path(truth)))
+    assert compared.tcp.mean == pytest.approx(float(mean[1]) * 1e-3, abs=0.1e-6)
+    assert compared.tcp.error_without_scale.mean() < 0.03e-3, (
         "the goal for two paths (notes/identification sec. 0); nominal: 2.7"
     )
 
@@ -188,8 +196,9 @@ def test_the_report_shows_the_numbers_of_the_complete_model(together: Together) 
     assert number(cells.row("times what noise explains")[2]) == pytest.approx(
         file.held_out[0].identified.ratio, rel=0.05
     )
-    assert number(cells.row("clock offset")[2]) == pytest.approx(508.0, abs=0.03)
-    assert "ra2, ra3, rd4" in page, "lengths of the robot share one scale, which the rod fixes"
+    offset = load_truth(Path(f"{together.b}.truth.yaml")).offset * 1e3  # [ms]
+    assert number(cells.row("clock offset")[2]) == pytest.approx(offset, abs=0.03)
+    assert "ra2, rd4, bd3" in page, "long lengths share one scale, which the plate fixes"
     assert all(f"{name}/raw/robot.csv" in page for name in "ABC")
     assert (
         page.index(file.held_out[0].sentence)
@@ -222,7 +231,8 @@ def test_a_tenth_of_a_millimetre_or_milliradian_is_too_much_for_a_held_out_recor
     bent = replace(result.robot, geometry=geometry.replaced({name: geometry[name] + error}))
     outcome = tried_on(replace(result, robot=bent), together.c)
     assert not outcome.acceptable
-    assert outcome.identified.ratio > 1.8
+    (sound,) = load_calibration(together.out / "calibration.yaml").file.held_out
+    assert outcome.identified.ratio > 1.5 * sound.identified.ratio
 
 
 @pytest.mark.slow

@@ -240,7 +240,7 @@ def test_notes_begin_with_the_verdict_and_list_every_parameter(run, real):
     assert all(f"| {name} |" in notes for name in result.sigma)
     assert all(f"| {d.name} | {d.reason}" in notes for d in result.robot.dropped)
     assert "| 0.05 mm | yes |" in notes
-    assert "| iterations | 11  | 10  | NO |" in notes
+    assert "| iterations | 11 | 10 | NO |" in notes
     assert "TCP error" not in replay_notes(real)
 
 

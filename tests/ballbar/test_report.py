@@ -21,7 +21,8 @@ from ballbar.report.numbers import MISSING, fixed, significant, to_sigma
 from ballbar.report.page import render_report, write_report
 from ballbar.report.provenance import without_folders
 from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
-from ballbar.result.compare import Limit, identification_against_truth
+from ballbar.result.compare import identification_against_truth
+from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
 from cell.geometry import robot_frames
 from cell.processes import process_pool
@@ -477,7 +478,11 @@ def test_the_command_is_shown_without_folders_of_this_computer(command: str, sho
 @pytest.mark.usefixtures("blank_figures")
 def test_a_missed_limit_of_the_scenario_stands_in_the_heading(run: RunData, tmp_path: Path) -> None:
     missed = replace(
-        run, limits=(Limit("TCP error, mean", 0.02, 0.01, "mm"), Limit("iterations", 4.0, 10.0, ""))
+        run,
+        limits=(
+            Limit("TCP error, mean", 0.02, 0.01, "mm", met=False),
+            Limit("iterations", 4.0, 10.0, "", met=True),
+        ),
     )
     assert "Limits of the scenario missed: TCP error, mean" in _Page(_page(missed, tmp_path)).text
     assert "Limits of the scenario missed" not in _Page(_page(run, tmp_path)).text

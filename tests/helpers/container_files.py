@@ -13,7 +13,8 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
-from acquisition.formats.egm import FILE_START, frame
+from cell.egm_file import FILE_START, frame
+from sim.logging.containers import double, joint_state, number, part
 from tests.helpers.scope_exports import START_NS, Series, export
 
 ROWS = 80
@@ -118,38 +119,14 @@ def rsi(rows: int = ROWS, scale: float = 1.0) -> Written:
 # ---- EGM
 
 
-def varint(number: int) -> bytes:
-    """A number in base 128, lowest digits first."""
-    digits = []
-    while number > 0x7F:
-        digits.append(number & 0x7F | 0x80)
-        number >>= 7
-    return bytes([*digits, number])
-
-
-def sub(number: int, content: bytes) -> bytes:
-    """A length-delimited field."""
-    return varint(number << 3 | 2) + varint(len(content)) + content
-
-
-def num(number: int, value: int) -> bytes:
-    """A varint field."""
-    return varint(number << 3) + varint(value)
-
-
-def dbl(number: int, value: float) -> bytes:
-    """A double field."""
-    return varint(number << 3 | 1) + struct.pack("<d", value)
-
-
 def egm_message(seqno: int, time_ns: int, joints: list[float]) -> bytes:
     """An EgmRobot message: header, feedback, a pose that nobody reads, state of the motors."""
-    angles = b"".join(dbl(1, angle) for angle in joints)
-    pose = sub(1, dbl(1, 900.0) + dbl(2, 1.5) + dbl(3, 1200.0))
-    clock = num(1, time_ns // 10**9) + num(2, time_ns % 10**9 // 1000)
-    feedback = sub(1, angles) + sub(2, pose) + sub(4, clock)
-    header = num(1, seqno) + num(2, time_ns // 10**6 % 2**32) + num(3, 2)
-    return sub(1, header) + sub(2, feedback) + sub(4, num(1, 1)) + dbl(10, 12.5)
+    angles = b"".join(double(1, angle) for angle in joints)
+    pose = part(1, double(1, 900.0) + double(2, 1.5) + double(3, 1200.0))
+    clock = number(1, time_ns // 10**9) + number(2, time_ns % 10**9 // 1000)
+    feedback = part(1, angles) + part(2, pose) + part(4, clock)
+    header = number(1, seqno) + number(2, time_ns // 10**6 % 2**32) + number(3, 2)
+    return part(1, header) + part(2, feedback) + part(4, number(1, 1)) + double(10, 12.5)
 
 
 def egm(rows: int = ROWS, scale: float = 1.0) -> Written:
@@ -165,22 +142,6 @@ def egm(rows: int = ROWS, scale: float = 1.0) -> Written:
 
 
 # ---- ROS 2 bags
-
-
-def joint_state(stamp_ns: int, names: tuple[str, ...], positions: list[float]) -> bytes:
-    """A JointState message in little-endian CDR, without velocities and efforts."""
-    body = struct.pack("<iI", stamp_ns // 10**9, stamp_ns % 10**9) + _cdr_text("base")
-    body += bytes(-len(body) % 4) + struct.pack("<I", len(names))
-    for name in names:
-        body += bytes(-len(body) % 4) + _cdr_text(name)
-    body += bytes(-len(body) % 4) + struct.pack("<I", len(positions))
-    body += bytes(-len(body) % 8) + struct.pack(f"<{len(positions)}d", *positions)
-    return b"\0\1\0\0" + body + struct.pack("<II", 0, 0)
-
-
-def _cdr_text(text: str) -> bytes:
-    raw = text.encode() + b"\0"
-    return struct.pack("<I", len(raw)) + raw
 
 
 def _joint_states(rows: int, scale: float) -> tuple[list[bytes], Columns]:

@@ -6,8 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from acquisition.recording import read_recording
-from ballbar.result.compare import Limit, identification_against_truth
+from ballbar.result.compare import identification_against_truth
 from ballbar.result.iterations import IterationLog
+from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.scenario import load_scenario
 from ident.identify import identify
@@ -43,8 +44,8 @@ def simulated_run(folder: Path, *, fitted: tuple[int, ...]) -> RunData:
     )
     comparison = identification_against_truth(found, simulation.truth)
     limits = (
-        Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm"),
-        Limit("iterations", 11.0, 10.0, ""),
+        Limit("TCP error, mean", comparison.tcp.mean * 1e3, 0.05, "mm", met=True),
+        Limit("iterations", 11.0, 10.0, "", met=False),
     )
     fitted_recording = FittedRecording(
         "minute", folder / "recording", recording, found.recordings[0]

@@ -46,6 +46,7 @@ class PlantRobot:
             self.nominal,
             scenario.errors,
             plate_sigma=self.cell.plate.length_sigma,
+            transmission=self.cell.robot.transmission,
             seed=scenario.seed,
         )
         self.effects: PlantEffects = plant_effects(scenario.errors, self.cell, scenario.seed)

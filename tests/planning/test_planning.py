@@ -358,7 +358,14 @@ def test_the_expected_force_is_what_mujoco_measures(
     motion = run_in_plant(evaluator.cell, requested, manual, seed=0)
     errors = plant_errors(table=True)
     true = set_without_strain(
-        true_geometry(trajectory.nominal, errors, plate_sigma=0.0, seed=0), trajectory.q[:1]
+        true_geometry(
+            trajectory.nominal,
+            errors,
+            plate_sigma=0.0,
+            transmission=evaluator.cell.robot.transmission,
+            seed=0,
+        ),
+        trajectory.q[:1],
     )
     deviations = np.array([[true[name] - trajectory.nominal[name]] for name in THESIS_3_1])
     expected = predicted_forces(

@@ -19,17 +19,19 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
-from cell.geometry import nominal_geometry
+from cell.dialect import ABB_PERIOD
+from cell.geometry import Geometry, nominal_geometry
 from cell.load import load_cell
 from cell.robot_angles import motors_to_joints
 from sim.errors.plant_errors import PlantErrors
 from sim.errors.sample_errors import SampleErrors
 from sim.errors.sensor_effects import resolver_effects
-from sim.errors.sensor_errors import SensorErrors
+from sim.errors.sensor_errors import SensorErrors, SignalNoise
 from sim.errors.static_errors import true_geometry
 from sim.kinematic_samples import kinematic_samples, sample_path
-from sim.logging.clocks import ROBOT_PERIOD, TASK_NS, log_times
-from sim.logging.encoders import motor_angles
+from sim.logging.clocks import log_times
+from sim.logging.encoders import BarEncoder, motor_angles, read_counts
+from sim.logging.joint_lag import joint_lags, with_lags
 from sim.logging.load_logs import (
     SENSOR_EPOCH,
     ForceSensor,
@@ -44,6 +46,7 @@ from sim.motion import Motion
 from sim.path_files import scenario_path
 from sim.plant.description import Plant
 from sim.plant.effects import PlantEffects, plant_effects
+from sim.plant.masses import stated_masses
 from sim.plant.mjcf import BAR_JOINTS, ROTORS, plant_model
 from sim.settings import ClockSettings, ErrorSettings
 from sim.simulate import simulate
@@ -154,6 +157,21 @@ def masses(spread_of_masses: float, centre: float) -> Array:
     return machines(body_masses, masses=errors) - exact
 
 
+def payloads(**errors: float) -> Array:
+    """(S, 4) mass [kg] of the payload on the plate, and its place [m] from the plate's centre."""
+    exact, plate = stated_masses(CELL), CELL.robot.joints
+    out = []
+    for seed in SEEDS:
+        masses = machine(seed, payload=errors).masses
+        assert masses is not None
+        more = masses.mass[plate] - exact.mass[plate]
+        place = (masses.centre[plate] - exact.centre[plate]) * masses.mass[plate] / more
+        out.append([more, *place])
+        others = np.arange(len(masses.names)) != plate
+        assert (masses.mass[others] == exact.mass[others]).all()
+    return np.array(out)
+
+
 def friction(**errors: Any) -> tuple[Array, Array]:
     """(6,) [N m] of the gears and (5,) of the ball-bar's joints, all of which turn at SPEED.
 
@@ -227,6 +245,8 @@ PLANT: dict[str, Callable[[], Size]] = {
         machine(base_compliance={"stiffness_N_per_m": 3e7}).base_stiffness or 0.0, 3e7
     ),
     "masses.spread": lambda: spread(masses(0.05, 0.0)[..., 0], 0.05),
+    "payload.sigma_kg": lambda: spread(payloads(sigma_kg=0.8)[:, 0], 0.8),
+    "payload.centre_sigma_m": lambda: spread(payloads(centre_sigma_m=0.02)[:, 1:], 0.02),
     "masses.centre_sigma_m": lambda: spread(masses(0.0, 4e-3)[..., 1:], 4e-3),
 }
 
@@ -234,12 +254,14 @@ PLANT: dict[str, Callable[[], Size]] = {
 # --- geometry
 
 
+def true_of(chosen: ErrorSettings, **stated: Any) -> Geometry:
+    return true_geometry(NOMINAL, chosen, transmission=CELL.robot.transmission, **stated)
+
+
 def drawn_geometry(kind: bool, **errors: Any) -> Array:
     """Deviations [m] of lengths (kind True) or [rad] of angles, of 400 machines."""
     chosen = ErrorSettings.model_validate(errors)
-    true = np.stack(
-        [true_geometry(NOMINAL, chosen, plate_sigma=7e-6, seed=s).values for s in SEEDS]
-    )
+    true = np.stack([true_of(chosen, plate_sigma=7e-6, seed=seed).values for seed in SEEDS])
     of_kind = np.array([p.is_length for p in NOMINAL.table.parameters]) == kind
     drawn = (true - NOMINAL.values)[:, of_kind]
     return np.asarray(drawn[:, drawn.any(axis=0)])
@@ -250,7 +272,14 @@ def axes(kind: bool, size: float, parameters: str) -> Size:
     return spread(drawn_geometry(kind, ballbar_axes=errors), size)
 
 
+def motor_offsets() -> Size:
+    """At motors 2 to 6, back through the gears from the angles of the joints."""
+    joints = drawn_geometry(False, motor_offsets={"sigma_rad": 0.1})
+    return spread(joints @ np.linalg.inv(CELL.robot.transmission[1:, 1:]), 0.1)
+
+
 GEOMETRY: dict[str, Callable[[], Size]] = {
+    "motor_offsets.sigma_rad": motor_offsets,
     "static.sigma_m": lambda: spread(
         drawn_geometry(True, static={"sigma_m": 2e-3, "sigma_rad": 1e-3}), 2e-3
     ),
@@ -305,7 +334,7 @@ def outlier_sizes(side: str) -> Size:
 def zeros() -> Size:
     """Of a sensed length; one value a seed."""
     drawn = [
-        true_geometry(NOMINAL, ErrorSettings(), plate_sigma=0.0, seed=s, zero_sigma=2e-3)["bd3"]
+        true_of(ErrorSettings(), plate_sigma=0.0, seed=s, zero_sigma=2e-3)["bd3"]
         for s in range(1000)
     ]
     return spread(np.array(drawn) - NOMINAL["bd3"], 2e-3)
@@ -342,7 +371,44 @@ def zero_scale() -> Size:
     return Size((zero[1] - nominal) / (zero[0] - nominal), 3.0)
 
 
+def lags(**errors: float) -> Array:
+    """(S, 6) [s] by which the angles of an even motion are late: the filter's time."""
+    t = np.linspace(0.0, 1.0, 1001)
+    still, bar = 0.0 * t, np.zeros((t.size, 5))
+    gears = 0.7 + np.repeat(t[:, None], 6, axis=1)  # away from zero, where it starts at rest
+    joints = gears @ CELL.robot.gear_to_joint
+    motion = Motion(t, joints, joints, bar, still, still, NOMINAL)
+    chosen = ErrorSettings.model_validate({"joint_lag": errors}).joint_lag
+    late = []
+    for seed in SEEDS:
+        logged = with_lags(motion, CELL.robot, joint_lags(chosen, joints=6, seed=seed)).shown
+        behind = gears - logged @ CELL.robot.joint_to_gear
+        assert np.abs(behind[0]).max() < 1e-12
+        assert behind.min() > -1e-12
+        late.append(behind[-1])
+    return np.stack(late)
+
+
+def signal_noise() -> Size:
+    """Of an encoder at rest, in rad at its shaft; a count is a hundredth of it."""
+    noise = ErrorSettings.model_validate({"signal_noise": {"share": 0.01}}).signal_noise
+    counts = at_rest(np.zeros(ROWS), noise, bits=13)
+    return spread(counts * 2.0 * np.pi / (3600 << 13), 0.01 / 3600.0)
+
+
+def at_rest(angle: Array, noise: SignalNoise | None, *, bits: int) -> Array:
+    """(N,) counts of an encoder at angles (N,) [rad]."""
+    encoder = BarEncoder(1, 3600, bits, direction=1, declared=1, offset=0.0, noise_sigma=0.0)
+    counts = read_counts(encoder, angle, np.arange(float(angle.size)), noise, seed=1)
+    return counts.astype(np.int32).astype(float)
+
+
 ANGLES: dict[str, Callable[[], Size]] = {
+    "joint_lag.time_constant_s": lambda: Size(
+        lags(time_constant_s=0.02, spread=0.0), np.full((len(SEEDS), 6), 0.02), 1e-6
+    ),
+    "joint_lag.spread": lambda: spread(np.log(lags(time_constant_s=0.02, spread=0.2) / 0.02), 0.2),
+    "signal_noise.share": signal_noise,
     "joint_noise.sigma_rad": lambda: spread(logged_joints(joint_noise={"sigma_rad": 3e-5}), 3e-5),
     "outliers.robot_probability": lambda: share(outliers("robot") > 1e-9, 0.1),
     "outliers.ballbar_probability": lambda: share(outliers("ballbar") > 1e-9, 0.2),
@@ -381,18 +447,27 @@ def duplicated(side: str) -> Size:
 
 def overruns() -> Size:
     chosen = ClockSettings(overrun_probability=0.1)
-    late = np.diff(log_times(600.0, chosen, seed=1).bar_stamp) == 3 * TASK_NS
+    late = np.diff(log_times(600.0, chosen, seed=1).bar_stamp) == 15_000_000  # [ns] three tasks
     return share(late, 0.1)
 
 
 def jitter() -> Size:
     chosen = ClockSettings.model_validate({"jitter": {"sigma_s": 3e-4}})
     stamps = log_times(600.0, chosen, seed=1).robot_stamp
-    late = stamps - stamps[0] - ROBOT_PERIOD * np.arange(stamps.size)
+    late = stamps - stamps[0] - ABB_PERIOD * np.arange(stamps.size)
     return spread(late[1:], 3e-4)
 
 
+def robot_wander() -> Size:
+    chosen = ClockSettings.model_validate({"robot_wander": {"rate_rms_ppm": 0.7}})
+    times = log_times(600.0, chosen, seed=1)
+    assert (times.bar_true == log_times(600.0, ClockSettings(), seed=1).bar_true).all()
+    rate = np.diff(times.robot_true) / ABB_PERIOD - 1.0
+    return Size(rate.std(), 0.7e-6, 0.01)  # a knot a second
+
+
 LOGGERS: dict[str, Callable[[], Size]] = {
+    "robot_wander.rate_rms_ppm": robot_wander,
     "overrun_probability": overruns,
     "jitter.sigma_s": jitter,
     "dropped_rows.robot_probability": lambda: dropped("robot"),
@@ -427,7 +502,7 @@ def felt(size: float, seconds: float, seed: int = 1, **changes: float) -> tuple[
 def shown(size: float, seconds: float, seed: int = 1, **changes: float) -> Array:
     """(N, 6) [N m] logged torques at the gears' outputs."""
     log = TorqueLog.model_validate(EXACT_TORQUE | changes)
-    drawn, times = drawn_loads(LoadLogs(torque=log), seed), np.arange(0.0, seconds, ROBOT_PERIOD)
+    drawn, times = drawn_loads(LoadLogs(torque=log), seed), np.arange(0.0, seconds, ABB_PERIOD)
     motion = loaded(size, seconds)
     motors = motor_torques(CELL.robot, motion, times, log=log, drawn=drawn, seed=seed)
     return np.asarray(motors / np.diag(CELL.robot.transmission))
@@ -453,7 +528,18 @@ def sensor_start() -> Size:
     return Size(read[0], 0.3)
 
 
+def sensor_clock() -> Size:
+    """The sensor's last row by the same ramp: the robot's clock has gained 5 ms in 10 s."""
+    ramp = Motion(**(vars(loaded(0.0, 10.0)) | {"wrench": np.array([[0.0] * 6, [10.0] * 6])}))
+    sensor = ForceSensor.model_validate(EXACT_SENSOR | {"offset_s": 0.3, "skew": 5e-4})
+    stamps, read = sensor_rows(
+        ramp, 0.0, 10.0, sensor=sensor, drawn=drawn_loads(LoadLogs(force_sensor=sensor), 1), seed=1
+    )
+    return Size((read[-1] - read[0]) / (stamps[-1] - stamps[0]) - 1.0, 5e-4, 1e-6)
+
+
 LOADS: dict[str, Callable[[], Size]] = {
+    "force_sensor.skew": sensor_clock,
     "torque.noise_N_m": lambda: spread(shown(0.0, 60.0, noise_N_m=3.0)[:, :3], 3.0),
     "torque.wrist_noise_N_m": lambda: spread(shown(0.0, 60.0, wrist_noise_N_m=0.4)[:, 3:], 0.4),
     "torque.gain_sigma": lambda: spread(
@@ -492,6 +578,26 @@ def test_lengths_are_rounded_to_the_stated_step(tmp_path: Path) -> None:
     steps = np.loadtxt(file, delimiter=",", skiprows=1)[:, 1] / 3e-2  # mm
     assert np.abs(steps - np.rint(steps)).max() < 1e-4  # the file has seven decimals
     assert np.gcd.reduce(np.diff(np.rint(steps).astype(int))) == 1
+
+
+def test_the_lag_of_the_first_motor_is_part_of_the_clock_offset() -> None:
+    """No log can tell one from the other."""
+    chosen = settings(plant={"kind": "kinematic"}, errors={"joint_lag": {}})
+    truth = simulate(chosen, relative_to=SCENARIOS).truth
+    assert len(truth.logs.joint_lag_s) == 6
+    assert truth.offset == 0.137 + truth.logs.joint_lag_s[0] > 0.14
+
+
+def test_the_lowest_of_thirteen_bits_fluctuates_at_rest_and_that_of_twelve_hardly() -> None:
+    """Why the experiments of the thesis took 12 (sec. 4.6)."""
+    angle = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, ROWS)
+    changed = {
+        bits: np.mean(at_rest(angle, SignalNoise(), bits=bits) != at_rest(angle, None, bits=bits))
+        for bits in (10, 12, 13)
+    }
+    assert changed[13] > 0.3
+    assert changed[12] < 0.2
+    assert changed[10] < 0.05
 
 
 def test_another_seed_has_other_resolvers_in_recordings_and_samples() -> None:

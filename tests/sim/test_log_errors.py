@@ -325,15 +325,15 @@ def test_a_wandering_clock_takes_its_rows_where_the_truth_says(tmp_path: Path) -
     run = simulated(tmp_path, clocks={**CLOCK, "wander": {"rate_rms_ppm": 20.0}})
     curve = run.truth.logs.clock_wander
     assert curve is not None
-    rate = np.diff(curve.deviation_s) / np.diff(curve.t_bar_s)
+    rate = np.diff(curve.deviation_s) / np.diff(curve.t_clock_s)
     assert rate.std() == pytest.approx(20e-6, rel=1e-6)
-    assert np.polyfit(curve.t_bar_s, curve.deviation_s, 1) == pytest.approx(
+    assert np.polyfit(curve.t_clock_s, curve.deviation_s, 1) == pytest.approx(
         [0.0, 0.0], abs=1e-15
     )  # no line in it: that is offset and skew
     rows, found = taken_at(run)
     t_bar = run.ballbar()[rows] * 1e-9
     basis = np.stack(
-        [np.interp(t_bar, curve.t_bar_s, curve.deviation_s), np.ones_like(t_bar), t_bar], axis=1
+        [np.interp(t_bar, curve.t_clock_s, curve.deviation_s), np.ones_like(t_bar), t_bar], axis=1
     )
     (size, constant, slope), *_ = np.linalg.lstsq(basis, found - run.bar_time()[rows], rcond=None)
     assert size == pytest.approx(1.0, rel=WITHIN)
@@ -503,7 +503,13 @@ def drawn(errors: dict[str, Any], seed: int) -> Array:
     """(P,) [m, rad] deviations from nominal."""
     asked = ErrorSettings.model_validate(errors)
     return (
-        true_geometry(NOMINAL, asked, plate_sigma=CELL.plate.length_sigma, seed=seed).values
+        true_geometry(
+            NOMINAL,
+            asked,
+            plate_sigma=CELL.plate.length_sigma,
+            transmission=CELL.robot.transmission,
+            seed=seed,
+        ).values
         - NOMINAL.values
     )
 
@@ -810,7 +816,7 @@ def test_every_stream_of_random_numbers_has_one_user() -> None:
     assert {
         "clock_wander",
         "stamp_jitter",
-        "encoder_noise_b{e.joint}",
+        "encoder_noise_b{encoder.joint}",
         "resolver_error",
         "ballbar_axes",
     } <= set(names)

@@ -91,7 +91,10 @@ def test_a_mechanism_whose_rod_is_within_its_backlash_has_an_equilibrium() -> No
     for seed in range(4):
         errors = plant_errors(table=seed == 0)
         true = set_without_strain(
-            true_geometry(nominal, errors, plate_sigma=0.0, seed=seed), path.q[:1]
+            true_geometry(
+                nominal, errors, plate_sigma=0.0, transmission=cell.robot.transmission, seed=seed
+            ),
+            path.q[:1],
         )
         effects = plant_effects(errors, cell, seed)
         plant = Plant(cell, true, effects, cell.robot.servo["soft"])

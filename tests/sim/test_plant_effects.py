@@ -731,6 +731,10 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "base_compliance": {},
     "unlisted_ripple": {},
     "masses": {},
+    "payload": {},
+    "motor_offsets": {},
+    "joint_lag": {},
+    "signal_noise": {},
 }
 PLAY = {
     "joint_compliance": {"spread": 0.3},
@@ -745,6 +749,10 @@ OWN_STREAMS = {
     "sinusoidal_gear_error": {"sinusoidal_gear_error"},
     "unlisted_ripple": {"unlisted_ripple"},
     "masses": {"masses"},
+    "payload": {"payload"},
+    "motor_offsets": {"motor_offsets"},
+    "joint_lag": {"joint_lag"},
+    "signal_noise": {f"signal_noise_b{j}" for j in range(1, 6)},
     "torque": {"torque_gain", "torque_noise"},
     "force_sensor": {"force_sensor_mounting", "force_sensor_noise"},
 }
@@ -869,6 +877,7 @@ def test_a_load_log_changes_nothing_in_the_other_files_and_columns(
         "plate_bending",
         "base_compliance",
         "masses",
+        "payload",
     ],
 )
 def test_the_kinematic_plant_refuses_an_effect_that_needs_forces(effect: str) -> None:

@@ -1,7 +1,7 @@
 """Every error source of a scenario, in the order of the page."""
 
 from generators.scenario_reference.sources.geometry import GEOMETRY
-from generators.scenario_reference.sources.logs import CLOCKS, LOADS, LOGGERS
+from generators.scenario_reference.sources.logs import CLOCKS, FORMS, LOADS, LOGGERS
 from generators.scenario_reference.sources.pairs import PAIRS
 from generators.scenario_reference.sources.plant import BAR, GEARS
 from generators.scenario_reference.sources.sensors import ENCODERS, OUTLIERS, ROBOT_SENSORS
@@ -15,6 +15,7 @@ GROUPS: dict[str, tuple[Source, ...]] = {
     "Ball-bar encoders": ENCODERS,
     "Clocks and stamps": CLOCKS,
     "Loggers: what stands in the file": (*LOGGERS, OUTLIERS),
+    "Forms of the logs": FORMS,
     "Logged loads": LOADS,
     "Paired samples": PAIRS,
 }

@@ -51,6 +51,14 @@ GEOMETRY = (
         residual_plot(merged(KINEMATIC, error("base_tilt")), off=KINEMATIC),
     ),
     Source(
+        "errors.motor_offsets",
+        "`rtheta = nominal + (sigma_rad z) @ T`, z one draw a motor, T the transmission matrix.",
+        "Geometry: joint offsets of the robot, but of axis 1.",
+        "Assumed: a calibration by marks; within the 1 mrad of thesis sec. 3.1 at the joints.",
+        "As joint offsets; an offset of motor 4 or 5 turns the wrist's joints behind it too.",
+        residual_plot(merged(KINEMATIC, error("motor_offsets")), off=KINEMATIC),
+    ),
+    Source(
         "errors.plate_length",
         "`ra6 = nominal + sigma_m z`, one draw.",
         "Geometry: the one known length.",

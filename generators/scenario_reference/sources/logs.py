@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from cell.dialect import ABB_PERIOD
 from generators.scenario_reference import signals
 from generators.scenario_reference.plots import KINEMATIC, Plot, T, clock_plot, rows_plot
 from generators.scenario_reference.runs import merged
 from generators.scenario_reference.sources.source import Source
-from sim.logging.clocks import ROBOT_PERIOD, SAMPLE_TASKS, TASK_NS
+from sim.logging.clocks import SAMPLE_TASKS
+from sim.logging.load_logs import BallbarLog
 
-PERIOD_MS, TASK_MS = 1e3 * ROBOT_PERIOD, 1e-6 * TASK_NS
+PERIOD_MS, TASK_MS = 1e3 * ABB_PERIOD, 1e3 * BallbarLog().task_s
 CLOCKS = (
     Source(
         "clocks.offset_s",
@@ -46,6 +48,19 @@ CLOCKS = (
             KINEMATIC,
             minus_off=False,
             rows=True,
+        ),
+    ),
+    Source(
+        "clocks.robot_wander",
+        "As clocks.wander, of a stream of its own.",
+        "Instants of the robot's rows.",
+        "Usual for quartz oscillators without an oven.",
+        "Microseconds that no straight line takes out.",
+        rows_plot(
+            signals.robot_row_time,
+            signals.stamp_error(1e6),
+            "robot stamp - true [us]",
+            {"robot_wander": {}},
         ),
     ),
     Source(
@@ -143,6 +158,53 @@ LOGGERS = (
             signals.bar_file_interval_ms,
             "ball-bar interval [ms]",
             {"restart": {"at_s": 20.0}},
+            marks=True,
+        ),
+    ),
+)
+
+FORMS = (
+    Source(
+        "logs.robot",
+        "Columns, units, separators and container of the dialect's file; angles of motors, axes or "
+        "joints by the robot's file.",
+        "Robot's log. Whole-millisecond stamps of rows that come otherwise are declared as "
+        "`quantised`.",
+        "The robot's file names its controller's dialect; the dialect's file the period.",
+        f"abb-motor: rows of {PERIOD_MS:g} ms, stamped to a microsecond; comau-joint: 4 ms.",
+        Plot(
+            signals.robot_file_time,
+            signals.robot_file_interval_ms,
+            (T, "robot interval [ms]"),
+            {
+                name: merged(KINEMATIC, {"logs": {"robot": {"dialect": name}}})
+                for name in ("abb-motor", "comau-joint")
+            },
+            KINEMATIC,
+            minus_off=False,
+            rows=True,
+            window=(5.0, 5.2),
+            marks=True,
+        ),
+    ),
+    Source(
+        "logs.ballbar",
+        "Columns and separators of the dialect's file; a row takes two tasks.",
+        "Ball-bar's log.",
+        "Thesis sec. 4.6: a task of 5 ms; notes/log_formats secs. A.6, A.7.",
+        "Rows of 10 ms; with a task of 2 ms, of 4 ms.",
+        Plot(
+            signals.bar_file_time,
+            signals.bar_file_interval_ms,
+            (T, "ball-bar interval [ms]"),
+            {
+                f"task_s: {task}": merged(KINEMATIC, {"logs": {"ballbar": {"task_s": task}}})
+                for task in (0.005, 0.002)
+            },
+            KINEMATIC,
+            minus_off=False,
+            rows=True,
+            window=(5.0, 5.2),
             marks=True,
         ),
     ),

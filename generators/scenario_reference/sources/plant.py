@@ -174,6 +174,20 @@ GEARS = (
         ),
     ),
     Source(
+        "errors.payload",
+        "`m = abs(sigma_kg z)` more on the plate, its centre `centre_sigma_m z` from the plate's "
+        "in x, y and z. Feed-forward and identifier know nothing of it.",
+        "Plant: body of the plate.",
+        "Assumed: a tenth of the plate's 4.3 kg; hoses and cables.",
+        "A tool that is heavier than its file; the torques show it, the geometry does not.",
+        Plot(
+            signals.time,
+            signals.torque(2),
+            (T, "torque of axis 2, change [N m]"),
+            {"": error("payload")},
+        ),
+    ),
+    Source(
         "plant.servo",
         "`tau = kp (u - shown) - kv m'`, no integral action; `u = g + kv/kp g'` of the reference "
         "(+ weight / kp).",

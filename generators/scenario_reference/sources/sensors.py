@@ -30,6 +30,22 @@ ROBOT_SENSORS = (
         ),
     ),
     Source(
+        "errors.joint_lag",
+        "`y' = (m - y) / T_i`, `T_i = time_constant_s exp(spread z)`, m the motor's angle at its "
+        "gear's output.",
+        "Robot's log. The servo is not misled.",
+        "EGM manual, 10 to 20 ms (notes/log_formats sec. D); the spread is assumed.",
+        "Speed times time constant. What is common to all axes is part of the clock offset; what "
+        "differs looks like a joint that trails its motion.",
+        Plot(
+            signals.time,
+            signals.robot_angle(1, 1e3),
+            (T, "q1, change [mrad]"),
+            {"": merged(KINEMATIC, error("joint_lag"))},
+            KINEMATIC,
+        ),
+    ),
+    Source(
         "errors.resolver_error",
         "`m + sum A_k sin(k m + phi_k)`, k = 1, 2, m the motor's angle; then rounded to the "
         "quantum.",
@@ -95,6 +111,29 @@ ENCODERS = (
         "Cycles of 0.1 deg. Plotted in rows of 10 ms as a motion begins: from 5 deg/s on they "
         "alias it into noise of the same size.",
         sensor_plot(5, error("subdivisional_error"), x="time", window=(2.0, 3.0), points=101),
+    ),
+    Source(
+        "errors.signal_noise",
+        "`s + share z / lines` at each row: the arctangent of two noisy signals.",
+        "Ball-bar encoder, before its white noise and rounding.",
+        "Thesis sec. 4.6: 13 bits fluctuated in a dwell and 12 were taken; notes/log_formats sec. "
+        "B gives the arctangent.",
+        "At rest the lowest of 13 bits changes, of 12 seldom. Plotted: a dwell.",
+        Plot(
+            signals.time,
+            signals.bar_angle(1, 1e6),
+            (T, "b1, change [urad]"),
+            {
+                f"{bits} bits": merged(
+                    merged(KINEMATIC, error("signal_noise")), {"encoders": {"bits": bits}}
+                )
+                for bits in (12, 13)
+            },
+            KINEMATIC,
+            window=(0.6, 1.6),
+            points=101,
+            counted=True,
+        ),
     ),
     Source(
         "errors.frozen_bits",

@@ -44,7 +44,7 @@ def machine() -> CompleteModel:
         splines=tension_splines(times),
         clock_steps=(20.0,),
     )
-    every = (*supported_corrections(CELL.robot), "bearing_tilt", "joint_lag")
+    every = (*supported_corrections(CELL.robot), "joint_lag")
     corrections = tuple(correction_named(name, CELL, UNIVERSAL_AND_GIMBAL) for name in every)
     start = RecordingStart(
         encoders=UNIVERSAL_AND_GIMBAL,

@@ -11,7 +11,14 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.payload import with_deviations
 from ident.loads.gear_loads import mass_model, own_weight
-from ident.loads.mass_uncertainty import CENTRE_PRIOR, LINK_PRIOR, deviated_cells, stated_covariance
+from ident.loads.mass_uncertainty import (
+    CENTRE_PRIOR,
+    LINK_PRIOR,
+    TOOL_CENTRE_PRIOR,
+    TOOL_PRIOR,
+    deviated_cells,
+    stated_covariance,
+)
 from tests.helpers.synthetic_recording import CELL, NOMINAL, minute
 
 Q = minute().q[::40]
@@ -33,8 +40,8 @@ def test_the_stated_covariance_is_that_of_drawn_bodies() -> None:
     body, rng = CELL.plate.body, np.random.default_rng(3)
     drawn = []
     for _ in range(4000):
-        mass = body.mass * (1.0 + LINK_PRIOR * rng.standard_normal())
-        com = body.com + CENTRE_PRIOR * rng.standard_normal(3)
+        mass = body.mass * (1.0 + TOOL_PRIOR * rng.standard_normal())
+        com = body.com + TOOL_CENTRE_PRIOR * rng.standard_normal(3)
         drawn.append([mass - body.mass, *(mass * com - body.mass * body.com)])
     covariance = stated_covariance(CELL)
     sigma = np.sqrt(np.diag(covariance)[:4])

@@ -1,8 +1,8 @@
 """Dialects: how one kind of logger writes its table, as data in a file.
 
-They stand in `acquisition/dialects/*.yaml`, or in a file of the user's. There is one table reader;
+They stand in `cell/dialects/*.yaml`, or in a file of the user's. There is one table reader;
 a dialect gives it the separators, the time column and its forms, and which columns hold what. A
-column is named, found by a regular expression, or counted (acquisition.table.selectors).
+column is named, found by a regular expression, or counted (cell.selectors).
 """
 
 from __future__ import annotations
@@ -13,15 +13,22 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from acquisition.table.selectors import by_position, checked, spread
-from acquisition.times import TimeForm
 from cell.errors import DescriptionError
 from cell.recording import EncoderName, SourceName
 from cell.schema import Strict
 from cell.schema_errors import nearest
+from cell.selectors import by_position, checked, spread
 from cell.strict_yaml import load_model
 
-_FOLDER = Path(__file__).parents[1] / "dialects"
+_FOLDER = Path(__file__).parent / "dialects"
+
+TimeForm = Literal[
+    "s", "ms", "us", "100ns", "ns",
+    "ms-32bit", "ns-32bit",
+    "filetime", "dc", "unix-s", "unix-ms", "unix-us", "unix-ns",
+    "date", "iec-time",
+]  # fmt: skip
+ABB_PERIOD = 0.004032  # [s] of a controller's rows (notes/log_formats sec. D)
 
 AngleKind = Literal["motors", "axes", "joints"]
 Container = Literal["text", "twincat-scope", "json-lines", "egm", "rosbag", "abb-mpe", "kuka-rsi"]
@@ -54,6 +61,17 @@ class TimeColumn(Strict):
         return self.forms or ((self.unit,) if self.unit else ())
 
 
+class Written(Strict):
+    """What a file shows that a reader need not know; the simulator writes it so."""
+
+    period_s: Annotated[float, Field(gt=0.0)] = ABB_PERIOD  # of a robot's rows
+    # Names of columns that the dialect finds by expression; `{}` is the number of the axis.
+    time: str | None = None
+    angle: str | None = None
+    first_axis: int = 1
+    digits: int | None = None  # significant ones of an angle; without: 1e-9 of its unit
+
+
 class Dialect(Strict):
     """One kind of device log. The recording names encoder counters, the dialect the rest."""
 
@@ -78,6 +96,7 @@ class Dialect(Strict):
     status: dict[EncoderName, Selector] = Field(default_factory=dict)
     # Force: forces x y z [N], torques x y z [N m], what the flange feels in its own frame.
     wrench: tuple[Selector, ...] = ()
+    written: Written = Written()
     period_s: tuple[float, float]  # a median period outside this range is reported
 
     @model_validator(mode="after")

@@ -1,0 +1,109 @@
+"""Limits that a scenario states under `accept`, and how a run stands against them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ballbar.result.compare import Comparison
+from ballbar.result.compare_poses import PoseComparison
+from ballbar.scenario import AcceptSettings, PoseAcceptSettings, TcpLimits
+from ballbar.units import MM, PPM, UM, US
+from cell.arrays import Array
+from ident.held_out import HeldOut
+from ident.poses.result import PoseIdentification
+from ident.result import Identification
+from ident.robot.accuracy import TcpError
+from ident.verdict import Status
+from sim.truth import Truth
+
+Measured = dict[str, tuple[str, float, str]]  # what, value and unit of each key of `accept`
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One limit of a scenario, and how the run stands against it."""
+
+    what: str
+    measured: float | str
+    allowed: float | str
+    unit: str
+    met: bool
+
+    @property
+    def sizes(self) -> tuple[str, str]:
+        """Measured and allowed value with their unit, for display."""
+        return self._shown(self.measured, ".3g"), self._shown(self.allowed, "g")
+
+    def _shown(self, value: float | str, form: str) -> str:
+        text = value if isinstance(value, str) else format(value, form)
+        return f"{text} {self.unit}".strip()
+
+
+def plant_limits(truth: Truth, accept: AcceptSettings) -> tuple[Limit, ...]:
+    """The limits of what was simulated: they need no identification."""
+    force = max(-truth.rod_force_min, truth.rod_force_max)
+    measured: Measured = {
+        "loop_closure_um": (
+            "loop closure of the plant, largest",
+            truth.closure_position * UM,
+            "um",
+        ),
+        "rod_force_N": ("force in the rod, largest", force, "N"),
+    }
+    return _stated(measured, accept)
+
+
+def result_limits(
+    identified: Identification,
+    comparison: Comparison,
+    accept: AcceptSettings,
+    held_out: Sequence[HeldOut] = (),
+) -> tuple[Limit, ...]:
+    """The limits of what was identified; held_out : results on accept.held_out_file."""
+    measured: Measured = {
+        **_tcp(comparison.tcp, identified.robot.tcp_sigma),
+        "parameter_distance_mm_mrad": ("parameter distance", comparison.distance * MM, "mm|mrad"),
+        "clock_offset_us": ("clock offset error", abs(comparison.offset or 0.0) * US, "us"),
+        "clock_skew_ppm": ("clock skew error", abs(comparison.skew or 0.0) * PPM, "ppm"),
+        "iterations": ("iterations", float(identified.fit.iterations), ""),
+    }
+    for outcome in held_out:
+        what = "held-out residual over what noise and stated uncertainty explain"
+        measured["held_out_ratio"] = (what, outcome.normalised_innovation, "")
+    return (*_verdict(identified.verdict.status, accept), *_stated(measured, accept))
+
+
+def pose_limits(
+    identified: PoseIdentification, comparison: PoseComparison, accept: PoseAcceptSettings
+) -> tuple[Limit, ...]:
+    """Likewise of still poses."""
+    measured = _tcp(comparison.tcp, identified.tcp_sigma)
+    return (*_verdict(identified.verdict.status, accept), *_stated(measured, accept))
+
+
+def _tcp(error: TcpError, sigma: Array) -> Measured:
+    stated = float(sigma.mean())
+    return {
+        "tcp_mean_mm": ("TCP error, mean", error.mean * MM, "mm"),
+        "tcp_max_mm": ("TCP error, largest", error.maximum * MM, "mm"),
+        "tcp_sigma_mm": ("stated TCP uncertainty, mean", stated * MM, "mm"),
+        "tcp_over_stated": ("TCP error over the stated, means", error.mean / stated, ""),
+    }
+
+
+def _verdict(status: Status, accept: TcpLimits) -> tuple[Limit, ...]:
+    if accept.verdict is None:
+        return ()
+    met = status.severity <= Status(accept.verdict).severity
+    return (Limit("verdict", str(status), accept.verdict, "", met),)
+
+
+def _stated(measured: Measured, accept: TcpLimits) -> tuple[Limit, ...]:
+    """A limit for each measured key that the scenario states."""
+    stated = accept.model_dump(exclude_none=True)
+    return tuple(
+        Limit(what, value, float(stated[key]), unit, value <= stated[key])
+        for key, (what, value, unit) in measured.items()
+        if key in stated
+    )
