@@ -26,8 +26,7 @@ from acquisition.table.text import LogText, read_text
 from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns
 from cell.dialect import TimeForm
 from cell.errors import InputError, LogError
-from cell.logs import ChannelLog
-from cell.recording import SourceName
+from cell.logs import ChannelLog, SourceName
 from cell.schema_errors import nearest
 
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")

@@ -22,13 +22,8 @@ from acquisition.table.rows import PlainRows, plain_rows
 from acquisition.table.text import read_text
 from acquisition.times import TimeCells, stamps_ns, words
 from cell.dialect import Dialect
-from cell.recording import (
-    EncoderFitting,
-    RecordingFile,
-    SourceFile,
-    SourceName,
-    load_recording_file,
-)
+from cell.logs import SourceName
+from cell.recording import EncoderFitting, RecordingFile, SourceFile, load_recording_file
 
 _ANGLES = {
     "motors": "motor angles",

@@ -63,7 +63,7 @@ from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
-from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog
+from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, SourceName
 from cell.neighbours import Rows
 from cell.recording import (
     EncoderFitting,
@@ -71,7 +71,6 @@ from cell.recording import (
     LengthFile,
     RecordingFile,
     SourceFile,
-    SourceName,
     load_recording_file,
 )
 from cell.selectors import require

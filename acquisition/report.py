@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.recording import SourceName
+from cell.logs import SourceName
 
 Severity = Literal["repaired", "warning"]
 LINES_SHOWN = 5  # line numbers stored with a finding; enough to open the file there

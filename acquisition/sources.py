@@ -22,8 +22,9 @@ from cell.arrays import Array
 from cell.dialect import Dialect, TimeForm, dialect_file, load_dialect
 from cell.errors import DescriptionError, LogError
 from cell.foreign_files import repeated
+from cell.logs import SourceName
 from cell.neighbours import Mask
-from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile, SourceName
+from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile
 from cell.schema_errors import nearest
 
 # The complete model has up to 43 identifiable directions (thesis Tables 3.2-3.4); fewer rows fix

@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 
 from ballbar.recordings.check import import_reports
-from ballbar.report.page import write_report
 from ballbar.result.calibration import write_calibration
 from ballbar.result.names import CALIBRATION, IMPORT_REPORT, REPLAY, REPORT
 from ballbar.result.run_data import RunData
@@ -33,6 +32,8 @@ def write_outputs(
     reports = {name: recording for name, _, recording in data.read}
     write_whole(out / IMPORT_REPORT, import_reports(reports).encode())
     write_calibration(out / CALIBRATION, data)
+    from ballbar.report.page import write_report  # noqa: PLC0415  imports Matplotlib
+
     progress("writing the report")
     write_report(out / REPORT, data, command=command, begin=begin)
     if replay:

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ballbar.outputs import Progress, write_outputs
-from ballbar.replay.live import LiveRun
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.iterations import IterationLog
 from ballbar.result.limits import plant_limits, result_limits
@@ -22,6 +22,9 @@ from cell.files import claimed_folder
 from cell.recording import load_recording_file
 from sim.recording_files import truth_path, write_recording
 from sim.simulate import Simulation, simulate
+
+if TYPE_CHECKING:  # a run without --live imports no viewer
+    from ballbar.replay.live import LiveRun
 
 
 def simulate_scenario(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ballbar.outputs import Progress
-from ballbar.report.pose_page import write_pose_report
 from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth
 from ballbar.result.limits import Limit, pose_limits
 from ballbar.result.names import CALIBRATION, DESCRIPTIONS, RECORDING, REPORT
@@ -79,6 +78,8 @@ def run_pose_scenario(
         run = identify_pose_folders([folder], progress=progress)
         comparison = compare_poses_with_truth(run.identification, simulation.truth)
         write_pose_calibration(out / CALIBRATION, run)
+        from ballbar.report.pose_page import write_pose_report  # noqa: PLC0415  imports Matplotlib
+
         progress("writing the report")
         write_pose_report(out / REPORT, run, comparison, command=command)
         limits = pose_limits(run.identification, comparison, scenario.accept)

@@ -9,100 +9,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
+from ballbar.identify_settings import IdentifySettings
 from cell.errors import DescriptionError
 from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_yaml, parse_model
-from ident.corrections import CORRECTIONS
-from ident.options import FitOptions, ForceSource, ModelName
-from ident.thesis.costs import ENCODERS_NEEDED
+from ident.thesis.names import ENCODERS_NEEDED
 from sim.poses.settings import PoseSimulationSettings
 from sim.settings import SimulationSettings
 
 SHIPPED = Path(__file__).parents[1] / "scenarios"  # beside the packages, in the tree and installed
-
-
-def _known_correction(name: str) -> str:
-    if name not in CORRECTIONS:
-        raise ValueError(f"unknown; there are {', '.join(CORRECTIONS)}")
-    return name
-
-
-def _unless_auto(value: object) -> object:
-    if value == "auto":
-        return None
-    return tuple(value) if isinstance(value, list) else value
-
-
-Corrections = Annotated[
-    tuple[Annotated[str, AfterValidator(_known_correction)], ...], Field(min_length=1)
-]
-
-
-class IdentifySettings(Strict):
-    """How the recording is identified."""
-
-    cost: Literal["ml", "length", "position", "position_angles", "transform"] = Field(
-        "ml",
-        description="Maximum likelihood of the whitened loop closure with the clock as parameter, "
-        "or a cost function of thesis eqs. 2.1-2.4.",
-    )
-    form: Literal["vector", "thesis"] = Field(
-        "vector", description="Form of a thesis cost: signed components, or the printed scalar."
-    )
-    data: Literal["files", "samples"] = Field(
-        "files",
-        description="Device logs through reader and clock alignment; or the angles of both logs at "
-        "the sample instants, clocks already matched (thesis ch. 3), of the kinematic plant only.",
-    )
-    samples: Annotated[int, Field(ge=50, le=100_000)] = 1500
-    rod_sign: bool = Field(
-        False,
-        description="For a vector cost on samples: the elongation of the rod is an unknown, the "
-        "sign of its force is known (thesis ch. 6).",
-    )
-    shift_rounds: Annotated[int, Field(ge=0, le=50)] = Field(
-        0,
-        description="For a cost on samples: how often to identify and move a log to the least cost "
-        "before the fit (thesis sec. 5.2).",
-    )
-    model: ModelName = Field(
-        "auto",
-        description="Kinematics alone (dh), with corrections (complete), or chosen by the data.",
-    )
-    corrections: Annotated[Corrections | None, BeforeValidator(_unless_auto)] = Field(
-        None,
-        description="Corrections of the complete model; `auto` takes those that the data support.",
-    )
-    force: ForceSource = Field(
-        "auto",
-        description="Source of the rod's force; `auto` takes the best signal that was logged.",
-    )
-    rod_sigma_m: Annotated[float, Field(gt=0.0, le=0.01)] | None = Field(
-        None,
-        description="Standard deviation of a rod that was measured; bd3 in the ball-bar's file is "
-        "its length. Without this key the catalogue's tolerance is used.",
-    )
-
-    accuracy_mm: Annotated[float, Field(gt=0.0)] | None = Field(
-        None,
-        description="Stated TCP uncertainty (1 sigma, rms over the workspace) up to which a result "
-        "is acceptable; by default half of the nominal robot's error, and 0.1 mm in any case.",
-    )
-
-    @property
-    def options(self) -> FitOptions:
-        """The options of the identification itself."""
-        return FitOptions(
-            model=self.model,
-            corrections=self.corrections,
-            force=self.force,
-            rod_sigma=self.rod_sigma_m,
-            samples=self.samples,
-            accuracy=None if self.accuracy_mm is None else self.accuracy_mm * 1e-3,
-        )
 
 
 Limit = Annotated[float, Field(gt=0.0)] | None

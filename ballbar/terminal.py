@@ -14,13 +14,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.segment import Segment
-from typer.core import TyperGroup
 
 from cell.foreign_text import printable
 
@@ -52,34 +51,6 @@ class _Detail:
 
 
 _detail = _Detail()
-
-
-class CommandGroup(TyperGroup):
-    """Commands that take --quiet and --verbose before the command's name or after it."""
-
-    def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
-        self.share([option for option in self.params if option.name in ("quiet", "verbose")])
-
-    def share(self, options: list[Any]) -> None:
-        """Gives every command of the group, and of the groups in it, these options too."""
-        for command in self.commands.values():
-            if isinstance(command, CommandGroup):
-                command.share(options)
-            else:
-                command.params += options
-
-    def invoke(self, ctx: Any) -> Any:
-        """Runs a command; exits with INTERRUPTED after Ctrl-C."""
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            say_interrupted()
-            raise typer.Exit(INTERRUPTED) from None
-        except Exception as error:
-            if isinstance(message := getattr(error, "message", None), str):  # of wrong usage
-                error.message = printable(message)  # type: ignore[attr-defined]
-            raise
 
 
 def say_interrupted() -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ident.identify import identify
 from sim.recording_files import write_recording
 from sim.settings import SimulationSettings

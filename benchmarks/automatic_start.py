@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acquisition import Recording, read_recording
+from acquisition.recording import Recording, read_recording
 from ballbar.result.compare import identification_against_truth
 from cell.errors import InputError
 from cell.inverse import UnreachableError

@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from acquisition import coarse_alignment, read_recording
+from acquisition.alignment import coarse_alignment
+from acquisition.recording import read_recording
 from cell.load import load_robot
 from cell.robot_angles import joints_to_motors
 from sim.motion import Motion

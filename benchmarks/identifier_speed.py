@@ -21,7 +21,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import least_squares
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.sample_trial import trial_samples
 from cell.arrays import Array
@@ -153,9 +153,10 @@ def corrected(folder: Path, count: int) -> tuple[float, int]:
 
 IDENTIFY = """
 import resource, sys
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from cell.load import load_cell
-from ident import FitOptions, identify
+from ident.identify import identify
+from ident.options import FitOptions
 read = read_recording(__import__("pathlib").Path(sys.argv[1]))
 cell = load_cell(read.description.robot, read.description.ballbar, read.description.plate)
 options = FitOptions(model="complete", samples=int(sys.argv[2]))

@@ -22,8 +22,8 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from acquisition import read_recording
 from acquisition.formats.registry import read_file
+from acquisition.recording import read_recording
 from acquisition.sources import ballbar_layout, robot_layout
 from cell.dialect import load_dialect
 from cell.load import load_robot

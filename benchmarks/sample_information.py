@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from benchmarks.alignment_after_fit import SCENARIOS, settings
 from cell.descriptions import Cell
 from cell.geometry import Geometry

@@ -12,7 +12,7 @@ import numpy as np
 
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, load_scenario
-from ident import Identification
+from ident.result import Identification
 from sim.recording_files import write_recording
 from sim.simulate import simulate
 

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ballbar import identify_recordings
-from ballbar.scenario import IdentifySettings
+from ballbar.identify_settings import IdentifySettings
 from cell.errors import FailureError, InputError
 from ident.result import Identification
 from ident.start.automatic import StartError

@@ -14,7 +14,8 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from cell.errors import DescriptionError
-from cell.recording import EncoderName, SourceName
+from cell.logs import SourceName
+from cell.recording import EncoderName
 from cell.schema import Strict
 from cell.schema_errors import nearest
 from cell.selectors import by_position, checked, spread

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array, read_only
+
+SourceName = Literal["robot", "ballbar", "length", "force"]  # the sources of a recording
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,6 @@ from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
 
 EncoderName = Literal["b1", "b2", "b3", "b4", "b5"]
-SourceName = Literal["robot", "ballbar", "length", "force"]  # the sources of a recording
 
 
 class SourceFile(Strict):

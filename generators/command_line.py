@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import typer
 from typer.models import ArgumentInfo, CommandInfo, OptionInfo
 
-from ballbar.commands import cli
-from ballbar.commands.options import AT_THE_CELL, RESULT, TEST_BENCH
+from ballbar.commands.listing import COMMANDS
 from cell.files import write_whole
 
 PAGE = Path(__file__).parents[1] / "docs/command_line.md"
@@ -68,29 +68,29 @@ def page_text() -> str:
 
 
 def _panels() -> Iterator[str]:
-    every = [pair for group in cli.app.registered_groups for pair in _commands(group)]
-    for panel in (AT_THE_CELL, RESULT, TEST_BENCH):
+    for panel, modules in COMMANDS.items():
         yield f"\n## {panel}\n"
-        for before, command in every:
-            if command.rich_help_panel == panel:
-                yield from _command(before, command)
+        for name, module in modules.items():
+            for words, command in _commands(import_module(f"ballbar.commands.{module}").commands):
+                if words.split()[0] == name:
+                    yield from _command(words, command)
 
 
-def _commands(group: Any, before: str = "") -> Iterator[tuple[str, CommandInfo]]:
-    """Commands of a group and of the groups in it, with the words that stand before their names."""
-    name = group.typer_instance.info.name
-    before += f"{name} " if isinstance(name, str) else ""
-    yield from ((before, command) for command in group.typer_instance.registered_commands)
-    for inner in group.typer_instance.registered_groups:
-        yield from _commands(inner, before)
+def _commands(app: typer.Typer) -> Iterator[tuple[str, CommandInfo]]:
+    """Commands of a module and of the groups in it, with the words that call them."""
+    for command in app.registered_commands:
+        assert command.callback is not None
+        yield command.callback.__name__, command
+    for group in app.registered_groups:
+        assert group.typer_instance is not None
+        for words, command in _commands(group.typer_instance):
+            yield f"{group.typer_instance.info.name} {words}", command
 
 
-def _command(before: str, command: CommandInfo) -> Iterator[str]:
+def _command(name: str, command: CommandInfo) -> Iterator[str]:
     """Heading, purpose, usage, arguments, options, example."""
     function = command.callback
-    if function is None:  # a command without a function has nothing to say
-        return
-    name = before + (command.name or function.__name__.replace("_", "-"))
+    assert function is not None
     parameters = list(_parameters(function))
     usage = " ".join(text for text, kind, _ in parameters if kind is ArgumentInfo)
     yield f"\n### {name}\n\n"

@@ -17,7 +17,7 @@ from acquisition.formats.egm import EgmFeedback, decode
 from acquisition.live.source import Batch, DeviceSilentError, Encoders
 from cell.egm_file import FILE_START, LONGEST_MESSAGE, frame
 from cell.errors import InputError, LogError
-from cell.recording import SourceName
+from cell.logs import SourceName
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 6510  # ABB's for UdpUc devices

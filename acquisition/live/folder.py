@@ -13,7 +13,7 @@ from pathlib import Path
 from acquisition.live.source import Encoders, Source
 from cell.errors import InputError
 from cell.files import write_yaml
-from cell.recording import SourceName
+from cell.logs import SourceName
 
 _MISSING: dict[SourceName, str] = {
     "robot": (

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from acquisition.faults.encoders import counts_to_rad, unwrap_counter
 from acquisition.live.ring import SAMPLE, SAMPLES_A_READ, RingReader
 from acquisition.live.source import Batch, DeviceSilentError, Encoders
-from cell.recording import SourceName
+from cell.logs import SourceName
 
 
 class Memory(Protocol):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from acquisition.live.source import Batch
 from acquisition.stamps.order import GAP
-from cell.recording import SourceName
+from cell.logs import SourceName
 
 _RATE_POLLS = 20  # polls over which the rate is taken: two seconds
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.arrays import Array
-from cell.recording import SourceName
+from cell.logs import SourceName
 
 
 class DeviceSilentError(Exception):

@@ -20,7 +20,7 @@ from cell.arrays import Array
 from cell.errors import InputError
 from cell.schema_errors import nearest
 from cell.statistics import rms
-from ident.thesis.costs import ENCODERS_NEEDED
+from ident.thesis.names import ENCODERS_NEEDED
 
 SIZE = "size"
 ERROR = "error."  # prefix of the columns with the error of each parameter

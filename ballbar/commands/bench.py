@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import TEST_BENCH, AsJson, Out, ScenarioFile, command_line, say_json
+from ballbar.commands.options import AsJson, Out, ScenarioFile, command_line, say_json
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar
 from cell.errors import InputError
 
 if TYPE_CHECKING:  # each command loads what it shows alone
+    from ballbar.replay.live import LiveRun
     from ballbar.result.limits import Limit
     from ballbar.scenario import PoseScenario
 
@@ -26,10 +27,7 @@ CLAIM_WORKERS = 2  # processes: claims are run on laptops and in continuous inte
 commands = typer.Typer()
 
 
-@commands.command(
-    rich_help_panel=TEST_BENCH,
-    epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`",
-)
+@commands.command(epilog="Example: `ballbar run scenarios/irb2400.yaml --out runs/irb2400`")
 def run(
     scenario: ScenarioFile,
     out_dir: Out = None,
@@ -48,7 +46,6 @@ def run(
     with 1 when a limit under `accept` is not met.
     """
     from ballbar.commands.result_json import run_data
-    from ballbar.replay.live import live_run
     from ballbar.report.terminal import say_comparison, say_identification, say_plant
     from ballbar.run import run_scenario
     from ballbar.scenario import PoseScenario, load_any_scenario
@@ -58,7 +55,7 @@ def run(
     if isinstance(settings, PoseScenario):
         _run_poses(settings, scenario, folder, live=live, as_json=as_json)
         return
-    with live_run() if live else nullcontext() as window, progress_bar() as progress:
+    with _live_window() if live else nullcontext() as window, progress_bar() as progress:
         data = run_scenario(
             settings, scenario, folder, command=command_line(), progress=progress, live=window
         )
@@ -73,6 +70,12 @@ def run(
     report = escape(str(folder / "report.html"))
     out.print(f"Look at {report}, or: ballbar replay {escape(str(folder))}")
     raise typer.Exit(0 if data.acceptable else 1)
+
+
+def _live_window() -> AbstractContextManager[LiveRun]:
+    from ballbar.replay.live import live_run
+
+    return live_run()
 
 
 def _run_poses(
@@ -109,10 +112,7 @@ def _say_limits(limits: Sequence[Limit]) -> None:
         out.print(f"  {word} {limit.what} {measured} (limit {allowed})")
 
 
-@commands.command(
-    rich_help_panel=TEST_BENCH,
-    epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`",
-)
+@commands.command(epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`")
 def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) -> None:
     """Simulate a scenario and write its device logs as a recording.
 
@@ -157,9 +157,8 @@ def _simulate_poses(settings: PoseScenario, scenario: Path, folder: Path, *, as_
 
 
 @commands.command(
-    rich_help_panel=TEST_BENCH,
     epilog="Example: `ballbar sweep scenarios/sweeps/noise.yaml --workers 4`, or on a cluster "
-    "`--scheduler tcp://10.0.0.5:8786`",
+    "`--scheduler tcp://10.0.0.5:8786`"
 )
 def sweep(
     file: Annotated[
@@ -212,10 +211,7 @@ def sweep(
     raise typer.Exit(0 if succeeded else 1)
 
 
-@commands.command(
-    rich_help_panel=TEST_BENCH,
-    epilog="Example: `ballbar claims --quick`, or `ballbar claims noise`",
-)
+@commands.command(epilog="Example: `ballbar claims --quick`, or `ballbar claims noise`")
 def claims(
     names: Annotated[
         list[str] | None,

@@ -6,30 +6,16 @@ little memory, 130 interrupted by Ctrl-C.
 
 from __future__ import annotations
 
-import platform
 import sys
-import traceback
-from importlib.metadata import version
-from tempfile import NamedTemporaryFile
 from typing import Annotated
 
 import typer
 from rich.markup import escape
 
-from ballbar.commands import (
-    bench,
-    identifiability,
-    identification,
-    planning,
-    recordings,
-    result,
-    robots,
-)
-from ballbar.commands.options import command_line
+from ballbar.commands.listing import ListedCommands
 from ballbar.terminal import (
     FAULT,
     INTERRUPTED,
-    CommandGroup,
     Quiet,
     Verbose,
     err,
@@ -39,14 +25,11 @@ from ballbar.terminal import (
 from cell.errors import FailureError, InputError
 
 app = typer.Typer(
-    cls=CommandGroup,
+    cls=ListedCommands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-# in the order of a day at the cell; the test bench last
-for group in (robots, planning, recordings, identification, result, bench, identifiability):
-    app.add_typer(group.commands)
 
 
 def _print_version(requested: bool) -> None:
@@ -115,6 +98,13 @@ def _was_interrupted(error: BaseException | None) -> bool:
 
 def _say_fault(error: Exception) -> None:
     """Says what the program failed at, and writes the details to a file of their own."""
+    import platform
+    import traceback
+    from importlib.metadata import version
+    from tempfile import NamedTemporaryFile
+
+    from ballbar.commands.options import command_line
+
     head = f"ballbar {version('ballbar-bench')}, Python {sys.version}, {platform.platform()}"
     details = "".join([f"{head}\n{command_line()}\n\n", *traceback.format_exception(error)])
     place = "The details are above."

@@ -9,19 +9,16 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import TEST_BENCH, AsJson, ScenarioFile, say_json
+from ballbar.commands.options import AsJson, ScenarioFile, say_json
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
-from cell.geometry import BAR_ROWS
-from ident.thesis.costs import COSTS
+from ident.thesis.names import COSTS
 
 commands = typer.Typer()
 
 
 @commands.command(
-    rich_help_panel=TEST_BENCH,
-    epilog="Example: `ballbar identifiability scenarios/irb2400.yaml --cost all "
-    "--encoders 1,2,4,5`",
+    epilog="Example: `ballbar identifiability scenarios/irb2400.yaml --cost all --encoders 1,2,4,5`"
 )
 def identifiability(
     scenario: ScenarioFile,
@@ -82,6 +79,8 @@ def identifiability(
 
 def parse_encoders(text: str) -> tuple[int, ...]:
     """`1,2,4,5` as numbers of ball-bar joints, `none` as no encoder. Raises InputError."""
+    from cell.geometry import BAR_ROWS
+
     if text.strip() == "none":
         return ()
     parts = [part.strip() for part in text.split(",")]

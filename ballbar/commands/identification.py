@@ -7,27 +7,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from pydantic import ValidationError
 from rich.markup import escape
 
-from ballbar.commands.options import AT_THE_CELL, AsJson, Out, command_line, say_json
-from ballbar.scenario import IdentifySettings
+from ballbar.commands.options import AsJson, Out, command_line, say_json
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
-from cell.files import claimed_folder
 from ident.corrections import CORRECTIONS
-from ident.options import DEFAULT_SAMPLES, ForceSource, Listener, ModelName
+from ident.options import DEFAULT_SAMPLES, ForceSource, ModelName
 
 if TYPE_CHECKING:
+    from ballbar.identify_settings import IdentifySettings
     from ident.poses.identify import PoseOptions
 
 commands = typer.Typer()
 
 
 @commands.command(
-    rich_help_panel=AT_THE_CELL,
     epilog="Example: `ballbar identify runs/a/recording runs/b/recording "
-    "--validate runs/c/recording --out runs/together`",
+    "--validate runs/c/recording --out runs/together`"
 )
 def identify(
     recordings: Annotated[
@@ -103,8 +100,6 @@ def identify(
     RECORDING's folder with -identified appended). Exits with 1 when the fit or a held-out recording
     is not acceptable.
     """
-    from ballbar.report.process import reporting_process
-    from ballbar.result.names import OUTPUTS
     from cell.pose_file import pose_file_path
 
     if pose_file_path(recordings[0]).is_file():
@@ -120,6 +115,25 @@ def identify(
         rod_sigma_m=rod_sigma,
         accuracy_mm=accuracy,
     )
+    _identify_recordings(
+        recordings, validate or [], out_dir, settings, rerun=rerun, as_json=as_json
+    )
+
+
+def _identify_recordings(
+    recordings: list[Path],
+    validate: list[Path],
+    out_dir: Path | None,
+    settings: IdentifySettings,
+    *,
+    rerun: bool,
+    as_json: bool,
+) -> None:
+    """Logs of a moving robot: identify, write the outputs, say, and exit."""
+    from ballbar.report.process import reporting_process
+    from ballbar.result.names import OUTPUTS
+    from cell.files import claimed_folder
+
     first = recordings[0]
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
     with (
@@ -132,11 +146,12 @@ def identify(
         from ballbar.report.terminal import say_identification
         from ballbar.result.iterations import IterationLog
         from ballbar.result.run_recordings import identify_recordings
+        from ident.options import Listener
 
         log = IterationLog(progress)
         data = identify_recordings(
             recordings,
-            validate or (),
+            validate,
             settings=settings,
             listener=log.listener if rerun else Listener(log.listener.progress),
         )
@@ -162,11 +177,11 @@ def _identify_poses(
 ) -> None:
     """Still poses: identify, write calibration.yaml and report.html, say, and exit."""
     from ballbar.commands.result_json import pose_run_data
-    from ballbar.report.pose_page import write_pose_report
     from ballbar.report.pose_terminal import say_poses
     from ballbar.result.names import CALIBRATION, DESCRIPTIONS, REPLAY, REPORT
     from ballbar.result.pose_calibration import write_pose_calibration
     from ballbar.result.pose_run import identify_pose_folders
+    from cell.files import claimed_folder
 
     first = folders[0] if folders[0].is_dir() else folders[0].parent
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
@@ -175,6 +190,8 @@ def _identify_poses(
     with claimed_folder(folder, known, "the result"), progress_bar() as progress:
         run = identify_pose_folders(folders, validate, options=options, progress=progress)
         write_pose_calibration(folder / CALIBRATION, run)
+        from ballbar.report.pose_page import write_pose_report
+
         progress("writing the report")
         write_pose_report(folder / REPORT, run, command=command_line())
         if rerun:
@@ -202,6 +219,9 @@ def _pose_options(joint_errors: str) -> PoseOptions:
 
 def _settings(**options: object) -> IdentifySettings:
     """The options as settings, checked by the schema of scenarios."""
+    from pydantic import ValidationError
+
+    from ballbar.identify_settings import IdentifySettings
     from cell.schema_errors import explain
 
     try:

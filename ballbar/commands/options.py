@@ -12,8 +12,6 @@ import typer
 
 from ballbar.terminal import silence
 
-AT_THE_CELL, RESULT, TEST_BENCH = "At the cell", "With the result", "Test bench"  # panels of --help
-
 
 def _scenario(name: Path) -> Path:
     from ballbar.scenario import scenario_file

@@ -7,19 +7,16 @@ from typing import Annotated
 
 import typer
 
-from ballbar.commands.options import AT_THE_CELL, AsJson, Out, say_json
+from ballbar.commands.options import AsJson, Out, say_json
 from ballbar.terminal import err, out, silence
-from planning.what_if import CHANGES, ENCODERS
+from planning.questions import CHANGES, ENCODERS
 
 WHAT_IF = (*CHANGES, ENCODERS)
 
 commands = typer.Typer()
 
 
-@commands.command(
-    rich_help_panel=AT_THE_CELL,
-    epilog="Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`",
-)
+@commands.command(epilog="Example: `ballbar plan scenarios/plans/irb2400.yaml --out plans/irb2400`")
 def plan(
     request: Annotated[
         Path,

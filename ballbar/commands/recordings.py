@@ -12,20 +12,19 @@ import typer
 from rich.markup import escape
 
 from acquisition.times import TIME_FORMS
-from ballbar.commands.options import AT_THE_CELL, AsJson, RecordingOrPoses, say_json
+from ballbar.commands.options import AsJson, RecordingOrPoses, say_json
 from ballbar.terminal import err, out
 from cell.errors import InputError
 from cell.foreign_text import printable
-from cell.recording import SourceName
+from cell.logs import SourceName
 
 commands = typer.Typer()
 _POSES = "Options of still poses"
 
 
 @commands.command(
-    rich_help_panel=AT_THE_CELL,
     epilog="Example: `ballbar record runs/monday --robot irb2400 --ballbar lund_600 "
-    "--plc 5.12.82.20.1.1 --egm 192.168.125.10:6510`",
+    "--plc 5.12.82.20.1.1 --egm 192.168.125.10:6510`"
 )
 def record(
     folder: Annotated[Path, typer.Argument(help="New folder for the recording.", metavar="DIR")],
@@ -83,9 +82,8 @@ def record(
 
 
 @commands.command(
-    rich_help_panel=AT_THE_CELL,
     epilog="Example: `ballbar new runs/monday robot.csv ballbar.csv`, and answer the questions; of "
-    "still poses: `ballbar new runs/tracker --poses poses.csv --robot ur10`",
+    "still poses: `ballbar new runs/tracker --poses poses.csv --robot ur10`"
 )
 def new(
     folder: Annotated[Path, typer.Argument(help="Recording folder to make.", metavar="DIR")],
@@ -309,8 +307,7 @@ def _ask(question: str, proposal: str | None, *, take_proposals: bool, as_json: 
 
 
 @commands.command(
-    rich_help_panel=AT_THE_CELL,
-    epilog="Example: `ballbar check runs/irb2400/recording`, or for programs with `--json`",
+    epilog="Example: `ballbar check runs/irb2400/recording`, or for programs with `--json`"
 )
 def check(
     recording: RecordingOrPoses,
@@ -345,7 +342,7 @@ def check(
 
 def _check_recording(folder: Path, *, explain_reading: bool, as_json: bool) -> int:
     """Prints the page of a recording; gives how many kinds of repairs were needed."""
-    from acquisition import explain_lines
+    from acquisition.explain import explain_lines
     from ballbar.recordings.check import aligned, check_data, check_lines, repairs
     from ballbar.recordings.read_with_causes import read_with_causes
 
@@ -387,8 +384,7 @@ _TIME = "Form of the time stamps of table {}, if neither they nor their column's
 
 
 @commands.command(
-    rich_help_panel=AT_THE_CELL,
-    epilog="Example: `ballbar align recorder.csv camera.csv --channel z=height --time-b ms`",
+    epilog="Example: `ballbar align recorder.csv camera.csv --channel z=height --time-b ms`"
 )
 def align(
     log_a: Annotated[Path, typer.Argument(help=_LOG, metavar="A", exists=True)],

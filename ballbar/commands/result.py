@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import RESULT, AsJson, ResultFile, say_json
-from ballbar.export.formats import Format
+from ballbar.commands.options import AsJson, ResultFile, say_json
+from ballbar.export.names import Format
 from ballbar.replay.show import Layout, chosen_replay
-from ballbar.result.calibration import Calibration
-from ballbar.result.compare import Comparison
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from cell.files import write_new, write_whole
+
+if TYPE_CHECKING:  # a command imports only what it shows
+    from ballbar.result.calibration import Calibration
+    from ballbar.result.compare import Comparison
 
 commands = typer.Typer()
 
 
 @commands.command(
-    rich_help_panel=RESULT,
     epilog="Example: `ballbar replay runs/irb2400 --web`, or `ballbar replay runs/irb2400 "
-    "--against runs/nj220`",
+    "--against runs/nj220`"
 )
 def replay(
     run_dir: Annotated[
@@ -47,7 +48,7 @@ def replay(
     ] = None,
 ) -> None:
     """Open the replay of a run, or of two runs, in the rerun viewer."""
-    from ballbar.replay.write import open_viewer, serve_web
+    from ballbar.replay.viewer import open_viewer, serve_web
 
     if save is not None and save.exists():
         raise InputError(f"{save}: exists already; nothing was written. Name another file.")
@@ -62,12 +63,10 @@ def replay(
 
 
 @commands.command(
-    rich_help_panel=RESULT,
-    name="compare",
     epilog="Example: `ballbar compare runs/irb2400/calibration.yaml "
-    "runs/irb2400/recording.truth.yaml`",
+    "runs/irb2400/recording.truth.yaml`"
 )
-def compare_files(
+def compare(
     calibration: Annotated[
         Path,
         typer.Argument(
@@ -148,9 +147,7 @@ def _compared(model: Calibration, calibration: Path, reference: Path) -> Compari
     return compare(model.unloaded_robot(cell), model.nominal, other.unloaded_robot(cell), shared)
 
 
-@commands.command(
-    rich_help_panel=RESULT, epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`"
-)
+@commands.command(epilog="Example: `ballbar verify results/ur10 recordings/ten_poses`")
 def verify(
     result: ResultFile,
     poses: Annotated[
@@ -176,10 +173,9 @@ def verify(
 
 
 @commands.command(
-    rich_help_panel=RESULT,
     epilog="Example: `ballbar export runs/irb2400 --to urdf --out irb2400.urdf`, or "
     "`ballbar export runs/irb2400 --to hayati`, or "
-    "`ballbar export results/ur10 --into ur10.urdf --out ur10-identified.urdf`",
+    "`ballbar export results/ur10 --into ur10.urdf --out ur10-identified.urdf`"
 )
 def export(
     result: ResultFile,
@@ -250,8 +246,7 @@ def export(
 
 
 @commands.command(
-    rich_help_panel=RESULT,
-    epilog="Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`",
+    epilog="Example: `ballbar correct targets.csv --with runs/irb2400 --out corrected.csv`"
 )
 def correct(
     path: Annotated[

@@ -12,9 +12,8 @@ import yaml
 
 from ballbar.result.calibration import load_calibration
 from ballbar.result.names import CALIBRATION, OUTPUTS
-from sim.recording_files import truth_path
 
-if TYPE_CHECKING:  # each command loads what it shows alone
+if TYPE_CHECKING:  # a command imports only what it shows
     from ballbar.claims.run import Judged
     from ballbar.result.compare import Comparison
     from ballbar.result.limits import Limit
@@ -72,6 +71,8 @@ def pose_scenario_data(data: PoseScenarioRun, folder: Path) -> dict[str, object]
 
 def pose_simulation_data(simulation: PoseSimulation, folder: Path) -> dict[str, object]:
     """JSON of `simulate` on a scenario of still poses: table, truth file, and the plant."""
+    from sim.recording_files import truth_path
+
     force = simulation.truth.force
     return {
         "recording": str(folder),
@@ -85,6 +86,8 @@ def simulation_data(
     simulation: Simulation, limits: Sequence[Limit], folder: Path
 ) -> dict[str, object]:
     """JSON of `simulate`: recording, truth file, accuracy of the simulated plant, its limits."""
+    from sim.recording_files import truth_path
+
     return {
         "recording": str(folder),
         "truth": str(truth_path(folder)),

@@ -9,24 +9,25 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import AT_THE_CELL, AsJson, say_json
-from ballbar.terminal import CommandGroup, out
+from ballbar.commands.listing import AT_THE_CELL
+from ballbar.commands.options import AsJson, say_json
+from ballbar.terminal import out
 from cell.errors import InputError
 
 if TYPE_CHECKING:
     from ballbar.robot_file.new_robot import NewRobot
 
-robot = typer.Typer(
-    name="robot",
-    cls=CommandGroup,
-    no_args_is_help=True,
-    help="Describe a robot: from a URDF or a table of DH rows; look at it.",
-)
+group = typer.Typer(name="robot", no_args_is_help=True)
 commands = typer.Typer()
-commands.add_typer(robot, rich_help_panel=AT_THE_CELL)
+commands.add_typer(group)
 
 
-@robot.command(
+@group.callback()
+def robot() -> None:
+    """Describe a robot: from a URDF or a table of DH rows; look at it."""
+
+
+@group.command(
     rich_help_panel=AT_THE_CELL,
     epilog="Example: `ballbar robot new my_robot --urdf my_robot.urdf --tip tool0`",
 )
@@ -88,7 +89,7 @@ def new(
     _say(written)
 
 
-@robot.command(
+@group.command(
     rich_help_panel=AT_THE_CELL,
     epilog="Example: `ballbar robot show panda`, or `ballbar robot show my_robot.yaml --web`",
 )

@@ -9,12 +9,12 @@ from typing import Literal
 
 from ballbar.export.as_json import json_text
 from ballbar.export.models import mjcf, urdf
+from ballbar.export.names import Format
 from ballbar.export.rapid import rapid_module
 from ballbar.export.result import AnyResult
 from ballbar.export.tables import dh_table, hayati_table, modified_dh_table, poe_table
 from ballbar.export.ur_kinematics import ur_kinematics
 
-Format = Literal["urdf", "mjcf", "dh", "mdh", "hayati", "poe", "abb", "ur-kinematics", "json"]
 FORMATS: dict[Format, Callable[[AnyResult], str]] = {
     "urdf": urdf,
     "mjcf": mjcf,

@@ -38,7 +38,8 @@ from ident.estimator.dependencies import (
     thesis_parameters,
 )
 from ident.estimator.whitening import covariance, whitening
-from ident.thesis.costs import ENCODERS_NEEDED, cost_named
+from ident.thesis.costs import cost_named
+from ident.thesis.names import ENCODERS_NEEDED
 
 Influences = dict[str, dict[str, float]]  # parameter left out: {selected parameter: its change}
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from ballbar.identifiability.study import Influences, Study
 from cell.geometry import parameter_named
 from ident.estimator.dependencies import Dependency, shortened
-from ident.thesis.costs import ML
+from ident.thesis.names import ML
 
 LEGEND = """\
 Nominal mechanism along the scenario's path. a | b: one of them can be identified, the others must

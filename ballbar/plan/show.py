@@ -28,10 +28,11 @@ from planning.evaluation import evaluators
 from planning.export import BALLBAR, TELESCOPING
 from planning.files import OUTPUTS, write_plan
 from planning.plan import Plan, assess, known_path, plans
+from planning.questions import Question, check_questions, question
 from planning.request import PlanRequest, load_request
 from planning.search import Progress
 from planning.verify import Check, checks, run_in_plant, violations_in
-from planning.what_if import Answer, Question, answers, check_questions, question
+from planning.what_if import Answer, answers
 
 ATTEMPTS = 4  # trajectories of a search that are run in MuJoCo while limits are violated
 CHECKED_ROBOTS = (0, 1)  # seeds of planning.verify: thesis Table 3.1, and a drawn robot

@@ -15,7 +15,7 @@ from acquisition.faults.encoders import FAULTS
 from acquisition.live.source import Batch, Source
 from ballbar.figure_style import LINES, rgb
 from ballbar.replay.viewer import live_viewer
-from cell.recording import SourceName
+from cell.logs import SourceName
 
 FLUSH = 2.0  # [s] for the last records to reach the window
 ROWS = 10  # rows of a batch that are shown: 100 Hz suffices for the eye and for a slow screen

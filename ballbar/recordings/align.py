@@ -10,8 +10,7 @@ from acquisition.channels import read_channels
 from acquisition.report import Finding, finding_line
 from ballbar.units import MS, PPM
 from cell.errors import InputError
-from cell.logs import ChannelLog
-from cell.recording import SourceName
+from cell.logs import ChannelLog, SourceName
 from ident.log_alignment import LogAlignment, align_logs
 
 SHOWN = 12  # pairs of channels that are listed

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from acquisition import CoarseAlignment, Recording, coarse_alignment, find_dwells, report_lines
-from acquisition.report import Finding, ImportReport
+from acquisition.alignment import CoarseAlignment, coarse_alignment
+from acquisition.dwells import find_dwells
+from acquisition.recording import Recording
+from acquisition.report import Finding, ImportReport, report_lines
 from ballbar.units import MS
 from cell.arrays import Array
 from cell.load import load_measured_cell

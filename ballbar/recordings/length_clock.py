@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from acquisition import CoarseAlignment, Recording
+from acquisition.alignment import CoarseAlignment
+from acquisition.recording import Recording
 from cell.clock import Clock
 from cell.descriptions import Cell
 from cell.errors import InputError, LogError

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from acquisition import Recording
 from acquisition.formats.registry import container_of
+from acquisition.recording import Recording
 from acquisition.sources import force_layout, robot_layout
 from acquisition.table.fields import split_fields
 from acquisition.table.header import read_header

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import Recording, read_recording
 from acquisition.faults.robot_angles import OtherAnglesError, RobotAngles
-from acquisition.recording import read_ballbar
+from acquisition.recording import Recording, read_ballbar, read_recording
 from cell.errors import InputError, LogError
 from cell.load import load_cell
 from cell.logs import RobotLog

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition import find_dwells
+from acquisition.dwells import find_dwells
 from ballbar.replay.motion import CellMotion, cell_motion
 from ballbar.result.run_data import FittedRecording
 from cell.arrays import Array

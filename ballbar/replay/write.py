@@ -27,10 +27,7 @@ from ballbar.replay.notes import replay_notes, scenario_page
 from ballbar.replay.parameters import log_parameters
 from ballbar.replay.scene import log_mechanism, log_tool, log_truth
 from ballbar.replay.series import Series, log_series, recording_series, truth_series
-from ballbar.replay.viewer import ViewerError, open_viewer, serve_web
 from ballbar.result.run_data import FittedRecording, RunData
-
-__all__ = ["ViewerError", "open_viewer", "send_replay", "serve_web", "write_replay"]
 
 APPLICATION = "ballbar"  # fixed: the viewer keeps one layout per application
 

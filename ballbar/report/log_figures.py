@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 
-from acquisition import find_dwells
+from acquisition.dwells import find_dwells
 from ballbar.figure_style import AFTER, BEFORE, PURPLE, QUIET
 from ballbar.replay.marks import Marks, mark_sentences, marks
 from ballbar.replay.motion import CellMotion, cell_motion, mechanism_angles, on_robot_clock

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from acquisition import ImportReport
+from acquisition.report import ImportReport
 from ballbar.report import sphere
 from ballbar.report.corrections import (
     CorrectionTable,

@@ -13,7 +13,7 @@ from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from acquisition import Recording
+from acquisition.recording import Recording
 from ballbar.result.run_data import RunData
 
 _PACKAGES = ("ballbar-bench", "numpy", "scipy", "pydantic", "pyyaml", "matplotlib", "jinja2")

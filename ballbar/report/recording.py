@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from acquisition import ImportReport
+from acquisition.report import ImportReport
 from ballbar.replay.motion import rms_norm
 from ballbar.report import figures, sphere
 from ballbar.report.clock import ClockRow, StartRow, clock_rows, direction_sentences, start_rows

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +19,9 @@ from cell.geometry import Geometry, mirrored, parameter_named
 from ident.result import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.unloaded_robot import UnloadedRobot
-from sim.truth import Truth
+
+if TYPE_CHECKING:  # an identification of recordings does without the simulation
+    from sim.truth import Truth
 
 
 @dataclass(frozen=True, eq=False)

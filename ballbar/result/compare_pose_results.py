@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
@@ -22,7 +23,9 @@ from cell.geometry import nominal_chain, parameter_named, parameter_table
 from ident.poses.unknowns import robot_parameters
 from ident.robot.accuracy import TcpError, position_error
 from ident.robot.identified_arm import IdentifiedArm
-from sim.poses.truth import PoseTruth
+
+if TYPE_CHECKING:
+    from sim.poses.truth import PoseTruth
 
 POSES = 1000
 NOTABLE = 3.0  # z of a parameter that differs

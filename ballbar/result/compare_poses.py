@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cell.geometry import nominal_chain
 from ident.poses.result import PoseIdentification
 from ident.robot.accuracy import TcpError, position_error
-from sim.poses.truth import PoseTruth
+
+if TYPE_CHECKING:  # an identification of poses does without the simulation
+    from sim.poses.truth import PoseTruth
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ballbar.result.compare import Comparison
-from ballbar.result.compare_poses import PoseComparison
 from ballbar.scenario import AcceptSettings, PoseAcceptSettings, TcpLimits
 from ballbar.units import MM, PPM, UM, US
 from cell.arrays import Array
 from ident.held_out import HeldOut
-from ident.poses.result import PoseIdentification
 from ident.result import Identification
 from ident.robot.accuracy import TcpError
 from ident.verdict import Status
 from sim.truth import Truth
+
+if TYPE_CHECKING:  # a run of recordings does without still poses
+    from ballbar.result.compare_poses import PoseComparison
+    from ident.poses.result import PoseIdentification
 
 Measured = dict[str, tuple[str, float, str]]  # what, value and unit of each key of `accept`
 

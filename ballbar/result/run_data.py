@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from acquisition import Recording
+from acquisition.recording import Recording
 from ballbar.result.compare import Comparison
 from ballbar.result.iterations import Step
-from ballbar.result.limits import Limit
-from ballbar.scenario import Scenario
 from ident.held_out import HeldOut
 from ident.result import Identification, RecordingEstimate
 
-if TYPE_CHECKING:
-    from sim.simulate import Simulation  # imports MuJoCo, which an identification can do without
+if TYPE_CHECKING:  # an identification of recordings does without the simulation
+    from ballbar.result.limits import Limit
+    from ballbar.scenario import Scenario
+    from sim.simulate import Simulation
 
 
 @dataclass(frozen=True, eq=False)

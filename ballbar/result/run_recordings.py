@@ -10,10 +10,10 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from acquisition import Recording
+from acquisition.recording import Recording
+from ballbar.identify_settings import IdentifySettings
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_data import FittedRecording, RunData, Validation
-from ballbar.scenario import IdentifySettings
 from cell.errors import InputError
 from cell.foreign_text import printable
 from cell.load import load_cell, load_measured_cell

@@ -1,7 +1,7 @@
 """One chunk of a sweep: what a worker computes, in another process or on another machine.
 
 A worker gets the plan as text and returns rows. This module imports neither pyarrow nor anything
-that shows results, which keeps the start of a worker short (benchmarks/worker_start.py).
+that shows results, which keeps the start of a worker short (benchmarks/start_time.py).
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from cell.descriptions import Cell
 from cell.geometry import Geometry, nominal_geometry
 from cell.logs import RobotLog

@@ -15,12 +15,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ballbar.scenario import IdentifySettings, Scenario
+from ballbar.identify_settings import IdentifySettings
+from ballbar.scenario import Scenario
 from ballbar.trial.nominal_path import nominal_path, spread_rows
 from cell.descriptions import Cell
 from ident.thesis.cost_fit import CostFit, fit_cost, identifiable_by
 from ident.thesis.cost_shift import fit_cost_with_shift
-from ident.thesis.costs import ENCODERS_NEEDED, CostName, cost_named
+from ident.thesis.costs import cost_named
+from ident.thesis.names import ENCODERS_NEEDED, CostName
 from ident.thesis.paired_samples import SampleFit, fit_samples
 from sim.errors.sample_errors import delay_of
 from sim.kinematic_samples import (

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from cell.arrays import Array
+from cell.statistics import chi_square_quantile
 from ident.estimator.regions import pose_regions
 from ident.estimator.uncertainty import inflation_factors
 from ident.estimator.whitening import Whitening
@@ -90,7 +90,7 @@ def cross_validated(fit: PoseFit) -> CrossValidation:
     declared = min(float(g.sigma[:, :3].min()) for g in model.table.groups)
     variance = max((square - known) / count, declared**2, np.finfo(float).tiny)
     ratios = [
-        mahalanobis(rest[:, k], spread[k], variance) / chi2.ppf(LEVEL, len(rest))
+        mahalanobis(rest[:, k], spread[k], variance) / chi_square_quantile(LEVEL, len(rest))
         for rest, spread, k in judged
     ]
     return CrossValidation(

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from cell.arrays import Array
 from cell.poses import PoseGroup
@@ -224,7 +224,7 @@ def _drift(fit: PoseFit, seat: str) -> Drift | None:
         variance += each @ each.T
         information += rest.reshape(size, -1) @ rest.reshape(size, -1).T
     test = float(score @ np.linalg.lstsq(variance, score, rcond=1e-10)[0])
-    if test <= DRIFT * float(chi2.isf(CHANCE, size)):
+    if test <= DRIFT * float(chdtri(size, CHANCE)):  # chi-square, upper tail
         return None
     change = np.zeros(6)
     change[:size] = -np.linalg.lstsq(information, score, rcond=1e-10)[0]

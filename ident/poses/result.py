@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from cell.arrays import Array
 from cell.poses import PoseTable
+from cell.statistics import chi_square_quantile
 from ident.estimator.order_search import OrderSearch
 from ident.poses.cross_validation import (
     LEVEL,
@@ -103,7 +103,7 @@ class PoseIdentification:
             rows = position_rows(point)
             spread = spread_of(model.jacobian(self.fit.x, point, rows), self.fit.covariance)
             square = mahalanobis(rows(point.closure.error), spread, validation.sigma**2)
-            out.append(square <= validation.factor * chi2.ppf(LEVEL, len(rows.matrix)))
+            out.append(square <= validation.factor * chi_square_quantile(LEVEL, len(rows.matrix)))
         return np.concatenate(out)
 
     @property

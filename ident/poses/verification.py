@@ -19,12 +19,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import chi2, f, gamma
+from scipy.special import fdtri, gammaincinv
 
 from cell.arrays import Array
 from cell.chain import joint_screws
 from cell.errors import InputError
 from cell.poses import PoseGroup, PoseTable
+from cell.statistics import chi_square_quantile
 from ident.poses.closure import Placement
 from ident.poses.cross_validation import LEVEL
 from ident.poses.fit import PoseEquations, fit_unweighted
@@ -212,16 +213,17 @@ def limit_of(freedom: int, factor: float) -> float:
 
     factor : squared size of the stated 95 % region of one pose, over that of chi-square.
     """
-    wanted = max(1.0, factor) * chi2.ppf(LEVEL, 3) / 3.0
+    wanted = max(1.0, factor) * chi_square_quantile(LEVEL, 3) / 3.0
 
     def excess(shape: float) -> float:
-        return float(gamma.ppf(LEVEL, shape) / shape - wanted)
+        return float(gammaincinv(shape, LEVEL) / shape - wanted)  # quantile of a gamma distribution
 
     shape = LEAST_SHAPE if excess(LEAST_SHAPE) < 0.0 else float(brentq(excess, LEAST_SHAPE, 1.5))
     own = shape / 3.0  # per coordinate; 1/2 for chi-square
-    limit = float(gamma.ppf(1.0 - FALSE_ALARMS, own * freedom) / own)
-    known = float(chi2.ppf(1.0 - FALSE_ALARMS, freedom))
-    return limit * freedom * float(f.ppf(1.0 - FALSE_ALARMS, freedom, CERTAINTY)) / known
+    limit = float(gammaincinv(own * freedom, 1.0 - FALSE_ALARMS) / own)
+    known = chi_square_quantile(1.0 - FALSE_ALARMS, freedom)
+    widened = float(fdtri(freedom, CERTAINTY, 1.0 - FALSE_ALARMS))  # quantile of an F distribution
+    return limit * freedom * widened / known
 
 
 def _blind(check: _Check, model: PoseModel, equations: PoseEquations) -> dict[int, float]:

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames, forward, joint_screws, screw
 from cell.descriptions import Robot
 from cell.geometry import Parameter
+from cell.statistics import chi_square_quantile
 from ident.corrections.base import Correction
 from ident.poses.closure import Placement, target_frames
 from ident.poses.cross_validation import LEVEL
@@ -104,7 +104,9 @@ class IdentifiedArm:
         inside = self.covered(q)
         whole[~inside] = np.eye(3)
         square = np.einsum("nc,nc->n", error, np.linalg.solve(whole, error[..., None])[..., 0])
-        return np.asarray(np.where(inside, square <= self.factor * chi2.ppf(LEVEL, 3), True))
+        return np.asarray(
+            np.where(inside, square <= self.factor * chi_square_quantile(LEVEL, 3), True)
+        )
 
     def workspace(self) -> Array:
         """(G, J) [rad] the same random angles within the fitted ranges for everyone."""

@@ -25,7 +25,8 @@ from ident.estimator.closure import Closure
 from ident.estimator.dependencies import select
 from ident.estimator.gauss_newton import Marquardt, Stop, minimise
 from ident.estimator.identifiability import candidates
-from ident.thesis.costs import ENCODERS_NEEDED, ROD, Cost, CostName
+from ident.thesis.costs import ROD, Cost
+from ident.thesis.names import ENCODERS_NEEDED, CostName
 
 # The vector forms end a hundredth of a standard deviation from the minimum (ident.estimator.fit),
 # or with a step of a thousandth of a nanometre.

@@ -27,20 +27,11 @@ from cell.arrays import Array
 from cell.chain import cross, screw
 from cell.geometry import Parameter, parameter_screw
 from ident.estimator.closure import Closure
+from ident.thesis.names import ENCODERS_NEEDED, CostName
 from ident.thesis.universal_joint import universal_joint_angles, universal_joint_columns
 
-CostName = Literal["length", "position", "position_angles", "transform"]
 Form = Literal["vector", "thesis"]
 
-ENCODERS_NEEDED: dict[CostName, tuple[int, ...]] = {
-    "length": (),
-    "position": (1, 2),
-    "position_angles": (1, 2, 4, 5),
-    "transform": (1, 2, 3, 4, 5),
-}
-# not one of the thesis: the whole residual, weighed by its noise (ident.estimator.whitening)
-ML = "ml"
-COSTS = (ML, *ENCODERS_NEEDED)
 EQUATIONS: dict[CostName, int] = {
     "length": 1,
     "position": 3,

@@ -18,7 +18,7 @@ from cell.clock import Clock
 from cell.descriptions import Robot
 from cell.dialect import load_dialect
 from cell.errors import DescriptionError
-from cell.recording import SourceName
+from cell.logs import SourceName
 from cell.schema import Strict
 from sim.motion import Motion
 from sim.streams import stream

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from cell.errors import DescriptionError, LogError
 from cell.robot_angles import joints_to_axes
 from cell.selectors import find, spread, why_not

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import Recording, read_recording
 from acquisition.flags import RowFlag
+from acquisition.recording import Recording, read_recording
 from cell.errors import DescriptionError, LogError
 from cell.logs import segment_starts
 from cell.robot_angles import joints_to_axes, joints_to_motors

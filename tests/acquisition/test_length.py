@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import explain_lines, read_recording
 from acquisition.channels import read_channels
+from acquisition.explain import explain_lines
+from acquisition.recording import read_recording
 from cell.errors import DescriptionError, LogError
 
 ROWS = 400

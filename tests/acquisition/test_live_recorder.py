@@ -24,7 +24,6 @@ import yaml
 from rerun.chunk import RrdReader
 from rich.console import Console
 
-from acquisition import read_recording
 from acquisition.live.ads import AdsMemory
 from acquisition.live.egm_source import EgmSource
 from acquisition.live.folder import CellNames, RecordingFolder
@@ -34,6 +33,7 @@ from acquisition.live.recorder import POLL
 from acquisition.live.ring import HEADER, LAYOUT, SAMPLE
 from acquisition.live.session import LiveRecording
 from acquisition.live.source import Batch, Source
+from acquisition.recording import read_recording
 from ballbar.record.show import RING
 from ballbar.record.terminal import say_recording, status_table, status_words
 from ballbar.record.view import APPLICATION, TIMELINE, LiveView, layout

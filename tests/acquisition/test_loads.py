@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import Recording, read_recording, report_lines
+from acquisition.recording import Recording, read_recording
+from acquisition.report import report_lines
 from cell.errors import DescriptionError, InputError, LogError
 from cell.load import load_robot
 from cell.logs import ForceLog, RobotLog

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import explain_lines, read_recording
+from acquisition.explain import explain_lines
+from acquisition.recording import read_recording
 from acquisition.stamps.order import STAMP
 from acquisition.stamps.quantised import spread
 from acquisition.table.table import Table

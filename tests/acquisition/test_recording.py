@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import read_recording, report_lines
 from acquisition.flags import RowFlag
+from acquisition.recording import read_recording
+from acquisition.report import report_lines
 from cell.dialect import dialect_names, load_dialect
 from cell.errors import DescriptionError, InputError, LogError
 from cell.robot_angles import joints_to_axes, joints_to_motors

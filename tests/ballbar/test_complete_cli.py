@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ballbar.commands import cli
+from ballbar.identify_settings import IdentifySettings
 from ballbar.replay.show import chosen_replay
 from ballbar.replay.write import write_replay
 from ballbar.report.page import render_report
@@ -22,7 +23,7 @@ from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData, Validation
 from ballbar.result.run_recordings import distinct_names, identify_recordings
-from ballbar.scenario import IdentifySettings, load_scenario
+from ballbar.scenario import load_scenario
 from cell.errors import DescriptionError, InputError
 from cell.load import load_cell
 from ident.held_out import HeldOut, LoopClosure, held_out

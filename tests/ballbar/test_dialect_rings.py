@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import IdentifySettings, load_scenario

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ballbar.commands import recordings
 from cell.clock import Clock
 from tests.helpers.command_line import ballbar

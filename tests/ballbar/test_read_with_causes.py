@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ballbar.recordings.read_with_causes import read_with_causes
 from cell.arrays import Array
 from cell.errors import LogError

@@ -22,8 +22,8 @@ from ballbar.replay.motion import base_alignment, cell_motion, true_tool
 from ballbar.replay.notes import replay_notes
 from ballbar.replay.scene import magnification, quat_xyzw
 from ballbar.replay.shapes import STEEL, Mesh, arm, ball, bar_shapes, block, cylinder, robot_shapes
-from ballbar.replay.viewer import ViewerError, web_server
-from ballbar.replay.write import open_viewer, recording_id, serve_web, write_replay
+from ballbar.replay.viewer import ViewerError, open_viewer, serve_web, web_server
+from ballbar.replay.write import recording_id, write_replay
 from ballbar.result.run_data import RunData
 from cell.arrays import Array
 from cell.chain import Frames

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ballbar.report import figures as report_figures
 from ballbar.report.numbers import MISSING, fixed, significant, to_sigma
 from ballbar.report.page import render_report, write_report

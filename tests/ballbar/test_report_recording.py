@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ballbar.identify_settings import IdentifySettings
 from ballbar.replay.marks import mark_sentences, marks, stretches
 from ballbar.replay.motion import cell_motion
 from ballbar.report.log_figures import SHIFTS, log_section, shift_curve
 from ballbar.result.run_data import FittedRecording
 from ballbar.result.run_recordings import identify_recordings
-from ballbar.scenario import IdentifySettings
 from tests.helpers.simulated_recordings import Recorded
 
 

@@ -8,32 +8,18 @@ import re
 import signal
 import subprocess
 import sys
-import typing
 from pathlib import Path
 
 import pytest
-import typer
 
 from ballbar.commands import cli
 from ballbar.sweep.version import code_version
-from tests.helpers.command_line import SHORT, ballbar
+from tests.helpers.command_line import SHORT, ballbar, commands
 from tests.helpers.simulated_recordings import SCENARIOS
 
 pytestmark = pytest.mark.slow
 
 ESCAPE = "\x1b["
-
-
-def commands(group: typing.Any, before: str = "") -> typing.Iterator[str]:
-    """Commands as they are typed, those of groups too."""
-    for name, command in group.commands.items():
-        if hasattr(command, "commands"):
-            yield from commands(command, f"{before}{name} ")
-        else:
-            yield before + name
-
-
-COMMANDS = sorted(commands(typer.main.get_command(cli.app)))
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +161,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing_half_written(
     }
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", sorted(commands()))
 def test_every_command_has_an_example_and_is_quiet_on_request(command: str) -> None:
     code, said, _ = ballbar(*command.split(), "--help")
     assert code == 0

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ballbar.run import run_scenario, simulate_scenario
 from ballbar.scenario import Scenario, load_scenario
 from ballbar.trial.nominal_path import recorded_log

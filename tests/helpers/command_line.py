@@ -1,12 +1,15 @@
-"""The command line, called in this process."""
+"""The command line, called in this process, and its commands."""
 
 from __future__ import annotations
 
 import io
 import sys
 from contextlib import redirect_stderr, redirect_stdout
+from functools import cache
+from typing import Any
 
 import pytest
+import typer
 
 from ballbar.commands import cli
 
@@ -22,6 +25,24 @@ def ballbar(*words: object) -> tuple[int, str, str]:
         except SystemExit as stop:
             code = int(stop.code or 0)
     return code, out.getvalue(), err.getvalue()
+
+
+@cache
+def application() -> Any:
+    """The command line as typer builds it."""
+    return typer.main.get_command(cli.app)
+
+
+@cache
+def commands() -> dict[str, Any]:
+    """All commands from their modules, by the words that call them."""
+    group = application()
+    members = {name: group.imported(name) for name in group.commands}
+    return {
+        f"{name} {inner}".strip(): command
+        for name, member in members.items()
+        for inner, command in getattr(member, "commands", {"": member}).items()
+    }
 
 
 SHORT = """name: short

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from acquisition import Recording
 from acquisition.flags import RowFlag
+from acquisition.recording import Recording
 from cell.load import load_robot
 from cell.robot_angles import joints_to_motors
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ballbar.scenario import Scenario, load_scenario
 from cell.descriptions import Cell
 from ident.recording_fit import Logs

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from cell.arrays import Array
 from cell.chain import Frames, cross, joint_screws
 from cell.descriptions import Cell

@@ -31,7 +31,12 @@ def imported(file: Path) -> set[str]:
 
 def full_names(file: Path) -> set[str]:
     """Names of all modules and objects that a file imports, also within functions."""
-    return _names(ast.walk(tree(file)))
+    return names_within(tree(file))
+
+
+def names_within(node: ast.AST) -> set[str]:
+    """Full names of all modules and objects that are imported somewhere in a syntax tree."""
+    return _names(ast.walk(node))
 
 
 def reached(module: str) -> set[str]:

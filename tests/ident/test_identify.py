@@ -7,26 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
+from ballbar.identify_settings import IdentifySettings
 from ballbar.result.calibration import load_calibration, write_calibration
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
 from ballbar.run import run_scenario
-from ballbar.scenario import IdentifySettings, load_scenario
+from ballbar.scenario import load_scenario
 from cell.clock import Clock
 from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
-from ident import (
-    FitOptions,
-    Identification,
-    Listener,
-    Logs,
-    StartError,
-    identify,
-    identify_together,
-)
-from ident.result import RecordingEstimate
+from ident.identify import identify, identify_together
+from ident.options import FitOptions, Listener
+from ident.recording_fit import Logs
+from ident.result import Identification, RecordingEstimate
+from ident.start.automatic import StartError
 from sim.recording_files import truth_path
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 from tests.helpers.six_axes import NAMES

@@ -13,13 +13,15 @@ from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import robot_frames
 from cell.load import load_robot
-from ident import FitOptions, Identification, Listener, identify_together
 from ident.complete_fit import FIRST_EXCESS, fit_pose, posed
 from ident.corrections.gear_ripple import harmonic_orders
 from ident.corrections.joint_compliance import joint_compliance
 from ident.corrections.joint_harmonics import JOINT_HARMONICS, joint_harmonics
+from ident.identify import identify_together
 from ident.joint_errors import candidate_orders, linearised, may_have_joint_errors
+from ident.options import FitOptions, Listener
 from ident.recording_fit import fit_recording
+from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error
 from ident.verdict import Status
 from tests.helpers.minute_logs import minute_logs

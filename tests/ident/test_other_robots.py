@@ -12,10 +12,12 @@ from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import Geometry, robot_frames
 from cell.logs import RobotLog
-from ident import FitOptions, Identification, identify
 from ident.corrections.unit_weights import unit_weights
 from ident.estimator.unknowns import fixed_names
+from ident.identify import identify
+from ident.options import FitOptions
 from ident.poses.joint_corrections import joint_displacements, regressors_at
+from ident.result import Identification
 from ident.robot.accuracy import accuracy_grid, position_error, tcp_error
 from ident.verdict import Status
 from tests.helpers.other_robots import (

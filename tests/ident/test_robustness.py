@@ -10,7 +10,9 @@ import pytest
 from ballbar.result.compare import identification_against_truth
 from ballbar.scenario import load_scenario
 from cell.neighbours import damaged_bursts
-from ident import FitOptions, Identification, identify_together
+from ident.identify import identify_together
+from ident.options import FitOptions
+from ident.result import Identification
 from sim.errors.outliers import Outliers
 from sim.truth import Truth
 from tests.helpers.drawn_robots import SCENARIOS, SLIP_S, STEP_S, faulty, recorded

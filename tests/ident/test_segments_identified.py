@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ident.identify import identify
 from ident.options import FitOptions
 from tests.helpers.clock_truth import clock_error

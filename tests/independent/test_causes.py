@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from cell.load import load_cell
 from ident.causes import suspects
 from ident.recording_fit import Logs

@@ -33,6 +33,7 @@ from planning.first import first_path
 from planning.force import DRAWS, predicted_forces
 from planning.limits import violations
 from planning.plan import assess, covered, hints, scale_error
+from planning.questions import question
 from planning.request import KeepOut, PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
 from planning.search import Progress, ranked, search
 from planning.targets import SAG, targets_of
@@ -45,7 +46,7 @@ from planning.verify import (
     set_without_strain,
     violations_in,
 )
-from planning.what_if import answers, question
+from planning.what_if import answers
 from planning.workers import evaluating_processes
 from sim.errors.static_errors import THESIS_3_1, true_geometry
 from sim.path import Lissajous

@@ -36,11 +36,12 @@ from planning.first import first_path
 from planning.force import ERROR
 from planning.limits import leaning, violations
 from planning.plan import assess
+from planning.questions import check_questions, question
 from planning.request import Cup, PlanLimits, load_request
 from planning.stroke import DRAWS, predicted_lengths, stroke_model
 from planning.trajectory import Trajectory, trajectories
 from planning.verify import checks, run_in_plant, violations_in
-from planning.what_if import answers, check_questions, question
+from planning.what_if import answers
 from sim.path import Lissajous
 from sim.path_files import load_lissajous, scenario_path
 from sim.settings import PathSettings

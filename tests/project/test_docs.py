@@ -7,23 +7,20 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import typer
 import yaml
 
 import ballbar as ballbar_package
-from ballbar.commands import cli
 from cell.load import load_robot
 from cell.robot_angles import controller_to_joints
 from generators import command_line, schema_pages
-from tests.helpers.command_line import ballbar
+from tests.helpers.command_line import application, ballbar
+from tests.helpers.command_line import commands as every_command
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -97,26 +94,17 @@ def _sources(module: str) -> list[Path]:
     return sorted(path.rglob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
 
 
-@cache
-def application() -> Any:
-    """The command line with all its commands."""
-    return typer.main.get_command(cli.app)
-
-
 def _parse_ballbar(words: list[str]) -> None:
     """Fails for a command or an option that does not exist; files need not be there."""
-    group = application()
     if not words:
         return
     if words[0].startswith("-"):
-        assert words[0] in {name for option in group.params for name in option.opts} | {"--help"}
+        options = application().params
+        assert words[0] in {name for option in options for name in option.opts} | {"--help"}
         return
-    name, *rest = words
-    assert name in group.commands, f"no command {name}"
-    command = group.commands[name]
-    if rest and rest[0] in getattr(command, "commands", {}):
-        command, (inner, *rest) = command.commands[rest[0]], rest
-        name = f"{name} {inner}"
+    name = next((name for name in (" ".join(words[:2]), words[0]) if name in every_command()), None)
+    assert name, f"no command {words[0]}"
+    command, rest = every_command()[name], words[len(name.split()) :]
     known = {option for param in command.params for option in param.opts} | {"--help"}
     given = {word.partition("=")[0] for word in rest if word.startswith("-")}
     assert given <= known, f"{name} has no {', '.join(sorted(given - known))}"

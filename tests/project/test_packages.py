@@ -14,6 +14,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from ballbar import PACKAGES
+from ballbar.commands.listing import MODULES
 from tests.helpers.source_imports import FILES, ROOT, full_names, imported, reached, tree
 
 ALLOWED = {
@@ -119,7 +120,16 @@ def test_what_the_product_imports_is_what_it_declares() -> None:
     assert not required & optional
 
 
-@pytest.mark.parametrize("entry", ["ballbar", "acquisition", "ballbar.commands.cli", "ballbar.run"])
+@pytest.mark.parametrize(
+    "entry",
+    [
+        "ballbar",
+        "acquisition.recording",
+        "ballbar.run",
+        "ballbar.commands.cli",
+        *sorted({f"ballbar.commands.{module}" for module in MODULES.values()}),
+    ],
+)
 def test_the_product_starts_without_any_extra(entry: str) -> None:
     extras = PROJECT["optional-dependencies"]
     optional = set().union(*(names_of(extras[name]) for name in USED_EXTRAS))
@@ -129,11 +139,6 @@ def test_the_product_starts_without_any_extra(entry: str) -> None:
 @pytest.mark.parametrize("module", ["ballbar.trial.trial", "ballbar.sweep.chunk"])
 def test_a_worker_of_a_sweep_imports_no_viewer_and_no_page(module: str) -> None:
     assert not reached(module) & {"rerun", "matplotlib", "jinja2"}
-
-
-@pytest.mark.parametrize("module", ["ballbar.outputs", "ballbar.result.run_recordings"])
-def test_an_identification_imports_no_viewer_and_no_simulator(module: str) -> None:
-    assert not reached(module) & {"rerun", "mujoco"}
 
 
 def test_all_text_is_printed_by_the_consoles_of_the_terminal() -> None:

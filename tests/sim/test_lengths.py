@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from acquisition import read_recording
+from acquisition.recording import read_recording
 from ballbar.scenario import Scenario
 from cell.arrays import Array
 from cell.errors import InputError

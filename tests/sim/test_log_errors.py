@@ -19,7 +19,7 @@ import yaml
 from scipy.interpolate import CubicSpline
 
 import sim
-from acquisition import Recording, read_recording
+from acquisition.recording import Recording, read_recording
 from cell.arrays import Array
 from cell.errors import DescriptionError
 from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames

@@ -10,7 +10,8 @@ import pytest
 from cell.arrays import Array
 from cell.geometry import Geometry
 from ident.thesis.cost_fit import fit_cost, identifiable_by
-from ident.thesis.costs import ENCODERS_NEEDED, CostName, cost_named
+from ident.thesis.costs import cost_named
+from ident.thesis.names import ENCODERS_NEEDED, CostName
 from sim.path import ReferencePath
 from tests.helpers.six_axes import INDEX, NAMES
 from tests.helpers.synthetic_recording import closed

@@ -9,7 +9,8 @@ from cell.arrays import Array
 from cell.geometry import Geometry
 from ident.thesis.cost_fit import identifiable_by
 from ident.thesis.cost_shift import REACH, best_shift, fit_cost_with_shift
-from ident.thesis.costs import CostName, cost_named
+from ident.thesis.costs import cost_named
+from ident.thesis.names import CostName
 from ident.thesis.paired_samples import through_samples
 from sim.path import ReferencePath
 from tests.helpers.synthetic_recording import closed, exact_log

@@ -11,7 +11,8 @@ from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.inverse import refine
 from ident.estimator.closure import close_loop
-from ident.thesis.costs import EQUATIONS, CostName, Form, cost_named
+from ident.thesis.costs import EQUATIONS, Form, cost_named
+from ident.thesis.names import CostName
 from tests.helpers.simulated_recordings import perturbed
 from tests.helpers.six_axes import INDEX, NAMES, PARAMETERS
 from tests.helpers.synthetic_recording import Loop

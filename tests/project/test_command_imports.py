@@ -1,0 +1,128 @@
+"""A command imports what it uses: help and completion load no library, and no command another's."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from ballbar.commands.listing import COMMANDS, MODULES
+from tests.helpers.command_line import application
+from tests.helpers.simulated_recordings import Recorded
+from tests.helpers.source_imports import FILES, names_within, reached, tree
+
+LIBRARIES = {"numpy", "scipy", "yaml", "mujoco", "pyarrow", "pandas", "matplotlib", "rerun"}
+SLOW = LIBRARIES - {"numpy", "yaml"} | {"jinja2"}
+OF_OTHERS = {"planning", "ident.thesis", "ident.poses", "ballbar.export", "ballbar.identifiability"}
+PROGRAM = """
+import atexit, json, sys
+atexit.register(lambda: print(json.dumps(sorted(sys.modules)), file=sys.stderr))
+sys.argv[:] = {}
+from ballbar.__main__ import main
+main()
+"""
+
+
+def loaded(*words: object, **variables: str) -> set[str]:
+    """Modules that a process has at the end of a command, with the packages that they are in."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM.format(["ballbar", *map(str, words)])],
+        env=os.environ | variables,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout or "-q" in words
+    return set(json.loads(done.stderr))
+
+
+def in_functions(module: str, *functions: str) -> set[str]:
+    """What `reached` names of all modules that functions of a module import."""
+    bodies = [f for f in tree(FILES[module]).body if getattr(f, "name", "") in functions]
+    assert len(bodies) == len(functions)
+    names = set().union(*(names_within(body) for body in bodies))
+    ours = {part for name in names for part in (name, name.rpartition(".")[0]) if part in FILES}
+    return names.union(*(reached(module) for module in ours))
+
+
+def packages(modules: set[str]) -> set[str]:
+    """The modules, and all packages that they are in."""
+    return {name.rsplit(".", k)[0] for name in modules for k in range(name.count(".") + 1)}
+
+
+@pytest.mark.parametrize(
+    ("words", "variables"),
+    [
+        (("--help",), {}),
+        (("--version",), {}),
+        ((), {"_BALLBAR_COMPLETE": "complete_bash", "COMP_WORDS": "ballbar i", "COMP_CWORD": "1"}),
+    ],
+    ids=["help", "version", "completion"],
+)
+def test_help_version_and_completion_load_no_library_and_no_command(
+    words: tuple[str, ...], variables: dict[str, str]
+) -> None:
+    modules = loaded(*words, **variables)
+    assert "ballbar.commands.listing" in modules
+    assert not modules & LIBRARIES
+    assert not modules & {f"ballbar.commands.{module}" for module in MODULES.values()}
+    assert not modules & {"sim", "acquisition", "ident", "planning"}
+
+
+@pytest.mark.parametrize("module", sorted(set(MODULES.values())))
+def test_the_options_of_a_command_need_no_slow_library(module: str) -> None:
+    """So its own help and the completion of its options answer at once."""
+    assert not reached(f"ballbar.commands.{module}") & SLOW
+
+
+@pytest.mark.parametrize("module", sorted(set(MODULES.values())))
+def test_the_list_of_commands_has_those_of_a_module_and_their_help(module: str) -> None:
+    app = typer.Typer()
+    app.add_typer(import_module(f"ballbar.commands.{module}").commands)
+    group: Any = typer.main.get_command(app)
+    names = {name for name, home in MODULES.items() if home == module}
+    assert set(group.commands) == names
+    for name in names:
+        listed = application().get_command(None, name)
+        assert listed.help == application().imported(name).help
+        assert listed.help
+        assert name in COMMANDS[listed.rich_help_panel]
+
+
+def test_an_identification_of_recordings_imports_nothing_of_simulation_or_other_commands() -> None:
+    used = packages(
+        in_functions(
+            "ballbar.commands.identification", "identify", "_identify_recordings", "_settings"
+        )
+    )
+    assert "ident.identify" in used
+    assert not used & (OF_OTHERS | {"sim", "ballbar.scenario", "ballbar.replay"})
+    assert not used & (SLOW - {"scipy", "pyarrow"})
+
+
+def test_a_run_imports_no_viewer_no_figures_and_nothing_of_other_commands() -> None:
+    used = packages(in_functions("ballbar.commands.bench", "run"))
+    assert {"ident.identify", "sim.simulate"} <= used
+    assert not used & (OF_OTHERS - {"ident.thesis"} | {"ident.thesis.costs", "ballbar.replay"})
+    assert not used & (SLOW - {"scipy", "pyarrow", "mujoco"})
+
+
+def test_the_replay_of_a_run_is_opened_without_the_libraries_that_write_it() -> None:
+    assert not in_functions("ballbar.commands.result", "replay") & LIBRARIES
+
+
+@pytest.mark.slow
+def test_an_identification_loads_nothing_of_simulation_or_other_commands(
+    recorded: Recorded, tmp_path: Path
+) -> None:
+    """As above, with what is imported within functions."""
+    modules = loaded("identify", recorded.folder, "--samples", 300, "--out", tmp_path / "out", "-q")
+    assert {"ident.identify", "matplotlib"} <= modules
+    assert not modules & (OF_OTHERS | {"sim", "ballbar.scenario", "mujoco", "rerun", "pandas"})
