@@ -21,6 +21,7 @@ from acquisition.times import TIME_FORMS, TimeCells, recognised, stamps_ns, word
 from cell.arrays import Array
 from cell.dialect import Dialect, TimeForm, dialect_file, load_dialect
 from cell.errors import DescriptionError, LogError
+from cell.foreign_files import repeated
 from cell.logs import SourceName
 from cell.neighbours import Mask
 from cell.recording import EncoderFitting, EncoderName, LengthFile, SourceFile
@@ -154,6 +155,11 @@ def dialect_of(folder: Path, name: SourceName, source: SourceFile) -> Dialect:
 
 def read_files(source: LogSource) -> tuple[list[Table], list[FileSummary]]:
     """All files of one source, each with stamps in order, and how each was read."""
+    if twice := repeated(source.folder, source.declared.files):
+        raise DescriptionError(
+            f"{source.folder / 'recording.yaml'}: sources.{source.name}.files: {twice[0]!r} and "
+            f"{twice[1]!r} are one file. Name it once."
+        )
     read = [_read_file(source, file) for file in source.declared.files]
     tables = [table for table, _ in read]
     _refuse_differing(tables, source.layout.together)

@@ -7,6 +7,8 @@ module too, and need none of it.
 from __future__ import annotations
 
 import os
+import signal
+import sys
 
 from cell.threads import ONE_THREAD
 
@@ -15,9 +17,18 @@ def main() -> None:
     """Runs the command line."""
     for name in ONE_THREAD:  # before the libraries load
         os.environ.setdefault(name, "1")
+    before = signal.signal(signal.SIGINT, _exit_at_once)
     from ballbar.commands.cli import main as run  # noqa: PLC0415
 
+    signal.signal(signal.SIGINT, before)
     run()
+
+
+def _exit_at_once(*_: object) -> None:
+    """Ctrl-C while libraries load: nothing is open yet, and some make another error of it."""
+    sys.stderr.write("interrupted before it began\n")
+    sys.stderr.flush()
+    os._exit(130)
 
 
 if __name__ == "__main__":

@@ -31,6 +31,7 @@ FRAME: dict[RcKeyType, Any] = {
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
     "legend.frameon": False,
+    "text.parse_math": False,  # a $ in a name is a $
 }
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +18,7 @@ from ballbar.result.run_recordings import identify_recordings
 from ballbar.scenario import Scenario, with_absolute_names
 from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
-from cell.files import claim_folder
+from cell.files import claimed_folder
 from cell.recording import load_recording_file
 from sim.recording_files import truth_path, write_recording
 from sim.simulate import Simulation, simulate
@@ -40,35 +42,37 @@ def simulate_scenario(
     Raises InputError when the scenario cannot be run, or when `folder` holds something else or a
     real recording.
     """
-    claim_recording(folder)
-    progress("simulating the cell")
-    files = scenario_file.parent
-    on_motion = live.moved if live else None
-    try:
-        simulation = simulate(
-            scenario,
-            relative_to=files,
-            recorded=recorded_log(scenario.path, files),
-            on_motion=on_motion,
-        )
-    except InputError as error:
-        raise InputError(f"{scenario_file}: {error}") from None
-    progress("writing the device logs")
-    write_recording(simulation, with_absolute_names(scenario, files), folder)
-    return simulation
+    with _claimed_recording(folder):
+        progress("simulating the cell")
+        files = scenario_file.parent
+        on_motion = live.moved if live else None
+        try:
+            simulation = simulate(
+                scenario,
+                relative_to=files,
+                recorded=recorded_log(scenario.path, files),
+                on_motion=on_motion,
+            )
+        except InputError as error:
+            raise InputError(f"{scenario_file}: {error}") from None
+        progress("writing the device logs")
+        write_recording(simulation, with_absolute_names(scenario, files), folder)
+        return simulation
 
 
-def claim_recording(folder: Path) -> None:
-    """Makes sure that a simulated recording may be written to `folder`.
+@contextmanager
+def _claimed_recording(folder: Path) -> Iterator[None]:
+    """A folder that a simulated recording may be written to.
 
     Raises InputError where it holds something else, or a real recording, which is never replaced.
     """
-    claim_folder(folder, {"recording.yaml", "raw"}, "a recording")
-    if (folder / "recording.yaml").exists() and load_recording_file(folder).kind == "real":
-        raise InputError(
-            f"{folder}: holds a real recording; nothing was written. Choose another folder with "
-            "--out."
-        )
+    with claimed_folder(folder, {"recording.yaml", "raw"}, "a recording"):
+        if (folder / "recording.yaml").exists() and load_recording_file(folder).kind == "real":
+            raise InputError(
+                f"{folder}: holds a real recording; nothing was written. Choose another folder "
+                "with --out."
+            )
+        yield
 
 
 def run_scenario(
@@ -96,37 +100,38 @@ def run_scenario(
             "ml. The thesis's costs and paired samples are for sweeps."
         )
     logs = (out / RECORDING, out / HELD_OUT)
-    claim_folder(
-        out, {*OUTPUTS, *(f.name for log in logs for f in (log, truth_path(log)))}, "a run"
-    )
-    folder, *held_out = logs if scenario.accept.held_out_file else logs[:1]
-    simulation = simulate_scenario(scenario, scenario_file, folder, progress=progress, live=live)
-    for other in held_out:
-        simulate_scenario(_held_out(scenario), scenario_file, other, progress=progress)
-    log = IterationLog(progress, live.iterated if live else None)
-    data = identify_recordings(
-        [folder], held_out, settings=scenario.identify, listener=log.listener
-    )
-    comparison = identification_against_truth(data.identification, simulation.truth)
-    outcomes = [validation.outcome for validation in data.validations]
-    limits = (
-        *result_limits(data.identification, comparison, scenario.accept, outcomes),
-        *plant_limits(simulation.truth, scenario.accept),
-    )
-    data = replace(
-        data,
-        name=scenario.name,
-        simulation=simulation,
-        comparison=comparison,
-        limits=limits,
-        scenario=scenario,
-        scenario_file=scenario_file,
-        iterations=tuple(log.steps),
-    )
-    if live:
-        live.finished(data)
-    write_outputs(out, data, command=command, replay=True, progress=progress)
-    return data
+    known = {*OUTPUTS, *(f.name for log in logs for f in (log, truth_path(log)))}
+    with claimed_folder(out, known, "a run"):
+        folder, *held_out = logs if scenario.accept.held_out_file else logs[:1]
+        simulation = simulate_scenario(
+            scenario, scenario_file, folder, progress=progress, live=live
+        )
+        for other in held_out:
+            simulate_scenario(_held_out(scenario), scenario_file, other, progress=progress)
+        log = IterationLog(progress, live.iterated if live else None)
+        data = identify_recordings(
+            [folder], held_out, settings=scenario.identify, listener=log.listener
+        )
+        comparison = identification_against_truth(data.identification, simulation.truth)
+        outcomes = [validation.outcome for validation in data.validations]
+        limits = (
+            *result_limits(data.identification, comparison, scenario.accept, outcomes),
+            *plant_limits(simulation.truth, scenario.accept),
+        )
+        data = replace(
+            data,
+            name=scenario.name,
+            simulation=simulation,
+            comparison=comparison,
+            limits=limits,
+            scenario=scenario,
+            scenario_file=scenario_file,
+            iterations=tuple(log.steps),
+        )
+        if live:
+            live.finished(data)
+        write_outputs(out, data, command=command, replay=True, progress=progress)
+        return data
 
 
 def _held_out(scenario: Scenario) -> Scenario:

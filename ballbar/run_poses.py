@@ -8,12 +8,12 @@ from pathlib import Path
 from ballbar.outputs import Progress
 from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth
 from ballbar.result.limits import Limit, pose_limits
-from ballbar.result.names import CALIBRATION, RECORDING, REPORT
+from ballbar.result.names import CALIBRATION, DESCRIPTIONS, RECORDING, REPORT
 from ballbar.result.pose_calibration import write_pose_calibration
 from ballbar.result.pose_run import PoseRun, identify_pose_folders
 from ballbar.scenario import PoseScenario
 from cell.errors import InputError
-from cell.files import claim_folder
+from cell.files import claimed_folder
 from cell.pose_file import load_poses_file
 from sim.poses.files import TABLE, write_poses
 from sim.poses.simulate import PoseSimulation, simulate_poses
@@ -43,20 +43,23 @@ def simulate_pose_scenario(
     Raises InputError when the scenario cannot be run, or when `folder` holds something else or real
     poses.
     """
-    claim_folder(folder, {"poses.yaml", TABLE}, "a table of poses")
-    if (folder / "poses.yaml").exists() and load_poses_file(folder / "poses.yaml").kind == "real":
-        raise InputError(
-            f"{folder}: holds real poses; nothing was written. Choose another folder with --out."
-        )
-    progress("simulating the poses")
-    files = scenario_file.parent
-    try:
-        simulation = simulate_poses(scenario, relative_to=files)
-    except InputError as error:
-        raise InputError(f"{scenario_file}: {error}") from None
-    progress("writing the table")
-    write_poses(simulation, scenario, folder, relative_to=files)
-    return simulation
+    with claimed_folder(folder, {"poses.yaml", TABLE}, "a table of poses"):
+        if (folder / "poses.yaml").exists() and load_poses_file(
+            folder / "poses.yaml"
+        ).kind == "real":
+            raise InputError(
+                f"{folder}: holds real poses; nothing was written. Choose another folder with "
+                "--out."
+            )
+        progress("simulating the poses")
+        files = scenario_file.parent
+        try:
+            simulation = simulate_poses(scenario, relative_to=files)
+        except InputError as error:
+            raise InputError(f"{scenario_file}: {error}") from None
+        progress("writing the table")
+        write_poses(simulation, scenario, folder, relative_to=files)
+        return simulation
 
 
 def run_pose_scenario(
@@ -68,16 +71,16 @@ def run_pose_scenario(
 
     Raises InputError when the scenario cannot be run, or when `out` holds something else.
     """
-    known = {RECORDING, truth_path(out / RECORDING).name, CALIBRATION, REPORT}
-    claim_folder(out, known, "a run")
-    folder = out / RECORDING
-    simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
-    run = identify_pose_folders([folder], progress=progress)
-    comparison = compare_poses_with_truth(run.identification, simulation.truth)
-    write_pose_calibration(out / CALIBRATION, run)
-    from ballbar.report.pose_page import write_pose_report  # noqa: PLC0415  imports Matplotlib
+    known = {RECORDING, truth_path(out / RECORDING).name, CALIBRATION, REPORT, DESCRIPTIONS}
+    with claimed_folder(out, known, "a run"):
+        folder = out / RECORDING
+        simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
+        run = identify_pose_folders([folder], progress=progress)
+        comparison = compare_poses_with_truth(run.identification, simulation.truth)
+        write_pose_calibration(out / CALIBRATION, run)
+        from ballbar.report.pose_page import write_pose_report  # noqa: PLC0415  imports Matplotlib
 
-    progress("writing the report")
-    write_pose_report(out / REPORT, run, comparison, command=command)
-    limits = pose_limits(run.identification, comparison, scenario.accept)
-    return PoseScenarioRun(simulation, run, comparison, limits)
+        progress("writing the report")
+        write_pose_report(out / REPORT, run, comparison, command=command)
+        limits = pose_limits(run.identification, comparison, scenario.accept)
+        return PoseScenarioRun(simulation, run, comparison, limits)

@@ -2,25 +2,44 @@
 
 Results go to standard output, everything else to standard error. Colours are for a terminal; in a
 pipe there are none unless FORCE_COLOR is set, and NO_COLOR switches them off (both as rich reads
-them). Bars and changing tables are for a terminal alone.
+them). Bars and changing tables are for a terminal alone. The consoles show control characters of a
+text as escapes, so that no name in a file clears the screen or changes the window's title.
 """
 
 from __future__ import annotations
 
+import io
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import Annotated
 
 import typer
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.segment import Segment
 
+from cell.foreign_text import printable
+
+FAULT = 3  # exit code after a fault of the program, or with too little memory
 INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
 
-out = Console(highlight=False, soft_wrap=True, emoji=False)  # file.csv:100: is line 100
-err = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+
+class PlainConsole(Console):
+    """A console whose texts cannot steer the terminal."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Segments of what is printed, control characters in them as escapes."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=printable(segment.text))
+
+
+out = PlainConsole(highlight=False, soft_wrap=True, emoji=False)  # file.csv:100: is line 100
+err = PlainConsole(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 
 @dataclass
@@ -34,9 +53,20 @@ class _Detail:
 _detail = _Detail()
 
 
+def say_interrupted() -> None:
+    """Prints that Ctrl-C ended a command."""
+    err.print("interrupted; no incomplete file was left behind")
+
+
 def reset_terminal() -> None:
-    """Resets --quiet and --verbose, before a command runs."""
+    """Resets --quiet and --verbose, before a command runs.
+
+    A character that the terminal's alphabet lacks is printed as an escape.
+    """
     _detail.quiet = _detail.verbose = out.quiet = False
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def silence() -> None:
@@ -53,7 +83,7 @@ def wide_console(console: Console, width: int) -> Console:
     """The console itself on a terminal; for a pipe or file one of `width` characters."""
     if console.is_terminal:
         return console
-    return Console(file=console.file, width=width, quiet=console.quiet)
+    return PlainConsole(file=console.file, width=width, quiet=console.quiet)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from cell.schema import Strict
+from cell.schema import EncoderLines, Line, Strict
 from cell.schema_errors import Loc, wrong_key
 
 MAX_DH_LENGTH_M = 5.0  # [m] no link of an industrial robot is longer: a larger number is in mm
@@ -154,7 +154,7 @@ class RobotFile(Strict):
     """Description of a robot, cell/robots/*.yaml."""
 
     schema_: Annotated[Literal["ballbar-robot/1"], Field(alias="schema")]
-    title: str
+    title: Line
     dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=8)]
     motor_to_joint: Coupling = None  # joints = motors @ motor_to_joint
     controller_to_joint: Coupling = None  # joints = axes @ controller_to_joint + controller_offset
@@ -270,7 +270,7 @@ class BallBarLinksFile(Strict):
 class EncoderFile(Strict):
     """Resolution and noise of the ball-bar's encoders."""
 
-    lines: Annotated[int, Field(gt=0)]
+    lines: EncoderLines
     bits: Annotated[int, Field(ge=8, le=13)]  # EL5021 object 8001:11
     noise_sigma_rad: NotNegative
 
@@ -279,7 +279,7 @@ class BallBarFile(Strict):
     """Description of a ball-bar, cell/instruments/*.yaml."""
 
     schema_: Annotated[Literal["ballbar-bar/1"], Field(alias="schema")]
-    title: str
+    title: Line
     dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=5)]
     length_tolerance_m: Positive
     axial_stiffness_N_per_m: Positive
@@ -301,7 +301,7 @@ class PlateFile(Strict):
     """Description of an offset plate, cell/plates/*.yaml."""
 
     schema_: Annotated[Literal["ballbar-plate/1"], Field(alias="schema")]
-    title: str
+    title: Line
     length_m: Annotated[Length, Field(gt=0.0)]
     length_sigma_m: Positive
     tool_offset_m: Length

@@ -2,24 +2,41 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import yaml
 
 from cell.errors import InputError
+from cell.foreign_text import printable
 
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file beside its place, then rename it. Folders are made as needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(f".{path.name}.part")
+    with written_whole(path) as aside, aside.open("wb") as file:
+        file.write(content)
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """A path beside `path` to write to, which is renamed to it at the end.
+
+    It is deleted if anything fails. An error of the disk names the file.
+    """
+    aside = _aside(path)
     try:
-        with aside.open("wb") as file:
-            file.write(content)
-            file.flush()
+        yield aside
+        with aside.open("rb") as file:
             os.fsync(file.fileno())
         aside.replace(path)
+    except OSError as error:
+        if error.filename is None:  # of writing, such as a full disk
+            error.filename = str(path)
+        raise
     finally:
         aside.unlink(missing_ok=True)
 
@@ -34,22 +51,71 @@ def write_new(path: Path, content: bytes) -> None:
 
 
 def write_yaml(path: Path, data: dict[str, object]) -> None:
-    """Write plain data as YAML, keys in their order."""
-    write_whole(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120).encode())
+    """Write plain data as YAML, keys in their order, control characters of text as escapes."""
+    text = yaml.safe_dump(_printable(data), sort_keys=False, allow_unicode=True, width=120)
+    write_whole(path, text.encode())
 
 
-def claim_folder(path: Path, known: set[str], what: str) -> None:
-    """Check that output may go to a folder: absent, empty, or with an earlier output only.
+def _printable(data: object) -> object:
+    """Plain data with all text printable, as the reader of YAML files wants it."""
+    if isinstance(data, dict):
+        return {_printable(key): _printable(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_printable(value) for value in data]
+    return printable(data) if isinstance(data, str) else data
 
-    known : names of an earlier output. what : the kind of output, for the message.
 
-    Raises InputError when the folder holds anything else.
+@contextmanager
+def claimed_folder(path: Path, known: set[str], what: str) -> Iterator[None]:
+    """A folder for output alone: absent, empty, or with an earlier output only; made as needed.
+
+    known : names of an earlier output. what : the kind of output, for the message. What a power cut
+    left of one of those files is deleted.
+
+    Raises InputError when the folder holds anything else, or another process writes to it.
     """
     if path.is_file():
         raise InputError(f"{path}: is a file; {what} needs a folder. Choose another with --out.")
-    foreign = sorted({entry.name for entry in path.iterdir()} - known) if path.is_dir() else []
-    if foreign:
-        raise InputError(
-            f"{path}: exists and holds something else ({', '.join(foreign[:3])}); nothing was "
-            "written. Choose another folder with --out."
-        )
+    made = not path.exists()
+    path.mkdir(parents=True, exist_ok=True)
+    try:
+        with _locked(path):
+            unfinished = {_aside(path / name).name for name in known}
+            entries = {entry.name for entry in path.iterdir()}
+            if foreign := sorted(entries - known - unfinished):
+                raise InputError(
+                    f"{path}: exists and holds something else ({', '.join(foreign[:3])}); nothing "
+                    "was written. Choose another folder with --out."
+                )
+            for name in entries & unfinished:
+                (path / name).unlink()
+            yield
+    finally:
+        if made:
+            with suppress(OSError):  # it holds something now
+                path.rmdir()
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keeps other processes out of a folder, as long as this one lives.
+
+    Raises InputError if another one has locked it.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                f"{folder}: another process writes to this folder. Wait for it, or choose another "
+                "folder with --out."
+            ) from None
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _aside(path: Path) -> Path:
+    """Where a file is written before it is renamed to its name."""
+    return path.with_name(f".{path.name}.part")

@@ -21,7 +21,7 @@ from cell.descriptions import BallBar, Link
 from cell.geometry import ROD_ROW
 from cell.inverse import BAR_ALPHA
 from cell.poses import Measured
-from cell.schema import Strict
+from cell.schema import Line, Strict
 from cell.schema_errors import wrong_key
 
 JointKind = Literal["revolute", "prismatic", "universal", "ball"]
@@ -63,7 +63,7 @@ class InstrumentFile(Strict):
     """Description of an instrument, cell/instruments/*.yaml."""
 
     schema_: Annotated[Literal["ballbar-instrument/1"], Field(alias="schema")]
-    title: str
+    title: Line
     chain: Annotated[tuple[JointFile, ...], Field(min_length=1, max_length=4)]
     distance: DistanceFile | None = None
     mass_kg: NotNegative = 0.0  # of a rod from seat to target, which carries half of its weight

@@ -25,9 +25,10 @@ from cell.description_files import (
 )
 from cell.descriptions import BallBar, Cell, Gears, Link, Plate, Robot, ServoGains
 from cell.errors import DescriptionError
+from cell.foreign_files import read_regular
 from cell.instrument import Instrument, InstrumentFile, instrument_of, telescoping_bar
 from cell.schema_errors import nearest
-from cell.strict_yaml import load_model
+from cell.strict_yaml import MAX_BYTES, load_model
 
 F = TypeVar("F")
 D = TypeVar("D")
@@ -205,7 +206,7 @@ def _instrument_names(schema: str) -> list[str]:
 
 def _kind(path: Path) -> str | None:
     """The word of a file's schema: `bar` of `ballbar-bar/1`; None where it states none."""
-    stated = _SCHEMA.search(path.read_text(encoding="utf-8", errors="replace"))
+    stated = _SCHEMA.search(read_regular(path, MAX_BYTES).decode("utf-8", "replace"))
     return stated[1] if stated else None
 
 

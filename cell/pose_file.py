@@ -199,7 +199,7 @@ class PosesFile(Strict):
     kind: Literal["simulated", "real"]
     robot: str = Field(description="A file of cell/robots, or a path from this file.")
     instrument: str = Field(description="A file of cell/instruments, or a path from this file.")
-    tables: tuple[PoseTableFile, ...] = Field(min_length=1)
+    tables: tuple[PoseTableFile, ...] = Field(min_length=1, max_length=500)
     distances: tuple[KnownDistances, ...] = ()
     notes: str = ""
 

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from cell.errors import DescriptionError
-from cell.schema import Strict
+from cell.schema import EncoderLines, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model
 
@@ -58,7 +58,7 @@ class EncoderFitting(Strict):
     """One ball-bar encoder: counter column, resolution and declared direction."""
 
     column: str
-    lines: Annotated[int, Field(gt=0)]
+    lines: EncoderLines
     bits: Annotated[int, Field(ge=8, le=13)]  # EL5021 object 8001:11
     sign: Literal[-1, 1] = 1
 

@@ -3,11 +3,12 @@
 The YAML 1.2 core schema holds, where PyYAML itself still follows 1.1: `1e-5` and `1e4` are numbers,
 `no`, `on` and `2016-05-30` are text, `1:30` is not sexagesimal, octal is `0o17`. Refused are
 duplicate keys, anchors and aliases (a few lines of them expand to gigabytes), tags of other types,
-keys that are not text, and files above 10 MB. Source: YAML 1.2.2, section 10.3 (core schema).
+keys that are not text, and files above 1 MB. Source: YAML 1.2.2, section 10.3 (core schema).
 """
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import re
@@ -20,11 +21,14 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from cell.errors import DescriptionError
+from cell.foreign_files import read_regular
+from cell.foreign_text import is_printable, printable
 from cell.schema_errors import Loc, explain
 
 M = TypeVar("M", bound=BaseModel)
 
-MAX_BYTES = 10_000_000  # far above any description; a log given by mistake is larger
+MAX_BYTES = 1_000_000  # far above any description; a log given by mistake is larger
+MAX_NODES = 100_000  # keys and values; a calibration has some thousand
 MAX_DEPTH = 40  # nesting of the deepest description is below 10
 
 _TAG = "tag:yaml.org,2002:"
@@ -80,6 +84,7 @@ class _Core(yaml.composer.Composer, yaml.resolver.Resolver):
     """Composer of nodes with the scalars of the core schema; constructs no objects."""
 
     depth = 0
+    nodes = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         event = self.peek_event()  # type: ignore[attr-defined]  # the parser's
@@ -91,13 +96,14 @@ class _Core(yaml.composer.Composer, yaml.resolver.Resolver):
                 f"{sign}{event.anchor}: anchors and aliases are refused; write the value out",
                 event.start_mark,
             )
-        if self.depth >= MAX_DEPTH:
-            raise yaml.composer.ComposerError(
-                None,
-                None,
-                f"nested more than {MAX_DEPTH} levels deep; write it flatter",
-                event.start_mark,
-            )
+        self.nodes += 1
+        too_much = ""
+        if self.nodes > MAX_NODES:
+            too_much = f"more than {MAX_NODES} keys and values; no description has as many"
+        elif self.depth >= MAX_DEPTH:
+            too_much = f"nested more than {MAX_DEPTH} levels deep; write it flatter"
+        if too_much:
+            raise yaml.composer.ComposerError(None, None, too_much, event.start_mark)
         self.depth += 1
         node = super().compose_node(parent, index)
         self.depth -= 1
@@ -213,17 +219,16 @@ def _read_text(path: Path) -> str:
     if path.is_dir():
         raise DescriptionError(f"{path}: this is a directory; name the YAML file within it.")
     try:
-        with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
+        raw = read_regular(path, MAX_BYTES)
     except FileNotFoundError:
         raise DescriptionError(f"{path}: no such file. Correct the name.") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise DescriptionError(f"{path}: cannot be read: {error}. Check its permissions.") from None
-    if len(raw) > MAX_BYTES:
-        raise DescriptionError(
-            f"{path}: larger than {MAX_BYTES // 1_000_000} MB, so it is no description. "
-            "Was a log meant? Name the YAML file."
-        )
+    except OSError as error:
+        remedy = "Check its permissions."
+        if error.errno in (errno.EFBIG, errno.EINVAL):
+            remedy = "So it is no description: was a log meant? Name the YAML file."
+        raise DescriptionError(f"{path}: cannot be read: {error.strerror}. {remedy}") from None
+    except ValueError as error:  # a NUL in the name
+        raise DescriptionError(f"{path}: cannot be read: {error}. Correct the name.") from None
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -295,6 +300,12 @@ def _build_scalar(path: Path, node: yaml.ScalarNode) -> Any:
             path,
             node.start_mark.line + 1,
             f"{shown!r} is no {node.tag.removeprefix(_TAG)}, as its tag says; leave the tag out.",
+        )
+    if not is_printable(node.value, allowed="\n\t"):
+        _refuse(
+            path,
+            node.start_mark.line + 1,
+            f"{printable(shown)!r} holds a control or invisible character. Write it without.",
         )
     try:
         return convert(node.value)

@@ -25,7 +25,8 @@ Written by `python -m generators.command_line` from the texts of `--help`; do no
 ## What holds for every command
 
 **Exit codes.** 0: done. 1: the command ran, but its result is not acceptable; the first line says
-why. 2: bad input; the message names file, line and key, and the remedy. 130: ended by Ctrl-C.
+why. 2: bad input; the message names file, line and key, and the remedy. 3: a fault of the program,
+whose details are written to a file to be reported, or too little memory. 130: ended by Ctrl-C.
 
 **Output.** Results go to standard output, everything else to standard error.
 

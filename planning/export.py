@@ -18,6 +18,7 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.descriptions import Robot
+from cell.foreign_text import comment
 from planning.targets import Targets
 
 BALLBAR, TELESCOPING = "ball-bar", "telescoping bar"  # what holds the tool
@@ -62,7 +63,7 @@ def rapid(
     count = len(targets.t)
     lines = [
         f"MODULE {name}",
-        *(f"  ! {line}" for line in header(name, robot, targets, limits, gauge)),
+        *(comment("  !", line) for line in header(name, robot, targets, limits, gauge)),
     ]
     soft = gauge == BALLBAR
     lines += [f"  CONST jointtarget path{{{count}}}:=["]
@@ -110,7 +111,7 @@ def pdl2(
     """
     overrides, soft = _overrides(robot, targets), gauge == BALLBAR
     lines = [f"PROGRAM {name} PROG_ARM = 1, STACK = 2048"]
-    lines += [f"-- {line}" for line in header(name, robot, targets, limits)]
+    lines += [comment("--", line) for line in header(name, robot, targets, limits)]
     lines += ["BEGIN", f"  $PROG_SPD_OVR := {APPROACH_OVERRIDE}"]
     lines += [
         f"  MOVE JOINT TO {_joints(targets.axes[0])}",
@@ -136,7 +137,7 @@ def table(
     name: str, robot: Robot, targets: Targets, limits: Sequence[str], gauge: str = BALLBAR
 ) -> str:
     """CSV table of a path with columns time, axis angles and dwell; comments start with #."""
-    lines = [f"# {line}" for line in header(name, robot, targets, limits, gauge)]
+    lines = [comment("#", line) for line in header(name, robot, targets, limits, gauge)]
     axes_deg = (f"axis{i + 1}_deg" for i in range(robot.joints))
     lines.append(f"time_s,{','.join(axes_deg)},rest_s")
     for t, axes, dwell in zip(targets.t, targets.axes, targets.dwells, strict=True):

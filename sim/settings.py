@@ -126,7 +126,7 @@ class PlantSettings(RodAndWire):
     kind: Literal["mujoco", "kinematic"] = Field(
         "mujoco", description="MuJoCo, or exact inverse kinematics without forces."
     )
-    timestep_s: Annotated[float, Field(gt=0.0, le=5e-3)] = Field(
+    timestep_s: Annotated[float, Field(ge=1e-4, le=5e-3)] = Field(
         1e-3, description="Time step of MuJoCo."
     )
     servo: str = Field("soft", description="A gain set of the robot's file.")

@@ -148,6 +148,11 @@ def _sqlite_messages(path: Path, file: str, findings: list[Finding]) -> Iterator
         lost, last = 0, 0
         query = "SELECT id, topic_id, data FROM messages ORDER BY id"
         for number, key, data in connection.execute(query):
+            if not isinstance(number, int):
+                raise LogError(
+                    f"{file}: a message has the number {number!r}, no whole one. Copy the bag "
+                    "again, or convert it with `ros2 bag convert`."
+                )
             lost, last = lost + (last > 0 and number != last + 1), number
             if key in topics:
                 yield topics[key][0], _blob(data, f"{file}: {topics[key][0]}")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.table.fields import is_number
-from acquisition.table.text import Content, LogText
+from acquisition.table.text import Content, LogText, check_unpacked
 from cell.errors import InputError, LogError
 
 _ZIP = b"PK\x03\x04"
@@ -35,6 +35,10 @@ def workbook_text(content: Content, file: str, sheet: str | None) -> LogText:
             "`pip install ballbar-bench[xlsx]`, or save the sheet as .csv."
         ) from None
     try:
+        with zipfile.ZipFile(io.BytesIO(content.raw)) as archive:
+            check_unpacked(
+                sum(part.file_size for part in archive.infolist()), len(content.raw), file
+            )
         book = openpyxl.load_workbook(io.BytesIO(content.raw), read_only=True, data_only=True)
     except (zipfile.BadZipFile, KeyError, ValueError, OSError) as error:
         raise LogError(

@@ -18,6 +18,7 @@ from acquisition.poses.declared import TableContext
 from acquisition.poses.file_poses import FilePoses, file_poses
 from acquisition.report import Finding, ImportReport
 from cell.errors import DescriptionError
+from cell.foreign_files import repeated
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
 from cell.pose_file import PosesFile, known_distances, load_poses_file, pose_file_path
@@ -42,6 +43,17 @@ def read_poses(path: Path) -> PoseTable:
     return import_poses(path).table
 
 
+def _refuse_repeated(context: TableContext) -> None:
+    """Raises DescriptionError if a table names a file twice."""
+    declared = context.declared
+    for key, files in (("files", declared.files), ("joints.files", declared.joints.files)):
+        if twice := repeated(context.path.parent, files):
+            raise DescriptionError(
+                f"{context.path}: {context.key}.{key}: {twice[0]!r} and {twice[1]!r} are one file. "
+                "Name it once."
+            )
+
+
 def import_poses(path: Path) -> PoseImport:
     """The still poses of a poses.yaml with the import report; raises as `read_poses`."""
     file = pose_file_path(path)
@@ -53,6 +65,7 @@ def import_poses(path: Path) -> PoseImport:
         own = declared.instrument
         measures = load_instrument(own, relative_to=file.parent) if own else instrument
         context = TableContext(file, robot, measures, f"tables[{k}]", declared)
+        _refuse_repeated(context)
         files += [file_poses(context, index) for index in range(len(declared.files))]
     stamps = [poses.stamps for poses in files if poses.stamps is not None]
     start = min((int(each.min()) for each in stamps), default=0)

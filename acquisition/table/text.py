@@ -9,23 +9,34 @@ writes.
 from __future__ import annotations
 
 import bz2
+import errno
 import gzip
 import lzma
+import os
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.report import Finding, finding
 from cell.errors import LogError
+from cell.foreign_files import open_regular, read_regular
 
-# Bytes of one file, unpacked: fifty hours of a robot's log; a packed file may claim anything.
-MOST_BYTES = 2_000_000_000
-_PACKED: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
+MOST_BYTES = 2_000_000_000  # of one file: fifty hours of a robot's log
+# A packed file may claim anything. Logs shrink to a third (gzip) or a sixth (xz).
+_UNPACKED_FREE = 50_000_000  # bytes that every packed file may unpack to
+_UNPACKED_RATIO = 15  # of bytes unpacked to packed, beyond that
+_LARGE = 10_000_000  # characters of a text whose rows are a time stamp and a value at least,
+_SHORTEST_ROW = 10  # characters on average; each row takes 60 bytes beside its text
+_PACKED: dict[str, Callable[[BinaryIO], Any]] = {
+    ".gz": gzip.open,
+    ".bz2": bz2.open,
+    ".xz": lzma.open,
+}
 _MARKS = (  # byte order mark, codec, bytes of an ASCII character
     (b"\xef\xbb\xbf", "utf-8", 1),
     (b"\xff\xfe", "utf-16-le", 2),
@@ -94,6 +105,8 @@ def text_of(content: Content, file: str) -> LogText:
         sentence = f"read as {decoded.encoding}."
         findings.append(finding("encoding", "repaired", file, sentence, count=1))
     text = decoded.text.rstrip("\0")
+    if len(text) > _LARGE and len(text) < _SHORTEST_ROW * (text.count("\n") + text.count("\r")):
+        raise LogError(f"{file}: hardly more than line ends. Copy it again from the logger.")
     if stripped := (len(decoded.text) - len(text)) * decoded.width:
         first, last = decoded.size - stripped, decoded.size - 1
         sentence = f"bytes {first} to {last} are NUL (power loss); left out."
@@ -128,26 +141,36 @@ def read_bytes(path: Path, file: str) -> Content:
         remedy = "Unpack it first, or use .gz, .bz2 or .xz."
         raise LogError(f"{file}: packed in a way that is not read here. {remedy}")
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise LogError(
-                f"{file}: more than {MOST_BYTES:_} bytes. Is it a log? "
-                "Split it into one file a run."
-            )
         if suffix not in _PACKED:
-            return Content(path.read_bytes())
-        return _unpacked(_PACKED[suffix](path), file)
+            return Content(read_regular(path, MOST_BYTES))
+        with open_regular(path, MOST_BYTES) as packed:
+            stored = os.fstat(packed.fileno()).st_size
+            return _unpacked(_PACKED[suffix](packed), file, stored)
     except (gzip.BadGzipFile, lzma.LZMAError, zlib.error) as error:
         raise LogError(
             f"{file}: is no {path.suffix} file, or damaged: {error}. Copy it again."
         ) from None
     except OSError as error:
+        if error.errno == errno.EFBIG:
+            raise LogError(f"{file}: {error.strerror}. Split it into one file a run.") from None
         raise LogError(
             f"{file}: cannot be read: {error.strerror or error}. "
             "Check its permissions, or copy it again."
         ) from None
 
 
-def _unpacked(packed: Any, file: str) -> Content:
+def check_unpacked(size: int, stored: int, file: str) -> None:
+    """Raises LogError if a file of so many stored bytes unpacks to more than a log does."""
+    most = min(MOST_BYTES, max(_UNPACKED_FREE, _UNPACKED_RATIO * stored))
+    if size > most:
+        raise LogError(
+            f"{file}: unpacks to more than {most / 1e6:.0f} MB, which no log of its size does. If "
+            "you know what it holds, unpack it yourself and name the unpacked file, which has at "
+            f"most {MOST_BYTES / 1e6:.0f} MB."
+        )
+
+
+def _unpacked(packed: Any, file: str, stored: int) -> Content:
     parts, size, findings = [], 0, list[Finding]()
     with packed:
         while True:
@@ -160,11 +183,7 @@ def _unpacked(packed: Any, file: str) -> Content:
             if not part:
                 break
             size += len(part)
-            if size > MOST_BYTES:
-                raise LogError(
-                    f"{file}: unpacks to more than {MOST_BYTES:_} bytes. Is it a log? "
-                    "Split it into one file a run."
-                )
+            check_unpacked(size, stored, file)
             parts.append(part)
     return Content(b"".join(parts), tuple(findings))
 

@@ -35,7 +35,7 @@ from pydantic import Field, model_validator
 
 from ballbar.claims.kinds import DISTANCE, OF_RUNS, Check, EqualTable, Measure, Rows
 from ballbar.sweep.file import Seeds
-from cell.schema import Strict
+from cell.schema import Line, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import YamlDocument, load_yaml, parse_model
 
@@ -64,7 +64,7 @@ class Plot(Strict):
     """Curves over a varied value: the median, and a band from the smallest to the largest."""
 
     kind: Literal["curves"]
-    title: str
+    title: Line
     x: str
     x_label: str
     x_factor: float = Field(1.0, description="Factor from the column's unit to the label's.")
@@ -79,7 +79,7 @@ class Ranking(Strict):
     """Bars: how often each parameter is among the largest errors of a run."""
 
     kind: Literal["ranking"]
-    title: str
+    title: Line
     places: Annotated[int, Field(ge=1)]
     rows: Rows = Field({})
     lines: str
@@ -91,7 +91,7 @@ class PlatePlot(Strict):
     """Deflection of the offset plate over its thickness (ballbar.plan.beam)."""
 
     kind: Literal["plate"]
-    title: str
+    title: Line
 
 
 class Quick(Strict):
@@ -108,7 +108,7 @@ class ClaimFile(Strict):
     """One YAML file of scenarios/claims/."""
 
     schema_: Annotated[Literal["ballbar-claim/1"], Field(alias="schema")]
-    title: str
+    title: Line
     place: str = Field(
         description="Place in the thesis, `sec. 3.5, Fig. 3.2`; its numbers order the files."
     )

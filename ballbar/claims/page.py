@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ballbar.claims.kinds import Difference, EqualTable
 from ballbar.claims.run import FAILS, Judged, Verdict
+from cell.foreign_text import markdown
 
 _HEAD = """# Claims: what the thesis says, and what comes out here
 
@@ -43,7 +44,7 @@ def page_text(
     lines = [f"{_HEAD}{counts.total()} claims: {summary}.", ""]
     lines += ["| claim | thesis | verdict |", "|---|---|---|"]
     for result in judged:
-        title = result.topic.file.title
+        title = markdown(result.topic.file.title)
         lines += [
             f"| [{title}](#{_anchor(title)}): {v.claim.name} | {_cell(v.claim.source)} | {v.word} |"
             for v in result.verdicts
@@ -56,12 +57,13 @@ def page_text(
 
 def _section(result: Judged, images: Sequence[str], command: str) -> Iterator[str]:
     file = result.topic.file
-    yield from (f"## {file.title}", "")
+    title = markdown(file.title)
+    yield from (f"## {title}", "")
     runs = f" ({result.plan.runs} runs)" if result.plan else ""
     sentences = (f"Thesis {file.place}.", file.about, command and f"`{command}`{runs}.")
     yield " ".join(filter(None, sentences))
     for image in images:
-        yield from ("", f"![{file.title}]({image})")
+        yield from ("", f"![{title}]({image})")
     ml = any(verdict.ml for verdict in result.verdicts)
     yield from ("", f"| thesis | here |{' `ml` |' * ml} verdict |", f"|---|---|{'---|' * ml}---|")
     for verdict in result.verdicts:

@@ -1,6 +1,7 @@
 """The command line.
 
-Exit codes: 0 done, 1 the result is not acceptable, 2 bad input, 130 interrupted by Ctrl-C.
+Exit codes: 0 done, 1 the result is not acceptable, 2 bad input, 3 a fault of the program or too
+little memory, 130 interrupted by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -12,7 +13,15 @@ import typer
 from rich.markup import escape
 
 from ballbar.commands.listing import ListedCommands
-from ballbar.terminal import Quiet, Verbose, err, reset_terminal
+from ballbar.terminal import (
+    FAULT,
+    INTERRUPTED,
+    Quiet,
+    Verbose,
+    err,
+    reset_terminal,
+    say_interrupted,
+)
 from cell.errors import FailureError, InputError
 
 app = typer.Typer(
@@ -63,5 +72,50 @@ def main() -> None:
         sys.exit(1)
     except OSError as error:
         file, reason = str(error.filename or ""), error.strerror or str(error)
-        err.print(f"[red]error:[/] {escape(file)}: {escape(reason)}")
+        place = f"{file}: " if file else ""
+        err.print(f"[red]error:[/] {escape(place + reason)}")
         sys.exit(2)
+    except MemoryError as error:
+        err.print(
+            f"[red]error:[/] there is not enough memory: {escape(str(error)) or 'no details'}. "
+            "Split long recordings, or run it on a machine with more memory."
+        )
+        sys.exit(FAULT)
+    except Exception as error:
+        if _was_interrupted(error):
+            say_interrupted()
+            sys.exit(INTERRUPTED)
+        _say_fault(error)
+        sys.exit(FAULT)
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error, as where a library was just being imported."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+def _say_fault(error: Exception) -> None:
+    """Says what the program failed at, and writes the details to a file of their own."""
+    import platform
+    import traceback
+    from importlib.metadata import version
+    from tempfile import NamedTemporaryFile
+
+    from ballbar.commands.options import command_line
+
+    head = f"ballbar {version('ballbar-bench')}, Python {sys.version}, {platform.platform()}"
+    details = "".join([f"{head}\n{command_line()}\n\n", *traceback.format_exception(error)])
+    place = "The details are above."
+    try:
+        with NamedTemporaryFile("wb", prefix="ballbar-", suffix=".txt", delete=False) as file:
+            file.write(details.encode("utf-8", "backslashreplace"))
+        place = f"The details are in {file.name}."
+    except OSError:
+        err.print(escape(details))
+    what = escape(f"{type(error).__name__}: {error}")
+    err.print(
+        f"[red]fault of the program:[/] {what}\n{escape(place)} Please report it to the "
+        "maintainers of ballbar-bench with these details and, if you may, the input."
+    )

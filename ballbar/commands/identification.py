@@ -132,12 +132,15 @@ def _identify_recordings(
     """Logs of a moving robot: identify, write the outputs, say, and exit."""
     from ballbar.report.process import reporting_process
     from ballbar.result.names import OUTPUTS
-    from cell.files import claim_folder
+    from cell.files import claimed_folder
 
     first = recordings[0]
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
-    claim_folder(folder, OUTPUTS, "the result")
-    with progress_bar() as progress, reporting_process() as begin:
+    with (
+        claimed_folder(folder, OUTPUTS, "the result"),
+        progress_bar() as progress,
+        reporting_process() as begin,
+    ):
         from ballbar.commands.result_json import run_data
         from ballbar.outputs import write_outputs
         from ballbar.report.terminal import say_identification
@@ -175,16 +178,16 @@ def _identify_poses(
     """Still poses: identify, write calibration.yaml and report.html, say, and exit."""
     from ballbar.commands.result_json import pose_run_data
     from ballbar.report.pose_terminal import say_poses
-    from ballbar.result.names import CALIBRATION, REPLAY, REPORT
+    from ballbar.result.names import CALIBRATION, DESCRIPTIONS, REPLAY, REPORT
     from ballbar.result.pose_calibration import write_pose_calibration
     from ballbar.result.pose_run import identify_pose_folders
-    from cell.files import claim_folder
+    from cell.files import claimed_folder
 
     first = folders[0] if folders[0].is_dir() else folders[0].parent
     folder = out_dir or first.with_name(first.resolve().name + "-identified")
-    claim_folder(folder, {CALIBRATION, REPORT, REPLAY}, "the result")
     options = _pose_options(joint_errors)
-    with progress_bar() as progress:
+    known = {CALIBRATION, REPORT, REPLAY, DESCRIPTIONS}
+    with claimed_folder(folder, known, "the result"), progress_bar() as progress:
         run = identify_pose_folders(folders, validate, options=options, progress=progress)
         write_pose_calibration(folder / CALIBRATION, run)
         from ballbar.report.pose_page import write_pose_report

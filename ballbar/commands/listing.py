@@ -15,7 +15,8 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from ballbar.terminal import INTERRUPTED, err
+from ballbar.terminal import INTERRUPTED, say_interrupted
+from cell.foreign_text import printable
 
 AT_THE_CELL, RESULT, TEST_BENCH = "At the cell", "With the result", "Test bench"  # panels of --help
 
@@ -86,8 +87,12 @@ class ListedCommands(TyperGroup):
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            err.print("interrupted; no incomplete file was left behind")
+            say_interrupted()
             raise typer.Exit(INTERRUPTED) from None
+        except Exception as error:
+            if isinstance(message := getattr(error, "message", None), str):  # of wrong usage
+                error.message = printable(message)  # type: ignore[attr-defined]
+            raise
 
 
 @cache

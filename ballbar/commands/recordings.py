@@ -15,6 +15,7 @@ from acquisition.times import TIME_FORMS
 from ballbar.commands.options import AsJson, RecordingOrPoses, say_json
 from ballbar.terminal import err, out
 from cell.errors import InputError
+from cell.foreign_text import printable
 from cell.logs import SourceName
 
 commands = typer.Typer()
@@ -300,7 +301,9 @@ def _ask(question: str, proposal: str | None, *, take_proposals: bool, as_json: 
             f"no answer to: {question}{hint} Nothing was written. Answer at a terminal, or by the "
             "options of `ballbar new --help`."
         )
-    return str(typer.prompt(question, default=proposal, err=as_json))
+    hint = "" if proposal is None else f" [{printable(proposal)}]"
+    text = f"{printable(question)}{hint}"
+    return str(typer.prompt(text, default=proposal, show_default=False, err=as_json))
 
 
 @commands.command(

@@ -3,7 +3,8 @@
     q1,q2,...,qJ                      rad, joint angles of the DH model
     axis1_deg,...,axisJ_deg           deg, axis angles as the controller shows and takes them
 
-Other columns (names, speeds, times) are carried through as they are.
+Other columns (names, speeds, times) are carried through as they are, but for an apostrophe before
+what a spreadsheet would run.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError
+from cell.foreign_text import csv_text
 from cell.robot_angles import controller_to_joints, joints_to_axes
 
 
@@ -91,9 +93,9 @@ def targets_text(targets: TargetFile, robot: Robot, q: Array) -> str:
     places = [targets.header.index(name) for name in targets.columns]
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(targets.header)
+    writer.writerow(map(csv_text, targets.header))
     for row, angles in zip(targets.rows, values, strict=True):
-        fields = list(row)
+        fields = [csv_text(field) for field in row]
         for k, angle in zip(places, angles, strict=True):
             fields[k] = repr(float(angle))
         writer.writerow(fields)

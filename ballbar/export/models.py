@@ -7,6 +7,7 @@ motors' angles must be multiplied by the robot file's matrix first.
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from typing import Any
@@ -18,6 +19,7 @@ from ballbar.export.tables import number
 from cell.arrays import Array
 from cell.chain import Chain, row_placements
 from cell.descriptions import Link, Robot
+from cell.foreign_text import printable
 from cell.rotation import quat_wxyz, roll_pitch_yaw
 
 _LIMITS = (
@@ -163,7 +165,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def _comment(lines: list[str]) -> ET.Element[Any]:
-    text = "\n".join(lines).replace("--", "- -")
+    text = re.sub("-(?=-)", "- ", "\n".join(printable(line) for line in lines))
     return ET.Comment(f"\n{text}\n")
 
 

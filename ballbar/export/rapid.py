@@ -16,6 +16,7 @@ from ballbar.export.rows import hayati_rows, parallel_rows
 from ballbar.export.tables import number
 from ballbar.units import MM
 from cell.arrays import Array
+from cell.foreign_text import comment
 from cell.robot_angles import joints_to_motors
 
 _HOW = (
@@ -66,7 +67,10 @@ def rapid_module(result: AnyResult) -> str:
         "Sigma -1: not identified, nominal.",
         *notes(result),
     ]
-    lines = [f"MODULE {_short(result.name)}_identified", *(f"  ! {text}" for text in comments)]
+    lines = [
+        f"MODULE {_short(result.name)}_identified",
+        *(comment("  !", text) for text in comments),
+    ]
     lines += [_constants(name, axes) for name, axes in values.items()]
     lines.append(f"  CONST dnum dh_tool_beta_deg := {number(np.degrees(rows.tool_beta))};")
     lines += [_constants(name, axes) for name, axes in sigmas.items()]

@@ -25,6 +25,7 @@ from cell.bodies import carried_bodies, link_bodies
 from cell.chain import Chain
 from cell.descriptions import Cell, Link, Robot
 from cell.errors import InputError
+from cell.foreign_text import one_line
 from cell.geometry import Parameter, nominal_chain, parameter_table
 from cell.load import load_measured_cell
 from ident.poses.closure import Placement
@@ -183,7 +184,7 @@ class PoseResult:
         )
         if points:
             notes.append(f"Of target {', '.join(points)} only the position is known, not the turn.")
-        return [_one_line(note) for note in notes]
+        return [one_line(note) for note in notes]
 
     @property
     def range_notes(self) -> list[str]:
@@ -238,7 +239,7 @@ def parameter_note(result: AnyResult, parameter: Parameter) -> str:
 def notes(result: AnyResult) -> list[str]:
     """Lines for the head of an exported file: source, frames, what is left out, parameters."""
     texts = (result.robot.title, result.file.name, result.status)
-    title, name, status = (_one_line(text) for text in texts)
+    title, name, status = (one_line(text) for text in texts)
     return [
         f"Identified robot {title}, exported by ballbar {version('ballbar-bench')}.",
         f"Source: {name}, sha256 {result.sha256}. Fit: {status}.",
@@ -257,10 +258,6 @@ def notes(result: AnyResult) -> list[str]:
 def plain_name(name: str) -> str:
     """A name of letters, digits and underscores."""
     return re.sub(r"\W", "_", name, flags=re.ASCII)
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
 
 
 def _effects(corrections: Mapping[str, object]) -> list[str]:

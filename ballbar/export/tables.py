@@ -21,6 +21,7 @@ from ballbar.export.rows import (
 )
 from cell.arrays import Array
 from cell.chain import Chain
+from cell.foreign_text import comment, one_line
 
 _HEADER = "joint,a_m,d_m,alpha_rad,theta_rad,beta_rad"
 
@@ -123,7 +124,7 @@ def _targets(result: PoseResult) -> str:
         parts = [f"({_triple(entry.position_m)}) m"]
         if entry.rotation_vector_rad is not None:
             parts.append(f"rotation vector ({_triple(entry.rotation_vector_rad)}) rad")
-        each.append(f"{' '.join(name.split())} at {', '.join(parts)}")
+        each.append(f"{one_line(name)} at {', '.join(parts)}")
     return "; ".join(each)
 
 
@@ -157,5 +158,5 @@ def _csv(name: str, values: Iterable[float]) -> str:
 
 
 def _table(result: AnyResult, comments: list[str], header: str, lines: list[str]) -> str:
-    head = [f"# {comment}" for comment in [*comments, *notes(result)]]
+    head = [comment("#", text) for text in [*comments, *notes(result)]]
     return "".join(f"{line}\n" for line in [*head, header, *lines])

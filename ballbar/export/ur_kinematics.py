@@ -15,6 +15,7 @@ from ballbar.export.tables import number
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.errors import InputError
+from cell.foreign_text import comment
 from cell.rotation import roll_pitch_yaw
 from cell.urdf import UrdfChain, UrdfJoint
 
@@ -49,7 +50,7 @@ def ur_kinematics(result: AnyResult) -> str:
         "file.",
         *notes(result),
     ]
-    return "".join(f"{line}\n" for line in [*(f"# {text}" for text in head), *lines])
+    return "".join(f"{line}\n" for line in [*(comment("#", text) for text in head), *lines])
 
 
 def ur_chain(origins: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> UrdfChain:

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from ballbar.plan.show import status
 from ballbar.units import UM
-from cell.files import claim_folder
+from cell.files import claimed_folder
 from planning.poses.files import output_names, write_pose_plan
 from planning.poses.plan import PosePlan, pose_plan
 from planning.poses.request import load_pose_request
@@ -33,14 +33,16 @@ def plan_poses(file: Path, *, folder: Path, seconds: float, out: Console, err: C
     """
     request = load_pose_request(file)
     setup = setup_of(request, relative_to=file.parent)
-    claim_folder(folder, output_names(request), "the plan")
-    begin = time.monotonic()
-    with status(err, "planning poses ...") as show:
-        plan = pose_plan(setup, seconds=seconds, since=lambda: time.monotonic() - begin, show=show)
-    names = write_pose_plan(plan, folder, relative_to=file.parent)
-    say_pose_plan(out, plan)
-    out.print(f"Files in {escape(str(folder))}: {', '.join(names)}")
-    out.print(f"Measure, fill in poses.csv, then: ballbar check {escape(str(folder))}")
+    with claimed_folder(folder, output_names(request), "the plan"):
+        begin = time.monotonic()
+        with status(err, "planning poses ...") as show:
+            plan = pose_plan(
+                setup, seconds=seconds, since=lambda: time.monotonic() - begin, show=show
+            )
+        names = write_pose_plan(plan, folder, relative_to=file.parent)
+        say_pose_plan(out, plan)
+        out.print(f"Files in {escape(str(folder))}: {', '.join(names)}")
+        out.print(f"Measure, fill in poses.csv, then: ballbar check {escape(str(folder))}")
     return not plan.route.blocked
 
 
@@ -50,7 +52,8 @@ def say_pose_plan(out: Console, plan: PosePlan) -> None:
     seats = len({s.seat for s in setup.stations})
     targets = len({s.target for s in setup.stations})
     out.print(
-        f"{plan.poses.size} poses of {setup.robot.name} for {setup.instrument.name}, {seats} "
+        f"{plan.poses.size} poses of {escape(setup.robot.name)} for "
+        f"{escape(setup.instrument.name)}, {seats} "
         f"seat{'s' * (seats > 1)}, {targets} target{'s' * (targets > 1)}; selected in "
         f"{plan.seconds:.0f} s"
     )

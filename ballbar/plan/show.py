@@ -21,7 +21,7 @@ from ballbar.plan.picture import plan_picture, plate_picture, what_if_picture
 from ballbar.terminal import animated, wide_console
 from ballbar.units import MM, UM, URAD
 from cell.errors import InputError
-from cell.files import claim_folder, write_whole
+from cell.files import claimed_folder, write_whole
 from planning.candidate import Candidate
 from planning.clearance import clearance
 from planning.evaluation import evaluators
@@ -68,33 +68,36 @@ def plan_path(
     """
     request, questions = load_request(file), [question(text) for text in what_if]
     check_questions(request, questions)
-    claim_folder(folder, {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}, "the plan")
-    if path:
-        candidates = iter([given_path(request, path, position)])
-    else:
-        candidates = searched(request, file.parent, seconds, err)
-    violated = 0
-    for attempt, plan in enumerate(islice(candidates, ATTEMPTS)):
-        if attempt:
-            out.print("[yellow]Limits are violated in MuJoCo; the next best path of the search:[/]")
-        names = write_plan(plan, folder)
-        write_whole(folder / "plan.svg", plan_picture(plan))
-        say_plan(out, plan)
-        if plan.forces is None:
-            out.print(
-                "not run in MuJoCo: nothing loads a telescoping bar, and the robot follows its "
-                "targets under its usual servo; the limits above hold for the nominal robot"
-            )
-            break
-        with status(err, "running it in MuJoCo on soft servo ..."):
-            results = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
-        violated = sum(violations_in(checks_of_robot) for _, checks_of_robot in results)
-        say_checks(out, results)
-        if not violated:
-            break
-    if questions:
-        names += answer(plan, questions, folder, out, err)
-    out.print(f"Files in {escape(str(folder))}: {', '.join([*names, 'plan.svg'])}")
+    known = {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}
+    with claimed_folder(folder, known, "the plan"):
+        if path:
+            candidates = iter([given_path(request, path, position)])
+        else:
+            candidates = searched(request, file.parent, seconds, err)
+        violated = 0
+        for attempt, plan in enumerate(islice(candidates, ATTEMPTS)):
+            if attempt:
+                out.print(
+                    "[yellow]Limits are violated in MuJoCo; the next best path of the search:[/]"
+                )
+            names = write_plan(plan, folder)
+            write_whole(folder / "plan.svg", plan_picture(plan))
+            say_plan(out, plan)
+            if plan.forces is None:
+                out.print(
+                    "not run in MuJoCo: nothing loads a telescoping bar, and the robot follows its "
+                    "targets under its usual servo; the limits above hold for the nominal robot"
+                )
+                break
+            with status(err, "running it in MuJoCo on soft servo ..."):
+                results = [(seed, check_in_plant(plan, seed)) for seed in CHECKED_ROBOTS]
+            violated = sum(violations_in(checks_of_robot) for _, checks_of_robot in results)
+            say_checks(out, results)
+            if not violated:
+                break
+        if questions:
+            names += answer(plan, questions, folder, out, err)
+        out.print(f"Files in {escape(str(folder))}: {', '.join([*names, 'plan.svg'])}")
     return violated == 0
 
 

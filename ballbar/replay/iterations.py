@@ -40,6 +40,7 @@ from ballbar.result.iterations import Step
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import UM, URAD
 from cell.arrays import Array
+from cell.foreign_text import markdown
 from cell.geometry import Geometry, robot_frames
 from ident.robot.accuracy import accuracy_grid
 
@@ -92,7 +93,7 @@ def log_iterations(stream: Branch, data: RunData) -> None:
     _log_arrows(stream, fitted, states)
     begin = "the nominal robot, the ball-bar placed and the clock set as well as possible"
     stages, last = [begin, *(step.stage for step in steps)], len(steps)
-    name = f" of {fitted.name}" if data.several else ""
+    name = f" of {markdown(fitted.name)}" if data.several else ""
     pages = [_page(i, stages[i], states[i], last=last, name=name) for i in range(len(states))]
     stream.log(STAGE, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
     columns = rr.TextDocument.columns(text=pages)

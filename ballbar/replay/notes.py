@@ -17,6 +17,7 @@ from ballbar.result.compare import Comparison
 from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, MS, PPM, UM, URAD, US
+from cell.foreign_text import markdown
 from cell.geometry import parameter_named
 from ident.result import FitStatistics, Identification, RecordingEstimate, RobotEstimate
 
@@ -33,11 +34,11 @@ def replay_notes(data: RunData) -> str:
     rows += _fit_rows(result.fit)
     errors = comparison.deviations if comparison else {}
     parts = [
-        f"# {data.name}",
-        f"**{result.verdict.sentence}** {_gain(comparison)}".strip(),
+        f"# {markdown(data.name)}",
+        f"**{markdown(result.verdict.sentence)}** {_gain(comparison)}".strip(),
         _table(("key figure", "value"), rows),
         _limits(data.limits),
-        "\n".join(f"- Note: {warning}" for warning in result.verdict.warnings),
+        "\n".join(f"- Note: {markdown(warning)}" for warning in result.verdict.warnings),
         _setup(data),
         "## Left at the nominal value",
         _dropped(result),
@@ -47,7 +48,8 @@ def replay_notes(data: RunData) -> str:
         _parameters(robot, errors),
     ]
     for fitted in data.recordings:
-        parts.append(f"## {fitted.name if data.several else 'Encoder offsets and base pose'}")
+        heading = markdown(fitted.name) if data.several else "Encoder offsets and base pose"
+        parts.append(f"## {heading}")
         if data.several:
             parts.append(_table(("key figure", "value"), _recording_rows(fitted.estimate)))
         parts.append(_parameters(fitted.estimate, errors))
@@ -91,7 +93,7 @@ def _setup(data: RunData) -> str:
         sensed = "length sensed"
     lengths = " + ".join(f"{r.recording.robot_log.t[-1]:.0f} s" for r in data.recordings)
     return (
-        f"{robot.cell.robot.title} on {robot.cell.ballbar.title}; "
+        f"{markdown(robot.cell.robot.title)} on {markdown(robot.cell.ballbar.title)}; "
         f"{sensed}; "
         f"{'simulated' if data.simulation else 'recorded'}, {lengths}."
     )

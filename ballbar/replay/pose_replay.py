@@ -31,6 +31,7 @@ from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM
 from cell.arrays import Array
 from cell.chain import Chain, Frames
+from cell.foreign_text import markdown
 from ident.poses.fit import PoseFit
 from ident.poses.model import GroupPoint
 
@@ -148,7 +149,9 @@ def _at(first: int, point: GroupPoint) -> list[rr.TimeColumn]:
 def _notes(run: PoseRun) -> rr.TextDocument:
     verdict = run.identification.verdict
     held_out = [outcome.sentence for _, _, outcome in run.held_out]
-    lines = [f"# {run.name}", verdict.sentence, *held_out, *(f"- {w}" for w in verdict.warnings)]
+    warnings = [f"- {markdown(warning)}" for warning in verdict.warnings]
+    texts = [markdown(text) for text in (run.name, verdict.sentence, *held_out)]
+    lines = [f"# {texts[0]}", *texts[1:], *warnings]
     return rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)
 
 

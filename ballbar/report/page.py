@@ -21,6 +21,7 @@ from ballbar.report.summary import summary
 from ballbar.report.tcp_view import tcp_section, tcp_view
 from ballbar.result.run_data import RunData
 from cell.files import write_whole
+from cell.foreign_text import printable
 from cell.processes import Begin
 
 
@@ -31,7 +32,7 @@ def write_report(path: Path, data: RunData, *, command: str, begin: Begin = part
         some of it meanwhile.
     """
     page = render_report(data, command=command, written=datetime.now(UTC), begin=begin)
-    write_whole(path, page.encode())
+    write_whole(path, printable(page, allowed="\n\t").encode())
 
 
 def render_report(data: RunData, *, command: str, written: datetime, begin: Begin = partial) -> str:

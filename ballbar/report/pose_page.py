@@ -34,6 +34,7 @@ from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM, MRAD, URAD
 from cell.arrays import Array
 from cell.files import write_whole
+from cell.foreign_text import printable
 from cell.pose_file import pose_file_path
 from ident.corrections.joint_harmonics import harmonic_name
 from ident.poses.result import PoseIdentification
@@ -102,7 +103,7 @@ def write_pose_report(
     comparison : with the truth, where it is known. command : as the user typed it.
     """
     page = render_pose_report(run, comparison, command=command, written=datetime.now(UTC))
-    write_whole(path, page.encode())
+    write_whole(path, printable(page, allowed="\n\t").encode())
 
 
 def render_pose_report(

@@ -6,7 +6,6 @@ also when there is only one.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,16 +14,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from ballbar.result.names import CALIBRATION
+from ballbar.result.names import CALIBRATION, DESCRIPTIONS
 from ballbar.result.run_data import RunData
 from cell.descriptions import Cell
 from cell.errors import DescriptionError
-from cell.files import write_yaml
+from cell.files import write_whole, write_yaml
+from cell.foreign_files import read_regular
 from cell.geometry import Geometry, table_of_names
 from cell.payload import LinkDeviation, Payload, with_payload
 from cell.schema import Strict
 from cell.statistics import rms
-from cell.strict_yaml import check_schema, load_yaml, parse_model
+from cell.strict_yaml import MAX_BYTES, check_schema, load_yaml, parse_model
 from ident.estimator.unknowns import belongs_to_recording, shared_names
 from ident.held_out import HeldOut, LoopClosure
 from ident.loads.payload import PayloadEstimate
@@ -43,14 +43,16 @@ if TYPE_CHECKING:
 
 SCHEMA = "ballbar-calibration/2"
 Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+ParameterValue = Annotated[float, Field(ge=-1e3, le=1e3)]  # [m] or [rad]
 POSES = "poses"  # `model` of a result of still poses
 
 
 class ParameterEntry(Strict):
     """One kinematic parameter; lengths in m, angles in rad."""
 
-    nominal: float
-    value: float
+    nominal: ParameterValue
+    value: ParameterValue
     sigma: float | None = None
     identified: bool
 
@@ -67,9 +69,9 @@ class ClockEntry(Strict):
 class NoiseEntry(Strict):
     """Standard deviations of one logged row."""
 
-    joint_rad: tuple[float, ...]
-    encoder_rad: dict[str, float]
-    length_m: float | None = None  # of a sensed length
+    joint_rad: tuple[NotNegative, ...]
+    encoder_rad: dict[str, NotNegative]
+    length_m: NotNegative | None = None  # of a sensed length
 
 
 class CoefficientEntry(Strict):
@@ -96,11 +98,11 @@ class StepFaultEntry(Strict):
 class ResidualEntry(Strict):
     """Residuals of one recording."""
 
-    samples: int
-    equations: int
-    chi2: float  # sum of squares of the whitened residuals
-    position_rms_m: float  # of the norm
-    angle_rms_rad: float  # of the norm
+    samples: Annotated[int, Field(ge=0)]
+    equations: Annotated[int, Field(ge=0)]
+    chi2: NotNegative  # sum of squares of the whitened residuals
+    position_rms_m: NotNegative  # of the norm
+    angle_rms_rad: NotNegative  # of the norm
 
 
 class RecordingEntry(Strict):
@@ -298,16 +300,25 @@ def calibration_of(data: RunData) -> CalibrationFile:
 
 
 def write_calibration(path: Path, data: RunData) -> None:
-    """Write calibration.yaml, whole or not at all."""
+    """Write calibration.yaml, whole or not at all, and the descriptions that it names beside it."""
     file, recorded = calibration_of(data), data.recordings[0].folder
-    # Descriptions of the user's own are named from the recording's folder, and here from this one.
     own = {
-        key: Path(os.path.relpath(recorded / name, path.parent)).as_posix()
+        key: with_description(path, key, recorded / name)
         for key in ("robot", "instrument", "plate")
         if (name := getattr(file, key)).endswith(".yaml")
     }
     file = file.model_copy(update=own)
     write_yaml(path, file.model_dump(mode="json", by_alias=True, exclude_none=True))
+
+
+def with_description(path: Path, key: str, description: Path) -> str:
+    """Copies a description of the user's own beside a result, which may be moved with it.
+
+    path : of calibration.yaml. key : robot, instrument or plate. Returns its name from there.
+    """
+    name = f"{DESCRIPTIONS}/{key}/{description.name}"
+    write_whole(path.parent / name, read_regular(description, MAX_BYTES))
+    return name
 
 
 def _parameters(

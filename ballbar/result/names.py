@@ -6,4 +6,5 @@ CALIBRATION = "calibration.yaml"
 IMPORT_REPORT = "import_report.json"
 REPORT = "report.html"
 REPLAY = "run.rrd"
-OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY}  # of `run` and `identify`
+DESCRIPTIONS = "descriptions"  # folder of robot, ball-bar and plate files that are not shipped
+OUTPUTS = {CALIBRATION, IMPORT_REPORT, REPORT, REPLAY, DESCRIPTIONS}  # of `run` and `identify`

@@ -7,7 +7,6 @@ says of poses that were not fitted.
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -16,7 +15,13 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from ballbar.result.calibration import POSES, SCHEMA, CoefficientEntry, ParameterEntry
+from ballbar.result.calibration import (
+    POSES,
+    SCHEMA,
+    CoefficientEntry,
+    ParameterEntry,
+    with_description,
+)
 from ballbar.result.pose_run import PoseRun
 from cell.arrays import Array
 from cell.chain import Chain
@@ -362,12 +367,11 @@ def pose_calibration(run: PoseRun) -> PoseCalibrationFile:
 
 
 def write_pose_calibration(path: Path, run: PoseRun) -> None:
-    """Write calibration.yaml, whole or not at all; it names the robot's file as seen from there."""
+    """Write calibration.yaml, whole or not at all, and a robot's file of the user's beside it."""
     file = pose_calibration(run)
     if file.robot.endswith(".yaml"):
         named = pose_file_path(run.folders[0][1]).parent / file.robot
-        seen = os.path.relpath(named.resolve(), path.parent.resolve())
-        file = file.model_copy(update={"robot": Path(seen).as_posix()})
+        file = file.model_copy(update={"robot": with_description(path, "robot", named)})
     write_yaml(path, file.model_dump(mode="json", by_alias=True, exclude_none=True))
 
 

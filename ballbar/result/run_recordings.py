@@ -15,6 +15,7 @@ from ballbar.identify_settings import IdentifySettings
 from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.run_data import FittedRecording, RunData, Validation
 from cell.errors import InputError
+from cell.foreign_text import printable
 from cell.load import load_cell, load_measured_cell
 from cell.recording import load_recording_file
 from ident.held_out import held_out
@@ -66,7 +67,7 @@ def identify_recordings(
 
 
 def distinct_names(folders: Sequence[Path]) -> list[str]:
-    """Each folder's last part, or as many parts from the end as tell it from the others.
+    """Each folder's last part, or as many parts from the end as tell it from the others, printable.
 
     Raises InputError when one of them is given twice.
     """
@@ -78,7 +79,7 @@ def distinct_names(folders: Sequence[Path]) -> list[str]:
         )
     names = [""] * len(whole)
     for parts in range(1, max(len(path.parts) for path in whole) + 1):
-        tails = ["/".join(path.parts[-parts:]) for path in whole]
+        tails = [printable("/".join(path.parts[-parts:]), allowed="") for path in whole]
         count = Counter(tails)
         names = [
             name or (tail if count[tail] == 1 else "")

@@ -10,6 +10,8 @@ from ballbar.robot_file.draft import RobotDraft, check_rows, rounded
 from ballbar.robot_file.read import read_description
 from cell.dh_from_axes import AxesError, dh_from_axes
 from cell.errors import InputError
+from cell.foreign_text import one_line
+from cell.schema import TITLE_LENGTH
 from cell.urdf import Urdf, UrdfChain, bodies, chain_between, parse_urdf, with_round_angles
 
 _POSES, _SEED = 100, 1
@@ -31,7 +33,7 @@ def draft_from_urdf(name: str, path: Path, base: str | None, tip: str | None) ->
     check_rows(str(path), form.chain)
     return RobotDraft(
         name=name,
-        title=urdf.name,
+        title=one_line(urdf.name)[:TITLE_LENGTH],
         source=_source(path, chain, _influence(written, chain)),
         form=form,
         lower=_stated([joint.lower for joint in chain.joints]),

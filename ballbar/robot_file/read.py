@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from cell.errors import InputError
-from cell.strict_yaml import MAX_BYTES
+from cell.foreign_files import read_regular
+
+MAX_BYTES = 10_000_000  # of a URDF with every link of a cell; its meshes are files of their own
 
 
 def read_description(path: Path) -> str:
@@ -13,17 +15,15 @@ def read_description(path: Path) -> str:
 
     Raises InputError if it is no regular file, larger than MAX_BYTES, or not UTF-8.
     """
-    if not path.exists():
-        raise InputError(f"{path}: no such file. Correct the name.")
-    if not path.is_file():
-        raise InputError(f"{path}: this is no regular file; name the file itself.")
-    with path.open("rb") as file:
-        raw = file.read(MAX_BYTES + 1)
-    if len(raw) > MAX_BYTES:
+    try:
+        raw = read_regular(path, MAX_BYTES)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file. Correct the name.") from None
+    except OSError as error:
         raise InputError(
-            f"{path}: larger than {MAX_BYTES // 1_000_000} MB, so it describes no robot. Name the "
-            "URDF itself, without its meshes."
-        )
+            f"{path}: cannot be read: {error.strerror}. Name the URDF or table itself, without "
+            "meshes."
+        ) from None
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

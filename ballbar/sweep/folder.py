@@ -8,7 +8,6 @@ DIR/NAME.parquet, .csv     the table
 
 from __future__ import annotations
 
-import fcntl
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,11 +19,10 @@ from ballbar.sweep.files import Files, unpack
 from ballbar.sweep.plan import Plan
 from ballbar.sweep.table import chunk_bytes, write_table
 from cell.errors import InputError
-from cell.files import claim_folder, write_whole, write_yaml
+from cell.files import claimed_folder, write_whole, write_yaml
 from cell.strict_yaml import load_yaml
 
 _FILES = "files"
-_LOCK = ".lock"
 _CHUNKS = "chunks"
 _PLAN = "plan.yaml"
 
@@ -95,19 +93,9 @@ def open_folder(path: Path, plan: Plan) -> Iterator[SweepFolder]:
     """
     folder = SweepFolder(path.absolute(), plan)
     written = (_PLAN, folder.table.name, folder.csv.name)
-    unfinished = (f".{name}.part" for name in written)
-    claim_folder(path, {_FILES, _LOCK, _CHUNKS, *written, *unfinished}, "a sweep")
-    if folder.started and not folder.checked:
-        _refuse_other_plan(path / _PLAN, plan)
-    path.mkdir(parents=True, exist_ok=True)
-    with (path / _LOCK).open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(
-                f"{path}: another process works on this sweep. Wait for it, or choose another "
-                "folder with --out."
-            ) from None
+    with claimed_folder(path, {_FILES, _CHUNKS, *written}, "a sweep"):
+        if folder.started and not folder.checked:
+            _refuse_other_plan(path / _PLAN, plan)
         yield folder
 
 

@@ -9,9 +9,8 @@ names of machines, one writer setting.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from functools import reduce
 from pathlib import Path
 
@@ -22,6 +21,8 @@ import pyarrow.parquet as pq
 from ballbar.sweep.chunk import Row
 from ballbar.sweep.file import Value
 from cell.errors import InputError
+from cell.files import written_whole
+from cell.foreign_text import csv_text
 
 # Rows of a row group, held in memory at once: 10 000 runs take the memory of 100.
 GROUP_ROWS = 2_000
@@ -62,12 +63,12 @@ def write_table(chunks: Sequence[Path], files: Mapping[str, Path]) -> None:
     """
     schema = table_schema(chunks)
     with ExitStack() as stack:
-        aside = {kind: stack.enter_context(_whole(path)) for kind, path in files.items()}
+        aside = {kind: stack.enter_context(written_whole(path)) for kind, path in files.items()}
         parquet = stack.enter_context(pq.ParquetWriter(aside["parquet"], schema))
         csv = stack.enter_context(pa_csv.CSVWriter(aside["csv"], schema))
         for group in _groups(chunks, schema):
             parquet.write_table(group)
-            csv.write_table(group)
+            csv.write_table(_without_formulas(group))
 
 
 def table_schema(chunks: Iterable[Path]) -> pa.Schema:
@@ -92,6 +93,15 @@ def _groups(chunks: Iterable[Path], schema: pa.Schema) -> Iterator[pa.Table]:
             held = [rows.slice(GROUP_ROWS)]
     if sum(map(len, held)):
         yield pa.concat_tables(held).combine_chunks()
+
+
+def _without_formulas(rows: pa.Table) -> pa.Table:
+    """Rows whose text no spreadsheet runs."""
+    for i, field in enumerate(rows.schema):
+        if pa.types.is_string(field.type):
+            cells = [text if text is None else csv_text(text) for text in rows[i].to_pylist()]
+            rows = rows.set_column(i, field, pa.array(cells, field.type))
+    return rows
 
 
 def _in_schema(rows: pa.Table, schema: pa.Schema) -> pa.Table:
@@ -137,16 +147,3 @@ def _as(kind: pa.DataType, value: Value) -> Value:
     if value is None or isinstance(value, str) or not pa.types.is_string(kind):
         return float(value) if pa.types.is_floating(kind) and value is not None else value
     return json.dumps(value)
-
-
-@contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """A temporary file beside `path`, renamed to it at the end, or deleted if anything fails."""
-    aside = path.with_name(f".{path.name}.part")
-    try:
-        yield aside
-        with aside.open("rb") as file:
-            os.fsync(file.fileno())
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.arrays import Array
+from cell.foreign_text import comment
 from cell.poses import Measured
 from planning.export import APPROACH_OVERRIDE, FAR
 from planning.poses.plan import PosePlan
@@ -71,7 +72,7 @@ def header(plan: PosePlan) -> list[str]:
 def rapid_poses(plan: PosePlan) -> str:
     """RAPID module of a plan."""
     name, stops = plan.setup.request.name, list(_stops(plan))
-    lines = [f"MODULE {name}", *(f"  ! {line}" for line in header(plan))]
+    lines = [f"MODULE {name}", *(comment("  !", line) for line in header(plan))]
     for stop in stops:
         numbers = ",".join(f"{angle:.4f}" for angle in stop.axes)
         lines.append(f"  CONST jointtarget {stop.name}:=[[{numbers}],[{','.join([FAR] * 6)}]];")
@@ -89,7 +90,7 @@ def pdl2_poses(plan: PosePlan) -> str:
     """PDL2 program of a plan."""
     name = plan.setup.request.name
     lines = [f"PROGRAM {name} PROG_ARM = 1, STACK = 2048"]
-    lines += [f"-- {line}" for line in header(plan)]
+    lines += [comment("--", line) for line in header(plan)]
     lines += ["BEGIN", f"  $PROG_SPD_OVR := {APPROACH_OVERRIDE}"]
     for stop in _stops(plan):
         lines.append(f"  MOVE JOINT TO {{{', '.join(f'{angle:.4f}' for angle in stop.axes)}}}")

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from cell.pose_file import KnownDistances
-from cell.schema import Strict
+from cell.schema import Name, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import load_model, load_yaml
 from planning.request import Axes, Cone, KeepOut, Positive
@@ -23,7 +23,7 @@ SCHEMA = "ballbar-pose-plan/1"
 class SeatEntry(Strict):
     """One placement of the instrument, or one socket."""
 
-    name: str = Field("seat", description="As `seat` of poses.yaml.")
+    name: Name = Field("seat", description="As `seat` of poses.yaml.")
     position_m: Vector3 = Field(description="In the robot's base frame, to a few millimetres.")
     axis: Vector3 | None = Field(
         None,
@@ -36,7 +36,7 @@ class SeatEntry(Strict):
 class TargetEntry(Strict):
     """One ball or reflector on the flange."""
 
-    name: str = Field("target", description="As `target` of poses.yaml.")
+    name: Name = Field("target", description="As `target` of poses.yaml.")
     position_m: Vector3 = Field(description="In the frame of the flange.")
     axis: Vector3 | None = Field(
         None, description="Direction in the flange's frame into which the target looks."

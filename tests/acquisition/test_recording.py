@@ -412,11 +412,6 @@ def test_a_folder_that_is_missing_is_named(tmp_path: Path) -> None:
         read_recording(tmp_path / "nowhere")
 
 
-def test_the_same_file_named_twice_overlaps_itself(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"raw/robot.csv:2: starts .* before raw/robot.csv ends"):
-        read_recording(write(tmp_path, change=put(*ROBOT_FILES, value=["raw/robot.csv"] * 2)))
-
-
 def test_every_dialect_says_what_its_side_needs() -> None:
     assert {
         "abb-motor",

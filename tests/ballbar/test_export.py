@@ -290,10 +290,10 @@ def test_axes_that_are_parallel_to_rounding_have_no_standard_row(nominal: Geomet
 def test_names_in_a_result_cannot_end_a_comment_or_begin_a_line(
     tmp_path: Path, nominal: Geometry, cell: Cell
 ) -> None:
-    """A robot file of one's own may have any title."""
+    """A robot file of one's own may have any title of one line."""
     source = (Path(__file__).parents[2] / "cell" / "robots" / "irb2400.yaml").read_text()
     robot = tmp_path / "my -- robot.yaml"
-    robot.write_text(source.replace("title: ABB IRB 2400/16", 'title: "x --> <a/>\\nMODULE evil"'))
+    robot.write_text(source.replace("title: ABB IRB 2400/16", 'title: "x ---> <a/> MODULE evil"'))
     result = load_result(
         write_calibration_of(tmp_path / "calibration.yaml", nominal, nominal, robot=robot.name)
     )

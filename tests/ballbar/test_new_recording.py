@@ -112,8 +112,9 @@ def test_the_user_is_asked_at_the_prompt(
     asked: list[str] = []
     answers = {"Which robot": "irb2400", "Which ball-bar": "lund_600"}
 
-    def prompt(question: str, default: str | None = None, *, err: bool) -> str:
+    def prompt(question: str, default: str | None, *, show_default: bool, err: bool) -> str:
         assert not err
+        assert not show_default, "a proposal from a file is a part of the question"
         asked.append(question)
         return default or next(
             answer for start, answer in answers.items() if question.startswith(start)

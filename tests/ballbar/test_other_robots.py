@@ -53,7 +53,7 @@ def test_a_recording_of_any_robot_becomes_a_calibration_and_its_tables(
     """The file of the robot stands in the recording's folder, and the result names it there."""
     result = result_of(tmp_path, rows)
     assert result.cell.robot.joints == result.chain.rows == len(rows)
-    assert result.calibration.file.robot == "../recording/other.yaml"
+    assert result.calibration.file.robot == "descriptions/robot/other.yaml"
     for table in (dh_table(result), hayati_table(result)):
         lines = [line for line in table.splitlines() if not line.startswith("#")]
         assert len(lines) == 1 + len(rows) + 1  # header, joints, tool

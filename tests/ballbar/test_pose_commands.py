@@ -188,7 +188,7 @@ def test_a_wrong_answer_at_the_prompt_is_said_and_asked_again(
     answers = iter(["a,b", "a,b,d", "a,b,c"])
     questions: list[str] = []
 
-    def prompt(question: str, default: str | None = None, *, err: bool) -> str:
+    def prompt(question: str, default: str | None, *, show_default: bool, err: bool) -> str:
         questions.append(question)
         return next(answers)
 

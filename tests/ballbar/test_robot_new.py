@@ -141,7 +141,7 @@ def test_the_name_of_a_joint_cannot_end_the_comment_it_stands_in(tmp_path: Path)
     urdf.write_text(text.replace('name="joint1"', 'name="j&#8232;title: x&#10;links: 3"'))
     code, _, err = ballbar("robot", "new", "arm", "--urdf", urdf, "--out", file)
     assert code == 0, err
-    assert load_robot(str(file)).title == "arm \ndh: 3"
+    assert load_robot(str(file)).title == "arm dh: 3"
 
 
 def test_a_table_of_standard_rows(tmp_path: Path) -> None:
@@ -260,7 +260,7 @@ def test_a_wrong_table_is_refused_with_its_line(text: str, message: str, tmp_pat
     [
         ([], "name one source: --urdf FILE"),
         (["--urdf", "no.urdf"], "no.urdf: no such file"),
-        (["--urdf", "."], "this is no regular file"),
+        (["--urdf", "."], "it is no regular file"),
         (["--urdf", "a.urdf", "--dh", "a.csv"], "name one source"),
         (["--dh", "a.csv", "--tip", "tool0"], "name one source"),
     ],
@@ -281,13 +281,13 @@ def _refused(folder: Path, words: list[object], message: str) -> None:
 def test_a_pipe_is_no_urdf(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe.urdf"
     os.mkfifo(pipe)
-    _refused(tmp_path, ["--urdf", pipe], "this is no regular file")
+    _refused(tmp_path, ["--urdf", pipe], "it is no regular file")
 
 
 def test_a_file_that_is_too_large_or_not_text_is_refused(tmp_path: Path) -> None:
     large = tmp_path / "large.urdf"
     large.write_bytes(b" " * 10_000_001)
-    _refused(tmp_path, ["--urdf", large], "larger than 10 MB, so it describes no robot")
+    _refused(tmp_path, ["--urdf", large], "larger than 10 MB. Name the URDF")
     large.write_bytes(b"<robot>\n\xff\xfe</robot>")
     _refused(tmp_path, ["--urdf", large], r"large\.urdf:2: byte 0xff is not UTF-8")
 

@@ -636,7 +636,7 @@ def test_two_processes_never_work_in_one_folder(tmp_path: Path) -> None:
     sweep = loaded(tmp_path, GRID)
     with (
         open_folder(tmp_path / "out", sweep.plan),
-        pytest.raises(InputError, match="another process works on this sweep"),
+        pytest.raises(InputError, match="another process writes to this folder"),
     ):
         swept(sweep, tmp_path / "out", inline)
 

@@ -219,7 +219,7 @@ def test_a_log_given_by_mistake_is_refused_before_it_is_parsed(tmp_path: Path) -
     with path.open("wb") as file:
         file.truncate(MAX_BYTES + 1)
     with pytest.raises(
-        DescriptionError, match=r"larger than 10 MB, so it is no description. Was a log meant"
+        DescriptionError, match=r"larger than 1 MB. So it is no description: was a log meant"
     ):
         load_yaml(path)
 

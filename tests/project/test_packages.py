@@ -139,3 +139,13 @@ def test_the_product_starts_without_any_extra(entry: str) -> None:
 @pytest.mark.parametrize("module", ["ballbar.trial.trial", "ballbar.sweep.chunk"])
 def test_a_worker_of_a_sweep_imports_no_viewer_and_no_page(module: str) -> None:
     assert not reached(module) & {"rerun", "matplotlib", "jinja2"}
+
+
+def test_all_text_is_printed_by_the_consoles_of_the_terminal() -> None:
+    """They show control characters of names in files as escapes."""
+    for name, file in FILES.items():
+        if name.split(".")[0] not in PACKAGES or name == "ballbar.terminal":
+            continue
+        for node in ast.walk(tree(file)):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                assert node.func.id not in ("print", "Console"), f"{file}:{node.lineno}"
