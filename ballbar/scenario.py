@@ -17,6 +17,7 @@ from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_yaml, parse_model
 from ident.corrections import CORRECTIONS
 from ident.options import FitOptions, ForceSource, ModelName
+from ident.thesis.cost_fit import ParameterSet
 from ident.thesis.costs import ENCODERS_NEEDED
 from sim.poses.settings import PoseSimulationSettings
 from sim.settings import SimulationSettings
@@ -58,6 +59,11 @@ class IdentifySettings(Strict):
         "the sample instants, clocks already matched (thesis ch. 3), of the kinematic plant only.",
     )
     samples: Annotated[int, Field(ge=50, le=100_000)] = 1500
+    parameters: ParameterSet = Field(
+        "core",
+        description="Parameters of a thesis cost, of which it identifies what it determines: "
+        "encoder offsets, origin, robot and rod, or all of thesis sec. 3.3.",
+    )
     rod_sign: bool = Field(
         False,
         description="For a vector cost on samples: the elongation of the rod is an unknown, the "
@@ -149,6 +155,9 @@ class Scenario(SimulationSettings):
             if identify.form != "vector":
                 message = "the thesis prints no ml; choose one of its costs, or vector"
                 raise wrong_key("identify", "form", message=message)
+            if identify.parameters != "core":
+                message = "is of the thesis's costs; ml has identify.model and corrections"
+                raise wrong_key("identify", "parameters", message=message)
         elif missing := [f"b{j}" for j in ENCODERS_NEEDED[identify.cost] if j not in fitted]:
             message = f"needs encoders on {', '.join(missing)}, which are not in encoders.fitted"
             raise wrong_key("identify", "cost", message=message)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from ballbar.scenario import IdentifySettings, Scenario
 from ballbar.trial.nominal_path import nominal_path, spread_rows
 from cell.descriptions import Cell
-from ident.thesis.cost_fit import CostFit, fit_cost, identifiable_by
+from ident.thesis.cost_fit import CostFit, ParameterSet, fit_cost, identifiable_by
 from ident.thesis.cost_shift import fit_cost_with_shift
 from ident.thesis.costs import ENCODERS_NEEDED, CostName, cost_named
 from ident.thesis.paired_samples import SampleFit, fit_samples
@@ -85,7 +86,8 @@ def sampled_cell(scenario: Scenario, folder: Path) -> Cell:
 
 def cost_parameters(scenario: Scenario, folder: Path) -> NDArray[np.intp]:
     """(P,) indices into the table of what the cost can identify along the path (sec. 3.3)."""
-    return _parameters(scenario.cell, scenario.path, folder, _thesis_cost(scenario.identify))
+    cost, choice = _thesis_cost(scenario.identify), scenario.identify.parameters
+    return _parameters(scenario.cell, scenario.path, folder, cost, choice)
 
 
 def _thesis_cost(settings: IdentifySettings) -> CostName:
@@ -101,10 +103,10 @@ def _sampled_path(
     return sample_path(*_nominal_path(cell, path, folder), count, delay=delay)
 
 
-@lru_cache(CACHED * len(ENCODERS_NEEDED))
+@lru_cache(CACHED * len(get_args(ParameterSet)) * len(ENCODERS_NEEDED))
 def _parameters(
-    cell: CellSettings, path: PathSettings, folder: Path, cost: CostName
+    cell: CellSettings, path: PathSettings, folder: Path, cost: CostName, choice: ParameterSet
 ) -> NDArray[np.intp]:
     _, nominal, reference = _nominal_path(cell, path, folder)
     rows = spread_rows(reference, SELECTION_SAMPLES)
-    return identifiable_by(cost, nominal, reference.q[rows], reference.b[rows])
+    return identifiable_by(cost, nominal, reference.q[rows], reference.b[rows], choice=choice)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +23,18 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames, parameter_named, robot_frames
 from ident.estimator.closure import Closure
-from ident.estimator.dependencies import select
+from ident.estimator.dependencies import BAR_PARAMETERS, select, thesis_parameters
 from ident.estimator.gauss_newton import Marquardt, Stop, minimise
-from ident.estimator.identifiability import candidates
-from ident.thesis.costs import ENCODERS_NEEDED, ROD, Cost, CostName
+from ident.thesis.costs import ROD, Cost, CostName
 
 # The vector forms end a hundredth of a standard deviation from the minimum (ident.estimator.fit),
 # or with a step of a thousandth of a nanometre.
 VECTOR_STOP = Stop(decrease=1e-4, whitened=False, step=1e-12)
 # The printed scalars end by relative decrease of cost and step, the usual defaults of a library.
 PRINTED_STOP = Stop(relative=1e-10)
+# core: priorities 1 to 4 of thesis sec. 3.3 (encoder offsets, ball-bar origin, robot, rod);
+# all: also 5, "ball-bar parameters not mentioned above"
+ParameterSet = Literal["core", "all"]
 MAX_ITERATIONS = 500  # the thesis's limit (thesis sec. 5.3)
 
 
@@ -171,17 +174,18 @@ def _closure(geometry: Geometry, q: Array, b: Array) -> Closure:
     return Closure(geometry, robot_frames(geometry, q), bar_frames(geometry, b), np.empty((6, 0)))
 
 
-def identifiable_by(cost: CostName, nominal: Geometry, q: Array, b: Array) -> NDArray[np.intp]:
+def identifiable_by(
+    cost: CostName, nominal: Geometry, q: Array, b: Array, *, choice: ParameterSet = "core"
+) -> NDArray[np.intp]:
     """Indices into the table of what a cost determines, in order of priority (thesis sec. 3.3).
 
-    Requested are the offsets of the encoders that the cost needs, base position, robot and rod,
-    never the plate; of these it selects what does not depend on those before. q : (N, 6), b : (N,
-    5) [rad] angles at which the nominal loop closes.
+    Requested are those of `choice`; of these it selects what does not depend on those before, the
+    plate last. q : (N, 6), b : (N, 5) [rad] angles at which the nominal loop closes.
     """
     table = nominal.table
-    requested = candidates(table, ENCODERS_NEEDED[cost])
-    parameters = [table.parameters[i] for i in requested]
+    left_out = BAR_PARAMETERS if choice == "core" else ()
+    names = [name for name in thesis_parameters(table) if name not in left_out]
+    parameters = [table.parameters[table.index[name]] for name in names]
     columns = Cost(cost, "vector").jacobian(_closure(nominal, q, b), parameters)
-    names = [table.names[i] for i in requested]
-    selected = select(columns.reshape(requested.size, -1), names, nominal).selected
+    selected = select(columns.reshape(len(names), -1), names, nominal).selected
     return np.array([table.index[name] for name in selected])
