@@ -17,8 +17,10 @@ from cell.schema_errors import nearest, wrong_key
 from cell.strict_yaml import load_yaml, parse_model
 from ident.corrections import CORRECTIONS
 from ident.options import FitOptions, ForceSource, ModelName
-from ident.thesis.cost_fit import ParameterSet
+from ident.thesis.cost_fit import PRINTED_STOP, ParameterSet
+from ident.thesis.cost_shift import ShiftAt
 from ident.thesis.costs import ENCODERS_NEEDED
+from sim.kinematic_samples import Instants
 from sim.poses.settings import PoseSimulationSettings
 from sim.settings import SimulationSettings
 
@@ -37,6 +39,7 @@ def _unless_auto(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value
 
 
+Smoothing = Literal["none", "moving_average", "spline"]
 Corrections = Annotated[
     tuple[Annotated[str, AfterValidator(_known_correction)], ...], Field(min_length=1)
 ]
@@ -64,6 +67,21 @@ class IdentifySettings(Strict):
         description="Parameters of a thesis cost, of which it identifies what it determines: "
         "encoder offsets, origin, robot and rod, or all of thesis sec. 3.3.",
     )
+    relative_stop: Annotated[float, Field(gt=0.0, le=1e-2)] = Field(
+        PRINTED_STOP,
+        description="Relative decrease of a printed scalar's cost, or size of its step, at which "
+        "the minimisation ends; not printed in the thesis.",
+    )
+    smoothing: Smoothing = Field(
+        "none",
+        description="Logs of a thesis cost on files: as logged, after a moving average of 100 ms "
+        "(thesis sec. 5.2), or as least-squares splines, which ml uses.",
+    )
+    instants: Instants = Field(
+        "all",
+        description="Samples of a thesis cost: evenly over the motion, those at which the robot "
+        "stands still, those at which it moves, or those at nearly constant speed (thesis ch. 7).",
+    )
     rod_sign: bool = Field(
         False,
         description="For a vector cost on samples: the elongation of the rod is an unknown, the "
@@ -71,8 +89,13 @@ class IdentifySettings(Strict):
     )
     shift_rounds: Annotated[int, Field(ge=0, le=50)] = Field(
         0,
-        description="For a cost on samples: how often to identify and move a log to the least cost "
-        "before the fit (thesis sec. 5.2).",
+        description="For a cost on samples: how often to move a log to the least cost before the "
+        "fit (thesis sec. 5.2).",
+    )
+    shift_at: ShiftAt = Field(
+        "identified",
+        description="Geometry of each move: identified before it, or the nominal one with encoder "
+        "offsets matched at a few points, which is the thesis's procedure (sec. 5.2).",
     )
     model: ModelName = Field(
         "auto",
@@ -161,10 +184,26 @@ class Scenario(SimulationSettings):
         elif missing := [f"b{j}" for j in ENCODERS_NEEDED[identify.cost] if j not in fitted]:
             message = f"needs encoders on {', '.join(missing)}, which are not in encoders.fitted"
             raise wrong_key("identify", "cost", message=message)
-        for key in ("rod_sign", "shift_rounds"):
-            if getattr(identify, key) and (identify.cost == "ml" or identify.data == "files"):
+        return self
+
+    @model_validator(mode="after")
+    def _options_have_their_cost(self) -> Scenario:
+        """What is of the thesis's costs on samples is not asked of others."""
+        identify = self.identify
+        for key in ("rod_sign", "shift_rounds", "instants"):
+            given = getattr(identify, key) != IdentifySettings.model_fields[key].default
+            if given and (identify.cost == "ml" or identify.data == "files"):
                 message = "is of the thesis's costs on samples; set cost and data = samples"
                 raise wrong_key("identify", key, message=message)
+        if identify.smoothing != "none" and (identify.cost == "ml" or identify.data != "files"):
+            message = "is of the thesis's costs on logs; set cost and data = files"
+            raise wrong_key("identify", "smoothing", message=message)
+        if identify.shift_rounds and identify.instants != "all":
+            message = "a log is moved with evenly spread samples only; leave instants out"
+            raise wrong_key("identify", "instants", message=message)
+        if identify.rod_sign and identify.shift_rounds:
+            message = "the sign of the force is of logs on one clock; leave shift_rounds out"
+            raise wrong_key("identify", "rod_sign", message=message)
         if identify.rod_sign and identify.form != "vector":
             message = "the rod's deviation is linear in the vector form only; set form = vector"
             raise wrong_key("identify", "rod_sign", message=message)

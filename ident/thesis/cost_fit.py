@@ -30,8 +30,9 @@ from ident.thesis.costs import ROD, Cost, CostName
 # The vector forms end a hundredth of a standard deviation from the minimum (ident.estimator.fit),
 # or with a step of a thousandth of a nanometre.
 VECTOR_STOP = Stop(decrease=1e-4, whitened=False, step=1e-12)
-# The printed scalars end by relative decrease of cost and step, the usual defaults of a library.
-PRINTED_STOP = Stop(relative=1e-10)
+# The printed scalars end by relative decrease of cost and step, whose size the thesis does not
+# print. This one is near the minimum; Matlab's lsqnonlin, by default, ends at 1e-6.
+PRINTED_STOP = 1e-10
 # core: priorities 1 to 4 of thesis sec. 3.3 (encoder offsets, ball-bar origin, robot, rod);
 # all: also 5, "ball-bar parameters not mentioned above"
 ParameterSet = Literal["core", "all"]
@@ -132,6 +133,7 @@ def fit_cost(
     b: Array,
     parameters: Sequence[int] | NDArray[np.intp],
     rod_sign: Array | None = None,
+    relative_stop: float = PRINTED_STOP,
     max_iterations: int = MAX_ITERATIONS,
 ) -> CostFit:
     """Minimise one cost over some parameters.
@@ -140,7 +142,8 @@ def fit_cost(
     joints that the cost does not need (ident.thesis.costs.ENCODERS_NEEDED) any value serves, as
     long as the rows behind them have no lengths. parameters : (P,) indices into the table; the
     others stay as in `start`. rod_sign : (N,) sign of the rod's force, +1 pulled; its deviation
-    from bd3 is then an unknown too. Of vector forms only.
+    from bd3 is then an unknown too. Of vector forms only. relative_stop : decrease of a printed
+    scalar's cost, or size of a step, against their own size at which it ends.
 
     Raises ValueError when an angle is not finite, and for the sign of a printed scalar.
     """
@@ -151,7 +154,7 @@ def fit_cost(
     problem = _Problem(cost, start, q, b, np.asarray(parameters, dtype=np.intp), rod_sign)
     if not np.isfinite(problem.start().cost):
         raise ValueError("the cost of the start is not finite: an angle of the samples is missing")
-    stop = VECTOR_STOP if cost.form == "vector" else PRINTED_STOP
+    stop = VECTOR_STOP if cost.form == "vector" else Stop(relative=relative_stop)
     minimum = minimise(problem, stop, max_iterations=max_iterations, search=Marquardt())
     end = minimum.equations
     return CostFit(
