@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 from cell.schema import Strict
 from ident.corrections import CORRECTIONS
 from ident.options import FitOptions, ForceSource, ModelName
+from ident.thesis.names import PRINTED_STOP, Instants, ParameterSet, ShiftAt, Smoothing
 
 
 def _known_correction(name: str) -> str:
@@ -45,6 +46,26 @@ class IdentifySettings(Strict):
         "the sample instants, clocks already matched (thesis ch. 3), of the kinematic plant only.",
     )
     samples: Annotated[int, Field(ge=50, le=100_000)] = 1500
+    parameters: ParameterSet = Field(
+        "core",
+        description="Parameters of a thesis cost, of which it identifies what it determines: "
+        "encoder offsets, origin, robot and rod, or all of thesis sec. 3.3.",
+    )
+    relative_stop: Annotated[float, Field(gt=0.0, le=1e-2)] = Field(
+        PRINTED_STOP,
+        description="Relative decrease of a printed scalar's cost, or size of its step, at which "
+        "the minimisation ends; not printed in the thesis.",
+    )
+    smoothing: Smoothing = Field(
+        "none",
+        description="Logs of a thesis cost on files: as logged, after a moving average of 100 ms "
+        "(thesis sec. 5.2), or as least-squares splines, which ml uses.",
+    )
+    instants: Instants = Field(
+        "all",
+        description="Samples of a thesis cost: evenly over the motion, those at which the robot "
+        "stands still, those at which it moves, or those at nearly constant speed (thesis ch. 7).",
+    )
     rod_sign: bool = Field(
         False,
         description="For a vector cost on samples: the elongation of the rod is an unknown, the "
@@ -52,8 +73,13 @@ class IdentifySettings(Strict):
     )
     shift_rounds: Annotated[int, Field(ge=0, le=50)] = Field(
         0,
-        description="For a cost on samples: how often to identify and move a log to the least cost "
-        "before the fit (thesis sec. 5.2).",
+        description="For a cost on samples: how often to move a log to the least cost before the "
+        "fit (thesis sec. 5.2).",
+    )
+    shift_at: ShiftAt = Field(
+        "identified",
+        description="Geometry of each move: identified before it, or the nominal one with encoder "
+        "offsets matched at a few points, which is the thesis's procedure (sec. 5.2).",
     )
     model: ModelName = Field(
         "auto",

@@ -110,13 +110,32 @@ class Scenario(SimulationSettings):
             if identify.form != "vector":
                 message = "the thesis prints no ml; choose one of its costs, or vector"
                 raise wrong_key("identify", "form", message=message)
+            if identify.parameters != "core":
+                message = "is of the thesis's costs; ml has identify.model and corrections"
+                raise wrong_key("identify", "parameters", message=message)
         elif missing := [f"b{j}" for j in ENCODERS_NEEDED[identify.cost] if j not in fitted]:
             message = f"needs encoders on {', '.join(missing)}, which are not in encoders.fitted"
             raise wrong_key("identify", "cost", message=message)
-        for key in ("rod_sign", "shift_rounds"):
-            if getattr(identify, key) and (identify.cost == "ml" or identify.data == "files"):
+        return self
+
+    @model_validator(mode="after")
+    def _options_have_their_cost(self) -> Scenario:
+        """What is of the thesis's costs on samples is not asked of others."""
+        identify = self.identify
+        for key in ("rod_sign", "shift_rounds", "instants"):
+            given = getattr(identify, key) != IdentifySettings.model_fields[key].default
+            if given and (identify.cost == "ml" or identify.data == "files"):
                 message = "is of the thesis's costs on samples; set cost and data = samples"
                 raise wrong_key("identify", key, message=message)
+        if identify.smoothing != "none" and (identify.cost == "ml" or identify.data != "files"):
+            message = "is of the thesis's costs on logs; set cost and data = files"
+            raise wrong_key("identify", "smoothing", message=message)
+        if identify.shift_rounds and identify.instants != "all":
+            message = "a log is moved with evenly spread samples only; leave instants out"
+            raise wrong_key("identify", "instants", message=message)
+        if identify.rod_sign and identify.shift_rounds:
+            message = "the sign of the force is of logs on one clock; leave shift_rounds out"
+            raise wrong_key("identify", "rod_sign", message=message)
         if identify.rod_sign and identify.form != "vector":
             message = "the rod's deviation is linear in the vector form only; set form = vector"
             raise wrong_key("identify", "rod_sign", message=message)

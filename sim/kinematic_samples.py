@@ -12,9 +12,12 @@ Encoder offsets are those of the static errors alone; none are drawn.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import binary_dilation
 
 from cell.arrays import Array
 from cell.chain import Chain, Frames, cross, forward, joint_screws
@@ -22,7 +25,7 @@ from cell.descriptions import Cell
 from cell.errors import InputError
 from cell.geometry import BAR_ROWS, Geometry, bar_frames
 from cell.inverse import refine
-from sim.errors.sample_errors import delay_of
+from sim.errors.sample_errors import RodPulled, delay_of
 from sim.errors.sensor_effects import encoder_effects, resolver_effects
 from sim.errors.static_errors import true_geometry
 from sim.logging.encoders import motor_angles
@@ -34,9 +37,12 @@ from sim.streams import stream
 
 # [rad/s] joint speed from which the robot counts as moving (ident.estimator.sampling)
 MOVING = 1e-3
-STICKING = 1e-3  # [m/s] vertical speed below which friction keeps its sign; assumed
+STICKING = 1e-3  # [m/s] speed below which friction keeps its sign; assumed
+STRETCH = 2.0  # [s] mean time between two drawn changes of the rod's force; assumed
+SETTLING = 0.2  # [s] around a sample at which the robot stands still, in which it does not move
 CHORDS = 10  # steps with the nominal Jacobian; errors of 1 mm and 1 mrad need five
 CONVERGED = 1e-13  # [rad] of a step (cell.inverse.refine)
+Instants = Literal["all", "standing", "moving", "constant_speed"]
 COUNTED = (
     "signal_noise",
     "frozen_bits",
@@ -70,6 +76,7 @@ class SampledPath:
     b_later: Array  # (N, 5) [rad] ball-bar angles
     q: Array  # (N, 6) [rad] nominal joint angles
     rising: Array  # (N,) +1 while the rod's end rises, -1 while it sinks
+    around: Array  # (N,) +1 while it moves counterclockwise around the base, -1 otherwise
     inverse: Array  # (N, 6, 6) inverse of the nominal robot's Jacobian
 
 
@@ -86,13 +93,20 @@ class KinematicSamples:
 
 
 def sample_path(
-    cell: Cell, nominal: Geometry, path: ReferencePath, count: int, *, delay: float = 0.0
+    cell: Cell,
+    nominal: Geometry,
+    path: ReferencePath,
+    count: int,
+    *,
+    delay: float = 0.0,
+    instants: Instants = "all",
 ) -> SampledPath:
-    """A path at `count` times, evenly from the first to the last motion of the robot.
+    """A path at `count` times, from the first to the last motion of the robot.
 
-    delay : [s] by which the robot's angles are logged later than the ball-bar's.
+    delay : [s] by which the robot's angles are logged later than the ball-bar's. instants : which
+        parts of the path the times are spread over evenly.
 
-    Raises InputError if nothing moves.
+    Raises InputError if nothing moves, or if the path has no such instants.
     """
     moving = np.flatnonzero(np.abs(path.speed).max(axis=1) > MOVING)
     if not moving.size:
@@ -101,7 +115,31 @@ def sample_path(
             "Take a path that moves."
         )
     t = np.linspace(path.t[moving[0]], path.t[moving[-1]], count)
+    if instants != "all":
+        rows = moving[0] + np.flatnonzero(_at(instants, path)[moving[0] : moving[-1] + 1])
+        if not rows.size:
+            raise InputError(
+                f"identify.instants = {instants}: the path has none between its first and its last "
+                "motion. Set path.stops and path.dwell_s, or choose others."
+            )
+        t = path.t[rows[np.linspace(0, rows.size - 1, count).round().astype(np.intp)]]
     return sample_path_at(cell, nominal, path, t, delay=delay)
+
+
+def _at(instants: Instants, path: ReferencePath) -> NDArray[np.bool_]:
+    """(K,) which rows of a path are such instants.
+
+    At nearly constant speed the largest joint acceleration is in the lowest quarter of the motion.
+    """
+    moves = np.asarray(np.abs(path.speed).max(axis=1) > MOVING)
+    if instants == "moving":
+        return moves
+    if instants == "standing":
+        width = 2 * round(SETTLING / (path.t[1] - path.t[0])) + 1
+        moved: NDArray[np.bool_] = binary_dilation(moves, np.ones(width, dtype=bool))
+        return np.logical_not(moved)
+    acceleration = np.abs(np.gradient(path.speed, path.t, axis=0)).max(axis=1)
+    return np.asarray(moves & (acceleration < np.quantile(acceleration[moves], 0.25)))
 
 
 def sample_path_at(
@@ -113,7 +151,10 @@ def sample_path_at(
     b_later, commanded = np.split(angles(later), [BAR_ROWS], axis=1)
     q = refine(nominal.robot, commanded, bar_frames(nominal, b_later).poses())
     jacobian = np.asarray(joint_screws(forward(nominal.robot, q)).transpose(2, 1, 0))
-    rising = _held_sign(CubicSpline(path.t, bar_frames(nominal, path.b).tip[2])(path.t, 1))
+    tip = bar_frames(nominal, path.b).tip - nominal.origin[:, None]
+    x, y, _ = tip
+    velocity = CubicSpline(path.t, tip, axis=1)(path.t, 1)
+    tangential = (x * velocity[1] - y * velocity[0]) / np.hypot(x, y)
     row = np.rint((later - path.t[0]) / (path.t[1] - path.t[0])).astype(np.intp)
     return SampledPath(
         cell=cell,
@@ -123,7 +164,8 @@ def sample_path_at(
         b=angles(t)[:, :BAR_ROWS],
         b_later=b_later,
         q=q,
-        rising=rising[row],
+        rising=_held_sign(velocity[2])[row],
+        around=_held_sign(tangential)[row],
         inverse=np.asarray(np.linalg.inv(jacobian), dtype=np.float64),
     )
 
@@ -159,14 +201,24 @@ def kinematic_samples(settings: SimulationSettings, path: SampledPath) -> Kinema
         seed=seed,
     )
     rod = errors.rod_deviation
-    longer = rod.amplitude_m * without_mean(path.rising) if rod else np.zeros_like(path.t)
+    sign = _rod_sign(rod.pulled if rod else "rising", path, seed)
+    longer = rod.amplitude_m * without_mean(sign) if rod else np.zeros_like(path.t)
     q = _follow(true, path, longer)
     logged = q + without_mean(_robot_log(settings, cell, q) - q)
     b = path.b + without_mean(_ballbar_log(settings, cell, path) - path.b)
     if errors.truncation:
         step = errors.truncation.step_rad
         b = np.rint(b / step) * step
-    return KinematicSamples(path.t, logged, b, path.rising, path.nominal, true)
+    return KinematicSamples(path.t, logged, b, sign, path.nominal, true)
+
+
+def _rod_sign(pulled: RodPulled, path: SampledPath, seed: int) -> Array:
+    """(N,) +1 where the rod is pulled, -1 where it is pushed."""
+    if pulled == "drawn":
+        rng = stream(seed, "rod_deviation")
+        changes = rng.random(path.t.size) < np.gradient(path.t) / STRETCH
+        return np.where(np.cumsum(changes) % 2 == 0, 1.0, -1.0)
+    return path.rising if pulled == "rising" else path.around
 
 
 def without_mean(error: Array) -> Array:

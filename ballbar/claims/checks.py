@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from ballbar.claims.kinds import (
     OF_RUNS,
@@ -16,6 +17,7 @@ from ballbar.claims.kinds import (
     Measure,
     Monotonic,
     Ordered,
+    Quotient,
     Ratio,
     TableName,
 )
@@ -66,7 +68,8 @@ def measured(measure: Measure, evidence: Evidence) -> str:
     if evidence.failures:
         return evidence.failures
     values = numbers(measure, evidence.table).values()
-    return f"{measure.what}: {_range(values, unit_of(measure.column))}"
+    unit = "" if measure.statistic == "relative_spread" else unit_of(measure.column)
+    return f"{measure.what}: {_range(values, unit)}"
 
 
 def _bound(check: Bound, evidence: Evidence) -> Outcome:
@@ -78,8 +81,26 @@ def _bound(check: Bound, evidence: Evidence) -> Outcome:
 
 
 def _ratio(check: Ratio, evidence: Evidence) -> Outcome:
-    above = numbers(check, evidence.table, check.of)
-    below = numbers(check, evidence.table, check.over)
+    ratios = _quotients(check, check, evidence)
+    if check.than is not None:
+        others = _quotients(check, check.than, evidence)
+        ratios = {value: ratio / others[value] for value, ratio in ratios.items()}
+    least, most = check.at_least, check.at_most
+    met = all(
+        (least is None or x >= least) and (most is None or x <= most) for x in ratios.values()
+    )
+    limits = [
+        f"at {word} {limit:g}"
+        for word, limit in (("least", least), ("most", most))
+        if limit is not None
+    ]
+    return Outcome(met, f"{check.what}: {_range(ratios.values(), ' times')}", ", ".join(limits))
+
+
+def _quotients(check: Ratio, runs: Quotient, evidence: Evidence) -> dict[Any, float]:
+    """The number of `of` over that of `over`, by the values of `each`."""
+    above = numbers(check, evidence.table, runs.of)
+    below = numbers(check, evidence.table, runs.over)
     if above.keys() != below.keys():
         raise InputError(
             f"{check.each}: the runs of `of` have the values {list(above)}, those of `over` "
@@ -91,15 +112,7 @@ def _ratio(check: Ratio, evidence: Evidence) -> Outcome:
             f"{check.column}: the runs of `over` have 0, so there is no ratio. "
             "Choose another column, or other runs for `over`"
         )
-    ratios = [above[value] / below[value] for value in above]
-    least, most = check.at_least, check.at_most
-    met = all((least is None or x >= least) and (most is None or x <= most) for x in ratios)
-    limits = [
-        f"at {word} {limit:g}"
-        for word, limit in (("least", least), ("most", most))
-        if limit is not None
-    ]
-    return Outcome(met, f"{check.what}: {_range(ratios, ' times')}", ", ".join(limits))
+    return {value: above[value] / below[value] for value in above}
 
 
 def _ordered(check: Ordered, evidence: Evidence) -> Outcome:
@@ -139,13 +152,6 @@ def _monotonic(check: Monotonic, evidence: Evidence) -> Outcome:
 def _among_largest(check: AmongLargest, evidence: Evidence) -> Outcome:
     runs = places(selected(evidence.table, check.rows), check.places)
     names = list(itertools.chain.from_iterable(runs))
-    known = {column.removeprefix("error.") for column in evidence.table.columns}
-    for name in check.parameters:
-        if not any(parameter.startswith(name) for parameter in known):
-            raise InputError(
-                f"parameters: none of the identified ones is, or begins with, {name}. "
-                "Name one of the parameters of the sweep"
-            )
     share = sum(name.startswith(tuple(check.parameters)) for name in names) / len(names)
     met = check.at_least <= share <= check.at_most
     limits = f"{check.at_least:.0%} to {check.at_most:.0%}"
@@ -183,8 +189,10 @@ def _equal_table(check: EqualTable, evidence: Evidence) -> Outcome:
     missing, more = (sum(len(side[k]) for side in only.values()) for k in (0, 1))
     result = f"{check.what}: {items - missing} of {items} printed found here, {more or 'none'} more"
     if unexpected:
-        result += f"; not as stated: {'; '.join(unexpected)}"
-    return Outcome(not unexpected, result, "equal but for the exceptions")
+        word = "not as stated" if check.exceptions else "not equal"
+        result += f"; {word}: {'; '.join(unexpected)}"
+    limits = "equal but for the exceptions" if check.exceptions else "equal"
+    return Outcome(not unexpected, result, limits)
 
 
 def _difference(thesis: frozenset[str], here: frozenset[str]) -> str:

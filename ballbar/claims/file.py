@@ -11,16 +11,19 @@
       - name: c_l_sensitive
         says: ...                           # quotation from the thesis
         source: sec. 3.5, Fig. 3.2
-        expected: holds                     # or differs, with `finding`, which the checks guard
-        checks:
+        expected: holds                     # or differs, or {core: holds, all: differs}
+        checks:                             # the sentence: it holds where all of them are met
           - kind: ratio
             what: ...
             of: {identify.cost: length}
             over: {identify.cost: transform}
             at_least: 3
             reason: ...
+        finding: ...                        # where it differs: our result, which `guards` check
+        guards: [{kind: at_most, ...}]
         ml: [{what: ..., rows: {identify.cost: ml}}]   # the default cost with the same errors
 
+A sweep runs with both parameter sets (identify.parameters), and every sentence is judged with each.
 Instead of a sweep, `identifiability` names a scenario; a calculation needs neither. The kinds of
 checks are those of ballbar.claims.kinds.
 """
@@ -29,7 +32,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -38,6 +41,16 @@ from ballbar.sweep.file import Seeds
 from cell.schema import Line, Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import YamlDocument, load_yaml, parse_model
+from ident.thesis.names import ParameterSet
+
+Word = Literal["holds", "differs"]
+
+
+class Expected(Strict):
+    """Verdict with each parameter set."""
+
+    core: Word
+    all: Word
 
 
 class Claim(Strict):
@@ -46,22 +59,39 @@ class Claim(Strict):
     name: Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]
     says: str = Field(description="Quotation from the thesis.")
     source: str
-    expected: Literal["holds", "differs"]
+    expected: Word | Expected = Field(description="One word is the verdict with both sets.")
     finding: str = Field("", description="Our result and its reason, where the claim differs.")
-    checks: Annotated[list[Check], Field(min_length=1)]
+    checks: Annotated[list[Check], Field(min_length=1, description="What the sentence says.")]
+    guards: list[Check] = Field([], description="What `finding` says, with the core set.")
     ml: list[Measure] = Field(
         [], description="Results of cost ml, with the clock as parameter, on the same errors."
     )
 
+    @property
+    def sections(self) -> list[tuple[str, int, Check]]:
+        """Every check with its key and its place below it."""
+        groups = (("checks", self.checks), ("guards", self.guards))
+        return [(key, j, check) for key, checks in groups for j, check in enumerate(checks)]
+
+    def expects(self, parameters: ParameterSet) -> Word:
+        """The verdict that is expected with one parameter set."""
+        if isinstance(self.expected, Expected):
+            return self.expected.core if parameters == "core" else self.expected.all
+        return self.expected
+
     @model_validator(mode="after")
     def _explained(self) -> Claim:
-        if self.expected == "differs" and not self.finding:
+        if "differs" in map(self.expects, get_args(ParameterSet)) and not self.finding:
             raise wrong_key("finding", message="state our result, since the claim differs")
         return self
 
 
 class Plot(Strict):
-    """Curves over a varied value: the median, and a band from the smallest to the largest."""
+    """Curves over a varied value: the median, and a band from the smallest to the largest.
+
+    Solid with the core set, dashed with all parameters. The distance has the largest error beside
+    it, as in the thesis's figures.
+    """
 
     kind: Literal["curves"]
     title: Line
@@ -123,6 +153,11 @@ class ClaimFile(Strict):
     claims: Annotated[list[Claim], Field(min_length=1)]
 
     @property
+    def sets(self) -> tuple[ParameterSet, ...]:
+        """Parameter sets that its runs fit; without a sweep there is one evidence alone."""
+        return get_args(ParameterSet) if self.sweep is not None else ("core",)
+
+    @property
     def order(self) -> list[int]:
         """The numbers of its place in the thesis."""
         return [int(number) for number in re.findall(r"\d+", self.place)]
@@ -140,8 +175,8 @@ class ClaimFile(Strict):
     def _has_what_its_checks_look_at(self) -> ClaimFile:
         swept, studied = self.sweep is not None, self.identifiability is not None
         for i, claim in enumerate(self.claims):
-            for j, check in enumerate(claim.checks):
-                kind = ("claims", i, "checks", j, "kind")
+            for section, j, check in claim.sections:
+                kind = ("claims", i, section, j, "kind")
                 if isinstance(check, EqualTable) and not studied:
                     message = "looks at identifiability, which this file does not name"
                     raise wrong_key(*kind, message=message)

@@ -10,16 +10,19 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from ballbar.plan.beam import CALCULATIONS
+from cell.geometry import ParameterTable
 from cell.schema import Strict
 from cell.schema_errors import nearest, wrong_key
+from ident.estimator.dependencies import thesis_parameters
 
 Scalar = str | int | float | bool | None
 Rows = dict[str, Scalar | list[Scalar]]  # column -> value, or values, of the selected runs
-# largest: largest absolute value; spread: standard deviation
-Statistic = Literal["median", "mean", "min", "max", "rms", "largest", "spread"]
+# largest: largest absolute value; spread: standard deviation, relative_spread: over the mean
+Statistic = Literal["median", "mean", "min", "max", "rms", "largest", "spread", "relative_spread"]
 TableName = Literal["3.2", "3.3", "3.4", "3.5", "sec. 3.3"]
 
-DISTANCE = "distance_mm_mrad"
+DISTANCE, LARGEST = "distance_mm_mrad", "largest_mm_mrad"
+SIX_AXES = 6  # of both robots of the thesis
 
 
 class Measure(Strict):
@@ -40,12 +43,20 @@ class Bound(Measure):
     reason: str
 
 
-class Ratio(Measure):
+class Quotient(Strict):
+    """Runs whose number is divided by that of other runs."""
+
+    of: Rows
+    over: Rows
+
+
+class Ratio(Quotient, Measure):
     """The number of some runs over that of other runs lies within limits."""
 
     kind: Literal["ratio"]
-    of: Rows
-    over: Rows
+    than: Quotient | None = Field(
+        None, description="Runs by whose ratio this one is divided: how much more `of` gains."
+    )
     at_least: float | None = None
     at_most: float | None = None
     reason: str
@@ -91,11 +102,20 @@ class AmongLargest(Strict):
     rows: Rows = Field({})
     places: Annotated[int, Field(ge=1)]
     parameters: Annotated[list[str], Field(min_length=1)] = Field(
-        description="Names, or their beginning: `btheta`."
+        description="Names, or their beginning: `btheta`. One that is not fitted has no error."
     )
     at_least: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     at_most: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
     reason: str
+
+    @model_validator(mode="after")
+    def _of_the_thesis(self) -> AmongLargest:
+        names = thesis_parameters(ParameterTable(SIX_AXES, ()))
+        for name in self.parameters:
+            if not any(parameter.startswith(name) for parameter in names):
+                message = f"no parameter of thesis sec. 3.3 is, or begins with, {name}"
+                raise wrong_key("parameters", message=message)
+        return self
 
 
 class Difference(Strict):

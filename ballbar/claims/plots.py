@@ -6,15 +6,16 @@ A ranking shows how often each parameter is among the largest errors of a run.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
 from ballbar.claims.file import PlatePlot, Plot, Ranking
+from ballbar.claims.kinds import DISTANCE, LARGEST
 from ballbar.claims.table import Evidence, places, selected
 from ballbar.figure_style import (
     BLUE,
@@ -34,6 +35,7 @@ from ballbar.figure_style import (
 )
 from ballbar.plan.plate_figure import draw_deflection
 from cell.geometry import table_of_names
+from ident.thesis.names import ParameterSet
 from ident.thesis.tables import THESIS_COSTS
 
 if TYPE_CHECKING:
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
 _COLOURS = {"C_l": BLUE, "C_P": ORANGE, "C_Ptheta": GREEN, "C_T": PURPLE, "ml": "#222222"}
 _OTHERS = (RED, TEAL, BROWN, GREY)
 _WIDTH, _HEIGHT = 560, 300  # [px]
+PANELS = {DISTANCE: "distance [mm|mrad]", LARGEST: "largest error [mm|mrad]"}  # thesis sec. 3.4
 _MAX_TICKS = 8  # varied values up to which each of them is a tick
 _STYLE: dict[RcKeyType, Any] = {
     **FRAME,
@@ -55,24 +58,28 @@ _STYLE: dict[RcKeyType, Any] = {
 }
 
 
-def plot_svg(plot: Plot | Ranking | PlatePlot, evidence: Evidence) -> bytes:
+def plot_svg(plot: Plot | Ranking | PlatePlot, evidence: Mapping[ParameterSet, Evidence]) -> bytes:
     """A plot as an SVG file.
 
     Raises InputError where the plot names runs or columns that do not exist.
     """
+    results = PANELS if isinstance(plot, Plot) and plot.y == DISTANCE else {"": ""}
     with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=(_WIDTH / 96.0, _HEIGHT / 96.0), layout="constrained")
-        axes = figure.add_subplot()
-        axes.set_title(plot.title, fontsize=9.0, loc="left", color=INK)
-        if isinstance(plot, PlatePlot):
-            draw_deflection(axes)
-        elif isinstance(plot, Plot):
-            _curves(axes, plot, selected(evidence.table, plot.rows))
-        else:
-            _ranking(axes, plot, selected(evidence.table, plot.rows))
-        if axes.get_legend_handles_labels()[0]:
+        size = (len(results) * _WIDTH / 96.0, _HEIGHT / 96.0)
+        figure = Figure(figsize=size, layout="constrained")
+        panels = figure.subplots(1, len(results), squeeze=False)[0]
+        panels[0].set_title(plot.title, fontsize=9.0, loc="left", color=INK)
+        for axes, (column, label) in zip(panels, results.items(), strict=True):
+            if isinstance(plot, PlatePlot):
+                draw_deflection(axes)
+            elif isinstance(plot, Plot):
+                _curves(axes, plot, evidence, column or plot.y, label or plot.y_label)
+            else:
+                _ranking(axes, plot, evidence)
+        if panels[-1].get_legend_handles_labels()[0]:
             below = isinstance(plot, Ranking)  # many names on the x axis, few lines
             figure.legend(
+                *panels[-1].get_legend_handles_labels(),
                 loc="outside lower center" if below else "outside right upper",
                 ncols=4 if below else 1,
                 borderpad=0.0,
@@ -85,36 +92,49 @@ def line_label(value: object) -> str:
     return THESIS_COSTS.get(str(value), str(value))
 
 
-def _curves(axes: Axes, plot: Plot, table: pd.DataFrame) -> None:
-    for value in dict.fromkeys(table[plot.lines]):
-        rows = selected(table, {plot.lines: value})
-        groups = rows[plot.y].abs().groupby(rows[plot.x], sort=True)
-        median, label = groups.median(), line_label(value)
-        x = plot.x_factor * median.index.to_numpy(dtype=float)
-        y = median.to_numpy(dtype=float)
-        (line,) = axes.plot(x, y, "o-", label=label, color=_COLOURS.get(label))
-        colour = line.get_color()
-        axes.fill_between(x, groups.min(), groups.max(), color=colour, alpha=0.15, linewidth=0.0)
+def _curves(
+    axes: Axes, plot: Plot, evidence: Mapping[ParameterSet, Evidence], y: str, y_label: str
+) -> None:
+    values: set[float] = set()
+    for parameters, own in evidence.items():
+        table = selected(own.table, plot.rows)
+        values |= set(plot.x_factor * table[plot.x].dropna())
+        for k, value in enumerate(dict.fromkeys(table[plot.lines])):
+            rows = selected(table, {plot.lines: value})
+            groups = rows[y].abs().groupby(rows[plot.x], sort=True)
+            label = line_label(value)
+            x = plot.x_factor * groups.median().index.to_numpy(dtype=float)
+            median = groups.median().to_numpy(dtype=float)
+            colour = _COLOURS.get(label, _OTHERS[k % len(_OTHERS)])
+            if parameters == "core":
+                axes.plot(x, median, "o-", label=label, color=colour)
+                low, high = groups.min(), groups.max()
+                axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0.0)
+            else:
+                axes.plot(x, median, linestyle=DASHED, color=colour)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    values = sorted(set(plot.x_factor * table[plot.x].dropna()))
-    if len(values) <= _MAX_TICKS:
-        axes.set_xticks(values, [f"{x:g}" for x in values])
+    ticks = sorted(values)
+    if len(ticks) <= _MAX_TICKS:
+        axes.set_xticks(ticks, [f"{x:g}" for x in ticks])
         axes.minorticks_off()
-    if plot.limit is not None:
-        axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=DASHED)
+    if plot.limit is not None and y == plot.y:
+        axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=":")
     axes.set_xlabel(plot.x_label)
-    axes.set_ylabel(plot.y_label)
+    axes.set_ylabel(y_label)
 
 
-def _ranking(axes: Axes, plot: Ranking, table: pd.DataFrame) -> None:
+def _ranking(axes: Axes, plot: Ranking, evidence: Mapping[ParameterSet, Evidence]) -> None:
     shares: dict[str, dict[str, float]] = {}  # line -> parameter -> share of runs
     if plot.thesis:
         shares["thesis"] = {name: n / plot.thesis_runs for name, n in plot.thesis.items()}
-    for value in dict.fromkeys(table[plot.lines]):
-        runs = places(selected(table, {plot.lines: value}), plot.places)
-        counts = Counter(name for run in runs for name in run)
-        shares[line_label(value)] = {name: count / len(runs) for name, count in counts.items()}
+    for parameters, own in evidence.items():
+        table = selected(own.table, plot.rows)
+        for value in dict.fromkeys(table[plot.lines]):
+            runs = places(selected(table, {plot.lines: value}), plot.places)
+            counts = Counter(name for run in runs for name in run)
+            label = line_label(value) + ("" if parameters == "core" else ", all parameters")
+            shares[label] = {name: count / len(runs) for name, count in counts.items()}
     ranked = set().union(*shares.values())
     names = [name for name in table_of_names(ranked).names if name in ranked]
     width = 0.8 / len(shares)

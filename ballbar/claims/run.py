@@ -1,14 +1,14 @@
-"""Runs the sweeps behind claims, each once, and judges every claim by its checks."""
+"""Runs the sweeps behind claims, each once a parameter set; judges every claim by its checks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ballbar.claims.checks import Outcome, judge, measured
-from ballbar.claims.file import Claim, ClaimFile, Quick, load_claims
+from ballbar.claims.file import Claim, ClaimFile, Quick, Word, load_claims
 from ballbar.claims.table import Evidence, identifiability_evidence, runs_evidence
 from ballbar.sweep.check import LoadedSweep, load_sweep
 from ballbar.sweep.chunk import Task
@@ -20,9 +20,12 @@ from ballbar.trial.trial import run_trial
 from cell.errors import DescriptionError, InputError
 from cell.schema_errors import nearest
 from cell.strict_yaml import YamlDocument
+from ident.thesis.names import ML, ParameterSet
 
 FOLDER = Path("scenarios/claims")  # claims of the project, relative to its folder
 FAILS = "fails its check"
+RESTS_ON: ParameterSet = "core"  # the set that the verdict rests on; why: ballbar.claims.page
+COST = "identify.cost"
 
 WorkersOf = Callable[[Task], AbstractContextManager[Workers]]
 ProgressOf = Callable[[Plan], AbstractContextManager[Progress]]  # of the runs of one sweep
@@ -43,16 +46,22 @@ class Verdict:
     """Result of a claim."""
 
     claim: Claim
-    outcomes: tuple[Outcome, ...]  # one for each check
+    outcomes: Mapping[ParameterSet, tuple[Outcome, ...]]  # one for each check
+    guards: tuple[Outcome, ...]  # of our finding, core set
     ml: tuple[str, ...]  # results of the default cost, as text
+
+    def comes_out(self, parameters: ParameterSet) -> Word:
+        """The verdict with one parameter set, whatever was expected."""
+        return "holds" if all(x.met for x in self.outcomes[parameters]) else "differs"
 
     @property
     def passed(self) -> bool:
-        return all(outcome.met for outcome in self.outcomes)
+        as_expected = (self.comes_out(x) == self.claim.expects(x) for x in self.outcomes)
+        return all(as_expected) and all(guard.met for guard in self.guards)
 
     @property
     def word(self) -> str:
-        return self.claim.expected if self.passed else FAILS
+        return self.comes_out(RESTS_ON) if self.passed else FAILS
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +69,9 @@ class Judged:
     """Verdicts on the claims of one file, and their evidence."""
 
     topic: Topic
-    evidence: Evidence
+    evidence: Mapping[ParameterSet, Evidence]
     verdicts: tuple[Verdict, ...]
-    plan: Plan | None  # of the sweep, if there is one
+    runs: int  # of the sweep with all its parameter sets, if there is one
 
 
 def topics(names: Sequence[str]) -> list[Topic]:
@@ -82,15 +91,13 @@ def topics(names: Sequence[str]) -> list[Topic]:
 def judge_all(
     chosen: Sequence[Topic], folder: Path, workers: WorkersOf, *, quick: bool, showing: ProgressOf
 ) -> list[Judged]:
-    """Runs each sweep once, into a folder below `folder`, and judges every claim.
+    """Runs each sweep once with each parameter set, into folders below `folder`; judges all claims.
 
     Raises InputError and DescriptionError for errors in a file, SweepError when workers die.
     """
-    sweeps = [
-        _sweep_of(topic, quick=quick) if topic.file.sweep is not None else None for topic in chosen
-    ]
+    sweeps = [_sweeps_of(topic, quick=quick) for topic in chosen]
     tables: dict[str, Path] = {}
-    for sweep in filter(None, sweeps):
+    for sweep in (sweep for sets in sweeps for sweep in sets.values()):
         plan = sweep.plan
         if plan.digest not in tables:
             with showing(plan) as progress:
@@ -99,38 +106,72 @@ def judge_all(
             if not outcome.finished:
                 raise KeyboardInterrupt
             tables[plan.digest] = outcome.folder.table
-    return [_judged(topic, sweep, tables) for topic, sweep in zip(chosen, sweeps, strict=True)]
+    return [_judged(topic, sets, tables) for topic, sets in zip(chosen, sweeps, strict=True)]
 
 
-def _judged(topic: Topic, sweep: LoadedSweep | None, tables: dict[str, Path]) -> Judged:
-    file, plan = topic.file, sweep.plan if sweep else None
-    if plan is not None:
+def _judged(
+    topic: Topic, sweeps: Mapping[ParameterSet, LoadedSweep], tables: Mapping[str, Path]
+) -> Judged:
+    file = topic.file
+    evidence: Mapping[ParameterSet, Evidence] = {RESTS_ON: Evidence()}
+    if sweeps:
         with _located(topic, "size"):
-            evidence = runs_evidence(tables[plan.digest], file.size)
+            evidence = {
+                parameters: runs_evidence(tables[sweep.plan.digest], file.size)
+                for parameters, sweep in sweeps.items()
+            }
     elif file.identifiability is not None:
-        evidence = identifiability_evidence(topic.path.parent / file.identifiability)
-    else:
-        evidence = Evidence()
+        evidence = {RESTS_ON: identifiability_evidence(topic.path.parent / file.identifiability)}
     verdicts = tuple(_verdict(topic, i, evidence) for i in range(len(file.claims)))
-    return Judged(topic, evidence, verdicts, plan)
+    return Judged(topic, evidence, verdicts, sum(sweep.plan.runs for sweep in sweeps.values()))
 
 
-def _verdict(topic: Topic, i: int, evidence: Evidence) -> Verdict:
+def _verdict(topic: Topic, i: int, evidence: Mapping[ParameterSet, Evidence]) -> Verdict:
     claim = topic.file.claims[i]
-    outcomes, ml = [], []
-    for j, check in enumerate(claim.checks):
-        with _located(topic, "claims", i, "checks", j):
-            outcomes.append(judge(check, evidence))
+    outcomes: dict[ParameterSet, tuple[Outcome, ...]] = {
+        parameters: _outcomes(topic, i, "checks", own) for parameters, own in evidence.items()
+    }
+    ml = []
     for j, measure in enumerate(claim.ml):
         with _located(topic, "claims", i, "ml", j):
-            ml.append(measured(measure, evidence))
-    return Verdict(claim, tuple(outcomes), tuple(ml))
+            ml.append(measured(measure, evidence[RESTS_ON]))
+    guards = _outcomes(topic, i, "guards", evidence[RESTS_ON])
+    return Verdict(claim, outcomes, guards, tuple(ml))
 
 
-def _sweep_of(topic: Topic, *, quick: bool) -> LoadedSweep:
-    sweep = load_sweep(topic.path.parent / str(topic.file.sweep))
+def _outcomes(topic: Topic, i: int, section: str, evidence: Evidence) -> tuple[Outcome, ...]:
+    outcomes = []
+    for key, j, check in topic.file.claims[i].sections:
+        if key == section:
+            with _located(topic, "claims", i, section, j):
+                outcomes.append(judge(check, evidence))
+    return tuple(outcomes)
+
+
+def _sweeps_of(topic: Topic, *, quick: bool) -> dict[ParameterSet, LoadedSweep]:
+    """The file's sweep with each parameter set; empty without a sweep."""
+    if topic.file.sweep is None:
+        return {}
+    sweep = load_sweep(topic.path.parent / topic.file.sweep)
     with _located(topic, "quick"):
-        return replace(sweep, plan=_thinned(sweep.plan, topic.file.quick)) if quick else sweep
+        plan = _thinned(sweep.plan, topic.file.quick) if quick else sweep.plan
+        return {
+            "core": replace(sweep, plan=plan),
+            "all": replace(sweep, plan=_with_all_parameters(plan)),
+        }
+
+
+def _with_all_parameters(plan: Plan) -> Plan:
+    """The same runs with all parameters of thesis sec. 3.3, without those of ml."""
+    data = plan.data
+    scenario = with_changes(data.scenario, {"identify.parameters": "all"})
+    together = [row for row in data.together if row.get(COST) != ML]
+    vary = {
+        key: [value for value in values if (key, value) != (COST, ML)]
+        for key, values in data.vary.items()
+    }
+    changes = {"scenario": scenario, "together": together, "vary": vary}
+    return Plan.of(data.model_copy(update=changes))
 
 
 def _thinned(plan: Plan, quick: Quick) -> Plan:

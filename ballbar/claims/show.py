@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
+from ballbar.claims.checks import Outcome
 from ballbar.claims.page import page_text
 from ballbar.claims.plots import plot_svg
 from ballbar.claims.run import FAILS, Judged, Verdict
@@ -37,13 +38,23 @@ def _say(out: Console, verdict: Verdict) -> None:
     claim = verdict.claim
     word, source = f"[{_COLOURS[verdict.word]}]{verdict.word}[/]", escape(claim.source)
     out.print(f'  {word} {claim.name}, {source}: [dim]"{escape(claim.says)}"[/]')
-    for outcome in verdict.outcomes:
-        mark = "" if outcome.met else "[red]not met:[/] "
-        out.print(f"      {mark}{escape(outcome.result)} [dim]({escape(outcome.limits)})[/]")
+    for parameters, outcomes in verdict.outcomes.items():
+        if len(verdict.outcomes) > 1:
+            out.print(f"      {parameters} parameters: {verdict.comes_out(parameters)}")
+        _say_outcomes(out, outcomes)
+    if verdict.guards:
+        out.print("      our finding:")
+        _say_outcomes(out, verdict.guards)
     for text in verdict.ml:
         out.print(f"      ml: {escape(text)}")
     if claim.finding:
         out.print(f"      {escape(claim.finding)}")
+
+
+def _say_outcomes(out: Console, outcomes: Sequence[Outcome]) -> None:
+    for outcome in outcomes:
+        mark = "" if outcome.met else "[red]not met:[/] "
+        out.print(f"      {mark}{escape(outcome.result)} [dim]({escape(outcome.limits)})[/]")
 
 
 def write_page(page: Path, judged: Sequence[Judged]) -> None:
@@ -60,7 +71,7 @@ def write_page(page: Path, judged: Sequence[Judged]) -> None:
         images[name] = links
         folder = result.topic.path.parent.as_posix()
         if file.sweep is not None:
-            commands[name] = f"ballbar sweep {folder}/{file.sweep}"
+            commands[name] = f"ballbar claims {name}"
         elif file.identifiability is not None:
             scenario = normpath(f"{folder}/{file.identifiability}")
             commands[name] = f"ballbar identifiability {scenario} --cost all"

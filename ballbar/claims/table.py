@@ -118,6 +118,7 @@ def statistic(name: Statistic, values: Array) -> float:
         "rms": rms,
         "largest": lambda x: np.max(np.abs(x)),
         "spread": np.std,
+        "relative_spread": lambda x: np.std(x) / np.mean(x),
     }
     return float(ways[name](values))
 

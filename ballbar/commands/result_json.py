@@ -179,10 +179,14 @@ def claims_data(judged: Sequence[Judged]) -> list[dict[str, object]]:
                     "says": verdict.claim.says,
                     "verdict": verdict.word,
                     "passed": verdict.passed,
-                    "checks": [
-                        {"met": check.met, "result": check.result, "limits": check.limits}
-                        for check in verdict.outcomes
-                    ],
+                    "with": {
+                        parameters: {
+                            "verdict": verdict.comes_out(parameters),
+                            "checks": [asdict(check) for check in outcomes],
+                        }
+                        for parameters, outcomes in verdict.outcomes.items()
+                    },
+                    "guards": [asdict(check) for check in verdict.guards],
                     "ml": list(verdict.ml),
                 }
                 for verdict in result.verdicts

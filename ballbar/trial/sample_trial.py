@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +20,14 @@ from ballbar.identify_settings import IdentifySettings
 from ballbar.scenario import Scenario
 from ballbar.trial.nominal_path import nominal_path, spread_rows
 from cell.descriptions import Cell
-from ident.thesis.cost_fit import CostFit, fit_cost, identifiable_by
-from ident.thesis.cost_shift import fit_cost_with_shift
+from ident.thesis.cost_fit import fit_cost, identifiable_by
+from ident.thesis.cost_shift import ShiftedFit, fit_cost_with_shift
 from ident.thesis.costs import cost_named
-from ident.thesis.names import ENCODERS_NEEDED, CostName
+from ident.thesis.names import ENCODERS_NEEDED, CostName, ParameterSet
 from ident.thesis.paired_samples import SampleFit, fit_samples
 from sim.errors.sample_errors import delay_of
 from sim.kinematic_samples import (
+    Instants,
     KinematicSamples,
     SampledPath,
     kinematic_samples,
@@ -41,10 +43,8 @@ SELECTION_SAMPLES = 300  # instants for the choice of parameters (ident.estimato
 _nominal_path = lru_cache(CACHED)(nominal_path)
 
 
-def fit_cost_to_samples(
-    scenario: Scenario, folder: Path
-) -> tuple[KinematicSamples, CostFit, float | None]:
-    """Samples, fit of one of the thesis's costs, and the shift [s] between the logs if estimated.
+def fit_cost_to_samples(scenario: Scenario, folder: Path) -> tuple[KinematicSamples, ShiftedFit]:
+    """Samples, and the fit of one of the thesis's costs with the shift between the logs.
 
     Raises as ballbar.trial.trial.run_trial.
     """
@@ -52,14 +52,24 @@ def fit_cost_to_samples(
     samples, parameters = trial_samples(scenario, folder), cost_parameters(scenario, folder)
     cost = cost_named(_thesis_cost(settings), settings.form)
     sign = without_mean(samples.sign) if settings.rod_sign else None  # the mean is part of bd3
+    stop = settings.relative_stop
     start, q, b = samples.nominal, samples.q, samples.b
     if not settings.shift_rounds:
-        return samples, fit_cost(cost, start, q=q, b=b, parameters=parameters, rod_sign=sign), None
-    rounds = settings.shift_rounds
-    shifted = fit_cost_with_shift(
-        cost, start, t=samples.t, q=q, b=b, parameters=parameters, rounds=rounds, rod_sign=sign
+        fit = fit_cost(
+            cost, start, q=q, b=b, parameters=parameters, rod_sign=sign, relative_stop=stop
+        )
+        return samples, ShiftedFit(fit)
+    return samples, fit_cost_with_shift(
+        cost,
+        start,
+        t=samples.t,
+        q=q,
+        b=b,
+        parameters=parameters,
+        rounds=settings.shift_rounds,
+        at=settings.shift_at,
+        relative_stop=stop,
     )
-    return samples, shifted.fit, shifted.shift
 
 
 def fit_ml_to_samples(scenario: Scenario, folder: Path) -> tuple[KinematicSamples, SampleFit]:
@@ -74,10 +84,11 @@ def fit_ml_to_samples(scenario: Scenario, folder: Path) -> tuple[KinematicSample
 
 def trial_samples(scenario: Scenario, folder: Path) -> KinematicSamples:
     """The paired samples of a scenario."""
-    count, delay = scenario.identify.samples, delay_of(scenario.errors)
-    return kinematic_samples(
-        scenario, _sampled_path(scenario.cell, scenario.path, folder, count, delay)
+    settings, delay = scenario.identify, delay_of(scenario.errors)
+    path = _sampled_path(
+        scenario.cell, scenario.path, folder, settings.samples, delay, settings.instants
     )
+    return kinematic_samples(scenario, path)
 
 
 def sampled_cell(scenario: Scenario, folder: Path) -> Cell:
@@ -87,7 +98,8 @@ def sampled_cell(scenario: Scenario, folder: Path) -> Cell:
 
 def cost_parameters(scenario: Scenario, folder: Path) -> NDArray[np.intp]:
     """(P,) indices into the table of what the cost can identify along the path (sec. 3.3)."""
-    return _parameters(scenario.cell, scenario.path, folder, _thesis_cost(scenario.identify))
+    cost, choice = _thesis_cost(scenario.identify), scenario.identify.parameters
+    return _parameters(scenario.cell, scenario.path, folder, cost, choice)
 
 
 def _thesis_cost(settings: IdentifySettings) -> CostName:
@@ -98,15 +110,21 @@ def _thesis_cost(settings: IdentifySettings) -> CostName:
 
 @lru_cache(CACHED)
 def _sampled_path(
-    cell: CellSettings, path: PathSettings, folder: Path, count: int, delay: float
+    cell: CellSettings,
+    path: PathSettings,
+    folder: Path,
+    count: int,
+    delay: float,
+    instants: Instants,
 ) -> SampledPath:
-    return sample_path(*_nominal_path(cell, path, folder), count, delay=delay)
+    nominal = _nominal_path(cell, path, folder)
+    return sample_path(*nominal, count, delay=delay, instants=instants)
 
 
-@lru_cache(CACHED * len(ENCODERS_NEEDED))
+@lru_cache(CACHED * len(get_args(ParameterSet)) * len(ENCODERS_NEEDED))
 def _parameters(
-    cell: CellSettings, path: PathSettings, folder: Path, cost: CostName
+    cell: CellSettings, path: PathSettings, folder: Path, cost: CostName, choice: ParameterSet
 ) -> NDArray[np.intp]:
     _, nominal, reference = _nominal_path(cell, path, folder)
     rows = spread_rows(reference, SELECTION_SAMPLES)
-    return identifiable_by(cost, nominal, reference.q[rows], reference.b[rows])
+    return identifiable_by(cost, nominal, reference.q[rows], reference.b[rows], choice=choice)

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, CubicSpline
 
 from ballbar.result.compare import (
     Comparison,
@@ -35,8 +35,11 @@ from cell.geometry import BAR_ROWS
 from cell.statistics import rms
 from ident.estimator.dependencies import ENCODER_OFFSETS
 from ident.robot.unloaded_robot import UnloadedRobot
+from ident.signals.smooth_log import ARM_KNOT_SPACING, smooth_log
 from ident.thesis.cost_fit import CostFit, fit_cost
 from ident.thesis.costs import cost_named
+from ident.thesis.moving_average import moving_average
+from ident.thesis.names import Smoothing
 from ident.verdict import Status, noise_status
 from sim.errors.sample_errors import delay_of
 from sim.recording_files import write_recording
@@ -63,14 +66,16 @@ def run_trial(scenario: Scenario, folder: Path) -> Row:
 
 
 def _cost_samples_row(scenario: Scenario, folder: Path) -> Row:
-    samples, fit, shift = fit_cost_to_samples(scenario, folder)
+    samples, shifted = fit_cost_to_samples(scenario, folder)
+    fit = shifted.fit
     names = [fit.geometry.table.names[i] for i in fit.parameters]
     cell = sampled_cell(scenario, folder)
     row = _cost_row(
         fit, compare_kinematics(cell, fit.geometry, samples.nominal, samples.true, names)
     )
-    if shift is not None:  # robot time = t - shift
-        row["clock_offset_error_us"] = (delay_of(scenario.errors) - shift) * US
+    if scenario.identify.shift_rounds:  # robot time = t - shift
+        row["clock_offset_error_us"] = (delay_of(scenario.errors) - shifted.shift) * US
+        row["last_move_us"] = shifted.last_move * US
     if scenario.identify.rod_sign:
         row["rod_deviation_um"] = fit.rod_deviation * UM
     return row
@@ -112,17 +117,18 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
         verdict: Row = {"chi2_per_dof": fitted.chi2_per_dof, "verdict": str(result.verdict.status)}
         return _row(comparison, quality | verdict)
     cost = cost_named(scenario.identify.cost, scenario.identify.form)
-    q, b = _paired_angles(recording)
+    q, b = _paired_angles(recording, scenario.identify.smoothing)
     offsets = {name: estimate.geometry[name] for name in ENCODER_OFFSETS}
     start, parameters = estimate.nominal.replaced(offsets), cost_parameters(scenario, folder)
-    fit = fit_cost(cost, start, q=q, b=b, parameters=parameters)
+    stop = scenario.identify.relative_stop
+    fit = fit_cost(cost, start, q=q, b=b, parameters=parameters, relative_stop=stop)
     robot, truth = UnloadedRobot(simulation.cell, fit.geometry), simulation.truth
     names = [fit.geometry.table.names[i] for i in fit.parameters]
     return _cost_row(fit, compare_with_truth(robot, estimate.nominal, truth, names, None))
 
 
-def _paired_angles(recording: FittedRecording) -> tuple[Array, Array]:
-    """Robot and ball-bar angles at the instants of the fit, by cubic splines through their logs.
+def _paired_angles(recording: FittedRecording, smoothing: Smoothing) -> tuple[Array, Array]:
+    """Robot and ball-bar angles at the instants of the fit, by splines of their logs.
 
     Returns q (N, 6) and b (N, 5) [rad]; b is 0 for joints without encoder.
     """
@@ -131,9 +137,16 @@ def _paired_angles(recording: FittedRecording) -> tuple[Array, Array]:
     b = np.zeros((t.size, BAR_ROWS))
     if log is not None:
         columns = [j - 1 for j in log.joints]
-        b[:, columns] = CubicSpline(log.t, log.angles)(t) * np.array(estimate.directions)
+        b[:, columns] = _spline(log.t, log.angles, smoothing)(t) * np.array(estimate.directions)
     robot_time = estimate.clock.robot_time(t) if estimate.clock else t
-    return np.asarray(CubicSpline(logs.robot_log.t, logs.robot_log.q)(robot_time)), b
+    return np.asarray(_spline(logs.robot_log.t, logs.robot_log.q, smoothing)(robot_time)), b
+
+
+def _spline(t: Array, angles: Array, smoothing: Smoothing) -> CubicSpline | BSpline:
+    """Spline of a log: through its rows, through their moving average, or of least squares."""
+    if smoothing == "spline":
+        return smooth_log(t, angles, widest_knot_spacing=ARM_KNOT_SPACING).spline
+    return CubicSpline(t, moving_average(t, angles) if smoothing == "moving_average" else angles)
 
 
 def _cost_row(fit: CostFit, comparison: Comparison) -> Row:
@@ -154,6 +167,8 @@ def _row(comparison: Comparison, quality: Row) -> Row:
         "parameters": len(comparison.deviations),
         "tcp_mean_mm": comparison.tcp.mean * MM,
         "tcp_max_mm": comparison.tcp.maximum * MM,
+        # share of the nominal robot's error
+        "tcp_left": comparison.tcp.mean / comparison.tcp_nominal.mean,
     }
     row |= quality
     if comparison.offset is not None and comparison.skew is not None:

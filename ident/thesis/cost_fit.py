@@ -22,17 +22,14 @@ from numpy.typing import NDArray
 from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames, parameter_named, robot_frames
 from ident.estimator.closure import Closure
-from ident.estimator.dependencies import select
+from ident.estimator.dependencies import BAR_PARAMETERS, select, thesis_parameters
 from ident.estimator.gauss_newton import Marquardt, Stop, minimise
-from ident.estimator.identifiability import candidates
 from ident.thesis.costs import ROD, Cost
-from ident.thesis.names import ENCODERS_NEEDED, CostName
+from ident.thesis.names import PRINTED_STOP, CostName, ParameterSet
 
 # The vector forms end a hundredth of a standard deviation from the minimum (ident.estimator.fit),
 # or with a step of a thousandth of a nanometre.
 VECTOR_STOP = Stop(decrease=1e-4, whitened=False, step=1e-12)
-# The printed scalars end by relative decrease of cost and step, the usual defaults of a library.
-PRINTED_STOP = Stop(relative=1e-10)
 MAX_ITERATIONS = 500  # the thesis's limit (thesis sec. 5.3)
 
 
@@ -130,6 +127,7 @@ def fit_cost(
     b: Array,
     parameters: Sequence[int] | NDArray[np.intp],
     rod_sign: Array | None = None,
+    relative_stop: float = PRINTED_STOP,
     max_iterations: int = MAX_ITERATIONS,
 ) -> CostFit:
     """Minimise one cost over some parameters.
@@ -138,7 +136,8 @@ def fit_cost(
     joints that the cost does not need (ident.thesis.costs.ENCODERS_NEEDED) any value serves, as
     long as the rows behind them have no lengths. parameters : (P,) indices into the table; the
     others stay as in `start`. rod_sign : (N,) sign of the rod's force, +1 pulled; its deviation
-    from bd3 is then an unknown too. Of vector forms only.
+    from bd3 is then an unknown too. Of vector forms only. relative_stop : decrease of a printed
+    scalar's cost, or size of a step, against their own size at which it ends.
 
     Raises ValueError when an angle is not finite, and for the sign of a printed scalar.
     """
@@ -149,7 +148,7 @@ def fit_cost(
     problem = _Problem(cost, start, q, b, np.asarray(parameters, dtype=np.intp), rod_sign)
     if not np.isfinite(problem.start().cost):
         raise ValueError("the cost of the start is not finite: an angle of the samples is missing")
-    stop = VECTOR_STOP if cost.form == "vector" else PRINTED_STOP
+    stop = VECTOR_STOP if cost.form == "vector" else Stop(relative=relative_stop)
     minimum = minimise(problem, stop, max_iterations=max_iterations, search=Marquardt())
     end = minimum.equations
     return CostFit(
@@ -172,17 +171,18 @@ def _closure(geometry: Geometry, q: Array, b: Array) -> Closure:
     return Closure(geometry, robot_frames(geometry, q), bar_frames(geometry, b), np.empty((6, 0)))
 
 
-def identifiable_by(cost: CostName, nominal: Geometry, q: Array, b: Array) -> NDArray[np.intp]:
+def identifiable_by(
+    cost: CostName, nominal: Geometry, q: Array, b: Array, *, choice: ParameterSet = "core"
+) -> NDArray[np.intp]:
     """Indices into the table of what a cost determines, in order of priority (thesis sec. 3.3).
 
-    Requested are the offsets of the encoders that the cost needs, base position, robot and rod,
-    never the plate; of these it selects what does not depend on those before. q : (N, 6), b : (N,
-    5) [rad] angles at which the nominal loop closes.
+    Requested are those of `choice`; of these it selects what does not depend on those before, the
+    plate last. q : (N, 6), b : (N, 5) [rad] angles at which the nominal loop closes.
     """
     table = nominal.table
-    requested = candidates(table, ENCODERS_NEEDED[cost])
-    parameters = [table.parameters[i] for i in requested]
+    left_out = BAR_PARAMETERS if choice == "core" else ()
+    names = [name for name in thesis_parameters(table) if name not in left_out]
+    parameters = [table.parameters[table.index[name]] for name in names]
     columns = Cost(cost, "vector").jacobian(_closure(nominal, q, b), parameters)
-    names = [table.names[i] for i in requested]
-    selected = select(columns.reshape(requested.size, -1), names, nominal).selected
+    selected = select(columns.reshape(len(names), -1), names, nominal).selected
     return np.array([table.index[name] for name in selected])

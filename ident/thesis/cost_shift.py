@@ -1,9 +1,10 @@
 """Clock alignment by least cost (thesis sec. 5.2): the ball-bar's angles are shifted in time.
 
-What the geometry is wrong by decides where that minimum lies, and the geometry was identified with
-the clocks still apart. Identifying and shifting in turns converges, but the unknown that both share
-goes down only by a constant factor a round. As a parameter of the same fit
-(ident.estimator.unknowns) the clock has no such limit.
+The thesis takes the nominal robot, matches the encoder offsets at a few points by the ball-bar's
+inverse kinematics, moves the log to the least cost within 200 ms, and does so again (`nominal`).
+What the geometry is wrong by decides where that minimum lies. Identifying and shifting in turns
+(`identified`) converges, but the unknown that both share goes down only by a constant factor a
+round. As a parameter of the same fit (ident.estimator.unknowns) the clock has no such limit.
 """
 
 from __future__ import annotations
@@ -17,15 +18,18 @@ from scipy.optimize import minimize_scalar
 
 from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames, robot_frames
+from cell.inverse import bar_angles
 from ident.estimator.closure import Closure
 from ident.signals.smooth_log import SmoothLog
 from ident.thesis.cost_fit import CostFit, fit_cost
 from ident.thesis.costs import Cost
+from ident.thesis.names import ENCODERS_NEEDED, PRINTED_STOP, ShiftAt
 from ident.thesis.paired_samples import through_samples
 
 # [s] "changing the synchronization more than 200 ms might not give good results" (thesis sec. 5.2)
 REACH = 0.2
 SETTLED = 1e-8  # [s] a hundredth of what the clock as parameter leaves
+POINTS = 5  # "a few points equally spread along the path" (thesis sec. 5.2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +37,8 @@ class ShiftedFit:
     """A fit after shifting one log."""
 
     fit: CostFit
-    shift: float  # [s] by which the ball-bar's angles are taken later
+    shift: float = 0.0  # [s] by which the ball-bar's angles are taken later
+    last_move: float = 0.0  # [s] of it, by the last round
 
 
 def fit_cost_with_shift(
@@ -45,28 +50,52 @@ def fit_cost_with_shift(
     b: Array,
     parameters: Sequence[int] | NDArray[np.intp],
     rounds: int,
-    rod_sign: Array | None = None,
+    at: ShiftAt = "identified",
+    relative_stop: float = PRINTED_STOP,
 ) -> ShiftedFit:
-    """Identify, move the ball-bar's log to the least cost, `rounds` times; then identify once more.
+    """Move the ball-bar's log to the least cost, `rounds` times; then identify.
 
-    t : (N,) [s] even; q (N, 6), b (N, 5) [rad] and rod_sign (N,) as in ident.thesis.cost_fit.
-        Samples closer than REACH to either end are left out, so that a shifted log still has
-        values.
+    t : (N,) [s] even; q (N, 6), b (N, 5) [rad] as in ident.thesis.cost_fit. Samples closer than
+        REACH to either end are left out, so that a shifted log still has values.
+    at : geometry of each move: identified before it, or `start` with matched encoder offsets.
     """
     bar = through_samples(t, b)
     inside = (t >= t[0] + REACH) & (t <= t[-1] - REACH)
     t, q = t[inside], q[inside]
-    sign = None if rod_sign is None else rod_sign[inside]
-    geometry, shift = start, 0.0
+    geometry, shift, move = start, 0.0, 0.0
 
     def fit() -> CostFit:
         later = bar.spline(t + shift)
-        return fit_cost(cost, geometry, q=q, b=later, parameters=parameters, rod_sign=sign)
+        return fit_cost(
+            cost, geometry, q=q, b=later, parameters=parameters, relative_stop=relative_stop
+        )
 
     for _ in range(rounds):
-        geometry = fit().geometry
-        shift = best_shift(cost, geometry, t, q, bar)
-    return ShiftedFit(fit(), shift)
+        if at == "nominal":
+            geometry = with_matched_offsets(start, q, bar.spline(t + shift), cost)
+        else:
+            geometry = fit().geometry
+        moved = best_shift(cost, geometry, t, q, bar)
+        shift, move = moved, moved - shift
+    return ShiftedFit(fit(), shift, move)
+
+
+def with_matched_offsets(nominal: Geometry, q: Array, b: Array, cost: Cost) -> Geometry:
+    """The nominal geometry with the encoder offsets that fit its robot best at POINTS samples.
+
+    q (N, 6), b (N, 5) [rad] : angles as read. Offsets are the mean difference to the angles of an
+    ideal ball-bar that holds the robot's tool, in the configuration of the angles as read.
+    """
+    rows = np.linspace(0, len(q) - 1, POINTS).round().astype(int)
+    read = b[rows] + nominal.bar.theta
+    flipped = bool((np.sin(read[:, 1]) < 0.0).all()), bool((np.sin(read[:, 3]) < 0.0).all())
+    poses = robot_frames(nominal, q[rows]).poses()
+    away = bar_angles(poses, nominal.origin, flipped=flipped) - read
+    mean = np.arctan2(np.sin(away).mean(axis=0), np.cos(away).mean(axis=0))
+    offsets = {
+        f"btheta{j}": nominal[f"btheta{j}"] + mean[j - 1] for j in ENCODERS_NEEDED[cost.name]
+    }
+    return nominal.replaced(offsets)
 
 
 def best_shift(cost: Cost, geometry: Geometry, t: Array, q: Array, bar: SmoothLog) -> float:

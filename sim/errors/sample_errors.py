@@ -6,12 +6,14 @@ the compliance of the rod and the counters of the encoders take their place.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from cell.errors import InputError
 from cell.schema import Strict
+
+RodPulled = Literal["rising", "counterclockwise", "drawn"]
 
 IN_LOGS = {
     "synchronisation": "state clocks.offset_s",
@@ -29,15 +31,19 @@ class Synchronisation(Strict):
 
 
 class RodDeviation(Strict):
-    """The rod is longer while its end rises and shorter while it sinks (thesis Fig. 3.5).
-    Friction at its end, which makes the force in the rod change sign, is the cause.
+    """The rod is longer while it is pulled and shorter while it is pushed (thesis Fig. 3.5).
 
     The mean over the path is removed, since a constant deviation is the length bd3. The thesis
-    calls this ball-bar backlash and does not state the order of the signs.
+    calls this ball-bar backlash and does not state where the force changes sign.
     """
 
     amplitude_m: Annotated[float, Field(ge=0.0, le=0.01)] = Field(
         description="Largest deviation from the length bd3."
+    )
+    pulled: RodPulled = Field(
+        "rising",
+        description="When the rod is pulled: while its end rises, or moves counterclockwise around "
+        "the base (friction there changes sign), or over stretches of the path that are drawn.",
     )
 
 

@@ -42,6 +42,7 @@ FIGURES = {
     "parameters",
     "tcp_mean_mm",
     "tcp_max_mm",
+    "tcp_left",
     "iterations",
     "converged",
     "rms_residual",
@@ -177,6 +178,69 @@ def test_a_rod_that_deviates_is_longer_as_its_end_rises_and_shorter_as_it_sinks(
     assert (
         np.abs(close_loop(samples.true, samples.q, samples.b).error[3:]).max() < 1e-12
     )  # a length, no turn
+
+
+@pytest.mark.parametrize("pulled", ["counterclockwise", "drawn"])
+def test_the_rod_may_be_pulled_in_other_patterns(pulled: str) -> None:
+    samples = clean(rod_deviation={"amplitude_m": 1e-5, "pulled": pulled})
+    rod = robot_frames(samples.true, samples.q).tip - samples.true.origin[:, None]
+    deviation = np.linalg.norm(rod, axis=0) - samples.true["bd3"]
+    assert np.abs(deviation - 1e-5 * (samples.sign - samples.sign.mean())).max() < 1e-13
+    changes = np.count_nonzero(np.diff(samples.sign))
+    if pulled == "drawn":
+        assert 14 < changes < 45  # 28 in 56 s, Poisson: 2.6 sigma
+        other = samples_of(
+            errors=STATIC | {"rod_deviation": {"amplitude_m": 1e-5, "pulled": pulled}}, seed=2
+        )
+        assert not np.array_equal(samples.sign, other.sign)
+        return
+    around = rod[0] * np.gradient(rod[1], samples.t) - rod[1] * np.gradient(rod[0], samples.t)
+    fast = np.abs(around) > 5e-3
+    assert np.array_equal(np.sign(around[fast]), samples.sign[fast])
+
+
+def test_samples_may_be_of_the_stops_or_of_what_lies_between() -> None:
+    path = {
+        "kind": "lissajous",
+        "file": "paths/irb2400_a.yaml",
+        "duration_s": 60.0,
+        "dwell_s": 2.0,
+        "stops": 3,
+    }
+    q = {
+        instants: samples_of(
+            path=path,
+            errors=STATIC,
+            encoders={},
+            identify={"cost": "transform", "data": "samples", "samples": 400, "instants": instants},
+        ).q
+        for instants in ("standing", "moving", "constant_speed")
+    }
+    assert len(np.unique(q["standing"].round(9), axis=0)) == 3  # not those at the ends
+    assert len(np.unique(q["moving"].round(9), axis=0)) > 390
+    assert len(np.unique(q["constant_speed"].round(9), axis=0)) > 390
+    without = dict(path, stops=0)
+    with pytest.raises(InputError, match=r"identify\.instants = standing: the path has none"):
+        samples_of(
+            path=without, identify={"cost": "transform", "data": "samples", "instants": "standing"}
+        )
+
+
+def test_all_parameters_and_a_loose_stop_are_those_of_the_row() -> None:
+    asked = {"cost": "transform", "data": "samples", "samples": 400}
+    rows = {
+        key: run_trial(scenario(identify=asked | changes), SCENARIOS)
+        for key, changes in {
+            "core": {},
+            "all": {"parameters": "all"},
+            "tight": {"form": "thesis"},
+            "loose": {"form": "thesis", "relative_stop": 1e-4},
+        }.items()
+    }
+    assert (rows["core"]["parameters"], rows["all"]["parameters"]) == (29, 39)
+    assert "error.balpha1" in rows["all"]
+    assert int(rows["loose"]["iterations"]) < 0.5 * int(rows["tight"]["iterations"])
+    assert float(rows["loose"]["rms_residual"]) > float(rows["tight"]["rms_residual"])
 
 
 def test_a_robot_logged_late_is_a_robot_at_a_later_time() -> None:
@@ -374,6 +438,22 @@ def test_a_thesis_cost_takes_the_angles_of_device_logs_on_the_clock_that_alignme
     )
     assert set(row) - {key for key in row if key.startswith("error.")} == FIGURES
     assert 1e-3 < float(row["distance_mm_mrad"]) < distance
+
+
+def test_logs_of_a_thesis_cost_may_be_smoothed() -> None:
+    """A moving average bends the motion; least-squares splines do not, and leave less noise."""
+    rows = {
+        smoothing: run_trial(
+            scenario(identify={"cost": "transform", "samples": 400, "smoothing": smoothing}),
+            SCENARIOS,
+        )
+        for smoothing in ("none", "moving_average", "spline")
+    }
+    none, averaged, spline = (float(row["distance_mm_mrad"]) for row in rows.values())
+    assert averaged > 3.0 * none
+    assert spline < none
+    with pytest.raises(ValueError, match="of the thesis's costs on logs"):
+        scenario(identify={"cost": "ml", "smoothing": "spline"})
 
 
 def test_device_logs_of_a_robot_of_the_user_s_own_can_be_tried(tmp_path: Path) -> None:

@@ -17,13 +17,14 @@ PAIRS = (
     ),
     Source(
         "errors.rod_deviation",
-        "`bd3 + A (s - mean(s))`, s = +1 while the rod's end rises, -1 while it sinks, kept where "
-        "it stands still.",
+        "`bd3 + A (s - mean(s))`, s = +1 where the rod is pulled, -1 where it is pushed: while its "
+        "end rises or sinks, or moves one way or the other around the base, kept where it stands "
+        "still; or over drawn stretches of 2 s.",
         "Paired samples only: the robot follows the longer or shorter rod. Device logs have "
         "rod_backlash and rod_strain (MuJoCo).",
         'No default. Thesis secs. 2.3, 3.5, Fig. 3.5 ("ball-bar backlash"); '
-        "the order of signs is chosen here.",
-        "The rod's length jumps by 2 A where the rod's end turns. Plotted: 10 um.",
+        "where the sign changes is chosen here.",
+        "The rod's length jumps by 2 A where the sign changes. Plotted: 10 um, rising.",
         residual_plot(
             merged(KINEMATIC, error("rod_deviation", amplitude_m=1e-5)), off=KINEMATIC, um=True
         ),

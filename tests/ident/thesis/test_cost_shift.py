@@ -8,7 +8,7 @@ import pytest
 from cell.arrays import Array
 from cell.geometry import Geometry
 from ident.thesis.cost_fit import identifiable_by
-from ident.thesis.cost_shift import REACH, best_shift, fit_cost_with_shift
+from ident.thesis.cost_shift import REACH, best_shift, fit_cost_with_shift, with_matched_offsets
 from ident.thesis.costs import cost_named
 from ident.thesis.names import CostName
 from ident.thesis.paired_samples import through_samples
@@ -55,6 +55,40 @@ def test_identifying_and_shifting_in_turns_approaches_the_clock_by_a_constant_fa
     assert ratios[1] == pytest.approx(ratios[0], rel=0.1)
     errors = np.abs((done.fit.geometry.values - true.values)[chosen])
     assert errors.max() < 1e-2 * LATE  # what is left of the clock, times the speed
+
+
+def test_at_the_nominal_robot_the_log_is_moved_once_and_stays_off(
+    path: ReferencePath, shifted: dict[str, Array], nominal: Geometry
+) -> None:
+    """The thesis's procedure: errors of the nominal robot move the minimum, repeating does not."""
+    chosen = identifiable_by(COST, nominal, path.q[::50], path.b[::50])
+    runs = [
+        fit_cost_with_shift(
+            cost_named(COST, "vector"),
+            nominal,
+            **shifted,
+            parameters=chosen,
+            rounds=rounds,
+            at="nominal",
+        )
+        for rounds in (1, 4)
+    ]
+    assert runs[0].last_move == runs[0].shift
+    assert abs(runs[1].last_move) < 1e-6
+    assert 1e-5 < abs(runs[1].shift - LATE) < 0.2 * LATE
+
+
+def test_matched_offsets_are_those_of_a_robot_that_is_nominal(
+    path: ReferencePath, nominal: Geometry
+) -> None:
+    offsets = {"btheta1": 0.3, "btheta2": -0.2, "btheta3": 0.1, "btheta4": 0.02, "btheta5": 3.0}
+    off = nominal.replaced({name: nominal[name] + x for name, x in offsets.items()})
+    rows = slice(None, None, 50)
+    b = path.b[rows] - list(offsets.values())
+    matched = with_matched_offsets(nominal, path.q[rows], b, cost_named(COST, "vector"))
+    assert np.abs(np.sin(matched.values - off.values)).max() < 1e-9
+    some = with_matched_offsets(nominal, path.q[rows], b, cost_named("position", "vector"))
+    assert some["btheta5"] == nominal["btheta5"]
 
 
 def test_without_rounds_it_is_a_plain_fit(

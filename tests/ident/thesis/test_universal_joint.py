@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from cell.geometry import Geometry, parameter_screw
-from ident.estimator.closure import close_loop
+from cell.geometry import Geometry, bar_frames, parameter_screw, robot_frames
+from cell.inverse import UnreachableError, bar_angles
+from ident.estimator.closure import Closure, close_loop
 from ident.thesis.universal_joint import universal_joint_angles, universal_joint_columns
 from tests.helpers.six_axes import PARAMETERS
 from tests.helpers.synthetic_recording import Loop
@@ -26,6 +28,27 @@ def test_a_joint_that_is_turned_shows_in_its_own_angle_alone(nominal: Geometry, 
         error = universal_joint_angles(close_loop(nominal, loop.q, b)).error
         assert np.abs(np.sin(error[k]) - np.sin(turn)).max() < 1e-12
         assert np.abs(np.sin(error[1 - k])).max() < 1e-12
+
+
+def test_the_angles_are_those_of_the_ballbars_inverse_kinematics(
+    nominal: Geometry, loop: Loop
+) -> None:
+    """Eq. 2.3: b4hat, b5hat come from the robot's pose alone, whatever b1 and b2 were measured."""
+    poses = robot_frames(nominal, loop.q).poses()
+    b = loop.b + np.random.default_rng(3).uniform(-0.1, 0.1, loop.b.shape)
+    flipped = bool((np.sin(b[:, 1]) < 0.0).all()), bool((np.sin(b[:, 3]) < 0.0).all())
+    predicted = bar_angles(poses, nominal.origin, flipped=flipped)
+    angles = universal_joint_angles(close_loop(nominal, loop.q, b))
+    expected = b[:, 3:] + nominal.bar.theta[3:] - predicted[:, 3:]
+    assert np.abs(np.sin(angles.error.T - expected)).max() < 1e-12
+
+
+def test_a_rod_along_the_first_axis_is_refused(nominal: Geometry, loop: Loop) -> None:
+    b = loop.b.copy()
+    b[0, 1] = 0.0
+    frames = bar_frames(nominal, b)
+    with pytest.raises(UnreachableError, match="the rod lies along its first axis"):
+        universal_joint_angles(Closure(nominal, frames, frames, np.empty((6, 0))))
 
 
 def test_both_configurations_of_the_joint_close_the_same_loop(
