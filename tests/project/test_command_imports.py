@@ -110,7 +110,7 @@ def test_an_identification_of_recordings_imports_nothing_of_simulation_or_other_
 def test_a_run_imports_no_viewer_no_figures_and_nothing_of_other_commands() -> None:
     used = packages(in_functions("ballbar.commands.bench", "run"))
     assert {"ident.identify", "sim.simulate"} <= used
-    assert not used & (OF_OTHERS - {"ident.thesis.costs"} | {"ident.thesis.costs", "ballbar.replay"})
+    assert not used & (OF_OTHERS | {"ballbar.replay"})
     assert not used & (SLOW - {"scipy", "pyarrow", "mujoco"})
 
 
