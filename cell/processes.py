@@ -13,7 +13,9 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -52,17 +54,28 @@ def process_pool(
 def second_process(*modules: str) -> Iterator[Begin]:
     """A process that takes over work while this one has other work.
 
-    It imports the modules at once. Before it has done so, and of what it has not begun when the
-    result is asked for, the work is done in this process.
+    It imports the modules at once. Before it has done so, of what it has not begun when the result
+    is asked for, and where it died, the work is done in this process.
     """
     with process_pool(1, _import, modules) as pool:
         ready = pool.submit(os.getpid)
 
         def begin(work: Callable[..., object], *arguments: object) -> Callable[[], object]:
+            here = partial(work, *arguments)
             if not ready.done():
-                return lambda: work(*arguments)
-            future = pool.submit(work, *arguments)
-            return lambda: work(*arguments) if future.cancel() else future.result()
+                return here
+            try:
+                future = pool.submit(work, *arguments)
+            except BrokenProcessPool:
+                return here
+
+            def result() -> object:
+                try:
+                    return here() if future.cancel() else future.result()
+                except BrokenProcessPool:
+                    return here()
+
+            return result
 
         yield begin
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import signal
 import time
 
 import pytest
 
 from cell.processes import Begin, second_process
 
-PATIENCE = 60.0  # [s] for a process to start
+PATIENCE = 300.0  # [s] for a process to start
 
 
 def until_ready(begin: Begin) -> int:
@@ -48,6 +49,15 @@ def test_an_error_ends_the_other_process() -> None:
         fail()
     with pytest.raises(ProcessLookupError):
         os.kill(other, 0)
+
+
+def test_work_of_a_process_that_died_is_done_here() -> None:
+    with second_process("json") as begin:
+        other = until_ready(begin)
+        asleep = begin(time.sleep, 1.0)
+        os.kill(other, signal.SIGKILL)
+        asleep()
+        assert begin(os.getpid)() == os.getpid()
 
 
 def test_an_error_of_the_work_is_raised_where_its_result_is_needed() -> None:

@@ -20,7 +20,13 @@ from tests.helpers.source_imports import FILES, names_within, reached, tree
 
 LIBRARIES = {"numpy", "scipy", "yaml", "mujoco", "pyarrow", "pandas", "matplotlib", "rerun"}
 SLOW = LIBRARIES - {"numpy", "yaml"} | {"jinja2"}
-OF_OTHERS = {"planning", "ident.thesis.costs", "ident.poses", "ballbar.export", "ballbar.identifiability"}
+OF_OTHERS = {
+    "planning",
+    "ident.thesis.costs",
+    "ident.poses",
+    "ballbar.export",
+    "ballbar.identifiability",
+}
 PROGRAM = """
 import atexit, json, sys
 atexit.register(lambda: print(json.dumps(sorted(sys.modules)), file=sys.stderr))
