@@ -1,0 +1,336 @@
+"""Mutation testing: the share of single-line faults of the sources that the tests see.
+
+    python -m benchmarks.mutants [--sample 400] [--seed 1] [--processes 1] [--again] [--slow]
+
+Faults are drawn by benchmarks.mutant_places. Each stands in a private copy of the project, where
+the tests that execute its line run until the first failure: those of its module first, then the
+quickest. `--again` repeats only those that survived the last time. `--slow` gives the survivors of
+the quick tests to the slow ones too. Tests of the project's text (tests/project) do not count.
+
+Writes docs/studies/mutants.csv. Why a survivor survives is stated by the table
+docs/studies/mutants_survivors.csv: `equivalent` if no valid input gives another result, `message`
+if only the text of a report or an error differs, `speed` if only the time does, `open` otherwise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import functools
+import hashlib
+import json
+import multiprocessing
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.executed_lines import CONTEXTS, PACKAGES, TESTS, ExecutedLines, measure
+from benchmarks.mutant_places import Mutant, drawn, lines_of_use
+
+ROOT = Path(__file__).parent.parent
+STORE = ROOT / "runs/mutants"  # outside git
+RESULT = ROOT / "docs/studies/mutants.csv"
+REASONS = ROOT / "docs/studies/mutants_survivors.csv"
+MEMORY = 12 << 30  # [bytes] of a process with a mutant
+LIBRARIES = (
+    *("mujoco", "pandas", "pyarrow.csv", "pydantic", "rich", "typer", "yaml"),
+    *("scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg"),
+    *("scipy.spatial", "scipy.stats"),
+)
+FIRST_SECONDS, FIRST_TESTS = 5.0, 40  # of the likely tests that run before the others are collected
+HEAD = ("file", "line", "operator", "before", "after", "outcome", "test", "kind", "reason")
+Row = dict[str, str]
+
+
+class FirstFailure:
+    """pytest plugin: the tests in the given order, and which was the first to fail."""
+
+    def __init__(self, tests: list[str]) -> None:
+        self.order = {test: i for i, test in enumerate(tests)}
+        self.run = 0
+        self.failed = ""
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items[:] = sorted(
+            (item for item in items if item.nodeid in self.order),
+            key=lambda item: self.order[item.nodeid],
+        )
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        if report.failed:
+            self.failed = self.failed or report.nodeid
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.run += report.when == "call"
+        if report.failed:
+            self.failed = self.failed or report.nodeid
+
+
+def warm_up() -> None:
+    """Import what most tests need, once for all processes; nothing of the project."""
+    for name in LIBRARIES:
+        import_module(name)
+
+
+def in_child(tree: Path, work: Callable[[], object], *, seconds: float, log: Path) -> bool:
+    """Do the work in a forked process with the tree as its project; False if it was stopped.
+
+    seconds : [s] limit of processor time.
+    """
+    child = os.fork()
+    if not child:
+        os.setsid()
+        os.chdir(tree)
+        sys.path[:0] = [str(tree)]
+        os.environ |= {"PYTHONPATH": str(tree), "PYTHONHASHSEED": "0"}
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(output, 1)
+        os.dup2(output, 2)
+        sys.modules["__main__"] = ModuleType("__main__")  # what spawned processes would import
+        try:
+            work()
+        finally:
+            sys.stdout.flush()
+            os._exit(0)
+    deadline = time.monotonic() + 60.0 + 8.0 * seconds  # the machine may be busy
+    while time.monotonic() < deadline:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            return status == 0
+        time.sleep(0.02)
+    os.killpg(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return False
+
+
+def synchronise(tree: Path) -> None:
+    """Make the private copy equal to the project; unchanged files keep their compiled form."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard", "-z"],
+        cwd=ROOT, capture_output=True, check=True, text=True,
+    ).stdout  # fmt: skip
+    for name in filter(None, listed.split("\0")):
+        source, copy = ROOT / name, tree / name
+        if not source.exists():
+            copy.unlink(missing_ok=True)
+            continue
+        same = copy.exists() and copy.stat().st_mtime == source.stat().st_mtime
+        if not same or copy.stat().st_size != source.stat().st_size:
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(source, copy)
+    beside = tree.parent / "shared"  # data that some tests read from beside the project
+    if not beside.exists() and (ROOT.parent / "shared").exists():
+        beside.symlink_to(ROOT.parent / "shared")
+
+
+def measured_lines(tree: Path, *, slow: bool) -> ExecutedLines:
+    """Which test executes which line; test files that have changed are measured again."""
+    tests = sorted(
+        file
+        for file in (ROOT / "tests").rglob("*.py")
+        if "project" not in file.parts  # they compare texts
+    )
+    cases = [file for file in tests if file.name.startswith("test_")]
+    rest = [file for file in tests if file not in cases]
+    rest += [file for package in PACKAGES for file in (ROOT / package).rglob("*")]
+    common = _hash([file for file in rest if file.suffix in (".py", ".yaml")])
+    known_file = STORE / "measured.json"
+    known = json.loads(known_file.read_text()) if known_file.exists() else {}
+    if known.get("common") != common:
+        for name in (CONTEXTS, TESTS):
+            (STORE / name).unlink(missing_ok=True)
+        known = {"common": common}
+    for marker in ("not slow", "slow") if slow else ("not slow",):
+        hashes = {str(file.relative_to(ROOT)): _hash([file]) for file in cases}
+        changed = [n for n, value in hashes.items() if known.get(marker, {}).get(n) != value]
+        if changed:
+            print(f"measuring the lines of {len(changed)} test files ({marker})", flush=True)
+            log = STORE / f"measured_{marker.replace(' ', '_')}.txt"
+            work = functools.partial(measure, tree, STORE, changed, marker)
+            if not in_child(tree, work, seconds=7200.0, log=log):
+                raise SystemExit(f"the tests did not come to an end: {log}")
+        known[marker] = hashes
+        known_file.write_text(json.dumps(known))
+    return ExecutedLines(STORE)
+
+
+def _hash(files: list[Path]) -> str:
+    return hashlib.sha256(b"".join(file.read_bytes() for file in sorted(files))).hexdigest()
+
+
+class Judge:
+    """Runs the tests of mutants in one private copy."""
+
+    def __init__(self, executed: ExecutedLines, tree: Path, *, slow: bool) -> None:
+        self.executed = executed
+        self.tree = tree
+        self.slow = slow
+
+    def __call__(self, mutant: Mutant) -> Row:
+        """The row of a mutant in the result."""
+        position = (mutant.line, mutant.column)
+        tests = set[str]()
+        for file, lines in lines_of_use(mutant.file, position):
+            tests |= self.executed.tests(file, lines)
+        outcome, test = ("survived", "") if tests else ("not executed", "")
+        copy = self.tree / mutant.file
+        original = copy.stat()
+        copy.write_text(mutant.source)
+        try:
+            for stage in self._stages(tests, mutant.file):
+                test = self._first_failure(stage)
+                if test:
+                    outcome = "seen"
+                    break
+        finally:
+            copy.write_bytes((ROOT / mutant.file).read_bytes())
+            os.utime(copy, ns=(original.st_atime_ns, original.st_mtime_ns))
+        values = (mutant.file, str(mutant.line), mutant.operator, mutant.before, mutant.after)
+        return dict(zip(HEAD, (*values, outcome, test, "", ""), strict=True))
+
+    def _stages(self, tests: set[str], file: str) -> Iterator[list[str]]:
+        """The tests in the order in which they run, a few likely ones apart."""
+        module = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        direct = {name for name in _test_files(tests) if module in (ROOT / name).read_text()}
+        seconds = {test: self.executed.seconds(test) for test in tests}
+        order = sorted(
+            (test for test in tests if not self.executed.contexts[test].slow),
+            key=lambda test: (test.split("::")[0] not in direct, seconds[test]),
+        )
+        spent = np.cumsum([seconds[test] for test in order])
+        first = min(int(np.searchsorted(spent, FIRST_SECONDS)) + 1, FIRST_TESTS)
+        slow = sorted(tests - set(order), key=lambda test: seconds[test])
+        yield from filter(None, (order[:first], order[first:], slow if self.slow else []))
+
+    def _first_failure(self, tests: list[str]) -> str:
+        """The first of the tests that fails, or "" if none does."""
+        outcome = self.tree.with_suffix(".json")
+        outcome.unlink(missing_ok=True)
+        plugin = FirstFailure(tests)
+        own = {name: self.executed.contexts[name].seconds for name in tests}
+        shared = {need for test in tests for need in self.executed.closure(test)} - own.keys()
+        cost = sum(own.values()) + sum(self.executed.contexts[name].seconds for name in shared)
+
+        def work() -> None:
+            sys.dont_write_bytecode = True
+            os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+            arguments = ["-x", "--tb=short", "-p", "no:cacheprovider", "-p", "no:xdist"]
+            code = pytest.main([*arguments, *_test_files(tests)], [plugin])
+            outcome.write_text(json.dumps([int(code), plugin.failed]))
+
+        ended = in_child(
+            self.tree, work, seconds=20.0 + 4.0 * cost, log=self.tree.with_suffix(".txt")
+        )
+        if not ended or not outcome.exists():
+            return "stopped: out of time or memory, or crashed"
+        code, failed = json.loads(outcome.read_text())
+        if code in (0, 1, 2):
+            return str(failed) if code else ""
+        raise RuntimeError(f"pytest ended with {code}: {self.tree.with_suffix('.txt')}")
+
+
+def _test_files(tests: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(test.split("::")[0] for test in tests))
+
+
+def judged(
+    mutants: list[Mutant], executed: ExecutedLines, args: argparse.Namespace
+) -> Iterator[Row]:
+    """Rows of the mutants as they come in, from so many processes."""
+    context = multiprocessing.get_context("fork")
+    trees = context.SimpleQueue()
+    for number in range(args.processes):
+        tree = STORE / f"tree{number}" / "project"
+        synchronise(tree)
+        trees.put(tree)
+
+    def start() -> None:
+        global _judge  # noqa: PLW0603  a process of the pool has one private copy
+        _judge = Judge(executed, trees.get(), slow=args.slow)
+
+    with context.Pool(args.processes, start) as pool:
+        yield from pool.imap_unordered(_row, mutants)
+
+
+_judge: Judge
+
+
+def _row(mutant: Mutant) -> Row:
+    return _judge(mutant)
+
+
+def main(args: argparse.Namespace) -> None:
+    """Measures, draws, runs, prints each mutant and the share seen, and writes the result."""
+    STORE.mkdir(parents=True, exist_ok=True)
+    warm_up()
+    tree = STORE / "tree0" / "project"
+    synchronise(tree)
+    executed = measured_lines(tree, slow=args.slow)
+    rows = {}
+    if args.again:
+        with RESULT.open(newline="") as file:
+            rows = {_key(row): row for row in csv.DictReader(file) if row["outcome"] == "seen"}
+    sample = [m for m in drawn(args.sample, args.seed) if _key(vars(m)) not in rows]
+    for row in judged(sample, executed, args):
+        rows[_key(row)] = row
+        print(*(row[name] for name in HEAD[:7]), sep=" | ", flush=True)
+        _write(rows.values())
+    _write(rows.values())
+    print(*_shares(rows.values()), sep="\n")
+
+
+def _key(row: dict[str, Any]) -> tuple[str, ...]:
+    return tuple(str(row[name]) for name in ("file", "line", "operator", "before", "after"))
+
+
+def _write(rows: Iterable[Row]) -> None:
+    """The result with the reasons of the survivors."""
+    with REASONS.open(newline="") as file:
+        reasons = {(r["file"], r["before"], r["after"]): r for r in csv.DictReader(file)}
+    for row in rows:
+        reason = reasons.get((row["file"], row["before"], row["after"]))
+        known = reason is not None and row["outcome"] != "seen"
+        row["kind"], row["reason"] = (reason["kind"], reason["reason"]) if known else ("", "")
+    with RESULT.open("w", newline="") as file:
+        writer = csv.DictWriter(file, HEAD, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(
+            sorted(rows, key=lambda row: (row["file"], int(row["line"]), row["after"]))
+        )
+
+
+def _shares(rows: Iterable[Row]) -> Iterator[str]:
+    every = list(rows)
+    seen = sum(row["outcome"] == "seen" for row in every)
+    alike = sum(row["kind"] == "equivalent" for row in every)
+    yield f"{seen} of {len(every)} seen: {100.0 * seen / len(every):.1f} %"
+    yield f"without {alike} equivalent ones: {100.0 * seen / (len(every) - alike):.1f} %"
+    for kind, count in sorted(
+        Counter(row["kind"] for row in every if row["outcome"] != "seen").items()
+    ):
+        yield f"  survived, {kind or 'no reason yet'}: {count}"
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    for name, default in (("sample", 400), ("seed", 1), ("processes", 1)):
+        parser.add_argument(f"--{name}", type=int, default=default)
+    for name in ("again", "slow"):
+        parser.add_argument(f"--{name}", action="store_true")
+    main(parser.parse_args())
