@@ -147,15 +147,16 @@ def _mutant(file: str, position: tuple[int, int], name: str, occurrence: int) ->
         compile(source, file, "exec")
     except SyntaxError:
         return None
-    old, new = text.splitlines(), source.splitlines()
-    first = next(i for i, (a, b) in enumerate(zip(old, new, strict=False)) if a != b)
+    removed = name == "core/RemoveDecorator"
+    lines = list(zip(text.splitlines(), source.splitlines(), strict=False))
+    before, after = next((old, new) for old, new in lines if old != new)
     return Mutant(
         file=file,
         line=position[0],
         column=position[1],
         operator=name.removeprefix("core/"),
-        before=old[first].strip(),
-        after=new[first].strip() if len(old) == len(new) else "",  # a decorator goes
+        before=text.splitlines()[position[0] - 1].strip() if removed else before.strip(),
+        after="" if removed else after.strip(),
         source=source,
     )
 
