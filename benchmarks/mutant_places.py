@@ -196,11 +196,11 @@ def lines_of_use(file: str, position: tuple[int, int]) -> set[tuple[str, range]]
 def _uses(
     file: str, position: tuple[int, int], seen: set[tuple[str, int]]
 ) -> set[tuple[str, range]]:
-    around = [node for node in _statements(file) if _holds(node, position)]
+    around = _around(file, position)
     if not around:
         return set()
     statement = around[-1]
-    if any(isinstance(n, ast.FunctionDef) for n in around[:-1]):
+    if in_function(file, position):
         return {(file, _own_lines(statement))}
     if (file, statement.lineno) in seen:
         return set()
@@ -216,6 +216,16 @@ def _uses(
         for other, place in _mentions(file, name):
             uses |= _uses(other, place, seen)
     return uses
+
+
+def in_function(file: str, position: tuple[int, int]) -> bool:
+    """Whether a position is executed by a call, not on import."""
+    return any(isinstance(node, ast.FunctionDef) for node in _around(file, position)[:-1])
+
+
+def _around(file: str, position: tuple[int, int]) -> list[ast.stmt]:
+    """Statements that a position lies in, the outermost first."""
+    return [node for node in _statements(file) if _holds(node, position)]
 
 
 def _holds(node: ast.stmt, position: tuple[int, int]) -> bool:

@@ -3,9 +3,10 @@
     python -m benchmarks.mutants [--sample 400] [--seed 1] [--processes 1] [--again] [--slow]
 
 Faults are drawn by benchmarks.mutant_places. Each stands in a private copy of the project, where
-the tests that execute its line run until the first failure: those of its module first, then the
-quickest. `--again` repeats only those that survived the last time. `--slow` gives the survivors of
-the quick tests to the slow ones too. Tests of the project's text (tests/project) do not count.
+the quick tests that execute its line run until the first failure, up to LIMIT_SECONDS of them:
+those of its module first, then the quickest. `--again` repeats only those that survived the last
+time. `--slow` gives survivors to all other tests that execute the line, the slow ones too. Tests of
+the project's text (tests/project) do not count.
 
 Writes docs/studies/mutants.csv. Why a survivor survives is stated by the table
 docs/studies/mutants_survivors.csv: `equivalent` if no valid input gives another result, `message`
@@ -38,7 +39,7 @@ import numpy as np
 import pytest
 
 from benchmarks.executed_lines import CONTEXTS, PACKAGES, TESTS, ExecutedLines, measure
-from benchmarks.mutant_places import Mutant, drawn, lines_of_use
+from benchmarks.mutant_places import Mutant, drawn, in_function, lines_of_use
 
 ROOT = Path(__file__).parent.parent
 STORE = ROOT / "runs/mutants"  # outside git
@@ -50,7 +51,9 @@ LIBRARIES = (
     *("scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg"),
     *("scipy.spatial", "scipy.stats"),
 )
+OF_CLASSES = "tests/cell/test_frozen.py::"  # looks at every class, and executes nothing of them
 FIRST_SECONDS, FIRST_TESTS = 5.0, 40  # of the likely tests that run before the others are collected
+LIMIT_SECONDS = 60.0  # of quick tests, by their processor time under coverage
 HEAD = ("file", "line", "operator", "before", "after", "outcome", "test", "kind", "reason")
 Row = dict[str, str]
 
@@ -188,6 +191,8 @@ class Judge:
         tests = set[str]()
         for file, lines in lines_of_use(mutant.file, position):
             tests |= self.executed.tests(file, lines)
+        if not in_function(mutant.file, position):
+            tests |= {name for name in self.executed.contexts if name.startswith(OF_CLASSES)}
         outcome, test = ("survived", "") if tests else ("not executed", "")
         copy = self.tree / mutant.file
         original = copy.stat()
@@ -215,8 +220,10 @@ class Judge:
         )
         spent = np.cumsum([seconds[test] for test in order])
         first = min(int(np.searchsorted(spent, FIRST_SECONDS)) + 1, FIRST_TESTS)
+        limit = max(first, int(np.searchsorted(spent, LIMIT_SECONDS)) + 1)
         slow = sorted(tests - set(order), key=lambda test: seconds[test])
-        yield from filter(None, (order[:first], order[first:], slow if self.slow else []))
+        last = [*order[limit:], *slow] if self.slow else []
+        yield from filter(None, (order[:first], order[first:limit], last))
 
     def _first_failure(self, tests: list[str]) -> str:
         """The first of the tests that fails, or "" if none does."""
@@ -240,9 +247,9 @@ class Judge:
         if not ended or not outcome.exists():
             return "stopped: out of time or memory, or crashed"
         code, failed = json.loads(outcome.read_text())
-        if code in (0, 1, 2):
-            return str(failed) if code else ""
-        raise RuntimeError(f"pytest ended with {code}: {self.tree.with_suffix('.txt')}")
+        if code == pytest.ExitCode.NO_TESTS_COLLECTED:
+            raise RuntimeError(f"no tests where there were some: {self.tree.with_suffix('.txt')}")
+        return str(failed or "import of a conftest.py") if code else ""
 
 
 def _test_files(tests: Iterable[str]) -> list[str]:

@@ -516,3 +516,30 @@ def test_another_seed_has_other_resolvers_in_recordings_and_samples() -> None:
     path = scenario_path(runs[0].path, CELL, NOMINAL, relative_to=SCENARIOS)
     one, other = (kinematic_samples(run, sample_path(CELL, NOMINAL, path, 50)).q for run in runs)
     assert np.abs(one - other).max() > 1e-6
+
+
+@pytest.mark.parametrize(
+    "source", ["transmission_error", "cycloid_ripple", "sinusoidal_gear_error", "unlisted_ripple"]
+)
+def test_the_phases_of_a_ripple_are_drawn_over_the_whole_turn(source: str) -> None:
+    """Else a fit could profit from a phase that is likelier than others.
+
+    The mean of exp(i phase) of n even draws scatters by 1 / sqrt(n). An even share of the turn that
+    is missing or doubled, as small as 0.05, moves it by that share.
+    """
+    stated = {"waveform": "harmonic"} if source == "cycloid_ripple" else {}
+    errors = PlantErrors.model_validate({source: stated})
+    phases = [r.phase for seed in SEEDS for r in plant_effects(errors, CELL, seed).ripples]
+    assert abs(np.exp(1j * np.array(phases)).mean()) < 4.0 / np.sqrt(len(phases))
+
+
+def test_a_converter_rounds_to_the_nearest_of_its_steps() -> None:
+    errors = SensorErrors.model_validate(
+        {"resolver_error": {"amplitude_rad": [0.0, 0.0], "quantum_rad": 1e-3}}
+    )
+    effects = resolver_effects(errors.resolver_error, joints=1, seed=1)
+    assert effects is not None
+    angle = np.linspace(-0.02, 0.02, 4001)[:, None]
+    error = effects.read_angles(angle) - angle
+    assert np.abs(error).max() == pytest.approx(0.5e-3)
+    assert abs(error.mean()) < 1e-5  # always down would be half a step
