@@ -29,7 +29,7 @@ from sim.errors.sensor_errors import SensorErrors
 from sim.errors.static_errors import true_geometry
 from sim.kinematic_samples import kinematic_samples, sample_path
 from sim.logging.clocks import ROBOT_PERIOD, TASK_NS, log_times
-from sim.logging.encoders import motor_angles
+from sim.logging.encoders import frozen_bits, motor_angles
 from sim.logging.load_logs import (
     SENSOR_EPOCH,
     ForceSensor,
@@ -543,3 +543,10 @@ def test_a_converter_rounds_to_the_nearest_of_its_steps() -> None:
     error = effects.read_angles(angle) - angle
     assert np.abs(error).max() == pytest.approx(0.5e-3)
     assert abs(error.mean()) < 1e-5  # always down would be half a step
+
+
+@pytest.mark.parametrize("bits", [8, 12, 13])
+def test_six_bits_of_a_signal_period_are_left_at_any_speed(bits: int) -> None:
+    """Of the terminal's documents (notes/log_formats sec. A.3)."""
+    frozen = frozen_bits(np.array([0.0, 100.0, 200.0, 1e9]), 100.0, bits)
+    assert frozen.tolist() == [0, 1, min(2, bits - 6), bits - 6]

@@ -262,6 +262,15 @@ def test_too_few_poses_are_refused_with_the_number_that_is_needed() -> None:
         identify_poses(table_of(true_robot("ur5"), count=6))
 
 
+def test_a_joint_that_hardly_moved_is_named_with_its_range() -> None:
+    true = true_robot("ur5")
+    q = angles("ur5", 100)
+    q[:, 2] = 0.7 + np.deg2rad(2.0) * np.linspace(0.0, 1.0, len(q))
+    warnings = identify_poses(table_of(true, q=q), PLAIN).verdict.warnings
+    (narrow,) = [warning for warning in warnings if "hardly moved" in warning]
+    assert "joints that hardly moved: 3 (2.0 deg); their" in narrow
+
+
 def test_a_mirrored_frame_is_refused() -> None:
     table = table_of(true_robot("ur5"), count=50)
     group = table.groups[0]
