@@ -10,36 +10,39 @@ the project's text (tests/project) do not count.
 
 Writes docs/studies/mutants.csv. Why a survivor survives is stated by the table
 docs/studies/mutants_survivors.csv: `equivalent` if no valid input gives another result, `message`
-if only the text of a report or an error differs, `speed` if only the time does, `open` otherwise.
+if only the text of a report or an error differs, `speed` if only the time does, `choice` if it is a
+limit, count or seed chosen by judgement whose neighbours serve as well, `open` otherwise.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import functools
+import gc
 import hashlib
 import json
 import multiprocessing
 import os
+import pickle
 import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.executed_lines import CONTEXTS, PACKAGES, TESTS, ExecutedLines, measure
-from benchmarks.mutant_places import Mutant, drawn, in_function, lines_of_use
+from benchmarks.mutant_places import Mutant, drawn, in_function, lines_of_use, target_files
 
 ROOT = Path(__file__).parent.parent
 STORE = ROOT / "runs/mutants"  # outside git
@@ -51,9 +54,10 @@ LIBRARIES = (
     *("scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg"),
     *("scipy.spatial", "scipy.stats"),
 )
+OPTIONS = ("-p", "no:cacheprovider", "-p", "no:xdist", "--tb=short")
 OF_CLASSES = "tests/cell/test_frozen.py::"  # looks at every class, and executes nothing of them
-FIRST_SECONDS, FIRST_TESTS = 5.0, 40  # of the likely tests that run before the others are collected
-LIMIT_SECONDS = 60.0  # of quick tests, by their processor time under coverage
+FAULT = "fault of this command"
+LIMIT_SECONDS = 15.0  # of quick tests, by their processor time under coverage
 HEAD = ("file", "line", "operator", "before", "after", "outcome", "test", "kind", "reason")
 Row = dict[str, str]
 
@@ -61,9 +65,8 @@ Row = dict[str, str]
 class FirstFailure:
     """pytest plugin: the tests in the given order, and which was the first to fail."""
 
-    def __init__(self, tests: list[str]) -> None:
+    def __init__(self, tests: Iterable[str] = ()) -> None:
         self.order = {test: i for i, test in enumerate(tests)}
-        self.run = 0
         self.failed = ""
 
     @pytest.hookimpl(trylast=True)
@@ -78,7 +81,6 @@ class FirstFailure:
             self.failed = self.failed or report.nodeid
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        self.run += report.when == "call"
         if report.failed:
             self.failed = self.failed or report.nodeid
 
@@ -89,28 +91,34 @@ def warm_up() -> None:
         import_module(name)
 
 
-def in_child(tree: Path, work: Callable[[], object], *, seconds: float, log: Path) -> bool:
-    """Do the work in a forked process with the tree as its project; False if it was stopped.
+def enter(tree: Path) -> None:
+    """Make a copy of the project that of this process and of those that it starts."""
+    os.chdir(tree)
+    sys.path[:0] = [str(tree)]
+    os.environ |= {"PYTHONPATH": str(tree), "PYTHONHASHSEED": "0"}
+    sys.modules["__main__"] = ModuleType("__main__")  # what spawned processes would import
+
+
+def in_child(work: Callable[[], object], *, seconds: float, log: Path) -> bool:
+    """Do the work in a forked process; False if it was stopped or crashed.
 
     seconds : [s] limit of processor time.
     """
     child = os.fork()
     if not child:
         os.setsid()
-        os.chdir(tree)
-        sys.path[:0] = [str(tree)]
-        os.environ |= {"PYTHONPATH": str(tree), "PYTHONHASHSEED": "0"}
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(output, 1)
         os.dup2(output, 2)
-        sys.modules["__main__"] = ModuleType("__main__")  # what spawned processes would import
+        status = 1
         try:
             work()
+            status = 0
         finally:
             sys.stdout.flush()
-            os._exit(0)
+            os._exit(status)
     deadline = time.monotonic() + 60.0 + 8.0 * seconds  # the machine may be busy
     while time.monotonic() < deadline:
         done, status = os.waitpid(child, os.WNOHANG)
@@ -165,8 +173,12 @@ def measured_lines(tree: Path, *, slow: bool) -> ExecutedLines:
         if changed:
             print(f"measuring the lines of {len(changed)} test files ({marker})", flush=True)
             log = STORE / f"measured_{marker.replace(' ', '_')}.txt"
-            work = functools.partial(measure, tree, STORE, changed, marker)
-            if not in_child(tree, work, seconds=7200.0, log=log):
+
+            def work(marker: str = marker, changed: list[str] = changed) -> None:
+                enter(tree)
+                measure(tree, STORE, changed, marker)
+
+            if not in_child(work, seconds=7200.0, log=log):
                 raise SystemExit(f"the tests did not come to an end: {log}")
         known[marker] = hashes
         known_file.write_text(json.dumps(known))
@@ -178,78 +190,131 @@ def _hash(files: list[Path]) -> str:
 
 
 class Judge:
-    """Runs the tests of mutants in one private copy."""
+    """pytest plugin: in place of running the tests it collected, tries mutants with them.
 
-    def __init__(self, executed: ExecutedLines, tree: Path, *, slow: bool) -> None:
+    A mutant of a function is made in a forked process by exchanging the code of the function. One
+    of a module or class stands in the private copy of the project, from which a forked process
+    imports everything anew.
+    """
+
+    def __init__(
+        self, executed: ExecutedLines, tree: Path, mutants: Callable[[], Iterator[Mutant]],
+        report: Callable[[Row], None], *, slow: bool,
+    ) -> None:  # fmt: skip
         self.executed = executed
         self.tree = tree
+        self.mutants = mutants
+        self.report = report
         self.slow = slow
+        self.items: dict[str, pytest.Item] = {}
 
-    def __call__(self, mutant: Mutant) -> Row:
-        """The row of a mutant in the result."""
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        self.items = {item.nodeid: item for item in session.items}
+        for mutant in self.mutants():
+            tests = self._tests(mutant)
+            test = self._first_failure(mutant, tests) if tests else ""
+            outcome = "seen" if test else "survived" if tests else "not executed"
+            outcome = FAULT if test.startswith(FAULT) else outcome
+            values = (mutant.file, str(mutant.line), mutant.operator, mutant.before, mutant.after)
+            self.report(dict(zip(HEAD, (*values, outcome, test, "", ""), strict=True)))
+        return True
+
+    def _tests(self, mutant: Mutant) -> list[str]:
+        """The tests that a mutant is tried with: those of its module first, then the quickest."""
         position = (mutant.line, mutant.column)
         tests = set[str]()
         for file, lines in lines_of_use(mutant.file, position):
             tests |= self.executed.tests(file, lines)
         if not in_function(mutant.file, position):
             tests |= {name for name in self.executed.contexts if name.startswith(OF_CLASSES)}
-        outcome, test = ("survived", "") if tests else ("not executed", "")
-        copy = self.tree / mutant.file
-        original = copy.stat()
-        copy.write_text(mutant.source)
-        try:
-            for stage in self._stages(tests, mutant.file):
-                test = self._first_failure(stage)
-                if test:
-                    outcome = "seen"
-                    break
-        finally:
-            copy.write_bytes((ROOT / mutant.file).read_bytes())
-            os.utime(copy, ns=(original.st_atime_ns, original.st_mtime_ns))
-        values = (mutant.file, str(mutant.line), mutant.operator, mutant.before, mutant.after)
-        return dict(zip(HEAD, (*values, outcome, test, "", ""), strict=True))
-
-    def _stages(self, tests: set[str], file: str) -> Iterator[list[str]]:
-        """The tests in the order in which they run, a few likely ones apart."""
-        module = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+        tests &= self.items.keys()
+        module = mutant.file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
         direct = {name for name in _test_files(tests) if module in (ROOT / name).read_text()}
         seconds = {test: self.executed.seconds(test) for test in tests}
-        order = sorted(
+        quick = sorted(
             (test for test in tests if not self.executed.contexts[test].slow),
             key=lambda test: (test.split("::")[0] not in direct, seconds[test]),
         )
-        spent = np.cumsum([seconds[test] for test in order])
-        first = min(int(np.searchsorted(spent, FIRST_SECONDS)) + 1, FIRST_TESTS)
-        limit = max(first, int(np.searchsorted(spent, LIMIT_SECONDS)) + 1)
-        slow = sorted(tests - set(order), key=lambda test: seconds[test])
-        last = [*order[limit:], *slow] if self.slow else []
-        yield from filter(None, (order[:first], order[first:limit], last))
+        if self.slow:
+            return quick + sorted(tests - set(quick), key=lambda test: seconds[test])
+        spent = np.cumsum([seconds[test] for test in quick])
+        return quick[: int(np.searchsorted(spent, LIMIT_SECONDS)) + 1]
 
-    def _first_failure(self, tests: list[str]) -> str:
+    def _first_failure(self, mutant: Mutant, tests: list[str]) -> str:
         """The first of the tests that fails, or "" if none does."""
-        outcome = self.tree.with_suffix(".json")
-        outcome.unlink(missing_ok=True)
-        plugin = FirstFailure(tests)
-        own = {name: self.executed.contexts[name].seconds for name in tests}
-        shared = {need for test in tests for need in self.executed.closure(test)} - own.keys()
-        cost = sum(own.values()) + sum(self.executed.contexts[name].seconds for name in shared)
+        outcome = self.tree.with_suffix(".txt")
+        needed = set[str]().union(*(self.executed.closure(test) for test in tests))
+        cost = sum(self.executed.contexts[name].seconds for name in needed)
+        own = in_function(mutant.file, (mutant.line, mutant.column))
 
         def work() -> None:
             sys.dont_write_bytecode = True
             os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
-            arguments = ["-x", "--tb=short", "-p", "no:cacheprovider", "-p", "no:xdist"]
-            code = pytest.main([*arguments, *_test_files(tests)], [plugin])
-            outcome.write_text(json.dumps([int(code), plugin.failed]))
+            try:
+                failed = (self._in_place if own else self._anew)(mutant, tests)
+            except Exception:
+                failed = f"{FAULT}: {traceback.format_exc()}"
+            outcome.write_text(failed)
 
-        ended = in_child(
-            self.tree, work, seconds=20.0 + 4.0 * cost, log=self.tree.with_suffix(".txt")
-        )
-        if not ended or not outcome.exists():
+        copy = self.tree / mutant.file
+        original = copy.stat()
+        copy.write_text(mutant.source)  # also for what a test starts
+        outcome.unlink(missing_ok=True)
+        try:
+            in_child(work, seconds=30.0 + 4.0 * cost, log=self.tree.with_suffix(".log"))
+        finally:
+            copy.write_bytes((ROOT / mutant.file).read_bytes())
+            os.utime(copy, ns=(original.st_atime_ns, original.st_mtime_ns))
+        if not outcome.exists():
             return "stopped: out of time or memory, or crashed"
-        code, failed = json.loads(outcome.read_text())
+        return outcome.read_text()
+
+    def _in_place(self, mutant: Mutant, tests: list[str]) -> str:
+        if not _exchanged_code(self.tree, mutant):
+            return self._anew(mutant, tests)
+        plugin, items = FirstFailure(), [self.items[test] for test in tests]
+        config = items[0].config
+        config.pluginmanager.register(plugin)
+        for item, following in zip(items, [*items[1:], None], strict=True):
+            config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            if plugin.failed:
+                break
+        return plugin.failed
+
+    def _anew(self, mutant: Mutant, tests: list[str]) -> str:
+        for name in [n for n in sys.modules if n.split(".")[0] in (*PACKAGES, "tests")]:
+            del sys.modules[name]
+        plugin = FirstFailure(tests)
+        code = pytest.main([*OPTIONS, "-x", *_test_files(tests)], [plugin])
         if code == pytest.ExitCode.NO_TESTS_COLLECTED:
-            raise RuntimeError(f"no tests where there were some: {self.tree.with_suffix('.txt')}")
-        return str(failed or "import of a conftest.py") if code else ""
+            raise RuntimeError(f"{mutant.file}:{mutant.line}: no tests where there were some")
+        return str(plugin.failed or "import of a conftest.py") if code else ""
+
+
+def _exchanged_code(tree: Path, mutant: Mutant) -> bool:
+    """Give the functions of a module in this process the code of a mutant; False if it cannot."""
+    file = str(tree / mutant.file)
+    places = {code: place for place, code in _codes(compile(_original(mutant), file, "exec"))}
+    codes = dict(_codes(compile(mutant.source, file, "exec")))
+    if codes.keys() != set(places.values()):
+        return False
+    for each in gc.get_objects():
+        if isinstance(each, FunctionType) and each.__code__.co_filename == file:
+            each.__code__ = codes[places[each.__code__]]
+    return True
+
+
+def _original(mutant: Mutant) -> str:
+    return (ROOT / mutant.file).read_text()
+
+
+def _codes(code: CodeType, name: str = "") -> Iterator[tuple[str, CodeType]]:
+    """All code objects within one, by their place."""
+    inner = [each for each in code.co_consts if isinstance(each, CodeType)]
+    for i, each in enumerate(inner):
+        place = f"{name}/{i} {each.co_name}"
+        yield place, each
+        yield from _codes(each, place)
 
 
 def _test_files(tests: Iterable[str]) -> list[str]:
@@ -261,25 +326,31 @@ def judged(
 ) -> Iterator[Row]:
     """Rows of the mutants as they come in, from so many processes."""
     context = multiprocessing.get_context("fork")
-    trees = context.SimpleQueue()
+    following, rows = context.Value("i", 0), context.SimpleQueue()
+
+    def some() -> Iterator[Mutant]:
+        while True:
+            with following.get_lock():
+                index, following.value = following.value, following.value + 1
+            if index >= len(mutants):
+                return
+            yield mutants[index]
+
+    def work(tree: Path) -> None:
+        enter(tree)
+        judge = Judge(executed, tree, some, rows.put, slow=args.slow)
+        marker = "slow or not slow" if args.slow else "not slow"
+        tests = _test_files(n for n, c in executed.contexts.items() if c.is_test)
+        with tree.with_suffix(".out").open("w") as output:
+            os.dup2(output.fileno(), 1)
+            pytest.main([*OPTIONS, "-m", marker, *tests], [judge])
+
     for number in range(args.processes):
         tree = STORE / f"tree{number}" / "project"
         synchronise(tree)
-        trees.put(tree)
-
-    def start() -> None:
-        global _judge  # noqa: PLW0603  a process of the pool has one private copy
-        _judge = Judge(executed, trees.get(), slow=args.slow)
-
-    with context.Pool(args.processes, start) as pool:
-        yield from pool.imap_unordered(_row, mutants)
-
-
-_judge: Judge
-
-
-def _row(mutant: Mutant) -> Row:
-    return _judge(mutant)
+        context.Process(target=work, args=(tree,)).start()
+    for _ in mutants:
+        yield rows.get()
 
 
 def main(args: argparse.Namespace) -> None:
@@ -293,13 +364,22 @@ def main(args: argparse.Namespace) -> None:
     if args.again:
         with RESULT.open(newline="") as file:
             rows = {_key(row): row for row in csv.DictReader(file) if row["outcome"] == "seen"}
-    sample = [m for m in drawn(args.sample, args.seed) if _key(vars(m)) not in rows]
+    sample = [m for m in _sample(args.sample, args.seed) if _key(vars(m)) not in rows]
     for row in judged(sample, executed, args):
         rows[_key(row)] = row
         print(*(row[name] for name in HEAD[:7]), sep=" | ", flush=True)
         _write(rows.values())
     _write(rows.values())
     print(*_shares(rows.values()), sep="\n")
+
+
+def _sample(count: int, seed: int) -> list[Mutant]:
+    """The sample, which takes half a minute to draw; drawn again when a source has changed."""
+    sources = _hash([ROOT / file for file in target_files()])
+    stored = STORE / f"sample_{seed}_{count}_{sources[:16]}.pickle"
+    if not stored.exists():
+        stored.write_bytes(pickle.dumps(drawn(count, seed)))
+    return list(pickle.loads(stored.read_bytes()))
 
 
 def _key(row: dict[str, Any]) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from ident.poses.cross_validation import cross_validated
 from ident.poses.findings import findings_of, lengths_of
 from ident.poses.fit import GROSS, HUBER, fit_poses, robust_weights
 from ident.poses.held_out import held_out_poses
-from ident.poses.identify import JointErrors, PoseOptions, identify_poses, linearised, rounding
+from ident.poses.identify import JointErrors, PoseOptions, identify_poses, linearised, rounding, sag
 from ident.poses.result import PoseIdentification, position_errors
 from ident.poses.start import PoseStartError, start_of_poses
 from ident.poses.verdict import judge_poses
@@ -269,6 +269,16 @@ def test_a_joint_that_hardly_moved_is_named_with_its_range() -> None:
     warnings = identify_poses(table_of(true, q=q), PLAIN).verdict.warnings
     (narrow,) = [warning for warning in warnings if "hardly moved" in warning]
     assert "joints that hardly moved: 3 (2.0 deg); their" in narrow
+
+
+def test_gears_sag_by_their_load_only_where_masses_and_stiffness_are_both_stated() -> None:
+    stated = load_robot("irb2400")
+    for robot, names in (
+        (stated, ["unit_weights", "joint_compliance"]),
+        (replace(stated, gears=None), ["unit_weights"]),
+        (replace(stated, links=None), ["unit_weights"]),
+    ):
+        assert [correction.name for correction in sag(robot)] == names
 
 
 def test_a_mirrored_frame_is_refused() -> None:
