@@ -233,7 +233,11 @@ class Judge:
         seconds = {test: self.executed.seconds(test) for test in tests}
         quick = sorted(
             (test for test in tests if not self.executed.contexts[test].slow),
-            key=lambda test: (test.split("::")[0] not in direct, seconds[test]),
+            key=lambda test: (
+                not test.startswith(OF_CLASSES),
+                test.split("::")[0] not in direct,
+                seconds[test],
+            ),
         )
         if self.slow:
             return quick + sorted(tests - set(quick), key=lambda test: seconds[test])

@@ -281,6 +281,16 @@ def test_gears_sag_by_their_load_only_where_masses_and_stiffness_are_both_stated
         assert [correction.name for correction in sag(robot)] == names
 
 
+def test_the_gain_of_information_is_the_share_of_the_prior_variance_that_is_gone() -> None:
+    result = identify_poses(table_of(true_robot("ur5"), count=60), PLAIN)
+    layout = result.fit.model.unknowns
+    prior = dict(zip(layout.names, layout.sigma, strict=True))
+    for name, gain in result.information_gain.items():
+        left = (result.sigma[name] / prior[name]) ** 2
+        assert gain == pytest.approx(max(0.0, 1.0 - left), abs=1e-12)
+    assert max(result.information_gain.values()) > 0.99  # 60 poses tell a length of 0.3 mm
+
+
 def test_a_mirrored_frame_is_refused() -> None:
     table = table_of(true_robot("ur5"), count=50)
     group = table.groups[0]
