@@ -60,7 +60,7 @@ class AxesError(ValueError):
     """The axes have no usable standard DH rows."""
 
 
-@dataclass
+@dataclass(eq=False)
 class _Frame:
     """Origin and axes of the current DH frame, in the base frame."""
 

@@ -164,7 +164,7 @@ def _clock_step(log: _Log, row: int) -> float | None:
     return step if before > max(STEP, EXPLAINED * after.spread) else None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Misfit:
     """What one cubic for each channel leaves of the rows beside a clock step."""
 

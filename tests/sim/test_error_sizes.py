@@ -30,7 +30,7 @@ from sim.errors.sensor_errors import SensorErrors, SignalNoise
 from sim.errors.static_errors import true_geometry
 from sim.kinematic_samples import kinematic_samples, sample_path
 from sim.logging.clocks import log_times
-from sim.logging.encoders import BarEncoder, motor_angles, read_counts
+from sim.logging.encoders import BarEncoder, frozen_bits, motor_angles, read_counts
 from sim.logging.joint_lag import joint_lags, with_lags
 from sim.logging.load_logs import (
     SENSOR_EPOCH,
@@ -622,3 +622,37 @@ def test_another_seed_has_other_resolvers_in_recordings_and_samples() -> None:
     path = scenario_path(runs[0].path, CELL, NOMINAL, relative_to=SCENARIOS)
     one, other = (kinematic_samples(run, sample_path(CELL, NOMINAL, path, 50)).q for run in runs)
     assert np.abs(one - other).max() > 1e-6
+
+
+@pytest.mark.parametrize(
+    "source", ["transmission_error", "cycloid_ripple", "sinusoidal_gear_error", "unlisted_ripple"]
+)
+def test_the_phases_of_a_ripple_are_drawn_over_the_whole_turn(source: str) -> None:
+    """Else a fit could profit from a phase that is likelier than others.
+
+    The mean of exp(i phase) of n even draws scatters by 1 / sqrt(n). An even share of the turn that
+    is missing or doubled, as small as 0.05, moves it by that share.
+    """
+    stated = {"waveform": "harmonic"} if source == "cycloid_ripple" else {}
+    errors = PlantErrors.model_validate({source: stated})
+    phases = [r.phase for seed in SEEDS for r in plant_effects(errors, CELL, seed).ripples]
+    assert abs(np.exp(1j * np.array(phases)).mean()) < 4.0 / np.sqrt(len(phases))
+
+
+def test_a_converter_rounds_to_the_nearest_of_its_steps() -> None:
+    errors = SensorErrors.model_validate(
+        {"resolver_error": {"amplitude_rad": [0.0, 0.0], "quantum_rad": 1e-3}}
+    )
+    effects = resolver_effects(errors.resolver_error, joints=1, seed=1)
+    assert effects is not None
+    angle = np.linspace(-0.02, 0.02, 4001)[:, None]
+    error = effects.read_angles(angle) - angle
+    assert np.abs(error).max() == pytest.approx(0.5e-3)
+    assert abs(error.mean()) < 1e-5  # always down would be half a step
+
+
+@pytest.mark.parametrize("bits", [8, 12, 13])
+def test_six_bits_of_a_signal_period_are_left_at_any_speed(bits: int) -> None:
+    """Of the terminal's documents (notes/log_formats sec. A.3)."""
+    frozen = frozen_bits(np.array([0.0, 100.0, 200.0, 1e9]), 100.0, bits)
+    assert frozen.tolist() == [0, 1, min(2, bits - 6), bits - 6]

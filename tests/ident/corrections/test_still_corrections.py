@@ -35,6 +35,18 @@ def test_every_axis_that_feels_a_weight_has_a_coefficient_and_the_vertical_one_h
     assert joints == {"2", "3", "4", "5"}  # axis 6: its frame's origin lies on it
 
 
+def test_a_coefficient_is_named_after_the_frame_of_its_weight_and_the_joint_that_sags() -> None:
+    robot = load_robot("ur5")
+    q = np.random.default_rng(8).uniform(-2.0, 2.0, (4, 6))
+    levers, correction = torques(forward(nominal_chain(robot), q), DOWN), unit_weights(robot)
+    rows = regressors_at(robot, [correction], q)
+    for i, coefficient in enumerate(correction.coefficients):
+        frame, joint = (int(part[-1]) - 1 for part in coefficient.name.split("_"))
+        assert np.allclose(rows[i], levers[joint, frame])
+        sag = joint_displacements(robot, [correction], np.eye(len(rows))[i], rows)
+        assert np.allclose(sag, np.outer(rows[i], np.eye(6)[joint]))
+
+
 def test_the_terms_of_an_order_are_its_cosine_and_sine() -> None:
     robot = load_robot("ur5")
     q = np.random.default_rng(5).uniform(-2.0, 2.0, (7, 6))

@@ -16,7 +16,7 @@ from ident.poses.cross_validation import cross_validated
 from ident.poses.findings import findings_of, lengths_of
 from ident.poses.fit import GROSS, HUBER, fit_poses, robust_weights
 from ident.poses.held_out import held_out_poses
-from ident.poses.identify import JointErrors, PoseOptions, identify_poses, linearised, rounding
+from ident.poses.identify import JointErrors, PoseOptions, identify_poses, linearised, rounding, sag
 from ident.poses.result import PoseIdentification, position_errors
 from ident.poses.start import PoseStartError, start_of_poses
 from ident.poses.verdict import judge_poses
@@ -260,6 +260,35 @@ def test_exchanged_joint_columns_are_not_the_declared_robot() -> None:
 def test_too_few_poses_are_refused_with_the_number_that_is_needed() -> None:
     with pytest.raises(InputError, match="6 poses give 18 equations for 27 unknowns"):
         identify_poses(table_of(true_robot("ur5"), count=6))
+
+
+def test_a_joint_that_hardly_moved_is_named_with_its_range() -> None:
+    true = true_robot("ur5")
+    q = angles("ur5", 100)
+    q[:, 2] = 0.7 + np.deg2rad(2.0) * np.linspace(0.0, 1.0, len(q))
+    warnings = identify_poses(table_of(true, q=q), PLAIN).verdict.warnings
+    (narrow,) = [warning for warning in warnings if "hardly moved" in warning]
+    assert "joints that hardly moved: 3 (2.0 deg); their" in narrow
+
+
+def test_gears_sag_by_their_load_only_where_masses_and_stiffness_are_both_stated() -> None:
+    stated = load_robot("irb2400")
+    for robot, names in (
+        (stated, ["unit_weights", "joint_compliance"]),
+        (replace(stated, gears=None), ["unit_weights"]),
+        (replace(stated, links=None), ["unit_weights"]),
+    ):
+        assert [correction.name for correction in sag(robot)] == names
+
+
+def test_the_gain_of_information_is_the_share_of_the_prior_variance_that_is_gone() -> None:
+    result = identify_poses(table_of(true_robot("ur5"), count=60), PLAIN)
+    layout = result.fit.model.unknowns
+    prior = dict(zip(layout.names, layout.sigma, strict=True))
+    for name, gain in result.information_gain.items():
+        left = (result.sigma[name] / prior[name]) ** 2
+        assert gain == pytest.approx(max(0.0, 1.0 - left), abs=1e-12)
+    assert max(result.information_gain.values()) > 0.99  # 60 poses tell a length of 0.3 mm
 
 
 def test_a_mirrored_frame_is_refused() -> None:

@@ -12,6 +12,7 @@ from acquisition.poses import read_poses
 from cell.arrays import Array
 from cell.poses import PoseTable
 from cell.rotation import matrix_from_rotvec
+from ident.poses.cross_validation import SEEN
 from ident.poses.identify import PoseOptions, identify_poses
 from ident.poses.result import PoseIdentification
 from ident.robot.identified_arm import IdentifiedArm
@@ -115,3 +116,10 @@ def test_a_turn_of_the_frame_is_taken_out_by_the_helper() -> None:
     turn = matrix_from_rotvec(np.array([[0.3], [0.2], [-0.5]]))[:, :, 0]
     model = arm.frames(q).tip.T - arm.seat.origin
     assert within(arm, q, model @ turn.T) == 1.0
+
+
+def test_more_seats_see_more_of_the_joint_errors_and_none_more_than_one_of_three_directions() -> (
+    None
+):
+    assert sorted(SEEN) == [1, 2, 3]
+    assert 0.0 < SEEN[1] < SEEN[2] < SEEN[3] <= 1.0 / 3.0

@@ -1,0 +1,28 @@
+"""Descriptions, logs and results cannot be changed, and those that hold arrays have no `==`."""
+
+from __future__ import annotations
+
+import dataclasses
+from importlib import import_module
+
+import pytest
+
+from tests.helpers.source_imports import FILES
+
+CLASSES = {
+    f"{name}.{thing.__qualname__}": thing
+    for name in FILES
+    if name.split(".")[0] in ("acquisition", "cell", "ident", "sim") and "models" not in name
+    for thing in vars(import_module(name)).values()
+    if isinstance(thing, type) and thing.__module__ == name and dataclasses.is_dataclass(thing)
+}
+
+
+@pytest.mark.parametrize("name", sorted(CLASSES))
+def test_a_dataclass_is_frozen_and_compares_no_arrays(name: str) -> None:
+    """An array has no single truth value, so `==` of what holds one would raise."""
+    kind = CLASSES[name]
+    parameters = vars(kind)["__dataclass_params__"]
+    assert parameters.frozen or kind.__name__.startswith("_")  # within a module state may live
+    holds_arrays = any("Array" in str(field.type) for field in dataclasses.fields(kind))
+    assert not (holds_arrays and parameters.eq)
