@@ -420,8 +420,8 @@ def _shares(rows: Iterable[Row]) -> Iterator[str]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    for name, default in (("sample", 400), ("seed", 1), ("processes", 1)):
-        parser.add_argument(f"--{name}", type=int, default=default)
-    for name in ("again", "slow"):
-        parser.add_argument(f"--{name}", action="store_true")
+    for name, default in (("--sample", 400), ("--seed", 1), ("--processes", 1)):
+        parser.add_argument(name, type=int, default=default)
+    for name in ("--again", "--slow"):
+        parser.add_argument(name, action="store_true")
     main(parser.parse_args())

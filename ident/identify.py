@@ -77,7 +77,7 @@ from ident.verdict import (
 COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identification sec. 2)
 # A compliance or play is negative beyond so many deviations, and so much of its prior's: a rigid
 # gear may come out a little on either side.
-NEGATIVE, NOTHING = 2.0, 0.1
+NEGATIVE, NOTHING = 2.0, 0.15
 MASSES_IN_DOUBT = 0.5  # standard deviation, of the sag between the two ways to read soft gears
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
 

@@ -93,7 +93,7 @@ def run(
         "errors": {},
         "encoders": {"bits": 13},
         "clocks": {"offset_s": 0.137, "skew": 5e-5},
-        "logs": PERFECT_LOGS,
+        "logs": PERFECT_LOGS | {"robot": {"dialect": "canonical-robot"}},  # has torques
     }
     return read_logs(record(folder / "recording", **(base | changes)).folder)
 
