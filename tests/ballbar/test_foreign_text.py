@@ -156,7 +156,9 @@ def test_pages_show_text_as_text(text: str) -> None:
     shown = markdown(text)
     assert not re.search(r"(?<!\\)[`*_\[\]<>|]", shown.replace("\\\\", ""))
     assert "\n" not in shown
-    topic = SimpleNamespace(name="a", file=SimpleNamespace(title=text, place="p", about="a", sets=("core",)))
+    topic = SimpleNamespace(
+        name="a", file=SimpleNamespace(title=text, place="p", about="a", sets=("core",))
+    )
     judged = cast("Any", SimpleNamespace(topic=topic, verdicts=[], runs=0))
     lines = page_text([judged], {}, {}).splitlines()
     assert lines == page_text([judged], {}, {}).split("\n")[:-1], "no other line ends"
