@@ -1,18 +1,24 @@
 # make run : set up and run the main scenario        make test : set up and run the tests
+# make long : what takes longest of the tests
 # make lowest : the quick tests with the lowest allowed version of every requirement
 PYTHON ?= python3
 BIN := .venv/bin
 
 # two test processes on two cores (cell/threads.py)
 export OPENBLAS_NUM_THREADS := 1
+# the tests start many processes; compiled once
+export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test quick lowest check docs clean
+.PHONY: run test long quick lowest check docs clean
 
 run: .venv/installed
 	$(BIN)/ballbar run scenarios/irb2400.yaml
 
 test: .venv/installed check
-	$(BIN)/pytest -n 2
+	$(BIN)/pytest -n 2 -m "not long"
+
+long: .venv/installed
+	$(BIN)/pytest -n 2 -m long
 
 quick: .venv/installed
 	$(BIN)/pytest -n 2 -m "not slow"

@@ -115,6 +115,7 @@ def test_a_held_pose_without_any_error_is_the_nominal_pose(cell: Cell, nominal: 
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_an_identified_robot_reaches_the_nominal_poses_in_the_full_plant() -> None:
     """The target of 0.05 mm is for recordings of 120 s; those of 80 s identify a little worse.
 

@@ -34,6 +34,9 @@ MOVING = sorted(
     for file in SHIPPED.glob("*.yaml")
     if isinstance(load_any_scenario(file), Scenario) and file.stem != "irb2400_push_pull"
 )
+# Another path, or a scenario that other tests run as well.
+ALIKE = ("irb2400", "irb2400_drawwire", "irb2400_planned", "nj220_full", "nj220_planned")
+LONG = dict.fromkeys(ALIKE, pytest.mark.long)
 
 ERROR = TcpError(np.zeros((2, 3)), np.array([1e-5, 3e-5]), np.array([1e-5, 3e-5]))
 COMPARISON = Comparison({"ra1": 3e-5, "rd1": 4e-5}, ERROR, ERROR, -7e-6, 3e-7)
@@ -153,7 +156,7 @@ def test_simulate_judges_the_plant_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", MOVING)
+@pytest.mark.parametrize("name", [pytest.param(x, marks=LONG.get(x, ())) for x in MOVING])
 def test_a_shipped_scenario_keeps_its_limits(name: str, tmp_path: Path) -> None:
     code, said, err = ballbar("run", name, "--out", tmp_path / "out")
     assert code == 0, said + err

@@ -685,6 +685,7 @@ def test_bad_input_exits_with_2_and_writes_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     """The command as a user runs it: killed with chunks half done, stopped by Ctrl-C, then left."""
     file = tmp_path / "real.yaml"

@@ -134,12 +134,18 @@ def test_colours_are_for_a_terminal_unless_they_are_forced(
 def test_ctrl_c_ends_with_130_and_leaves_nothing_half_written(
     scenario: Path, tmp_path: Path
 ) -> None:
+    long_fit = scenario.with_name("long_fit.yaml")
+    long_fit.write_text(
+        scenario.read_text()
+        .replace("samples: 300", "samples: 9000")
+        .replace("duration_s: 40", "duration_s: 120")
+    )
     command = [
         sys.executable,
         "-m",
         "ballbar",
         "run",
-        str(scenario),
+        str(long_fit),
         "--out",
         str(tmp_path / "out"),
         "--verbose",

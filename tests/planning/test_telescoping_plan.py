@@ -447,7 +447,10 @@ def few_candidates(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_candidates")
-@pytest.mark.parametrize("robot", ["ur10e", "ur5e", "kr10_r1100", "irb120", "panda"])
+@pytest.mark.parametrize(
+    "robot",
+    ["ur10e", "ur5e", "kr10_r1100", "irb120", pytest.param("panda", marks=pytest.mark.long)],
+)
 def test_a_path_is_found_for_any_arm(robot: str, tmp_path: Path) -> None:
     request = load_request(written(tmp_path, f"robot: {robot}, instrument: qc20w_300"))
     given = evaluators(request)

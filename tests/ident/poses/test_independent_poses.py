@@ -19,7 +19,7 @@ from ident.poses.identify import identify_poses
 from tests.helpers.own_poses import OwnArm, irb120, length_poses, panda, socket_poses, written
 
 SIGMA = 5e-5  # [m] of lengths, and of the play of sockets
-SEEDS = 20
+SEEDS = 8
 
 
 @pytest.mark.parametrize("arm", [panda(None), irb120(None)], ids=lambda arm: str(arm.name))
