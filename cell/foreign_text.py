@@ -12,7 +12,7 @@ import unicodedata
 
 # control, invisible (direction of writing among them), surrogate, line and paragraph separator
 _ACTING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # first characters of a cell that is run
+_FORMULA = ("=", "+", "-", "@", "\t", "\n")  # first characters of a cell that is run
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\Z")
 _MARKDOWN = re.compile(r"([\\`*_\[\]<>|])")
 
@@ -44,7 +44,12 @@ def comment(mark: str, text: str) -> str:
 
 
 def csv_text(text: str) -> str:
-    """The text of a CSV cell that no spreadsheet runs: a formula gets an apostrophe before it."""
+    """The text of a CSV cell that no spreadsheet runs: a formula gets an apostrophe before it.
+
+    A carriage return becomes a line feed: CPython before 3.11.9 writes it without quotes, and what
+    follows would begin a cell.
+    """
+    text = text.replace("\r", "\n")
     return f"'{text}" if text.startswith(_FORMULA) and not _NUMBER.match(text) else text
 
 

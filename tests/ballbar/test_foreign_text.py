@@ -128,6 +128,8 @@ def test_models_and_json_stay_what_they_are(cell: Cell, made: Result, text: str)
 
 @hostile
 @given(HOSTILE)
+@example("\r=")
+@example("\r\r")
 def test_no_cell_is_run_by_a_spreadsheet(cell: Cell, tmp_path: Path, text: str) -> None:
     robot, names = cell.robot, joint_columns(cell.robot)
     targets = TargetFile(
@@ -147,7 +149,7 @@ def test_no_cell_is_run_by_a_spreadsheet(cell: Cell, tmp_path: Path, text: str) 
         written += [row[0] for row in cells if row]
     for cell_text in written:
         number = re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", cell_text)
-        assert number or not cell_text.startswith(("=", "+", "-", "@", "\t", "\r"))
+        assert number or not cell_text.startswith(("=", "+", "-", "@", "\t", "\r", "\n"))
 
 
 @hostile
