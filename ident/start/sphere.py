@@ -19,6 +19,7 @@ RADIUS_SIGMA = (
 FIT_SIGMA = 0.002  # [m] what uncalibrated robots leave of a sphere (1 mm and mrad of DH error)
 SAME_ORDER = 10.0  # a centre this many times worse is not worth a hypothesis
 _ITERATIONS = 30
+_SETTLED = 1e-7  # [m] step; a ten thousandth of what the robot leaves of the sphere
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,18 +72,20 @@ def _algebraic_centre(points: Array) -> Array:
 
 
 def _refined(points: Array, centre: Array, nominal: float) -> Sphere:
-    radius = nominal
+    """Gauss-Newton by normal equations, of least norm where a circle leaves the centre open."""
+    radius, towards = nominal, np.ones((len(points), 4))
+    prior = (FIT_SIGMA / RADIUS_SIGMA) ** 2
     for _ in range(_ITERATIONS):
         offset = points - centre
         distance = np.linalg.norm(offset, axis=1)
-        jacobian = np.column_stack((-offset / distance[:, None], -np.ones(len(points)))) / FIT_SIGMA
-        residual = (distance - radius) / FIT_SIGMA
-        jacobian = np.vstack((jacobian, [0.0, 0.0, 0.0, 1.0 / RADIUS_SIGMA]))
-        residual = np.append(residual, (radius - nominal) / RADIUS_SIGMA)
-        step = np.linalg.lstsq(jacobian, -residual, rcond=None)[0]
+        np.divide(offset, distance[:, None], out=towards[:, :3])
+        normal, gradient = towards.T @ towards, towards.T @ (distance - radius)
+        normal[3, 3] += prior
+        gradient[3] -= prior * (radius - nominal)
+        step = np.linalg.lstsq(normal, gradient, rcond=None)[0]
         step *= min(1.0, 0.5 * nominal / max(float(np.linalg.norm(step[:3])), 1e-300))
         centre, radius = centre + step[:3], radius + step[3]
-        if np.abs(step).max() < 1e-9:
+        if np.abs(step).max() < _SETTLED:
             break
     distance = np.linalg.norm(points - centre, axis=1)
     cost = float(

@@ -34,9 +34,7 @@ MOVING = sorted(
     for file in SHIPPED.glob("*.yaml")
     if isinstance(load_any_scenario(file), Scenario) and file.stem != "irb2400_push_pull"
 )
-# Another path, or a scenario that other tests run as well.
-ALIKE = ("irb2400", "irb2400_drawwire", "irb2400_planned", "nj220_full", "nj220_planned")
-LONG = dict.fromkeys(ALIKE, pytest.mark.long)
+LONG = {name: pytest.mark.long for name in MOVING if name != "nj220"}
 
 ERROR = TcpError(np.zeros((2, 3)), np.array([1e-5, 3e-5]), np.array([1e-5, 3e-5]))
 COMPARISON = Comparison({"ra1": 3e-5, "rd1": 4e-5}, ERROR, ERROR, -7e-6, 3e-7)

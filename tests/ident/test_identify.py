@@ -178,6 +178,7 @@ def test_the_truth_lies_beside_the_recording_never_inside(recorded: Recorded) ->
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_intervals_hold_the_truth_about_as_often_as_they_claim_when_noise_is_white(
     tmp_path: Path,
 ) -> None:

@@ -17,6 +17,7 @@ SEEDS = 20
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_clock_lies_within_the_stated_95_percent_about_as_often_as_that() -> None:
     off = []
     for seed in range(SEEDS):

@@ -33,6 +33,7 @@ def calibrated(folder: Path, faults: dict[str, dict[str, object]]) -> tuple[Iden
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_gross_faults_are_repaired_reported_and_cost_little(tmp_path: Path) -> None:
     clean, truth = calibrated(tmp_path / "clean", {})
     assert clean.recordings[0].step_faults == ()

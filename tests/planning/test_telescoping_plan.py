@@ -272,6 +272,7 @@ def test_a_better_sensor_predicts_less_and_a_rigid_hold_is_no_unknown(
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_prediction_is_the_error_that_identification_makes(
     evaluator: Evaluator, trajectory: Trajectory
 ) -> None:
