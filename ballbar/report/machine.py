@@ -21,9 +21,9 @@ from ballbar.report.parameters import (
     left_at_nominal,
     not_requested,
     parameter_groups,
-    z_rms,
 )
 from ballbar.report.recording import OVERVIEW, overview_cells
+from ballbar.result.compare import z_rms
 from ballbar.result.run_data import RunData, Validation
 from ballbar.units import MM
 from ident.estimator.uncertainty import correlated_groups

@@ -11,7 +11,6 @@ from ballbar.report.numbers import MISSING, decimals_for, fixed, listed, signifi
 from ballbar.result.compare import Comparison
 from ballbar.units import MM, UM
 from cell.geometry import Parameter, parameter_named
-from cell.statistics import rms
 from ident.estimator.identifiability import DroppedParameter
 from ident.result import Identification, RecordingEstimate, RobotEstimate
 
@@ -98,13 +97,6 @@ def parameter_groups(
     identified = [p for p in estimate.geometry.table.parameters if p.name in estimate.sigma]
     groups = [(title, [p for p in identified if belongs(p)]) for title, belongs in _GROUPS]
     return [_group(title, group, estimate, comparison) for title, group in groups if group]
-
-
-def z_rms(result: Identification, comparison: Comparison) -> float:
-    """Root mean square of error over stated sigma; near 1 if the intervals hold."""
-    sigma = result.sigma
-    errors = comparison.deviations.items()
-    return rms([error / sigma[name] for name, error in errors if sigma[name] > 0.0])
 
 
 def left_at_nominal(robot: RobotEstimate) -> list[LeftAtNominal]:

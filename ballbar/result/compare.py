@@ -16,6 +16,7 @@ from ballbar.result.true_robot import true_tool
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.geometry import Geometry, mirrored, parameter_named
+from cell.statistics import rms
 from ident.result import Identification
 from ident.robot.accuracy import TcpError, accuracy_grid, position_error
 from ident.robot.unloaded_robot import UnloadedRobot
@@ -85,6 +86,13 @@ def identification_against_truth(
     model = replace(result.robot.unloaded(), geometry=own.geometry)
     names = [*result.robot.sigma, *own.sigma]
     return compare_with_truth(model, own.nominal, truth, names, clock)
+
+
+def z_rms(result: Identification, comparison: Comparison) -> float:
+    """Root mean square of error over stated sigma; near 1 if the intervals hold."""
+    sigma = result.sigma
+    errors = comparison.deviations.items()
+    return rms([error / sigma[name] for name, error in errors if sigma[name] > 0.0])
 
 
 def compare_kinematics(

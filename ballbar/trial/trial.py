@@ -17,6 +17,7 @@ from ballbar.result.compare import (
     compare_kinematics,
     compare_with_truth,
     identification_against_truth,
+    z_rms,
 )
 from ballbar.result.names import RECORDING
 from ballbar.result.run_data import FittedRecording
@@ -115,6 +116,7 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
         fitted = result.fit
         quality = _quality(fitted.iterations, fitted.converged, rms(estimate.whitened))
         verdict: Row = {"chi2_per_dof": fitted.chi2_per_dof, "verdict": str(result.verdict.status)}
+        verdict["z_rms"] = z_rms(result, comparison)
         return _row(comparison, quality | verdict)
     cost = cost_named(scenario.identify.cost, scenario.identify.form)
     q, b = _paired_angles(recording, scenario.identify.smoothing)
