@@ -200,7 +200,7 @@ def _read_file(source: LogSource, file: str) -> tuple[Table, FileSummary]:
     table, form = read_file(inside(source.folder, file), file, source.dialect, source.layout)
     table, time = _with_stamps(source, table)
     table = in_sequence(table, source.dialect.sequence)
-    table = in_order(spread(table) if source.declared.quantised else table)
+    table = in_order(spread(table, source.declared.quantised))
     summary = FileSummary(
         file=file,
         source=source.name,

@@ -27,8 +27,8 @@ class SourceFile(Strict):
     dialect: str  # a shipped one, or a file of the recording folder that ends in .yaml
     time: str | None = None  # form of the time stamps, where the stamps do not show it themselves
     columns: tuple[str, ...] | None = None  # names of all columns, for files without header
-    # whether evenly taken rows have stamps of a clock with coarse steps
-    quantised: bool = False
+    # whether evenly taken rows have stamps of a clock with coarse steps; as the stamps show it
+    quantised: bool | None = None
 
 
 class LengthFile(SourceFile):

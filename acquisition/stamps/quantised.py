@@ -10,9 +10,13 @@ Accuracy: microseconds where the period of the rows and Q have no common divisor
 (4.032 ms and 16 ms), half of that divisor where they have (2 ms for 4 ms and 16 ms), and a period
 for a few rows beside missing ones.
 
-That the rows were taken evenly is declared in recording.yaml (`quantised: true`): a logger whose
-rows come late now and then shows the same stamps. A shift common to all rows remains (a clock may
-show the beginning, the middle or the end of its step); it is part of the clock offset.
+Stamps show it themselves where rows lie the two multiples of a step apart that are next to their
+mean, in the turns that a line gives, so that hardly a line ends (4 and 5 ms for 4.032 ms). Where
+rows are lost now and then two distances come as well, in no such turns. `quantised: true` in
+recording.yaml declares it; `false`, that stamps are as exact as they are written.
+
+A shift common to all rows remains (a clock may show the beginning, the middle or the end of its
+step); it is part of the clock offset.
 """
 
 from __future__ import annotations
@@ -30,17 +34,28 @@ from cell.errors import LogError
 ROOM = 1.1  # steps: what a line may leave, a tenth for the jitter of the rows themselves
 # Rows between two gaps, on average; with fewer the rows were not taken evenly.
 SHORTEST = 50
+# Of stamps that show by themselves that they are coarse: the step as a share of the rows' distance,
+# the share of distances that are one of two, how often the rarer comes at least, and how many of
+# these may end a line. Where rows are lost at random every second or third ends one.
+COARSE, TWO, FEW, ENDING = 0.01, 0.95, 10, 0.2
 _FLAT = 1e-9  # steps
 
 
-def spread(table: Table) -> Table:
+def spread(table: Table, declared: bool | None = None) -> Table:
     """The rows of one file at the times at which they were taken, as far as their stamps show.
 
     Rows of the logger's next start, and those behind a stamp that goes back, have a line of their
     own.
-    Raises LogError if the rows were not taken evenly, or all stamps are the same.
+
+    declared : None where the stamps alone tell whether they are coarse.
+
+    Raises LogError if the rows that are declared so were not taken evenly, or all stamps are the
+    same.
     """
     stamps = table.columns[STAMP]
+    rarer = 0 if declared else _rarer(table)
+    if declared is False or (declared is None and rarer < FEW):
+        return table
     step = _step(table)
     # Counted from the first row, a float64 of steps is exact to a nanosecond.
     shown = (stamps - stamps[0]) / step
@@ -50,6 +65,8 @@ def spread(table: Table) -> Table:
         for part in np.split(np.arange(stamps.size), cuts)
         for line in _lines(shown, int(part[0]), int(part[-1]) + 1)
     ]
+    if not declared and len(lines) > 2 + cuts.size + ENDING * rarer:
+        return table
     if len(lines) > max(2 + cuts.size, stamps.size / SHORTEST):
         raise LogError(
             f"{table.location(lines[1][0])}: declared as quantised, but the rows do not come "
@@ -71,6 +88,23 @@ def spread(table: Table) -> Table:
     )
     table = table.remarked("quantised stamps", "repaired", sentence, count=stamps.size)
     return replace(table, columns={**table.columns, STAMP: moved})
+
+
+def _rarer(table: Table) -> int:
+    """How often the rarer of two distances comes in which all rows lie; 0 where there are not two.
+
+    They are the multiples of the clock's step next to the mean distance.
+    """
+    stamps = table.columns[STAMP]
+    distances = np.diff(stamps)[~table.begins[1:]]
+    if not (distances > 0).any():
+        return 0
+    steps = np.rint(distances / _step(table))
+    usual = steps[np.abs(steps - np.median(steps)) <= 1.0]
+    low = np.floor(usual.mean())
+    shares = np.array([(steps == low).sum(), (steps == low + 1.0).sum()])
+    fine = usual.mean() > 1.0 / COARSE
+    return 0 if fine or shares.sum() < TWO * steps.size else int(shares.min())
 
 
 def _step(table: Table) -> int:

@@ -45,18 +45,9 @@ def robot_period(logs: DeviceLogs, robot: Robot) -> float:
 
 
 def robot_source(logs: DeviceLogs, robot: Robot) -> dict[str, object]:
-    """`sources.robot` of recording.yaml.
-
-    Stamps of whole milliseconds that the period is no multiple of are declared as quantised.
-    """
+    """`sources.robot` of recording.yaml."""
     name, dialect = robot_dialect(logs, robot)
-    source: dict[str, object] = {
-        "files": [f"raw/robot{SUFFIXES[dialect.container]}"],
-        "dialect": name,
-    }
-    period_ms = robot_period(logs, robot) * 1e3
-    coarse = dialect.time.unit == "ms" and abs(period_ms - round(period_ms)) > 1e-9
-    return source | ({"quantised": True} if coarse else {})
+    return {"files": [f"raw/robot{SUFFIXES[dialect.container]}"], "dialect": name}
 
 
 def write_robot_log(

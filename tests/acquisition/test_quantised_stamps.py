@@ -95,12 +95,51 @@ def test_rows_of_a_logger_that_comes_late_are_not_even(tmp_path: Path) -> None:
             r"\d+ places"
         ),
     ):
-        spread(table(t, 0.001))
+        spread(table(t, 0.001), declared=True)
     with pytest.raises(LogError, match=r"log\.csv:2: all rows have the same stamp"):
-        spread(table(t, 1000.0))
+        spread(table(t, 1000.0), declared=True)
 
 
-def test_a_log_with_rows_that_share_stamps_is_read_once_it_is_declared_quantised(
+def rng(seed: int) -> np.random.Generator:
+    return np.random.default_rng([seed, 31])
+
+
+EVEN = 0.004 * np.arange(ROWS)
+NOT_COARSE = {
+    "microseconds": (COMMON * 0.004032 * np.arange(ROWS), 1e-6),
+    "a period of whole steps": (EVEN, 0.001),
+    "rows that are lost at random": (np.delete(EVEN, rng(1).integers(1, ROWS, 50)), 0.004),
+    "many of them": (np.delete(EVEN, rng(2).integers(1, ROWS, 500)), 0.004),
+    "stamps that jitter by more than a step": (EVEN + 2e-3 * rng(3).random(ROWS), 0.001),
+    "rows that come late now and then": (
+        np.cumsum(0.01 + 0.005 * (rng(4).random(ROWS) < 0.1)),
+        0.001,
+    ),
+}
+
+
+@pytest.mark.parametrize("log", NOT_COARSE)
+def test_stamps_that_are_exact_or_of_uneven_rows_stay_as_they_are(log: str) -> None:
+    t, step = NOT_COARSE[log]
+    stamped_rows = table(7.0031 + np.sort(t), step)
+    assert spread(stamped_rows) is stamped_rows
+
+
+def test_coarse_stamps_that_are_declared_exact_stay_as_they_are() -> None:
+    coarse = table(7.0031 + COMMON * 0.004032 * np.arange(ROWS), 0.001)
+    assert spread(coarse, declared=False) is coarse
+    assert spread(coarse) is not coarse
+
+
+def test_coarse_stamps_show_themselves_where_rows_are_lost_or_late() -> None:
+    t = 7.0031 + COMMON * 0.004032 * np.arange(ROWS)
+    t[3000:] += 0.0231
+    t = np.delete(t, rng(5).integers(1, ROWS, 5))
+    fine = spread(table(t, 0.001)).columns[STAMP]
+    assert np.quantile(off(fine, t), 0.95) < 50e-6
+
+
+def test_a_log_with_rows_that_share_stamps_is_read_unless_they_are_declared_exact(
     tmp_path: Path,
 ) -> None:
     lines = robot_lines()
@@ -118,14 +157,20 @@ def test_a_log_with_rows_that_share_stamps_is_read_once_it_is_declared_quantised
             r"The clock is too coarse for the rows: log a finer one, or declare `quantised: true`"
         ),
     ):
-        read_recording(write(tmp_path, robot=coarse))
+        read_recording(
+            write(
+                tmp_path,
+                robot=coarse,
+                change=lambda data: data["sources"]["robot"].update(quantised=False),
+            )
+        )
     declared = write(
         tmp_path, robot=coarse, change=lambda data: data["sources"]["robot"].update(quantised=True)
     )
     assert any(
         "stamps step by more than can be neglected" in line for line in explain_lines(declared)
     )
-    recording = read_recording(declared)
+    recording = read_recording(write(tmp_path, robot=coarse))
     log = recording.robot_log
     assert len(log.t) == len(ROBOT_T)
     np.testing.assert_allclose(log.t, ROBOT_T, atol=1e-4)

@@ -168,8 +168,7 @@ FORMS = (
         "logs.robot",
         "Columns, units, separators and container of the dialect's file; angles of motors, axes or "
         "joints by the robot's file.",
-        "Robot's log. Whole-millisecond stamps of rows that come otherwise are declared as "
-        "`quantised`.",
+        "Robot's log.",
         "The robot's file names its controller's dialect; the dialect's file the period.",
         f"abb-motor: rows of {PERIOD_MS:g} ms, stamped to a microsecond; comau-joint: 4 ms.",
         Plot(
