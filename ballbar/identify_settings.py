@@ -45,7 +45,11 @@ class IdentifySettings(Strict):
         description="Device logs through reader and clock alignment; or the angles of both logs at "
         "the sample instants, clocks already matched (thesis ch. 3), of the kinematic plant only.",
     )
-    samples: Annotated[int, Field(ge=50, le=100_000)] = 1500
+    samples: Annotated[int, Field(ge=50, le=100_000)] = Field(
+        1500,
+        description="Instants of the fit at most; of device logs none are closer than they are "
+        "smoothed, for those would share noise.",
+    )
     parameters: ParameterSet = Field(
         "core",
         description="Parameters of a thesis cost, of which it identifies what it determines: "

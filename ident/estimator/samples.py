@@ -184,6 +184,8 @@ def overlap(robot: SmoothLog, ballbar: SmoothLog | None, clock: Clock) -> tuple[
 def sample_times(robot: SmoothLog, ballbar: SmoothLog | None, clock: Clock, count: int) -> Array:
     """(N,) [s] at most `count` evenly spread instants, those in gaps of either log left out.
 
+    None are closer than the smoothing of the logs: those would share noise, and tell nothing new.
+
     Raises ValueError when the logs do not overlap, or nothing moves where they do.
     """
     first, last = overlap(robot, ballbar, clock)
@@ -197,7 +199,8 @@ def sample_times(robot: SmoothLog, ballbar: SmoothLog | None, clock: Clock, coun
         raise ValueError("the robot stands still wherever the two logs overlap")
     first = max(first, float(grid[moving[0]]) - DWELL_KEPT)
     last = min(last, float(grid[moving[-1]]) + DWELL_KEPT)
-    times = np.linspace(first, last, count)
+    apart = int((last - first) / smoothing(robot, ballbar)) + 1
+    times = np.linspace(first, last, min(count, apart))
     covered: NDArray[np.bool_] = robot.covers(clock.robot_time(times))
     if ballbar is not None:
         covered &= ballbar.covers(times)

@@ -67,6 +67,15 @@ def test_samples_are_spread_evenly_over_what_both_logs_cover() -> None:
     assert times[[0, -1]] == pytest.approx([MARGIN, 40.0 - 0.02 - 5.0 - MARGIN])
 
 
+def test_samples_are_no_closer_than_the_logs_are_smoothed() -> None:
+    t = np.arange(0.0, 40.0, 0.02)
+    fine = exact_log(t, np.sin(t)[:, None])
+    smooth = replace(fine, knot_spacing=0.1)
+    for robot, ballbar in ((smooth, fine), (fine, smooth), (smooth, None)):
+        times = sample_times(robot, ballbar, NO_CLOCK_ERROR, 3000)
+        assert 0.1 <= np.diff(times).min() < 0.101
+
+
 def test_a_robot_that_stands_still_is_refused() -> None:
     t = np.arange(0.0, 20.0, 0.02)
     log = exact_log(t, np.full((t.size, 1), 0.3))
