@@ -167,6 +167,20 @@ class Payload(Strict):
     )
 
 
+class ThermalGrowth(Strict):
+    """The links a2 and d4 of the robot grow while it warms up during the recording.
+    Its true parameters are those at the start.
+    """
+
+    a2_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = Field(
+        4.0e-5, description="Growth of a2 from the start to the end of the recording."
+    )
+    d4_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = Field(4.0e-5, description="Likewise of d4.")
+    time_constant_s: Annotated[float, Field(gt=0.0)] | None = Field(
+        None, description="Of an exponential growth; none for a linear one."
+    )
+
+
 class PlantErrors(Strict):
     """Error sources that act in the plant; each is absent unless named."""
 
@@ -184,3 +198,4 @@ class PlantErrors(Strict):
     base_compliance: BaseCompliance | None = None
     masses: BodyMasses | None = Field(None, description="Requires masses in the robot's file.")
     payload: Payload | None = Field(None, description="Requires masses in the robot's file.")
+    thermal_growth: ThermalGrowth | None = None

@@ -14,7 +14,7 @@ import numpy as np
 from cell.arrays import Array
 from cell.descriptions import Cell, Robot
 from cell.errors import InputError
-from sim.errors.plant_errors import CycloidRipple, PlantErrors
+from sim.errors.plant_errors import CycloidRipple, PlantErrors, ThermalGrowth
 from sim.plant.masses import Masses, drawn_masses, stated_masses
 from sim.streams import stream
 
@@ -24,6 +24,7 @@ RIGID_ROD = (
 # Harmonics of the cusped wave; the others amount to 11 % of the peak at the cusp, 4 % at 25 deg,
 # 2 % at 60 deg and 1.5 % further away.
 CUSP_TERMS = 4
+_ROUNDS = 4  # of the gears' harmonics; each gains three digits
 UNLISTED_ORDERS = range(3, 39)  # cycles per turn of the output; between those of the files
 
 
@@ -54,6 +55,7 @@ class PlantEffects:
     plate_stiffness: float | None = None  # [N/m] at the tip; None: rigid
     base_stiffness: float | None = None  # [N/m]; None: rigid
     masses: Masses | None = None  # None: those of the files
+    growth: ThermalGrowth | None = None  # of the links; None: their lengths are constant
     force_sensor: bool = False  # whether the flange's force and torque are measured
 
     @property
@@ -72,6 +74,13 @@ class PlantEffects:
                 ripple.order * gears[:, ripple.gear] + ripple.phase
             )
         return delta
+
+    def gear_outputs(self, shown: Array) -> Array:
+        """(N, J) [rad] output angles of gears whose motors show angles (N, J) [rad]."""
+        gears = shown
+        for _ in range(_ROUNDS):
+            gears = shown + self.transmission_error(gears)
+        return gears
 
 
 def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
@@ -117,6 +126,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
         else None,
         base_stiffness=errors.base_compliance.stiffness_N_per_m if errors.base_compliance else None,
         masses=_masses(errors, cell, seed),
+        growth=errors.thermal_growth,
     )
 
 

@@ -734,6 +734,7 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "payload": {},
     "motor_offsets": {},
     "joint_lag": {},
+    "thermal_growth": {},
     "signal_noise": {},
 }
 PLAY = {
