@@ -49,6 +49,7 @@ EVERYTHING_ON: dict[str, object] = {
             "base_compliance",
             "masses",
             "payload",
+            "thermal_growth",
             "base_tilt",
             "plate_length",
             "motor_offsets",

@@ -22,6 +22,7 @@ from ballbar.result.true_robot import true_tool
 from cell.arrays import Array
 from cell.descriptions import Cell
 from cell.errors import InputError
+from cell.geometry import Geometry, robot_frames
 from cell.inverse import pose_error
 from cell.load import load_robot
 from ident.robot.accuracy import accuracy_grid
@@ -596,6 +597,54 @@ def gear_torques(loaded: Simulation, folder: Path, **changes: float) -> Array:
     """(N, 6) [N m] logged torques, at the gears' outputs."""
     motor = read_table(written(loaded, folder, torque=EXACT | changes) / "robot.csv")[:, 7:]
     return motor / np.diag(loaded.cell.robot.transmission)
+
+
+GROWTH = {"ra2": 6e-5, "rd4": -4e-5}  # [m] at the end
+GROWN = {"thermal_growth": {"a2_m": GROWTH["ra2"], "d4_m": GROWTH["rd4"]}}
+
+
+def at_the_end(geometry: Geometry) -> Geometry:
+    return geometry.replaced({name: geometry[name] + size for name, size in GROWTH.items()})
+
+
+def test_grown_links_turn_the_joints_and_leave_loads_and_ballbar_as_they_were(
+    loaded: Simulation,
+) -> None:
+    before = loaded.motion
+    grown = simulate(quiet(logs={"force_sensor": {}}, errors=GROWN), relative_to=SCENARIOS).motion
+    assert np.array_equal(grown.rod_force, before.rod_force)
+    assert np.array_equal(grown.b, before.b)
+    assert np.allclose(grown.q - grown.shown, before.q - before.shown, rtol=0.0, atol=1e-12)
+    assert np.abs(grown.q[0] - before.q[0]).max() < 1e-12
+    held = robot_frames(before.geometry, before.q[-1:])
+    turned = robot_frames(at_the_end(before.geometry), grown.q[-1:])
+    assert np.abs(pose_error(held.rotation(), held.tip, turned)).max() < 1e-12
+    assert np.abs(grown.q[-1] - before.q[-1]).max() > 2e-5
+    assert max(error.max() for error in grown.closure()) < 5e-7
+
+
+def test_a_wire_measures_the_growth_of_links_whose_tool_nothing_holds() -> None:
+    wire = {
+        "cell": {
+            "robot": "irb2400",
+            "instrument": "drawwire_2m",
+            "ballbar_position_m": [-0.006, -0.575, 0.062],
+        },
+        "path": {"kind": "lissajous", "file": "paths/irb2400_drawwire.yaml", "duration_s": 60.0},
+        "plant": {"kind": "kinematic"},
+        "encoders": {},
+        "clocks": {},
+    }
+    errors: tuple[dict[str, Any], ...] = ({}, GROWN)
+    before, grown = (
+        simulate(settings(**wire, errors=each), relative_to=SCENARIOS).motion for each in errors
+    )
+    assert np.array_equal(before.shown, grown.shown)
+    longer = at_the_end(before.geometry)
+    tool = robot_frames(longer, before.q[-1:]).tip[:, 0]
+    length = np.linalg.norm(tool - longer.origin) - longer["bd3"]
+    assert grown.rod_stretch[-1] == pytest.approx(length, abs=1e-12)
+    assert abs(grown.rod_stretch[-1] - before.rod_stretch[-1]) > 1e-5
 
 
 def test_the_force_sensor_has_its_own_rate_and_begins_when_it_was_asked_to(
