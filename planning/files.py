@@ -49,7 +49,6 @@ EVERYTHING_ON: dict[str, object] = {
             "base_compliance",
             "masses",
             "payload",
-            "thermal_growth",
             "base_tilt",
             "plate_length",
             "motor_offsets",
