@@ -42,17 +42,17 @@ Written by `python -m generators.thesis_5_3` from `scenarios/irb2400_push_pull.y
 
 | what | thesis | here |
 |---|---|---|
-| rod and joints at 150 N (Fig. 5.8) | 2.7 + 2.8 um | {strain:.2f} um |
+| rod and two joints at 150 N (Fig. 5.8) | 2.7 + 2 x 2.8 um | {strain:.2f} um |
 | backlash at force reversal (Fig. 5.9) | below 5 um a joint | {backlash:.2f} um, as the scenario sets it ({scenario:.1f} um) |
-| force along a path, soft servo, Table 3.1 errors (Fig. 5.7) | about 100 to 150 N | {low:.0f} to {high:.0f} N |
+| force along a path, soft servo, Table 3.1 errors (Fig. 5.7) | 150 N ([derived](notes/parameters.md#experiment)) | {low:.0f} to {high:.0f} N |
 | the same, everything on | - | {full_low:.0f} to {full_high:.0f} N |
 | deviation from a sphere along the path, everything on | 8.3 um computed, 25 um measured | {sphere_low:.1f} to {sphere_high:.1f} um |
 
 ![Elongation of the rod and base movement against force](images/pull_push.svg)
 
 Pull and push at one pose (Figs. 5.8, 5.9): the soft servo is commanded to move 12 mm to and fro along the rod. Inside the
-backlash there is no force; outside it the slope is the 2.7e7 N/m of rod and joints in series. The base has a stiffness
-of 5e7 N/m.
+backlash there is no force; outside it the slope is the 1.8e7 N/m of rod, gimbal and universal joint in series. The base has a
+stiffness of 5e7 N/m.
 
 ![Rod force over time](images/path_force.svg)
 

@@ -100,18 +100,25 @@ class GearFriction(Strict):
 
 
 class RodStrain(Strict):
-    """Rod and joints of the ball-bar are elastic along the rod: elongation = force / stiffness."""
+    """Rod, gimbal and universal joint of the ball-bar are elastic along the rod, in series.
+    Elongation = force / stiffness.
+    """
 
     scale: Annotated[float, Field(gt=0.0)] = Field(
-        1.0, description="Factor on the stiffness of the ball-bar file."
+        1.0, description="Factor on all three stiffnesses of the ball-bar file."
     )
 
 
 class RodBacklash(Strict):
-    """The joints of the ball-bar have backlash along the rod, within which it carries no force."""
+    """The joints of the ball-bar have backlash along the rod, within which it carries no force.
+    One force passes through both, so their widths add up.
+    """
 
-    width_m: Annotated[float, Field(ge=0.0)] | None = Field(
-        None, description="Total width; by default that of the ball-bar file."
+    gimbal_m: Annotated[float, Field(ge=0.0)] | None = Field(
+        None, description="Total width of the gimbal; by default that of the ball-bar file."
+    )
+    cardan_m: Annotated[float, Field(ge=0.0)] | None = Field(
+        None, description="Likewise of the universal joint."
     )
 
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Cell, Robot
+from cell.descriptions import BallBar, Cell, Robot
 from cell.errors import InputError
-from sim.errors.plant_errors import CycloidRipple, PlantErrors, ThermalGrowth
+from sim.errors.plant_errors import CycloidRipple, PlantErrors, RodBacklash, ThermalGrowth
 from sim.plant.masses import Masses, drawn_masses, stated_masses
 from sim.streams import stream
 
@@ -119,7 +119,7 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
         rod_stiffness=bar.axial_stiffness * errors.rod_strain.scale
         if errors.rod_strain
         else RIGID_ROD,
-        rod_backlash=0.5 * _default(backlash.width_m, bar.backlash) if backlash else 0.0,
+        rod_backlash=0.5 * _play(backlash, bar) if backlash else 0.0,
         bar_friction=_default(friction.torque_N_m, bar.friction_torque) if friction else 0.0,
         plate_stiffness=_default(plate.tip_stiffness_N_per_m, cell.plate.tip_stiffness)
         if plate
@@ -206,6 +206,11 @@ def _cycloid(gear: int, cycloid: CycloidRipple, phase: float) -> list[Ripple]:
 
 def _spread(nominal: Array, spread: float, rng: np.random.Generator) -> Array:
     return nominal * np.exp(spread * rng.standard_normal(nominal.size))
+
+
+def _play(stated: RodBacklash, bar: BallBar) -> float:
+    gimbal, cardan = bar.joint_backlash
+    return _default(stated.gimbal_m, gimbal) + _default(stated.cardan_m, cardan)
 
 
 def _default(stated: float | None, usual: float) -> float:
