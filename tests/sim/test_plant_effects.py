@@ -43,6 +43,7 @@ from sim.truth import PlantTruth, load_truth
 from tests.helpers.log_analysis import (
     Logs,
     fit,
+    force_near_singularity,
     harmonics,
     rate,
     read_logs,
@@ -51,7 +52,7 @@ from tests.helpers.log_analysis import (
     there_and_back,
 )
 from tests.helpers.plant_robot import PlantRobot
-from tests.helpers.simulated_recordings import SCENARIOS, record, settings
+from tests.helpers.simulated_recordings import SCENARIOS, record, settings, singular_passage
 
 pytestmark = pytest.mark.slow  # a simulated run for each effect
 
@@ -498,6 +499,17 @@ def test_the_joints_play_lies_between_push_and_pull(gimbal: float | None, tmp_pa
     inside = np.abs(stretch) < 0.4 * asked
     assert inside.any()
     assert np.abs(force[inside]).max() < 2.0  # no force but that of inertia
+
+
+def test_near_a_singularity_of_the_ballbar_the_force_oscillates_but_is_no_larger() -> None:
+    """Thesis sec. 5.3, Fig. 5.7, which says that it is larger too (docs/experiments.md)."""
+    bands = [(0.0, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, 90.0)]
+    force, oscillation = np.transpose(
+        force_near_singularity(singular_passage(friction=True), bands)
+    )
+    assert (np.diff(oscillation) < 0.0).all()
+    assert oscillation[0] > 10.0 * oscillation[-1]
+    assert np.ptp(force) < 0.05 * force.max()
 
 
 @pytest.mark.parametrize(("plate", "stiffness"), [("plate_250", 1.0e7), ("plate_250_thin", 1.67e6)])
