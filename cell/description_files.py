@@ -280,14 +280,14 @@ class AxialStiffnessFile(Strict):
 
     rod: Positive
     gimbal: Positive  # b1, b2, b3
-    cardan: Positive  # b4, b5
+    universal_joint: Positive  # b4, b5
 
 
 class JointBacklashFile(Strict):
     """Total width of the play of a ball-bar's joints along the rod."""
 
     gimbal: NotNegative
-    cardan: NotNegative
+    universal_joint: NotNegative
 
 
 class BallBarFile(Strict):

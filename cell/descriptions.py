@@ -192,11 +192,13 @@ class BallBar:
     theta: Vector5  # [rad]
     length_tolerance: float  # [m] largest deviation of the rod from its nominal length
     rod_stiffness: float  # [N/m] along the rod
-    joint_stiffness: tuple[float, float]  # [N/m] of gimbal and cardan, along the rod
+    joint_stiffness: tuple[float, float]  # [N/m] of gimbal and universal joint, along the rod
     axial_damping: float  # [N s/m]
     joint_damping: Vector5  # [N m s/rad]
     friction_torque: float  # [N m] of each joint
-    joint_backlash: tuple[float, float]  # [m] total widths of gimbal and cardan, along the rod
+    joint_backlash: tuple[
+        float, float
+    ]  # [m] total widths of gimbal and universal joint, along the rod
     encoder_lines: int  # per turn
     encoder_bits: int  # interpolation of one line
     encoder_noise_sigma: float  # [rad] white, per sample
@@ -216,7 +218,7 @@ class BallBar:
 
     @property
     def axial_stiffness(self) -> float:
-        """[N/m] of rod and both joints in series; infinite where nothing gives way."""
+        """[N/m] of rod and both joints in series; infinite without compliance."""
         compliance = sum(1.0 / k for k in (self.rod_stiffness, *self.joint_stiffness))
         return 1.0 / compliance if compliance else np.inf
 

@@ -117,7 +117,7 @@ class RodBacklash(Strict):
     gimbal_m: Annotated[float, Field(ge=0.0)] | None = Field(
         None, description="Total width of the gimbal; by default that of the ball-bar file."
     )
-    cardan_m: Annotated[float, Field(ge=0.0)] | None = Field(
+    universal_joint_m: Annotated[float, Field(ge=0.0)] | None = Field(
         None, description="Likewise of the universal joint."
     )
 

@@ -209,8 +209,8 @@ def _spread(nominal: Array, spread: float, rng: np.random.Generator) -> Array:
 
 
 def _play(stated: RodBacklash, bar: BallBar) -> float:
-    gimbal, cardan = bar.joint_backlash
-    return _default(stated.gimbal_m, gimbal) + _default(stated.cardan_m, cardan)
+    gimbal, universal_joint = bar.joint_backlash
+    return _default(stated.gimbal_m, gimbal) + _default(stated.universal_joint_m, universal_joint)
 
 
 def _default(stated: float | None, usual: float) -> float:

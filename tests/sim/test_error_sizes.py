@@ -231,8 +231,8 @@ PLANT: dict[str, Callable[[], Size]] = {
     "rod_strain.scale": lambda: Size(
         machine(rod_strain={"scale": 0.7}).rod_stiffness, 0.7 * CELL.ballbar.axial_stiffness
     ),
-    "rod_backlash.gimbal_m, cardan_m": lambda: Size(
-        2.0 * machine(rod_backlash={"gimbal_m": 3e-6, "cardan_m": 1e-6}).rod_backlash, 4e-6
+    "rod_backlash.gimbal_m, universal_joint_m": lambda: Size(
+        2.0 * machine(rod_backlash={"gimbal_m": 3e-6, "universal_joint_m": 1e-6}).rod_backlash, 4e-6
     ),
     "rod_backlash of the file": lambda: Size(
         2.0 * machine(rod_backlash={}).rod_backlash, CELL.ballbar.backlash
