@@ -192,13 +192,11 @@ class BallBar:
     theta: Vector5  # [rad]
     length_tolerance: float  # [m] largest deviation of the rod from its nominal length
     rod_stiffness: float  # [N/m] along the rod
-    joint_stiffness: tuple[float, float]  # [N/m] of gimbal and universal joint, along the rod
+    joint_stiffness: tuple[float, float]  # [N/m] along the rod: gimbal, universal joint
     axial_damping: float  # [N s/m]
     joint_damping: Vector5  # [N m s/rad]
     friction_torque: float  # [N m] of each joint
-    joint_backlash: tuple[
-        float, float
-    ]  # [m] total widths of gimbal and universal joint, along the rod
+    joint_backlash: tuple[float, float]  # [m] total widths along the rod, of the same
     encoder_lines: int  # per turn
     encoder_bits: int  # interpolation of one line
     encoder_noise_sigma: float  # [rad] white, per sample
