@@ -275,6 +275,21 @@ class EncoderFile(Strict):
     noise_sigma_rad: NotNegative
 
 
+class AxialStiffnessFile(Strict):
+    """What is in series along the rod of a ball-bar."""
+
+    rod: Positive
+    gimbal: Positive  # b1, b2, b3
+    universal_joint: Positive  # b4, b5
+
+
+class JointBacklashFile(Strict):
+    """Total width of the play of a ball-bar's joints along the rod."""
+
+    gimbal: NotNegative
+    universal_joint: NotNegative
+
+
 class BallBarFile(Strict):
     """Description of a ball-bar, cell/instruments/*.yaml."""
 
@@ -282,11 +297,11 @@ class BallBarFile(Strict):
     title: Line
     dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=5)]
     length_tolerance_m: Positive
-    axial_stiffness_N_per_m: Positive
+    axial_stiffness_N_per_m: AxialStiffnessFile
     axial_damping_N_s_per_m: NotNegative
     joint_damping_N_m_s_per_rad: NotNegative5
     friction_torque_N_m: NotNegative  # of each joint
-    backlash_m: NotNegative  # total width along the rod
+    backlash_m: JointBacklashFile
     encoder: EncoderFile
     links: BallBarLinksFile
 

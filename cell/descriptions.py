@@ -191,11 +191,12 @@ class BallBar:
     alpha: Vector5  # [rad]
     theta: Vector5  # [rad]
     length_tolerance: float  # [m] largest deviation of the rod from its nominal length
-    axial_stiffness: float  # [N/m] rod and all joints in series
+    rod_stiffness: float  # [N/m] along the rod
+    joint_stiffness: tuple[float, float]  # [N/m] along the rod: gimbal, universal joint
     axial_damping: float  # [N s/m]
     joint_damping: Vector5  # [N m s/rad]
     friction_torque: float  # [N m] of each joint
-    backlash: float  # [m] total width along the rod
+    joint_backlash: tuple[float, float]  # [m] total widths along the rod, of the same
     encoder_lines: int  # per turn
     encoder_bits: int  # interpolation of one line
     encoder_noise_sigma: float  # [rad] white, per sample
@@ -212,6 +213,17 @@ class BallBar:
     def length(self) -> float:
         """[m] nominal radius of the sphere, bd3."""
         return float(self.d[2])
+
+    @property
+    def axial_stiffness(self) -> float:
+        """[N/m] of rod and both joints in series; infinite without compliance."""
+        compliance = sum(1.0 / k for k in (self.rod_stiffness, *self.joint_stiffness))
+        return 1.0 / compliance if compliance else np.inf
+
+    @property
+    def backlash(self) -> float:
+        """[m] total width along the rod: of both joints, since one force passes through them."""
+        return sum(self.joint_backlash)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,10 +14,12 @@ import numpy as np
 
 from cell.arrays import Array
 from cell.description_files import (
+    AxialStiffnessFile,
     BallBarFile,
     BallBarLinksFile,
     DHRowFile,
     GearsFile,
+    JointBacklashFile,
     LinkFile,
     PlateFile,
     RobotFile,
@@ -134,16 +136,21 @@ def load_ballbar(name_or_path: str, *, relative_to: Path | None = None) -> BallB
         title=file.title,
         **_dh_columns(file.dh),
         length_tolerance=file.length_tolerance_m,
-        axial_stiffness=file.axial_stiffness_N_per_m,
+        rod_stiffness=file.axial_stiffness_N_per_m.rod,
+        joint_stiffness=_of_both_joints(file.axial_stiffness_N_per_m),
         axial_damping=file.axial_damping_N_s_per_m,
         joint_damping=np.array(file.joint_damping_N_m_s_per_rad),
         friction_torque=file.friction_torque_N_m,
-        backlash=file.backlash_m,
+        joint_backlash=_of_both_joints(file.backlash_m),
         encoder_lines=file.encoder.lines,
         encoder_bits=file.encoder.bits,
         encoder_noise_sigma=file.encoder.noise_sigma_rad,
         links=_links(file.links),
     )
+
+
+def _of_both_joints(file: AxialStiffnessFile | JointBacklashFile) -> tuple[float, float]:
+    return file.gimbal, file.universal_joint
 
 
 def load_plate(name_or_path: str, *, relative_to: Path | None = None) -> Plate:

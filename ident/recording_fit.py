@@ -29,7 +29,7 @@ from ident.signals.smooth_log import SmoothLog, smooth_log
 from ident.start.automatic import Start, StartError, automatic_start, fit_hypothesis
 
 WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
-ROD_SIGMA_START = 2e-6  # [m] 55 N on 2.7e7 N/m, until the residuals say better
+ROD_SIGMA_START = 2e-6  # [m] 36 N on 1.8e7 N/m, until the residuals say better
 
 
 @dataclass(frozen=True, eq=False)

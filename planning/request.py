@@ -225,7 +225,7 @@ class PlanLimits(Strict):
     force_N: Positive = Field(
         200.0,
         description="Force in the rod under soft servo, for robots with errors of 1 mm and 1 mrad "
-        "(notes/parameters: peaks of 226 N in the thesis).",
+        "(a third above the thesis's 150 N: notes/parameters, experiment).",
     )
     clearance_m: Positive = Field(
         0.03, description="Distance of robot, plate and rod from each other and everything else."

@@ -50,6 +50,7 @@ COUNTED = (
     "slipped_periods",
     "outliers",
     "joint_lag",
+    "thermal_growth",
 )
 STAMPED = (
     "wander",
@@ -234,8 +235,8 @@ def _refuse_devices(settings: SimulationSettings) -> None:
     stated += [f"clocks.{name}" for name in STAMPED if getattr(settings.clocks, name) is not None]
     if stated:
         raise InputError(
-            f"{stated[0]}: acts on device logs, and identify.data = samples has neither counters "
-            "nor stamps. Use identify.data = files, or leave it out."
+            f"{stated[0]}: acts on device logs, and identify.data = samples has neither counters, "
+            "stamps nor a machine that changes. Use identify.data = files, or leave it out."
         )
 
 

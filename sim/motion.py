@@ -41,6 +41,8 @@ class Motion:
     plate: Array = field(default_factory=lambda: np.zeros(1))
     # (K, 3) or (1, 3) [m] shift of the ball-bar's base
     base: Array = field(default_factory=lambda: np.zeros((1, 3)))
+    # (K, 3) or (1, 3) [m] by which the robot's links, grown since t = 0, carry the tool further
+    growth: Array = field(default_factory=lambda: np.zeros((1, 3)))
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Shown joint angles (N, 6) and ball-bar angles (N, 5) [rad] at true times (N,) [s]."""
@@ -57,8 +59,8 @@ class Motion:
     def closure(self) -> tuple[Array, Array]:
         """Loop-closure errors (K / CLOSURE_STRIDE,) [m] and [rad], from the angles by DH alone.
 
-        Elongation of the rod, bending of the plate and shift of the base are included. The result
-        does not depend on the plant that made the motion.
+        Elongation of the rod, bending of the plate, shift of the base and growth of the links are
+        included. The result does not depend on the plant that made the motion.
         """
         rows = slice(None, None, CLOSURE_STRIDE)
         n = self.t[rows].size
@@ -70,6 +72,7 @@ class Motion:
             plate=np.broadcast_to(self.plate[rows], n),
             base=np.broadcast_to(self.base[rows], (n, 3)),
         )
-        position = np.linalg.norm(ends.bar.tip - ends.tool, axis=0)
+        tool = ends.tool + np.broadcast_to(self.growth[rows], (n, 3)).T
+        position = np.linalg.norm(ends.bar.tip - tool, axis=0)
         turned = np.einsum("ikn,jkn->ijn", ends.bar.rotation(), ends.tool_rotation)
         return position, np.linalg.norm(rotvec_from_matrix(turned), axis=0)

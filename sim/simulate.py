@@ -39,6 +39,7 @@ from sim.plant.kinematic_plant import refuse_forces, run_kinematic
 from sim.plant.measured_motion import check_stroke, run_free
 from sim.plant.mjcf import ROBOT_JOINTS
 from sim.plant.mujoco_plant import run_plant
+from sim.plant.thermal_growth import with_growth
 from sim.scenario_cell import scenario_cell, scenario_instrument
 from sim.settings import SimulationSettings
 from sim.streams import stream
@@ -136,9 +137,10 @@ class _Plant:
     effects: PlantEffects
 
     def motion(self, path: ReferencePath, *, on_motion: MotionCallback | None) -> Motion:
-        if self.settings.plant.kind == "kinematic":
-            return self._kinematic(path, on_motion)
-        return self._mujoco(path, on_motion)
+        kinematic = self.settings.plant.kind == "kinematic"
+        motion = (self._kinematic if kinematic else self._mujoco)(path, on_motion)
+        free = self.instrument is not None
+        return with_growth(motion, self.cell.robot, self.effects, free=free)
 
     def _kinematic(self, path: ReferencePath, on_motion: MotionCallback | None) -> Motion:
         refuse_forces(self.settings)

@@ -16,6 +16,7 @@ from cell.files import write_yaml
 from cell.geometry import Geometry, table_of_names
 from cell.schema import Strict
 from cell.strict_yaml import check_schema, load_yaml, parse_model
+from sim.errors.plant_errors import ThermalGrowth
 from sim.logging.log_truth import LogTruth
 from sim.plant.effects import RIGID_ROD, PlantEffects, Ripple
 from sim.plant.masses import Masses
@@ -55,6 +56,7 @@ class PlantTruth(Strict):
     plate_stiffness_N_per_m: float | None
     base_stiffness_N_per_m: float | None
     bodies: dict[str, BodyTruth] = Field(default_factory=dict)
+    thermal_growth: ThermalGrowth | None = None  # its parameters are those at the start
 
     @property
     def masses(self) -> Masses | None:
@@ -83,6 +85,7 @@ def plant_truth(effects: PlantEffects) -> PlantTruth:
         plate_stiffness_N_per_m=effects.plate_stiffness,
         base_stiffness_N_per_m=effects.base_stiffness,
         bodies=_bodies(effects.masses),
+        thermal_growth=effects.growth,
     )
 
 

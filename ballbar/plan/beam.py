@@ -16,6 +16,11 @@ was near 0.11 m.
 Rod: a tube of section A in tension becomes longer by F L / (E A). The thesis gives force, length
 and result, from which E A = 2.8e7 N follows: that of a standard-modulus carbon tube of the mass
 assumed in cell/instruments.
+
+Sphere: gimbal, rod and universal joint carry one force. The length of the ball-bar therefore
+deviates by the sum of their strains s and, where the force changes sign, of the joints' backlash w,
+
+    s_rod + 2 s_joint + 2 w_joint
 """
 
 from __future__ import annotations
@@ -85,6 +90,11 @@ def stretch(force: float, length: float, modulus: float, section: float) -> floa
     return force * length / (modulus * section)
 
 
+def sphere_deviation(rod: float, joint: float, backlash: float) -> float:
+    """Deviation [m] from the sphere by strain of rod and of each joint and backlash of each [m]."""
+    return rod + 2.0 * (joint + backlash)
+
+
 PLATE_FORCE = 100.0  # [N] thesis sec. 4.5: half the handling capacity
 PLATE_ALLOWED = 10e-6  # [m] thesis sec. 4.5: "10 urad ... at 1 m distance"
 OFFSET_PLATE = Plate(
@@ -102,11 +112,16 @@ ROD_LENGTH = 0.50  # [m] thesis sec. 5.3
 ROD_MODULUS = 0.57 * 230e9 + 0.43 * 3e9  # [Pa]
 # Mass per length of cell/instruments by the density of the laminate, both assumed.
 ROD_SECTION = 0.35 / 1600.0  # [m^2]
+JOINT_STRAIN = 2.8e-6  # [m] thesis sec. 5.3, calculated from bearings and main parts, at ROD_FORCE
+MEASURED = 5e-6  # [m] thesis sec. 5.3, bound of strain of the rod, strain and backlash of a joint
+_ROD_STRETCH = partial(stretch, ROD_FORCE, ROD_LENGTH, ROD_MODULUS, ROD_SECTION)
 
 CALCULATIONS: Mapping[str, partial[float]] = {  # results in SI units, by the names in claims
     "plate_deflection": partial(tip_deflection, OFFSET_PLATE, PLATE_FORCE),
     "plate_slope": partial(tip_slope, OFFSET_PLATE, PLATE_FORCE),
     "plate_width": partial(width_for, PLATE_ALLOWED, OFFSET_PLATE, PLATE_FORCE),
     "plate_thickness": partial(thickness_for, PLATE_ALLOWED, OFFSET_PLATE, PLATE_FORCE),
-    "rod_stretch": partial(stretch, ROD_FORCE, ROD_LENGTH, ROD_MODULUS, ROD_SECTION),
+    "rod_stretch": _ROD_STRETCH,
+    "sphere_calculated": partial(sphere_deviation, _ROD_STRETCH(), JOINT_STRAIN, 0.0),
+    "sphere_measured": partial(sphere_deviation, MEASURED, MEASURED, MEASURED),
 }

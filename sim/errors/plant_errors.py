@@ -100,18 +100,25 @@ class GearFriction(Strict):
 
 
 class RodStrain(Strict):
-    """Rod and joints of the ball-bar are elastic along the rod: elongation = force / stiffness."""
+    """Rod, gimbal and universal joint of the ball-bar are elastic along the rod, in series.
+    Elongation = force / stiffness.
+    """
 
     scale: Annotated[float, Field(gt=0.0)] = Field(
-        1.0, description="Factor on the stiffness of the ball-bar file."
+        1.0, description="Factor on all three stiffnesses of the ball-bar file."
     )
 
 
 class RodBacklash(Strict):
-    """The joints of the ball-bar have backlash along the rod, within which it carries no force."""
+    """The joints of the ball-bar have backlash along the rod, within which it carries no force.
+    One force passes through both, so their widths add up.
+    """
 
-    width_m: Annotated[float, Field(ge=0.0)] | None = Field(
-        None, description="Total width; by default that of the ball-bar file."
+    gimbal_m: Annotated[float, Field(ge=0.0)] | None = Field(
+        None, description="Total width of the gimbal; by default that of the ball-bar file."
+    )
+    universal_joint_m: Annotated[float, Field(ge=0.0)] | None = Field(
+        None, description="Likewise of the universal joint."
     )
 
 
@@ -167,6 +174,20 @@ class Payload(Strict):
     )
 
 
+class ThermalGrowth(Strict):
+    """The links a2 and d4 of the robot grow while it warms up during the recording.
+    Its true parameters are those at the start.
+    """
+
+    a2_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = Field(
+        4.0e-5, description="Growth of a2 from the start to the end of the recording."
+    )
+    d4_m: Annotated[float, Field(ge=-1e-3, le=1e-3)] = Field(4.0e-5, description="Likewise of d4.")
+    time_constant_s: Annotated[float, Field(gt=0.0)] | None = Field(
+        None, description="Of an exponential growth; none for a linear one."
+    )
+
+
 class PlantErrors(Strict):
     """Error sources that act in the plant; each is absent unless named."""
 
@@ -184,3 +205,4 @@ class PlantErrors(Strict):
     base_compliance: BaseCompliance | None = None
     masses: BodyMasses | None = Field(None, description="Requires masses in the robot's file.")
     payload: Payload | None = Field(None, description="Requires masses in the robot's file.")
+    thermal_growth: ThermalGrowth | None = None

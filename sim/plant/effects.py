@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Cell, Robot
+from cell.descriptions import BallBar, Cell, Robot
 from cell.errors import InputError
-from sim.errors.plant_errors import CycloidRipple, PlantErrors
+from sim.errors.plant_errors import CycloidRipple, PlantErrors, RodBacklash, ThermalGrowth
 from sim.plant.masses import Masses, drawn_masses, stated_masses
 from sim.streams import stream
 
@@ -24,6 +24,7 @@ RIGID_ROD = (
 # Harmonics of the cusped wave; the others amount to 11 % of the peak at the cusp, 4 % at 25 deg,
 # 2 % at 60 deg and 1.5 % further away.
 CUSP_TERMS = 4
+_ROUNDS = 4  # of the gears' harmonics; each gains three digits
 UNLISTED_ORDERS = range(3, 39)  # cycles per turn of the output; between those of the files
 
 
@@ -54,6 +55,7 @@ class PlantEffects:
     plate_stiffness: float | None = None  # [N/m] at the tip; None: rigid
     base_stiffness: float | None = None  # [N/m]; None: rigid
     masses: Masses | None = None  # None: those of the files
+    growth: ThermalGrowth | None = None  # of the links; None: their lengths are constant
     force_sensor: bool = False  # whether the flange's force and torque are measured
 
     @property
@@ -72,6 +74,13 @@ class PlantEffects:
                 ripple.order * gears[:, ripple.gear] + ripple.phase
             )
         return delta
+
+    def gear_outputs(self, shown: Array) -> Array:
+        """(N, J) [rad] output angles of gears whose motors show angles (N, J) [rad]."""
+        gears = shown
+        for _ in range(_ROUNDS):
+            gears = shown + self.transmission_error(gears)
+        return gears
 
 
 def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
@@ -110,13 +119,14 @@ def plant_effects(errors: PlantErrors, cell: Cell, seed: int) -> PlantEffects:
         rod_stiffness=bar.axial_stiffness * errors.rod_strain.scale
         if errors.rod_strain
         else RIGID_ROD,
-        rod_backlash=0.5 * _default(backlash.width_m, bar.backlash) if backlash else 0.0,
+        rod_backlash=0.5 * _play(backlash, bar) if backlash else 0.0,
         bar_friction=_default(friction.torque_N_m, bar.friction_torque) if friction else 0.0,
         plate_stiffness=_default(plate.tip_stiffness_N_per_m, cell.plate.tip_stiffness)
         if plate
         else None,
         base_stiffness=errors.base_compliance.stiffness_N_per_m if errors.base_compliance else None,
         masses=_masses(errors, cell, seed),
+        growth=errors.thermal_growth,
     )
 
 
@@ -196,6 +206,11 @@ def _cycloid(gear: int, cycloid: CycloidRipple, phase: float) -> list[Ripple]:
 
 def _spread(nominal: Array, spread: float, rng: np.random.Generator) -> Array:
     return nominal * np.exp(spread * rng.standard_normal(nominal.size))
+
+
+def _play(stated: RodBacklash, bar: BallBar) -> float:
+    gimbal, universal_joint = bar.joint_backlash
+    return _default(stated.gimbal_m, gimbal) + _default(stated.universal_joint_m, universal_joint)
 
 
 def _default(stated: float | None, usual: float) -> float:

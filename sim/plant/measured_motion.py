@@ -20,18 +20,13 @@ from sim.plant.deflection import deflect
 from sim.plant.effects import PlantEffects
 
 BRANCH = (True, True)  # b2 and b4 negative, as in the path files of this project
-_ROUNDS = 4  # of the gears' harmonics; each gains three digits
 
 
 def run_free(
     robot: Robot, geometry: Geometry, effects: PlantEffects, path: ReferencePath
 ) -> Motion:
     """Motion of a rigid robot whose motors follow a path; nothing holds its tool."""
-    commanded = path.q @ robot.joint_to_gear
-    gears = commanded
-    for _ in range(_ROUNDS):
-        gears = commanded + effects.transmission_error(gears)
-    q = gears @ robot.gear_to_joint
+    q = effects.gear_outputs(path.q @ robot.joint_to_gear) @ robot.gear_to_joint
     b, stretch = bar_at(geometry, q, np.zeros(1))
     return Motion(
         t=path.t,
@@ -44,10 +39,13 @@ def run_free(
     )
 
 
-def bar_at(geometry: Geometry, q: Array, plate: Array) -> tuple[Array, Array]:
+def bar_at(
+    geometry: Geometry, q: Array, plate: Array, shift: Array | float = 0.0
+) -> tuple[Array, Array]:
     """Angles (K, 5) [rad] of the bar, and elongation (K,) [m] of its rod beyond bd3.
 
     q : (K, J) [rad] joint angles. plate : (K,) or (1,) [rad] bending of the offset plate.
+    shift : (K, 3) [m] of the tool, or 0.
     """
     n = len(q)
     ends = deflect(
@@ -59,9 +57,10 @@ def bar_at(geometry: Geometry, q: Array, plate: Array) -> tuple[Array, Array]:
         base=np.zeros((n, 3)),
     )
     poses = np.zeros((n, 4, 4))
-    poses[:, :3, :3], poses[:, :3, 3] = ends.tool_rotation.transpose(2, 0, 1), ends.tool.T
+    tool = ends.tool.T + shift
+    poses[:, :3, :3], poses[:, :3, 3] = ends.tool_rotation.transpose(2, 0, 1), tool
     b = np.unwrap(bar_angles(poses, geometry.origin, flipped=BRANCH), axis=0)
-    distance = np.linalg.norm(ends.tool.T - geometry.origin, axis=1)
+    distance = np.linalg.norm(tool - geometry.origin, axis=1)
     return b, np.asarray(distance - geometry["bd3"])
 
 

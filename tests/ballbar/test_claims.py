@@ -450,7 +450,7 @@ def test_names_are_of_shipped_claims_or_of_files(tmp_path: Path, monkeypatch) ->
         True,
     )
     code, out, _ = ballbar("claims", "rod")
-    assert (code, out.splitlines()[0]) == (0, "Strain of the rod (sec. 5.3)")
+    assert (code, out.splitlines()[0]) == (0, "Strain and backlash of the ball-bar (sec. 5.3)")
     code, _, err = ballbar("claims", "rod", "--out", tmp_path / "page.md")
     assert (code, "the page is of all claims" in err) == (2, True)
     monkeypatch.chdir(tmp_path)

@@ -309,6 +309,22 @@ def test_the_accuracy_box_lies_within_the_limits_and_above_the_floor(name: str) 
     assert (tip[0] > 0.0).mean() > 0.98
 
 
+def test_rod_and_joints_of_a_ballbar_give_way_by_what_the_thesis_calculated_for_150_newtons() -> (
+    None
+):
+    """Sec. 5.3: 2.7 um, 2.8 um a joint, 8.3 um in all; tubes are as stiff as they are short."""
+    bar = load_ballbar("lund_600")
+    gimbal, universal_joint = (150.0 / stiffness for stiffness in bar.joint_stiffness)
+    assert 150.0 / bar.rod_stiffness == pytest.approx(2.7e-6, rel=2e-3)
+    assert (gimbal, universal_joint) == pytest.approx((2.8e-6, 2.8e-6), rel=2e-3)
+    assert 150.0 / bar.axial_stiffness == pytest.approx(8.3e-6, rel=2e-3)
+    assert bar.backlash == sum(bar.joint_backlash) == 5e-6
+    for name, tube in (("lund_900", 0.8), ("lund_1200", 1.1)):
+        longer = load_ballbar(name)
+        assert longer.rod_stiffness * tube == pytest.approx(bar.rod_stiffness * 0.5, rel=2e-3)
+        assert longer.joint_stiffness == bar.joint_stiffness
+
+
 @pytest.mark.parametrize(
     ("name", "length"), [("lund_600", 0.6), ("lund_900", 0.9), ("lund_1200", 1.2)]
 )

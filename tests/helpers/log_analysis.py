@@ -8,6 +8,7 @@ left out: the paths are slow.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
 
 from acquisition.recording import read_recording
 from cell.arrays import Array
@@ -242,3 +244,18 @@ def pull_push(motion: Motion) -> tuple[float, float]:
         slopes.append(slope)
         zeros.append(zero)
     return 150.0 * float(np.mean(slopes)), float(zeros[0] - zeros[1])
+
+
+def force_near_singularity(motion: Motion, bands: Sequence[tuple[float, float]]) -> list[Array]:
+    """Rod force [N] while b4 is so far from a multiple of half a turn: largest, and rms above 2 Hz.
+
+    bands : (K, 2) [deg] distances. The first and the last three seconds are left out.
+    """
+    force, rate = motion.rod_force, 1.0 / (motion.t[1] - motion.t[0])
+    fast = sosfiltfilt(butter(4, 2.0, "high", fs=rate, output="sos"), force)
+    away = np.degrees(np.abs(np.arcsin(np.sin(motion.b[:, 3]))))
+    moving = (motion.t > 3.0) & (motion.t < motion.t[-1] - 3.0)
+    inside = [moving & (low <= away) & (away < high) for low, high in bands]
+    return [
+        np.array([np.abs(force[rows]).max(), np.sqrt(np.mean(fast[rows] ** 2))]) for rows in inside
+    ]

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.geometry import Geometry
+from sim.motion import Motion
 from sim.recording_files import write_recording
 from sim.settings import SimulationSettings
 from sim.simulate import Simulation, simulate
@@ -58,3 +59,25 @@ def record(folder: Path, **changes: object) -> Recorded:
 def perturbed(geometry: Geometry, rng: np.random.Generator, sigma: float = 1e-3) -> Geometry:
     """Every parameter of robot, ball-bar and base off by a random amount [m, rad]."""
     return geometry.with_values(geometry.values + rng.normal(0.0, sigma, geometry.values.shape))
+
+
+def singular_passage(*, friction: bool) -> Motion:
+    """A minute on a path that comes within half a degree of b4 = 0, under the soft servo.
+
+    friction : of the bearings of the ball-bar. Near the singularity its joints turn fast, and the
+        loop stays closed with a quarter of the usual time step only.
+    """
+    errors = {"static": {"table": "thesis_3_1"}, "joint_compliance": {}, "rod_strain": {}}
+    path = {
+        "kind": "lissajous",
+        "file": "paths/irb2400_b4_0.3deg.yaml",
+        "duration_s": 60.0,
+        "dwell_s": 2.0,
+        "stops": 0,
+    }
+    chosen = settings(
+        path=path,
+        plant={"timestep_s": 2.5e-4},
+        errors=errors | ({"bar_friction": {}} if friction else {}),
+    )
+    return simulate(chosen, relative_to=SCENARIOS).motion

@@ -272,8 +272,9 @@ def _machine(cell: Files, effects: Effects, rng: np.random.Generator | None) -> 
         ripples=ripples,
         resolvers=resolvers,
         rod=rod,
-        rod_stiffness=cell.bar["axial_stiffness_N_per_m"] * float(np.exp(0.2 * z(1)[0])),
-        rod_half_width=0.5 * cell.bar["backlash_m"],
+        rod_stiffness=float(np.exp(0.2 * z(1)[0]))
+        / sum(1.0 / part for part in cell.bar["axial_stiffness_N_per_m"].values()),
+        rod_half_width=0.5 * sum(cell.bar["backlash_m"].values()),
         bar_friction=cell.bar["friction_torque_N_m"],
         base_stiffness=BASE_STIFFNESS,
         effects=effects,

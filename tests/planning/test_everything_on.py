@@ -13,11 +13,13 @@ from tests.helpers.drawn_robots import scenario_of
 # Of the rest, each cell has one and all have all.
 FAULTS = {"amplitude_errors", "slipped_periods", "coupling_slips", "outliers", "step", "restart"}
 OTHER_SHAPES = {"cycloid_ripple", "sinusoidal_gear_error"}  # of what transmission_error adds
+# Each recording has its own, so a held-out one would tell little (docs/validation.md).
+OF_A_RECORDING = {"thermal_growth"}
 OF_A_LOGGER = {"quantum"}  # whole ms are those of EGM, whose rows have no jitter
 
 
 def sources(section: type[ErrorSettings | ClockSettings]) -> set[str]:
-    left_out = FAULTS | OTHER_SHAPES | OF_A_LOGGER | set(SampleErrors.model_fields)
+    left_out = FAULTS | OTHER_SHAPES | OF_A_LOGGER | OF_A_RECORDING | set(SampleErrors.model_fields)
     return set(section.model_fields) - left_out
 
 

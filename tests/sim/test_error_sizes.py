@@ -20,7 +20,7 @@ import pytest
 
 from cell.arrays import Array
 from cell.dialect import ABB_PERIOD
-from cell.geometry import Geometry, nominal_geometry
+from cell.geometry import Geometry, bar_frames, nominal_geometry, robot_frames
 from cell.load import load_cell
 from cell.robot_angles import motors_to_joints
 from sim.errors.plant_errors import PlantErrors
@@ -231,8 +231,8 @@ PLANT: dict[str, Callable[[], Size]] = {
     "rod_strain.scale": lambda: Size(
         machine(rod_strain={"scale": 0.7}).rod_stiffness, 0.7 * CELL.ballbar.axial_stiffness
     ),
-    "rod_backlash.width_m": lambda: Size(
-        2.0 * machine(rod_backlash={"width_m": 3e-6}).rod_backlash, 3e-6
+    "rod_backlash.gimbal_m, universal_joint_m": lambda: Size(
+        2.0 * machine(rod_backlash={"gimbal_m": 3e-6, "universal_joint_m": 1e-6}).rod_backlash, 4e-6
     ),
     "rod_backlash of the file": lambda: Size(
         2.0 * machine(rod_backlash={}).rod_backlash, CELL.ballbar.backlash
@@ -278,7 +278,42 @@ def motor_offsets() -> Size:
     return spread(joints @ np.linalg.inv(CELL.robot.transmission[1:, 1:]), 0.1)
 
 
+def grown(errors: dict[str, float]) -> Array:
+    """(7, 2) [m] by which a2 and d4 are longer every 10 s, so that the loop closes."""
+    path = {"kind": "lissajous", "file": "paths/irb2400_a.yaml", "duration_s": 60.0, "stops": 0}
+    chosen = settings(
+        path=path, plant={"kind": "kinematic"}, errors={"thermal_growth": errors}, seed=1
+    )
+    motion = simulate(chosen, relative_to=SCENARIOS).motion
+    rows = np.searchsorted(motion.t, np.arange(0.0, 61.0, 10.0) - 1e-6)
+    q, true = motion.q[rows], motion.geometry
+    end = bar_frames(true, motion.b[rows]).poses()
+    short = end[:, :3, 3] - robot_frames(true, q).tip.T
+    longer = (true.replaced({name: true[name] + 1e-3}) for name in ("ra2", "rd4"))
+    columns = [(robot_frames(each, q).tip - robot_frames(true, q).tip).T for each in longer]
+    fits = [
+        np.linalg.lstsq(np.stack(c, axis=1), s, rcond=None)
+        for *c, s in zip(*columns, short, strict=True)
+    ]
+    assert max(fit[1].max(initial=0.0) for fit in fits) < 1e-20
+    return 1e-3 * np.stack([fit[0] for fit in fits])
+
+
+def linear_growth() -> Size:
+    stated = np.outer(np.arange(7) / 6.0, (5e-5, 2e-5))
+    return Size(grown({"a2_m": 5e-5, "d4_m": 2e-5}), stated)
+
+
+def exponential_growth() -> Size:
+    """Of the same size at the end."""
+    stated = -np.expm1(-np.arange(7) / 3.0) / -np.expm1(-2.0)
+    growth = grown({"a2_m": 5e-5, "d4_m": 2e-5, "time_constant_s": 30.0})
+    return Size(growth, np.outer(stated, (5e-5, 2e-5)))
+
+
 GEOMETRY: dict[str, Callable[[], Size]] = {
+    "thermal_growth, linear": linear_growth,
+    "thermal_growth, exponential": exponential_growth,
     "motor_offsets.sigma_rad": motor_offsets,
     "static.sigma_m": lambda: spread(
         drawn_geometry(True, static={"sigma_m": 2e-3, "sigma_rad": 1e-3}), 2e-3

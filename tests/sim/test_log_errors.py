@@ -853,6 +853,7 @@ SWITCHED_ON_AT_SIZE_ZERO: dict[str, dict[str, Any]] = {
     "ballbar_axes": {"errors": {"ballbar_axes": {"sigma_m": 0.0, "sigma_rad": 0.0}}},
     "base_tilt": {"errors": {"base_tilt": {"sigma_rad": 0.0}}},
     "plate_length": {"errors": {"plate_length": {"sigma_m": 0.0}}},
+    "thermal_growth": {"errors": {"thermal_growth": {"a2_m": 0.0, "d4_m": 0.0}}},
     "wander": {"clocks": {"wander": {"rate_rms_ppm": 0.0}}},
     "step": {"clocks": {"step": {"at_s": 9.0, "step_s": 0.0}}},
     "quantum": {"clocks": {"quantum": {"robot_s": 0.0, "ballbar_s": 0.0}}},

@@ -192,8 +192,8 @@ GEARS = (
         "`tau = kp (u - shown) - kv m'`, no integral action; `u = g + kv/kp g'` of the reference "
         "(+ weight / kp).",
         "Plant: actuators on the motor hinges.",
-        "Robot file, assumed: the soft one holds the rod near the 100-150 N of thesis Fig. 5.7 "
-        "(SoftServo 80 %).",
+        "Robot file, assumed: the soft one (SoftServo 80 %) keeps the rod's force below the "
+        "thesis's 150 N (notes/parameters, experiment).",
         "With a wrong geometry the stiff servo presses some twenty times as hard on the ball-bar; "
         "the compliance shows in the residual.",
         Plot(
@@ -228,9 +228,11 @@ GEARS = (
 BAR = (
     Source(
         "errors.rod_strain",
-        "`F = k s`, s the rod's elongation; without it a rod of 1e10 N/m, 0.01 um at 100 N.",
+        "`F = k s`, s the rod's elongation, `1 / k` the sum over rod, gimbal and universal joint; "
+        "without it a rod of 1e10 N/m, 0.01 um at 100 N.",
         "Plant: spring of the rod's slide.",
-        "Ball-bar file: thesis sec. 5.3, 5.5 um at 150 N for rod and joints together; Fig. 5.8.",
+        "Ball-bar file: thesis sec. 5.3 and Fig. 5.8, at 150 N 2.7 um of the rod and 2.8 um of "
+        "each joint, 8.3 um together.",
         "The rod's length follows its force.",
         Plot(
             signals.rod_force,
@@ -243,9 +245,10 @@ BAR = (
     ),
     Source(
         "errors.rod_backlash",
-        "`F = k (s - clip(s, -w/2, w/2))`, s the rod's elongation, k its stiffness.",
+        "`F = k (s - clip(s, -w/2, w/2))`, s the rod's elongation, k its stiffness, w the sum over "
+        "gimbal and universal joint.",
         "Plant: spring of the rod's slide.",
-        "Ball-bar file: thesis sec. 5.3, below 5 um a joint; Fig. 5.9.",
+        "Ball-bar file: half of what thesis sec. 5.3 bounds it by, 5 um a joint; Fig. 5.9.",
         "The rod's length jumps by w where its force changes sign.",
         Plot(
             signals.rod_force,
