@@ -6,7 +6,7 @@ A ranking shows how often each parameter is among the largest errors of a run.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
 
-from ballbar.claims.file import PlatePlot, Plot, Ranking
+from ballbar.claims.file import AnyPlot, GroupedBars, IdentifiedPlot, PlatePlot, Plot, Ranking
 from ballbar.claims.kinds import DISTANCE, LARGEST
-from ballbar.claims.table import Evidence, places, selected
+from ballbar.claims.table import IDENTIFIED, Evidence, places, selected
 from ballbar.figure_style import (
     BLUE,
     BROWN,
@@ -58,7 +58,7 @@ _STYLE: dict[RcKeyType, Any] = {
 }
 
 
-def plot_svg(plot: Plot | Ranking | PlatePlot, evidence: Mapping[ParameterSet, Evidence]) -> bytes:
+def plot_svg(plot: AnyPlot, evidence: Mapping[ParameterSet, Evidence]) -> bytes:
     """A plot as an SVG file.
 
     Raises InputError where the plot names runs or columns that do not exist.
@@ -74,10 +74,14 @@ def plot_svg(plot: Plot | Ranking | PlatePlot, evidence: Mapping[ParameterSet, E
                 draw_deflection(axes)
             elif isinstance(plot, Plot):
                 _curves(axes, plot, evidence, column or plot.y, label or plot.y_label)
+            elif isinstance(plot, IdentifiedPlot):
+                _identified(axes, plot, evidence["core"])
+            elif isinstance(plot, GroupedBars):
+                _groups(axes, plot, evidence["core"])
             else:
                 _ranking(axes, plot, evidence)
         if panels[-1].get_legend_handles_labels()[0]:
-            below = isinstance(plot, Ranking)  # many names on the x axis, few lines
+            below = not isinstance(plot, Plot)  # many names on the x axis, few lines
             figure.legend(
                 *panels[-1].get_legend_handles_labels(),
                 loc="outside lower center" if below else "outside right upper",
@@ -137,11 +141,48 @@ def _ranking(axes: Axes, plot: Ranking, evidence: Mapping[ParameterSet, Evidence
             shares[label] = {name: count / len(runs) for name, count in counts.items()}
     ranked = set().union(*shares.values())
     names = [name for name in table_of_names(ranked).names if name in ranked]
-    width = 0.8 / len(shares)
-    for k, (label, share) in enumerate(shares.items()):
-        x = [i + (k - 0.5 * (len(shares) - 1)) * width for i in range(len(names))]
-        heights = [share.get(name, 0.0) for name in names]
-        axes.bar(x, heights, width=width, label=label, color=_COLOURS.get(label))
+    _bars(axes, names, shares, f"share of runs, among the {plot.places} largest")
+
+
+def _identified(axes: Axes, plot: IdentifiedPlot, evidence: Evidence) -> None:
+    table = selected(evidence.table, plot.rows)
+    columns = [name for name in table.columns if name.startswith(IDENTIFIED)]
+    heights: dict[str, dict[str, float]] = {}  # line -> parameter -> mm | mrad
+    for value in dict.fromkeys(table[plot.lines]):
+        first = selected(table, {plot.lines: value}).sort_values("seed").iloc[0]
+        own = first[columns].dropna()
+        heights[line_label(value)] = {
+            name.removeprefix(IDENTIFIED): float(error) for name, error in own.items()
+        }
+    ranked = set().union(*heights.values())
+    names = [name for name in table_of_names(ranked).names if name in ranked]
+    _bars(axes, names, heights, "identified - nominal [mm|mrad]")
+
+
+def _groups(axes: Axes, plot: GroupedBars, evidence: Evidence) -> None:
+    table = selected(evidence.table, plot.rows)
+    heights = {
+        line_label(value): rows.groupby(plot.groups)[plot.y].median().to_dict()
+        for value in dict.fromkeys(table[plot.lines])
+        for rows in [selected(table, {plot.lines: value})]
+    }
+    names = list(dict.fromkeys(table[plot.groups]))
+    _bars(axes, names, heights, plot.y_label)
+    axes.set_xticks(range(len(names)), [name.replace(", ", ",\n") for name in names], rotation=0)
+    axes.set_yscale("log")
+    if plot.limit is not None:
+        axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=":")
+
+
+def _bars(
+    axes: Axes, names: Sequence[str], heights: Mapping[str, Mapping[str, float]], y_label: str
+) -> None:
+    """Bars beside one another at each name, a colour for each label; no bar where it has none."""
+    width = 0.8 / len(heights)
+    for k, (label, own) in enumerate(heights.items()):
+        x = [i + (k - 0.5 * (len(heights) - 1)) * width for i in range(len(names))]
+        bars = [own.get(name, 0.0) for name in names]
+        axes.bar(x, bars, width=width, label=label, color=_COLOURS.get(label))
     axes.set_xticks(range(len(names)), names, rotation=90)
     axes.grid(axis="x", visible=False)
-    axes.set_ylabel(f"share of runs, among the {plot.places} largest")
+    axes.set_ylabel(y_label)
