@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
+from matplotlib.ticker import LogFormatter
 
 from ballbar.claims.file import AnyPlot, GroupedBars, IdentifiedPlot, PlatePlot, Plot, Ranking
 from ballbar.claims.kinds import DISTANCE, LARGEST
@@ -116,8 +117,7 @@ def _curves(
                 axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0.0)
             else:
                 axes.plot(x, median, linestyle=DASHED, color=colour)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    _logarithmic(axes, "x", "y")
     ticks = sorted(values)
     if len(ticks) <= _MAX_TICKS:
         axes.set_xticks(ticks, [f"{x:g}" for x in ticks])
@@ -169,9 +169,18 @@ def _groups(axes: Axes, plot: GroupedBars, evidence: Evidence) -> None:
     names = list(dict.fromkeys(table[plot.groups]))
     _bars(axes, names, heights, plot.y_label)
     axes.set_xticks(range(len(names)), [name.replace(", ", ",\n") for name in names], rotation=0)
-    axes.set_yscale("log")
+    _logarithmic(axes, "y")
     if plot.limit is not None:
         axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=":")
+
+
+def _logarithmic(axes: Axes, *names: Literal["x", "y"]) -> None:
+    """Makes axes logarithmic, with plain numbers, since a $ in a text of ours is a $."""
+    for name in names:
+        axes.set(**{f"{name}scale": "log"})
+        axis = axes.xaxis if name == "x" else axes.yaxis
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
 
 
 def _bars(
