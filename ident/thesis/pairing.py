@@ -29,7 +29,8 @@ STANDING = 1e-4  # [rad/s] of every joint of a log (thesis sec. 5.2)
 STEP = 0.01  # [s] of the rough synchronisation, within +-100 ms (thesis sec. 5.2)
 ROUNDS = 5  # of shifting, "repeating the process with more iterations" (thesis sec. 5.2)
 # Cost of an outlier over the median: ten times the distance, since the clock is still off by what
-# rough synchronisation leaves, which costs most where the motion is fast. The thesis prints no limit.
+# rough synchronisation leaves, which costs most where the motion is fast. The thesis prints no
+# limit.
 OUTLIER = 100.0
 
 
