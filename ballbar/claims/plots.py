@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
@@ -150,9 +151,10 @@ def _identified(axes: Axes, plot: IdentifiedPlot, evidence: Evidence) -> None:
     heights: dict[str, dict[str, float]] = {}  # line -> parameter -> mm | mrad
     for value in dict.fromkeys(table[plot.lines]):
         first = selected(table, {plot.lines: value}).sort_values("seed").iloc[0]
-        own = first[columns].dropna()
         heights[line_label(value)] = {
-            name.removeprefix(IDENTIFIED): float(error) for name, error in own.items()
+            name.removeprefix(IDENTIFIED): float(first[name])
+            for name in columns
+            if not np.isnan(first[name])
         }
     ranked = set().union(*heights.values())
     names = [name for name in table_of_names(ranked).names if name in ranked]
@@ -162,13 +164,15 @@ def _identified(axes: Axes, plot: IdentifiedPlot, evidence: Evidence) -> None:
 def _groups(axes: Axes, plot: GroupedBars, evidence: Evidence) -> None:
     table = selected(evidence.table, plot.rows)
     heights = {
-        line_label(value): rows.groupby(plot.groups)[plot.y].median().to_dict()
+        line_label(value): {
+            str(name): float(rows[plot.y].median())
+            for name, rows in selected(table, {plot.lines: value}).groupby(plot.groups)
+        }
         for value in dict.fromkeys(table[plot.lines])
-        for rows in [selected(table, {plot.lines: value})]
     }
     names = list(dict.fromkeys(table[plot.groups]))
     _bars(axes, names, heights, plot.y_label)
-    axes.set_xticks(range(len(names)), [name.replace(", ", ",\n") for name in names], rotation=0)
+    axes.tick_params(axis="x", labelrotation=0)
     _logarithmic(axes, "y")
     if plot.limit is not None:
         axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=":")
