@@ -10,7 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from shutil import rmtree
+from tempfile import mkdtemp
+from weakref import finalize
 
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
@@ -117,13 +119,9 @@ def _ml_samples_row(scenario: Scenario, folder: Path) -> Row:
 class _Recorded:
     """A simulated recording on disk, for as long as this object lives."""
 
-    top: TemporaryDirectory[str]
+    folder: Path
     cell: Cell
     truth: Truth
-
-    @property
-    def folder(self) -> Path:
-        return Path(self.top.name) / RECORDING
 
 
 @lru_cache(RECORDINGS)
@@ -131,7 +129,9 @@ def _recorded(settings: Scenario, folder: Path) -> _Recorded:
     """The files of a scenario. settings : without its identification, so that all have the same."""
     log = recorded_log(settings.path, folder)
     simulation = simulate(settings, relative_to=folder, recorded=log)
-    made = _Recorded(TemporaryDirectory(prefix="ballbar-trial-"), simulation.cell, simulation.truth)
+    top = mkdtemp(prefix="ballbar-trial-")
+    made = _Recorded(Path(top) / RECORDING, simulation.cell, simulation.truth)
+    finalize(made, rmtree, top)
     write_recording(simulation, settings, made.folder)
     return made
 
