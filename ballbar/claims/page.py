@@ -25,8 +25,9 @@ components of each cost (`vector`) where they minimised the printed scalar, unle
 through device files; why theirs failed is one picture under "Why the experiments failed".
 
 Distance: Euclidean, over all identified parameters, from the truth, in mm and mrad mixed (sec.
-3.4). Numbers are medians over the seeds unless it says otherwise. Plots: median, band from smallest to largest seed, distance beside largest error; the dotted line is
-the 0.5 mm|mrad that the thesis aims at.
+3.4). Numbers are medians over the seeds unless it says otherwise. Plots: median, band from
+smallest to largest seed, distance beside largest error; the dotted line is the 0.5 mm|mrad that the
+thesis aims at.
 
 **Two parameter sets.** Sec. 3.4 fits "all parameters that were identifiable". The column *all* does
 so: every parameter of sec. 3.3 that the cost determines (23 with C_l, 31, 36, 39 with C_T). The
