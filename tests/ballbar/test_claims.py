@@ -821,7 +821,7 @@ def test_the_log_is_moved_by_as_much_as_it_was_late(cost: str) -> None:
         samples.true,
         samples.t[inside],
         samples.q[inside],
-        through_samples(samples.t, samples.b),
+        through_samples(samples.t, samples.b).spline,
     )
     assert found == pytest.approx(0.034, abs=2e-7)
 
