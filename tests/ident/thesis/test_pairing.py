@@ -11,6 +11,7 @@ from cell.logs import BallBarLog, RobotLog
 from ident.thesis.costs import cost_named
 from ident.thesis.pairing import is_standing, pair_logs, rough_offset
 from sim.path import ReferencePath
+from tests.helpers.synthetic_recording import exact_log
 
 OFFSET = 0.7131  # [s] robot time at the ball-bar's first row
 READ = np.array([2.5, -1.2, 0.3, -2.9, 1.7])  # [rad] joint angles at which the counters read 0
@@ -18,10 +19,9 @@ READ = np.array([2.5, -1.2, 0.3, -2.9, 1.7])  # [rad] joint angles at which the 
 
 def logs(path: ReferencePath, b: Array | None = None) -> tuple[RobotLog, BallBarLog]:
     """Exact logs of the nominal mechanism, the ball-bar's counted from its first row."""
-    first = int(np.ceil(OFFSET / 0.01))
-    angles = (path.b if b is None else b)[first:] - READ
-    t = path.t[first:] - path.t[0] - OFFSET
-    return RobotLog(path.t - path.t[0], path.q), BallBarLog(t, angles, (1, 2, 3, 4, 5))
+    t = np.arange(0.0, path.t[-1] - OFFSET, 0.01)  # no multiple of its rows is the offset
+    angles = exact_log(path.t, path.b if b is None else b).spline(t + OFFSET) - READ
+    return RobotLog(path.t, path.q), BallBarLog(t, angles, (1, 2, 3, 4, 5))
 
 
 @pytest.mark.parametrize("name", ["position", "position_angles", "transform"])
