@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 from cell.schema import Strict
 from ident.corrections import CORRECTIONS
 from ident.options import FitOptions, ForceSource, ModelName
-from ident.thesis.names import PRINTED_STOP, Instants, ParameterSet, ShiftAt, Smoothing
+from ident.thesis.names import PRINTED_STOP, Instants, Pairing, ParameterSet, ShiftAt, Smoothing
 
 
 def _known_correction(name: str) -> str:
@@ -64,6 +64,13 @@ class IdentifySettings(Strict):
         "none",
         description="Logs of a thesis cost on files: as logged, after a moving average of 100 ms "
         "(thesis sec. 5.2), or as least-squares splines, which ml uses.",
+    )
+    pairing: Pairing = Field(
+        "fit",
+        description="Clock and start of a thesis cost on files: those of the default fit, or "
+        "`logs`, the thesis's own procedure (sec. 5.2): moving average, rough synchronisation "
+        "where all joints stand still, encoder offsets matched at a few points, shift of least "
+        "cost. Every cost then identifies the same parameters of the robot (sec. 5.4).",
     )
     instants: Instants = Field(
         "all",

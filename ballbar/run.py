@@ -135,6 +135,6 @@ def run_scenario(
 
 
 def _held_out(scenario: Scenario) -> Scenario:
-    """The scenario of the recording that takes no part in the fit: another path, all else equal."""
+    """The scenario of the recording that takes no part in the fit: another path and noise."""
     path = scenario.path.model_copy(update={"file": scenario.accept.held_out_file})
-    return scenario.model_copy(update={"path": path})
+    return scenario.model_copy(update={"path": path, "recording": scenario.recording + 1})

@@ -130,6 +130,11 @@ class Scenario(SimulationSettings):
         if identify.smoothing != "none" and (identify.cost == "ml" or identify.data != "files"):
             message = "is of the thesis's costs on logs; set cost and data = files"
             raise wrong_key("identify", "smoothing", message=message)
+        if identify.pairing == "logs" and (
+            identify.cost == "ml" or identify.data != "files" or identify.smoothing != "none"
+        ):
+            message = "is of a thesis cost on files, and smooths itself; set cost, no smoothing"
+            raise wrong_key("identify", "pairing", message=message)
         if identify.shift_rounds and identify.instants != "all":
             message = "a log is moved with evenly spread samples only; leave instants out"
             raise wrong_key("identify", "instants", message=message)

@@ -280,7 +280,8 @@ def _robot_log(settings: SimulationSettings, cell: Cell, q: Array) -> Array:
     ripple = plant_effects(errors, cell, seed).transmission_error(gears)
     shown = (gears - ripple) @ robot.gear_to_joint
     resolvers = resolver_effects(errors.resolver_error, joints=robot.joints, seed=seed)
-    return np.asarray(motor_angles(robot, shown, errors, resolvers, seed) @ robot.transmission)
+    motors = motor_angles(robot, shown, errors, resolvers, settings.recording_seed)
+    return np.asarray(motors @ robot.transmission)
 
 
 def _ballbar_log(settings: SimulationSettings, cell: Cell, path: SampledPath) -> Array:
@@ -291,7 +292,7 @@ def _ballbar_log(settings: SimulationSettings, cell: Cell, path: SampledPath) ->
         effects = encoder_effects(
             settings.errors, joint, lines=lines, bits=encoders.bits, seed=seed
         )
-        rng = stream(seed, f"encoder_noise_b{joint}")
+        rng = stream(settings.recording_seed, f"encoder_noise_b{joint}")
         noise = rng.normal(0.0, encoders.noise_sigma_rad, path.t.size)
         read[:, joint - 1] = effects.read_angle(path.b[:, joint - 1], path.t) + noise
     return read

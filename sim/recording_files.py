@@ -45,7 +45,7 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
 
 
 def _write_robot(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
-    robot, times, seed = simulation.cell.robot, simulation.times, settings.seed
+    robot, times, seed = simulation.cell.robot, simulation.times, settings.recording_seed
     rows = simulation.rows.robot
     q, _ = simulation.motion.at(times.robot_true)
     motors = motor_angles(robot, q, settings.errors, simulation.resolvers, seed)
@@ -72,13 +72,13 @@ def _write_force(simulation: Simulation, settings: SimulationSettings, folder: P
         float(times[-1]),
         sensor=settings.logs.force_sensor,
         drawn=simulation.truth.logs.loads,
-        seed=settings.seed,
+        seed=settings.recording_seed,
     )
     write_force_torque(folder / "raw" / "force.csv", stamps, readings)
 
 
 def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
-    times, seed = simulation.times, settings.seed
+    times, seed = simulation.times, settings.recording_seed
     _, b = simulation.motion.at(times.bar_true)
     if outliers := settings.errors.outliers:
         fitted = [e.joint - 1 for e in simulation.encoders]
@@ -107,7 +107,7 @@ def _write_lengths(
     times, sensor = simulation.times, settings.length
     sigma = sensor.noise_scale * instrument.sigma_length
     read = instrument.nominal + simulation.motion.stretch_at(times.bar_true)
-    read += stream(settings.seed, "length_noise").normal(0.0, sigma, read.shape)
+    read += stream(settings.recording_seed, "length_noise").normal(0.0, sigma, read.shape)
     if sensor.resolution_m:
         read = np.rint(read / sensor.resolution_m) * sensor.resolution_m
     stamps: Array = SENSOR_EPOCH + (times.bar_stamp - BAR_EPOCH_NS).astype(np.float64) * 1e-9

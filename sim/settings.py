@@ -28,6 +28,7 @@ from sim.errors.plant_errors import PlantErrors
 from sim.errors.sample_errors import SampleErrors
 from sim.errors.sensor_errors import EncoderNumber, SensorErrors
 from sim.logging.load_logs import DeviceLogs
+from sim.streams import recording_seed
 
 Vector3 = Annotated[tuple[float, ...], Field(min_length=3, max_length=3)]
 Coordinate = Annotated[float, Field(ge=-20.0, le=20.0)]
@@ -355,6 +356,16 @@ class SimulationSettings(Strict):
     seed: Annotated[int, Field(ge=0)] = Field(
         0, description="Seed of all drawn values; each error source has its own stream."
     )
+    recording: Annotated[int, Field(ge=1)] = Field(
+        1,
+        description="Which recording of the machine of this seed: noise, clocks and lost rows are "
+        "drawn anew for each, everything else is the same.",
+    )
+
+    @property
+    def recording_seed(self) -> int:
+        """Seed of noise, clocks and lost rows."""
+        return recording_seed(self.seed, self.recording)
 
     @model_validator(mode="after")
     def _of_its_instrument(self) -> SimulationSettings:

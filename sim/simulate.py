@@ -109,9 +109,9 @@ def simulate(
         period=period,
         task=settings.logs.ballbar.task_s,
         rate=rate,
-        seed=seed,
+        seed=settings.recording_seed,
     )
-    rows = logged_rows(times, settings.clocks, seed=seed)
+    rows = logged_rows(times, settings.clocks, seed=settings.recording_seed)
     logs = _log_truth(settings, encoders, resolvers, times, rows, lags)
     return Simulation(
         cell=cell,

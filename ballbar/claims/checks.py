@@ -10,6 +10,7 @@ from typing import Any
 from ballbar.claims.kinds import (
     OF_RUNS,
     AmongLargest,
+    Apart,
     Bound,
     Check,
     EqualTable,
@@ -21,7 +22,7 @@ from ballbar.claims.kinds import (
     Ratio,
     TableName,
 )
-from ballbar.claims.table import Evidence, numbers, places, selected, unit_of
+from ballbar.claims.table import Evidence, apart, numbers, places, selected, unit_of
 from ballbar.plan.beam import CALCULATIONS
 from ballbar.units import MM, UM, URAD
 from cell.errors import InputError
@@ -60,6 +61,8 @@ def judge(check: Check, evidence: Evidence) -> Outcome:
         return _ordered(check, evidence)
     if isinstance(check, Monotonic):
         return _monotonic(check, evidence)
+    if isinstance(check, Apart):
+        return _apart(check, evidence)
     return _among_largest(check, evidence)
 
 
@@ -147,6 +150,17 @@ def _monotonic(check: Monotonic, evidence: Evidence) -> Outcome:
     met = all((1.0 - check.tolerance) * a <= b for a, b in itertools.pairwise(ordered))
     ends = f"{_number(values[0])} to {_number(values[-1])}{unit_of(check.column)}"
     return Outcome(met, f"{check.what}: {ends}", check.direction)
+
+
+def _apart(check: Apart, evidence: Evidence) -> Outcome:
+    table = selected(evidence.table, check.rows)
+    distances = apart(selected(table, check.first), selected(table, check.second), check.each)
+    if check.at_most is not None:
+        met, limits = max(distances) <= check.at_most, f"at most {check.at_most:g}"
+    else:
+        limit = check.at_least or 0.0
+        met, limits = min(distances) >= limit, f"at least {limit:g}"
+    return Outcome(met, f"{check.what}: {_range(distances, ' times their size')}", limits)
 
 
 def _among_largest(check: AmongLargest, evidence: Evidence) -> Outcome:

@@ -117,11 +117,39 @@ class Ranking(Strict):
     thesis_runs: Annotated[int, Field(ge=1)] = 1
 
 
+class IdentifiedPlot(Strict):
+    """Bars: identified minus nominal of each parameter, a colour for each recording.
+
+    As thesis Figs. 5.12 to 5.17; of the first seed.
+    """
+
+    kind: Literal["identified"]
+    title: Line
+    rows: Rows = Field({})
+    lines: str = Field(description="Column whose values are the colours.")
+
+
+class GroupedBars(Strict):
+    """Bars in groups, on a logarithmic scale: the median over the seeds."""
+
+    kind: Literal["bars"]
+    title: Line
+    rows: Rows = Field({})
+    groups: str = Field(description="Column whose values are the groups.")
+    lines: str = Field(description="Column whose values are the colours.")
+    y: str
+    y_label: str
+    limit: float | None = Field(None, description="Horizontal line.")
+
+
 class PlatePlot(Strict):
     """Deflection of the offset plate over its thickness (ballbar.plan.beam)."""
 
     kind: Literal["plate"]
     title: Line
+
+
+AnyPlot = Plot | Ranking | IdentifiedPlot | GroupedBars | PlatePlot
 
 
 class Quick(Strict):
@@ -148,14 +176,18 @@ class ClaimFile(Strict):
     identifiability: str | None = Field(
         None, description="Scenario whose nominal mechanism is studied, relative to this file."
     )
+    core_alone: bool = Field(
+        False, description="Whether its runs fit the core set only, as sec. 5.4 does."
+    )
     size: list[str] = Field([], description="Varied keys; the column `size` is their largest.")
-    plots: list[Annotated[Plot | Ranking | PlatePlot, Field(discriminator="kind")]] = Field([])
+    plots: list[Annotated[AnyPlot, Field(discriminator="kind")]] = Field([])
     claims: Annotated[list[Claim], Field(min_length=1)]
 
     @property
     def sets(self) -> tuple[ParameterSet, ...]:
-        """Parameter sets that its runs fit; without a sweep there is one evidence alone."""
-        return get_args(ParameterSet) if self.sweep is not None else ("core",)
+        """Parameter sets that its runs fit; core alone where there is no sweep, or none else."""
+        both = self.sweep is not None and not self.core_alone
+        return get_args(ParameterSet) if both else ("core",)
 
     @property
     def order(self) -> list[int]:

@@ -94,6 +94,29 @@ class Monotonic(Measure):
     reason: str
 
 
+class Apart(Strict):
+    """Distance between the identified errors of two recordings, over their mean size.
+
+    Identified errors are identified minus nominal, without origin and encoder offsets (sec. 5.4).
+    """
+
+    kind: Literal["apart"]
+    what: str
+    rows: Rows = Field({})
+    first: Rows = Field(description="Runs of one recording, one for each seed and `each`.")
+    second: Rows = Field(description="Runs of the other recording, as many.")
+    each: str = Field("identify.cost", description="One number for every value of this column.")
+    at_least: float | None = None
+    at_most: float | None = None
+    reason: str
+
+    @model_validator(mode="after")
+    def _limited(self) -> Apart:
+        if (self.at_least is None) == (self.at_most is None):
+            raise ValueError("give either at_least or at_most")
+        return self
+
+
 class AmongLargest(Strict):
     """Share of the largest errors of each run that belong to the named parameters."""
 
@@ -157,7 +180,7 @@ class Formula(Strict):
 
 
 Check = Annotated[
-    Bound | Ratio | Ordered | Monotonic | AmongLargest | EqualTable | Formula,
+    Bound | Ratio | Ordered | Monotonic | Apart | AmongLargest | EqualTable | Formula,
     Field(discriminator="kind"),
 ]
-OF_RUNS = (Bound, Ratio, Ordered, Monotonic, AmongLargest)
+OF_RUNS = (Bound, Ratio, Ordered, Monotonic, Apart, AmongLargest)

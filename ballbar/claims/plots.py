@@ -6,17 +6,19 @@ A ranking shows how often each parameter is among the largest errors of a run.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
+from matplotlib.ticker import LogFormatter
 
-from ballbar.claims.file import PlatePlot, Plot, Ranking
+from ballbar.claims.file import AnyPlot, GroupedBars, IdentifiedPlot, PlatePlot, Plot, Ranking
 from ballbar.claims.kinds import DISTANCE, LARGEST
-from ballbar.claims.table import Evidence, places, selected
+from ballbar.claims.table import IDENTIFIED, Evidence, places, selected
 from ballbar.figure_style import (
     BLUE,
     BROWN,
@@ -58,7 +60,7 @@ _STYLE: dict[RcKeyType, Any] = {
 }
 
 
-def plot_svg(plot: Plot | Ranking | PlatePlot, evidence: Mapping[ParameterSet, Evidence]) -> bytes:
+def plot_svg(plot: AnyPlot, evidence: Mapping[ParameterSet, Evidence]) -> bytes:
     """A plot as an SVG file.
 
     Raises InputError where the plot names runs or columns that do not exist.
@@ -74,10 +76,14 @@ def plot_svg(plot: Plot | Ranking | PlatePlot, evidence: Mapping[ParameterSet, E
                 draw_deflection(axes)
             elif isinstance(plot, Plot):
                 _curves(axes, plot, evidence, column or plot.y, label or plot.y_label)
+            elif isinstance(plot, IdentifiedPlot):
+                _identified(axes, plot, evidence["core"])
+            elif isinstance(plot, GroupedBars):
+                _groups(axes, plot, evidence["core"])
             else:
                 _ranking(axes, plot, evidence)
         if panels[-1].get_legend_handles_labels()[0]:
-            below = isinstance(plot, Ranking)  # many names on the x axis, few lines
+            below = not isinstance(plot, Plot)  # many names on the x axis, few lines
             figure.legend(
                 *panels[-1].get_legend_handles_labels(),
                 loc="outside lower center" if below else "outside right upper",
@@ -112,8 +118,7 @@ def _curves(
                 axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0.0)
             else:
                 axes.plot(x, median, linestyle=DASHED, color=colour)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    _logarithmic(axes, "x", "y")
     ticks = sorted(values)
     if len(ticks) <= _MAX_TICKS:
         axes.set_xticks(ticks, [f"{x:g}" for x in ticks])
@@ -137,11 +142,60 @@ def _ranking(axes: Axes, plot: Ranking, evidence: Mapping[ParameterSet, Evidence
             shares[label] = {name: count / len(runs) for name, count in counts.items()}
     ranked = set().union(*shares.values())
     names = [name for name in table_of_names(ranked).names if name in ranked]
-    width = 0.8 / len(shares)
-    for k, (label, share) in enumerate(shares.items()):
-        x = [i + (k - 0.5 * (len(shares) - 1)) * width for i in range(len(names))]
-        heights = [share.get(name, 0.0) for name in names]
-        axes.bar(x, heights, width=width, label=label, color=_COLOURS.get(label))
+    _bars(axes, names, shares, f"share of runs, among the {plot.places} largest")
+
+
+def _identified(axes: Axes, plot: IdentifiedPlot, evidence: Evidence) -> None:
+    table = selected(evidence.table, plot.rows)
+    columns = [name for name in table.columns if name.startswith(IDENTIFIED)]
+    heights: dict[str, dict[str, float]] = {}  # line -> parameter -> mm | mrad
+    for value in dict.fromkeys(table[plot.lines]):
+        first = selected(table, {plot.lines: value}).sort_values("seed").iloc[0]
+        heights[line_label(value)] = {
+            name.removeprefix(IDENTIFIED): float(first[name])
+            for name in columns
+            if not np.isnan(first[name])
+        }
+    ranked = set().union(*heights.values())
+    names = [name for name in table_of_names(ranked).names if name in ranked]
+    _bars(axes, names, heights, "identified - nominal [mm|mrad]")
+
+
+def _groups(axes: Axes, plot: GroupedBars, evidence: Evidence) -> None:
+    table = selected(evidence.table, plot.rows)
+    heights = {
+        line_label(value): {
+            str(name): float(rows[plot.y].median())
+            for name, rows in selected(table, {plot.lines: value}).groupby(plot.groups)
+        }
+        for value in dict.fromkeys(table[plot.lines])
+    }
+    names = list(dict.fromkeys(table[plot.groups]))
+    _bars(axes, names, heights, plot.y_label)
+    axes.tick_params(axis="x", labelrotation=0)
+    _logarithmic(axes, "y")
+    if plot.limit is not None:
+        axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=":")
+
+
+def _logarithmic(axes: Axes, *names: Literal["x", "y"]) -> None:
+    """Makes axes logarithmic, with plain numbers, since a $ in a text of ours is a $."""
+    for name in names:
+        axes.set(**{f"{name}scale": "log"})
+        axis = axes.xaxis if name == "x" else axes.yaxis
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
+
+
+def _bars(
+    axes: Axes, names: Sequence[str], heights: Mapping[str, Mapping[str, float]], y_label: str
+) -> None:
+    """Bars beside one another at each name, a colour for each label; no bar where it has none."""
+    width = 0.8 / len(heights)
+    for k, (label, own) in enumerate(heights.items()):
+        x = [i + (k - 0.5 * (len(heights) - 1)) * width for i in range(len(names))]
+        bars = [own.get(name, 0.0) for name in names]
+        axes.bar(x, bars, width=width, label=label, color=_COLOURS.get(label))
     axes.set_xticks(range(len(names)), names, rotation=90)
     axes.grid(axis="x", visible=False)
-    axes.set_ylabel(f"share of runs, among the {plot.places} largest")
+    axes.set_ylabel(y_label)

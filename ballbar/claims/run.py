@@ -149,16 +149,14 @@ def _outcomes(topic: Topic, i: int, section: str, evidence: Evidence) -> tuple[O
 
 
 def _sweeps_of(topic: Topic, *, quick: bool) -> dict[ParameterSet, LoadedSweep]:
-    """The file's sweep with each parameter set; empty without a sweep."""
+    """The file's sweep with each of its parameter sets; empty without a sweep."""
     if topic.file.sweep is None:
         return {}
     sweep = load_sweep(topic.path.parent / topic.file.sweep)
     with _located(topic, "quick"):
         plan = _thinned(sweep.plan, topic.file.quick) if quick else sweep.plan
-        return {
-            "core": replace(sweep, plan=plan),
-            "all": replace(sweep, plan=_with_all_parameters(plan)),
-        }
+        plans = {"core": plan, "all": _with_all_parameters(plan)}
+        return {name: replace(sweep, plan=plans[name]) for name in topic.file.sets}
 
 
 def _with_all_parameters(plan: Plan) -> Plan:

@@ -24,6 +24,7 @@ from ident.thesis.names import ENCODERS_NEEDED
 
 SIZE = "size"
 ERROR = "error."  # prefix of the columns with the error of each parameter
+IDENTIFIED = "identified."  # and of those with its deviation from nominal
 _SAME = 1e-9  # relative difference below which two numbers of YAML are the same
 # end of a column's name -> unit
 _UNITS = {"_mm_mrad": "mm|mrad", "_mm": "mm", "_um": "um", "_us": "us", "_ppm": "ppm"}
@@ -121,6 +122,27 @@ def statistic(name: Statistic, values: Array) -> float:
         "relative_spread": lambda x: np.std(x) / np.mean(x),
     }
     return float(ways[name](values))
+
+
+def apart(first: pd.DataFrame, second: pd.DataFrame, each: str) -> list[float]:
+    """Distance between the identified errors of two recordings over the mean of their sizes.
+
+    Median over the seeds, for every value of the column `each` in rising order. Raises InputError
+    where the two have other runs.
+    """
+    columns = [name for name in first.columns if name.startswith(IDENTIFIED)]
+    a, b = (
+        rows.set_index([_known(rows, each), "seed"])[columns].sort_index().fillna(0.0)
+        for rows in (first, second)
+    )
+    if not a.index.is_unique or not a.index.equals(b.index):
+        raise InputError(
+            f"{each}: `first` and `second` need one run each of the same values and seeds. Make "
+            "`rows` select them"
+        )
+    sizes = 0.5 * (np.linalg.norm(a, axis=1) + np.linalg.norm(b, axis=1))
+    distances = pd.Series(np.linalg.norm(a - b, axis=1) / sizes, index=a.index)
+    return [float(x) for x in distances.groupby(level=0).median()]
 
 
 def unit_of(column: str) -> str:

@@ -121,7 +121,7 @@ def _compared(
     clock: tuple[float, float] | None,
 ) -> Comparison:
     grid = accuracy_grid(model.cell.robot)
-    deviations = {name: _difference(name, model.geometry, reference) for name in names}
+    deviations = compare_geometry(model.geometry, reference, names)
     offset, skew = clock if clock else (None, None)
     bare = UnloadedRobot(model.cell, nominal)
     return Comparison(
@@ -143,6 +143,13 @@ def reference_of(truth: Truth) -> Geometry:
         if truth.directions.get(f"b{joint}") == -1:
             geometry = mirrored(geometry, joint)
     return geometry
+
+
+def compare_geometry(
+    model: Geometry, reference: Geometry, names: Sequence[str]
+) -> dict[str, float]:
+    """[m, rad] model minus reference of the named parameters; angles within half a turn."""
+    return {name: _difference(name, model, reference) for name in names}
 
 
 def _difference(name: str, model: Geometry, reference: Geometry) -> float:

@@ -9,7 +9,7 @@ meanwhile.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import get_args
 
@@ -20,6 +20,7 @@ from ballbar.identify_settings import IdentifySettings
 from ballbar.scenario import Scenario
 from ballbar.trial.nominal_path import nominal_path, spread_rows
 from cell.descriptions import Cell
+from cell.geometry import Geometry
 from ident.thesis.cost_fit import fit_cost, identifiable_by
 from ident.thesis.cost_shift import ShiftedFit, fit_cost_with_shift
 from ident.thesis.costs import cost_named
@@ -96,10 +97,23 @@ def sampled_cell(scenario: Scenario, folder: Path) -> Cell:
     return _nominal_path(scenario.cell, scenario.path, folder)[0]
 
 
+def nominal_of(scenario: Scenario, folder: Path) -> Geometry:
+    """Nominal geometry of a scenario's cell, the ball-bar where the scenario puts it."""
+    return _nominal_path(scenario.cell, scenario.path, folder)[1]
+
+
 def cost_parameters(scenario: Scenario, folder: Path) -> NDArray[np.intp]:
-    """(P,) indices into the table of what the cost can identify along the path (sec. 3.3)."""
+    """(P,) indices into the table of what the cost can identify along the path (sec. 3.3).
+
+    With `pairing: logs` those of C_l with every cost, and the offsets of its encoders (sec. 5.4).
+    """
     cost, choice = _thesis_cost(scenario.identify), scenario.identify.parameters
-    return _parameters(scenario.cell, scenario.path, folder, cost, choice)
+    chosen = partial(_parameters, scenario.cell, scenario.path, folder)
+    if scenario.identify.pairing == "fit":
+        return chosen(cost, choice)
+    index = nominal_of(scenario, folder).table.index
+    offsets = [index[f"btheta{j}"] for j in ENCODERS_NEEDED[cost]]
+    return np.union1d(chosen("length", choice), np.array(offsets, dtype=np.intp))
 
 
 def _thesis_cost(settings: IdentifySettings) -> CostName:

@@ -6,14 +6,22 @@ identify.data = samples   reference path -> paired samples -> fit   (ch. 3; samp
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from shutil import rmtree
+from tempfile import mkdtemp
+from weakref import finalize
 
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
 
+from ballbar.identify_settings import IdentifySettings
+from ballbar.recordings.read_with_causes import read_with_causes
 from ballbar.result.compare import (
     Comparison,
+    compare_geometry,
     compare_kinematics,
     compare_with_truth,
     identification_against_truth,
@@ -28,25 +36,32 @@ from ballbar.trial.sample_trial import (
     cost_parameters,
     fit_cost_to_samples,
     fit_ml_to_samples,
+    nominal_of,
     sampled_cell,
 )
 from ballbar.units import MM, MRAD, PPM, UM, US
 from cell.arrays import Array
-from cell.geometry import BAR_ROWS
+from cell.descriptions import Cell
+from cell.errors import InputError
+from cell.geometry import BAR_ROWS, Geometry
 from cell.statistics import rms
 from ident.estimator.dependencies import ENCODER_OFFSETS
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.smooth_log import ARM_KNOT_SPACING, smooth_log
 from ident.thesis.cost_fit import CostFit, fit_cost
-from ident.thesis.costs import cost_named
+from ident.thesis.costs import Cost, cost_named
 from ident.thesis.moving_average import moving_average
 from ident.thesis.names import Smoothing
+from ident.thesis.pairing import pair_logs
 from ident.verdict import Status, noise_status
 from sim.errors.sample_errors import delay_of
 from sim.recording_files import write_recording
 from sim.simulate import simulate
+from sim.truth import Truth
 
 Row = dict[str, float | int | str]
+
+RECORDINGS = 3  # simulated recordings that are kept, for fits of several costs
 
 
 def run_trial(scenario: Scenario, folder: Path) -> Row:
@@ -101,32 +116,93 @@ def _ml_samples_row(scenario: Scenario, folder: Path) -> Row:
     return _row(comparison, quality | verdict)
 
 
+@dataclass(frozen=True, eq=False)
+class _Recorded:
+    """A simulated recording on disk, for as long as this object lives."""
+
+    folder: Path
+    cell: Cell
+    truth: Truth
+
+
+@lru_cache(RECORDINGS)
+def _recorded(settings: Scenario, folder: Path) -> _Recorded:
+    """The files of a scenario. settings : without its identification, so that all have the same."""
+    log = recorded_log(settings.path, folder)
+    simulation = simulate(settings, relative_to=folder, recorded=log)
+    top = mkdtemp(prefix="ballbar-trial-")
+    made = _Recorded(Path(top) / RECORDING, simulation.cell, simulation.truth)
+    finalize(made, rmtree, top)
+    write_recording(simulation, settings, made.folder)
+    return made
+
+
 def _files_row(scenario: Scenario, folder: Path) -> Row:
     scenario = with_absolute_names(scenario, folder)
-    log = recorded_log(scenario.path, folder)
-    simulation = simulate(scenario, relative_to=folder, recorded=log)
-    with TemporaryDirectory(prefix="ballbar-trial-") as top:
-        logs = Path(top) / RECORDING
-        write_recording(simulation, scenario, logs)
-        data = identify_recordings([logs], settings=scenario.identify)
-    (recording,), result = data.recordings, data.identification
-    estimate = recording.estimate
+    made = _recorded(scenario.model_copy(update={"identify": IdentifySettings()}), folder)
     if scenario.identify.cost == "ml":
+<<<<<<< HEAD
         comparison = identification_against_truth(result, simulation.truth)
         fitted = result.fit
         quality = _quality(fitted.iterations, fitted.converged, rms(estimate.whitened))
         verdict: Row = {"chi2_per_dof": fitted.chi2_per_dof, "verdict": str(result.verdict.status)}
         verdict["z_rms"] = z_rms(result, comparison)
         return _row(comparison, quality | verdict)
+=======
+        return _ml_row(scenario, made)
+    parameters = cost_parameters(scenario, folder)
+>>>>>>> topic-chapter5
     cost = cost_named(scenario.identify.cost, scenario.identify.form)
-    q, b = _paired_angles(recording, scenario.identify.smoothing)
-    offsets = {name: estimate.geometry[name] for name in ENCODER_OFFSETS}
-    start, parameters = estimate.nominal.replaced(offsets), cost_parameters(scenario, folder)
+    start, q, b, clock = _paired(scenario.identify, cost, made, nominal_of(scenario, folder))
     stop = scenario.identify.relative_stop
     fit = fit_cost(cost, start, q=q, b=b, parameters=parameters, relative_stop=stop)
-    robot, truth = UnloadedRobot(simulation.cell, fit.geometry), simulation.truth
+    robot = UnloadedRobot(made.cell, fit.geometry)
     names = [fit.geometry.table.names[i] for i in fit.parameters]
-    return _cost_row(fit, compare_with_truth(robot, estimate.nominal, truth, names, None))
+    row = _cost_row(fit, compare_with_truth(robot, start, made.truth, names, clock))
+    return row | _identified(fit.geometry, start, names)
+
+
+def _ml_row(scenario: Scenario, made: _Recorded) -> Row:
+    data = identify_recordings([made.folder], settings=scenario.identify)
+    (recording,), result = data.recordings, data.identification
+    estimate, fitted = recording.estimate, result.fit
+    comparison = identification_against_truth(result, made.truth)
+    quality = _quality(fitted.iterations, fitted.converged, rms(estimate.whitened))
+    verdict: Row = {"chi2_per_dof": fitted.chi2_per_dof, "verdict": str(result.verdict.status)}
+    identified = _identified(estimate.geometry, estimate.nominal, list(comparison.deviations))
+    return _row(comparison, quality | verdict) | identified
+
+
+def _paired(
+    settings: IdentifySettings, cost: Cost, made: _Recorded, nominal: Geometry
+) -> tuple[Geometry, Array, Array, tuple[float, float] | None]:
+    """Start of a thesis cost, angles q (N, J) and b (N, 5) [rad] of its samples, and its clock.
+
+    The clock is offset [s] and skew where the cost has its own.
+    """
+    if settings.pairing == "logs":
+        read = read_with_causes(made.folder)
+        if read.ballbar_log is None:
+            raise InputError("identify.pairing = logs needs a ball-bar with encoders")
+        paired = pair_logs(cost, nominal, read.robot_log, read.ballbar_log, count=settings.samples)
+        return paired.start, paired.q, paired.b, (paired.offset, 0.0)
+    data = identify_recordings([made.folder], settings=settings)
+    (recording,) = data.recordings
+    estimate = recording.estimate
+    offsets = {name: estimate.geometry[name] for name in ENCODER_OFFSETS}
+    q, b = _paired_angles(recording, settings.smoothing)
+    return estimate.nominal.replaced(offsets), q, b, None
+
+
+def _identified(model: Geometry, nominal: Geometry, names: Sequence[str]) -> Row:
+    """Identified errors: model minus nominal, without origin and encoder offsets (sec. 5.4)."""
+    own = [name for name in names if name.startswith(("r", "b")) and name not in ENCODER_OFFSETS]
+    errors = compare_geometry(model, nominal, own)
+    row: Row = {
+        "identified_mm_mrad": float(np.linalg.norm(list(errors.values()))) * MM,
+        "identified_largest_mm_mrad": max(map(abs, errors.values())) * MM,
+    }
+    return row | {f"identified.{name}": error * MRAD for name, error in errors.items()}
 
 
 def _paired_angles(recording: FittedRecording, smoothing: Smoothing) -> tuple[Array, Array]:

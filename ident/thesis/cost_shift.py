@@ -11,16 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline, CubicSpline
 from scipy.optimize import minimize_scalar
 
 from cell.arrays import Array
 from cell.geometry import Geometry, bar_frames, robot_frames
 from cell.inverse import bar_angles
 from ident.estimator.closure import Closure
-from ident.signals.smooth_log import SmoothLog
 from ident.thesis.cost_fit import CostFit, fit_cost
 from ident.thesis.costs import Cost
 from ident.thesis.names import ENCODERS_NEEDED, PRINTED_STOP, ShiftAt
@@ -75,7 +76,7 @@ def fit_cost_with_shift(
             geometry = with_matched_offsets(start, q, bar.spline(t + shift), cost)
         else:
             geometry = fit().geometry
-        moved = best_shift(cost, geometry, t, q, bar)
+        moved = best_shift(cost, geometry, t, q, bar.spline)
         shift, move = moved, moved - shift
     return ShiftedFit(fit(), shift, move)
 
@@ -84,30 +85,36 @@ def with_matched_offsets(nominal: Geometry, q: Array, b: Array, cost: Cost) -> G
     """The nominal geometry with the encoder offsets that fit its robot best at POINTS samples.
 
     q (N, 6), b (N, 5) [rad] : angles as read. Offsets are the mean difference to the angles of an
-    ideal ball-bar that holds the robot's tool, in the configuration of the angles as read.
+    ideal ball-bar that holds the robot's tool, in the configuration in which they agree best: where
+    offsets may be any, the angles as read do not tell it.
     """
+    needed = ENCODERS_NEEDED[cost.name]
     rows = np.linspace(0, len(q) - 1, POINTS).round().astype(int)
     read = b[rows] + nominal.bar.theta
-    flipped = bool((np.sin(read[:, 1]) < 0.0).all()), bool((np.sin(read[:, 3]) < 0.0).all())
     poses = robot_frames(nominal, q[rows]).poses()
-    away = bar_angles(poses, nominal.origin, flipped=flipped) - read
-    mean = np.arctan2(np.sin(away).mean(axis=0), np.cos(away).mean(axis=0))
-    offsets = {
-        f"btheta{j}": nominal[f"btheta{j}"] + mean[j - 1] for j in ENCODERS_NEEDED[cost.name]
-    }
-    return nominal.replaced(offsets)
+    means = []
+    for b2, b4 in product((False, True), repeat=2):
+        away = bar_angles(poses, nominal.origin, flipped=(b2, b4)) - read
+        means.append(np.exp(1j * away).mean(axis=0))  # a mean of length 1 where all agree
+    best = max(means, key=lambda mean: sum(abs(mean[j - 1]) for j in needed))
+    return nominal.replaced(
+        {f"btheta{j}": nominal[f"btheta{j}"] + float(np.angle(best[j - 1])) for j in needed}
+    )
 
 
-def best_shift(cost: Cost, geometry: Geometry, t: Array, q: Array, bar: SmoothLog) -> float:
+def best_shift(
+    cost: Cost, geometry: Geometry, t: Array, q: Array, bar: BSpline | CubicSpline
+) -> float:
     """[s] shift of the ball-bar's angles against the robot's of least cost at a given geometry.
 
-    t (N,) [s], q (N, 6) [rad] : the robot's samples, all further than REACH from the ends of `bar`.
+    t (N,) [s], q (N, 6) [rad] : the robot's samples, all further than REACH from the ends of `bar`,
+    the spline of the five angles.
     """
     robot = robot_frames(geometry, q)
 
     def cost_at(shift: float) -> float:
         residual = cost.residual(
-            Closure(geometry, robot, bar_frames(geometry, bar.spline(t + shift)), np.empty((6, 0)))
+            Closure(geometry, robot, bar_frames(geometry, bar(t + shift)), np.empty((6, 0)))
         )
         return float(np.vdot(residual, residual))
 

@@ -20,6 +20,7 @@ ParameterSet = Literal["core", "all"]
 PRINTED_STOP = 1e-10
 ShiftAt = Literal["identified", "nominal"]  # geometry at which a log is moved (thesis sec. 5.2)
 Smoothing = Literal["none", "moving_average", "spline"]  # of the logs of a cost
+Pairing = Literal["fit", "logs"]  # clock and start of a cost on logs
 Instants = Literal["all", "standing", "moving", "constant_speed"]  # samples of a cost
 # not one of the thesis: the whole residual, weighed by its noise (ident.estimator.whitening)
 ML = "ml"

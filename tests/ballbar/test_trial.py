@@ -436,7 +436,8 @@ def test_a_thesis_cost_takes_the_angles_of_device_logs_on_the_clock_that_alignme
         scenario(clocks={"offset_s": 0.137, "skew": 5e-5}, identify={"cost": cost, "samples": 400}),
         SCENARIOS,
     )
-    assert set(row) - {key for key in row if key.startswith("error.")} == FIGURES
+    each = {key for key in row if key.startswith(("error.", "identified."))}
+    assert set(row) - each == FIGURES | {"identified_mm_mrad", "identified_largest_mm_mrad"}
     assert 1e-3 < float(row["distance_mm_mrad"]) < distance
 
 
@@ -454,6 +455,23 @@ def test_logs_of_a_thesis_cost_may_be_smoothed() -> None:
     assert spline < none
     with pytest.raises(ValueError, match="of the thesis's costs on logs"):
         scenario(identify={"cost": "ml", "smoothing": "spline"})
+
+
+def test_a_thesis_cost_pairs_device_logs_itself() -> None:
+    """Clock and encoder offsets from the logs alone; identified errors are those from nominal."""
+    asked = {"cost": "position_angles", "samples": 400, "pairing": "logs"}
+    row = run_trial(
+        scenario(clocks={"offset_s": 0.137}, errors=STATIC, encoders={}, identify=asked), SCENARIOS
+    )
+    assert row["parameters"] == 27  # the 23 of C_l and four encoder offsets (sec. 5.4)
+    assert abs(float(row["clock_offset_error_us"])) < 5e3
+    identified = {k: float(v) for k, v in row.items() if k.startswith("identified.")}
+    assert len(identified) == 20
+    assert {"identified.ox", "identified.btheta1"}.isdisjoint(identified)
+    assert row["identified_mm_mrad"] == pytest.approx(np.linalg.norm(list(identified.values())))
+    assert 0.01 < float(row["distance_mm_mrad"]) < float(row["identified_mm_mrad"])
+    with pytest.raises(ValueError, match="is of a thesis cost on files, and smooths itself"):
+        scenario(identify={"cost": "ml", "pairing": "logs"})
 
 
 def test_device_logs_of_a_robot_of_the_user_s_own_can_be_tried(tmp_path: Path) -> None:

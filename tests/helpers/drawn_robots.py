@@ -19,12 +19,13 @@ DRAWN: dict[str, object] = {"sigma_m": 1e-3, "sigma_rad": 1e-3, "parameters": "r
 
 
 def scenario_of(robot: str, path: str, seed: int, duration: float) -> Scenario:
-    """A drawn robot with everything on along one of its paths."""
+    """A drawn robot with everything on along path a or, as its second recording, path b."""
     base = load_scenario(SCENARIOS / f"{robot}_full.yaml")
     changed = base.model_dump(mode="json", by_alias=True, exclude_none=True)
     changed["errors"]["static"] = DRAWN
     changed["path"] |= {"file": f"paths/{robot}_{path}.yaml", "duration_s": duration}
-    return Scenario.model_validate(changed | {"seed": seed}, strict=False)
+    changed |= {"seed": seed, "recording": 1 if path == "a" else 2}
+    return Scenario.model_validate(changed, strict=False)
 
 
 def recorded(scenario: Scenario, folder: Path) -> tuple[Cell, Logs, Truth]:

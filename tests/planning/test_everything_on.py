@@ -28,7 +28,9 @@ def given(section: ErrorSettings | ClockSettings) -> dict[str, object]:
     return section.model_dump(exclude_unset=True, exclude={"static"})
 
 
-@pytest.mark.parametrize("name", ["irb2400_full", "nj220_full", "irb2400_planned", "nj220_planned"])
+@pytest.mark.parametrize(
+    "name", ["irb2400_full", "nj220_full", "irb2400_planned", "nj220_planned", "irb_2016"]
+)
 def test_every_error_source_of_a_real_cell_is_on(name: str) -> None:
     scenario = load_scenario(name)
     assert scenario.errors.model_fields_set == sources(ErrorSettings)

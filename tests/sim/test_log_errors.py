@@ -451,6 +451,35 @@ def test_rows_are_dropped_and_duplicated_as_often_as_asked(lossy: Run) -> None:
         assert stated.duplicated == place.size - different.size
 
 
+def test_another_recording_is_of_the_same_machine_with_noise_of_its_own(tmp_path: Path) -> None:
+    """Regression: two paths of one machine had the same noise, row by row."""
+    drawn = {
+        "static": {"sigma_m": 1e-3, "sigma_rad": 1e-3},
+        "transmission_error": {},
+        "mounting_eccentricity": {},
+    }
+    clocks = {**OVERRUNS, "wander": {}, "jitter": {}, "dropped_rows": {}, "duplicated_rows": {}}
+    common: dict[str, Any] = {"clocks": clocks, "encoders": {"noise_sigma_rad": 1e-4}}
+    first, again, second = (
+        simulated(tmp_path / name, errors=drawn | NOISE, **common, **more)
+        for name, more in (("first", {}), ("again", {"recording": 1}), ("second", {"recording": 2}))
+    )
+    for file in ("robot.csv", "ballbar.csv"):
+        raw = (run.folder / "raw" / file for run in (first, again, second))
+        one, same, other = (path.read_bytes() for path in raw)
+        assert one == same
+        assert one != other
+    assert np.array_equal(first.truth.geometry.values, second.truth.geometry.values)
+    assert first.truth.plant == second.truth.plant
+    assert first.truth.logs.encoders == second.truth.logs.encoders
+    assert first.truth.logs.clock_wander != second.truth.logs.clock_wander
+    assert first.truth.logs.rows != second.truth.logs.rows
+    rows = slice(0, 400)  # of the first dwell
+    noise = [run.robot()[1][rows] - run.robot()[1][rows].mean(axis=0) for run in (first, second)]
+    shared = (noise[0] * noise[1]).mean(axis=0) / noise[0].std(axis=0) / noise[1].std(axis=0)
+    assert np.abs(shared).max() < 0.2  # 1 when both drew the same
+
+
 def test_the_first_row_from_which_time_counts_is_always_written_once() -> None:
     hit = np.stack([chosen(3, 0.49, np.random.default_rng(seed)) for seed in range(100)])
     assert hit.any(axis=0).tolist() == [False, True, True]

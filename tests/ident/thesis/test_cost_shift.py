@@ -34,7 +34,7 @@ def test_at_the_true_geometry_the_least_cost_lies_at_the_true_shift(
     t, q, b = shifted.values()
     inside = (t > REACH) & (t < t[-1] - REACH)
     found = best_shift(
-        cost_named(COST, "vector"), true, t[inside], q[inside], through_samples(t, b)
+        cost_named(COST, "vector"), true, t[inside], q[inside], through_samples(t, b).spline
     )
     # A spline through rows 0.05 s apart leaves 1e-7 rad, and the motion passes 0.5 rad/s.
     assert found == pytest.approx(LATE, abs=1e-6)
