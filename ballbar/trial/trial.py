@@ -141,17 +141,8 @@ def _files_row(scenario: Scenario, folder: Path) -> Row:
     scenario = with_absolute_names(scenario, folder)
     made = _recorded(scenario.model_copy(update={"identify": IdentifySettings()}), folder)
     if scenario.identify.cost == "ml":
-<<<<<<< HEAD
-        comparison = identification_against_truth(result, simulation.truth)
-        fitted = result.fit
-        quality = _quality(fitted.iterations, fitted.converged, rms(estimate.whitened))
-        verdict: Row = {"chi2_per_dof": fitted.chi2_per_dof, "verdict": str(result.verdict.status)}
-        verdict["z_rms"] = z_rms(result, comparison)
-        return _row(comparison, quality | verdict)
-=======
         return _ml_row(scenario, made)
     parameters = cost_parameters(scenario, folder)
->>>>>>> topic-chapter5
     cost = cost_named(scenario.identify.cost, scenario.identify.form)
     start, q, b, clock = _paired(scenario.identify, cost, made, nominal_of(scenario, folder))
     stop = scenario.identify.relative_stop
@@ -169,6 +160,7 @@ def _ml_row(scenario: Scenario, made: _Recorded) -> Row:
     comparison = identification_against_truth(result, made.truth)
     quality = _quality(fitted.iterations, fitted.converged, rms(estimate.whitened))
     verdict: Row = {"chi2_per_dof": fitted.chi2_per_dof, "verdict": str(result.verdict.status)}
+    verdict["z_rms"] = z_rms(result, comparison)
     identified = _identified(estimate.geometry, estimate.nominal, list(comparison.deviations))
     return _row(comparison, quality | verdict) | identified
 
