@@ -53,5 +53,8 @@ def svg_text(figure: Figure) -> str:
 
 
 def to_hundredths(svg: str) -> str:
-    """Coordinates cut to hundredths of a point: figures that are kept in the project stay small."""
-    return re.sub(r"(\.\d\d)\d+", r"\1", svg)
+    """Coordinates cut to hundredths of a point: figures that are kept in the project stay small.
+
+    What is written in them stays whole.
+    """
+    return re.sub(r"(\.\d\d)\d+(?![^<>]*</text>)", r"\1", svg)
