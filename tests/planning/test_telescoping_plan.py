@@ -331,8 +331,10 @@ def test_what_a_small_path_leaves_open_is_stated(
     q = CubicSpline(outcome.trajectory.t, outcome.trajectory.q)(t)
     run = planned_run(evaluator.cell, outcome.trajectory.nominal, t, q, seed=seed, noise=5e-6)
     result = identify_together(run.cell, [run.logs], options=FitOptions(model="dh"))
-    # an uncertain result is one that says so
-    assert result.verdict.status in (Status.GOOD, Status.UNCERTAIN), result.verdict.sentence
+    # uncertain, or with care where the length hardly shows the clock: 9 or 15 ms, by the instants
+    said = result.verdict.sentence
+    seen = result.verdict.status in (Status.GOOD, Status.UNCERTAIN)
+    assert seen or "the clock offset is known to" in said, said
     (recording,) = result.recordings
     assert recording.clock is not None
     assert abs(recording.clock.offset - run.clock.offset) < 3.0 * recording.clock_sigma[0]
