@@ -21,7 +21,9 @@ step); it is part of the clock offset.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -60,12 +62,14 @@ def spread(table: Table, declared: bool | None = None) -> Table:
     # Counted from the first row, a float64 of steps is exact to a nanosecond.
     shown = (stamps - stamps[0]) / step
     cuts = np.flatnonzero((np.diff(stamps) < 0) | table.begins[1:]) + 1
-    lines = [
+    every = (
         line
         for part in np.split(np.arange(stamps.size), cuts)
         for line in _lines(shown, int(part[0]), int(part[-1]) + 1)
-    ]
-    if not declared and len(lines) > 2 + cuts.size + ENDING * rarer:
+    )
+    most = stamps.size if declared else int(2 + cuts.size + ENDING * rarer)
+    lines = list(islice(every, most))
+    if next(every, None):
         return table
     if len(lines) > max(2 + cuts.size, stamps.size / SHORTEST):
         raise LogError(
@@ -121,14 +125,12 @@ def _step(table: Table) -> int:
     return max(coarse, int(np.gcd.reduce(forward)))
 
 
-def _lines(shown: Array, first: int, stop: int) -> list[tuple[int, int]]:
+def _lines(shown: Array, first: int, stop: int) -> Iterator[tuple[int, int]]:
     """First row of each line, and the row behind its last; shown (N,) [steps]."""
-    out = []
     while first < stop:
         behind = _furthest(shown, first, stop)
-        out.append((first, behind))
+        yield first, behind
         first = behind
-    return out
 
 
 def _furthest(shown: Array, first: int, stop: int) -> int:
