@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, make_lsq_spline
+from scipy.interpolate import BSpline
+from scipy.linalg import solveh_banded
 
 from cell.arrays import Array
 
@@ -21,8 +22,28 @@ def smoothing_spline(t: Array, values: Array, inner: Array, *, rows: int = 2) ->
     supported = inner[_supported(np.searchsorted(t, inner), t.size, rows)]
     ends = np.repeat(t[0], DEGREE + 1), np.repeat(t[-1], DEGREE + 1)
     knots = np.concatenate((ends[0], supported, ends[1]))
-    # Normal equations agree with "qr" to 1e-13 and take a tenth of its time.
-    return make_lsq_spline(t, values, knots, k=DEGREE, method="norm-eq")
+    return _least_squares(t, values, knots)
+
+
+def _least_squares(t: Array, values: Array, knots: Array) -> BSpline:
+    """Least-squares spline on all knots, ends included, by banded normal equations.
+
+    scipy.interpolate.make_lsq_spline gives the same to 1e-13 in a time that grows with rows times
+    knots: 11 s for an hour of rows, 0.5 s here.
+    """
+    count, order = knots.size - DEGREE - 1, DEGREE + 1
+    basis = BSpline.design_matrix(t, knots, DEGREE).data.reshape(-1, order).T.copy()
+    columns = values.T.copy()
+    interval = np.clip(np.searchsorted(knots, t, side="right") - order, 0, count - order)
+    first = np.flatnonzero(np.diff(interval, prepend=-1))  # row of each interval
+    at = interval[first]
+    band, right = np.zeros((order, count)), np.zeros((count, len(columns)))
+    for i, basis_i in enumerate(basis):
+        for j in range(i, order):
+            band[j - i, at + i] += np.add.reduceat(basis_i * basis[j], first)
+        for c, column in enumerate(columns):
+            right[at + i, c] += np.add.reduceat(basis_i * column, first)
+    return BSpline(knots, solveh_banded(band, right, lower=True), DEGREE)
 
 
 def _supported(before: NDArray[np.intp], total: int, rows: int) -> list[int]:

@@ -20,7 +20,7 @@ from ident.corrections.rod_elongation import ROD_ELONGATION
 from ident.estimator.fit import Fit, fit, thinned
 from ident.estimator.model import Model, gearing
 from ident.estimator.noise import ExcessNoise
-from ident.estimator.samples import Samples, samples_of
+from ident.estimator.samples import Samples, close_times, samples_of
 from ident.estimator.step_faults import (
     ENCODER_JUMPS,
     MAX_FOUND,
@@ -34,7 +34,7 @@ from ident.estimator.unknowns import TENSION_PRIOR, RecordingStart, Unknowns, co
 from ident.estimator.variance_components import excess_noise
 from ident.loads.gear_loads import mass_model
 from ident.loads.instrument_force import FORCE_PRIOR, instrument_forces
-from ident.loads.logged_tension import sensor_tension, tension_splines, torque_tension
+from ident.loads.logged_tension import SPACING, sensor_tension, tension_splines, torque_tension
 from ident.model_choice import needed_corrections, present, unsupported
 from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import RecordingFit
@@ -266,7 +266,10 @@ def posed(
     )
     masses = mass_model(cell) if loaded else None
     model = Model(gearing(cell), masses, tuple(chosen), layout, tuple(every))
-    ballbars = [r.samples.ballbar_angles(r.geometry, r.clock) for r in recordings]
+    ballbars = [
+        samples.ballbar_angles(r.geometry, r.clock)
+        for r, samples in zip(recordings, every, strict=True)
+    ]
     return Pose(model, x, ballbars)
 
 
@@ -314,19 +317,20 @@ def with_tension(
     loaded : whether any correction needs loads. source : as of Logs.force_source.
     """
     old, logs = recording.samples, recording.logs
-    new = samples_of(old.robot, old.ballbar, old.encoders, old.directions, old.times)
+    geometry, clock = recording.geometry, recording.clock
+    times = close_times(old, clock, SPACING) if loaded else old.times
+    new = samples_of(old.robot, old.ballbar, old.encoders, old.directions, times)
     new = replace(new, clock_steps=clock_steps)
     if not loaded:
         return new
     if source == "instrument" and cell.ballbar.stroke is not None:
         return replace(new, splines=instrument_forces(new, cell.ballbar.stroke))
-    tension = np.zeros(old.times.size)
-    geometry, clock = recording.geometry, recording.clock
+    tension = np.zeros(times.size)
     if source == "torque":
-        tension = torque_tension(cell, old, geometry, clock, logs.robot)
+        tension = torque_tension(cell, new, geometry, clock, logs.robot)
     elif source == "sensor":
-        tension = sensor_tension(cell, old, geometry, clock, logs.force)
-    return replace(new, tension=tension, splines=tension_splines(old.times))
+        tension = sensor_tension(cell, new, geometry, clock, logs.force)
+    return replace(new, tension=tension, splines=tension_splines(times))
 
 
 def continued(pose: Pose, listener: Listener = SILENT) -> Pose:

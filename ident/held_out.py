@@ -154,7 +154,7 @@ def held_out(
         identified=_closure(result),
         normalised_innovation=float(np.sqrt(innovation)),
         nominal=_closure(nominal),
-        samples=recording.samples.times.size,
+        samples=result.model.recordings[0].times.size,
         ambiguous=recording.start.ambiguous,
         step_faults=sized(result, faults, cell.ballbar.encoder_lines),
     )
@@ -187,7 +187,7 @@ def _fit(
     layout = _held(layout, robot)
     masses = mass_model(cell) if loaded else None
     model = Model(gearing(cell), masses, corrections, layout, (samples,))
-    ballbar = recording.samples.ballbar_angles(recording.geometry, recording.clock)
+    ballbar = samples.ballbar_angles(recording.geometry, recording.clock)
     pose = Pose(model, layout.mean.copy(), [ballbar])
     if loaded and source == "none":
         pose = continued(pose, Listener(listener.progress))

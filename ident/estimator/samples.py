@@ -24,6 +24,7 @@ MARGIN = 0.3  # [s] inside both logs, so that the clock may still move during th
 DWELL_KEPT = (
     1.0  # [s] of the dwell at either end: where the motion starts and stops tells the clock
 )
+STRETCH = 20.0  # [s] of close samples
 MOVING = 1e-3  # [rad/s] of a moving joint (thesis sec. 5.2 uses 1e-4 on noise-free plots)
 _GRID_STEP, _GRID_SIZE = 0.05, 200  # [s], instants at least, on which motion is looked for
 
@@ -201,6 +202,26 @@ def sample_times(robot: SmoothLog, ballbar: SmoothLog | None, clock: Clock, coun
     last = min(last, float(grid[moving[-1]]) + DWELL_KEPT)
     apart = int((last - first) / smoothing(robot, ballbar)) + 1
     times = np.linspace(first, last, min(count, apart))
+    return _covered(robot, ballbar, clock, times)
+
+
+def close_times(samples: Samples, clock: Clock, spacing: float) -> Array:
+    """(N,) [s] as many instants as the samples have, no farther apart than `spacing` [s].
+
+    Where the samples are, they come in stretches of STRETCH seconds, spread evenly.
+    """
+    times = samples.times
+    first, last = times[0], times[-1]
+    if last - first <= spacing * times.size:
+        return times
+    count = max(2, round(times.size * spacing / STRETCH))
+    begins = np.linspace(first, last - STRETCH, count)
+    close = (begins[:, None] + np.arange(0.0, STRETCH, spacing)).ravel()
+    return _covered(samples.robot, samples.ballbar, clock, close)
+
+
+def _covered(robot: SmoothLog, ballbar: SmoothLog | None, clock: Clock, times: Array) -> Array:
+    """Those of the times (N,) [s] that lie in no gap of either log."""
     covered: NDArray[np.bool_] = robot.covers(clock.robot_time(times))
     if ballbar is not None:
         covered &= ballbar.covers(times)

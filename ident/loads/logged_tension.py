@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
-from scipy.sparse import csr_array
+from scipy.sparse import block_diag, csr_array
 
 from cell.arrays import Array
 from cell.clock import Clock
@@ -25,6 +25,8 @@ from ident.loads.rod_tension import Tension, from_force_sensor, from_motor_torqu
 
 KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (notes/identification sec. 4)
 LEAST_KNOTS = 8
+SPACING = 0.2  # [s] of samples that can follow the knots
+APART = 4.0 / KNOTS_PER_SECOND  # [s] between samples that share no spline
 AVERAGED = 0.08  # [s] of rows behind one value
 BEYOND = 1.0  # [s] of torque rows used before the first and after the last sample
 SENSOR_LAG = 2.0  # [s] the sensor's log may begin that much before or after the robot's
@@ -32,9 +34,16 @@ LAG_STEP = 0.05  # [s]
 
 
 def tension_splines(times: Array) -> csr_array:
+    """(K, N) cubic B-splines over the times (N,) [s], on uniform knots in each of their stretches."""
+    apart = np.flatnonzero(np.diff(times) > APART) + 1
+    return csr_array(block_diag([_splines(part) for part in np.split(times, apart)]))
+
+
+def _splines(times: Array) -> csr_array:
     """(K, N) cubic B-splines on uniform knots over the times (N,) [s]."""
-    count = max(LEAST_KNOTS, int(KNOTS_PER_SECOND * (times[-1] - times[0])))
-    inner = np.linspace(times[0], times[-1], count - 2)
+    last = max(times[-1], times[0] + 1.0 / KNOTS_PER_SECOND)
+    count = max(LEAST_KNOTS, int(KNOTS_PER_SECOND * (last - times[0])))
+    inner = np.linspace(times[0], last, count - 2)
     knots = np.concatenate((np.repeat(inner[0], 3), inner, np.repeat(inner[-1], 3)))
     return csr_array(BSpline.design_matrix(np.clip(times, inner[0], inner[-1]), knots, 3).T)
 

@@ -11,7 +11,16 @@ from cell.arrays import Array
 from cell.clock import Clock
 from cell.geometry import robot_frames
 from ident.estimator.closure import close_loop
-from ident.estimator.samples import DWELL_KEPT, MARGIN, Samples, overlap, sample_times, samples_of
+from ident.estimator.samples import (
+    DWELL_KEPT,
+    MARGIN,
+    STRETCH,
+    Samples,
+    close_times,
+    overlap,
+    sample_times,
+    samples_of,
+)
 from ident.signals.smooth_log import smooth_log
 from tests.helpers.synthetic_recording import NO_CLOCK_ERROR, NOMINAL, exact_log, recording
 
@@ -46,6 +55,21 @@ def test_a_gap_of_either_log_has_no_samples() -> None:
         inside = (times > first) & (times < last)
         assert not inside.any()
         assert np.diff(times).max() == pytest.approx(last - first, abs=0.2)
+
+
+def test_samples_that_must_be_close_come_in_stretches_over_a_long_recording() -> None:
+    t = np.arange(0.0, 1200.0, 0.05)
+    whole = exact_log(t, np.sin(t)[:, None])
+    holed = replace(whole, gaps=np.array([[10.0, 12.0]]))
+    every = sample_times(whole, whole, NO_CLOCK_ERROR, 600)
+    samples = samples_of(holed, None, (), (), every)
+    times = close_times(samples, NO_CLOCK_ERROR, 0.2)
+    begins = np.flatnonzero(np.diff(times, prepend=-np.inf) > 3.0)
+    assert np.diff(times[begins]) == pytest.approx(np.full(5, (1200.0 - STRETCH) / 5), rel=0.01)
+    assert times.size == pytest.approx(600 - 10, abs=2)  # the gap's are missing
+    assert np.median(np.diff(times)) == pytest.approx(0.2)
+    assert times[-1] == pytest.approx(every[-1], abs=0.21)
+    assert close_times(samples, NO_CLOCK_ERROR, 2.1) is every  # close enough as they are
 
 
 def test_a_second_of_the_dwell_at_either_end_is_kept() -> None:

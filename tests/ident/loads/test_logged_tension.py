@@ -63,6 +63,15 @@ def test_splines_of_the_tension_add_up_to_one_everywhere(duration: float, count:
     assert (splines.toarray() > 0.0).sum(axis=0).max() == 4  # cubic
 
 
+def test_stretches_of_samples_share_no_spline() -> None:
+    times = np.concatenate((np.linspace(0.0, 20.0, 100), [300.0], np.linspace(600.0, 620.0, 100)))
+    splines = tension_splines(times).toarray()
+    assert splines.shape == (25 + LEAST_KNOTS + 25, 201)
+    assert splines.sum(axis=0) == pytest.approx(np.ones(201))
+    assert not splines[:25, 100:].any()
+    assert not splines[25:-25, 101:].any()
+
+
 def test_splines_follow_any_tension_that_changes_slowly() -> None:
     times = np.linspace(0.0, 60.0, 600)
     splines = tension_splines(times).T.toarray()

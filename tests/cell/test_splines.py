@@ -1,0 +1,17 @@
+"""Least-squares splines of logs."""
+
+import numpy as np
+from scipy.interpolate import make_lsq_spline
+
+from cell.splines import DEGREE, smoothing_spline
+
+
+def test_the_spline_is_that_of_scipy_where_rows_come_unevenly() -> None:
+    rng = np.random.default_rng(1)
+    t = np.sort(np.delete(rng.uniform(0.0, 10.0, 1200), np.s_[300:360]))
+    values = np.sin(np.outer(t, [1.0, 2.0, 3.0])) + 1e-3 * rng.normal(size=(t.size, 3))
+    inner = np.linspace(0.2, 9.8, 49)
+    ours = smoothing_spline(t, values, inner)
+    rival = make_lsq_spline(t, values, ours.t, k=DEGREE)
+    np.testing.assert_allclose(ours(t), rival(t), rtol=0.0, atol=1e-11)
+    assert ours.t.size == inner.size + 2 * (DEGREE + 1)  # no knot is left out
