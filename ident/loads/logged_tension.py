@@ -34,7 +34,7 @@ LAG_STEP = 0.05  # [s]
 
 
 def tension_splines(times: Array) -> csr_array:
-    """(K, N) cubic B-splines over the times (N,) [s], on uniform knots in each of their stretches."""
+    """(K, N) cubic B-splines over times (N,) [s], on uniform knots in each of their stretches."""
     apart = np.flatnonzero(np.diff(times) > APART) + 1
     return csr_array(block_diag([_splines(part) for part in np.split(times, apart)]))
 
