@@ -80,6 +80,7 @@ COMPLETE_ENCODERS = 4  # fewer cannot carry the complete model (notes/identifica
 NEGATIVE, NOTHING = 2.0, 0.15
 MASSES_IN_DOUBT = 0.5  # standard deviation, of the sag between the two ways to read soft gears
 MOSTLY_PRIOR = 0.5  # information gain below which an unknown is said to stand at its prior
+PAYLOAD_TIMES = 6000  # of torque from which masses are found; those of 8 min
 
 
 def identify(
@@ -193,7 +194,10 @@ def _payload(
     logged = [r for r in single if r.logs.robot.torque is not None and r.samples.encoders]
     if not logged:
         return None
-    torques = [logged_torque(cell, r.samples, r.geometry, r.clock, r.logs.robot) for r in logged]
+    torques = [
+        logged_torque(cell, r.samples, r.geometry, r.clock, r.logs.robot, most=PAYLOAD_TIMES)
+        for r in logged
+    ]
     return payload_of_recordings(cell, [r.geometry for r in logged], torques)
 
 

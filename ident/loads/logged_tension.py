@@ -75,9 +75,17 @@ def torque_tension(
 
 
 def logged_torque(
-    cell: Cell, samples: Samples, geometry: Geometry, clock: Clock, log: RobotLog
+    cell: Cell,
+    samples: Samples,
+    geometry: Geometry,
+    clock: Clock,
+    log: RobotLog,
+    *,
+    most: int | None = None,
 ) -> LoggedTorque:
     """The motor torques of a recording; geometry, clock : as far as they are known.
+
+    most : times, about, to which a longer recording is thinned out; by default it is not.
 
     Raises InputError when no torques were logged, or the robot's file lacks what they need.
     """
@@ -89,7 +97,8 @@ def logged_torque(
     first, last = samples.times[0] - BEYOND, samples.times[-1] + BEYOND
     if samples.ballbar is not None:
         first, last = max(first, samples.ballbar.start), min(last, samples.ballbar.end)
-    inside = (times > first) & (times < last)
+    inside = np.flatnonzero((times > first) & (times < last))
+    inside = inside[:: 1 if most is None else max(1, inside.size // most)]
     times, torque = times[inside], torque[inside]
     at = samples.robot_time(clock, times)
     q, speed = samples.robot.spline(at), samples.robot.speed(at)
