@@ -35,6 +35,9 @@ def say_identification(out: Console, data: RunData) -> None:
         out.print(escape(line))
     for fitted in data.recordings:
         _clock(out, fitted, f"clock of {fitted.name}" if data.several else "clock")
+        if tracker := fitted.estimate.tracker:
+            name = f"{fitted.name}: " if data.several else ""
+            _sentence(out, name + tracker.sentence, good=tracker.acceptable)
     sigma = result.robot.tcp_sigma.mean() * MM
     out.print(f"stated TCP uncertainty over the workspace: mean {sigma:.4f} mm (1 sigma)")
 

@@ -105,7 +105,12 @@ def _validated(
 
 def _logs(name: str, recording: Recording) -> Logs:
     return Logs(
-        recording.robot_log, recording.ballbar_log, recording.force_log, name, recording.length_log
+        recording.robot_log,
+        recording.ballbar_log,
+        recording.force_log,
+        name,
+        recording.length_log,
+        recording.tracker_log,
     )
 
 
