@@ -61,7 +61,7 @@ from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.softening import fit_softening
 from ident.start.automatic import StartError
-from ident.tracker import NOT_COMPARED, check_tracker
+from ident.tracker import check_tracker, judged_by_tracker
 from ident.verdict import (
     AUTOCORRELATED,
     CORRELATED,
@@ -147,11 +147,8 @@ def _with_trackers(result: Identification, recordings: Sequence[Logs]) -> Identi
     """The result with what its trackers contradict in the verdict."""
     verdict = result.verdict
     for estimate, logs in zip(result.recordings, recordings, strict=True):
-        prefix = f"{estimate.name}: " if len(recordings) > 1 else ""
-        if estimate.tracker is not None and not estimate.tracker.acceptable:
-            verdict = verdict.with_care(prefix + estimate.tracker.care)
-        elif logs.tracker is not None and estimate.tracker is None:
-            verdict = verdict.with_warning(prefix + NOT_COMPARED)
+        name = logs.name if len(recordings) > 1 else ""
+        verdict = judged_by_tracker(verdict, logs.tracker, estimate.tracker, name=name)
     return replace(result, verdict=verdict)
 
 

@@ -24,6 +24,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from cell.arrays import Array
 from cell.clock import Clock
 from cell.logs import TrackerLog, segment_starts
+from cell.neighbours import Rows
 from cell.rigid_fit import kabsch
 from cell.rotation import matrix_from_rotvec
 from cell.splines import DEGREE
@@ -32,7 +33,7 @@ from ident.estimator.model import Evaluation
 from ident.signals.smooth_log import SmoothLog, smooth_log
 from ident.start.lag_scan import best_lags, subsample
 from ident.start.speed_scan import scan_speeds
-from ident.verdict import MISFIT
+from ident.verdict import MISFIT, Verdict
 
 WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 SCAN_STEP, MIN_OVERLAP = 0.02, 10.0  # [s] of the lags; less cannot tell one motion from another
@@ -50,7 +51,6 @@ ITERATIONS, CONVERGED, RANK = 50, 1e-9, 1e-6  # [m] of a step; share of the larg
 class PointErrors:
     """Measured minus predicted points of one robot."""
 
-    t: Array  # (N,) [s] robot's clock
     error: Array  # (N, 3) [m] tracker's frame
     clock: Clock  # of the tracker, against the robot's
     unknowns: int  # that the points determine, of 11
@@ -75,6 +75,7 @@ class PointErrors:
 class TrackerCheck:
     """How far the points of a tracker are from those of the identified and the nominal robot."""
 
+    t: Array  # (N,) [s] of the points on the robot's clock
     identified: PointErrors
     nominal: PointErrors
     noise: float  # [m] rms distance by the noise that the log shows
@@ -104,7 +105,7 @@ class TrackerCheck:
             for name, e in robots
         )
         return (
-            f"Tracker: its {len(self.identified.t)} points are {sizes}; its noise makes "
+            f"Tracker: its {self.t.size} points are {sizes}; its noise makes "
             f"{self.noise * 1e3:.3f} mm. Its frame, clock and LED were fitted to each robot "
             f"({self.identified.unknowns} unknowns, {self.degrees} degrees of freedom), and what "
             "these absorb is not seen."
@@ -135,13 +136,34 @@ def check_tracker(
         starts=segment_starts(log.segment),
         checked=True,
     )
-    rows = ~np.isin(log.t, smooth.outliers.times)
-    t, points = log.t[rows], log.points[rows]
-    errors = [_point_errors(t, points, smooth, _tool_path(point)) for point in (identified, nominal)]
-    if errors[0] is None or errors[1] is None:
+    good = ~np.isin(log.t, smooth.outliers.times)
+    t, points = log.t[good], log.points[good]
+    path, within = _tool_path(identified), CLOSE * smooth.row_period
+    starts = (Clock(offset, 0.0) for offset in _offsets(smooth, path))
+    fits = [fit for clock in starts if (fit := _refined(t, points, path, clock, within))]
+    if not fits:
         return None
-    noise = float(np.linalg.norm(smooth.noise))
-    return TrackerCheck(errors[0], errors[1], noise, log.accuracy, tcp_sigma)
+    best, rows = min(fits, key=lambda fit: fit[0].rms)
+    return TrackerCheck(
+        t=np.asarray(best.clock.robot_time(t[rows])),
+        identified=best,
+        nominal=_fitted(t[rows], points[rows], _tool_path(nominal), best.clock),
+        noise=float(np.linalg.norm(smooth.noise)),
+        accuracy=log.accuracy,
+        tcp_sigma=tcp_sigma,
+    )
+
+
+def judged_by_tracker(
+    verdict: Verdict, log: TrackerLog | None, check: TrackerCheck | None, *, name: str = ""
+) -> Verdict:
+    """The verdict with what a tracker has against it; name : of the recording, where needed."""
+    prefix = f"{name}: " if name else ""
+    if check is not None and not check.acceptable:
+        return verdict.with_care(prefix + check.care)
+    if log is not None and check is None:
+        return verdict.with_warning(prefix + NOT_COMPARED)
+    return verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,30 +193,13 @@ def _tool_path(point: Evaluation) -> _ToolPath:
     return _ToolPath(t, spline, spline.derivative())
 
 
-def _point_errors(
-    t: Array, points: Array, smooth: SmoothLog, path: _ToolPath
-) -> PointErrors | None:
-    """The errors at the best clock; t (N,) [s], points (N, 3) [m] and their spline."""
-    fits = []
-    for offset in _offsets(smooth, path):
-        fit, clock = None, Clock(offset, 0.0)
-        for _ in range(2):  # the clock decides which rows stand beside samples
-            rows = _beside_samples(t, path.t, clock, CLOSE * smooth.row_period)
-            if rows.size < LEAST:
-                break
-            fit = _fitted(t[rows], points[rows], path, clock)
-            clock = fit.clock
-        if fit is not None:
-            fits.append(fit)
-    return min(fits, key=lambda fit: fit.rms, default=None)
-
-
 def _offsets(smooth: SmoothLog, path: _ToolPath) -> list[float]:
     """[s] likely clock offsets: those at which LED and tool are equally fast."""
     grids = (path.t[0], path.t[-1]), (smooth.start, smooth.end)
     t_path, t_log = (np.arange(first, last, SCAN_STEP) for first, last in grids)
-    velocities = path.speed(t_path)[:, :3], np.where(
-        smooth.covers(t_log)[:, None], smooth.speed(t_log), 0.0
+    velocities = (
+        path.speed(t_path)[:, :3],
+        np.where(smooth.covers(t_log)[:, None], smooth.speed(t_log), 0.0),
     )
     a, b = (np.linalg.norm(v, axis=1, keepdims=True) for v in velocities)
     least = round(MIN_OVERLAP / SCAN_STEP)
@@ -203,8 +208,21 @@ def _offsets(smooth: SmoothLog, path: _ToolPath) -> list[float]:
     return [float(path.t[0] - smooth.start + SCAN_STEP * subsample(scan, k)) for k in best]
 
 
-def _beside_samples(t: Array, samples: Array, clock: Clock, within: float) -> Array:
-    """Rows of t (N,) [s], each the next one to a sample (K,) [s] on the robot's clock."""
+def _refined(
+    t: Array, points: Array, path: _ToolPath, clock: Clock, within: float
+) -> tuple[PointErrors, Rows] | None:
+    """The errors of the rows beside samples from a clock on; None of too few rows."""
+    for _ in range(2):  # the clock decides which rows these are
+        rows = _beside_samples(t, path.t, clock, within)
+        if rows.size < LEAST:
+            return None
+        errors = _fitted(t[rows], points[rows], path, clock)
+        clock = errors.clock
+    return errors, rows
+
+
+def _beside_samples(t: Array, samples: Array, clock: Clock, within: float) -> Rows:
+    """Rows of t (N,) [s], each the next one to a sample (K,) [s] of the robot's clock."""
     wanted = np.asarray(clock.ballbar_time(samples))
     right = np.clip(np.searchsorted(t, wanted), 1, t.size - 1)
     rows = np.where(wanted - t[right - 1] < t[right] - wanted, right - 1, right)
@@ -237,4 +255,4 @@ def _fitted(t: Array, points: Array, path: _ToolPath, clock: Clock) -> PointErro
         clock = Clock(float(clock.robot_time(middle) + step[9]) - (1.0 + skew) * middle, skew)
         if np.abs(columns @ step).max() < CONVERGED:
             break
-    return PointErrors(at, residual, clock, int(rank))
+    return PointErrors(residual, clock, int(rank))

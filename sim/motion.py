@@ -57,9 +57,9 @@ class Motion:
         return np.asarray(CubicSpline(self.t, self.rod_stretch)(inside))
 
     def tool_at(self, times: Array) -> tuple[Array, Array]:
-        """Rotation (3, 3, N) and position (3, N) [m] of the tool at true times (N,) [s], base frame.
+        """Rotation (3, 3, N) and position (3, N) [m] of the tool at true times (N,) [s].
 
-        The bending of the plate and the growth of the links are in them.
+        In the base frame, with the bending of the plate and the growth of the links.
         """
         inside, joints = np.clip(times, self.t[0], self.t[-1]), self.q.shape[1]
         plate = np.broadcast_to(self.plate, self.t.size)

@@ -91,7 +91,12 @@ def _write_tracker(simulation: Simulation, settings: SimulationSettings, folder:
         return
     times, seed = simulation.times.robot_true, settings.recording_seed
     stamps, points = tracker_rows(
-        simulation.motion, float(times[0]), float(times[-1]), tracker=tracker, drawn=drawn, seed=seed
+        simulation.motion,
+        float(times[0]),
+        float(times[-1]),
+        tracker=tracker,
+        drawn=drawn,
+        seed=seed,
     )
     write_tracker_points(folder / "raw" / "tracker.csv", stamps, points)
 
