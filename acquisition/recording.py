@@ -314,6 +314,7 @@ def _read_tracker(
         sentence = "no point, or zeros: the LED was hidden; row left out."
         table = table.remarked("hidden LED", "repaired", sentence, rows=hidden)
         table = table.flagged(hidden, RowFlag.INVALID)
+        refuse_few(table, int(np.count_nonzero(~hidden)))
     table, segments = find_segments(table, points)
     table = _with_damaged_values_checked(table, segments, points, ["x", "y", "z"])
     used = _used(source, table, segments, summaries)

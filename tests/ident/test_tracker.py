@@ -1,0 +1,178 @@
+"""Validation by an optical tracker: what it sees, what it does not, and what it must not change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from acquisition.recording import Recording, read_recording
+from cell.logs import TrackerLog
+from ident.identify import identify_together
+from ident.recording_fit import Logs
+from ident.result import Identification
+from ident.tracker import LEAST, NOT_COMPARED, TrackerCheck
+from ident.verdict import MISFIT, Status
+from sim.logging.tracker import TRACKER_EPOCH, tracker_rows
+from tests.helpers.simulated_recordings import Recorded, record
+
+NOISE = 9.0e-5
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    folder = tmp_path_factory.mktemp("tracked") / "recording"
+    tracker = {"offset_s": 3.7, "skew": 4e-5}
+    return record(folder, plant={"kind": "kinematic"}, logs={"tracker": tracker})
+
+
+@pytest.fixture(scope="module")
+def recording(tracked: Recorded) -> Recording:
+    return read_recording(tracked.folder)
+
+
+def identified(tracked: Recorded, recording: Recording, log: TrackerLog | None) -> Identification:
+    logs = Logs(recording.robot_log, recording.ballbar_log, tracker=log)
+    return identify_together(tracked.simulation.cell, [logs])
+
+
+def log_of(recording: Recording) -> TrackerLog:
+    assert recording.tracker_log is not None
+    return recording.tracker_log
+
+
+def check_of(result: Identification) -> TrackerCheck:
+    (estimate,) = result.recordings
+    assert estimate.tracker is not None
+    return estimate.tracker
+
+
+@pytest.fixture(scope="module")
+def result(tracked: Recorded, recording: Recording) -> Identification:
+    return identified(tracked, recording, log_of(recording))
+
+
+def test_the_identified_robot_is_within_the_noise_and_the_nominal_one_is_not(
+    result: Identification,
+) -> None:
+    check = check_of(result)
+    assert check.noise == pytest.approx(np.sqrt(3.0) * NOISE, rel=0.03)
+    assert check.identified.rms == pytest.approx(check.noise, rel=0.03)
+    assert check.identified.largest < 5.0 * np.sqrt(3.0) * NOISE
+    assert check.nominal.rms > 5.0 * check.noise
+    assert (check.identified.unknowns, check.degrees) == (11, 3 * check.t.size - 11)
+    assert check.acceptable
+    assert result.verdict.status is Status.GOOD
+
+
+def test_the_clock_of_the_tracker_is_recovered(result: Identification) -> None:
+    """90 um at 0.1 m/s over 685 points: 0.02 ms at the middle, about 1 ppm."""
+    clock = check_of(result).identified.clock
+    assert clock.offset == pytest.approx(3.7, abs=1.5e-4)
+    assert clock.skew == pytest.approx(4e-5, abs=4e-6)
+
+
+def test_it_takes_no_part_in_the_fit(
+    tracked: Recorded, recording: Recording, result: Identification
+) -> None:
+    without = identified(tracked, recording, None)
+    assert without.recordings[0].tracker is None
+    np.testing.assert_array_equal(without.robot.geometry.values, result.robot.geometry.values)
+    np.testing.assert_array_equal(without.robot.covariance.values, result.robot.covariance.values)
+    assert without.verdict == result.verdict
+
+
+def test_a_robot_whose_axis_zero_is_off_by_a_milliradian_is_contradicted(
+    tracked: Recorded, recording: Recording
+) -> None:
+    """The tracker follows a robot whose third axis stands 1 mrad from where the fit finds it."""
+    done, times = tracked.simulation, tracked.simulation.times.robot_true
+    true, drawn = done.motion.geometry, done.truth.logs.tracker
+    tracker = tracked.settings.logs.tracker
+    assert tracker is not None
+    assert drawn is not None
+    off = true.replaced({"rtheta3": true["rtheta3"] + 1e-3})
+    motion = replace(done.motion, geometry=off)
+    first, last = float(times[0]), float(times[-1])
+    stamps, points = tracker_rows(motion, first, last, tracker=tracker, drawn=drawn, seed=1)
+    log = TrackerLog(stamps - TRACKER_EPOCH, points, NOISE)
+    wrong = identified(tracked, recording, log)
+    check = check_of(wrong)
+    assert check.identified.rms**2 > 1.2 * MISFIT * check.expected**2
+    assert wrong.verdict.status is Status.SUSPECT
+    assert wrong.verdict.sentence.startswith(
+        "Usable, with care: the tracker contradicts the identified robot: its points are 0."
+    )
+
+
+def test_gaps_of_a_hidden_led_cost_points_and_nothing_else(
+    tracked: Recorded, recording: Recording
+) -> None:
+    log, rng = log_of(recording), np.random.default_rng(1)
+    seen = np.ones(log.t.size, dtype=bool)
+    for start in rng.uniform(0.0, 59.0, 12):
+        seen &= (log.t < start) | (log.t > start + 1.5)
+    check = check_of(
+        identified(tracked, recording, TrackerLog(log.t[seen], log.points[seen], NOISE))
+    )
+    assert check.t.size == pytest.approx(685 * seen.mean(), rel=0.1)
+    assert check.noise == pytest.approx(np.sqrt(3.0) * NOISE, rel=0.05)
+    assert check.identified.rms == pytest.approx(check.noise, rel=0.05)
+
+
+def test_slow_errors_within_the_stated_accuracy_are_no_contradiction(
+    tracked: Recorded, recording: Recording
+) -> None:
+    """They look like motion: the log shows a noise of 20 um, and the points are 90 um off."""
+    log, rng = log_of(recording), np.random.default_rng(2)
+    truth = log.points - np.asarray(true_noise(tracked, log))
+    slow = lfilter([np.sqrt(1.0 - 0.98**2)], [1.0, -0.98], rng.standard_normal(log.points.shape), 0)
+    points = truth + 8.5e-5 * slow + 2e-5 * rng.standard_normal(log.points.shape)
+    slowly = identified(tracked, recording, TrackerLog(log.t, points, NOISE))
+    check = check_of(slowly)
+    assert check.noise < 0.5 * check.identified.rms
+    assert check.acceptable
+    tighter = identified(tracked, recording, TrackerLog(log.t, points, 2e-5))
+    assert not check_of(tighter).acceptable  # stated to be as good as its noise looks
+
+
+def true_noise(tracked: Recorded, log: TrackerLog) -> np.ndarray:
+    done, times = tracked.simulation, tracked.simulation.times.robot_true
+    tracker, drawn = tracked.settings.logs.tracker, done.truth.logs.tracker
+    assert tracker is not None
+    assert drawn is not None
+    silent = tracker.model_copy(update={"noise_m": 0.0})
+    first, last = float(times[0]), float(times[-1])
+    exact = tracker_rows(done.motion, first, last, tracker=silent, drawn=drawn, seed=1)[1]
+    return log.points - exact[: log.t.size]
+
+
+def test_a_log_of_another_motion_is_a_contradiction(
+    tracked: Recorded, recording: Recording
+) -> None:
+    log = log_of(recording)
+    other = identified(tracked, recording, TrackerLog(log.t, log.points[::-1], NOISE))
+    assert other.verdict.status is Status.SUSPECT
+    assert check_of(other).identified.rms > 0.01
+
+
+def test_points_in_a_left_handed_frame_are_a_contradiction(
+    tracked: Recorded, recording: Recording
+) -> None:
+    log = log_of(recording)
+    other = identified(tracked, recording, TrackerLog(log.t, log.points * [1, 1, -1], NOISE))
+    assert not check_of(other).acceptable
+
+
+def test_a_log_that_is_too_short_validates_nothing_and_says_so(
+    tracked: Recorded, recording: Recording
+) -> None:
+    log = log_of(recording)
+    short = identified(
+        tracked, recording, TrackerLog(log.t[: 10 * LEAST], log.points[: 10 * LEAST], NOISE)
+    )
+    assert short.recordings[0].tracker is None
+    assert NOT_COMPARED in short.verdict.warnings
+    assert short.verdict.status is Status.GOOD
