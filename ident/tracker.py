@@ -33,7 +33,7 @@ from ident.estimator.model import Evaluation
 from ident.signals.smooth_log import SmoothLog, smooth_log
 from ident.start.lag_scan import best_lags, subsample
 from ident.start.speed_scan import scan_speeds
-from ident.verdict import MISFIT, Verdict
+from ident.verdict import SUSPECT, Verdict
 
 WIDEST_KNOT_SPACING = 0.08  # [s] motion below 3 Hz; finer where the residual asks for it
 SCAN_STEP, MIN_OVERLAP = 0.02, 10.0  # [s] of the lags; less cannot tell one motion from another
@@ -94,7 +94,7 @@ class TrackerCheck:
 
     @property
     def acceptable(self) -> bool:
-        return self.identified.rms**2 <= MISFIT * self.expected**2
+        return self.identified.rms**2 <= SUSPECT * self.expected**2
 
     @property
     def sentence(self) -> str:

@@ -58,6 +58,11 @@ class TrackerTruth(Strict):
     offset_s: float
     skew: float
 
+    def seen(self, points: Array) -> Array:
+        """(N, 3) [m] in the tracker's frame of points (N, 3) [m] in the robot's base frame."""
+        turn = matrix_from_rotvec(np.array(self.rotation_vector_rad)[:, None])[:, :, 0]
+        return np.asarray((points - np.array(self.position_m)) @ turn)
+
 
 def drawn_tracker(tracker: OpticalTracker | None, seed: int) -> TrackerTruth | None:
     """A tracker at a place and in an orientation that are drawn; None without one."""
@@ -93,8 +98,6 @@ def tracker_rows(
     times = first + Clock(drawn.offset_s, drawn.skew).robot_time(elapsed)
     rotation, tool = motion.tool_at(times)
     led = tool + np.einsum("ijn,j->in", rotation, np.array(drawn.led_m))
-    place = np.array(drawn.position_m)
-    orientation = matrix_from_rotvec(np.array(drawn.rotation_vector_rad)[:, None])[:, :, 0]
-    points = (led.T - place) @ orientation
+    points = drawn.seen(led.T)
     noise = stream(seed, "tracker_noise").normal(0.0, tracker.noise_m, points.shape)
     return TRACKER_EPOCH + elapsed, np.asarray(points + noise)
