@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,25 @@ def test_it_measures_the_bent_tool_on_its_own_clock_with_the_stated_noise(
     np.testing.assert_allclose(error.std(axis=0), 9.0e-5, rtol=0.04)  # of 5800 rows: 0.9 %
     np.testing.assert_allclose(error.mean(axis=0), 0.0, atol=5e-6)  # 9e-5 / sqrt(5800) = 1.2e-6
     assert abs(np.corrcoef(error[1:, 0], error[:-1, 0])[0, 1]) < 0.05
+
+
+def test_the_tool_is_that_of_the_deflected_mechanism(tracked: Recorded) -> None:
+    """Through a spline that passes through every step, and thus exactly there."""
+    motion, rows = tracked.simulation.motion, np.arange(0, 60_000, 997)
+    ends = deflect(
+        motion.geometry,
+        motion.q[rows],
+        motion.b[rows],
+        stretch=motion.rod_stretch[rows],
+        plate=motion.plate[rows],
+        base=np.zeros((rows.size, 3)),
+    )
+    grown = replace(motion, growth=np.array([[1e-4, 0.0, -2e-4]]))
+    rotation, position = grown.tool_at(motion.t[rows])
+    np.testing.assert_allclose(
+        position.T - ends.tool.T, np.broadcast_to(grown.growth, (rows.size, 3)), atol=1e-9
+    )
+    np.testing.assert_allclose(rotation, ends.tool_rotation, atol=1e-9)
 
 
 def test_switching_it_on_leaves_every_other_log_bit_identical(
