@@ -28,7 +28,7 @@ class OpticalTracker(Strict):
     rate and clock. The result is validated by it; no fit uses it.
     """
 
-    rate_hz: Annotated[float, Field(ge=2.0, le=10_000.0)] = Field(
+    rate_hz: Annotated[float, Field(ge=10.0, le=10_000.0)] = Field(
         100.0, description="Rows per second. Assumed."
     )
     noise_m: Annotated[float, Field(ge=0.0, le=0.01)] = Field(
