@@ -30,6 +30,7 @@ from cell.logs import ChannelLog, SourceName
 from cell.schema_errors import nearest
 
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+POINT = ("x", "y", "z")  # [m]
 _TIME_NAME = re.compile(r"(time|zeit|stamp|timestamp|date|t)([^a-z].*|stamp)?", re.IGNORECASE)
 _UNIT = re.compile(r"[_\[(\s](s|ms|us|ns)[\])]?$", re.IGNORECASE)
 
@@ -76,6 +77,8 @@ def _of_recording(folder: Path, recording: Recording, source: SourceName) -> Cha
         return ChannelLog(name, length.t, length.length[:, None], ("length",), length.segment)
     if source == "force" and force is not None:
         return ChannelLog(name, force.t, force.wrench, WRENCH)
+    if source == "tracker" and (tracker := recording.tracker_log) is not None:
+        return ChannelLog(name, tracker.t, tracker.points, POINT, tracker.segment)
     raise InputError(f"{folder}: recording.yaml has no sources.{source}. Name one that it has.")
 
 

@@ -15,6 +15,7 @@ from acquisition.sources import (
     length_layout,
     robot_layout,
     time_form,
+    tracker_layout,
 )
 from acquisition.table.fields import SEPARATORS
 from acquisition.table.header import Header, Layout, read_header
@@ -47,6 +48,7 @@ def explain_lines(folder: Path) -> list[str]:
         "ballbar": description.sources.ballbar,
         "length": description.sources.length,
         "force": description.sources.force,
+        "tracker": description.sources.tracker,
     }
     for name, source in declared.items():
         if source is None:
@@ -91,6 +93,8 @@ def _layout(
             return length_layout(description.sources.length, dialect)
         case "force":
             return force_layout(source, dialect)
+        case "tracker":
+            return tracker_layout(source, dialect)
 
 
 def _meaning(dialect: Dialect, description: RecordingFile) -> list[str]:
@@ -110,6 +114,10 @@ def _meaning(dialect: Dialect, description: RecordingFile) -> list[str]:
         length = description.sources.length
         zero = f" from {length.zero_m:g} m on" if length.zero_m else ""
         return [f"length in {length.unit}{zero}, column {length.column} (recording.yaml)"]
+    if description.sources.tracker is not None and dialect.source == "tracker":
+        tracker = description.sources.tracker
+        accuracy = f"accuracy {tracker.accuracy_m * 1e6:g} um"
+        return [f"points of an LED in {tracker.unit} (recording.yaml), {accuracy}; empty: hidden"]
     return ["forces in N, torques in N m: what the flange feels, in its own frame"]
 
 

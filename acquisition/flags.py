@@ -20,7 +20,7 @@ class RowFlag(IntFlag):
     AMPLITUDE = 16  # encoder: sine signal too weak
     FREQUENCY = 32  # encoder: too fast for the terminal
     SYNC = 64  # encoder: bus cycle missed, the sample may be a cycle old
-    INVALID = 128  # encoder: terminal marked its data as suspect
+    INVALID = 128  # encoder: terminal marked its data as suspect; tracker: no LED in sight
     STALE = 256  # encoder: process data not renewed since the row before
     PRESET = 512  # counter set or reset here
     IMPLAUSIBLE = 1024  # no motion leads to this value

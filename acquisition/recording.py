@@ -1,7 +1,7 @@
 """A recording folder to clean angles and loads: every source read by its dialect, on its own clock.
 
     recording.yaml -> dialects -> tables -> stamps in order -> counts or motor angles -> rad ->
-    segments -> RobotLog, BallBarLog or LengthLog, ForceLog
+    segments -> RobotLog, BallBarLog or LengthLog, ForceLog, TrackerLog
 
 Each stage takes a table and gives a new one, with what it found. What was repaired on the way
 stands in the import report; what cannot be repaired is an error with file and line.
@@ -55,6 +55,7 @@ from acquisition.sources import (
     read_files,
     refuse_few,
     robot_layout,
+    tracker_layout,
 )
 from acquisition.stamps.order import STAMP, seconds_from, with_periods_checked
 from acquisition.table.table import Table
@@ -63,7 +64,7 @@ from cell.descriptions import Robot
 from cell.errors import DescriptionError, LogError
 from cell.instrument import Instrument
 from cell.load import load_instrument, load_robot
-from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, SourceName
+from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, SourceName, TrackerLog
 from cell.neighbours import Rows
 from cell.recording import (
     EncoderFitting,
@@ -71,12 +72,17 @@ from cell.recording import (
     LengthFile,
     RecordingFile,
     SourceFile,
+    TrackerFile,
     load_recording_file,
 )
+from cell.rigid_fit import nominal_frames
 from cell.selectors import require
 
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 REACH = 0.1  # of the stroke beyond its ends: data sheets state less than sensors show
+# Factor between the extents of an LED's path and of the flange's; units differ by more, and an LED
+# is no further from the flange than the flange moves
+ALIKE_EXTENT, EXTENT_ROWS = 10.0, 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +96,7 @@ class Recording:
     report: ImportReport
     rows: dict[SourceName, LogRows] = field(default_factory=dict)
     length_log: LengthLog | None = None  # of an instrument whose rod or wire is sensed
+    tracker_log: TrackerLog | None = None  # none without an optical tracker
 
 
 def read_recording(folder: Path) -> Recording:
@@ -108,7 +115,7 @@ def read_recording(folder: Path) -> Recording:
     robot = load_robot(description.robot, relative_to=folder)
     sources, imported = description.sources, dict[SourceName, ImportLog]()
     robot_log, imported["robot"] = read_robot(folder, sources.robot, robot)
-    ballbar_log, length_log, force_log = None, None, None
+    ballbar_log, length_log, force_log, tracker_log = None, None, None, None
     if sources.ballbar is not None:
         ballbar_log, imported["ballbar"] = read_ballbar(
             folder, sources.ballbar, description.encoders, robot_moves=moves(robot_log.q)
@@ -118,6 +125,8 @@ def read_recording(folder: Path) -> Recording:
         length_log, imported["length"] = _read_length(folder, sources.length, instrument)
     if sources.force is not None:
         force_log, imported["force"] = _read_force(folder, sources.force)
+    if sources.tracker is not None:
+        tracker_log, imported["tracker"] = _read_tracker(folder, sources.tracker, robot, robot_log)
     logs = imported.values()
     report = ImportReport(
         files=tuple(file for log in logs for file in log.files),
@@ -132,6 +141,7 @@ def read_recording(folder: Path) -> Recording:
         report=report,
         rows=rows,
         length_log=length_log,
+        tracker_log=tracker_log,
     )
 
 
@@ -287,6 +297,39 @@ def _read_force(folder: Path, declared: SourceFile) -> tuple[ForceLog, ImportLog
     table, segments = find_segments(table, wrench)
     used = _used(source, table, segments, summaries)
     return ForceLog(used.t, wrench[used.rows]), used.imported
+
+
+def _read_tracker(
+    folder: Path, declared: TrackerFile, robot: Robot, robot_log: RobotLog
+) -> tuple[TrackerLog, ImportLog]:
+    """The log of an optical tracker. Raises LogError if the tool cannot move that far."""
+    dialect = dialect_of(folder, "tracker", declared)
+    source = LogSource(folder, "tracker", declared, dialect, tracker_layout(declared, dialect))
+    tables, summaries = read_files(source)
+    table = joined(tables)
+    points = np.stack([table.columns[name] for name in dialect.point], axis=1)
+    points *= METRES[declared.unit]
+    hidden = (points == 0.0).all(axis=1)
+    if hidden.any():
+        sentence = "no point, or zeros: the LED was hidden; row left out."
+        table = table.remarked("hidden LED", "repaired", sentence, rows=hidden)
+        table = table.flagged(hidden, RowFlag.INVALID)
+        refuse_few(table, int(np.count_nonzero(~hidden)))
+    table, segments = find_segments(table, points)
+    table = _with_damaged_values_checked(table, segments, points, ["x", "y", "z"])
+    used = _used(source, table, segments, summaries)
+    chosen = used.of(points)
+    every = 1 + robot_log.t.size // EXTENT_ROWS
+    flange = nominal_frames(robot, robot_log.q[::every]).tip.T
+    seen, moved = (float(np.linalg.norm(p.std(axis=0))) for p in (chosen, flange))
+    if not moved / ALIKE_EXTENT < seen < moved * ALIKE_EXTENT:
+        raise LogError(
+            f"{used.table.location(0)}: the points spread over {seen:.3g} m rms, and the flange "
+            f"over {moved:.3g} m. Are the coordinates in {declared.unit}? Correct unit of "
+            "sources.tracker in recording.yaml."
+        )
+    log = TrackerLog(used.t, chosen, declared.accuracy_m, segments.segment[used.rows])
+    return log, used.imported
 
 
 def _seconds(table: Table) -> Array:

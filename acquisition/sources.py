@@ -35,6 +35,7 @@ _DEVICES: dict[SourceName, str] = {
     "ballbar": "ballbar",
     "length": "length sensor",
     "force": "force sensor",
+    "tracker": "optical tracker",
 }
 
 
@@ -97,6 +98,12 @@ def length_layout(source: LengthFile, dialect: Dialect) -> Layout:
 def force_layout(source: SourceFile, dialect: Dialect) -> Layout:
     """The columns of a force sensor's log."""
     return _layout(source, dialect, _all(dialect.wrench, "float"), _sequence(dialect))
+
+
+def tracker_layout(source: SourceFile, dialect: Dialect) -> Layout:
+    """The columns of a tracker's log; a hidden LED leaves them empty."""
+    columns = _layout(source, dialect, _all(dialect.point, "float"), _sequence(dialect))
+    return replace(columns, all_empty=dialect.point)
 
 
 def _sequence(dialect: Dialect) -> dict[str, Kind]:

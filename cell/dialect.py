@@ -97,6 +97,8 @@ class Dialect(Strict):
     status: dict[EncoderName, Selector] = Field(default_factory=dict)
     # Force: forces x y z [N], torques x y z [N m], what the flange feels in its own frame.
     wrench: tuple[Selector, ...] = ()
+    # Tracker: x y z; recording.yaml names their unit.
+    point: tuple[Selector, ...] = ()
     written: Written = Written()
     period_s: tuple[float, float]  # a median period outside this range is reported
 
@@ -121,6 +123,8 @@ class Dialect(Strict):
                 )
         if self.wrench and len(self.wrench) != 6:
             raise ValueError("wrench: six columns")
+        if len(self.point) != (3 if self.source == "tracker" else 0):
+            raise ValueError("point: three columns, of a tracker's log only")
         if not 0.0 < self.period_s[0] < self.period_s[1]:
             raise ValueError("period_s: shortest and longest usual period")
         return self
@@ -163,7 +167,7 @@ class Dialect(Strict):
     def headerless(self) -> bool:
         """Whether all columns that it names are counted, so that no header is needed."""
         columns = () if self.source in ("ballbar", "length") else (*self.angles, *self.wrench)
-        return by_position((self.time.column, *columns))
+        return by_position((self.time.column, *columns, *self.point))
 
 
 def dialect_names() -> list[str]:

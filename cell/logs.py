@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from cell.arrays import Array, read_only
 
-SourceName = Literal["robot", "ballbar", "length", "force"]  # the sources of a recording
+# The sources of a recording
+SourceName = Literal["robot", "ballbar", "length", "force", "tracker"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +105,25 @@ class ForceLog:
     def __post_init__(self) -> None:
         _protect(self, "t", "wrench")
         _check_series("force log", self.t, self.wrench, 6)
+
+
+@dataclass(frozen=True, eq=False)
+class TrackerLog:
+    """Positions of an LED on the tool, on the clock and in the frame of an optical tracker.
+
+    Raises ValueError as RobotLog does.
+    """
+
+    t: Array  # (N,) [s] from the first row, strictly increasing
+    points: Array  # (N, 3) [m] tracker's frame
+    accuracy: float  # [m] along each axis, as stated for the tracker
+    segment: NDArray[np.uint16] | None = None  # (N,) stretch of one clock; None: a single one
+
+    def __post_init__(self) -> None:
+        _protect(self, "t", "points")
+        _protect(self, "segment", dtype=np.uint16)
+        _check_series("tracker log", self.t, self.points, 3)
+        _check_marks("tracker log", self.t, self.segment, None)
 
 
 @dataclass(frozen=True, eq=False)

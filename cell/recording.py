@@ -39,6 +39,14 @@ class LengthFile(SourceFile):
     zero_m: float = 0.0  # length where the column is zero, as the instrument declares it
 
 
+class TrackerFile(SourceFile):
+    """The device files of an optical tracker that follows an LED on the tool."""
+
+    unit: Literal["m", "mm", "um"] = "mm"  # of the coordinates
+    # standard deviation along each axis (thesis sec. 5.3: Nikon K600)
+    accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] = 9.0e-5
+
+
 class Sources(Strict):
     """The sources of a recording."""
 
@@ -46,11 +54,12 @@ class Sources(Strict):
     ballbar: SourceFile | None = None  # none for a ball-bar without encoders
     length: LengthFile | None = None  # of an instrument whose rod or wire is sensed
     force: SourceFile | None = None  # six-axis sensor at the flange, on a clock of its own
+    tracker: TrackerFile | None = None  # validates the result, takes no part in the fit
 
     @property
     def every(self) -> tuple[SourceFile, ...]:
         """Those that the recording has."""
-        optional = (self.ballbar, self.length, self.force)
+        optional = (self.ballbar, self.length, self.force, self.tracker)
         return (self.robot, *(source for source in optional if source is not None))
 
 

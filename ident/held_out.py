@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cell.arrays import Array
+from cell.statistics import rms
 from ident.causes import Causes
 from ident.complete_fit import (
     MEASURED,
@@ -47,6 +48,7 @@ from ident.result import Identification, NamedCovariance
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.start.automatic import StartError
+from ident.tracker import TrackerCheck, check_tracker
 from ident.verdict import MISFIT
 
 HELD = 1e-6  # of a prior's sigma: below any length or angle that data could tell
@@ -82,6 +84,7 @@ class HeldOut:
     ambiguous: bool  # whether its logs can be aligned in more than one way
     step_faults: tuple[StepFault, ...]
     causes: Causes | None = None  # what may be wrong with its logs, where it is not acceptable
+    tracker: TrackerCheck | None = None  # None without a tracker, or where it cannot be compared
 
     @property
     def acceptable(self) -> bool:
@@ -149,6 +152,11 @@ def held_out(
     nominal = _fit(bare, recording, options, faults, excess, listener)
     added = _expected(result, machine.robot.covariance, robot)
     innovation = result.chi2_per_dof * result.degrees / (result.degrees + added)
+    tracker = None
+    if logs.tracker is not None:
+        both = result.linear.evaluations[0], nominal.linear.evaluations[0]
+        sigma = rms(machine.robot.tcp_sigma)
+        tracker = check_tracker(logs.tracker, *both, tcp_sigma=sigma)
     outcome = HeldOut(
         name=logs.name,
         identified=_closure(result),
@@ -157,6 +165,7 @@ def held_out(
         samples=result.model.recordings[0].times.size,
         ambiguous=recording.start.ambiguous,
         step_faults=sized(result, faults, cell.ballbar.encoder_lines),
+        tracker=tracker,
     )
     return outcome if outcome.acceptable else replace(outcome, causes=Causes.of(cell, [logs]))
 

@@ -61,6 +61,7 @@ from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.softening import fit_softening
 from ident.start.automatic import StartError
+from ident.tracker import check_tracker, judged_by_tracker
 from ident.verdict import (
     AUTOCORRELATED,
     CORRELATED,
@@ -113,6 +114,7 @@ def identify_together(
 
     Each recording has its own clock, encoder offsets and base pose of the ball-bar. Where the
     result is not acceptable, its verdict names what may be wrong with the logs (ident.causes).
+    Where a tracker contradicts it, the verdict says so (ident.tracker).
 
     Raises StartError when the logs of a recording cannot be brought together, with the same cause;
     ValueError for model `dh` with several recordings.
@@ -138,7 +140,16 @@ def identify_together(
         causes = Causes.of(cell, recordings) if causes is None else causes
         if causes:
             result = replace(result, verdict=result.verdict.with_cause(str(causes)))
-    return result
+    return _with_trackers(result, recordings)
+
+
+def _with_trackers(result: Identification, recordings: Sequence[Logs]) -> Identification:
+    """The result with what its trackers contradict in the verdict."""
+    verdict = result.verdict
+    for estimate, logs in zip(result.recordings, recordings, strict=True):
+        name = logs.name if len(recordings) > 1 else ""
+        verdict = judged_by_tracker(verdict, logs.tracker, estimate.tracker, name=name)
+    return replace(result, verdict=verdict)
 
 
 def _is_other_machine(recording: RecordingFit) -> bool:
@@ -241,7 +252,7 @@ def _result(
     if masses_in_doubt(softer):
         robot = _with_doubt_of_masses(robot, softer)
     estimates = tuple(
-        _recording(cell, r, fit, k if complete else 0, stated, known, options)
+        _recording(cell, r, fit, k if complete else 0, stated, known, options, rms(robot.tcp_sigma))
         for k, r in enumerate(single)
     )
     first = single[0]
@@ -413,6 +424,7 @@ def _recording(
     stated: Uncertainty,
     known: NDArray[np.bool_],
     options: FitOptions,
+    tcp_sigma: float,
 ) -> RecordingEstimate:
     samples, own = single.samples, fit.model.unknowns.own[k]
     geometry = _wrapped(fit.geometry(k))
@@ -421,6 +433,10 @@ def _recording(
     clock = None if own.clock is None else fit.clock(k)
     loaded = fit.model.masses is not None
     source = single.logs.force_source(options.force, cell.robot) if loaded else ""
+    nominal, tracker = nominal_robot_fit(single), None
+    if single.logs.tracker is not None:
+        both = fit.linear.evaluations[k], nominal.linear.evaluations[0]
+        tracker = check_tracker(single.logs.tracker, *both, tcp_sigma=tcp_sigma)
     return RecordingEstimate(
         name=single.logs.name,
         encoders=samples.encoders,
@@ -437,13 +453,14 @@ def _recording(
         if own.clock is None
         else (float(deviations[own.clock.start]), float(deviations[own.clock.start + 1])),
         noise=log_noise(samples.robot, samples.ballbar, samples.encoders),
-        before=_residuals(nominal_robot_fit(single), 0),
+        before=_residuals(nominal, 0),
         after=_residuals(fit, k),
         whitened=fit.linear.residuals[k],
         start=single.start,
         step_faults=_step_faults(cell, single, fit, k),
         tension=fit.model.tension(fit.x, k) if source else None,
         tension_source=source,
+        tracker=tracker,
     )
 
 

@@ -15,7 +15,7 @@ from cell.descriptions import Cell, Robot
 from cell.errors import InputError
 from cell.geometry import Geometry, nominal_geometry
 from cell.inverse import UnreachableError
-from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, segment_starts
+from cell.logs import BallBarLog, ForceLog, LengthLog, RobotLog, TrackerLog, segment_starts
 from ident.estimator.fit import Fit, fit_kinematics
 from ident.estimator.identifiability import Identifiability, candidates, identifiable
 from ident.estimator.model import Model, joints_as_logged
@@ -41,6 +41,7 @@ class Logs:
     force: ForceLog | None = None  # of a sensor at the flange
     name: str = ""
     length: LengthLog | None = None  # of a telescoping bar or a draw-wire, in place of `ballbar`
+    tracker: TrackerLog | None = None  # validates the result, takes no part in the fit
 
     def force_source(self, requested: ForceSource, robot: Robot) -> str:
         """What gives the rod's tension: `sensor`, `torque`, `none`, or `instrument` of a length.

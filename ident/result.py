@@ -23,6 +23,7 @@ from ident.loads.payload import PayloadEstimate
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
 from ident.start.automatic import Start
+from ident.tracker import TrackerCheck
 from ident.verdict import Verdict
 
 
@@ -124,6 +125,7 @@ class RecordingEstimate:
     step_faults: tuple[StepFault, ...] = ()
     tension: Array | None = None  # (N,) [N] of the rod at the samples, where loads were needed
     tension_source: str = ""  # as of Logs.force_source; empty where no loads were needed
+    tracker: TrackerCheck | None = None  # None without a tracker, or where it cannot be compared
 
     @property
     def samples(self) -> int:

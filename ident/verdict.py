@@ -98,6 +98,12 @@ class Verdict:
         """The verdict with one more remark."""
         return replace(self, warnings=(*self.warnings, sentence))
 
+    def with_care(self, sentence: str) -> Verdict:
+        """The verdict, no better than suspect, that names what contradicts the result."""
+        if self.status is not Status.GOOD:
+            return self.with_warning(sentence.removesuffix("."))
+        return replace(self, status=Status.SUSPECT, sentence=f"Usable, with care: {sentence}")
+
     def with_cause(self, cause: str) -> Verdict:
         """The verdict whose sentence names the cause; what the fit made of it becomes a remark."""
         sentence = f"{_FIRST_WORDS[self.status]}: {cause}"

@@ -10,9 +10,9 @@ from scipy.interpolate import CubicSpline
 
 from cell.arrays import Array
 from cell.descriptions import Cell
-from cell.geometry import Geometry
+from cell.geometry import Geometry, robot_frames
 from cell.rotation import rotvec_from_matrix
-from sim.plant.deflection import deflect
+from sim.plant.deflection import bent_plate, deflect
 
 # Called with each stretch of the motion once it is simulated: cell, true parameters, times (K,)
 # [s], robot angles (K, 6) and ball-bar angles (K, 5) [rad], or with the extension [m] of a rod that
@@ -55,6 +55,20 @@ class Motion:
         """(N,) [m] elongation of the rod at true times (N,) [s]."""
         inside = np.clip(times, self.t[0], self.t[-1])
         return np.asarray(CubicSpline(self.t, self.rod_stretch)(inside))
+
+    def tool_at(self, times: Array) -> tuple[Array, Array]:
+        """Rotation (3, 3, N) and position (3, N) [m] of the tool at true times (N,) [s].
+
+        In the base frame, with the bending of the plate and the growth of the links.
+        """
+        inside, joints = np.clip(times, self.t[0], self.t[-1]), self.q.shape[1]
+        plate = np.broadcast_to(self.plate, self.t.size)
+        growth = np.broadcast_to(self.growth, (self.t.size, 3))
+        all_of_them = CubicSpline(self.t, np.column_stack((self.q, plate, growth)))(inside)
+        q, bending, shift = np.split(all_of_them, (joints, joints + 1), axis=1)
+        frames = robot_frames(self.geometry, q)
+        rotation, tool, _ = bent_plate(self.geometry, frames, bending[:, 0])
+        return rotation, tool + shift.T
 
     def closure(self) -> tuple[Array, Array]:
         """Loop-closure errors (K / CLOSURE_STRIDE,) [m] and [rad], from the angles by DH alone.

@@ -11,12 +11,19 @@ from cell.arrays import Array
 from cell.dialect import load_dialect
 from cell.files import write_yaml
 from cell.instrument import Instrument
+from cell.recording import TrackerFile
 from sim.logging.clocks import BAR_EPOCH_NS
 from sim.logging.encoders import motor_angles, read_counts
 from sim.logging.load_logs import motor_torques, sensor_rows
 from sim.logging.loggers import LoggedRows
 from sim.logging.robot_files import robot_source, write_robot_log
-from sim.logging.writers import write_ballbar_log, write_force_torque, write_lengths
+from sim.logging.tracker import tracker_rows
+from sim.logging.writers import (
+    write_ballbar_log,
+    write_force_torque,
+    write_lengths,
+    write_tracker_points,
+)
 from sim.settings import SimulationSettings
 from sim.streams import stream
 
@@ -40,6 +47,7 @@ def write_recording(simulation: Simulation, settings: SimulationSettings, folder
         _write_ballbar(simulation, settings, folder)
     if simulation.instrument:
         _write_lengths(simulation, settings, simulation.instrument, folder)
+    _write_tracker(simulation, settings, folder)
     simulation.truth.write(truth_path(folder))
     write_yaml(folder / "recording.yaml", _recording_yaml(simulation, settings))
 
@@ -75,6 +83,22 @@ def _write_force(simulation: Simulation, settings: SimulationSettings, folder: P
         seed=settings.recording_seed,
     )
     write_force_torque(folder / "raw" / "force.csv", stamps, readings)
+
+
+def _write_tracker(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
+    tracker, drawn = settings.logs.tracker, simulation.truth.logs.tracker
+    if tracker is None or drawn is None:
+        return
+    times, seed = simulation.times.robot_true, settings.recording_seed
+    stamps, points = tracker_rows(
+        simulation.motion,
+        float(times[0]),
+        float(times[-1]),
+        tracker=tracker,
+        drawn=drawn,
+        seed=seed,
+    )
+    write_tracker_points(folder / "raw" / "tracker.csv", stamps, points)
 
 
 def _write_ballbar(simulation: Simulation, settings: SimulationSettings, folder: Path) -> None:
@@ -141,6 +165,14 @@ def _recording_yaml(simulation: Simulation, settings: SimulationSettings) -> dic
         }
     if settings.logs.force_sensor:
         sources["force"] = {"files": ["raw/force.csv"], "dialect": "force-torque"}
+    if tracker := settings.logs.tracker:
+        sources["tracker"] = {
+            "files": ["raw/tracker.csv"],
+            "dialect": "tracker-points",
+            "time": "s",
+            "unit": "mm",
+            "accuracy_m": tracker.noise_m or TrackerFile.model_fields["accuracy_m"].default,
+        }
     return {
         "schema": "ballbar-recording/1",
         "kind": "simulated",

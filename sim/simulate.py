@@ -29,6 +29,7 @@ from sim.logging.load_logs import drawn_loads
 from sim.logging.log_truth import FirstRows, LogTruth
 from sim.logging.loggers import LoggedRows, logged_rows
 from sim.logging.robot_files import robot_period
+from sim.logging.tracker import drawn_tracker
 from sim.motion import Motion, MotionCallback
 from sim.path import ReferencePath
 from sim.path_files import scenario_path
@@ -255,5 +256,6 @@ def _log_truth(
         clock_step=clocks.step,
         restart=clocks.restart,
         loads=drawn_loads(settings.logs, settings.seed),
+        tracker=drawn_tracker(settings.logs.tracker, settings.seed),
         rows=rows.counts if clocks.dropped_rows or clocks.duplicated_rows else {},
     )

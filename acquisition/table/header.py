@@ -52,6 +52,7 @@ class Layout:
     names: tuple[str, ...] | None = None  # of all columns, for a file without header
     headerless: bool = False  # all columns are selected by number
     decimal: Literal["either", "point", "comma"] = "either"
+    all_empty: tuple[str, ...] = ()  # columns read as 0 in rows where all of them are empty
     remedies: Remedies = RECORDING
 
 

@@ -134,7 +134,7 @@ def read_table(path: Path, file: str, layout: Layout) -> tuple[Table, Form]:
 def text_table(text: LogText, layout: Layout) -> tuple[Table, Form]:
     """The wanted columns of a table, line by line; raises as `read_table`."""
     header = read_header(text, layout)
-    rows = plain_rows(text, header, layout)
+    rows = _with_zeros(plain_rows(text, header, layout), header, layout.all_empty)
     table = Table(
         columns=_parse(rows, header),
         files=(text.file,),
@@ -146,6 +146,23 @@ def text_table(text: LogText, layout: Layout) -> tuple[Table, Form]:
     )
     rows_read = len(text.lines) - header.row + bool(header.glued)
     return table, Form(text.encoding, SEPARATORS[header.separator], rows.decimal, rows_read)
+
+
+def _with_zeros(rows: PlainRows, header: Header, columns: tuple[str, ...]) -> PlainRows:
+    """The rows with zeros in `columns` where all of them are empty."""
+    if not columns:
+        return rows
+    positions = [header.positions[list(header.columns).index(name)] for name in columns]
+
+    def filled(line: str) -> str:
+        cells = line.split(rows.separator)
+        if any(cells[k].strip().lower() not in ("", "nan") for k in positions):
+            return line
+        for k in positions:
+            cells[k] = "0"
+        return rows.separator.join(cells)
+
+    return replace(rows, plain=[filled(line) for line in rows.plain])
 
 
 def _parse(rows: PlainRows, header: Header) -> dict[str, NDArray[Any]]:

@@ -93,6 +93,8 @@ def _logs(recording: Recording) -> list[tuple[str, Array, tuple[int, ...], list[
         logs.append(("length", length.t, segment_starts(length.segment), []))
     if force is not None:
         logs.append(("force", force.t, (), []))
+    if (tracker := recording.tracker_log) is not None:
+        logs.append(("tracker", tracker.t, segment_starts(tracker.segment), []))
     return logs
 
 
@@ -121,7 +123,7 @@ def _log_lines(recording: Recording) -> list[str]:
         if dwells:
             total = sum(t[last] - t[first] for first, last in dwells)
             line += f"; {len(dwells)} dwells, {total:.1f} s in all"
-        elif name not in ("force", "length"):
+        elif name not in ("force", "length", "tracker"):
             line += "; no dwell"
         lines.append(line)
     if bar is None and recording.length_log is None:

@@ -23,6 +23,7 @@ from ballbar.report.parameters import (
     parameter_groups,
 )
 from ballbar.report.recording import OVERVIEW, overview_cells
+from ballbar.report.tracker import TrackerSection, tracker_section
 from ballbar.result.compare import z_rms
 from ballbar.result.run_data import RunData, Validation
 from ballbar.units import MM
@@ -46,6 +47,7 @@ class HeldOutSection:
     name: str
     rows: list[HeldOutRow]
     step_faults: list[str]  # sentences
+    tracker: TrackerSection | None
     imported: ImportReport
 
 
@@ -104,6 +106,7 @@ def held_out_sections(validations: Sequence[Validation]) -> list[HeldOutSection]
             name=validation.outcome.name,
             rows=_held_out_rows(validation.outcome),
             step_faults=[capitalised(f.sentence) for f in validation.outcome.step_faults],
+            tracker=tracker_section(validation.outcome.tracker),
             imported=validation.recording.report,
         )
         for validation in validations

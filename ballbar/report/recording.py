@@ -16,6 +16,7 @@ from ballbar.report.log_figures import LogSection
 from ballbar.report.numbers import MISSING, capitalised, significant, to_sigma
 from ballbar.report.parameters import ParameterGroup, parameter_groups, taken_as_nominal
 from ballbar.report.rod_force import TENSION_SOURCES, tension_sentence
+from ballbar.report.tracker import TrackerSection, tracker_section
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MS, PPM, UM, URAD
 from cell.arrays import Array
@@ -89,6 +90,7 @@ class RecordingSection:
     tension: str  # sentence; empty where no loads were needed
     tension_figure: str
     step_faults: list[str]  # sentences
+    tracker: TrackerSection | None
     noise: list[NoiseRow]
     logs: LogSection
     imported: ImportReport
@@ -132,6 +134,7 @@ def _section(
         tension=tension_sentence(estimate),
         tension_figure=tension_figure,
         step_faults=[capitalised(fault.sentence) for fault in estimate.step_faults],
+        tracker=tracker_section(estimate.tracker),
         noise=_noise_rows(fitted),
         logs=logs,
         imported=recording.report,

@@ -15,6 +15,7 @@ from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import MM, MS, PPM, UM, URAD, US
 
 if TYPE_CHECKING:
+    from ident.tracker import TrackerCheck
     from sim.simulate import Simulation
 
 
@@ -27,6 +28,7 @@ def say_identification(out: Console, data: RunData) -> None:
         _sentence(out, outcome.sentence, good=outcome.acceptable)
         for fault in outcome.step_faults:
             out.print(f"[yellow]step fault:[/] {escape(f'{outcome.name}: {fault.sentence}')}")
+        _tracker(out, outcome.tracker, outcome.name)
     result = data.identification
     _sentence(out, result.verdict.sentence, good=result.verdict.acceptable)
     for warning in result.verdict.warnings:
@@ -35,6 +37,7 @@ def say_identification(out: Console, data: RunData) -> None:
         out.print(escape(line))
     for fitted in data.recordings:
         _clock(out, fitted, f"clock of {fitted.name}" if data.several else "clock")
+        _tracker(out, fitted.estimate.tracker, fitted.name if data.several else "")
     sigma = result.robot.tcp_sigma.mean() * MM
     out.print(f"stated TCP uncertainty over the workspace: mean {sigma:.4f} mm (1 sigma)")
 
@@ -70,6 +73,12 @@ def say_comparison(out: Console, comparison: Comparison) -> None:
 
 def _sentence(out: Console, sentence: str, *, good: bool) -> None:
     out.print(f"[bold {'green' if good else 'red'}]{escape(sentence)}[/]")
+
+
+def _tracker(out: Console, tracker: TrackerCheck | None, name: str) -> None:
+    if tracker is not None:
+        prefix = f"{name}: " if name else ""
+        _sentence(out, prefix + tracker.sentence, good=tracker.acceptable)
 
 
 def _dh(data: RunData) -> list[str]:

@@ -37,6 +37,7 @@ from ident.result import (
 )
 from ident.robot.unloaded_robot import UnloadedRobot
 from ident.signals.step_fault import StepFault
+from ident.tracker import TrackerCheck
 
 if TYPE_CHECKING:
     from ballbar.result.pose_calibration import PoseCalibration
@@ -105,6 +106,30 @@ class ResidualEntry(Strict):
     angle_rms_rad: NotNegative  # of the norm
 
 
+class PointErrorsEntry(Strict):
+    """Distances between the points of a tracker and those of one robot."""
+
+    rms_m: NotNegative
+    largest_m: NotNegative
+    clock_offset_s: float  # t_robot = clock_offset_s + (1 + clock_skew) * t_tracker
+    clock_skew: float
+
+
+class TrackerEntry(Strict):
+    """An optical tracker that took no part in the identification. Its frame, clock and LED were
+    fitted to each robot.
+    """
+
+    acceptable: bool  # whether noise, accuracy and stated TCP uncertainty explain the distances
+    points: int
+    unknowns: int  # of frame, clock and LED that the points determine
+    degrees_of_freedom: int
+    noise_m: NotNegative  # rms distance by the noise that the log shows
+    expected_m: NotNegative  # rms distance by noise, accuracy and stated TCP uncertainty
+    identified: PointErrorsEntry
+    nominal: PointErrorsEntry
+
+
 class RecordingEntry(Strict):
     """What one recording has of its own."""
 
@@ -116,6 +141,7 @@ class RecordingEntry(Strict):
     residuals: ResidualEntry
     tension_source: str = ""
     step_faults: tuple[StepFaultEntry, ...] = ()
+    tracker: TrackerEntry | None = None
 
 
 class ClosureEntry(Strict):
@@ -138,6 +164,7 @@ class HeldOutEntry(Strict):
     normalised_innovation: float  # residual over what noise and the stated uncertainty explain
     nominal: ClosureEntry
     step_faults: tuple[StepFaultEntry, ...]
+    tracker: TrackerEntry | None = None
 
 
 class FitEntry(Strict):
@@ -400,6 +427,7 @@ def _recording(estimate: RecordingEstimate) -> RecordingEntry:
         ),
         tension_source=estimate.tension_source,
         step_faults=_step_faults(estimate.step_faults),
+        tracker=_tracker(estimate.tracker),
     )
 
 
@@ -407,6 +435,30 @@ def _step_faults(faults: Sequence[StepFault]) -> tuple[StepFaultEntry, ...]:
     return tuple(
         StepFaultEntry(kind=f.kind, joint=f.joint, time_s=f.time, size=f.size, periods=f.periods)
         for f in faults
+    )
+
+
+def _tracker(check: TrackerCheck | None) -> TrackerEntry | None:
+    if check is None:
+        return None
+    identified, nominal = (
+        PointErrorsEntry(
+            rms_m=errors.rms,
+            largest_m=errors.largest,
+            clock_offset_s=errors.clock.offset,
+            clock_skew=errors.clock.skew,
+        )
+        for errors in (check.identified, check.nominal)
+    )
+    return TrackerEntry(
+        acceptable=check.acceptable,
+        points=check.t.size,
+        unknowns=check.identified.unknowns,
+        degrees_of_freedom=check.degrees,
+        noise_m=check.noise,
+        expected_m=check.expected,
+        identified=identified,
+        nominal=nominal,
     )
 
 
@@ -420,6 +472,7 @@ def _held_out(outcome: HeldOut) -> HeldOutEntry:
         normalised_innovation=outcome.normalised_innovation,
         nominal=_closure(outcome.nominal),
         step_faults=_step_faults(outcome.step_faults),
+        tracker=_tracker(outcome.tracker),
     )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from acquisition.recording import Recording
@@ -24,6 +25,7 @@ from ident.options import SILENT, FitOptions, Listener
 from ident.recording_fit import Logs
 from ident.result import Identification
 from ident.start.automatic import StartError
+from ident.tracker import judged_by_tracker
 
 
 def identify_recordings(
@@ -57,6 +59,10 @@ def identify_recordings(
         _validated(result, folder, recording, own, options, listener)
         for folder, recording, own in held
     )
+    for validation, own in zip(validations, logs[count:], strict=True):
+        tracker, name = validation.outcome.tracker, own.name
+        verdict = judged_by_tracker(result.verdict, own.tracker, tracker, name=name)
+        result = replace(result, verdict=verdict)
     fitted = zip(names[:count], folders, read[:count], result.recordings, strict=True)
     return RunData(
         name=" + ".join(names[:count]),
@@ -105,7 +111,12 @@ def _validated(
 
 def _logs(name: str, recording: Recording) -> Logs:
     return Logs(
-        recording.robot_log, recording.ballbar_log, recording.force_log, name, recording.length_log
+        recording.robot_log,
+        recording.ballbar_log,
+        recording.force_log,
+        name,
+        recording.length_log,
+        recording.tracker_log,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from cell.arrays import Array
 from generators.scenario_reference.runs import View
 from sim.logging.load_logs import motor_torques, sensor_rows
+from sim.logging.tracker import tracker_rows
 
 Signal = Callable[[View], Array]
 
@@ -206,3 +207,23 @@ def _sensor(view: View) -> tuple[Array, Array]:
         drawn=view.simulation.truth.logs.loads,
         seed=view.run.settings.seed,
     )
+
+
+def tracker_time(view: View) -> Array:
+    """Stamps of the tracker's rows, the first at 1 s [s]."""
+    stamps, _ = _tracker(view)
+    return np.asarray(stamps - stamps[0] + 1.0)
+
+
+def tracker_error_um(view: View) -> Array:
+    """Measured minus true x of the LED [um]."""
+    return np.asarray((_tracker(view)[1] - _tracker(view, noise_m=0.0)[1])[:, 0] * 1e6)
+
+
+def _tracker(view: View, **changes: float) -> tuple[Array, Array]:
+    tracker, drawn = view.run.settings.logs.tracker, view.simulation.truth.logs.tracker
+    assert tracker is not None
+    assert drawn is not None
+    first = 1.0 - tracker.offset_s
+    chosen, seed = tracker.model_copy(update=changes), view.run.settings.seed
+    return tracker_rows(view.simulation.motion, first, 59.0, tracker=chosen, drawn=drawn, seed=seed)

@@ -88,6 +88,8 @@ class Evaluation:
     varied: tuple[Parameter, ...] = ()  # parameters of the robot that are channels
     loads_at: tuple[Geometry, Clock] | None = None  # for which the loads were computed
     regressors_at: Clock | None = None  # for which regressors without loads were computed
+    # (6, N) [m, rad] by which plate and structure move the tool beside the joints; None: not at all
+    yielded: Array | None = None
 
     @cached_property
     def channel_speed(self) -> Array:
@@ -223,9 +225,10 @@ class Model:
         else:
             closure = close_loop(geometry, joints, ballbar + moved[BAR:ROD].T)
         error = closure.error + rod_jacobian(closure) * moved[ROD]
-        error += plate_jacobian(closure) * moved[PLATE]
-        columns = parameter_jacobian(closure, self.varied)
-        error += np.einsum("vcn,vn->cn", columns, varied)
+        plate = plate_jacobian(closure) * moved[PLATE]
+        structure = np.einsum("vcn,vn->cn", parameter_jacobian(closure, self.varied), varied)
+        error += plate
+        error += structure
         return Evaluation(
             samples=samples,
             closure=replace(closure, error=error),
@@ -238,6 +241,7 @@ class Model:
             varied=self.varied,
             loads_at=loads_at,
             regressors_at=reusable.regressors_at if reusable else clock,
+            yielded=-(plate + structure),
         )
 
     def weights(self, x: Array, evaluation: Evaluation, excess: ExcessNoise) -> Whitening:

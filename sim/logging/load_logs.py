@@ -20,6 +20,7 @@ from cell.dialect import load_dialect
 from cell.errors import DescriptionError
 from cell.logs import SourceName
 from cell.schema import Strict
+from sim.logging.tracker import OpticalTracker
 from sim.motion import Motion
 from sim.streams import stream
 
@@ -126,6 +127,7 @@ class DeviceLogs(LoadLogs):
 
     robot: RobotLog = RobotLog()
     ballbar: BallbarLog = BallbarLog()
+    tracker: OpticalTracker | None = None
 
 
 class DrawnLoads(Strict):

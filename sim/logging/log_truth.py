@@ -12,6 +12,7 @@ from sim.errors.sensor_effects import EncoderEffects, ResolverEffects
 from sim.errors.wander import WanderCurve
 from sim.logging.load_logs import DrawnLoads
 from sim.logging.loggers import RowCounts
+from sim.logging.tracker import TrackerTruth
 
 
 class FirstRows(Strict):
@@ -38,6 +39,7 @@ class LogTruth(Strict):
     restart: LoggerRestart | None = None
     rows: dict[str, RowCounts] = Field(default_factory=dict)  # robot, ballbar
     loads: DrawnLoads = DrawnLoads()
+    tracker: TrackerTruth | None = None
 
     def stated(self) -> dict[str, object]:
         """Plain data without absent entries."""

@@ -103,6 +103,15 @@ def write_force_torque(path: Path, stamps: Array, readings: Array) -> None:
     _write_table(path, names, forms, np.column_stack((stamps, readings)))
 
 
+def write_tracker_points(path: Path, stamps: Array, points: Array) -> None:
+    """Write a log of an optical tracker: `time,x,y,z` in s and mm.
+
+    stamps : (N,) [s] on the tracker's clock. points : (N, 3) [m] in its frame.
+    """
+    rows = np.column_stack((stamps, points * 1e3))
+    _write_table(path, ["time", "x", "y", "z"], ["%.6f", *["%.5f"] * 3], rows)
+
+
 def _write_table(path: Path, names: list[str], forms: list[str], rows: Array) -> None:
     form = ",".join(forms)
     lines = [form % tuple(row) for row in rows.tolist()]

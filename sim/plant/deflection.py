@@ -35,12 +35,21 @@ def deflect(
     origin = rigid.origin + base.T
     origin[3:] += stretch * rigid.z[2]
     bar = replace(rigid, origin=origin)
+    rotation, tool, hinge = bent_plate(geometry, robot, plate)
+    return Deflected(robot, bar, rotation, tool, hinge)
+
+
+def bent_plate(geometry: Geometry, robot: Frames, plate: Array) -> tuple[Array, Array, Array]:
+    """Rotation (3, 3, N) and position (3, N) [m] of the tool, and the hinge (3, N) [m].
+
+    robot : its frames up to the undeflected tool. plate : (N,) [rad] bending angle about its y.
+    """
     hinge = robot.tip - (2.0 / 3.0 * geometry["ra6"]) * robot.x[-1]
     if not plate.any():
-        return Deflected(robot, bar, robot.rotation(), robot.tip, hinge)
+        return robot.rotation(), robot.tip, hinge
     bend = matrix_from_rotvec(plate * robot.y[-1])
     tool = hinge + np.einsum("ijn,jn->in", bend, robot.tip - hinge)
-    return Deflected(robot, bar, np.einsum("ijn,jkn->ikn", bend, robot.rotation()), tool, hinge)
+    return np.einsum("ijn,jkn->ikn", bend, robot.rotation()), tool, hinge
 
 
 def turning(axes: Array, points: Array, end: Array) -> Array:

@@ -357,3 +357,10 @@ def test_a_recording_that_the_machine_of_the_others_does_not_explain_is_a_misfit
     assert verdict.sentence.startswith(
         "second: Misfit: the machine of the other recordings leaves 5.0 times what noise and its"
     )
+
+
+def test_what_contradicts_a_result_makes_it_no_better_than_usable_with_care() -> None:
+    good = Verdict(Status.GOOD, "Good fit.", ("a remark",)).with_care("the tracker is off.")
+    assert good == Verdict(Status.SUSPECT, "Usable, with care: the tracker is off.", ("a remark",))
+    worse = Verdict(Status.MISFIT, "Misfit.", ()).with_care("the tracker is off.")
+    assert worse == Verdict(Status.MISFIT, "Misfit.", ("the tracker is off",))

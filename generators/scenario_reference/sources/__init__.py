@@ -16,7 +16,7 @@ GROUPS: dict[str, tuple[Source, ...]] = {
     "Clocks and stamps": CLOCKS,
     "Loggers: what stands in the file": (*LOGGERS, OUTLIERS),
     "Forms of the logs": FORMS,
-    "Logged loads": LOADS,
+    "Further logs": LOADS,
     "Paired samples": PAIRS,
 }
 SOURCES = tuple(source for group in GROUPS.values() for source in group)

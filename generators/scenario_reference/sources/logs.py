@@ -244,4 +244,21 @@ LOADS = (
             window=(10.0, 16.0),
         ),
     ),
+    Source(
+        "logs.tracker",
+        "`R (x + F l - o) + noise z`: LED at l of the true tool, deflection included; frame R, o "
+        "drawn, 3 m from the robot's base.",
+        "A log of its own, with its own rate, and a clock that begins offset_s after the robot's.",
+        "Thesis sec. 5.3: Nikon K600; the rest assumed.",
+        "Noise of single rows; nominal robots are off by several times as much.",
+        Plot(
+            signals.tracker_time,
+            signals.tracker_error_um,
+            (T, "x less the true one [um]"),
+            {"": {"logs": {"tracker": {}}}},
+            minus_off=False,
+            rows=True,
+            window=(10.0, 16.0),
+        ),
+    ),
 )

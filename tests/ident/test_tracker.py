@@ -1,0 +1,224 @@
+"""Validation by an optical tracker: what it sees, what it does not, and what it must not change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from acquisition.recording import Recording, read_recording
+from cell.arrays import Array
+from cell.geometry import Geometry
+from cell.logs import TrackerLog
+from ident.identify import identify_together
+from ident.options import DEFAULTS
+from ident.recording_fit import Logs, fit_recording
+from ident.result import Identification
+from ident.tracker import LEAST, NOT_COMPARED, TrackerCheck, check_tracker
+from ident.verdict import SUSPECT, Status
+from sim.logging.tracker import TRACKER_EPOCH, tracker_rows
+from tests.helpers.simulated_recordings import Recorded, record
+
+NOISE = 9.0e-5
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    folder = tmp_path_factory.mktemp("tracked") / "recording"
+    tracker = {"offset_s": 3.7, "skew": 4e-5}
+    return record(folder, plant={"kind": "kinematic"}, logs={"tracker": tracker})
+
+
+@pytest.fixture(scope="module")
+def recording(tracked: Recorded) -> Recording:
+    return read_recording(tracked.folder)
+
+
+def identified(tracked: Recorded, recording: Recording, log: TrackerLog | None) -> Identification:
+    logs = Logs(recording.robot_log, recording.ballbar_log, tracker=log)
+    return identify_together(tracked.simulation.cell, [logs])
+
+
+def log_of(recording: Recording) -> TrackerLog:
+    assert recording.tracker_log is not None
+    return recording.tracker_log
+
+
+def check_of(result: Identification) -> TrackerCheck:
+    (estimate,) = result.recordings
+    assert estimate.tracker is not None
+    return estimate.tracker
+
+
+@pytest.fixture(scope="module")
+def result(tracked: Recorded, recording: Recording) -> Identification:
+    return identified(tracked, recording, log_of(recording))
+
+
+def test_the_identified_robot_is_within_the_noise_and_the_nominal_one_is_not(
+    result: Identification,
+) -> None:
+    check = check_of(result)
+    assert check.noise == pytest.approx(np.sqrt(3.0) * NOISE, rel=0.03)
+    assert check.identified.rms == pytest.approx(check.noise, rel=0.03)
+    assert check.identified.largest < 5.0 * np.sqrt(3.0) * NOISE
+    assert check.nominal.rms > 5.0 * check.noise
+    assert (check.identified.unknowns, check.degrees) == (11, 3 * check.t.size - 11)
+    assert check.acceptable
+    assert result.verdict.status is Status.GOOD
+
+
+@pytest.mark.slow
+def test_elastic_gears_and_a_bending_plate_are_in_the_prediction(tmp_path: Path) -> None:
+    """A tracker of 1 um sees them; the plate bends by 35 um, of which 6 would be left."""
+    cell = {
+        "robot": "irb2400",
+        "ballbar": "lund_600",
+        "plate": "plate_250_thin",
+        "ballbar_position_m": [0.70, 0.0, 0.54],
+    }
+    elastic = {"joint_compliance": {"spread": 0.3}, "rod_strain": {}, "plate_bending": {}}
+    done = record(
+        tmp_path / "recording",
+        cell=cell,
+        errors={"static": {"table": "thesis_3_1"}, "joint_noise": {"sigma_rad": 2e-6}, **elastic},
+        encoders={"fitted": [1, 2, 4, 5], "noise_sigma_rad": 2e-6},
+        logs={"tracker": {"noise_m": 1e-6}},
+    )
+    read = read_recording(done.folder)
+    result = identified(done, read, log_of(read))
+    assert result.model == "complete"
+    check = check_of(result)
+    assert check.identified.rms < 5e-6
+    assert check.nominal.rms > 5e-4
+
+
+def test_the_clock_of_the_tracker_is_recovered(result: Identification) -> None:
+    """90 um at 0.1 m/s over 685 points: 0.02 ms at the middle, about 1 ppm."""
+    clock = check_of(result).identified.clock
+    assert clock.offset == pytest.approx(3.7, abs=1.5e-4)
+    assert clock.skew == pytest.approx(4e-5, abs=4e-6)
+
+
+def test_it_takes_no_part_in_the_fit(
+    tracked: Recorded, recording: Recording, result: Identification
+) -> None:
+    without = identified(tracked, recording, None)
+    assert without.recordings[0].tracker is None
+    np.testing.assert_array_equal(without.robot.geometry.values, result.robot.geometry.values)
+    np.testing.assert_array_equal(without.robot.covariance.values, result.robot.covariance.values)
+    assert without.verdict == result.verdict
+
+
+def log_of_another_robot(tracked: Recorded, **off: float) -> TrackerLog:
+    """As the tracker would follow a robot whose parameters are off by so much [m, rad]."""
+    true = tracked.simulation.motion.geometry
+    geometry = true.replaced({name: true[name] + value for name, value in off.items()})
+    return TrackerLog(*rows_of(tracked, geometry=geometry), NOISE)
+
+
+def rows_of(tracked: Recorded, *, geometry: Geometry, noise: float = NOISE) -> tuple[Array, Array]:
+    """Times (N,) [s] and points (N, 3) [m] that the tracker would log of a robot."""
+    done, times = tracked.simulation, tracked.simulation.times.robot_true
+    tracker, drawn = tracked.settings.logs.tracker, done.truth.logs.tracker
+    assert tracker is not None
+    assert drawn is not None
+    stamps, points = tracker_rows(
+        replace(done.motion, geometry=geometry),
+        float(times[0]),
+        float(times[-1]),
+        tracker=tracker.model_copy(update={"noise_m": noise}),
+        drawn=drawn,
+        seed=1,
+    )
+    return stamps - TRACKER_EPOCH, points
+
+
+def test_a_robot_whose_axis_zero_is_off_by_a_milliradian_is_contradicted(
+    tracked: Recorded, recording: Recording
+) -> None:
+    wrong = identified(tracked, recording, log_of_another_robot(tracked, rtheta3=1e-3))
+    check = check_of(wrong)
+    assert check.identified.rms**2 > 1.5 * SUSPECT * check.expected**2
+    assert wrong.verdict.status is Status.SUSPECT
+    assert wrong.verdict.sentence.startswith(
+        "Usable, with care: the tracker contradicts the identified robot: its points are 0."
+    )
+
+
+def test_how_much_of_a_milliradian_frame_and_led_leave(
+    tracked: Recorded, recording: Recording
+) -> None:
+    """Numbers of docs/how_to/identify_and_validate.md: 0 of axes 1 and 6, 0.08 to 0.23 mm."""
+    logs = Logs(recording.robot_log, recording.ballbar_log)
+    (point,) = fit_recording(tracked.simulation.cell, logs, DEFAULTS).fit.linear.evaluations
+    left = []
+    for axis in range(1, 7):
+        log = log_of_another_robot(tracked, **{f"rtheta{axis}": 1e-3})
+        check = check_tracker(log, point, point, tcp_sigma=0.0)
+        assert check is not None
+        left.append(1e3 * np.sqrt(max(0.0, check.identified.rms**2 - check.noise**2)))
+    np.testing.assert_allclose(left, [0.0, 0.08, 0.23, 0.14, 0.17, 0.0], atol=0.03)
+
+
+def test_gaps_of_a_hidden_led_cost_points_and_nothing_else(
+    tracked: Recorded, recording: Recording
+) -> None:
+    log, rng = log_of(recording), np.random.default_rng(1)
+    seen = np.ones(log.t.size, dtype=bool)
+    for start in rng.uniform(0.0, 59.0, 12):
+        seen &= (log.t < start) | (log.t > start + 1.5)
+    check = check_of(
+        identified(tracked, recording, TrackerLog(log.t[seen], log.points[seen], NOISE))
+    )
+    assert check.t.size == pytest.approx(685 * seen.mean(), rel=0.1)
+    assert check.noise == pytest.approx(np.sqrt(3.0) * NOISE, rel=0.05)
+    assert check.identified.rms == pytest.approx(check.noise, rel=0.05)
+
+
+def test_slow_errors_within_the_stated_accuracy_are_no_contradiction(
+    tracked: Recorded, recording: Recording
+) -> None:
+    """They look like motion: the log shows a noise of 20 um, and the points are 90 um off."""
+    log, rng = log_of(recording), np.random.default_rng(2)
+    truth = rows_of(tracked, geometry=tracked.simulation.motion.geometry, noise=0.0)[1]
+    slow = lfilter([np.sqrt(1.0 - 0.98**2)], [1.0, -0.98], rng.standard_normal(log.points.shape), 0)
+    points = truth + 8.5e-5 * slow + 2e-5 * rng.standard_normal(log.points.shape)
+    slowly = identified(tracked, recording, TrackerLog(log.t, points, NOISE))
+    check = check_of(slowly)
+    assert check.noise < 0.5 * check.identified.rms
+    assert check.acceptable
+    tighter = identified(tracked, recording, TrackerLog(log.t, points, 2e-5))
+    assert not check_of(tighter).acceptable  # stated to be as good as its noise looks
+
+
+def test_a_log_of_another_motion_is_a_contradiction(
+    tracked: Recorded, recording: Recording
+) -> None:
+    log = log_of(recording)
+    other = identified(tracked, recording, TrackerLog(log.t, log.points[::-1], NOISE))
+    assert other.verdict.status is Status.SUSPECT
+    assert check_of(other).identified.rms > 0.01
+
+
+def test_points_in_a_left_handed_frame_are_a_contradiction(
+    tracked: Recorded, recording: Recording
+) -> None:
+    log = log_of(recording)
+    other = identified(tracked, recording, TrackerLog(log.t, log.points * [1, 1, -1], NOISE))
+    assert not check_of(other).acceptable
+
+
+def test_a_log_that_is_too_short_validates_nothing_and_says_so(
+    tracked: Recorded, recording: Recording
+) -> None:
+    log = log_of(recording)
+    short = identified(
+        tracked, recording, TrackerLog(log.t[: 10 * LEAST], log.points[: 10 * LEAST], NOISE)
+    )
+    assert short.recordings[0].tracker is None
+    assert NOT_COMPARED in short.verdict.warnings
+    assert short.verdict.status is Status.GOOD
