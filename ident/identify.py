@@ -433,7 +433,7 @@ def _recording(
     clock = None if own.clock is None else fit.clock(k)
     loaded = fit.model.masses is not None
     source = single.logs.force_source(options.force, cell.robot) if loaded else ""
-    nominal, tracker = nominal_robot_fit(single), None
+    nominal, tracker = nominal_robot_fit(single, fit.model.recordings[k]), None
     if single.logs.tracker is not None:
         both = fit.linear.evaluations[k], nominal.linear.evaluations[0]
         tracker = check_tracker(single.logs.tracker, *both, tcp_sigma=tcp_sigma)

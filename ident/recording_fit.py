@@ -188,12 +188,12 @@ def smoothed(
     return robot, ballbar, logs.ballbar.joints
 
 
-def nominal_robot_fit(recording: RecordingFit) -> Fit:
-    """The nominal robot with encoder offsets, base position and clock fitted to it.
+def nominal_robot_fit(recording: RecordingFit, samples: Samples) -> Fit:
+    """The nominal robot with encoder offsets, base position and clock fitted to samples of it.
 
     What a user without calibration would see.
     """
-    samples, fit = recording.samples, recording.fit
+    fit = recording.fit
     own = candidates(recording.nominal.table, samples.encoders)[: len(samples.encoders) + 3]
     begin = _on_nominal(recording.geometry, recording.nominal, own)
     return fit_kinematics(samples, begin, recording.clock, own, fit.excess, negligible=1e-2)

@@ -25,7 +25,7 @@ from ident.loads.rod_tension import Tension, from_force_sensor, from_motor_torqu
 
 KNOTS_PER_SECOND = 1.25  # 150 in 120 s; 60 are too few (notes/identification sec. 4)
 LEAST_KNOTS = 8
-SPACING = 0.2  # [s] of samples that can follow the knots
+SPACING = 0.3  # [s] of samples that can follow the knots
 APART = 4.0 / KNOTS_PER_SECOND  # [s] between samples that share no spline
 AVERAGED = 0.08  # [s] of rows behind one value
 BEYOND = 1.0  # [s] of torque rows used before the first and after the last sample

@@ -69,7 +69,7 @@ def test_samples_are_as_many_as_requested_and_their_noise_that_of_the_logs(
 
 def test_the_nominal_robot_is_placed_as_well_as_possible(fitted: RecordingFit) -> None:
     """Only encoder offsets, base position and clock move: what a user without calibration sees."""
-    nominal = nominal_robot_fit(fitted)
+    nominal = nominal_robot_fit(fitted, fitted.samples)
     own = {"btheta1", "btheta2", "btheta4", "btheta5", "ox", "oy", "oz"}
     assert set(nominal.model.unknowns.names) == own | {"offset", "skew"}
     others = [i for i, name in enumerate(NAMES) if name not in own]
