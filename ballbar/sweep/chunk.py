@@ -18,10 +18,10 @@ import numpy as np
 
 from ballbar import PACKAGES
 from ballbar.scenario import Scenario
-from ballbar.sweep.file import Value
 from ballbar.sweep.files import Files, scenario_folder, unpack
 from ballbar.sweep.plan import Plan, Run, run_of
 from ballbar.sweep.version import code_version
+from cell.dotted_keys import Value
 from cell.errors import InputError
 from cell.threads import ONE_THREAD
 

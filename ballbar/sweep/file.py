@@ -26,14 +26,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from cell.dotted_keys import Value, overlap
 from cell.schema import Strict
-from cell.schema_errors import Loc, wrong_key
+from cell.schema_errors import wrong_key
 from cell.strict_yaml import YamlDocument, load_yaml, parse_model
 
 LABEL = "label"  # name of a row of `together`: a column of the table, no key of the scenario
 SEED = "seed"  # of a run, given under `seeds`
 
-Value = Any  # plain data of YAML: mapping, list, text, number, truth value, null
 Changes = dict[str, Value]  # dotted key of the scenario -> value
 Pair = tuple[float, float]
 
@@ -145,24 +145,3 @@ def flattened(mapping: dict[str, Value]) -> Changes:
                 raise ValueError(f"{dotted} is given twice; remove one")
             flat[dotted] = leaf
     return flat
-
-
-def location_of(document: YamlDocument, start: Loc, key: str) -> Loc:
-    """Location of a dotted key below `start`, whether its dots are nested mappings or not.
-
-    Where the key is not in the document: the location of the last mapping that leads to it.
-    """
-    node: Any = document.data
-    for step in start:
-        node = node[step]
-    for written in node if isinstance(node, dict) else ():
-        if key == written:
-            return (*start, written)
-        if key.startswith(f"{written}."):
-            return location_of(document, (*start, written), key.removeprefix(f"{written}."))
-    return start
-
-
-def overlap(key: str, other: str) -> bool:
-    """Whether two dotted keys are equal or one lies below the other."""
-    return f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}.")

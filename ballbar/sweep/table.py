@@ -19,7 +19,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
 from ballbar.sweep.chunk import Row
-from ballbar.sweep.file import Value
+from cell.dotted_keys import Value
 from cell.errors import InputError
 from cell.files import written_whole
 from cell.foreign_text import csv_text

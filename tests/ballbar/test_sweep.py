@@ -27,12 +27,13 @@ from ballbar.sweep.chunk import run_chunk, run_chunk_remotely
 from ballbar.sweep.file import Seeds
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
-from ballbar.sweep.plan import Plan, PlanData, point_of, run_of, with_changes
+from ballbar.sweep.plan import Plan, PlanData, point_of, run_of
 from ballbar.sweep.run import Outcome, SweepError
 from ballbar.sweep.summary import failures_of, grid_points
 from ballbar.sweep.table import chunk_bytes, write_table
 from ballbar.sweep.workers import processes
 from ballbar.trial.trial import run_trial
+from cell.dotted_keys import with_changes
 from cell.errors import InputError
 from cell.threads import ONE_THREAD
 from tests.helpers import sweep_work
@@ -86,7 +87,7 @@ def plan_of(folder: Path, text: str) -> Plan:
         (
             "change: {cell.robot.a: 1}\nseeds: {count: 1}\n",
             4,
-            "cell.robot.a: the scenario has the value 'irb2400' above a",
+            "cell.robot.a: the value 'irb2400' above a has no keys of its own",
         ),
         (
             "together:\n  - {clocks.skew: 0.0}\n  - {clocks: {skew: 1.0}}\nseeds: {count: 1}\n",
