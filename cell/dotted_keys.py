@@ -63,9 +63,10 @@ def _step(node: Value, rest: str, key: str) -> tuple[str | int, Value, str]:
         raise InputError(
             f"{key}: the value {node!r} above {head} has no keys of its own. Name a key that exists"
         )
-    for written in sorted(node or (), key=len, reverse=True):
+    held: dict[str, Value] = node or {}
+    for written in sorted(held, key=len, reverse=True):
         if rest == written or rest.startswith(f"{written}."):
-            return written, node[written], rest[len(written) + 1 :]
+            return written, held[written], rest[len(written) + 1 :]
     return head, None, below
 
 

@@ -7,21 +7,22 @@ split a sweep in two.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from ballbar.scenario import Scenario
+from ballbar.scenario import SCENARIOS, Scenario
 from ballbar.sweep.file import Changes, flattened, load_sweep_file
 from ballbar.sweep.files import Files, digests, read_files
 from ballbar.sweep.plan import Plan, PlanData, point_of, scenario_data, with_values
 from ballbar.sweep.version import code_version
 from cell.dotted_keys import Value, location_of, overlap, with_changes
 from cell.errors import DescriptionError, InputError
+from cell.extended_yaml import load_extended
 from cell.schema_errors import Loc, explain
-from cell.strict_yaml import Place, YamlDocument, load_yaml, parse_model
+from cell.strict_yaml import Place, YamlDocument, parse_model
 
 MAX_ERRORS = 10  # shown at once: about half a terminal
 
@@ -35,20 +36,22 @@ class LoadedSweep:
     document: YamlDocument  # knows its lines
 
 
-def load_sweep(path: Path) -> LoadedSweep:
+def load_sweep(path: Path, overrides: Sequence[str] = ()) -> LoadedSweep:
     """A sweep whose points are not yet checked.
+
+    overrides : texts `KEY=VALUE` that replace values of the sweep file.
 
     Raises DescriptionError naming file, line and key when the sweep or its scenario is wrong,
     InputError when a file that the scenario names cannot be read.
     """
-    sweep, document = load_sweep_file(path)
+    sweep, document = load_sweep_file(path, overrides)
     scenario_file = path.parent / sweep.scenario
     if not scenario_file.is_file():
         raise DescriptionError(
             f"{document.place_of(('scenario',))}: scenario = {sweep.scenario!r}: "
             f"no such file {scenario_file}. Name it relative to the sweep file."
         )
-    scenario = load_yaml(scenario_file)
+    scenario = load_extended(scenario_file, SCENARIOS)
     parse_model(scenario, Scenario)
     try:
         base = with_changes(scenario.data, flattened(sweep.change))

@@ -21,15 +21,17 @@ is evaluated.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from cell.dotted_keys import Value, overlap
+from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
-from cell.strict_yaml import YamlDocument, load_yaml, parse_model
+from cell.strict_yaml import YamlDocument, parse_model
 
 LABEL = "label"  # name of a row of `together`: a column of the table, no key of the scenario
 SEED = "seed"  # of a run, given under `seeds`
@@ -122,12 +124,17 @@ class SweepFile(Strict):
         return self
 
 
-def load_sweep_file(path: Path) -> tuple[SweepFile, YamlDocument]:
+SWEEPS = ExtendableKind(what="sweep", shipped=SHIPPED / "sweeps", files=("scenario",))
+
+
+def load_sweep_file(path: Path, overrides: Sequence[str] = ()) -> tuple[SweepFile, YamlDocument]:
     """The checked sweep, and the document that knows its lines.
+
+    overrides : texts `KEY=VALUE`, such as `seeds.count=40`, that replace values of the file.
 
     Raises DescriptionError naming file, line and key.
     """
-    document = load_yaml(path)
+    document = load_extended(path, SWEEPS, overrides=overrides)
     return parse_model(document, SweepFile), document
 
 
