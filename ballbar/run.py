@@ -15,9 +15,10 @@ from ballbar.result.limits import plant_limits, result_limits
 from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
-from ballbar.scenario import Scenario, scenario_path, with_absolute_names, write_scenario
+from ballbar.scenario import SCENARIOS, Scenario, scenario_path, with_absolute_names, write_scenario
 from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
+from cell.extended_yaml import files_of
 from cell.files import claimed_folder
 from cell.recording import load_recording_file
 from sim.recording_files import truth_path, write_recording
@@ -129,7 +130,7 @@ def run_scenario(
             comparison=comparison,
             limits=limits,
             scenario=scenario,
-            scenario_file=scenario_file,
+            scenario_files=tuple(files_of(scenario_file, SCENARIOS)),
             iterations=tuple(log.steps),
         )
         if live:

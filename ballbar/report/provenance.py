@@ -15,8 +15,6 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from acquisition.recording import Recording
 from ballbar.result.run_data import RunData
-from ballbar.scenario import SCENARIOS
-from cell.extended_yaml import files_of
 
 _PACKAGES = ("ballbar-bench", "numpy", "scipy", "pydantic", "pyyaml", "matplotlib", "jinja2")
 _SIMULATOR = "mujoco-core"
@@ -59,10 +57,7 @@ def provenance(data: RunData, command: str, written: datetime) -> Provenance:
 
 def _inputs(data: RunData) -> list[InputFile]:
     """The files of every recording; below its name where there are several."""
-    files = []
-    if data.scenario_file is not None:
-        scenarios = files_of(data.scenario_file, SCENARIOS)
-        files = [hashed(scenario.parent, scenario.name) for scenario in scenarios]
+    files = [hashed(scenario.parent, scenario.name) for scenario in data.scenario_files]
     for name, folder, recording in data.read:
         for file in input_files(recording, folder):
             several = len(data.read) > 1
