@@ -50,6 +50,11 @@ class Axis:
     section: str  # of the sweep file: together, vary, draw
     rows: Sequence[Changes]
 
+    @property
+    def key(self) -> str:
+        """What distinguishes it from the other axes: its key under `vary`, or its section."""
+        return next(iter(self.rows[0])) if self.section == "vary" else self.section
+
     def __len__(self) -> int:
         return len(self.rows)
 

@@ -352,13 +352,13 @@ def test_files_of_the_scenario_travel_with_the_plan(
     for name in ONE_THREAD:
         monkeypatch.setenv(name, "1")
     assert (
-        run_chunk_remotely(sweep.plan.text, 0, sweep_work.path_text, sweep.files)[0]["text"]
+        run_chunk_remotely(sweep.plan.text, [0], sweep_work.path_text, sweep.files)[0]["text"]
         == "one"
     )
     assert plan_of(tmp_path, text).digest != sweep.plan.digest
     for elsewhere in ("here", "there"):
         unpack(sweep.files, tmp_path / elsewhere)
-        row = run_chunk(sweep.plan.text, 0, sweep_work.no_such_file, tmp_path / elsewhere)[0]
+        row = run_chunk(sweep.plan.text, [0], sweep_work.no_such_file, tmp_path / elsewhere)[0]
         assert row["reason"] == "../../paths/a.yaml and paths/a.yaml: no such file.", (
             "the folder of the worker is not in it"
         )
@@ -446,7 +446,7 @@ def test_a_column_has_one_type_whatever_its_chunks_hold(tmp_path: Path) -> None:
 def test_a_result_cannot_take_the_place_of_another_column(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, GRID)
     with pytest.raises(ValueError, match="run 0: results have the names of other columns: seed"):
-        run_chunk(plan.text, 0, lambda *_: {"seed": 1}, tmp_path)
+        run_chunk(plan.text, [0], lambda *_: {"seed": 1}, tmp_path)
 
 
 def test_the_summary_takes_draws_and_seeds_of_a_grid_point_together(tmp_path: Path) -> None:
@@ -496,7 +496,9 @@ def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(
     assert not stopped.finished
     assert 0 < stopped.done < sweep.plan.runs
     assert any(stage.startswith("stopping when the runs in progress are done") for stage in heard)
-    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "chunks").iterdir()}
+    kept = {
+        path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "chunks").rglob("*.parquet")
+    }
     assert sum(len(pd.read_parquet(path)) for path in kept) == stopped.done
     again = swept(sweep, tmp_path / "out", partial(processes, count=1))
     assert again.finished
@@ -590,7 +592,7 @@ def test_a_worker_of_another_version_is_refused(tmp_path: Path) -> None:
         InputError,
         match=r"a worker has version \S+, the sweep 0\.0\.9\+00000000\. Install the same version",
     ):
-        run_chunk(other, 0, sweep_work.figures, tmp_path)
+        run_chunk(other, [0], sweep_work.figures, tmp_path)
 
 
 def test_a_worker_of_a_cluster_with_several_threads_is_refused(
@@ -604,7 +606,7 @@ def test_a_worker_of_a_cluster_with_several_threads_is_refused(
         InputError,
         match="with a nanny, Dask's default, or with OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1",
     ):
-        run_chunk_remotely(sweep.plan.text, 0, sweep_work.figures, sweep.files)
+        run_chunk_remotely(sweep.plan.text, [0], sweep_work.figures, sweep.files)
 
 
 def test_chunks_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) -> None:
@@ -617,7 +619,8 @@ def test_chunks_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) -
     started(plan)
     with pytest.raises(
         InputError,
-        match=r"plan\.yaml: its chunks are of another sweep \(changed: vary\); nothing was run",
+        match=r"plan\.yaml: its chunks are of another sweep "
+        r"\(changed: vary\.cell\.ballbar_position_m\.0\); nothing was run",
     ):
         started(plan_of(tmp_path, GRID.replace("0.72", "0.73")))
     with pytest.raises(
@@ -709,7 +712,7 @@ def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) ->
         ) as sweep:
             until = time.monotonic() + 30.0
             while (
-                len(list((tmp_path / "broken" / "chunks").glob("*.parquet"))) < chunks
+                len(list((tmp_path / "broken" / "chunks").rglob("*.parquet"))) < chunks
                 and time.monotonic() < until
             ):
                 time.sleep(0.02)
