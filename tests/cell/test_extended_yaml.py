@@ -121,7 +121,8 @@ def test_files_of_a_base_stand_relative_to_the_base(tmp_path: Path, kind: Extend
     assert data["path"]["file"] == "../../shipped/paths/a.yaml"
     assert data["starts"] == ["../../shipped/a.yaml", "/abs/b.yaml"]
     (tmp_path / "link").symlink_to(tmp_path / "mine" / "deep")
-    linked = load_extended(tmp_path / "link" / "own.yaml", kind).data["path"]["file"]
+    written(tmp_path / "link", "extends: base\n", "bare.yaml")
+    linked = load_extended(tmp_path / "link" / "bare.yaml", kind).data["path"]["file"]
     assert (tmp_path / "link" / linked).parent.parent.samefile(kind.shipped)
     back = renamed(data, kind, path.parent, kind.shipped)
     assert back == load_extended(kind.shipped / "base.yaml", kind).data
