@@ -68,8 +68,8 @@ class Draw(Strict):
 class Seeds(Strict):
     """Consecutive seeds of the runs; each point runs with every one of them."""
 
-    first: Annotated[int, Field(ge=0, le=2**62)] = 1
-    count: Annotated[int, Field(ge=1, le=2**62)]
+    first: Annotated[int, Field(ge=0, le=2**62)] = Field(1, description="The lowest seed.")
+    count: Annotated[int, Field(ge=1, le=2**62)] = Field(description="How many seeds.")
 
 
 class SweepFile(Strict):
