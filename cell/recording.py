@@ -54,9 +54,10 @@ class LengthFile(SourceFile):
 class TrackerFile(SourceFile):
     """The device files of an optical tracker that follows an LED on the tool."""
 
-    unit: Literal["m", "mm", "um"] = "mm"  # of the coordinates
-    # standard deviation along each axis (thesis sec. 5.3: Nikon K600)
-    accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] = 9.0e-5
+    unit: Literal["m", "mm", "um"] = Field("mm", description="Of the coordinates.")
+    accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] = Field(
+        9.0e-5, description="Standard deviation along each axis (thesis sec. 5.3: Nikon K600)."
+    )
 
 
 class Sources(Strict):
