@@ -96,7 +96,10 @@ class IdentifySettings(Strict):
         "auto",
         description="Kinematics alone (dh), with corrections (complete), or chosen by the data.",
     )
-    corrections: Annotated[Corrections | None, BeforeValidator(_unless_auto)] = Field(
+    corrections: Annotated[
+        Corrections | None,
+        BeforeValidator(_unless_auto, json_schema_input_type=Corrections | None | Literal["auto"]),
+    ] = Field(
         None,
         description="Corrections of the complete model; `auto` takes those that the data support.",
     )

@@ -15,9 +15,10 @@ from ballbar.result.limits import plant_limits, result_limits
 from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
-from ballbar.scenario import Scenario, with_absolute_names
+from ballbar.scenario import SCENARIOS, Scenario, scenario_path, with_absolute_names, write_scenario
 from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
+from cell.extended_yaml import files_of
 from cell.files import claimed_folder
 from cell.recording import load_recording_file
 from sim.recording_files import truth_path, write_recording
@@ -35,7 +36,7 @@ def simulate_scenario(
     progress: Progress,
     live: LiveRun | None = None,
 ) -> Simulation:
-    """Simulates a scenario and writes its recording.
+    """Simulates a scenario and writes its recording, and beside it truth and scenario.
 
     live : window that shows the motion while it is simulated.
 
@@ -56,6 +57,7 @@ def simulate_scenario(
         except InputError as error:
             raise InputError(f"{scenario_file}: {error}") from None
         progress("writing the device logs")
+        write_scenario(scenario, files, folder)
         write_recording(simulation, with_absolute_names(scenario, files), folder)
         return simulation
 
@@ -100,7 +102,10 @@ def run_scenario(
             "ml. The thesis's costs and paired samples are for sweeps."
         )
     logs = (out / RECORDING, out / HELD_OUT)
-    known = {*OUTPUTS, *(f.name for log in logs for f in (log, truth_path(log)))}
+    known = {
+        *OUTPUTS,
+        *(f.name for log in logs for f in (log, truth_path(log), scenario_path(log))),
+    }
     with claimed_folder(out, known, "a run"):
         folder, *held_out = logs if scenario.accept.held_out_file else logs[:1]
         simulation = simulate_scenario(
@@ -125,7 +130,7 @@ def run_scenario(
             comparison=comparison,
             limits=limits,
             scenario=scenario,
-            scenario_file=scenario_file,
+            scenario_files=tuple(files_of(scenario_file, SCENARIOS)),
             iterations=tuple(log.steps),
         )
         if live:

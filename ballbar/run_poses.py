@@ -11,7 +11,7 @@ from ballbar.result.limits import Limit, pose_limits
 from ballbar.result.names import CALIBRATION, DESCRIPTIONS, RECORDING, REPORT
 from ballbar.result.pose_calibration import write_pose_calibration
 from ballbar.result.pose_run import PoseRun, identify_pose_folders
-from ballbar.scenario import PoseScenario
+from ballbar.scenario import PoseScenario, scenario_path, write_scenario
 from cell.errors import InputError
 from cell.files import claimed_folder
 from cell.pose_file import load_poses_file
@@ -38,7 +38,7 @@ class PoseScenarioRun:
 def simulate_pose_scenario(
     scenario: PoseScenario, scenario_file: Path, folder: Path, *, progress: Progress
 ) -> PoseSimulation:
-    """Simulates a scenario of still poses and writes its table.
+    """Simulates a scenario of still poses and writes its table, and beside it truth and scenario.
 
     Raises InputError when the scenario cannot be run, or when `folder` holds something else or real
     poses.
@@ -58,6 +58,7 @@ def simulate_pose_scenario(
         except InputError as error:
             raise InputError(f"{scenario_file}: {error}") from None
         progress("writing the table")
+        write_scenario(scenario, files, folder)
         write_poses(simulation, scenario, folder, relative_to=files)
         return simulation
 
@@ -71,9 +72,9 @@ def run_pose_scenario(
 
     Raises InputError when the scenario cannot be run, or when `out` holds something else.
     """
-    known = {RECORDING, truth_path(out / RECORDING).name, CALIBRATION, REPORT, DESCRIPTIONS}
-    with claimed_folder(out, known, "a run"):
-        folder = out / RECORDING
+    folder = out / RECORDING
+    beside = {truth_path(folder).name, scenario_path(folder).name}
+    with claimed_folder(out, {RECORDING, *beside, CALIBRATION, REPORT, DESCRIPTIONS}, "a run"):
         simulation = simulate_pose_scenario(scenario, scenario_file, folder, progress=progress)
         run = identify_pose_folders([folder], progress=progress)
         comparison = compare_poses_with_truth(run.identification, simulation.truth)

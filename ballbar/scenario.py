@@ -6,6 +6,7 @@ A robot that moves with the double ball-bar, or before an instrument that logs a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,16 +14,21 @@ from pydantic import Field, model_validator
 
 from ballbar.identify_settings import IdentifySettings
 from cell.errors import DescriptionError
+from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended, named_file, renamed
+from cell.files import write_yaml
 from cell.schema import Strict
-from cell.schema_errors import nearest, wrong_key
-from cell.strict_yaml import load_yaml, parse_model
+from cell.schema_errors import wrong_key
+from cell.strict_yaml import parse_model
 from ident.thesis.names import ENCODERS_NEEDED
 from sim.poses.settings import PoseSimulationSettings
 from sim.settings import SimulationSettings
 
-SHIPPED = Path(__file__).parents[1] / "scenarios"  # beside the packages, in the tree and installed
-
-
+SCENARIOS = ExtendableKind(
+    what="scenario",
+    shipped=SHIPPED,
+    files=("path.file", "path.recording", "accept.held_out_file"),
+    descriptions=("cell.robot", "cell.ballbar", "cell.instrument", "cell.plate"),
+)
 Limit = Annotated[float, Field(gt=0.0)] | None
 
 
@@ -166,24 +172,17 @@ def scenario_file(name: str | Path) -> Path:
     name : a path, or a bare name such as `irb2400`. Raises DescriptionError when a bare name is
     neither a file here nor a shipped scenario.
     """
-    path = Path(name)
-    if path.is_file() or path.suffix or path.name != str(path):
-        return path
-    names = sorted(file.stem for file in SHIPPED.glob("*.yaml"))
-    if path.name in names:
-        return SHIPPED / f"{path.name}.yaml"
-    hint = nearest(path.name, names, noun="name")
-    raise DescriptionError(
-        f"unknown scenario {path.name!r}.{hint} A file of your own ends in .yaml."
-    )
+    return named_file(str(Path(name)), SCENARIOS)
 
 
-def load_scenario(path: str | Path) -> Scenario:
+def load_scenario(path: str | Path, *, overrides: Sequence[str] = ()) -> Scenario:
     """The checked scenario of a file, or the shipped one of a bare name.
+
+    overrides : texts `KEY=VALUE`, such as `seed=2`, that replace values of the file.
 
     Raises DescriptionError naming file, line and key, also for a scenario of still poses.
     """
-    scenario = load_any_scenario(path)
+    scenario = load_any_scenario(path, overrides=overrides)
     if isinstance(scenario, PoseScenario):
         raise DescriptionError(
             f"{scenario_file(path)}: a scenario of still poses, and this needs one with a path. "
@@ -203,12 +202,31 @@ def with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:
     return scenario.model_copy(update={"cell": scenario.cell.model_copy(update=absolute)})
 
 
-def load_any_scenario(path: str | Path) -> Scenario | PoseScenario:
+def load_any_scenario(
+    path: str | Path, *, overrides: Sequence[str] = ()
+) -> Scenario | PoseScenario:
     """The checked scenario of a file or of a shipped name: of still poses if it has `poses`.
+
+    overrides : as of `load_scenario`.
 
     Raises DescriptionError naming file, line and key.
     """
-    document = load_yaml(scenario_file(path))
+    document = load_extended(scenario_file(path), SCENARIOS, overrides=overrides)
     if "poses" in document.data:
         return parse_model(document, PoseScenario)
     return parse_model(document, Scenario)
+
+
+def scenario_path(recording: Path) -> Path:
+    """File of the scenario that made a simulated recording: beside its folder, as the truth is."""
+    return recording.with_name(f"{recording.name}.scenario.yaml")
+
+
+def write_scenario(scenario: Scenario | PoseScenario, folder: Path, recording: Path) -> None:
+    """Writes the scenario of a simulated recording, complete and without `extends`.
+
+    folder : of the scenario file. recording : folder of the recording.
+    """
+    path = scenario_path(recording)
+    data = scenario.model_dump(mode="json", exclude_unset=True)
+    write_yaml(path, renamed(data, SCENARIOS, folder, path.parent))

@@ -106,7 +106,8 @@ def swept(
             for kind, path in (("Parquet", outcome.folder.table), ("CSV", outcome.folder.csv))
         }
         sizes["chunks"] = (
-            sum(path.stat().st_size for path in (outcome.folder.path / "chunks").iterdir()) / runs
+            sum(path.stat().st_size for path in (outcome.folder.path / "chunks").rglob("*.parquet"))
+            / runs
         )
         assert pq.read_metadata(outcome.folder.table).num_rows == runs
         return Spent(

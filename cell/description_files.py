@@ -69,27 +69,30 @@ Axes = tuple[float, ...]  # one value for each axis of the robot, as all lists o
 PositiveAxes = tuple[Positive, ...]
 NotNegativeAxes = tuple[NotNegative, ...]
 NotNegative5 = Annotated[tuple[NotNegative, ...], Field(min_length=5, max_length=5)]
-Ratio = Annotated[float, BeforeValidator(_ratio)]
+Ratio = Annotated[float, BeforeValidator(_ratio, json_schema_input_type=float | str)]
 Matrix = tuple[tuple[Ratio, ...], ...]  # one row and one column for each axis
 # None, as the word `identity`, where each axis has a row of its own in the DH model
-Coupling = Annotated[Matrix | None, BeforeValidator(_matrix)]
+Coupling = Annotated[
+    Matrix | None,
+    BeforeValidator(_matrix, json_schema_input_type=Matrix | Literal["identity"] | None),
+]
 
 
 class DHRowFile(Strict):
     """One row of standard DH: `Rz(theta) Tz(d) Tx(a) Rx(alpha)`."""
 
-    a_m: Length
-    d_m: Length
-    alpha_deg: NominalAngle
-    theta_deg: NominalAngle
+    a_m: Length = Field(description="Distance of the axes along x.")
+    d_m: Length = Field(description="Offset along z of the axis before.")
+    alpha_deg: NominalAngle = Field(description="Angle between the axes about x.")
+    theta_deg: NominalAngle = Field(description="Angle about z where the joint is at zero.")
 
 
 class LinkFile(Strict):
     """Mass properties of one body."""
 
     mass_kg: Positive
-    com_m: Vector3
-    inertia_kg_m2: Inertia  # xx, yy, zz, xy, xz, yz about the centre of mass
+    com_m: Vector3 = Field(description="Centre of mass.")
+    inertia_kg_m2: Inertia = Field(description="xx, yy, zz, xy, xz, yz about the centre of mass.")
 
     @model_validator(mode="after")
     def _inertia_is_that_of_a_body(self) -> Self:
@@ -155,22 +158,45 @@ class RobotFile(Strict):
 
     schema_: Annotated[Literal["ballbar-robot/1"], Field(alias="schema")]
     title: Line
-    dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=8)]
-    motor_to_joint: Coupling = None  # joints = motors @ motor_to_joint
-    controller_to_joint: Coupling = None  # joints = axes @ controller_to_joint + controller_offset
-    controller_offset_deg: Axes | None = None
-    axis_lower_deg: Axes  # limits and speeds are those of the controller's axis angles
-    axis_upper_deg: Axes
-    axis_speed_max_deg_per_s: PositiveAxes | None = None
-    accuracy_lower_deg: Axes | None = None  # box of axis angles over which the TCP error is stated
-    accuracy_upper_deg: Axes | None = None
-    rotor_inertia_kg_m2: NotNegativeAxes | None = None  # motor side
+    dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=8)] = Field(
+        description="One row for each joint, from the base."
+    )
+    motor_to_joint: Coupling = Field(
+        None, description="joints = motors @ motor_to_joint; a row for each axis, or identity."
+    )
+    controller_to_joint: Coupling = Field(
+        None, description="joints = axes @ controller_to_joint + controller_offset_deg."
+    )
+    controller_offset_deg: Axes | None = Field(
+        None, description="Joint angles where the controller shows zero; zeros by default."
+    )
+    axis_lower_deg: Axes = Field(description="Lower limits of the controller's axis angles.")
+    axis_upper_deg: Axes = Field(description="Upper limits of the controller's axis angles.")
+    axis_speed_max_deg_per_s: PositiveAxes | None = Field(
+        None, description="Top speeds of the controller's axes."
+    )
+    accuracy_lower_deg: Axes | None = Field(
+        None,
+        description="Lower corner of the box of axis angles over which the TCP error is stated.",
+    )
+    accuracy_upper_deg: Axes | None = Field(None, description="Upper corner of that box.")
+    rotor_inertia_kg_m2: NotNegativeAxes | None = Field(
+        None, description="Of the motors, at the motor."
+    )
     gears: GearsFile | None = None
-    servo: dict[str, ServoFile] | None = None
-    # base, link1, ... with all DH joint angles zero; com and axes in the robot base frame
-    links: dict[str, LinkFile] | None = None
-    log_dialect: str = "abb-motor"  # of its controller's logs, as the simulator writes them
-    gravity_m_per_s2: Vector3 = (0.0, 0.0, -9.81)  # standard gravity, rounded
+    servo: dict[str, ServoFile] | None = Field(None, description="Gain sets by their names.")
+    links: dict[str, LinkFile] | None = Field(
+        None,
+        description="base, link1, ... with all DH joint angles zero; centre of mass and axes in "
+        "the robot's base frame.",
+    )
+    log_dialect: str = Field(
+        "abb-motor", description="Of its controller's logs, as the simulator writes them."
+    )
+    gravity_m_per_s2: Vector3 = Field(
+        (0.0, 0.0, -9.81),
+        description="In the base frame, along x, y, z; standard gravity, rounded.",
+    )
 
     @property
     def link_names(self) -> tuple[str, ...]:
@@ -296,11 +322,13 @@ class BallBarFile(Strict):
     schema_: Annotated[Literal["ballbar-bar/1"], Field(alias="schema")]
     title: Line
     dh: Annotated[tuple[DHRowFile, ...], Field(min_length=5, max_length=5)]
-    length_tolerance_m: Positive
+    length_tolerance_m: Positive = Field(description="Standard deviation of the rod's length.")
     axial_stiffness_N_per_m: AxialStiffnessFile
-    axial_damping_N_s_per_m: NotNegative
-    joint_damping_N_m_s_per_rad: NotNegative5
-    friction_torque_N_m: NotNegative  # of each joint
+    axial_damping_N_s_per_m: NotNegative = Field(description="Damping along the rod.")
+    joint_damping_N_m_s_per_rad: NotNegative5 = Field(
+        description="Viscous friction of the five joints."
+    )
+    friction_torque_N_m: NotNegative = Field(description="Coulomb friction of each joint.")
     backlash_m: JointBacklashFile
     encoder: EncoderFile
     links: BallBarLinksFile
@@ -317,8 +345,12 @@ class PlateFile(Strict):
 
     schema_: Annotated[Literal["ballbar-plate/1"], Field(alias="schema")]
     title: Line
-    length_m: Annotated[Length, Field(gt=0.0)]
-    length_sigma_m: Positive
-    tool_offset_m: Length
-    tip_stiffness_N_per_m: Positive
+    length_m: Annotated[float, Field(gt=0.0), AfterValidator(_metres)] = Field(
+        description="Distance of the tool from the flange's axis, which fixes the scale."
+    )
+    length_sigma_m: Positive = Field(description="Standard deviation of length_m.")
+    tool_offset_m: Length = Field(
+        description="Added to the flange's d: tool changer and part of the universal joint."
+    )
+    tip_stiffness_N_per_m: Positive = Field(description="Force at the tip over its deflection.")
     body: LinkFile  # com and axes in the robot's flange frame

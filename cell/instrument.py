@@ -41,15 +41,18 @@ class JointFile(Strict):
     """One joint of a chain, from the floor to the tool."""
 
     joint: JointKind
-    sensed: bool = False
-    alpha_deg: NominalAngle = 0.0  # link twist behind a revolute joint
-    nominal_m: NotNegative | None = None  # of a prismatic joint, with its range
-    lower_m: NotNegative | None = None
-    upper_m: Positive | None = None
-    sigma_m: NotNegative = 0.0  # noise of a length; play of a socket
-    # of the length where the sensor reads the nominal one; 0: calibrated, and taken as exact
-    zero_sigma_m: NotNegative = 0.0
-    sigma_rad: NotNegative = 0.0  # noise of an angle
+    sensed: bool = Field(False, description="Whether the instrument reads this joint.")
+    alpha_deg: NominalAngle = Field(0.0, description="Link twist behind a revolute joint.")
+    nominal_m: NotNegative | None = Field(None, description="Nominal length of a prismatic joint.")
+    lower_m: NotNegative | None = Field(None, description="Shortest length of a prismatic joint.")
+    upper_m: Positive | None = Field(None, description="Longest length of a prismatic joint.")
+    sigma_m: NotNegative = Field(0.0, description="Noise of a length; play of a socket.")
+    zero_sigma_m: NotNegative = Field(
+        0.0,
+        description="Standard deviation of the length where the sensor reads the nominal one; 0 "
+        "where it is calibrated, and taken as exact.",
+    )
+    sigma_rad: NotNegative = Field(0.0, description="Noise of an angle.")
 
 
 class DistanceFile(Strict):
@@ -64,9 +67,13 @@ class InstrumentFile(Strict):
 
     schema_: Annotated[Literal["ballbar-instrument/1"], Field(alias="schema")]
     title: Line
-    chain: Annotated[tuple[JointFile, ...], Field(min_length=1, max_length=4)]
+    chain: Annotated[tuple[JointFile, ...], Field(min_length=1, max_length=4)] = Field(
+        description="Joints from the floor to the tool."
+    )
     distance: DistanceFile | None = None
-    mass_kg: NotNegative = 0.0  # of a rod from seat to target, which carries half of its weight
+    mass_kg: NotNegative = Field(
+        0.0, description="Of a rod from seat to target, which carries half of its weight."
+    )
 
     @model_validator(mode="after")
     def _chain_is_one_that_measures(self) -> Self:

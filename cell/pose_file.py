@@ -196,7 +196,7 @@ class PosesFile(Strict):
     """Still poses of one robot."""
 
     schema_: Annotated[Literal["ballbar-poses/1"], Field(alias="schema")]
-    kind: Literal["simulated", "real"]
+    kind: Literal["simulated", "real"] = Field(description="Where the values come from.")
     robot: str = Field(description="A file of cell/robots, or a path from this file.")
     instrument: str = Field(description="A file of cell/instruments, or a path from this file.")
     tables: tuple[PoseTableFile, ...] = Field(min_length=1, max_length=500)

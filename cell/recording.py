@@ -22,29 +22,42 @@ EncoderName = Literal["b1", "b2", "b3", "b4", "b5"]
 class SourceFile(Strict):
     """The device files of one source, and the dialect they are written in."""
 
-    # relative to recording.yaml; .gz, .bz2 and .xz are unpacked
-    files: Annotated[tuple[str, ...], Field(min_length=1)]
-    dialect: str  # a shipped one, or a file of the recording folder that ends in .yaml
-    time: str | None = None  # form of the time stamps, where the stamps do not show it themselves
-    columns: tuple[str, ...] | None = None  # names of all columns, for files without header
-    # whether evenly taken rows have stamps of a clock with coarse steps; as the stamps show it
-    quantised: bool | None = None
+    files: Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+        description="Relative to recording.yaml; .gz, .bz2 and .xz are unpacked."
+    )
+    dialect: str = Field(
+        description="A shipped one, or a file of the recording folder that ends in .yaml."
+    )
+    time: str | None = Field(
+        None, description="Form of the time stamps, where the stamps do not show it themselves."
+    )
+    columns: tuple[str, ...] | None = Field(
+        None, description="Names of all columns, for files without header."
+    )
+    quantised: bool | None = Field(
+        None,
+        description="Whether evenly taken rows have stamps of a clock with coarse steps; by "
+        "default as the stamps show it.",
+    )
 
 
 class LengthFile(SourceFile):
     """The device files of a sensor of one length, and the column that holds it."""
 
-    column: str
-    unit: Literal["m", "mm", "um"] = "mm"
-    zero_m: float = 0.0  # length where the column is zero, as the instrument declares it
+    column: str = Field(description="Of the length.")
+    unit: Literal["m", "mm", "um"] = Field("mm", description="Of that column.")
+    zero_m: float = Field(
+        0.0, description="Length where the column is zero, as the instrument declares it."
+    )
 
 
 class TrackerFile(SourceFile):
     """The device files of an optical tracker that follows an LED on the tool."""
 
-    unit: Literal["m", "mm", "um"] = "mm"  # of the coordinates
-    # standard deviation along each axis (thesis sec. 5.3: Nikon K600)
-    accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] = 9.0e-5
+    unit: Literal["m", "mm", "um"] = Field("mm", description="Of the coordinates.")
+    accuracy_m: Annotated[float, Field(gt=0.0, le=0.01)] = Field(
+        9.0e-5, description="Standard deviation along each axis (thesis sec. 5.3: Nikon K600)."
+    )
 
 
 class Sources(Strict):
@@ -66,25 +79,32 @@ class Sources(Strict):
 class EncoderFitting(Strict):
     """One ball-bar encoder: counter column, resolution and declared direction."""
 
-    column: str
-    lines: EncoderLines
-    bits: Annotated[int, Field(ge=8, le=13)]  # EL5021 object 8001:11
-    sign: Literal[-1, 1] = 1
+    column: str = Field(description="Of the counter.")
+    lines: EncoderLines = Field(description="Per turn.")
+    bits: Annotated[int, Field(ge=8, le=13)] = Field(
+        description="Interpolation of one line (EL5021 object 8001:11)."
+    )
+    sign: Literal[-1, 1] = Field(1, description="Declared direction.")
 
 
 class RecordingFile(Strict):
     """recording.yaml"""
 
     schema_: Annotated[Literal["ballbar-recording/1"], Field(alias="schema")]
-    kind: Literal["simulated", "real"]
-    robot: str  # a file of cell/robots, or a path relative to this file
-    ballbar: str | None = None  # a file of cell/instruments, or a path
-    # a file of cell/instruments, or a path: what measured the length, in place of a ball-bar
-    instrument: str | None = None
-    plate: str = "plate_250"  # a file of cell/plates, or a path
+    kind: Literal["simulated", "real"] = Field(description="Where the logs come from.")
+    robot: str = Field(description="A file of cell/robots, or a path relative to this file.")
+    ballbar: str | None = Field(None, description="A file of cell/instruments, or a path.")
+    instrument: str | None = Field(
+        None,
+        description="A file of cell/instruments, or a path: what measured the length, in place of "
+        "a ball-bar.",
+    )
+    plate: str = Field("plate_250", description="A file of cell/plates, or a path.")
     sources: Sources
-    encoders: dict[EncoderName, EncoderFitting] = Field(default_factory=dict)
-    notes: str = ""
+    encoders: dict[EncoderName, EncoderFitting] = Field(
+        default_factory=dict, description="The ball-bar's, b1 to b5."
+    )
+    notes: str = Field("", description="Whatever else is to be remembered.")
 
     @model_validator(mode="after")
     def _ballbar_or_instrument(self) -> Self:

@@ -14,6 +14,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -65,19 +66,34 @@ _SCALARS: dict[str, _Scalar] = {
 }
 
 
+@dataclass(frozen=True, order=True)
+class Place:
+    """Where a key, list item or value is written."""
+
+    source: str  # a file, or an option of the command line
+    line: int  # from 1; 0 of an option
+
+    def __str__(self) -> str:
+        return f"{self.source}:{self.line}" if self.line else self.source
+
+
+Places = dict[Loc, Place]  # of each key and each list item
+_At = Callable[[int], Place]  # place of a line, from 1
+
+
 @dataclass(frozen=True, eq=False)
 class YamlDocument:
-    """Content of one YAML file, and the line of each part."""
+    """Content of one YAML file, and the place of each part."""
 
     path: Path
     data: dict[str, Any]  # dicts, lists, str, int, float, bool, None
-    lines: dict[Loc, int]  # line, from 1, of each key and each list item
+    places: Places
 
-    def line_of(self, loc: Loc) -> int:
-        """Line (from 1) of a key or list item, or of its nearest existing ancestor."""
-        while loc not in self.lines:
+    def place_of(self, loc: Loc) -> Place:
+        """Place of a key or list item, or of its nearest existing ancestor."""
+        while loc not in self.places:
             loc = loc[:-1]
-        return self.lines[loc]
+        return self.places[loc]
 
 
 class _Core(yaml.composer.Composer, yaml.resolver.Resolver):
@@ -143,34 +159,50 @@ def _root(text: str) -> yaml.Node | None:
     return _CoreLoader(text).get_single_node()
 
 
+def _parsed(text: str, at: _At) -> yaml.Node | None:
+    """The root node of a text. Raises DescriptionError naming the place where it is not YAML."""
+    try:
+        return _root(text)
+    except yaml.reader.ReaderError as error:
+        _refuse(
+            at(text.count("\n", 0, error.position) + 1),
+            f"character U+{ord(text[error.position]):04X} is not allowed in YAML. "
+            "Save the file as plain text.",
+        )
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        _refuse(at(mark.line + 1 if mark else 1), _syntax_error(error))
+
+
 def load_yaml(path: Path) -> YamlDocument:
     """The mapping in a YAML file.
 
     Raises DescriptionError naming file and line if the file cannot be read, is not UTF-8, is not
     YAML as described above, or holds no mapping.
     """
-    text = _read_text(path)
-    try:
-        root = _root(text)
-    except yaml.reader.ReaderError as error:
-        line = text.count("\n", 0, error.position) + 1
-        _refuse(
-            path,
-            line,
-            f"character U+{ord(text[error.position]):04X} is not allowed in YAML. "
-            "Save the file as plain text.",
-        )
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        _refuse(path, mark.line + 1 if mark else 1, _syntax_error(error))
+    at = partial(Place, str(path))
+    root = _parsed(_read_text(path), at)
     if root is None:
         raise DescriptionError(f"{path}: the file is empty; expected `key: value` lines.")
     if not isinstance(root, yaml.MappingNode):
         kind = "a list" if isinstance(root, yaml.SequenceNode) else "a single value"
         message = f"the file holds {kind}; expected `key: value` lines."
-        _refuse(path, root.start_mark.line + 1, message)
-    lines: dict[Loc, int] = {(): root.start_mark.line + 1}
-    return YamlDocument(path, _build(path, root, (), lines), lines)
+        _refuse(at(root.start_mark.line + 1), message)
+    places: Places = {(): at(root.start_mark.line + 1)}
+    return YamlDocument(path, _build(at, root, (), places), places)
+
+
+def parse_value(text: str, option: str) -> Any:
+    """The plain data of one YAML value, as of a command line; an empty text is null.
+
+    option : what stands before the message of an error. Raises DescriptionError as `load_yaml`.
+    """
+
+    def at(_: int) -> Place:
+        return Place(option, 0)
+
+    root = _parsed(text, at)
+    return None if root is None else _build(at, root, (), {})
 
 
 def load_model(path: Path, model: type[M]) -> M:
@@ -192,10 +224,8 @@ def parse_model(document: YamlDocument, model: type[M]) -> M:
         return model.model_validate_json(json.dumps(document.data), strict=True)
     except ValidationError as error:
         sentences = explain(error.errors(include_url=False), model, document.data)
-        by_line = sorted((document.line_of(loc), text) for loc, text in sentences)
-        raise DescriptionError(
-            "\n".join(f"{document.path}:{line}: {text}" for line, text in by_line)
-        ) from None
+        in_order = sorted((document.place_of(loc), text) for loc, text in sentences)
+        raise DescriptionError("\n".join(f"{place}: {text}" for place, text in in_order)) from None
 
 
 def check_schema(document: YamlDocument, schema: str, remedy: str) -> None:
@@ -209,8 +239,7 @@ def check_schema(document: YamlDocument, schema: str, remedy: str) -> None:
     kind = schema.partition("/")[0] + "/"
     if isinstance(stated, str) and stated.startswith(kind) and stated != schema:
         _refuse(
-            document.path,
-            document.line_of(("schema",)),
+            document.place_of(("schema",)),
             f"schema = {stated!r}: this release reads {schema}. {remedy}",
         )
 
@@ -232,8 +261,8 @@ def _read_text(path: Path) -> str:
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        _refuse(path, line, f"byte 0x{raw[error.start]:02x} is not UTF-8. Save the file as UTF-8.")
+        place = Place(str(path), raw.count(b"\n", 0, error.start) + 1)
+        _refuse(place, f"byte 0x{raw[error.start]:02x} is not UTF-8. Save the file as UTF-8.")
 
 
 def _syntax_error(error: yaml.MarkedYAMLError) -> str:
@@ -251,71 +280,64 @@ def _syntax_error(error: yaml.MarkedYAMLError) -> str:
     return f"not valid YAML{context}: {problem}.{hint}"
 
 
-def _build(path: Path, node: yaml.Node, loc: Loc, lines: dict[Loc, int]) -> Any:
-    """Plain data of a node; adds the line of every key and item below it to `lines`."""
+def _build(at: _At, node: yaml.Node, loc: Loc, places: Places) -> Any:
+    """Plain data of a node; adds the place of every key and item below it to `places`."""
     if isinstance(node, yaml.MappingNode) and node.tag == _TAG + "map":
-        return _build_mapping(path, node, loc, lines)
+        return _build_mapping(at, node, loc, places)
     if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
         for i, item in enumerate(node.value):
-            lines[*loc, i] = item.start_mark.line + 1
-        return [_build(path, item, (*loc, i), lines) for i, item in enumerate(node.value)]
+            places[*loc, i] = at(item.start_mark.line + 1)
+        return [_build(at, item, (*loc, i), places) for i, item in enumerate(node.value)]
     if isinstance(node, yaml.ScalarNode) and node.tag in _SCALARS:
-        return _build_scalar(path, node)
+        return _build_scalar(at, node)
     tag = node.tag.replace(_TAG, "!!")
     return _refuse(
-        path,
-        node.start_mark.line + 1,
+        at(node.start_mark.line + 1),
         f"tag {tag} is refused; only plain text, numbers, true, false, null, lists and mappings.",
     )
 
 
-def _build_mapping(
-    path: Path, node: yaml.MappingNode, loc: Loc, lines: dict[Loc, int]
-) -> dict[str, Any]:
+def _build_mapping(at: _At, node: yaml.MappingNode, loc: Loc, places: Places) -> dict[str, Any]:
     data: dict[str, Any] = {}
     for key_node, value_node in node.value:
-        line = key_node.start_mark.line + 1
-        key = _build(path, key_node, loc, {}) if isinstance(key_node, yaml.ScalarNode) else None
+        place = at(key_node.start_mark.line + 1)
+        key = _build(at, key_node, loc, {}) if isinstance(key_node, yaml.ScalarNode) else None
         if not isinstance(key, str):
             shown = f"key {key_node.value}" if isinstance(key_node, yaml.ScalarNode) else "a key"
             _refuse(
-                path,
-                line,
+                place,
                 f"{shown} is not text. Put keys that look like numbers, true or null in quotes.",
             )
         if key in data:
-            _refuse(
-                path, line, f"key {key} stands here and in line {lines[*loc, key]}. Remove one."
-            )
-        lines[*loc, key] = line
-        data[key] = _build(path, value_node, (*loc, key), lines)
+            other = places[*loc, key]
+            first = f"here and in line {other.line}" if other.line else "twice"
+            _refuse(place, f"key {key} stands {first}. Remove one.")
+        places[*loc, key] = place
+        data[key] = _build(at, value_node, (*loc, key), places)
     return data
 
 
-def _build_scalar(path: Path, node: yaml.ScalarNode) -> Any:
+def _build_scalar(at: _At, node: yaml.ScalarNode) -> Any:
     pattern, convert = _SCALARS[node.tag]
     shown = node.value if len(node.value) <= 40 else node.value[:37] + "..."
     if not pattern.match(node.value):
         _refuse(
-            path,
-            node.start_mark.line + 1,
+            at(node.start_mark.line + 1),
             f"{shown!r} is no {node.tag.removeprefix(_TAG)}, as its tag says; leave the tag out.",
         )
     if not is_printable(node.value, allowed="\n\t"):
         _refuse(
-            path,
-            node.start_mark.line + 1,
+            at(node.start_mark.line + 1),
             f"{printable(shown)!r} holds a control or invisible character. Write it without.",
         )
     try:
         return convert(node.value)
     except ValueError:
         _refuse(
-            path,
-            node.start_mark.line + 1,
+            at(node.start_mark.line + 1),
             f"number {shown} is beyond what can be represented; write a smaller one.",
         )
 
 
-def _refuse(path: Path, line: int, what: str) -> NoReturn:
-    raise DescriptionError(f"{path}:{line}: {what}") from None
+def _refuse(place: Place, what: str) -> NoReturn:
+    raise DescriptionError(f"{place}: {what}") from None

@@ -60,7 +60,8 @@ boxes of `keep_out`; radii are assumed shares of the length of the upper arm, or
 `cell` names either a `ballbar` or an `instrument` that measures its length. The latter takes no
 `servo`, no `encoders`, `encoder_*`, `ballbar_rate_hz` and `rod_sigma_m` of `sensors`, and no
 `ballbar_margin_deg`, `cable_turns` and `force_N` of `limits`: it has no encoders, cables or force.
-Files that a request names stand relative to it.
+Files that a request names stand relative to it. `extends: FILE` takes over another request:
+[Vary and reuse files](how_to/reuse_files.md).
 """
 
 
@@ -78,6 +79,7 @@ short one. Written by `python -m generators.schema_pages` from the schema; do no
 
 Lists of axes have one value for each axis of the robot. Lengths within the stroke of a draw-wire or
 telescoping ball-bar, the reach of a tracker and the noise follow from the instrument's file.
+`extends: FILE` takes over another request: [Vary and reuse files](how_to/reuse_files.md).
 """
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from cell.descriptions import Key, Robot
+from cell.extended_yaml import load_extended, renamed
 from cell.files import write_whole, write_yaml
 from cell.geometry import nominal_chain
 from cell.inverse import has_closed_form
@@ -17,15 +19,15 @@ from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
 from planning.export import BALLBAR, PROGRAM_AXES, TELESCOPING, pdl2, rapid, table
 from planning.force import ERROR
 from planning.plan import Plan
-from planning.request import OF_BALLBARS, PlanRequest
+from planning.request import OF_BALLBARS, REQUESTS, PlanRequest
 from planning.stroke import Lengths
 from planning.targets import Targets, targets_of
 from sim.plant.mjcf import ROBOT_JOINTS
 
 PATH, SCENARIO, NUMBERS, TABLE = "path.yaml", "scenario.yaml", "plan.yaml", "path.csv"
-OUTPUTS = frozenset(
-    {PATH, SCENARIO, NUMBERS, TABLE, "plan.svg", "what_if.csv", "what_if.svg", "plate.svg"}
-)
+REQUEST = "request.yaml"
+PICTURES = ("plan.svg", "what_if.svg", "plate.svg")
+OUTPUTS = frozenset({PATH, SCENARIO, NUMBERS, TABLE, REQUEST, "what_if.csv", *PICTURES})
 PLANT_AXES = len(ROBOT_JOINTS)
 PLANT_KEYS: tuple[Key, ...] = ("links", "servo", "gears", "rotor_inertia_kg_m2")
 # All error sources of a real cell, as in scenarios/irb2400_full.yaml, where none is by table.
@@ -234,6 +236,15 @@ def limit_lines(request: PlanRequest) -> list[str]:
         f"{limit.axis_speed_share:.0%} of axis speed, tool {limit.tcp_speed_m_per_s:g} m/s, "
         f"rod force {limit.force_N:g} N on soft servo, clearance {limit.clearance_m * 1e3:g} mm."
     ]
+
+
+def write_request(file: Path, folder: Path, *, overrides: Sequence[str]) -> None:
+    """Writes request.yaml: the request that is planned, complete and without `extends`.
+
+    overrides : texts `KEY=VALUE` that replace values of the file.
+    """
+    data = load_extended(file, REQUESTS, overrides=overrides).data
+    write_yaml(folder / REQUEST, renamed(data, REQUESTS, file.parent, folder))
 
 
 def write_plan(plan: Plan, folder: Path) -> list[str]:

@@ -5,14 +5,16 @@ Every limit has a default with its source beside it; assumed ones say so.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
-from cell.strict_yaml import load_model
+from cell.strict_yaml import parse_model
 from sim.errors.sensor_errors import EncoderNumber
 from sim.settings import Vector3
 
@@ -332,12 +334,26 @@ class PlanRequest(Strict):
         return self.cell.instrument is not None
 
 
-def load_request(path: Path) -> PlanRequest:
+# Requests for a path and for still poses.
+REQUESTS = ExtendableKind(
+    what="request",
+    shipped=SHIPPED / "plans",
+    files=("start_from",),
+    descriptions=(
+        *("cell.robot", "cell.ballbar", "cell.instrument", "cell.ballbar_choices", "cell.plate"),
+        *("robot", "instrument"),
+    ),
+)
+
+
+def load_request(path: Path, *, overrides: Sequence[str] = ()) -> PlanRequest:
     """The checked request; files that it names stand relative to it.
+
+    overrides : texts `KEY=VALUE`, such as `seed=2`, that replace values of the file.
 
     Raises DescriptionError naming file, line and key.
     """
-    request = load_model(path, PlanRequest)
+    request = parse_model(load_extended(path, REQUESTS, overrides=overrides), PlanRequest)
     cell = request.cell
 
     def located(name: str | None) -> str | None:

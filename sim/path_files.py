@@ -41,10 +41,10 @@ class LissajousFile(Strict):
     """
 
     schema_: Annotated[Literal["ballbar-path/1"], Field(alias="schema")]
-    centre_deg: Vector5
-    amplitude_deg: Vector5
-    cycles: Whole5
-    phase_deg: Vector5
+    centre_deg: Vector5 = Field(description="Middle of each angle, b1 to b5.")
+    amplitude_deg: Vector5 = Field(description="Largest deviation from the middle.")
+    cycles: Whole5 = Field(description="Whole cycles of each angle in one run.")
+    phase_deg: Vector5 = Field(description="Phase of each angle at the beginning.")
     rod: tuple[RodHarmonicFile, ...] = Field(
         (), description="Of an instrument's length about its nominal one; absent for a ball-bar."
     )
@@ -62,9 +62,11 @@ class PushPullFile(Strict):
     """Path file of one pose of the ball-bar, and the travel of the command along the rod."""
 
     schema_: Annotated[Literal["ballbar-push/1"], Field(alias="schema")]
-    angles_deg: Vector5
-    travel_m: Annotated[float, Field(gt=0.0, le=0.1)]
-    cycles: Annotated[int, Field(gt=0)]
+    angles_deg: Vector5 = Field(description="Of the ball-bar at the pose, b1 to b5.")
+    travel_m: Annotated[float, Field(gt=0.0, le=0.1)] = Field(
+        description="Largest distance of the command from the pose, along the rod."
+    )
+    cycles: Annotated[int, Field(gt=0)] = Field(description="Times of pull and push.")
 
 
 def scenario_path(

@@ -13,10 +13,11 @@ from ballbar.claims.table import Evidence, identifiability_evidence, runs_eviden
 from ballbar.sweep.check import LoadedSweep, load_sweep
 from ballbar.sweep.chunk import Task
 from ballbar.sweep.file import flattened
-from ballbar.sweep.plan import Plan, with_changes
+from ballbar.sweep.plan import Plan
 from ballbar.sweep.run import Progress, run_sweep
 from ballbar.sweep.workers import Workers
 from ballbar.trial.trial import run_trial
+from cell.dotted_keys import with_changes
 from cell.errors import DescriptionError, InputError
 from cell.schema_errors import nearest
 from cell.strict_yaml import YamlDocument
@@ -209,5 +210,4 @@ def _located(topic: Topic, *location: str | int) -> Iterator[None]:
     except DescriptionError:
         raise
     except InputError as error:
-        line = topic.document.line_of(location)
-        raise DescriptionError(f"{topic.path}:{line}: {error}.") from None
+        raise DescriptionError(f"{topic.document.place_of(location)}: {error}.") from None

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import AsJson, Out, ScenarioFile, command_line, say_json
+from ballbar.commands.options import AsJson, Out, Overrides, ScenarioFile, command_line, say_json
 from ballbar.terminal import INTERRUPTED, err, out, progress_bar
 from cell.errors import InputError
 
@@ -37,6 +37,7 @@ def run(
             "--live", help="Show the cell and the identification in a rerun window while they run."
         ),
     ] = False,
+    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a scenario, identify the robot from its logs, and compare it with the truth.
@@ -50,7 +51,7 @@ def run(
     from ballbar.run import run_scenario
     from ballbar.scenario import PoseScenario, load_any_scenario
 
-    settings = load_any_scenario(scenario)
+    settings = load_any_scenario(scenario, overrides=overrides or ())
     folder = out_dir or Path("runs") / settings.name
     if isinstance(settings, PoseScenario):
         _run_poses(settings, scenario, folder, live=live, as_json=as_json)
@@ -113,7 +114,12 @@ def _say_limits(limits: Sequence[Limit]) -> None:
 
 
 @commands.command(epilog="Example: `ballbar simulate scenarios/irb2400.yaml --out runs/logs`")
-def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = False) -> None:
+def simulate(
+    scenario: ScenarioFile,
+    out_dir: Out = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
     """Simulate a scenario and write its device logs as a recording.
 
     The truth is written beside the recording's folder, not into it. Exits with 1 when a limit of
@@ -126,7 +132,7 @@ def simulate(scenario: ScenarioFile, out_dir: Out = None, as_json: AsJson = Fals
     from ballbar.scenario import PoseScenario, load_any_scenario
     from sim.recording_files import truth_path
 
-    settings = load_any_scenario(scenario)
+    settings = load_any_scenario(scenario, overrides=overrides or ())
     folder = out_dir or Path("runs") / f"{settings.name}-recording"
     if isinstance(settings, PoseScenario):
         _simulate_poses(settings, scenario, folder, as_json=as_json)
@@ -174,6 +180,7 @@ def sweep(
         str | None,
         typer.Option(help="Run on the workers of this Dask scheduler instead.", metavar="ADDRESS"),
     ] = None,
+    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Run a scenario many times with varied values and seeds; write one table with a row per run.
@@ -194,7 +201,7 @@ def sweep(
             f"--workers {workers} counts processes on this machine; with --scheduler {scheduler} "
             "the cluster's own workers compute. Leave one of the two out."
         )
-    settings = load_sweep(file)
+    settings = load_sweep(file, overrides or ())
     folder = out_dir or Path("runs") / f"{settings.plan.data.name}-sweep"
     pool = (
         partial(dask_cluster, address=scheduler)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from ballbar.commands.options import AsJson, ScenarioFile, say_json
+from ballbar.commands.options import AsJson, Overrides, ScenarioFile, say_json
 from ballbar.terminal import out, progress_bar
 from cell.errors import InputError
 from ident.thesis.names import COSTS
@@ -44,6 +44,7 @@ def identifiability(
             help="Include the Hayati angles and the tilt of the base, which the thesis leaves out.",
         ),
     ] = False,
+    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Show what a cost can identify on a scenario's path, as thesis Tables 3.2 to 3.4 do.
@@ -55,7 +56,7 @@ def identifiability(
     from ballbar.identifiability.tables import LEGEND, study_data, study_lines
     from ballbar.scenario import load_scenario
 
-    settings = load_scenario(scenario)
+    settings = load_scenario(scenario, overrides=overrides or ())
     fitted = settings.encoders.fitted if encoders is None else parse_encoders(encoders)
     costs, passed_over = chosen_costs(cost or settings.identify.cost, fitted)
     loop = nominal_loop(settings, relative_to=scenario.parent)

@@ -45,6 +45,7 @@ COMMANDS = {
         "sweep": "bench",
         "claims": "bench",
         "identifiability": "identifiability",
+        "schema": "schemas",
     },
 }
 MODULES = {name: module for modules in COMMANDS.values() for name, module in modules.items()}

@@ -45,6 +45,14 @@ Out = Annotated[
     Path | None,
     typer.Option("--out", help="Folder for the output; it must hold nothing else.", metavar="DIR"),
 ]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="Replace the value of a dotted key of the file, such as seed=2; may be repeated.",
+        metavar="KEY=VALUE",
+    ),
+]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON in SI units instead of text.")
 ]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ballbar.commands.options import AsJson, Out, say_json
+from ballbar.commands.options import AsJson, Out, Overrides, say_json
 from ballbar.terminal import err, out, silence
 from planning.questions import CHANGES, ENCODERS
 
@@ -54,6 +55,7 @@ def plan(
             metavar="KEY=A,B",
         ),
     ] = None,
+    overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Plan a trajectory or still poses for the cell, predict what they identify, write programs.
@@ -69,11 +71,12 @@ def plan(
     from ballbar.plan.show import default_folder, parse_position, plan_path
     from planning.poses.request import holds_pose_request
 
-    if holds_pose_request(request):
+    changes = overrides or ()
+    if holds_pose_request(request, overrides=changes):
         _refuse_path_options({"--path": path, "--position": position, "--what-if": what_if})
-        raise typer.Exit(_plan_poses(request, out_dir, seconds, as_json=as_json))
+        raise typer.Exit(_plan_poses(request, out_dir, seconds, changes, as_json=as_json))
     base = None if position is None else parse_position(position)
-    folder = out_dir or default_folder(request)
+    folder = out_dir or default_folder(request, changes)
     if as_json:
         silence()
     feasible = plan_path(
@@ -83,6 +86,7 @@ def plan(
         position=base,
         seconds=seconds,
         what_if=what_if or (),
+        overrides=changes,
         out=out,
         err=err,
     )
@@ -91,15 +95,17 @@ def plan(
     raise typer.Exit(0 if feasible else 1)
 
 
-def _plan_poses(request: Path, folder: Path | None, seconds: float, *, as_json: bool) -> int:
+def _plan_poses(
+    request: Path, folder: Path | None, seconds: float, changes: Sequence[str], *, as_json: bool
+) -> int:
     """Plans still poses; returns the exit code."""
     from ballbar.commands.result_json import plan_data
     from ballbar.plan.poses import default_pose_folder, plan_poses
 
-    folder = folder or default_pose_folder(request)
+    folder = folder or default_pose_folder(request, changes)
     if as_json:
         silence()
-    clear = plan_poses(request, folder=folder, seconds=seconds, out=out, err=err)
+    clear = plan_poses(request, folder=folder, seconds=seconds, overrides=changes, out=out, err=err)
     if as_json:
         say_json(plan_data(folder, feasible=clear))
     return 0 if clear else 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,26 +13,36 @@ from rich.markup import escape
 from ballbar.plan.show import status
 from ballbar.units import UM
 from cell.files import claimed_folder
+from planning.files import REQUEST, write_request
 from planning.poses.files import output_names, write_pose_plan
 from planning.poses.plan import PosePlan, pose_plan
 from planning.poses.request import load_pose_request
 from planning.poses.setup import setup_of
 
 
-def default_pose_folder(file: Path) -> Path:
-    """Folder of a request's plan without --out."""
-    return Path("runs") / f"{load_pose_request(file).name}-plan"
+def default_pose_folder(file: Path, overrides: Sequence[str]) -> Path:
+    """Folder of a request's plan without --out; overrides : as of `plan_poses`."""
+    return Path("runs") / f"{load_pose_request(file, overrides=overrides).name}-plan"
 
 
-def plan_poses(file: Path, *, folder: Path, seconds: float, out: Console, err: Console) -> bool:
+def plan_poses(
+    file: Path,
+    *,
+    folder: Path,
+    seconds: float,
+    overrides: Sequence[str] = (),
+    out: Console,
+    err: Console,
+) -> bool:
     """Plans still poses and writes them.
 
-    file : request. seconds : of the search at most.
+    file : request. seconds : of the search at most. overrides : texts `KEY=VALUE` that replace
+    values of the request.
 
     Returns whether every move keeps the clearance. Raises InputError where too few poses can be
     measured.
     """
-    request = load_pose_request(file)
+    request = load_pose_request(file, overrides=overrides)
     setup = setup_of(request, relative_to=file.parent)
     with claimed_folder(folder, output_names(request), "the plan"):
         begin = time.monotonic()
@@ -39,7 +50,8 @@ def plan_poses(file: Path, *, folder: Path, seconds: float, out: Console, err: C
             plan = pose_plan(
                 setup, seconds=seconds, since=lambda: time.monotonic() - begin, show=show
             )
-        names = write_pose_plan(plan, folder, relative_to=file.parent)
+        names = [*write_pose_plan(plan, folder, relative_to=file.parent), REQUEST]
+        write_request(file, folder, overrides=overrides)
         say_pose_plan(out, plan)
         out.print(f"Files in {escape(str(folder))}: {', '.join(names)}")
         out.print(f"Measure, fill in poses.csv, then: ballbar check {escape(str(folder))}")

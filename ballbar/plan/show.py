@@ -26,7 +26,7 @@ from planning.candidate import Candidate
 from planning.clearance import clearance
 from planning.evaluation import evaluators
 from planning.export import BALLBAR, TELESCOPING
-from planning.files import OUTPUTS, write_plan
+from planning.files import OUTPUTS, REQUEST, write_plan, write_request
 from planning.plan import Plan, assess, known_path, plans
 from planning.questions import Question, check_questions, question
 from planning.request import PlanRequest, load_request
@@ -43,9 +43,9 @@ _HELD = ("rbeta", "otx", "oty", "offset", "skew")
 UNSEEN = 0.9  # of its prior: standard deviation above which an unknown counts as hardly seen
 
 
-def default_folder(file: Path) -> Path:
-    """Folder of a request's plan without --out."""
-    return Path("runs") / f"{load_request(file).name}-plan"
+def default_folder(file: Path, overrides: Sequence[str]) -> Path:
+    """Folder of a request's plan without --out; overrides : as of `plan_path`."""
+    return Path("runs") / f"{load_request(file, overrides=overrides).name}-plan"
 
 
 def plan_path(
@@ -56,6 +56,7 @@ def plan_path(
     position: tuple[float, float, float] | None,
     seconds: float,
     what_if: Sequence[str],
+    overrides: Sequence[str] = (),
     out: Console,
     err: Console,
 ) -> bool:
@@ -63,10 +64,12 @@ def plan_path(
 
     file : planning request. path, position : a path file and the base position [m] of the ball-bar,
     instead of a search. seconds : duration of the search. what_if : questions `KEY=A,B`.
+    overrides : texts `KEY=VALUE` that replace values of the request.
 
     Returns whether no limit is violated. Raises InputError for bad options or files.
     """
-    request, questions = load_request(file), [question(text) for text in what_if]
+    request = load_request(file, overrides=overrides)
+    questions = [question(text) for text in what_if]
     check_questions(request, questions)
     known = {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}
     with claimed_folder(folder, known, "the plan"):
@@ -75,12 +78,13 @@ def plan_path(
         else:
             candidates = searched(request, file.parent, seconds, err)
         violated = 0
+        write_request(file, folder, overrides=overrides)
         for attempt, plan in enumerate(islice(candidates, ATTEMPTS)):
             if attempt:
                 out.print(
                     "[yellow]Limits are violated in MuJoCo; the next best path of the search:[/]"
                 )
-            names = write_plan(plan, folder)
+            names = [*write_plan(plan, folder), REQUEST]
             write_whole(folder / "plan.svg", plan_picture(plan))
             say_plan(out, plan)
             if plan.forces is None:

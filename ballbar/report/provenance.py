@@ -57,8 +57,7 @@ def provenance(data: RunData, command: str, written: datetime) -> Provenance:
 
 def _inputs(data: RunData) -> list[InputFile]:
     """The files of every recording; below its name where there are several."""
-    scenario = data.scenario_file
-    files = [] if scenario is None else [hashed(scenario.parent, scenario.name)]
+    files = [hashed(scenario.parent, scenario.name) for scenario in data.scenario_files]
     for name, folder, recording in data.read:
         for file in input_files(recording, folder):
             several = len(data.read) > 1

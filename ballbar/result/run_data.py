@@ -48,7 +48,7 @@ class RunData:
     comparison: Comparison | None = None
     limits: tuple[Limit, ...] = ()
     validations: tuple[Validation, ...] = ()
-    scenario_file: Path | None = None  # of a simulated run
+    scenario_files: tuple[Path, ...] = ()  # of a simulated run: the file, and those it extends
     scenario: Scenario | None = None
     iterations: tuple[Step, ...] = ()  # of the chosen start and of the fits, where requested
 

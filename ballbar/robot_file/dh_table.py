@@ -160,7 +160,7 @@ def _read_yaml(path: Path) -> _Table:
     data = document.data
     if unknown := [key for key in data if key not in ("convention", "rows")]:
         raise InputError(
-            f"{path}:{document.line_of((unknown[0],))}: unknown key {unknown[0]}. A table has "
+            f"{document.place_of((unknown[0],))}: unknown key {unknown[0]}. A table has "
             "`convention` and `rows`."
         )
     rows = data.get("rows")
@@ -169,7 +169,7 @@ def _read_yaml(path: Path) -> _Table:
             f"{path}: expected `rows:` with one line `- {{a_mm: 0, d_mm: 100, alpha_deg: 90, "
             "theta_deg: 0}` for each joint."
         )
-    entries = [(f"{path}:{document.line_of(('rows', i))}", row) for i, row in enumerate(rows)]
+    entries = [(str(document.place_of(("rows", i))), row) for i, row in enumerate(rows)]
     return _table(entries, str(path), data.get("convention"))
 
 

@@ -7,20 +7,22 @@ split a sweep in two.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from ballbar.scenario import Scenario
-from ballbar.sweep.file import Changes, Value, flattened, load_sweep_file, location_of, overlap
+from ballbar.scenario import SCENARIOS, Scenario
+from ballbar.sweep.file import Changes, flattened, load_sweep_file
 from ballbar.sweep.files import Files, digests, read_files
-from ballbar.sweep.plan import Plan, PlanData, point_of, scenario_data, with_changes
+from ballbar.sweep.plan import Plan, PlanData, point_of, scenario_data, with_values
 from ballbar.sweep.version import code_version
+from cell.dotted_keys import Value, location_of, overlap, with_changes
 from cell.errors import DescriptionError, InputError
+from cell.extended_yaml import load_extended
 from cell.schema_errors import Loc, explain
-from cell.strict_yaml import YamlDocument, load_yaml, parse_model
+from cell.strict_yaml import Place, YamlDocument, parse_model
 
 MAX_ERRORS = 10  # shown at once: about half a terminal
 
@@ -34,26 +36,28 @@ class LoadedSweep:
     document: YamlDocument  # knows its lines
 
 
-def load_sweep(path: Path) -> LoadedSweep:
+def load_sweep(path: Path, overrides: Sequence[str] = ()) -> LoadedSweep:
     """A sweep whose points are not yet checked.
+
+    overrides : texts `KEY=VALUE` that replace values of the sweep file.
 
     Raises DescriptionError naming file, line and key when the sweep or its scenario is wrong,
     InputError when a file that the scenario names cannot be read.
     """
-    sweep, document = load_sweep_file(path)
+    sweep, document = load_sweep_file(path, overrides)
     scenario_file = path.parent / sweep.scenario
     if not scenario_file.is_file():
         raise DescriptionError(
-            f"{path}:{document.line_of(('scenario',))}: scenario = {sweep.scenario!r}: "
+            f"{document.place_of(('scenario',))}: scenario = {sweep.scenario!r}: "
             f"no such file {scenario_file}. Name it relative to the sweep file."
         )
-    scenario = load_yaml(scenario_file)
+    scenario = load_extended(scenario_file, SCENARIOS)
     parse_model(scenario, Scenario)
     try:
         base = with_changes(scenario.data, flattened(sweep.change))
     except InputError as error:
-        location = location_of(document, ("change",), _key_of(error))
-        raise DescriptionError(f"{path}:{document.line_of(location)}: {error}.") from None
+        place = document.place_of(_written(document, ("change",), _key_of(error)))
+        raise DescriptionError(f"{place}: {error}.") from None
     together = [flattened(row) for row in sweep.together or []]
     files = read_files(_scenarios(base, together, sweep.vary), scenario_file.parent)
     data = PlanData(
@@ -77,23 +81,23 @@ def check_points(sweep: LoadedSweep) -> None:
     Raises DescriptionError with a line for each error, up to MAX_ERRORS.
     """
     plan, document = sweep.plan, sweep.document
-    errors: dict[tuple[int, str], None] = {}
+    errors: dict[tuple[Place, str], None] = {}
     for point in range(plan.points):
         errors |= dict.fromkeys(_errors_at(plan, point, document))
         if len(errors) >= MAX_ERRORS:
             break
     if errors:
-        lines = (f"{document.path}:{line}: {text}" for line, text in sorted(errors)[:MAX_ERRORS])
+        lines = (f"{place}: {text}" for place, text in sorted(errors)[:MAX_ERRORS])
         raise DescriptionError("\n".join(lines))
 
 
-def _errors_at(plan: Plan, point: int, document: YamlDocument) -> list[tuple[int, str]]:
-    """Line of the sweep file and sentence of every error at a point."""
+def _errors_at(plan: Plan, point: int, document: YamlDocument) -> list[tuple[Place, str]]:
+    """Place in the sweep file and sentence of every error at a point."""
     values = point_of(plan, point)
     try:
         data = scenario_data(plan, values)
     except InputError as error:
-        return [(document.line_of(_source_of(plan, point, _key_of(error), document)), f"{error}.")]
+        return [(document.place_of(_source_of(plan, point, _key_of(error), document)), f"{error}.")]
     try:
         Scenario.model_validate_json(data, strict=True)
     except ValidationError as error:
@@ -104,16 +108,16 @@ def _errors_at(plan: Plan, point: int, document: YamlDocument) -> list[tuple[int
 
 def _located(
     loc: Loc, text: str, plan: Plan, point: int, document: YamlDocument
-) -> tuple[int, str]:
-    """Line and sentence of an error at a place of the scenario.
+) -> tuple[Place, str]:
+    """Place and sentence of an error at a place of the scenario.
 
     An error that no single value of the sweep causes comes with all values of the point.
     """
     location = _source_of(plan, point, ".".join(map(str, loc)), document)
     if location or not plan.axes:
-        return document.line_of(location), text
+        return document.place_of(location), text
     values = json.dumps(point_of(plan, point))
-    return document.line_of(()), f"{text.rstrip('.')}, with {values}."
+    return document.place_of(()), f"{text.rstrip('.')}, with {values}."
 
 
 def _source_of(plan: Plan, point: int, key: str, document: YamlDocument) -> Loc:
@@ -126,12 +130,20 @@ def _source_of(plan: Plan, point: int, key: str, document: YamlDocument) -> Loc:
         for varied in axis.rows[index]:
             if overlap(varied, key):
                 row = (index,) if axis.section == "together" else ()
-                location = location_of(document, (axis.section, *row), varied)
+                location = _written(document, (axis.section, *row), varied)
                 return (*location, index) if axis.section == "vary" else location
     for changed in flattened(document.data.get("change", {})):
         if overlap(changed, key):
-            return location_of(document, ("change",), changed)
+            return _written(document, ("change",), changed)
     return ()
+
+
+def _written(document: YamlDocument, start: Loc, key: str) -> Loc:
+    """Location of a dotted key below `start`, whether its dots are nested mappings or not."""
+    node: Value = document.data
+    for step in start:
+        node = node[step]
+    return (*start, *location_of(node, key))
 
 
 def _scenarios(
@@ -142,7 +154,7 @@ def _scenarios(
     grid = [{key: value} for key, values in vary.items() for value in values]
     for changes in (*together, *grid):
         try:
-            yield with_changes(base, changes)
+            yield with_values(base, changes)
         except InputError:
             continue  # reported with its line when the points are checked
 

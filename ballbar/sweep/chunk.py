@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,10 +18,10 @@ import numpy as np
 
 from ballbar import PACKAGES
 from ballbar.scenario import Scenario
-from ballbar.sweep.file import Value
 from ballbar.sweep.files import Files, scenario_folder, unpack
 from ballbar.sweep.plan import Plan, Run, run_of
 from ballbar.sweep.version import code_version
+from cell.dotted_keys import Value
 from cell.errors import InputError
 from cell.threads import ONE_THREAD
 
@@ -46,10 +46,11 @@ DONE, FAILED = "done", "failed"  # status of a run
 _TEMPORARY = re.compile(rf"{re.escape(gettempdir())}{os.sep}ballbar-[\w-]+{os.sep}")
 
 
-def run_chunk(text: str, chunk: int, trial: Trial, top: Path) -> list[Row]:
-    """The rows of a chunk, one for each run; a run that fails is a row with its reason.
+def run_chunk(text: str, runs: Sequence[int], trial: Trial, top: Path) -> list[Row]:
+    """The rows of some runs of a chunk; a run that fails is a row with its reason.
 
-    text : text of the plan. top : folder with the files that the scenarios name (files.py).
+    text : text of the plan. runs : their numbers. top : folder with the files that the scenarios
+    name (files.py).
 
     Raises InputError when the code of this worker is of another version than the plan; OSError and
     MemoryError, which are failures of the machine and not of the run.
@@ -60,10 +61,10 @@ def run_chunk(text: str, chunk: int, trial: Trial, top: Path) -> list[Row]:
             f"a worker has version {code_version()}, the sweep {plan.data.version}. Install the "
             "same version everywhere, and leave the code alone while a sweep runs."
         )
-    return [_row(plan, run_of(plan, number), top, trial) for number in plan.chunk(chunk)]
+    return [_row(plan, run_of(plan, number), top, trial) for number in runs]
 
 
-def run_chunk_remotely(text: str, chunk: int, trial: Trial, files: Files) -> list[Row]:
+def run_chunk_remotely(text: str, runs: Sequence[int], trial: Trial, files: Files) -> list[Row]:
     """As `run_chunk`, on a machine that does not have the files.
 
     Raises InputError also when this worker computes with several threads, which changes the last
@@ -75,7 +76,7 @@ def run_chunk_remotely(text: str, chunk: int, trial: Trial, files: Files) -> lis
             f"with {'=1 '.join(unset)}=1."
         )
     folder = _unpacked(files)  # held until the chunk is done, should another sweep replace it
-    return run_chunk(text, chunk, trial, Path(folder.name))
+    return run_chunk(text, runs, trial, Path(folder.name))
 
 
 @lru_cache(maxsize=2)

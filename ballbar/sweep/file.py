@@ -21,19 +21,21 @@ is evaluated.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from cell.dotted_keys import Value, overlap
+from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended
 from cell.schema import Strict
-from cell.schema_errors import Loc, wrong_key
-from cell.strict_yaml import YamlDocument, load_yaml, parse_model
+from cell.schema_errors import wrong_key
+from cell.strict_yaml import YamlDocument, parse_model
 
 LABEL = "label"  # name of a row of `together`: a column of the table, no key of the scenario
 SEED = "seed"  # of a run, given under `seeds`
 
-Value = Any  # plain data of YAML: mapping, list, text, number, truth value, null
 Changes = dict[str, Value]  # dotted key of the scenario -> value
 Pair = tuple[float, float]
 
@@ -66,8 +68,8 @@ class Draw(Strict):
 class Seeds(Strict):
     """Consecutive seeds of the runs; each point runs with every one of them."""
 
-    first: Annotated[int, Field(ge=0, le=2**62)] = 1
-    count: Annotated[int, Field(ge=1, le=2**62)]
+    first: Annotated[int, Field(ge=0, le=2**62)] = Field(1, description="The lowest seed.")
+    count: Annotated[int, Field(ge=1, le=2**62)] = Field(description="How many seeds.")
 
 
 class SweepFile(Strict):
@@ -122,12 +124,17 @@ class SweepFile(Strict):
         return self
 
 
-def load_sweep_file(path: Path) -> tuple[SweepFile, YamlDocument]:
+SWEEPS = ExtendableKind(what="sweep", shipped=SHIPPED / "sweeps", files=("scenario",))
+
+
+def load_sweep_file(path: Path, overrides: Sequence[str] = ()) -> tuple[SweepFile, YamlDocument]:
     """The checked sweep, and the document that knows its lines.
+
+    overrides : texts `KEY=VALUE`, such as `seeds.count=40`, that replace values of the file.
 
     Raises DescriptionError naming file, line and key.
     """
-    document = load_yaml(path)
+    document = load_extended(path, SWEEPS, overrides=overrides)
     return parse_model(document, SweepFile), document
 
 
@@ -145,24 +152,3 @@ def flattened(mapping: dict[str, Value]) -> Changes:
                 raise ValueError(f"{dotted} is given twice; remove one")
             flat[dotted] = leaf
     return flat
-
-
-def location_of(document: YamlDocument, start: Loc, key: str) -> Loc:
-    """Location of a dotted key below `start`, whether its dots are nested mappings or not.
-
-    Where the key is not in the document: the location of the last mapping that leads to it.
-    """
-    node: Any = document.data
-    for step in start:
-        node = node[step]
-    for written in node if isinstance(node, dict) else ():
-        if key == written:
-            return (*start, written)
-        if key.startswith(f"{written}."):
-            return location_of(document, (*start, written), key.removeprefix(f"{written}."))
-    return start
-
-
-def overlap(key: str, other: str) -> bool:
-    """Whether two dotted keys are equal or one lies below the other."""
-    return f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}.")

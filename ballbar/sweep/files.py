@@ -13,13 +13,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from ballbar.scenario import SCENARIOS
 from cell.errors import InputError
 from cell.recording import load_recording_file
 
 Files = tuple[tuple[str, bytes], ...]  # (name in the scenario, content), in order of the names
 
-# a shipped description by its name, or a file that ends in .yaml
-_DESCRIPTIONS = ("cell.robot", "cell.ballbar", "cell.instrument", "cell.plate")
 _PATH_FILE, _RECORDING = "path.file", "path.recording"
 
 
@@ -70,11 +69,12 @@ def scenario_folder(names: Iterable[str], top: Path) -> Path:
 
 def _named(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Key and name of each file or recording that a scenario names."""
-    for key in (*_DESCRIPTIONS, _PATH_FILE, _RECORDING):
+    for key in (*SCENARIOS.descriptions, _PATH_FILE, _RECORDING):
         section, _, last = key.partition(".")
         below = scenario.get(section)
         name = below.get(last) if isinstance(below, dict) else None
-        if isinstance(name, str) and name and (key not in _DESCRIPTIONS or name.endswith(".yaml")):
+        described = key in SCENARIOS.descriptions
+        if isinstance(name, str) and name and (not described or name.endswith(".yaml")):
             yield key, name
 
 

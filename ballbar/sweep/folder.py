@@ -1,9 +1,14 @@
 """The folder of a sweep: its plan, the chunks that are done, and in the end the table.
 
 DIR/files/                 files that the scenarios name, as they were at the start
-DIR/plan.yaml              what is computed, and its hash: chunks of two plans are never mixed
-DIR/chunks/000123.parquet  finished chunks, each complete
+DIR/plan.yaml              what is computed, and its hash
+DIR/chunks/HASH/           of each plan, so that chunks of two plans are never mixed:
+    plan.json              the plan
+    000123.parquet         finished chunks, each complete
+    done                   when the table is that of this plan
 DIR/NAME.parquet, .csv     the table
+
+A plan that has grown (growth.py) takes over the rows of the smaller ones, whose chunks stay.
 """
 
 from __future__ import annotations
@@ -11,20 +16,25 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from ballbar.sweep.chunk import Row
 from ballbar.sweep.files import Files, unpack
-from ballbar.sweep.plan import Plan
-from ballbar.sweep.table import chunk_bytes, write_table
+from ballbar.sweep.growth import changed_keys, earlier_number
+from ballbar.sweep.plan import Plan, PlanData, point_of
+from ballbar.sweep.table import chunk_bytes, chunk_rows, write_table
 from cell.errors import InputError
 from cell.files import claimed_folder, write_whole, write_yaml
-from cell.strict_yaml import load_yaml
+from cell.strict_yaml import load_yaml, parse_model
 
 _FILES = "files"
 _CHUNKS = "chunks"
 _PLAN = "plan.yaml"
+_STORED, _DONE = "plan.json", "done"
+_HEAD = ("plan", "runs")  # what plan.yaml states before the plan
+MAX_CHANGED = 10  # keys that differ, named at once
 
 
 @dataclass(frozen=True)
@@ -54,35 +64,79 @@ class SweepFolder:
 
     @property
     def complete(self) -> bool:
-        return self.table.exists() and self.csv.exists()
+        """Whether the table is there and of this plan."""
+        return all(path.exists() for path in (self._chunks / _DONE, self.table, self.csv))
 
     def chunk(self, number: int) -> Path:
-        return self.path / _CHUNKS / f"{number:06d}.parquet"
+        return self._chunks / f"{number:06d}.parquet"
 
-    def missing(self) -> list[int]:
-        """Numbers of the chunks that are not done."""
-        done = {path.name for path in (self.path / _CHUNKS).glob("*.parquet")}
-        return [number for number in range(self.plan.chunks) if self.chunk(number).name not in done]
+    def missing_runs(self) -> dict[int, list[int]]:
+        """Each chunk that is not done -> its runs that no earlier plan has either."""
+        done = self._done
+        return {
+            chunk: [run for run in self.plan.chunk(chunk) if self._earlier_chunk(run) is None]
+            for chunk in range(self.plan.chunks)
+            if chunk not in done
+        }
+
+    @property
+    def _chunks(self) -> Path:
+        return self.path / _CHUNKS / self.plan.digest[:16]
+
+    @property
+    def _done(self) -> set[int]:
+        """Numbers of the chunks that are done."""
+        return {int(path.stem) for path in self._chunks.glob("*.parquet")}
+
+    @cached_property
+    def _earlier(self) -> list[tuple[SweepFolder, set[int]]]:
+        """The smaller plans that this one grew from, and numbers of their chunks that are done."""
+        plans = [Plan(file.read_text()) for file in (self.path / _CHUNKS).glob(f"*/{_STORED}")]
+        smaller = [plan for plan in plans if plan.digest != self.plan.digest]
+        folders = [SweepFolder(self.path, p) for p in smaller if not changed_keys(self.plan, p)]
+        return [(folder, folder._done) for folder in folders]
+
+    def _earlier_chunk(self, run: int) -> tuple[Path, int] | None:
+        """File and number of the row of a run that an earlier plan has."""
+        for folder, done in self._earlier:
+            number = earlier_number(self.plan, run, folder.plan)
+            if number is not None and (chunk := number // folder.plan.chunk_runs) in done:
+                return folder.chunk(chunk), number
+        return None
+
+    def _earlier_row(self, run: int) -> Row:
+        """The row of a run that an earlier plan has, with its numbers in this one."""
+        place = self._earlier_chunk(run)
+        assert place is not None, f"run {run} was not computed"
+        row, point = chunk_rows(place[0])[place[1]], run // self.plan.seeds
+        results = {name: value for name, value in row.items() if name not in self.plan.columns}
+        return results | {"run": run, "point": point} | point_of(self.plan, point)
 
     @property
     def files(self) -> Path:
         return self.path / _FILES
 
     def start(self, files: Files) -> None:
-        """Writes the files and plan.yaml, unless the folder has a plan already."""
-        if not self.started:
+        """Writes the files and the plan, unless the folder has this plan already."""
+        if not self.checked:
             unpack(files, self.files)
-            head = {"plan": self.plan.digest, "runs": self.plan.runs}
+            write_whole(self._chunks / _STORED, self.plan.text.encode())
+            for done in (self.path / _CHUNKS).glob(f"*/{_DONE}"):
+                done.unlink()  # the table is of another plan from now on
+            head = dict(zip(_HEAD, (self.plan.digest, self.plan.runs), strict=True))
             write_yaml(self.path / _PLAN, head | json.loads(self.plan.text))
 
     def keep(self, number: int, rows: list[Row]) -> None:
-        """Writes a finished chunk."""
-        write_whole(self.chunk(number), chunk_bytes(rows, self.plan.columns))
+        """Writes a finished chunk: the rows that were computed, and those of earlier plans."""
+        computed = {row["run"]: row for row in rows}
+        every = [computed.get(run) or self._earlier_row(run) for run in self.plan.chunk(number)]
+        write_whole(self.chunk(number), chunk_bytes(every, self.plan.columns))
 
     def finish(self) -> None:
         """Writes the table from all chunks."""
         chunks = [self.chunk(number) for number in range(self.plan.chunks)]
         write_table(chunks, {"parquet": self.table, "csv": self.csv})
+        write_whole(self._chunks / _DONE, b"")
 
 
 @contextmanager
@@ -95,17 +149,22 @@ def open_folder(path: Path, plan: Plan) -> Iterator[SweepFolder]:
     written = (_PLAN, folder.table.name, folder.csv.name)
     with claimed_folder(path, {_FILES, _CHUNKS, *written}, "a sweep"):
         if folder.started and not folder.checked:
-            _refuse_other_plan(path / _PLAN, plan)
+            _refuse_unless_grown(path / _PLAN, plan)
         yield folder
 
 
-def _refuse_other_plan(file: Path, plan: Plan) -> None:
-    stored, data = load_yaml(file).data, json.loads(plan.text)
-    if stored.get("version") != data["version"]:
-        reason = f"were computed by version {stored.get('version')}, this is {data['version']}"
+def _refuse_unless_grown(file: Path, plan: Plan) -> None:
+    """Raises InputError unless the plan is that of plan.yaml with more seeds, draws or points."""
+    document = load_yaml(file)
+    stored, version = document.data, plan.data.version
+    if stored.get("version") != version:
+        reason = f"were computed by version {stored.get('version')}, this is {version}"
     else:
-        changed = ", ".join(key for key in data if stored.get(key) != data[key])
-        reason = f"are of another sweep (changed: {changed or 'the order of keys'})"
+        document = replace(document, data={k: stored[k] for k in stored if k not in _HEAD})
+        changed = changed_keys(plan, Plan.of(parse_model(document, PlanData)))
+        if not changed:
+            return
+        reason = f"are of another sweep (changed: {', '.join(changed[:MAX_CHANGED])})"
     raise InputError(
         f"{file}: its chunks {reason}; nothing was run. Choose another folder with --out, or "
         "delete this one."

@@ -16,9 +16,9 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 from ballbar.scenario import Scenario
-from ballbar.sweep.file import LABEL, SEED, Changes, Draw, Seeds, Value
+from ballbar.sweep.file import LABEL, SEED, Changes, Draw, Seeds
 from cell.arrays import Array
-from cell.errors import InputError
+from cell.dotted_keys import Value, with_changes
 from cell.schema import Strict
 from sim.streams import stream
 
@@ -49,6 +49,11 @@ class Axis:
 
     section: str  # of the sweep file: together, vary, draw
     rows: Sequence[Changes]
+
+    @property
+    def key(self) -> str:
+        """What distinguishes it from the other axes: its key under `vary`, or its section."""
+        return next(iter(self.rows[0])) if self.section == "vary" else self.section
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -156,18 +161,6 @@ class Plan:
         return dict(sorted(columns.items(), key=lambda column: column[0] != LABEL))
 
 
-def with_changes(data: Mapping[str, Value], changes: Changes) -> dict[str, Value]:
-    """Scenario data with the values at dotted keys replaced or added; `data` itself is unchanged.
-
-    Raises InputError when a key leads through a value that holds nothing below it.
-    """
-    changed = dict(data)
-    for key, value in changes.items():
-        if key != LABEL:
-            changed = _replaced(changed, key.split("."), value, key)
-    return changed
-
-
 def point_of(plan: Plan, point: int) -> Changes:
     """The varied values at a point, keys in the order of the axes."""
     rows = []
@@ -179,7 +172,12 @@ def point_of(plan: Plan, point: int) -> Changes:
 
 def scenario_data(plan: Plan, values: Changes) -> str:
     """A scenario with its varied values, as the JSON that `Scenario` validates."""
-    return json.dumps(with_changes(plan.data.scenario, values))
+    return json.dumps(with_values(plan.data.scenario, values))
+
+
+def with_values(scenario: Mapping[str, Value], values: Changes) -> dict[str, Value]:
+    """Scenario data with its varied values. Raises InputError as `with_changes`."""
+    return with_changes(scenario, {key: v for key, v in values.items() if key != LABEL})
 
 
 def run_of(plan: Plan, number: int) -> Run:
@@ -220,25 +218,3 @@ def _drawn(draw: Draw, variate: float) -> float:
     low, high = draw.log_uniform or (1.0, 1.0)
     value = low * math.exp(math.log(high / low) * variate)
     return min(max(value, low), high)  # rounding must not leave the bounds
-
-
-def _replaced(node: Value, path: list[str], value: Value, key: str) -> Any:
-    """`node` with `value` at a path below it; `key` is the whole dotted key, for the message."""
-    if not path:
-        return value
-    head, rest = path[0], path[1:]
-    if isinstance(node, list):
-        if not head.isdecimal() or int(head) >= len(node):
-            raise InputError(
-                f"{key}: the list has no item {head}; its {len(node)} items count from 0. "
-                "Name one of these"
-            )
-        i = int(head)
-        return [*node[:i], _replaced(node[i], rest, value, key), *node[i + 1 :]]
-    if node is not None and not isinstance(node, dict):
-        raise InputError(
-            f"{key}: the scenario has the value {node!r} above {head}, with no keys of its own. "
-            f"Name a key that the scenario has"
-        )
-    below = node or {}
-    return {**below, head: _replaced(below.get(head), rest, value, key)}

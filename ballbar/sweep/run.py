@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
@@ -18,7 +18,6 @@ from pathlib import Path
 from ballbar.sweep.check import LoadedSweep, check_points
 from ballbar.sweep.chunk import Row, Task, Trial
 from ballbar.sweep.folder import SweepFolder, open_folder
-from ballbar.sweep.plan import Plan
 from ballbar.sweep.workers import Workers
 from cell.errors import FailureError, InputError
 
@@ -68,58 +67,61 @@ def run_sweep(
         if folder.complete:
             return Outcome(folder, plan.runs, plan.runs)
         folder.start(sweep.files)
-        missing = folder.missing()
-        resumed = plan.runs - _runs_of(plan, missing)
+        missing = folder.missing_runs()
+        resumed = plan.runs - _count(missing)
         try:
-            if missing:
+            for chunk in [chunk for chunk, runs in missing.items() if not runs]:
+                folder.keep(chunk, [])
+            if _count(missing):
                 task = Task(plan.text, trial, sweep.files, folder.files)
                 with workers(task) as pool, _stop_requests() as stop_requested:
                     _compute(folder, missing, pool, stop_requested, progress)
-            missing = folder.missing()
+            missing = folder.missing_runs()
             if not missing:
                 progress(plan.runs, "writing the table")
                 folder.finish()
         except KeyboardInterrupt:
-            missing = folder.missing()
-        return Outcome(folder, resumed, plan.runs - _runs_of(plan, missing))
+            missing = folder.missing_runs()
+        return Outcome(folder, resumed, plan.runs - _count(missing))
 
 
 def _compute(
     folder: SweepFolder,
-    missing: list[int],
+    missing: Mapping[int, Sequence[int]],
     workers: Workers,
     stop_requested: Callable[[], bool],
     progress: Progress,
 ) -> None:
-    """Computes and keeps the missing chunks until all are done, a stop is requested, or one fails.
+    """Computes and keeps missing runs until all are done, a stop is requested, or a chunk fails.
 
+    missing : chunk -> its runs that are missing, none where the folder has them all.
     Somewhat more chunks are submitted than there are workers, so that no worker waits for the next.
     """
     plan = folder.plan
-    done = plan.runs - _runs_of(plan, missing)
-    queue = iter(missing)
+    done = plan.runs - _count(missing)
+    queue = iter([chunk for chunk, runs in missing.items() if runs])
     submitted: dict[Future[list[Row]], int] = {}
     failure: SweepError | InputError | None = None
     while True:
         stopping = stop_requested() or failure is not None
         room = 0 if stopping else workers.count() + workers.count() // 4 + 1 - len(submitted)
         for _, chunk in zip(range(room), queue, strict=False):  # in this order, or zip drops one
-            submitted[workers.submit(chunk)] = chunk
+            submitted[workers.submit(missing[chunk])] = chunk
         progress(done, _stage(workers, stopping=stopping))
         if not submitted:
             break
         for future in wait(submitted, timeout=POLL, return_when=FIRST_COMPLETED).done:
             chunk = submitted.pop(future)
             try:
-                folder.keep(chunk, _rows(future, plan.chunk(chunk)))
-                done += len(plan.chunk(chunk))
+                folder.keep(chunk, _rows(future, missing[chunk]))
+                done += len(missing[chunk])
             except (SweepError, InputError) as error:
                 failure = failure or error
     if failure is not None:
         raise failure
 
 
-def _rows(future: Future[list[Row]], runs: range) -> list[Row]:
+def _rows(future: Future[list[Row]], runs: Sequence[int]) -> list[Row]:
     """The rows that a worker computed.
 
     Raises InputError as the worker did, SweepError when the worker or its connection failed.
@@ -150,8 +152,8 @@ def _stage(workers: Workers, *, stopping: bool) -> str:
     return "running" if workers.count() else "waiting for workers"
 
 
-def _runs_of(plan: Plan, chunks: list[int]) -> int:
-    return sum(len(plan.chunk(chunk)) for chunk in chunks)
+def _count(missing: Mapping[int, Sequence[int]]) -> int:
+    return sum(map(len, missing.values()))
 
 
 @contextmanager

@@ -20,7 +20,6 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from ballbar.sweep.file import Value
 from ballbar.sweep.plan import Plan
 from ballbar.sweep.run import Outcome
 from ballbar.sweep.run import Progress as RunProgress
@@ -33,6 +32,7 @@ from ballbar.sweep.summary import (
     grid_points,
 )
 from ballbar.terminal import animated, wide_console
+from cell.dotted_keys import Value
 
 BAR_AFTER = 2.0  # [s] a sweep that ends sooner shows no bar
 WIDTH = 160  # characters of the summary in a pipe or file

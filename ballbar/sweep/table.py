@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from functools import reduce
+from functools import lru_cache, reduce
 from pathlib import Path
 
 import pyarrow as pa
@@ -19,7 +19,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
 from ballbar.sweep.chunk import Row
-from ballbar.sweep.file import Value
+from cell.dotted_keys import Value
 from cell.errors import InputError
 from cell.files import written_whole
 from cell.foreign_text import csv_text
@@ -54,6 +54,16 @@ def chunk_bytes(rows: Sequence[Row], varied: Mapping[str, list[Value]]) -> bytes
     sink = pa.BufferOutputStream()
     pq.write_table(pa.table(arrays), sink, write_statistics=False)
     return bytes(sink.getvalue())
+
+
+@lru_cache(maxsize=8)
+def chunk_rows(chunk: Path) -> dict[int, Row]:
+    """Number of a run -> its row, of a finished chunk; results that a run has not are left out.
+
+    Raises InputError when the chunk cannot be read.
+    """
+    rows = _opened(chunk).read(use_threads=False).to_pylist()
+    return {row["run"]: {k: v for k, v in row.items() if v is not None} for row in rows}
 
 
 def write_table(chunks: Sequence[Path], files: Mapping[str, Path]) -> None:

@@ -10,7 +10,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -30,7 +30,7 @@ COUNT_PERIOD = 1.0  # [s] between two looks at how many Dask workers there are
 class Workers:
     """Something that computes the chunks of one sweep."""
 
-    submit: Callable[[int], Future[list[Row]]]
+    submit: Callable[[Sequence[int]], Future[list[Row]]]  # numbers of runs of a chunk -> rows
     count: Callable[[], int]  # chunks computed at the same time; may change
 
 
@@ -54,10 +54,10 @@ def process_pool(count: int) -> Iterator[Callable[[Task], AbstractContextManager
             count, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_driver
         )
 
-        def submit(task: Task, chunk: int) -> Future[list[Row]]:
+        def submit(task: Task, runs: Sequence[int]) -> Future[list[Row]]:
             try:
                 with _stop_signals_blocked():  # the pool starts its processes in `submit`
-                    return pool.submit(run_chunk, task.text, chunk, task.trial, task.top)
+                    return pool.submit(run_chunk, task.text, runs, task.trial, task.top)
             except BrokenProcessPool as error:  # reported when the chunk's result is collected
                 broken: Future[list[Row]] = Future()
                 broken.set_exception(error)
@@ -98,7 +98,7 @@ def dask_cluster(task: Task, *, address: str) -> Iterator[Workers]:
         # A task of its own: sent once to each worker, also to one that joins later.
         files = client.submit(tuple, task.files, pure=False)
         yield Workers(
-            lambda chunk: executor.submit(run_chunk_remotely, task.text, chunk, task.trial, files),
+            lambda runs: executor.submit(run_chunk_remotely, task.text, runs, task.trial, files),
             _refreshed(lambda: sum(client.nthreads().values())),
         )
 

@@ -37,6 +37,9 @@ its default. An error source is absent unless a scenario names it:
 `errors: {{joint_compliance: {{}}}}` switches one on at its default size. An unknown key, a value
 out of range or a wrong kind is refused with the file's line.
 
+`extends: FILE` takes over another scenario, and `--set KEY=VALUE` replaces a value on the command
+line: [Vary and reuse files](how_to/reuse_files.md).
+
 What differs from unit to unit (phases, spread, deviations) is drawn from the scenario's seed. Each
 source draws from a stream of its own, so switching one on leaves all others bit-identical. z is a
 standard normal draw, phi a drawn phase.

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.files import write_whole, write_yaml
+from planning.files import REQUEST
 from planning.poses.export import pdl2_poses, pose_table, poses_data, rapid_poses
 from planning.poses.plan import PosePlan
 from planning.poses.request import PosePlanRequest
@@ -17,7 +18,7 @@ PROGRAM_AXES = 6  # of the robots that RAPID and PDL2 programs are written for
 
 def output_names(request: PosePlanRequest) -> set[str]:
     """Names of all files that a plan may write."""
-    return {TABLE, DESCRIPTION, NUMBERS, f"{request.name}.mod", f"{request.name}.pdl"}
+    return {TABLE, DESCRIPTION, NUMBERS, REQUEST, f"{request.name}.mod", f"{request.name}.pdl"}
 
 
 def numbers_data(plan: PosePlan) -> dict[str, object]:

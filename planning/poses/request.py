@@ -5,16 +5,18 @@ Schema `ballbar-pose-plan/1`. Lists of axes have one value for each axis of the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from cell.extended_yaml import load_extended
 from cell.pose_file import KnownDistances
 from cell.schema import Name, Strict
 from cell.schema_errors import wrong_key
-from cell.strict_yaml import load_model, load_yaml
-from planning.request import Axes, Cone, KeepOut, Positive
+from cell.strict_yaml import parse_model
+from planning.request import REQUESTS, Axes, Cone, KeepOut, Positive
 from sim.settings import Vector3
 
 SCHEMA = "ballbar-pose-plan/1"
@@ -141,11 +143,18 @@ class PosePlanRequest(Strict):
         return self
 
 
-def holds_pose_request(path: Path) -> bool:
-    """Whether a request's file asks for still poses. Raises DescriptionError for no YAML file."""
-    return str(load_yaml(path).data.get("schema")).startswith(SCHEMA.partition("/")[0] + "/")
+def holds_pose_request(path: Path, *, overrides: Sequence[str] = ()) -> bool:
+    """Whether a request's file asks for still poses. Raises DescriptionError for no YAML file.
+
+    overrides : as of `load_pose_request`.
+    """
+    schema = load_extended(path, REQUESTS, overrides=overrides).data.get("schema")
+    return str(schema).startswith(SCHEMA.partition("/")[0] + "/")
 
 
-def load_pose_request(path: Path) -> PosePlanRequest:
-    """The checked request. Raises DescriptionError naming file, line and key."""
-    return load_model(path, PosePlanRequest)
+def load_pose_request(path: Path, *, overrides: Sequence[str] = ()) -> PosePlanRequest:
+    """The checked request. Raises DescriptionError naming file, line and key.
+
+    overrides : texts `KEY=VALUE`, such as `poses=60`, that replace values of the file.
+    """
+    return parse_model(load_extended(path, REQUESTS, overrides=overrides), PosePlanRequest)

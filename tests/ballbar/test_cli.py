@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from ballbar.scenario import load_scenario
 from tests.helpers.command_line import SHORT, ballbar
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded
 
@@ -37,9 +38,12 @@ def test_a_scenario_runs_to_report_replay_and_limits(scenario: Path, tmp_path: P
         "run.rrd",
         "recording",
         "recording.truth.yaml",
+        "recording.scenario.yaml",
     } == {p.name for p in (tmp_path / "out").iterdir()}
-    code, out, _ = ballbar("run", scenario, "--out", tmp_path / "out")
+    code, out, _ = ballbar("run", scenario, "--out", tmp_path / "out", "--set", "seed=4")
     assert code == 0, "a second run into the same folder replaces the first"
+    assert load_scenario(tmp_path / "out/recording.scenario.yaml").seed == 4
+    assert "--set seed=4</code>" in (tmp_path / "out/report.html").read_text()
     code, out, _ = ballbar(
         "compare", tmp_path / "out/calibration.yaml", tmp_path / "out/recording.truth.yaml"
     )

@@ -185,7 +185,7 @@ def test_a_title_of_several_lines_is_refused_with_its_key(tmp_path: Path, title:
             r"^title: .*$", lambda _: f"title: {json.dumps(title)}", shipped, count=1, flags=re.M
         )
     )
-    line = load_yaml(ROBOT).line_of(("title",))
+    line = load_yaml(ROBOT).place_of(("title",)).line
     with pytest.raises(DescriptionError, match=rf"evil\.yaml:{line}: "):
         load_robot(str(path))
 

@@ -61,6 +61,7 @@ def test_a_scenario_of_still_poses_runs_to_report_and_limits(name: str, tmp_path
         "calibration.yaml",
         "report.html",
         "recording",
+        "recording.scenario.yaml",
         "recording.truth.yaml",
     }
 

@@ -385,7 +385,7 @@ def test_input_files_stand_with_their_hashes_relative_to_the_recording(
 @pytest.mark.usefixtures("blank_figures")
 def test_the_scenario_file_stands_among_the_inputs(run: RunData, tmp_path: Path) -> None:
     scenario = SCENARIOS / "irb2400.yaml"
-    parsed = _Page(_page(replace(run, scenario_file=scenario), tmp_path))
+    parsed = _Page(_page(replace(run, scenario_files=(scenario,)), tmp_path))
     assert parsed.row("irb2400.yaml")[-1] == hashlib.sha256(scenario.read_bytes()).hexdigest()
 
 

@@ -27,12 +27,13 @@ from ballbar.sweep.chunk import run_chunk, run_chunk_remotely
 from ballbar.sweep.file import Seeds
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
-from ballbar.sweep.plan import Plan, PlanData, point_of, run_of, with_changes
+from ballbar.sweep.plan import Plan, PlanData, point_of, run_of
 from ballbar.sweep.run import Outcome, SweepError
 from ballbar.sweep.summary import failures_of, grid_points
 from ballbar.sweep.table import chunk_bytes, write_table
 from ballbar.sweep.workers import processes
 from ballbar.trial.trial import run_trial
+from cell.dotted_keys import with_changes
 from cell.errors import InputError
 from cell.threads import ONE_THREAD
 from tests.helpers import sweep_work
@@ -86,7 +87,7 @@ def plan_of(folder: Path, text: str) -> Plan:
         (
             "change: {cell.robot.a: 1}\nseeds: {count: 1}\n",
             4,
-            "cell.robot.a: the scenario has the value 'irb2400' above a",
+            "cell.robot.a: the value 'irb2400' above a has no keys of its own",
         ),
         (
             "together:\n  - {clocks.skew: 0.0}\n  - {clocks: {skew: 1.0}}\nseeds: {count: 1}\n",
@@ -351,13 +352,13 @@ def test_files_of_the_scenario_travel_with_the_plan(
     for name in ONE_THREAD:
         monkeypatch.setenv(name, "1")
     assert (
-        run_chunk_remotely(sweep.plan.text, 0, sweep_work.path_text, sweep.files)[0]["text"]
+        run_chunk_remotely(sweep.plan.text, [0], sweep_work.path_text, sweep.files)[0]["text"]
         == "one"
     )
     assert plan_of(tmp_path, text).digest != sweep.plan.digest
     for elsewhere in ("here", "there"):
         unpack(sweep.files, tmp_path / elsewhere)
-        row = run_chunk(sweep.plan.text, 0, sweep_work.no_such_file, tmp_path / elsewhere)[0]
+        row = run_chunk(sweep.plan.text, [0], sweep_work.no_such_file, tmp_path / elsewhere)[0]
         assert row["reason"] == "../../paths/a.yaml and paths/a.yaml: no such file.", (
             "the folder of the worker is not in it"
         )
@@ -445,7 +446,7 @@ def test_a_column_has_one_type_whatever_its_chunks_hold(tmp_path: Path) -> None:
 def test_a_result_cannot_take_the_place_of_another_column(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, GRID)
     with pytest.raises(ValueError, match="run 0: results have the names of other columns: seed"):
-        run_chunk(plan.text, 0, lambda *_: {"seed": 1}, tmp_path)
+        run_chunk(plan.text, [0], lambda *_: {"seed": 1}, tmp_path)
 
 
 def test_the_summary_takes_draws_and_seeds_of_a_grid_point_together(tmp_path: Path) -> None:
@@ -495,7 +496,9 @@ def test_an_interrupt_keeps_what_is_done_and_the_rest_follows(
     assert not stopped.finished
     assert 0 < stopped.done < sweep.plan.runs
     assert any(stage.startswith("stopping when the runs in progress are done") for stage in heard)
-    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "chunks").iterdir()}
+    kept = {
+        path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "chunks").rglob("*.parquet")
+    }
     assert sum(len(pd.read_parquet(path)) for path in kept) == stopped.done
     again = swept(sweep, tmp_path / "out", partial(processes, count=1))
     assert again.finished
@@ -589,7 +592,7 @@ def test_a_worker_of_another_version_is_refused(tmp_path: Path) -> None:
         InputError,
         match=r"a worker has version \S+, the sweep 0\.0\.9\+00000000\. Install the same version",
     ):
-        run_chunk(other, 0, sweep_work.figures, tmp_path)
+        run_chunk(other, [0], sweep_work.figures, tmp_path)
 
 
 def test_a_worker_of_a_cluster_with_several_threads_is_refused(
@@ -603,7 +606,7 @@ def test_a_worker_of_a_cluster_with_several_threads_is_refused(
         InputError,
         match="with a nanny, Dask's default, or with OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1",
     ):
-        run_chunk_remotely(sweep.plan.text, 0, sweep_work.figures, sweep.files)
+        run_chunk_remotely(sweep.plan.text, [0], sweep_work.figures, sweep.files)
 
 
 def test_chunks_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) -> None:
@@ -616,7 +619,8 @@ def test_chunks_of_another_sweep_or_version_are_never_mixed_in(tmp_path: Path) -
     started(plan)
     with pytest.raises(
         InputError,
-        match=r"plan\.yaml: its chunks are of another sweep \(changed: vary\); nothing was run",
+        match=r"plan\.yaml: its chunks are of another sweep "
+        r"\(changed: vary\.cell\.ballbar_position_m\.0\); nothing was run",
     ):
         started(plan_of(tmp_path, GRID.replace("0.72", "0.73")))
     with pytest.raises(
@@ -708,7 +712,7 @@ def test_a_sweep_killed_at_any_time_goes_on_to_the_same_bytes(tmp_path: Path) ->
         ) as sweep:
             until = time.monotonic() + 30.0
             while (
-                len(list((tmp_path / "broken" / "chunks").glob("*.parquet"))) < chunks
+                len(list((tmp_path / "broken" / "chunks").rglob("*.parquet"))) < chunks
                 and time.monotonic() < until
             ):
                 time.sleep(0.02)

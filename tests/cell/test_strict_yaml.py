@@ -122,10 +122,10 @@ def test_every_key_and_item_knows_its_line_and_a_missing_one_that_of_its_parent(
     document = load_yaml(write(tmp_path, "# robot\na: 1\nb:\n  c:\n    - 5\n    - {d: 6}\n"))
     assert document.data == {"a": 1, "b": {"c": [5, {"d": 6}]}}
     assert [
-        document.line_of(loc)
+        document.place_of(loc).line
         for loc in ((), ("a",), ("b",), ("b", "c"), ("b", "c", 0), ("b", "c", 1, "d"))
     ] == [2, 2, 3, 4, 5, 6]
-    assert document.line_of(("b", "missing", 3)) == 3
+    assert document.place_of(("b", "missing", 3)).line == 3
 
 
 @pytest.mark.parametrize(
@@ -336,7 +336,7 @@ def test_libyaml_and_pyyaml_read_every_shipped_description_alike(
     monkeypatch.setattr(strict_yaml.yaml, "__with_libyaml__", False)
     slow = [load_yaml(path) for path in SHIPPED]
     assert len(SHIPPED) > 20
-    assert [(one.data, one.lines) for one in fast] == [(one.data, one.lines) for one in slow]
+    assert [(one.data, one.places) for one in fast] == [(one.data, one.places) for one in slow]
 
 
 @pytest.mark.parametrize("text", ["a: [1, b? c]\n", "a: {b: !length}\n", "a:\t1\n", "a: \t- 1\n"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -37,9 +37,9 @@ def loaded(folder: Path, text: str) -> LoadedSweep:
 def inline(task: Task) -> AbstractContextManager[Workers]:
     """One worker: this process."""
 
-    def submit(chunk: int) -> Future[list[Row]]:
+    def submit(runs: Sequence[int]) -> Future[list[Row]]:
         future: Future[list[Row]] = Future()
-        future.set_result(run_chunk(task.text, chunk, task.trial, task.top))
+        future.set_result(run_chunk(task.text, runs, task.trial, task.top))
         return future
 
     return nullcontext(Workers(submit, lambda: 1))

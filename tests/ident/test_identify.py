@@ -66,6 +66,7 @@ def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
         "calibration.yaml",
         "import_report.json",
         "recording",
+        "recording.scenario.yaml",
         "recording.truth.yaml",
         "report.html",
         "run.rrd",

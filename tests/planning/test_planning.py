@@ -513,11 +513,10 @@ def test_the_command_writes_a_scenario_that_can_be_loaded(
     from ballbar.scenario import load_scenario  # noqa: PLC0415
 
     out = tmp_path / "plan"
-    result = CliRunner().invoke(
-        app,
-        ["plan", str(SCENARIOS / "plans" / "irb2400.yaml"), "--seconds", "0", "--out", str(out)],
-    )
+    request = ("plan", str(SCENARIOS / "plans" / "irb2400.yaml"), "--set", "name=mine")
+    result = CliRunner().invoke(app, [*request, "--seconds", "0", "--out", str(out)])
     assert result.exit_code == 0, result.output
+    assert load_request(out / "request.yaml").name == "mine"
     written = {p.name for p in out.iterdir()}
     assert written == {
         "path.yaml",
@@ -525,8 +524,9 @@ def test_the_command_writes_a_scenario_that_can_be_loaded(
         "plan.yaml",
         "plan.svg",
         "path.csv",
-        "irb2400.mod",
-        "irb2400.pdl",
+        "request.yaml",
+        "mine.mod",
+        "mine.pdl",
     }
     assert load_scenario(out / "scenario.yaml").path.file == "path.yaml"
     assert "predicted TCP sigma" in result.output

@@ -353,7 +353,7 @@ def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path:
     assert result["acceptable"] is True
     assert result["plan"]["poses"] == 30
     assert set(result["files"]) == {
-        *("poses.csv", "poses.yaml", "plan.yaml"),
+        *("poses.csv", "poses.yaml", "plan.yaml", "request.yaml"),
         *("irb2400_tracker.mod", "irb2400_tracker.pdl"),
     }
     rows = rows_of(folder / "poses.csv")

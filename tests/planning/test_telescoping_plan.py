@@ -349,7 +349,9 @@ def test_the_command_writes_what_a_telescoping_bar_needs_and_a_scenario_that_run
     out = tmp_path / "plan"
     result = CliRunner().invoke(app, ["plan", str(REQUEST), "--path", str(PATH), "--out", str(out)])
     assert result.exit_code == 0, result.output
-    names = {"path.yaml", "scenario.yaml", "plan.yaml", "plan.svg", "path.csv"}
+    names = {"path.yaml", "scenario.yaml", "plan.yaml", "plan.svg", "path.csv", "request.yaml"}
+    again = load_request(out / "request.yaml").cell.instrument
+    assert Path(again or "").samefile(REQUEST.parent / "telescoping_1000.yaml")
     programs = {f"ur10e_telescoping.{kind}" for kind in ("mod", "pdl")}
     assert {p.name for p in out.iterdir()} == names | programs
     said = re.sub(r"\s+", " ", result.output)

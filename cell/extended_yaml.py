@@ -1,0 +1,185 @@
+"""YAML files that extend another file, and values set on the command line.
+
+    extends: irb2400.yaml      # relative to this file, or the name of a shipped file: irb2400
+
+Mappings are merged at every depth; lists and values replace those of the base, and null is a value
+too. The base may extend another file. Names of files in a base stand relative to that base.
+Afterwards each `KEY=VALUE` replaces the whole value at its dotted key (dotted_keys.py); VALUE is
+YAML, and a name of a file in it stands relative to the file that is read. Every value has its own
+place, so an error names the file and line, or the option, that holds what is wrong.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cell.dotted_keys import location_of, with_changes
+from cell.errors import DescriptionError, InputError
+from cell.schema_errors import Loc, nearest
+from cell.strict_yaml import Place, YamlDocument, load_yaml, parse_value
+
+SHIPPED = Path(__file__).parents[1] / "scenarios"  # beside the packages, in the tree and installed
+EXTENDS = "extends"  # the key
+MAX_BASES = 8  # files that one file extends, directly or through others
+
+
+@dataclass(frozen=True)
+class ExtendableKind:
+    """A kind of file that may extend another of its kind."""
+
+    what: str  # scenario, request, sweep
+    shipped: Path  # folder of the shipped ones
+    files: tuple[str, ...]  # dotted keys of files, relative to the file that names them
+    # dotted keys of descriptions: a shipped one by its name, or a file that ends in .yaml
+    descriptions: tuple[str, ...] = ()
+
+
+def load_extended(
+    path: Path, kind: ExtendableKind, *, overrides: Sequence[str] = ()
+) -> YamlDocument:
+    """The mapping of a file over those that it extends, with the values of `overrides`.
+
+    overrides : texts `KEY=VALUE`, of different keys.
+
+    Raises DescriptionError naming the place of what cannot be read or merged.
+    """
+    document, *bases = reversed(_chain(path, kind))
+    for derived in bases:
+        document = _over(document, derived, kind)
+    keys: set[str] = set()
+    for text in overrides:
+        document = _with_override(document, text, keys)
+    return document
+
+
+def files_of(path: Path, kind: ExtendableKind) -> list[Path]:
+    """The file, the one that it extends, and so on. Raises DescriptionError."""
+    return [document.path for document in _chain(path, kind)]
+
+
+def named_file(name: str, kind: ExtendableKind, *, relative_to: Path = Path()) -> Path:
+    """The file of a name: the path itself, or the shipped file of a bare name.
+
+    name : a path, taken from the folder `relative_to`, or a bare name such as `irb2400`.
+
+    Raises DescriptionError when a bare name is neither a file there nor a shipped one.
+    """
+    path = relative_to / name
+    if path.is_file() or path.suffix or Path(name).name != name:
+        return path
+    names = sorted(file.stem for file in kind.shipped.glob("*.yaml"))
+    if name in names:
+        return kind.shipped / f"{name}.yaml"
+    hint = nearest(name, names, noun="name")
+    raise DescriptionError(f"unknown {kind.what} {name!r}.{hint} A file of your own ends in .yaml.")
+
+
+def renamed(data: dict[str, Any], kind: ExtendableKind, old: Path, new: Path) -> dict[str, Any]:
+    """The data of a file with names of files relative to the folder `new` in place of `old`."""
+    here, there = old.resolve(), new.resolve()
+    if here == there:
+        return data
+
+    def moved(name: Any) -> Any:
+        if isinstance(name, list):
+            return [moved(item) for item in name]
+        if not isinstance(name, str) or not name or Path(name).is_absolute():
+            return name
+        return os.path.relpath(here / name, there)
+
+    def described(name: Any) -> Any:
+        if isinstance(name, list):
+            return [described(item) for item in name]
+        return moved(name) if isinstance(name, str) and name.endswith(".yaml") else name
+
+    for keys, change in ((kind.files, moved), (kind.descriptions, described)):
+        for key in keys:
+            value: Any = data
+            for part in key.split("."):
+                value = value.get(part) if isinstance(value, dict) else None
+            if value is not None:
+                data = with_changes(data, {key: change(value)})
+    return data
+
+
+def _chain(path: Path, kind: ExtendableKind) -> list[YamlDocument]:
+    """The file and its bases as they are written, each before the one that it extends."""
+    chain = [load_yaml(path)]
+    while EXTENDS in chain[-1].data:
+        file, where = _base_of(chain[-1], kind)
+        names = " extends ".join(document.path.name for document in chain)
+        if any(file.resolve() == document.path.resolve() for document in chain):
+            raise DescriptionError(
+                f"{where}: a circle, {names} extends {file.name}. Remove one of these lines."
+            )
+        if len(chain) > MAX_BASES:
+            raise DescriptionError(
+                f"{where}: {names} extends more than {MAX_BASES} files one after the other. Merge "
+                "some of them."
+            )
+        chain.append(load_yaml(file))
+    return chain
+
+
+def _base_of(document: YamlDocument, kind: ExtendableKind) -> tuple[Path, str]:
+    """The file that a document extends, and the beginning of a message about it."""
+    name = document.data[EXTENDS]
+    where = f"{document.place_of((EXTENDS,))}: {EXTENDS} = {name!r}"
+    if not isinstance(name, str):
+        raise DescriptionError(f"{where}: expected the name of a file.")
+    try:
+        file = named_file(name, kind, relative_to=document.path.parent)
+    except DescriptionError as error:
+        raise DescriptionError(f"{where}: {error}") from None
+    if not file.is_file():
+        raise DescriptionError(f"{where}: no such file {file}. Name it relative to this file.")
+    return file, where
+
+
+def _over(base: YamlDocument, derived: YamlDocument, kind: ExtendableKind) -> YamlDocument:
+    """A document merged over the one that it extends."""
+    own = {key: value for key, value in derived.data.items() if key != EXTENDS}
+    replaced: set[Loc] = set()
+    names = renamed(base.data, kind, base.path.parent, derived.path.parent)
+    data = _merged(names, own, (), replaced)
+    return YamlDocument(derived.path, data, dict(_above(base, replaced)) | derived.places)
+
+
+def _merged(base: Any, own: Any, loc: Loc, replaced: set[Loc]) -> Any:
+    """`own` over `base`; adds the locations whose value is replaced as a whole to `replaced`."""
+    if isinstance(base, dict) and isinstance(own, dict):
+        both = {k: _merged(base[k], own[k], (*loc, k), replaced) for k in own if k in base}
+        return base | own | both
+    replaced.add(loc)
+    return own
+
+
+def _above(document: YamlDocument, replaced: set[Loc]) -> Iterator[tuple[Loc, Place]]:
+    """The places of a document that do not lie within one of the replaced values."""
+    for loc, place in document.places.items():
+        if not any(loc[:depth] in replaced for depth in range(1, len(loc))):
+            yield loc, place
+
+
+def _with_override(document: YamlDocument, text: str, keys: set[str]) -> YamlDocument:
+    """The document with the value of `KEY=VALUE`; adds KEY to `keys`, which must not hold it."""
+    option = f"--set {text}"
+    key, equals, value = text.partition("=")
+    if not equals or "" in key.split("."):
+        raise DescriptionError(f"{option}: expected KEY=VALUE, such as seed=2.")
+    if key in keys:
+        raise DescriptionError(f"{option}: {key} is set twice. Remove one.")
+    keys.add(key)
+    changes = {key: parse_value(value, option)}
+    try:
+        loc = location_of(document.data, key)
+        data = with_changes(document.data, changes)
+    except InputError as error:
+        raise DescriptionError(f"{option}: {error}.") from None
+    place = Place(option, 0)
+    new = {loc[:depth]: place for depth in range(1, len(loc) + 1)}
+    return replace(document, data=data, places=new | dict(_above(document, {loc})) | {loc: place})
