@@ -229,7 +229,7 @@ class RobotFile(Strict):
                     loc = ("gears", "transmission_error", i, "axes", k)
                     raise wrong_key(*loc, message=f"expected an axis from 1 to {rows}")
         if self.links is not None and set(self.links) != set(self.link_names):
-            given, expected = ", ".join(self.links), ", ".join(self.link_names)
+            given, expected = ", ".join(self.links) or "none", ", ".join(self.link_names)
             raise wrong_key("links", message=f"found {given}; expected {expected}")
         return self
 

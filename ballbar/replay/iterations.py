@@ -94,7 +94,11 @@ def log_iterations(stream: Branch, data: RunData) -> None:
     begin = "the nominal robot, the ball-bar placed and the clock set as well as possible"
     stages, last = [begin, *(step.stage for step in steps)], len(steps)
     name = f" of {markdown(fitted.name)}" if data.several else ""
-    pages = [_page(i, stages[i], states[i], last=last, name=name) for i in range(len(states))]
+    counted = data.identification.fit.iterations
+    pages = [
+        _page(i, stages[i], states[i], last=last, counted=counted, name=name)
+        for i in range(len(states))
+    ]
     stream.log(STAGE, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
     columns = rr.TextDocument.columns(text=pages)
     stream.send_columns(STAGE, indexes=_at(np.arange(len(states))), columns=columns)
@@ -161,13 +165,28 @@ def _log_arrows(stream: Branch, fitted: FittedRecording, states: Sequence[_State
 
 
 def _page(
-    number: int, stage: str, state: _State, *, last: int | None = None, name: str = ""
+    number: int,
+    stage: str,
+    state: _State,
+    *,
+    last: int | None = None,
+    counted: int | None = None,
+    name: str = "",
 ) -> str:
-    """The text of an iteration; name : ` of NAME`, where there are several."""
+    """The text of an iteration.
+
+    last : number of the last one. counted : how many the result counts. name : ` of NAME`, where
+    there are several recordings.
+    """
     position, angle = state.rms
+    discarded = (
+        f"The result counts {counted} iterations; the others are of fits that were discarded.\n\n"
+        if counted != last
+        else ""
+    )
     return (
         f"## Iteration {number}{f' of {last}' if last else ''}\n\n{stage}\n\n"
         f"Loop-closure error{name}, rms: **{position:.3g} um**, **{angle:.3g} urad**.\n\n"
-        "Each solver that is started begins with its starting point; where fewer samples or a "
-        "larger noise are taken, cost and error may rise from one stage to the next."
+        f"{discarded}Where a stage takes fewer samples or a larger noise, cost and error may rise "
+        "from one stage to the next."
     )

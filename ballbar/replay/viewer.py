@@ -35,7 +35,7 @@ def open_viewer(path: Path) -> None:
     Raises InputError if there is no such file, ViewerError if the viewer fails.
     """
     _check_file(path)
-    _check_screen()
+    _check_screen("Use --web, and a browser on this machine.")
     command = [_rerun(), "--bind", LOOPBACK, "--port", "auto", str(path)]
     try:
         code = subprocess.run(command, check=False).returncode
@@ -48,12 +48,11 @@ def open_viewer(path: Path) -> None:
         )
 
 
-def _check_screen() -> None:
+def _check_screen(remedy: str) -> None:
     screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     if sys.platform == "linux" and not screen:
         raise ViewerError(
-            "there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set). Use --web, and a "
-            "browser on this machine."
+            f"there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set). {remedy}"
         )
 
 
@@ -112,6 +111,7 @@ def live_viewer() -> str:
 
     Raises ViewerError if it does not start.
     """
+    _check_screen("Leave out --live.")  # without one the viewer answers first, and ends then
     port = _free_port()
     address = ["--bind", LOOPBACK, "--port", str(port)]
     # A session of its own, so that the Ctrl-C that ends a recording does not close the window too;
@@ -127,7 +127,7 @@ def live_viewer() -> str:
     except ViewerError as error:
         viewer.terminate()
         raise ViewerError(
-            f"{error} Record without --live where there is no screen or graphics driver."
+            f"{error} Leave out --live where there is no screen or graphics driver."
         ) from None
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 

@@ -31,6 +31,7 @@ from cell.errors import InputError
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.load import load_cell
 from ident.robot.accuracy import accuracy_grid
+from tests.helpers.command_line import ballbar
 from tests.helpers.identified_run import simulated_run
 
 NS = 1e9
@@ -393,6 +394,25 @@ def test_viewer_that_fails_is_reported_with_a_way_out(file, monkeypatch):
     )
     with pytest.raises(ViewerError, match=r"ended with code 102.*use --web"):
         open_viewer(file)
+
+
+def test_the_replay_counts_iterations_as_the_command_does(run: RunData) -> None:
+    """The starts of solvers counted too: 17 of 9."""
+    assert len(run.iterations) == run.identification.fit.iterations
+
+
+def test_a_run_with_live_view_is_refused_at_once_where_there_is_no_screen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The viewer answered before it failed, and the run waited for it for ever."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    code, _, error = ballbar("run", "irb2400", "--live", "--out", tmp_path / "run")
+    assert code == 1
+    assert "there is no screen" in error
+    assert "Leave out --live." in error
+    assert not (tmp_path / "run").exists()
 
 
 def _free_port() -> int:
