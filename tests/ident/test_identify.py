@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
 from ident import complete_fit
 from ident.complete_fit import fit_pose
+from ident.estimator.fit import Fit
 from ident.identify import identify, identify_together
 from ident.options import FitOptions, Listener
 from ident.recording_fit import Logs
@@ -82,8 +84,12 @@ def test_a_fit_that_does_not_converge_counts_its_iterations_as_the_result_does(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The verdict said 108 and the line below it 113."""
-    monkeypatch.setattr(complete_fit, "fit_pose", partial(fit_pose, max_iterations=1))
-    logs = minute_logs(compliance=3.0)
+
+    def unfinished(*args: Any, **options: Any) -> Fit:
+        return replace(fit_pose(*args, **options), converged=False)
+
+    monkeypatch.setattr(complete_fit, "fit_pose", unfinished)
+    logs = minute_logs()
     options = FitOptions(samples=300, model="complete")
     result = identify(CELL, logs.robot, logs.ballbar, options=options)
     assert not result.fit.converged
