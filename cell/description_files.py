@@ -18,6 +18,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from cell.descriptions import ProgramLanguage
 from cell.schema import EncoderLines, Line, Strict
 from cell.schema_errors import Loc, wrong_key
 
@@ -192,6 +193,9 @@ class RobotFile(Strict):
     )
     log_dialect: str = Field(
         "abb-motor", description="Of its controller's logs, as the simulator writes them."
+    )
+    program_language: ProgramLanguage | None = Field(
+        None, description="Of its controller: plans write a program in it, and none without it."
     )
     gravity_m_per_s2: Vector3 = Field(
         (0.0, 0.0, -9.81),

@@ -127,6 +127,7 @@ def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
         servo=_optional(file.servo, _servo),
         gears=_optional(file.gears, lambda f: _gears(f, 1.0 / np.abs(np.diag(transmission)))),
         log_dialect=file.log_dialect,
+        program_language=file.program_language,
         armature=_optional(rotor, lambda f: np.array(f) / np.diag(transmission) ** 2),
     )
 

@@ -16,8 +16,9 @@ from cell.inverse import has_closed_form
 from cell.robot_angles import joints_to_axes
 from planning.candidate import DECIMALS, Candidate
 from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
-from planning.export import BALLBAR, PROGRAM_AXES, TELESCOPING, pdl2, rapid, table
+from planning.export import BALLBAR, SUFFIXES, TELESCOPING, pdl2, rapid, table, without_program
 from planning.force import ERROR
+from planning.krl import krl
 from planning.plan import Plan
 from planning.request import OF_BALLBARS, REQUESTS, PlanRequest
 from planning.stroke import Lengths
@@ -28,6 +29,7 @@ PATH, SCENARIO, NUMBERS, TABLE = "path.yaml", "scenario.yaml", "plan.yaml", "pat
 REQUEST = "request.yaml"
 PICTURES = ("plan.svg", "what_if.svg", "plate.svg")
 OUTPUTS = frozenset({PATH, SCENARIO, NUMBERS, TABLE, REQUEST, "what_if.csv", *PICTURES})
+PROGRAMS = {"rapid": rapid, "pdl2": pdl2, "krl": krl}
 PLANT_AXES = len(ROBOT_JOINTS)
 PLANT_KEYS: tuple[Key, ...] = ("links", "servo", "gears", "rotor_inertia_kg_m2")
 # All error sources of a real cell, as in scenarios/irb2400_full.yaml, where none is by table.
@@ -250,7 +252,7 @@ def write_request(file: Path, folder: Path, *, overrides: Sequence[str]) -> None
 def write_plan(plan: Plan, folder: Path) -> list[str]:
     """Write all files but the pictures. Returns their names.
 
-    Programs are for robots of PROGRAM_AXES.
+    A program is in the language of the robot's controller, where `without_program` is empty.
     """
     robot, request = plan.evaluator.cell.robot, plan.request
     gauge = TELESCOPING if request.telescoping else BALLBAR
@@ -259,8 +261,8 @@ def write_plan(plan: Plan, folder: Path) -> list[str]:
     write_yaml(folder / PATH, planned_path_data(plan))
     write_yaml(folder / SCENARIO, scenario_data(plan, folder))
     texts = {TABLE: table}
-    if robot.joints == PROGRAM_AXES:
-        texts |= {f"{name}.mod": rapid, f"{name}.pdl": pdl2}
+    if robot.program_language and not without_program(robot):
+        texts[f"{name}.{SUFFIXES[robot.program_language]}"] = PROGRAMS[robot.program_language]
     for file, write in texts.items():
         write_whole(folder / file, write(name, robot, targets, limits, gauge).encode())
     write_yaml(folder / NUMBERS, numbers_data(plan, targets, folder))

@@ -1,8 +1,9 @@
-"""Still poses for the controller and for `ballbar check`: RAPID, PDL2, a CSV table, poses.yaml.
+"""Still poses for the controller and `ballbar check`: RAPID, PDL2, KRL, a CSV table, poses.yaml.
 
 RAPID: MoveAbsJ to jointtargets (Technical reference manual RAPID instructions, 3HAC050917). PDL2:
-MOVE JOINT (PDL2 Programming Language manual, CR00757508). Both are for six axes. At each pose they
-wait for the settling time, or, where a person has to attach the instrument, stop.
+MOVE JOINT (PDL2 Programming Language manual, CR00757508). KRL: as in planning.krl. All are for
+six axes. At each pose they wait for the settling time, or, where a person has to attach the
+instrument, stop.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from cell.arrays import Array
 from cell.foreign_text import comment
 from cell.poses import Measured
 from planning.export import APPROACH_OVERRIDE, FAR
+from planning.krl import program, ptp
 from planning.poses.plan import PosePlan
 from planning.poses.setup import Setup
 
@@ -98,6 +100,16 @@ def pdl2_poses(plan: PosePlan) -> str:
             lines += [f"  {text}" for text in _rest(plan.setup, "PAUSE --", "DELAY {}", 1e3)]
     lines.append(f"END {name}")
     return "\r\n".join(lines) + "\r\n"
+
+
+def krl_poses(plan: PosePlan) -> str:
+    """KRL program of a plan."""
+    lines = []
+    for stop in _stops(plan):
+        lines.append(ptp(stop.axes) + ("" if stop.measured else " C_PTP"))
+        if stop.measured:
+            lines += _rest(plan.setup, "HALT ;", "WAIT SEC {}", 1.0)
+    return program(plan.setup.request.name, header(plan), lines)
 
 
 def pose_table(plan: PosePlan) -> str:

@@ -53,7 +53,9 @@ def test_a_robot_needs_only_its_dh_rows_and_axis_limits(tmp_path: Path, rows: Ro
 def test_the_accuracy_box_is_the_middle_of_a_narrow_axis_range(tmp_path: Path) -> None:
     path = tmp_path / "narrow.yaml"
     text = robot_text(UR).replace("axis_lower_deg: [-360,", "axis_lower_deg: [160,")
-    path.write_text(text + "controller_to_joint: identity\nmotor_to_joint: identity\n", encoding="utf-8")
+    path.write_text(
+        text + "controller_to_joint: identity\nmotor_to_joint: identity\n", encoding="utf-8"
+    )
     robot = load_robot(str(path))
     box = np.degrees([robot.accuracy_lower[0], robot.accuracy_upper[0]])
     np.testing.assert_allclose(box, [200.0, 320.0])
