@@ -158,6 +158,14 @@ def new(
     zero: Annotated[
         float | None, typer.Option(help="Length where that column shows zero, in m.")
     ] = None,
+    damaged_rows: Annotated[
+        int | None,
+        typer.Option(
+            help="Leave out up to so many rows of each log in which a cell is no number, and "
+            "report them; without it such a log is refused.",
+            min=1,
+        ),
+    ] = None,
     joints: Annotated[
         str | None,
         typer.Option(
@@ -255,6 +263,7 @@ def new(
         column=column,
         unit=unit,
         zero=zero,
+        damaged_rows=damaged_rows,
     )
     recording = new_recording(folder, robot_log, ballbar_log, answers, ask)
     if as_json:

@@ -8,7 +8,6 @@ instrument, stop.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.arrays import Array
+from cell.files import portable_name
 from cell.foreign_text import comment
 from cell.poses import Measured
 from planning.export import APPROACH_OVERRIDE, FAR
@@ -131,7 +131,10 @@ def axis_columns(setup: Setup) -> list[str]:
 
 
 def poses_data(setup: Setup, table: str, *, relative_to: Path, folder: Path) -> dict[str, object]:
-    """poses.yaml of the filled table; folder : where it stands, relative_to : the request's."""
+    """poses.yaml of the filled table; folder : where it stands, relative_to : the request's.
+
+    Files of one's own are copied into the folder.
+    """
     request = setup.request
     columns, keys = VALUES[setup.instrument.measured]
     entry: dict[str, object] = {
@@ -144,8 +147,10 @@ def poses_data(setup: Setup, table: str, *, relative_to: Path, folder: Path) -> 
     data: dict[str, object] = {
         "schema": "ballbar-poses/1",
         "kind": "real",
-        "robot": _path(request.robot, relative_to, folder),
-        "instrument": _path(request.instrument, relative_to, folder),
+        "robot": portable_name(request.robot, "robot", relative_to=relative_to, folder=folder),
+        "instrument": portable_name(
+            request.instrument, "instrument", relative_to=relative_to, folder=folder
+        ),
         "tables": [entry],
     }
     if request.distances:
@@ -157,14 +162,6 @@ def poses_data(setup: Setup, table: str, *, relative_to: Path, folder: Path) -> 
         "controller showed. Rows without values are left out."
     )
     return data
-
-
-def _path(name_or_path: str, relative_to: Path, folder: Path) -> str:
-    """A shipped name as it is; a path of the request as one from the folder."""
-    if not name_or_path.endswith(".yaml"):
-        return name_or_path
-    path = Path(name_or_path)
-    return str(path) if path.is_absolute() else os.path.relpath(relative_to / path, folder)
 
 
 def _stops(plan: PosePlan) -> Iterator[_Stop]:

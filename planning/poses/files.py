@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.files import write_whole, write_yaml
+from cell.files import DESCRIPTIONS, write_whole, write_yaml
 from planning.export import SUFFIXES, program_files, without_program
 from planning.files import REQUEST
 from planning.poses.export import krl_poses, pdl2_poses, pose_table, poses_data, rapid_poses
@@ -19,7 +19,7 @@ PROGRAMS = {"rapid": rapid_poses, "pdl2": pdl2_poses, "krl": krl_poses}
 
 def output_names(request: PosePlanRequest) -> set[str]:
     """Names of all files that a plan may write."""
-    return {TABLE, DESCRIPTION, NUMBERS, REQUEST, *program_files(request.name)}
+    return {TABLE, DESCRIPTION, NUMBERS, REQUEST, DESCRIPTIONS, *program_files(request.name)}
 
 
 def numbers_data(plan: PosePlan) -> dict[str, object]:
