@@ -20,7 +20,6 @@ from ballbar.replay.page import front
 from cell.errors import FailureError, InputError
 
 LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
-WEB_PORT, DATA_PORT = 9090, 9876  # rerun's defaults
 _START_TIMEOUT = 20.0  # [s]
 _BINARIES = ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun")  # Linux, Windows, macOS
 
@@ -38,7 +37,7 @@ def open_viewer(path: Path) -> None:
     _check_screen("Use --web, and a browser on this machine.")
     command = [_rerun(), "--bind", LOOPBACK, "--port", "auto", str(path)]
     try:
-        code = subprocess.run(command, check=False).returncode
+        code = subprocess.run(command, check=False, env=_only_errors()).returncode
     except KeyboardInterrupt:
         return
     if code != 0:
@@ -56,20 +55,15 @@ def _check_screen(remedy: str) -> None:
         )
 
 
-def serve_web(
-    path: Path,
-    *,
-    port: int = WEB_PORT,
-    data_port: int = DATA_PORT,
-    show: Callable[[str], None] = print,
-) -> None:
+def serve_web(path: Path, *, port: int | None = None, show: Callable[[str], None] = print) -> None:
     """Serve the web viewer with a replay on this machine alone, until interrupted.
 
-    show : called with a sentence that holds the address.
+    port : of the page; None for a free one. show : called with a sentence that holds the address.
 
-    Raises InputError if there is no such file or a port is taken, ViewerError if the server fails.
+    Raises InputError if there is no such file or the port is taken, ViewerError if the server
+    fails.
     """
-    with web_server(path, port=port, data_port=data_port) as (url, server):
+    with web_server(path, port=port) as (url, server):
         show(f"{path.name}: open {url} (only from this machine; Ctrl-C ends)")
         try:
             code = server.wait()
@@ -83,18 +77,19 @@ def serve_web(
 
 @contextmanager
 def web_server(
-    path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT
+    path: Path, *, port: int | None = None
 ) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """A running web viewer: its address and its process, which ends with the block.
 
-    Raises as `serve_web`.
+    port : as `serve_web`. Raises as `serve_web`.
     """
     _check_file(path)
-    for number in (port, data_port):
-        _check_free(number)
-    behind = _free_port()
+    if port is not None:
+        _check_free(port)
+    port, data_port, behind = port or _free_port(), _free_port(), _free_port()
     ports = ["--port", str(data_port), "--web-viewer-port", str(behind)]
-    server = subprocess.Popen([_rerun(), "--serve-web", "--bind", LOOPBACK, *ports, str(path)])
+    command = [_rerun(), "--serve-web", "--bind", LOOPBACK, *ports, str(path)]
+    server = subprocess.Popen(command, env=_only_errors())
     try:
         _wait_for(server, behind, f"{path}: the web viewer")
         with front(LOOPBACK, port, behind=behind, data_port=data_port):
@@ -136,6 +131,11 @@ def web_url(port: int, data_port: int) -> str:
     """Address of the viewer page, with that of the data in its query."""
     data = urllib.parse.quote(f"rerun+http://{LOOPBACK}:{data_port}/proxy", safe="")
     return f"http://{LOOPBACK}:{port}/?url={data}"
+
+
+def _only_errors() -> dict[str, str]:
+    """The environment in which the viewer writes nothing but errors to the terminal."""
+    return {**os.environ, "RUST_LOG": "error"}
 
 
 def _rerun() -> str:

@@ -86,7 +86,8 @@ def _read(path: Path, entity: str, component: str) -> tuple[Array, Array]:
     times, values = [], []
     for chunk in RrdReader(str(path)).stream().filter(content=entity):
         batch = chunk.to_record_batch()
-        if not chunk.is_static and component in batch.schema.names:
+        known = {"robot_time", component} <= set(batch.schema.names)
+        if not chunk.is_static and known:
             times.append(batch.column("robot_time").cast("int64").to_numpy())
             values.append(np.array(batch.column(component).to_pylist()).reshape(chunk.num_rows, -1))
     return np.concatenate(times), np.concatenate(values)
@@ -373,13 +374,42 @@ def test_taken_port_is_refused_by_number(file):
 
 
 def test_web_viewer_answers_on_loopback_and_ends_with_the_block(file):
-    port, data_port = _free_port(), _free_port()
-    with web_server(file, port=port, data_port=data_port) as (url, server):
-        assert f"127.0.0.1%3A{data_port}" in url
+    port = _free_port()
+    with web_server(file, port=port) as (url, server):
+        assert url.startswith(f"http://127.0.0.1:{port}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A")
         with urllib.request.urlopen(url, timeout=5.0) as answer:
             assert answer.status == 200
             assert b"wasm" in answer.read()
     assert server.poll() is not None
+
+
+def test_two_web_viewers_run_at_once_and_each_writes_nothing_but_its_address(file, capfd):
+    """The second one was refused: both took port 9090; and the viewer's own log came before."""
+    addresses: list[str] = []
+    with web_server(file) as (first, _), web_server(file) as (second, _):
+        addresses += [first, second]
+    assert len(set(addresses)) == 2
+    written = capfd.readouterr()
+    assert (written.out, written.err) == ("", "")
+
+
+def test_the_port_belongs_to_the_web_viewer(file):
+    code, _, error = ballbar("replay", file, "--port", 9000)
+    assert code == 2
+    assert "--port is that of the web viewer; add --web." in error
+
+
+def test_the_arrows_are_explained_beside_the_scene_and_not_on_it(file):
+    text = [
+        text
+        for chunk in RrdReader(str(file)).stream().filter(content="/legend").to_chunks()
+        for row in chunk.to_record_batch().column("TextDocument:text").to_pylist()
+        for text in row
+    ]
+    assert len(text) == 1
+    assert "Orange arrow, nominal robot: tool" in text[0]
+    assert "Blue arrow, identified robot: tool" in text[0]
+    assert not [path for path in _entities(file) if path.endswith("/legend") and path != "/legend"]
 
 
 def test_viewer_that_fails_is_reported_with_a_way_out(file, monkeypatch):
