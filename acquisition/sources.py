@@ -132,6 +132,7 @@ def _layout(
         names=source.columns,
         headerless=dialect.headerless,
         decimal=dialect.decimal,
+        damaged_rows=source.damaged_rows,
     )
 
 

@@ -1,6 +1,7 @@
 """Time stamps of device logs to integer nanoseconds, exactly.
 
-They are clock counts of several epochs and units, dates, or IEC times. A clock that counts from an
+They are clock counts of several epochs and units, dates (year first, or day first with points), or
+IEC times. A clock that counts from an
 epoch shows which one by its size: from 2016 to 2036 the counts of Windows (100 ns since 1601), of
 the distributed clock (ns since 2000) and of Unix (since 1970) lie in ranges that do not overlap.
 Counts without epoch (up-time, CPU counter) show nothing of the kind: their unit is declared, never
@@ -17,7 +18,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import Any, get_args
+from typing import Any, NoReturn, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +33,15 @@ COARSEST = 1_000_000  # [ns] a stamp that a spreadsheet rounded to no worse is s
 EARLIEST, LATEST = 1980, 2100  # years; a controller that has lost its battery starts in 1980
 _WHOLE, _DECIMAL = re.compile(r"[+-]?[0-9]{1,20}"), re.compile(r"([+-]?)([0-9]*)\.?([0-9]*)")
 _EXPONENT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][+-]?[0-9]{1,3}")
-# SYSTEMTIME_TO_STRING and DCTIME64_TO_STRING put a dash between date and time.
+# Year first (2026-03-31), or day first with points (31.03.2026). SYSTEMTIME_TO_STRING and
+# DCTIME64_TO_STRING put a dash between date and time.
 _DATE = re.compile(
-    r"(?:DT#|DATE_AND_TIME#|LDT#)?(\d{4}-\d\d-\d\d)[- T](\d\d:\d\d:\d\d)"
-    r"(?:\.(\d{1,9}))?(Z|\+00:00)?",
+    r"(?:DT#|DATE_AND_TIME#|LDT#)?"
+    r"(?:(?P<year>\d{4})-(?P<month>\d\d)-(?P<day>\d\d)|(?P<dd>\d\d?)\.(?P<mm>\d\d?)\.(?P<yyyy>\d{4}))"
+    r"[- T](?P<clock>\d\d?:\d\d:\d\d)(?:[.,](?P<fraction>\d{1,9}))?(?:Z|\+00:00)?",
     re.IGNORECASE,
 )
+_SHORT_YEAR = re.compile(r"\d\d?[.\-/]\d\d?[.\-/]\d\d[ T]\d\d?:\d\d.*")  # 31.03.26 08:15
 _IEC = re.compile(
     r"L?T(?:IME)?#(-?)(?:(\d+)d)?_?(?:(\d+)h)?_?(?:(\d+)m(?!s))?_?(?:(\d+)s)?_?(?:(\d+)ms)?",
     re.IGNORECASE,
@@ -102,7 +106,7 @@ def words(form: TimeForm) -> str:
 
 def recognised(cell: str, forms: Sequence[TimeForm]) -> TimeForm | None:
     """The only one of several forms that a stamp may have; None if none or several fit."""
-    if _DATE.fullmatch(cell):
+    if _DATE.fullmatch(cell) or _SHORT_YEAR.fullmatch(cell):
         return "date" if "date" in forms else None
     if _is_iec(cell):
         return "iec-time" if "iec-time" in forms else None
@@ -255,18 +259,31 @@ def _dates(time: TimeCells) -> Stamps:
     for row, cell in enumerate(time.cells):
         match = _DATE.fullmatch(str(cell))
         if not match:
-            example = "2016-04-20-13:45:10.123"
-            raise LogError(
-                f"{time.location(row)} is no date with time of day, such as {example}. {_REMEDY}"
-            )
-        if not EARLIEST <= int(match[1][:4]) <= LATEST:
+            _refuse_date(time, row, str(cell))
+        year = match["year"] or match["yyyy"]
+        if not EARLIEST <= int(year) <= LATEST:
             raise LogError(f"{time.location(row)} is no date of our time. {_REMEDY}")
-        texts.append(f"{match[1]}T{match[2]}.{(match[3] or '').ljust(9, '0')}")
+        month, day = match["month"] or match["mm"], match["day"] or match["dd"]
+        fraction = (match["fraction"] or "").ljust(9, "0")
+        texts.append(f"{year}-{month:0>2}-{day:0>2}T{match['clock']:0>8}.{fraction}")
     try:
         return np.array(texts, dtype="datetime64[ns]").astype(np.int64)
     except ValueError:
         row = next(i for i, text in enumerate(texts) if not _is_date(text))
         raise LogError(f"{time.location(row)} is no date of the calendar. {_REMEDY}") from None
+
+
+def _refuse_date(time: TimeCells, row: int, cell: str) -> NoReturn:
+    if _SHORT_YEAR.fullmatch(cell):
+        raise LogError(
+            f"{time.location(row)}: the year has two digits, so day, month and year cannot be "
+            "distinguished. Export the log with years of four digits, such as 31.03.2026 or "
+            "2026-03-31."
+        )
+    raise LogError(
+        f"{time.location(row)} is no date with time of day, such as 2016-04-20 13:45:10.123 or "
+        f"20.04.2016 13:45:10,123. {_REMEDY}"
+    )
 
 
 def _is_date(text: str) -> bool:

@@ -15,11 +15,17 @@ from ballbar.result.limits import plant_limits, result_limits
 from ballbar.result.names import HELD_OUT, OUTPUTS, RECORDING
 from ballbar.result.run_data import RunData
 from ballbar.result.run_recordings import identify_recordings
-from ballbar.scenario import SCENARIOS, Scenario, scenario_path, with_absolute_names, write_scenario
+from ballbar.scenario import (
+    SCENARIOS,
+    Scenario,
+    scenario_path,
+    with_copied_descriptions,
+    write_scenario,
+)
 from ballbar.trial.nominal_path import recorded_log
 from cell.errors import InputError
 from cell.extended_yaml import files_of
-from cell.files import claimed_folder
+from cell.files import DESCRIPTIONS, claimed_folder
 from cell.recording import load_recording_file
 from sim.recording_files import truth_path, write_recording
 from sim.simulate import Simulation, simulate
@@ -58,7 +64,7 @@ def simulate_scenario(
             raise InputError(f"{scenario_file}: {error}") from None
         progress("writing the device logs")
         write_scenario(scenario, files, folder)
-        write_recording(simulation, with_absolute_names(scenario, files), folder)
+        write_recording(simulation, with_copied_descriptions(scenario, files, folder), folder)
         return simulation
 
 
@@ -68,7 +74,7 @@ def _claimed_recording(folder: Path) -> Iterator[None]:
 
     Raises InputError where it holds something else, or a real recording, which is never replaced.
     """
-    with claimed_folder(folder, {"recording.yaml", "raw"}, "a recording"):
+    with claimed_folder(folder, {"recording.yaml", "raw", DESCRIPTIONS}, "a recording"):
         if (folder / "recording.yaml").exists() and load_recording_file(folder).kind == "real":
             raise InputError(
                 f"{folder}: holds a real recording; nothing was written. Choose another folder "

@@ -8,12 +8,12 @@ from pathlib import Path
 from ballbar.outputs import Progress
 from ballbar.result.compare_poses import PoseComparison, compare_poses_with_truth
 from ballbar.result.limits import Limit, pose_limits
-from ballbar.result.names import CALIBRATION, DESCRIPTIONS, RECORDING, REPORT
+from ballbar.result.names import CALIBRATION, RECORDING, REPORT
 from ballbar.result.pose_calibration import write_pose_calibration
 from ballbar.result.pose_run import PoseRun, identify_pose_folders
 from ballbar.scenario import PoseScenario, scenario_path, write_scenario
 from cell.errors import InputError
-from cell.files import claimed_folder
+from cell.files import DESCRIPTIONS, claimed_folder
 from cell.pose_file import load_poses_file
 from sim.poses.files import TABLE, write_poses
 from sim.poses.simulate import PoseSimulation, simulate_poses
@@ -43,7 +43,7 @@ def simulate_pose_scenario(
     Raises InputError when the scenario cannot be run, or when `folder` holds something else or real
     poses.
     """
-    with claimed_folder(folder, {"poses.yaml", TABLE}, "a table of poses"):
+    with claimed_folder(folder, {"poses.yaml", TABLE, DESCRIPTIONS}, "a table of poses"):
         if (folder / "poses.yaml").exists() and load_poses_file(
             folder / "poses.yaml"
         ).kind == "real":

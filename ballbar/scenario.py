@@ -6,7 +6,7 @@ A robot that moves with the double ball-bar, or before an instrument that logs a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,8 +14,8 @@ from pydantic import Field, model_validator
 
 from ballbar.identify_settings import IdentifySettings
 from cell.errors import DescriptionError
-from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended, named_file, renamed
-from cell.files import write_yaml
+from cell.extended_yaml import SHIPPED, ExtendableKind, load_extended, named_file, portable
+from cell.files import copied_description, write_yaml
 from cell.schema import Strict
 from cell.schema_errors import wrong_key
 from cell.strict_yaml import parse_model
@@ -192,14 +192,24 @@ def load_scenario(path: str | Path, *, overrides: Sequence[str] = ()) -> Scenari
 
 
 def with_absolute_names(scenario: Scenario, folder: Path) -> Scenario:
-    """The scenario with absolute names of its robot, ball-bar and plate files.
+    """The scenario with absolute names of its robot, ball-bar and plate files."""
+    return _renamed(scenario, lambda _, name: str((folder / name).resolve()))
 
-    recording.yaml, in another folder, takes over these names.
+
+def with_copied_descriptions(scenario: Scenario, folder: Path, recording: Path) -> Scenario:
+    """The scenario whose robot, ball-bar and plate files are copies in a recording's folder.
+
+    recording.yaml takes over their names, so that the recording can be moved. folder : of the
+    scenario's file.
     """
+    return _renamed(scenario, lambda key, name: copied_description(recording, key, folder / name))
+
+
+def _renamed(scenario: Scenario, rename: Callable[[str, str], str]) -> Scenario:
+    """The scenario with other names of the description files of its cell that are not shipped."""
     names = scenario.cell.model_dump(include={"robot", "ballbar", "instrument", "plate"})
-    own = {key: name for key, name in names.items() if (name or "").endswith(".yaml")}
-    absolute = {key: str((folder / name).resolve()) for key, name in own.items()}
-    return scenario.model_copy(update={"cell": scenario.cell.model_copy(update=absolute)})
+    own = {k: rename(k, name) for k, name in names.items() if (name or "").endswith(".yaml")}
+    return scenario.model_copy(update={"cell": scenario.cell.model_copy(update=own)})
 
 
 def load_any_scenario(
@@ -225,8 +235,9 @@ def scenario_path(recording: Path) -> Path:
 def write_scenario(scenario: Scenario | PoseScenario, folder: Path, recording: Path) -> None:
     """Writes the scenario of a simulated recording, complete and without `extends`.
 
-    folder : of the scenario file. recording : folder of the recording.
+    The files that it names are copied into the recording. folder : of the scenario file.
+    recording : folder of the recording.
     """
     path = scenario_path(recording)
     data = scenario.model_dump(mode="json", exclude_unset=True)
-    write_yaml(path, renamed(data, SCENARIOS, folder, path.parent))
+    write_yaml(path, portable(data, SCENARIOS, folder, recording, path.parent))

@@ -18,6 +18,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from cell.descriptions import ProgramLanguage
 from cell.schema import EncoderLines, Line, Strict
 from cell.schema_errors import Loc, wrong_key
 
@@ -193,6 +194,9 @@ class RobotFile(Strict):
     log_dialect: str = Field(
         "abb-motor", description="Of its controller's logs, as the simulator writes them."
     )
+    program_language: ProgramLanguage | None = Field(
+        None, description="Of its controller: plans write a program in it, and none without it."
+    )
     gravity_m_per_s2: Vector3 = Field(
         (0.0, 0.0, -9.81),
         description="In the base frame, along x, y, z; standard gravity, rounded.",
@@ -229,7 +233,7 @@ class RobotFile(Strict):
                     loc = ("gears", "transmission_error", i, "axes", k)
                     raise wrong_key(*loc, message=f"expected an axis from 1 to {rows}")
         if self.links is not None and set(self.links) != set(self.link_names):
-            given, expected = ", ".join(self.links), ", ".join(self.link_names)
+            given, expected = ", ".join(self.links) or "none", ", ".join(self.link_names)
             raise wrong_key("links", message=f"found {given}; expected {expected}")
         return self
 

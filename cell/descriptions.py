@@ -70,6 +70,7 @@ class Gears:
         protect_fields(self)
 
 
+ProgramLanguage = Literal["rapid", "pdl2", "krl"]  # of the controllers of ABB, Comau and KUKA
 Key = Literal["links", "servo", "gears", "rotor_inertia_kg_m2"]  # optional, of a robot's file
 
 _KINEMATIC = "or simulate with `plant: {kind: kinematic}`"
@@ -113,6 +114,7 @@ class Robot:
     servo: Mapping[str, ServoGains] | None = None  # by name: soft, stiff
     gears: Gears | None = None
     log_dialect: str = "abb-motor"  # of its controller's logs (cell.dialect)
+    program_language: ProgramLanguage | None = None  # of its controller, where plans write programs
     armature: VectorJ | None = None  # [kg m^2] rotor inertia referred to the gear's output
 
     def __post_init__(self) -> None:

@@ -12,13 +12,14 @@ place, so an error names the file and line, or the option, that holds what is wr
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from cell.dotted_keys import location_of, with_changes
 from cell.errors import DescriptionError, InputError
+from cell.files import copied_description
 from cell.schema_errors import Loc, nearest
 from cell.strict_yaml import Place, YamlDocument, load_yaml, parse_value
 
@@ -84,25 +85,46 @@ def renamed(data: dict[str, Any], kind: ExtendableKind, old: Path, new: Path) ->
     if here == there:
         return data
 
-    def moved(name: Any) -> Any:
-        if isinstance(name, list):
-            return [moved(item) for item in name]
-        if not isinstance(name, str) or not name or Path(name).is_absolute():
-            return name
-        return os.path.relpath(here / name, there)
+    def moved(_: str, name: str) -> str:
+        return name if Path(name).is_absolute() else os.path.relpath(here / name, there)
 
-    def described(name: Any) -> Any:
-        if isinstance(name, list):
-            return [described(item) for item in name]
-        return moved(name) if isinstance(name, str) and name.endswith(".yaml") else name
+    return _with_names(data, kind, moved)
 
-    for keys, change in ((kind.files, moved), (kind.descriptions, described)):
-        for key in keys:
-            value: Any = data
-            for part in key.split("."):
-                value = value.get(part) if isinstance(value, dict) else None
-            if value is not None:
-                data = with_changes(data, {key: change(value)})
+
+def portable(
+    data: dict[str, Any], kind: ExtendableKind, old: Path, folder: Path, new: Path
+) -> dict[str, Any]:
+    """The data of a file whose files are copied into a folder, with names relative to `new`.
+
+    old : folder that the names are relative to. What is a folder, as a recording, is not copied.
+    """
+
+    def copied(key: str, name: str) -> str:
+        file, (first, *rest) = old / name, key.split(".")
+        if file.is_file():
+            file = folder / copied_description(folder, rest[-1] if first == "cell" else first, file)
+        return os.path.relpath(file.resolve(), new.resolve())
+
+    return _with_names(data, kind, copied)
+
+
+def _with_names(
+    data: dict[str, Any], kind: ExtendableKind, change: Callable[[str, str], str]
+) -> dict[str, Any]:
+    """The data with other names of files; change : (dotted key, name) -> name."""
+
+    def changed(key: str, name: Any) -> Any:
+        if isinstance(name, list):
+            return [changed(key, item) for item in name]
+        own = isinstance(name, str) and name and (key in kind.files or name.endswith(".yaml"))
+        return change(key, name) if own else name
+
+    for key in (*kind.files, *kind.descriptions):
+        value: Any = data
+        for part in key.split("."):
+            value = value.get(part) if isinstance(value, dict) else None
+        if value is not None:
+            data = with_changes(data, {key: changed(key, value)})
     return data
 
 

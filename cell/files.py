@@ -11,7 +11,9 @@ from pathlib import Path
 import yaml
 
 from cell.errors import InputError
+from cell.foreign_files import read_regular
 from cell.foreign_text import printable
+from cell.strict_yaml import MAX_BYTES
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -48,6 +50,29 @@ def write_new(path: Path, content: bytes) -> None:
             f"{path}: exists already; nothing was written. Name another file with --out."
         )
     write_whole(path, content)
+
+
+DESCRIPTIONS = "descriptions"  # folder of the files of one's own that a recording or result names
+
+
+def copied_description(folder: Path, key: str, file: Path) -> str:
+    """Copies a description of one's own into a folder, which may be moved with it.
+
+    key : what it describes: robot, ballbar, plate ... Returns its name from the folder.
+    """
+    name = f"{DESCRIPTIONS}/{key}/{file.name}"
+    write_whole(folder / name, read_regular(file, MAX_BYTES))
+    return name
+
+
+def portable_name(name: str, key: str, *, relative_to: Path, folder: Path) -> str:
+    """A shipped name as it is; a file of one's own (`.yaml`) is copied, as `copied_description`.
+
+    relative_to : folder from which the name is taken.
+    """
+    if not name.endswith(".yaml"):
+        return name
+    return copied_description(folder, key, relative_to / name)
 
 
 def write_yaml(path: Path, data: dict[str, object]) -> None:

@@ -30,12 +30,19 @@ from cell.errors import DescriptionError
 from cell.foreign_files import read_regular
 from cell.instrument import Instrument, InstrumentFile, instrument_of, telescoping_bar
 from cell.schema_errors import nearest
-from cell.strict_yaml import MAX_BYTES, load_model
+from cell.strict_yaml import MAX_BYTES, M, load_model
 
 F = TypeVar("F")
 D = TypeVar("D")
 
 _FOLDER = Path(__file__).parent
+# Complete files, from which an error quotes what a file lacks.
+_EXAMPLES = {
+    RobotFile: _FOLDER / "robots/irb2400.yaml",
+    BallBarFile: _FOLDER / "instruments/lund_600.yaml",
+    PlateFile: _FOLDER / "plates/plate_250.yaml",
+    InstrumentFile: _FOLDER / "instruments/drawwire_2m.yaml",
+}
 _SCHEMA = re.compile(r"^schema: ballbar-(\w+)/\d", re.MULTILINE)
 # What the files of cell/instruments describe, by the word of their schema.
 _INSTRUMENTS = {
@@ -98,7 +105,7 @@ def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
     Raises DescriptionError if there is no such robot or its file is wrong.
     """
     path = _find(name_or_path, "robots", relative_to)
-    file = load_model(path, RobotFile)
+    file = _load(path, RobotFile)
     joints = len(file.dh)
     transmission = _matrix(file.motor_to_joint, joints)
     lower, upper = file.accuracy_box_deg
@@ -120,6 +127,7 @@ def load_robot(name_or_path: str, *, relative_to: Path | None = None) -> Robot:
         servo=_optional(file.servo, _servo),
         gears=_optional(file.gears, lambda f: _gears(f, 1.0 / np.abs(np.diag(transmission)))),
         log_dialect=file.log_dialect,
+        program_language=file.program_language,
         armature=_optional(rotor, lambda f: np.array(f) / np.diag(transmission) ** 2),
     )
 
@@ -130,7 +138,7 @@ def load_ballbar(name_or_path: str, *, relative_to: Path | None = None) -> BallB
     Raises DescriptionError also for an instrument of another kind.
     """
     path = _find_instrument(name_or_path, "bar", relative_to)
-    file = load_model(path, BallBarFile)
+    file = _load(path, BallBarFile)
     return BallBar(
         name=path.stem,
         title=file.title,
@@ -156,7 +164,7 @@ def _of_both_joints(file: AxialStiffnessFile | JointBacklashFile) -> tuple[float
 def load_plate(name_or_path: str, *, relative_to: Path | None = None) -> Plate:
     """An offset plate by its shipped name (`plate_250`), or from a file, as in `load_robot`."""
     path = _find(name_or_path, "plates", relative_to)
-    file = load_model(path, PlateFile)
+    file = _load(path, PlateFile)
     return Plate(
         name=path.stem,
         title=file.title,
@@ -174,7 +182,7 @@ def load_instrument(name_or_path: str, *, relative_to: Path | None = None) -> In
     Raises DescriptionError also for a sensed ball-bar, which `load_ballbar` reads.
     """
     path = _find_instrument(name_or_path, "instrument", relative_to)
-    return instrument_of(path.stem, load_model(path, InstrumentFile))
+    return instrument_of(path.stem, _load(path, InstrumentFile))
 
 
 def robot_names() -> list[str]:
@@ -215,6 +223,11 @@ def _kind(path: Path) -> str | None:
     """The word of a file's schema: `bar` of `ballbar-bar/1`; None where it states none."""
     stated = _SCHEMA.search(read_regular(path, MAX_BYTES).decode("utf-8", "replace"))
     return stated[1] if stated else None
+
+
+def _load(path: Path, model: type[M]) -> M:
+    """The content of a description. Raises DescriptionError."""
+    return load_model(path, model, example=_EXAMPLES[model])
 
 
 def _find_instrument(name_or_path: str, schema: str, relative_to: Path | None) -> Path:

@@ -34,6 +34,11 @@ class SourceFile(Strict):
     columns: tuple[str, ...] | None = Field(
         None, description="Names of all columns, for files without header."
     )
+    damaged_rows: Annotated[int, Field(ge=0)] = Field(
+        0,
+        description="Rows of each file with cells that are no number, up to which they are left "
+        "out and reported; a log with more is refused.",
+    )
     quantised: bool | None = Field(
         None,
         description="Whether evenly taken rows have stamps of a clock with coarse steps; by "

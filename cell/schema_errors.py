@@ -10,6 +10,7 @@ import difflib
 import re
 import types
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -18,6 +19,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 Loc = tuple[str | int, ...]  # keys and list indices from the top of a file
 
 MAX_LISTED = 30  # valid keys; more would hide the message
+EXAMPLE_ITEMS = 6  # keys of a mapping that an example shows
 
 RENAMED = {  # keys of earlier releases, and their names today
     "errors.lost_motion": "errors.gear_backlash",
@@ -54,30 +56,49 @@ def wrong_key(*loc: str | int, message: str) -> PydanticCustomError:
     return PydanticCustomError("wrong_key", "{message}", {"message": message, "loc": loc})
 
 
+@dataclass(frozen=True)
+class Example:
+    """A complete file of the same schema: its values show what a missing key looks like."""
+
+    name: str
+    data: dict[str, Any]
+
+
 def explain(
-    errors: Iterable[ErrorDetails], model: type[BaseModel], data: Any
+    errors: Iterable[ErrorDetails],
+    model: type[BaseModel],
+    data: Any,
+    example: Example | None = None,
 ) -> list[tuple[Loc, str]]:
     """Place in the data and sentence, `key.path = value: what was expected.`, of each error."""
-    return [_sentence(error, model, data) for error in errors if not _is_echo(error, data)]
+    return [_sentence(error, model, data, example) for error in errors if not _is_echo(error, data)]
 
 
 def _is_echo(error: ErrorDetails, data: Any) -> bool:
     """Whether a list counts as too short only because pydantic omits items that are wrong."""
     if error["type"] != "too_short":
         return False
-    items = _value_at(data, _place(error["loc"], data, missing=False))
-    return bool(len(items) >= error["ctx"]["min_length"])
+    return _item_count(error, data) >= int(error["ctx"]["min_length"])
 
 
-def _sentence(error: ErrorDetails, model: type[BaseModel], data: Any) -> tuple[Loc, str]:
+def _item_count(error: ErrorDetails, data: Any) -> int:
+    """How many items a list in the data has; pydantic omits those that are wrong."""
+    return len(_value_at(data, _place(error["loc"], data, missing=False)))
+
+
+def _sentence(
+    error: ErrorDetails, model: type[BaseModel], data: Any, example: Example | None
+) -> tuple[Loc, str]:
     kind, context = error["type"], error.get("ctx", {})
+    if kind == "too_short":
+        context = {**context, "actual_length": _item_count(error, data)}
     raw = error["loc"]
     if kind in ("wrong_key", "union_tag_invalid", "union_tag_not_found"):
         raw = (*raw, *context.get("loc", (context.get("discriminator", "").strip("'"),)))
     loc = _place(raw, data, missing=kind in ("missing", "union_tag_not_found"))
     key = _dotted(loc)
     if kind in ("missing", "union_tag_not_found"):
-        return loc, f"{key} is missing. {_add_it(loc)}"
+        return loc, f"{key} is missing. {_add_it(loc, model, example)}"
     if kind == "extra_forbidden":
         if key in RENAMED:
             return loc, f"unknown key {key}: it is now {RENAMED[key]}."
@@ -162,10 +183,35 @@ def _plain(value: Any) -> Any:
     return f"{value:g}" if isinstance(value, float) else value
 
 
-def _add_it(loc: Loc) -> str:
+def _add_it(loc: Loc, model: type[BaseModel], example: Example | None) -> str:
+    """What to add for a missing key, as the example has it, and whether the part is needed."""
     if isinstance(loc[-1], int):
         return f"The list {_dotted(loc[:-1])} needs at least {loc[-1] + 1} items."
-    return f"Add `{loc[-1]}: ...` to {_dotted(loc[:-1])}."
+    key, place = loc[-1], _dotted(loc[:-1])
+    added = f"Add `{key}: ...` to {place}."
+    if example and _holds(example.data, loc):
+        value = _flow(_value_at(example.data, loc))
+        added = f"Add yours to {place}; {example.name} has `{key}: {value}`."
+    field = model.model_fields.get(str(loc[0])) if len(loc) > 1 else None
+    if field is None or field.is_required():
+        return added
+    return f"{added} Or leave out {loc[0]}, which is optional."
+
+
+def _holds(data: Any, loc: Loc) -> bool:
+    return not loc or (_has(data, loc[0]) and _holds(data[loc[0]], loc[1:]))
+
+
+def _flow(value: Any) -> str:
+    """A value as YAML in one line; of rows and long mappings only the beginning."""
+    if isinstance(value, dict):
+        items = [f"{key}: {_flow(item)}" for key, item in list(value.items())[:EXAMPLE_ITEMS]]
+        return f"{{{', '.join(items)}{', ...' if len(value) > EXAMPLE_ITEMS else ''}}}"
+    if isinstance(value, list):
+        rows = [item for item in value if isinstance(item, dict | list)]
+        shown = [_flow(item) for item in (value[:1] if rows else value)]
+        return f"[{', '.join(shown)}{', ...' if len(value) > len(shown) else ''}]"
+    return "null" if value is None else str(value)
 
 
 def _valid_keys(annotation: Any, raw: Loc) -> set[str]:

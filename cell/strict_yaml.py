@@ -24,7 +24,7 @@ from pydantic import BaseModel, ValidationError
 from cell.errors import DescriptionError
 from cell.foreign_files import read_regular
 from cell.foreign_text import is_printable, printable
-from cell.schema_errors import Loc, explain
+from cell.schema_errors import Example, Loc, explain
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -205,15 +205,17 @@ def parse_value(text: str, option: str) -> Any:
     return None if root is None else _build(at, root, (), {})
 
 
-def load_model(path: Path, model: type[M]) -> M:
+def load_model(path: Path, model: type[M], *, example: Path | None = None) -> M:
     """The content of a YAML file, checked against a pydantic model.
+
+    example : a complete file of the same schema, from which an error quotes what is missing.
 
     Raises DescriptionError with one line per error: file, line, key, value and what was expected.
     """
-    return parse_model(load_yaml(path), model)
+    return parse_model(load_yaml(path), model, example=example)
 
 
-def parse_model(document: YamlDocument, model: type[M]) -> M:
+def parse_model(document: YamlDocument, model: type[M], *, example: Path | None = None) -> M:
     """The content of a YAML document, checked against a pydantic model; raises as `load_model`.
 
     Validation is strict: the text "3" is not a number and `yes` not a truth value, but a list may
@@ -223,7 +225,8 @@ def parse_model(document: YamlDocument, model: type[M]) -> M:
         # In JSON mode, since pydantic's strict Python mode also refuses a list in place of a tuple.
         return model.model_validate_json(json.dumps(document.data), strict=True)
     except ValidationError as error:
-        sentences = explain(error.errors(include_url=False), model, document.data)
+        complete = Example(example.stem, load_yaml(example).data) if example else None
+        sentences = explain(error.errors(include_url=False), model, document.data, complete)
         in_order = sorted((document.place_of(loc), text) for loc, text in sentences)
         raise DescriptionError("\n".join(f"{place}: {text}" for place, text in in_order)) from None
 

@@ -268,7 +268,7 @@ def _result(
     )
     evidence = Evidence(
         converged=fit.converged,
-        iterations=fit.iterations,
+        iterations=statistics.iterations,
         chi2_per_dof=fit.chi2_per_dof,
         autocorrelation=stated.autocorrelation,
         geometry=robot.geometry,

@@ -1,5 +1,7 @@
 """A path for the controller: RAPID module for ABB, PDL2 program for Comau, and a CSV table.
 
+Programs for KUKA: planning.krl.
+
 RAPID: MoveAbsJ with the time of each segment (`\\T`), soft servo on all axes (SoftAct, Technical
 reference manual RAPID instructions, 3HAC050917). PDL2: MOVEFLY JOINT with a speed override per
 segment (PDL2 Programming Language manual, CR00757508). The soft servo is an option of the
@@ -17,17 +19,35 @@ from collections.abc import Sequence
 import numpy as np
 
 from cell.arrays import Array
-from cell.descriptions import Robot
+from cell.descriptions import ProgramLanguage, Robot
 from cell.foreign_text import comment
 from planning.targets import Targets
 
 BALLBAR, TELESCOPING = "ball-bar", "telescoping bar"  # what holds the tool
 PROGRAM_AXES = 6  # of robots that programs are written for
+SUFFIXES: dict[ProgramLanguage, str] = {"rapid": "mod", "pdl2": "pdl", "krl": "src"}
 SOFTNESS = 80  # [%] thesis sec. 5.3
 FAR = "9E9"  # RAPID's value of an external axis that does not exist
 ZONE = "z5"  # [mm] within which a target is passed: less than the distance of two targets
 APPROACH = "v20"  # mm/s and deg/s to the first target
 APPROACH_OVERRIDE = 3  # [%]
+
+
+def program_files(name: str) -> frozenset[str]:
+    """Names of the programs that a plan of this name may have."""
+    return frozenset(f"{name}.{suffix}" for suffix in SUFFIXES.values())
+
+
+def without_program(robot: Robot) -> str:
+    """Why no program is written for a robot; empty where one is."""
+    if robot.joints != PROGRAM_AXES:
+        return f"no program is written: {robot.name} has {robot.joints} axes, programs are for six"
+    if robot.program_language is None:
+        return (
+            f"no program is written: the file of robot {robot.name} states no `program_language` "
+            f"({', '.join(SUFFIXES)})"
+        )
+    return ""
 
 
 def header(
@@ -109,7 +129,7 @@ def pdl2(
 
     Joint moves take the time that the override gives them, so a run lasts about as long as planned.
     """
-    overrides, soft = _overrides(robot, targets), gauge == BALLBAR
+    overrides, soft = speed_shares(robot, targets), gauge == BALLBAR
     lines = [f"PROGRAM {name} PROG_ARM = 1, STACK = 2048"]
     lines += [comment("--", line) for line in header(name, robot, targets, limits)]
     lines += ["BEGIN", f"  $PROG_SPD_OVR := {APPROACH_OVERRIDE}"]
@@ -150,8 +170,8 @@ def _segments(targets: Targets) -> Array:
     return np.concatenate(([0.0], np.diff(targets.t) - targets.dwells[:-1]))
 
 
-def _overrides(robot: Robot, targets: Targets) -> list[int]:
-    """Share [%] of the axes' top speeds on the way to each target but the first."""
+def speed_shares(robot: Robot, targets: Targets) -> list[int]:
+    """Share [%] of the axes' top speeds on the way to each target but the first, at least 1."""
     speed = np.radians(np.abs(np.diff(targets.axes, axis=0))) / _segments(targets)[1:, None]
     share = (speed / robot.axis_speed_max).max(axis=1)
     return [max(1, round(100.0 * float(s))) for s in share]

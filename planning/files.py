@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from cell.descriptions import Key, Robot
-from cell.extended_yaml import load_extended, renamed
-from cell.files import write_whole, write_yaml
+from cell.extended_yaml import load_extended, portable
+from cell.files import DESCRIPTIONS, portable_name, write_whole, write_yaml
 from cell.geometry import nominal_chain
 from cell.inverse import has_closed_form
 from cell.robot_angles import joints_to_axes
 from planning.candidate import DECIMALS, Candidate
 from planning.evaluation import OF_CLOSED_FORM, OF_OTHER_ARMS
-from planning.export import BALLBAR, PROGRAM_AXES, TELESCOPING, pdl2, rapid, table
+from planning.export import BALLBAR, SUFFIXES, TELESCOPING, pdl2, rapid, table, without_program
 from planning.force import ERROR
+from planning.krl import krl
 from planning.plan import Plan
 from planning.request import OF_BALLBARS, REQUESTS, PlanRequest
 from planning.stroke import Lengths
@@ -27,7 +27,10 @@ from sim.plant.mjcf import ROBOT_JOINTS
 PATH, SCENARIO, NUMBERS, TABLE = "path.yaml", "scenario.yaml", "plan.yaml", "path.csv"
 REQUEST = "request.yaml"
 PICTURES = ("plan.svg", "what_if.svg", "plate.svg")
-OUTPUTS = frozenset({PATH, SCENARIO, NUMBERS, TABLE, REQUEST, "what_if.csv", *PICTURES})
+OUTPUTS = frozenset(
+    {PATH, SCENARIO, NUMBERS, TABLE, REQUEST, "what_if.csv", *PICTURES, DESCRIPTIONS}
+)
+PROGRAMS = {"rapid": rapid, "pdl2": pdl2, "krl": krl}
 PLANT_AXES = len(ROBOT_JOINTS)
 PLANT_KEYS: tuple[Key, ...] = ("links", "servo", "gears", "rotor_inertia_kg_m2")
 # All error sources of a real cell, as in scenarios/irb2400_full.yaml, where none is by table.
@@ -100,12 +103,12 @@ def planned_path_data(plan: Plan) -> dict[str, object]:
     }
 
 
-def scenario_data(plan: Plan, folder: Path) -> dict[str, object]:
-    """A scenario in a folder that runs the path, with all error sources of a ball-bar."""
+def scenario_data(plan: Plan, cell: dict[str, object]) -> dict[str, object]:
+    """A scenario that runs the path with all error sources of a ball-bar; cell : its content."""
     request, sensors = plan.request, plan.request.sensors
     common = {
         "name": f"{request.name}_planned",
-        "cell": cell_data(plan, folder),
+        "cell": cell,
         "path": {"kind": "lissajous", "file": PATH, **request.timing.model_dump()},
         "seed": request.seed,
     }
@@ -147,29 +150,26 @@ def length_data(lengths: Lengths, robot: Robot) -> dict[str, object]:
 
 
 def cell_data(plan: Plan, folder: Path) -> dict[str, object]:
-    """The cell of the plan, as a scenario in a folder states it."""
-    chosen = plan.request.cell
+    """The cell of the plan, as a scenario in a folder states it.
+
+    Files of one's own are copied into the folder.
+    """
+    held = "instrument" if plan.request.telescoping else "ballbar"
+    names = {"robot": plan.request.cell.robot, held: plan.rod, "plate": plan.request.cell.plate}
     return {
-        "robot": _relative(chosen.robot, folder),
-        "instrument" if plan.request.telescoping else "ballbar": _relative(plan.rod, folder),
-        "plate": _relative(chosen.plate, folder),
+        **{k: portable_name(n, k, relative_to=Path(), folder=folder) for k, n in names.items()},
         "ballbar_position_m": plan.evaluation.candidate.position.tolist(),
     }
 
 
-def _relative(name: str, folder: Path) -> str:
-    """A shipped name as it is; a file of one's own from the folder."""
-    return os.path.relpath(name, folder) if name.endswith(".yaml") else name
-
-
-def numbers_data(plan: Plan, targets: Targets, folder: Path) -> dict[str, object]:
-    """All predictions of the plan in SI units; folder : where they are written."""
+def numbers_data(plan: Plan, targets: Targets, cell: dict[str, object]) -> dict[str, object]:
+    """All predictions of the plan in SI units; cell : as the scenario names it."""
     typical = plan.typical
     priors = dict(zip(typical.layout.names, typical.layout.sigma.tolist(), strict=True))
     return {
         "schema": "ballbar-plan-result/1",
         "name": plan.request.name,
-        "cell": cell_data(plan, folder),
+        "cell": cell,
         "tcp_sigma_m": {
             "rms_median_robot": float(np.median(plan.tcp)),
             "rms_worst_robot": float(plan.tcp.max()),
@@ -244,24 +244,25 @@ def write_request(file: Path, folder: Path, *, overrides: Sequence[str]) -> None
     overrides : texts `KEY=VALUE` that replace values of the file.
     """
     data = load_extended(file, REQUESTS, overrides=overrides).data
-    write_yaml(folder / REQUEST, renamed(data, REQUESTS, file.parent, folder))
+    write_yaml(folder / REQUEST, portable(data, REQUESTS, file.parent, folder, folder))
 
 
 def write_plan(plan: Plan, folder: Path) -> list[str]:
     """Write all files but the pictures. Returns their names.
 
-    Programs are for robots of PROGRAM_AXES.
+    A program is in the language of the robot's controller, where `without_program` is empty.
     """
     robot, request = plan.evaluator.cell.robot, plan.request
     gauge = TELESCOPING if request.telescoping else BALLBAR
     targets = targets_of(plan.evaluator.cell, plan.trajectory, request.timing)
     name, limits = request.name, limit_lines(request)
+    cell = cell_data(plan, folder)
     write_yaml(folder / PATH, planned_path_data(plan))
-    write_yaml(folder / SCENARIO, scenario_data(plan, folder))
+    write_yaml(folder / SCENARIO, scenario_data(plan, cell))
     texts = {TABLE: table}
-    if robot.joints == PROGRAM_AXES:
-        texts |= {f"{name}.mod": rapid, f"{name}.pdl": pdl2}
+    if robot.program_language and not without_program(robot):
+        texts[f"{name}.{SUFFIXES[robot.program_language]}"] = PROGRAMS[robot.program_language]
     for file, write in texts.items():
         write_whole(folder / file, write(name, robot, targets, limits, gauge).encode())
-    write_yaml(folder / NUMBERS, numbers_data(plan, targets, folder))
+    write_yaml(folder / NUMBERS, numbers_data(plan, targets, cell))
     return [PATH, SCENARIO, *texts, NUMBERS]

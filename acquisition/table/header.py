@@ -34,6 +34,10 @@ class Remedies:
     other_table: str = (
         "is this the file that the dialect describes? If not, name its dialect; else copy it again."
     )
+    damaged: str = (
+        "Correct the cell, export the file again, or let such rows be left out: `damaged_rows: 5` "
+        "in recording.yaml, `--damaged-rows 5` of `ballbar new`."
+    )
 
 
 RECORDING = Remedies()
@@ -54,6 +58,7 @@ class Layout:
     decimal: Literal["either", "point", "comma"] = "either"
     all_empty: tuple[str, ...] = ()  # columns read as 0 in rows where all of them are empty
     remedies: Remedies = RECORDING
+    damaged_rows: int = 0  # rows with cells that are no number, up to which they are left out
 
 
 @dataclass(frozen=True)

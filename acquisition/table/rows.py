@@ -218,6 +218,9 @@ def _with_decimal_commas(rows: _Lines, header: Header, layout: Layout) -> tuple[
     commas = []
     for (name, kind), position in zip(header.columns.items(), header.positions, strict=True):
         comma = next((row[position] for row in cells if "," in row[position]), None)
+        if kind == "text" and comma and ":" in comma:  # a date's points are no decimal points
+            commas.append(name)
+            continue
         point = next((row[position] for row in cells if "." in row[position]), None)
         if comma and point:
             both = (k for k, row in enumerate(cells) if _THOUSANDS.fullmatch(row[position]))

@@ -135,8 +135,10 @@ def text_table(text: LogText, layout: Layout) -> tuple[Table, Form]:
     """The wanted columns of a table, line by line; raises as `read_table`."""
     header = read_header(text, layout)
     rows = _with_zeros(plain_rows(text, header, layout), header, layout.all_empty)
+    if layout.damaged_rows:
+        rows = _without_damaged(rows, header, layout.damaged_rows)
     table = Table(
-        columns=_parse(rows, header),
+        columns=_parse(rows, header, layout.remedies.damaged),
         files=(text.file,),
         file=np.zeros(rows.number.size, dtype=np.int64),
         line=rows.number,
@@ -165,15 +167,18 @@ def _with_zeros(rows: PlainRows, header: Header, columns: tuple[str, ...]) -> Pl
     return replace(rows, plain=[filled(line) for line in rows.plain])
 
 
-def _parse(rows: PlainRows, header: Header) -> dict[str, NDArray[Any]]:
-    """The columns; text that holds nothing but whole numbers comes as such."""
+def _parse(rows: PlainRows, header: Header, remedy: str) -> dict[str, NDArray[Any]]:
+    """The columns; text that holds nothing but whole numbers comes as such.
+
+    remedy : of a cell that is no number.
+    """
     wanted = header.columns
     kinds: dict[str, Kind] = {n: "integer" if k == "text" else k for n, k in wanted.items()}
     columns = _numbers(rows, header, kinds)
     if columns is None and "text" in wanted.values():
         columns = _numbers(rows, header, {n: k for n, k in wanted.items() if k != "text"})
     if columns is None:
-        _refuse_cell(rows, header)
+        _refuse_cell(rows, header, remedy)
     for name, position in zip(wanted, header.positions, strict=True):
         coarse = wanted[name] == "decimal" and np.abs(columns[name]).max() > FINE
         if name not in columns or coarse:
@@ -209,17 +214,54 @@ def _numbers(
     return columns if all(np.isfinite(column).all() for column in columns.values()) else None
 
 
-def _refuse_cell(rows: PlainRows, header: Header) -> NoReturn:
-    for line, number, plain in zip(rows.lines, rows.number, rows.plain, strict=True):
-        written, cells = split_fields(line, rows.separator), split_fields(plain, rows.separator)
-        for (name, kind), position in zip(header.columns.items(), header.positions, strict=True):
-            wrong = _wrong_number(cells[position], kind) if kind != "text" else ""
-            if wrong:
-                cell = written[position]
-                raise LogError(
-                    f"{rows.file}:{number}: column {name}: {cell!r} {wrong} "
-                    "Correct the cell, or export the file again."
-                )
+def _without_damaged(rows: PlainRows, header: Header, limit: int) -> PlainRows:
+    """The rows without those that hold a cell that is no number.
+
+    Raises LogError where these are more than `limit`.
+    """
+    reasons = {
+        row: reason for row in range(len(rows.lines)) if (reason := _damage(rows, header, row))
+    }
+    if not reasons:
+        return rows
+    damaged = np.array(list(reasons))
+    first = f"{rows.file}:{rows.number[damaged[0]]}: {reasons[damaged[0]]}"
+    if damaged.size > limit:
+        raise LogError(
+            f"{first} {damaged.size} rows are damaged so, and `damaged_rows` allows {limit}. "
+            "Export the file again, or allow more."
+        )
+    whole = np.delete(np.arange(len(rows.lines)), damaged)
+    if not whole.size:
+        raise LogError(f"{first} No row is left. Export the file again.")
+    sentence = f"{reasons[damaged[0]]} Left out, as `damaged_rows: {limit}` allows."
+    entry = finding("damaged row", "repaired", rows.file, sentence, lines=rows.number[damaged])
+    return replace(
+        rows,
+        lines=[rows.lines[k] for k in whole],
+        plain=[rows.plain[k] for k in whole],
+        number=rows.number[whole],
+        begins=np.diff(np.cumsum(rows.begins)[whole], prepend=0) > 0,
+        repaired=rows.repaired[whole],
+        findings=(*rows.findings, entry),
+    )
+
+
+def _damage(rows: PlainRows, header: Header, row: int) -> str:
+    """Column, cell and fault of the first wanted cell of a row that is no number; empty if none."""
+    cells = split_fields(rows.plain[row], rows.separator)
+    for (name, kind), position in zip(header.columns.items(), header.positions, strict=True):
+        wrong = _wrong_number(cells[position], kind) if kind != "text" else ""
+        if wrong:
+            written = split_fields(rows.lines[row], rows.separator)[position]
+            return f"column {name}: {written!r} {wrong}"
+    return ""
+
+
+def _refuse_cell(rows: PlainRows, header: Header, remedy: str) -> NoReturn:
+    for row, number in enumerate(rows.number):
+        if reason := _damage(rows, header, row):
+            raise LogError(f"{rows.file}:{number}: {reason} {remedy}")
     raise LogError(f"{rows.file}: the table holds a cell that is no number. Export it again.")
 
 

@@ -178,10 +178,10 @@ def _identify_poses(
     """Still poses: identify, write calibration.yaml and report.html, say, and exit."""
     from ballbar.commands.result_json import pose_run_data
     from ballbar.report.pose_terminal import say_poses
-    from ballbar.result.names import CALIBRATION, DESCRIPTIONS, REPLAY, REPORT
+    from ballbar.result.names import CALIBRATION, REPLAY, REPORT
     from ballbar.result.pose_calibration import write_pose_calibration
     from ballbar.result.pose_run import identify_pose_folders
-    from cell.files import claimed_folder
+    from cell.files import DESCRIPTIONS, claimed_folder
 
     first = folders[0] if folders[0].is_dir() else folders[0].parent
     folder = out_dir or first.with_name(first.resolve().name + "-identified")

@@ -40,6 +40,8 @@ COMMANDS = {
         "correct": "result",
     },
     TEST_BENCH: {
+        "list": "shipped",
+        "init": "shipped",
         "run": "bench",
         "simulate": "bench",
         "sweep": "bench",

@@ -60,11 +60,12 @@ def plan(
 ) -> None:
     """Plan a trajectory or still poses for the cell, predict what they identify, write programs.
 
-    For a ball-bar: path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and programs for ABB
-    (.mod) and Comau (.pdl) in DIR (default runs/NAME-plan). Exits with 1 when the trajectory
-    violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best trajectory so far.
+    For a ball-bar: path.yaml, scenario.yaml, plan.yaml, plan.svg, path.csv and a program for the
+    robot's controller (ABB .mod, Comau .pdl, KUKA .src) in DIR (default runs/NAME-plan). Exits with
+    1 when the trajectory violates a limit in MuJoCo. Ctrl-C stops the search and keeps the best
+    trajectory so far.
 
-    For still poses of another instrument: poses.csv, poses.yaml, plan.yaml and the programs. Exits
+    For still poses of another instrument: poses.csv, poses.yaml, plan.yaml and the program. Exits
     with 1 when a move between two poses comes too close.
     """
     from ballbar.commands.result_json import plan_data

@@ -13,7 +13,7 @@ from rich.markup import escape
 
 from acquisition.times import TIME_FORMS
 from ballbar.commands.options import AsJson, RecordingOrPoses, say_json
-from ballbar.terminal import err, out
+from ballbar.terminal import err, out, progress_bar
 from cell.errors import InputError
 from cell.foreign_text import printable
 from cell.logs import SourceName
@@ -158,6 +158,14 @@ def new(
     zero: Annotated[
         float | None, typer.Option(help="Length where that column shows zero, in m.")
     ] = None,
+    damaged_rows: Annotated[
+        int | None,
+        typer.Option(
+            help="Leave out up to so many rows of each log in which a cell is no number, and "
+            "report them; without it such a log is refused.",
+            min=1,
+        ),
+    ] = None,
     joints: Annotated[
         str | None,
         typer.Option(
@@ -255,6 +263,7 @@ def new(
         column=column,
         unit=unit,
         zero=zero,
+        damaged_rows=damaged_rows,
     )
     recording = new_recording(folder, robot_log, ballbar_log, answers, ask)
     if as_json:
@@ -348,8 +357,11 @@ def _check_recording(folder: Path, *, explain_reading: bool, as_json: bool) -> i
 
     if explain_reading:
         _say_reasons(explain_lines(folder))
-    content = read_with_causes(folder)
-    alignment = aligned(content, folder)
+    with progress_bar() as progress:
+        progress("reading the recording")
+        content = read_with_causes(folder)
+        progress("aligning the logs")
+        alignment = aligned(content, folder)
     if as_json:
         say_json(check_data(content, alignment))
     _say_page(check_lines(content, alignment))
@@ -365,7 +377,9 @@ def _check_poses(path: Path, *, explain_reading: bool, as_json: bool) -> int:
 
     if explain_reading:
         _say_reasons(explain_pose_lines(load_poses_file(pose_file_path(path))))
-    content = import_poses(path)
+    with progress_bar() as progress:
+        progress("reading the poses")
+        content = import_poses(path)
     if as_json:
         say_json(pose_data(content))
     _say_page(pose_lines(content))
@@ -412,12 +426,14 @@ def align(
     """
     from ballbar.recordings.align import align_data, align_lines, aligned_logs, parsed_pairs
 
-    result = aligned_logs(
-        (log_a, log_b),
-        sources=(source_a, source_b),
-        times=(time_a, time_b),
-        pairs=parsed_pairs(channel or ()),
-    )
+    with progress_bar() as progress:
+        progress("reading and aligning the logs")
+        result = aligned_logs(
+            (log_a, log_b),
+            sources=(source_a, source_b),
+            times=(time_a, time_b),
+            pairs=parsed_pairs(channel or ()),
+        )
     if as_json:
         say_json(align_data(*result))
     _say_page(align_lines(*result))

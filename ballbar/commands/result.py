@@ -36,6 +36,10 @@ def replay(
             "--web", help="Serve the replay to a browser on this machine (loopback only)."
         ),
     ] = False,
+    port: Annotated[
+        int | None,
+        typer.Option(help="Port of --web on this machine. Default: a free one.", min=1, max=65535),
+    ] = None,
     save: Annotated[
         Path | None,
         typer.Option("--save", help="Write the replay file instead of opening it.", metavar="FILE"),
@@ -52,12 +56,14 @@ def replay(
 
     if save is not None and save.exists():
         raise InputError(f"{save}: exists already; nothing was written. Name another file.")
+    if port is not None and not web:
+        raise InputError("--port is that of the web viewer; add --web.")
     with chosen_replay(run_dir, layout, against) as file:
         if save is not None:
             write_whole(save, file.read_bytes())
             out.print(f"Saved {escape(str(save))}")
         elif web:
-            serve_web(file)
+            serve_web(file, port=port)
         else:
             open_viewer(file)
 

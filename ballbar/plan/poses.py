@@ -13,6 +13,7 @@ from rich.markup import escape
 from ballbar.plan.show import status
 from ballbar.units import UM
 from cell.files import claimed_folder
+from planning.export import without_program
 from planning.files import REQUEST, write_request
 from planning.poses.files import output_names, write_pose_plan
 from planning.poses.plan import PosePlan, pose_plan
@@ -53,6 +54,8 @@ def plan_poses(
         names = [*write_pose_plan(plan, folder, relative_to=file.parent), REQUEST]
         write_request(file, folder, overrides=overrides)
         say_pose_plan(out, plan)
+        if reason := without_program(setup.robot):
+            out.print(escape(reason))
         out.print(f"Files in {escape(str(folder))}: {', '.join(names)}")
         out.print(f"Measure, fill in poses.csv, then: ballbar check {escape(str(folder))}")
     return not plan.route.blocked

@@ -25,9 +25,9 @@ from cell.files import claimed_folder, write_whole
 from planning.candidate import Candidate
 from planning.clearance import clearance
 from planning.evaluation import evaluators
-from planning.export import BALLBAR, TELESCOPING
+from planning.export import BALLBAR, TELESCOPING, program_files, without_program
 from planning.files import OUTPUTS, REQUEST, write_plan, write_request
-from planning.plan import Plan, assess, known_path, plans
+from planning.plan import COVERED_WITHIN, Plan, assess, known_path, plans
 from planning.questions import Question, check_questions, question
 from planning.request import PlanRequest, load_request
 from planning.search import Progress
@@ -71,7 +71,7 @@ def plan_path(
     request = load_request(file, overrides=overrides)
     questions = [question(text) for text in what_if]
     check_questions(request, questions)
-    known = {*OUTPUTS, f"{request.name}.mod", f"{request.name}.pdl"}
+    known = {*OUTPUTS, *program_files(request.name)}
     with claimed_folder(folder, known, "the plan"):
         if path:
             candidates = iter([given_path(request, path, position)])
@@ -101,6 +101,8 @@ def plan_path(
                 break
         if questions:
             names += answer(plan, questions, folder, out, err)
+        if reason := without_program(plan.evaluator.cell.robot):
+            out.print(escape(reason))
         out.print(f"Files in {escape(str(folder))}: {', '.join([*names, 'plan.svg'])}")
     return violated == 0
 
@@ -253,7 +255,10 @@ def say_plan(out: Console, plan: Plan) -> None:
         f"predicted TCP sigma over the workspace: {np.median(tcp):.1f} um rms{spread}, "
         f"largest {typical.tcp_sigma.max() * UM:.0f} um{adds}"
     )
-    out.print(f"sphere covered {plan.coverage:.0%}, {_expected(plan)}")
+    out.print(
+        f"sphere covered {plan.coverage:.0%} (within {np.degrees(COVERED_WITHIN):.0f} deg of the "
+        f"path; shipped plans cover 5 to 21%, and the sigma above counts it), {_expected(plan)}"
+    )
     if plan.lengths is not None and plan.lengths.warning:
         out.print(f"[yellow]warning:[/] {plan.lengths.warning}")
     if plan.forces is not None:

@@ -39,11 +39,11 @@ from acquisition.poses.text import FileKind, pose_text
 from acquisition.poses.times import pose_stamps
 from acquisition.poses.values import METRES
 from acquisition.table.text import LogText
-from ballbar.recordings.new_recording import Ask
+from ballbar.recordings.questions import Ask, answer
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.errors import InputError, LogError
-from cell.files import write_whole
+from cell.files import copied_description, write_whole
 from cell.instrument import Instrument
 from cell.load import instrument_names, load_instrument, load_robot, robot_names
 from cell.pose_file import AngleUnit, JointColumns, LengthUnit, PoseTime
@@ -80,21 +80,8 @@ class _Table:
     def answer(
         self, given: str | None, question: str, proposal: str | None, check: Callable[[str], T]
     ) -> T:
-        """The checked answer to a question: an option's, or the user's, who is asked again.
-
-        Raises InputError for an option, or a proposal, that is wrong.
-        """
-        if given is not None:
-            return check(given)
-        question = f"{self.text.file}: {question}"
-        reply = self.ask(question, proposal)
-        while True:
-            try:
-                return check(reply)
-            except InputError as error:
-                if reply == proposal:
-                    raise
-                reply = self.ask(f"{error}\n{question}", None)
+        """The checked answer to a question about the table, as `questions.answer`."""
+        return answer(given, f"{self.text.file}: {question}", proposal, check, self.ask)
 
     def names(self, count: int) -> Callable[[str], list[int | str]]:
         """A check of an answer that names `count` columns."""
@@ -137,8 +124,7 @@ def new_poses(
             shutil.copyfile(table, aside / "raw" / table.name)
         for key in ("robot", "instrument"):
             if description[key].endswith(".yaml"):
-                shutil.copyfile(description[key], aside / Path(description[key]).name)
-                description[key] = Path(description[key]).name
+                description[key] = copied_description(aside, key, Path(description[key]))
         # Lists of columns on one line.
         text = yaml.safe_dump(
             description, sort_keys=False, allow_unicode=True, width=98, default_flow_style=None

@@ -7,8 +7,9 @@ moved there.
 
 from __future__ import annotations
 
+import json
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,11 +24,13 @@ from acquisition.table.header import read_header
 from acquisition.table.preview import HEAD, column_names, likely_separator
 from acquisition.table.text import LogText, read_filled, text_of
 from acquisition.times import TIME_FORMS, recognised, words
+from ballbar.recordings.new_dialect import OWN, TIME_UNITS, new_dialect
+from ballbar.recordings.questions import Ask, answer, one_of, whole_number
 from ballbar.recordings.read_with_causes import read_with_causes
 from cell.arrays import Array
-from cell.dialect import Container, Dialect, dialect_file, dialect_names, load_dialect
-from cell.errors import InputError, LogError
-from cell.files import write_yaml
+from cell.dialect import Container, Dialect, TimeForm, dialect_file, dialect_names, load_dialect
+from cell.errors import InputError
+from cell.files import copied_description, write_yaml
 from cell.instrument import Instrument
 from cell.load import (
     ballbar_names,
@@ -35,16 +38,17 @@ from cell.load import (
     length_names,
     load_ballbar,
     load_instrument,
+    load_robot,
+    load_telescoping_bar,
     robot_names,
 )
+from cell.logs import SourceName
 from cell.recording import SourceFile
+from cell.schema_errors import nearest
 from cell.selectors import find
-
-Ask = Callable[[str, str | None], str]  # (question, proposed answer) -> answer
 
 ENCODERS = ("b1", "b2", "b3", "b4", "b5")
 UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}  # [m] of a length
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s]
 SHOWN = 2000  # rows, from the first, whose values are looked at for a proposal
 _ANGLES = {
     "motors": "motor angles",
@@ -70,6 +74,7 @@ class Answers:
     column: str | None = None  # of a length
     unit: str | None = None
     zero: float | None = None  # [m]
+    damaged_rows: int | None = None  # of each file, that may be left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,20 +120,22 @@ def new_recording(
         )
     if robot_log.name == ballbar_log.name:
         raise InputError(f"{robot_log} and {ballbar_log} have the same name; rename one of them.")
-    description = _description(_preview(robot_log), _preview(ballbar_log), answers, ask)
+    description, own = _description(_preview(robot_log), _preview(ballbar_log), answers, ask)
     aside = folder.with_name(f".{folder.name}.part")
     shutil.rmtree(aside, ignore_errors=True)
     try:
         (aside / "raw").mkdir(parents=True)
         for log in (robot_log, ballbar_log):
             shutil.copyfile(log, aside / "raw" / log.name)
-        for source in description["sources"].values():
-            if source["dialect"].endswith(".yaml"):
-                shutil.copyfile(source["dialect"], aside / Path(source["dialect"]).name)
-                source["dialect"] = Path(source["dialect"]).name
-        if (own := description.get("instrument", "")).endswith(".yaml"):
-            shutil.copyfile(own, aside / Path(own).name)
-            description["instrument"] = Path(own).name
+        for name, dialect in own.items():
+            write_yaml(aside / name, dialect)
+        for name, source in description["sources"].items():
+            file = Path(source["dialect"])
+            if file.suffix == ".yaml" and file.name not in own:
+                source["dialect"] = copied_description(aside, f"{name}_dialect", file)
+        for key in ("robot", "ballbar", "instrument"):
+            if (name := description.get(key, "")).endswith(".yaml"):
+                description[key] = copied_description(aside, key, Path(name))
         write_yaml(aside / "recording.yaml", description)
         recording = read_with_causes(aside)
         if folder.exists():
@@ -141,27 +148,44 @@ def new_recording(
 
 def _description(
     robot_log: _Preview, bar_log: _Preview, answers: Answers, ask: Ask
-) -> dict[str, Any]:
-    """The content of recording.yaml."""
+) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """The content of recording.yaml, and that of new dialects by the names of their files."""
     if answers.ballbar and answers.instrument:
         raise InputError("give either --ballbar or --instrument: one of them made the second log.")
     robots, bars = ", ".join(robot_names()), ", ".join((*ballbar_names(), *length_names()))
-    robot = answers.robot or ask(f"Which robot? ({robots}, or a .yaml file)", None)
-    held = answers.ballbar or answers.instrument
-    held = held or ask(f"Which ball-bar or other instrument? ({bars}, or a .yaml file)", None)
-    kind = "length" if answers.instrument or describes_instrument(held) else "ballbar"
-    robot_dialect = answers.robot_dialect or _ask_dialect("robot", robot_log, ask)
-    bar_dialect = answers.ballbar_dialect or _ask_dialect(kind, bar_log, ask)
-    sources = {
-        "robot": _source(robot_log, robot_dialect, answers.robot_time, ask),
-        kind: _source(bar_log, bar_dialect, answers.ballbar_time, ask),
-    }
+    question = f"Which robot? ({robots}, or a .yaml file)"
+    robot = answer(answers.robot, question, None, _robot, ask)
+    question = f"Which ball-bar or other instrument? ({bars}, or a .yaml file)"
+    held = answer(answers.ballbar or answers.instrument, question, None, _held, ask)
+    kind: SourceName = "length" if answers.instrument or describes_instrument(held) else "ballbar"
+    made: dict[str, dict[str, Any]] = {}
+    _, robot_source = _source(
+        "robot", robot_log, answers.robot_dialect, answers.robot_time, ask, made
+    )
+    bar_dialect, bar_source = _source(
+        kind, bar_log, answers.ballbar_dialect, answers.ballbar_time, ask, made
+    )
+    sources = {"robot": robot_source, kind: bar_source}
+    if answers.damaged_rows:
+        sources = {n: s | {"damaged_rows": answers.damaged_rows} for n, s in sources.items()}
     head = {"schema": "ballbar-recording/1", "kind": "real", "robot": robot}
     if kind == "length":
         sources[kind] |= _length(bar_log, load_instrument(held), bar_dialect, answers, ask)
-        return {**head, "instrument": held, "sources": sources, "notes": ""}
+        return {**head, "instrument": held, "sources": sources, "notes": ""}, made
     encoders = _encoders(bar_log.columns, held, answers, ask)
-    return {**head, "ballbar": held, "sources": sources, "encoders": encoders, "notes": ""}
+    described = {**head, "ballbar": held, "sources": sources, "encoders": encoders, "notes": ""}
+    return described, made
+
+
+def _robot(name: str) -> str:
+    load_robot(name)
+    return name
+
+
+def _held(name: str) -> str:
+    """A ball-bar, or an instrument of lengths."""
+    (load_telescoping_bar if describes_instrument(name) else load_ballbar)(name)
+    return name
 
 
 def _preview(log: Path) -> _Preview:
@@ -172,40 +196,66 @@ def _preview(log: Path) -> _Preview:
     return _Preview(log.name, container, text)
 
 
-def _ask_dialect(source: str, log: _Preview, ask: Ask) -> str:
-    """The dialect of a log; proposed if it is the only one that fits."""
+def _chosen_dialect(source: SourceName, given: str | None, log: _Preview, ask: Ask) -> str:
+    """The dialect of a log; proposed if it is the only one that fits, a new one if none does."""
     dialects = {name: load_dialect(name) for name in dialect_names()}
     known = [name for name, dialect in dialects.items() if dialect.source == source]
     fitting = [name for name in known if _fits(dialects[name], log)]
-    choices = f"({', '.join(known)}, or a .yaml file)"
-    if not fitting:
-        return ask(f"{log.name} fits no dialect. Which one? {choices}", None)
-    first, meaning = fitting[0], _meaning(dialects[fitting[0]])
-    question = f"{log.name} fits the dialect {first}: {meaning}. Which dialect? {choices}"
-    return ask(question, first if len(fitting) == 1 else None)
+    table = log.container == "text" and source != "force"
+    own = f", or {OWN} to write one from what the file shows" if table else ""
+    choices = f"({', '.join(known)}, or a .yaml file{own})"
+
+    def check(name: str) -> str:
+        if not (table and name == OWN):
+            _refuse_other(_dialect(name), source, log)
+        return name
+
+    if fitting:
+        first, meaning = fitting[0], _meaning(dialects[fitting[0]])
+        question = f"{log.name} fits the dialect {first}: {meaning}. Which dialect? {choices}"
+        return answer(given, question, first if len(fitting) == 1 else None, check, ask)
+    question = f"{log.name} fits no dialect. Which one? {choices}"
+    return answer(given, question, OWN if table else None, check, ask)
+
+
+def _refuse_other(dialect: Dialect, source: SourceName, log: _Preview) -> None:
+    """Raises InputError for a dialect of another source, or whose columns the log lacks."""
+    if dialect.source != source:
+        raise InputError(f"that dialect is of a {dialect.source} log, and {log.name} of {source}.")
+    _refuse_unfit(dialect, log)
 
 
 def _fits(dialect: Dialect, log: _Preview) -> bool:
     """Whether the container, and for text the header, are those of the dialect."""
-    if dialect.container != log.container:
-        return False
-    text = log.text
-    if text is None or log.container != "text":
-        return True
-    source = SourceFile(files=(text.file,), dialect="")
     try:
-        if dialect.source == "robot":
-            read_header(text, robot_layout(source, dialect))
-        elif dialect.source == "force":
-            read_header(text, force_layout(source, dialect))
-        elif dialect.source == "length":
-            return len(_unstamped(log, dialect)) < len(log.columns)
-        else:
-            columns, halves = set(log.columns), dialect.time.halves
-            return dialect.time.column in columns or bool(halves and set(halves) <= columns)
-    except LogError:
+        _refuse_unfit(dialect, log)
+    except InputError:
         return False
     return True
+
+
+def _refuse_unfit(dialect: Dialect, log: _Preview) -> None:
+    """Raises InputError unless the container, and for text the header, are those of the dialect."""
+    if dialect.container != log.container:
+        raise InputError(f"{log.name} is {log.container}, the dialect reads {dialect.container}.")
+    text = log.text
+    if text is None or log.container != "text":
+        return
+    source = SourceFile(files=(text.file,), dialect="")
+    shown = _shown_form(dialect, log)
+    if shown in ("date", "iec-time") and shown not in dialect.time.possible:
+        raise InputError(f"the time stamps of {log.name} are {words(shown)}, not of that dialect.")
+    if dialect.source == "robot":
+        read_header(text, robot_layout(source, dialect))
+    elif dialect.source == "force":
+        read_header(text, force_layout(source, dialect))
+    elif dialect.source == "length":
+        if len(_unstamped(log, dialect)) == len(log.columns):
+            raise InputError(f"{log.name} has no column {dialect.time.column} of time stamps.")
+    else:
+        halves, present = dialect.time.halves, _stamp_column(log, dialect) is not None
+        if not present and not (halves and set(halves) <= set(log.columns)):
+            raise InputError(f"{log.name} has no column {dialect.time.column} of time stamps.")
 
 
 def _meaning(dialect: Dialect) -> str:
@@ -216,26 +266,54 @@ def _meaning(dialect: Dialect) -> str:
     return f"{what}, time in {forms}"
 
 
-def _source(log: _Preview, dialect_name: str, time: str | None, ask: Ask) -> dict[str, Any]:
-    """One source of recording.yaml; the form of the time stamps is asked for if it is not seen."""
-    dialect = _dialect(dialect_name)
-    source: dict[str, Any] = {"files": [f"raw/{log.name}"], "dialect": dialect_name}
-    if time is None and dialect.time.forms and not _shows_time_form(dialect, log):
-        time = ask(
-            f"{log.name}: what are the time stamps? They do not show it. ({', '.join(TIME_FORMS)})",
-            likely_time(dialect, log.values(_stamp_column(log, dialect))),
+def _source(
+    name: SourceName,
+    log: _Preview,
+    given: str | None,
+    time: str | None,
+    ask: Ask,
+    made: dict[str, dict[str, Any]],
+) -> tuple[Dialect, dict[str, Any]]:
+    """A dialect and its source in recording.yaml; a form of the stamps that hides is asked for.
+
+    made : takes a dialect that is written.
+    """
+    chosen = _chosen_dialect(name, given, log, ask)
+    source: dict[str, Any] = {"files": [f"raw/{log.name}"], "dialect": chosen}
+    if chosen == OWN and log.text is not None:
+        data, hidden = new_dialect(name, log.text, time, ask)
+        source["dialect"] = f"{name}-dialect.yaml"
+        made[source["dialect"]] = data
+        dialect = Dialect.model_validate(json.loads(json.dumps(data)))
+        return dialect, source if hidden is None else source | {"time": hidden}
+    dialect = _dialect(chosen)
+    stamps = log.values(_stamp_column(log, dialect))
+    if time is not None or (dialect.time.forms and not _shows_time_form(dialect, log)):
+        question = (
+            f"{log.name}: what are the time stamps? They do not show it. ({', '.join(TIME_FORMS)})"
         )
-    return source if time is None else source | {"time": time}
+        likely = likely_time(dialect, stamps)
+        source["time"] = answer(time, question, likely, one_of(*TIME_FORMS), ask)
+    return dialect, source
 
 
 def _shows_time_form(dialect: Dialect, log: _Preview) -> bool:
     """Whether the stamp in the middle row of a log shows its form."""
+    if log.text is None or _stamp_column(log, dialect) is None:
+        return True  # two halves, or binary: the reader knows
+    return _shown_form(dialect, log) in dialect.time.forms
+
+
+def _shown_form(dialect: Dialect, log: _Preview) -> TimeForm | None:
+    """The form that the stamp in the middle row of a table shows."""
     text, name = log.text, _stamp_column(log, dialect)
     if text is None or name is None:
-        return True  # two halves, or binary: the reader knows
-    column = log.columns.index(name)
+        return None
     row = split_fields(text.lines[len(text.lines) // 2], likely_separator(text))
-    return len(row) > column and recognised(row[column], dialect.time.forms) is not None
+    column = log.columns.index(name)
+    if len(row) <= column:
+        return None
+    return recognised(row[column], dialect.time.forms) or recognised(row[column], TIME_FORMS)
 
 
 def _dialect(name: str) -> Dialect:
@@ -254,24 +332,24 @@ def _unstamped(log: _Preview, dialect: Dialect) -> list[str]:
 
 
 def _length(
-    log: _Preview, instrument: Instrument, dialect: str, answers: Answers, ask: Ask
+    log: _Preview, instrument: Instrument, dialect: Dialect, answers: Answers, ask: Ask
 ) -> dict[str, Any]:
     """Column, unit and zero of a length; those proposed put the log inside the stroke."""
-    names = _unstamped(log, _dialect(dialect))
+    names = _unstamped(log, dialect)
     fitting = {name: likely_unit(instrument, log.values(name)) for name in names}
     inside = [name for name, unit in fitting.items() if unit is not None]
     proposal = inside[0] if len(inside) == 1 else names[0] if len(names) == 1 else None
-    column = answers.column or ask(
-        f"Which column holds the length? Columns: {', '.join(names)}.", proposal
-    )
+    question = f"Which column holds the length? Columns: {', '.join(names)}."
+    column = answer(answers.column, question, proposal, one_of(*names), ask)
     unit, zero = fitting.get(column) or (None, None)
     question = f"{column}: in which unit? ({', '.join(UNITS)})"
-    out: dict[str, Any] = {"column": column, "unit": answers.unit or ask(question, unit)}
+    chosen = answer(answers.unit, question, unit, one_of(*UNITS), ask)
+    out: dict[str, Any] = {"column": column, "unit": chosen}
     if answers.zero is not None:
         return out | {"zero_m": answers.zero}
     if zero:  # the column shows deviations
         question = f"{column}: length where it shows zero, in m?"
-        return out | {"zero_m": _number(ask(question, f"{zero:g}"))}
+        return out | {"zero_m": answer(None, question, f"{zero:g}", _number, ask)}
     return out
 
 
@@ -298,34 +376,45 @@ def likely_time(dialect: Dialect, stamps: Array) -> str | None:
     return fitting[0] if len(fitting) == 1 and fitting[0] in dialect.time.possible else None
 
 
-def _number(answer: str) -> float:
+def _number(reply: str) -> float:
     try:
-        return float(answer)
+        return float(reply)
     except ValueError:
-        raise InputError(f"{answer!r} is not a number. Write metres, such as 0.3.") from None
+        raise InputError(f"{reply!r} is not a number. Write metres, such as 0.3.") from None
 
 
 def _encoders(
     columns: Sequence[str], ballbar: str, answers: Answers, ask: Ask
 ) -> dict[str, dict[str, Any]]:
     """The encoders of recording.yaml: counter column, lines, bits, direction."""
-    chosen = _parsed_encoders(answers.encoders)
-    if not chosen:
-        proposal = " ".join(f"{name}={name}" for name in ENCODERS if name in columns) or None
-        question = "Which column holds which encoder's counter?"
-        answer = ask(
-            f"{question} Columns: {', '.join(columns)}. (b1=COLUMN b2=COLUMN:-1 ...)", proposal
-        )
-        chosen = _parsed_encoders(answer.split())
-    nominal = None if ballbar.endswith(".yaml") else load_ballbar(ballbar)
-    lines = answers.lines or _whole_number(
-        ask("Lines of the encoders per turn?", str(nominal.encoder_lines) if nominal else None)
+
+    def parsed(reply: str) -> Mapping[str, tuple[str, int]]:
+        return _parsed_encoders(reply.split(), columns)
+
+    proposal = " ".join(f"{name}={name}" for name in ENCODERS if name in columns) or None
+    question = (
+        f"Which column holds which encoder's counter? Columns: {', '.join(columns)}. "
+        "(b1=COLUMN b2=COLUMN:-1 ...)"
     )
-    bits = answers.bits or _whole_number(
-        ask(
-            "Bits of the interpolation (EL5021 object 8001:11)?",
-            str(nominal.encoder_bits) if nominal else None,
-        )
+    chosen = (
+        _parsed_encoders(answers.encoders, columns)
+        if answers.encoders
+        else answer(None, question, proposal, parsed, ask)
+    )
+    nominal = load_ballbar(ballbar)
+    lines = answers.lines or answer(
+        None,
+        "Lines of the encoders per turn?",
+        str(nominal.encoder_lines),
+        whole_number(1, 10_000_000),
+        ask,
+    )
+    bits = answers.bits or answer(
+        None,
+        "Bits of the interpolation (EL5021 object 8001:11)?",
+        str(nominal.encoder_bits),
+        whole_number(8, 13),
+        ask,
     )
     return {
         name: {"column": column, "lines": lines, "bits": bits, "sign": direction}
@@ -333,8 +422,13 @@ def _encoders(
     }
 
 
-def _parsed_encoders(texts: Sequence[str]) -> Mapping[str, tuple[str, int]]:
-    """Encoder -> (counter column, direction +1 or -1), from `b1=COLUMN` or `b1=COLUMN:-1`."""
+def _parsed_encoders(texts: Sequence[str], columns: Sequence[str]) -> Mapping[str, tuple[str, int]]:
+    """Encoder -> (counter column, direction +1 or -1), from `b1=COLUMN` or `b1=COLUMN:-1`.
+
+    columns : of the log, as far as they can be seen.
+
+    Raises InputError also for a name that is none of them.
+    """
     encoders: dict[str, tuple[str, int]] = {}
     for text in texts:
         name, equals, column = text.partition("=")
@@ -346,14 +440,13 @@ def _parsed_encoders(texts: Sequence[str]) -> Mapping[str, tuple[str, int]]:
                 f"encoder {text!r}: write b1=COLUMN, or b1=COLUMN:-1 where it counts in the other "
                 "direction; encoders are b1 to b5."
             )
+        if columns and column not in columns:
+            hint = nearest(column, columns, noun="column")
+            raise InputError(f"encoder {text!r}: {column!r} is no column.{hint}")
         encoders[name] = (column, int(direction))
+    if not encoders:
+        raise InputError("no encoder was named: write b1=COLUMN, and so on.")
     return encoders
-
-
-def _whole_number(answer: str) -> int:
-    if not answer.strip().isdigit():
-        raise InputError(f"{answer!r} is not a whole number. Write digits alone, such as 3600.")
-    return int(answer)
 
 
 def _column_names(text: LogText, container: Container) -> list[str]:

@@ -199,7 +199,7 @@ def identify_layout(distances: Sequence[str] = (), root: str = "") -> rrb.Bluepr
         origin=f"{root}{CELL}",
         contents=[
             f"{root}{CELL}/{part}"
-            for part in ("sphere", "tool/path", "ballbar/stand/**", "robot/base/**")
+            for part in ("sphere", "tool/path", "ballbar/**", "plate/**", "robot/**")
         ]
         + [f"{root}{CLOSURE_ERROR}/**"],
         name="Loop-closure error along the path, magnified: it shrinks",

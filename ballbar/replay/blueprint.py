@@ -30,6 +30,7 @@ from ballbar.replay.entities import (
     FORCE,
     JOINTS,
     LANES,
+    LEGEND,
     NOTES,
     PATH_SO_FAR,
     POSITION,
@@ -144,7 +145,12 @@ def _recording(shown: Shown) -> rrb.Container:
     )
     title = "Cell: path of the tool on the sphere of the rod (yellow: so far), patches covered"
     scene = cell_view(shown.root, title, eye)
-    left = rrb.Vertical(scene, _texts(shown.root), row_shares=[13, 7])
+    texts = _texts(shown.root)
+    if TCP_BEFORE in shown.plots:  # the arrows are against the truth
+        legend = rrb.TextDocumentView(origin=f"{shown.root}{LEGEND}", name="Arrows")
+        left = rrb.Vertical(scene, legend, texts, row_shares=[12, 2, 6])
+    else:
+        left = rrb.Vertical(scene, texts, row_shares=[13, 7])
     time_axis = rrb.TimeAxis(view_range=shown.time_range)
     lanes = rrb.StateTimelineView(origin=f"{shown.root}{LANES}", name="Events", time_view=time_axis)
     rows = (_residuals(shown), lanes, _angles(shown), _more(shown))

@@ -44,6 +44,7 @@ CLOCK = "/clock/offset_ms"
 CLOCK_TRUE, CLOCK_IDENTIFIED = f"{CLOCK}/true", f"{CLOCK}/identified"
 CLOCK_ERROR = "/clock/error_us"
 COVERED, COVERAGE_SHARE = "/cell/sphere/covered", "/sphere/covered_percent"
+LEGEND = "/legend"  # what the arrows in the scene mean, beside it
 LANES, EVENT_LOG = "/events/lanes", "/events/log"
 
 # of the recording whose loop-closure error the iterations report, below its root

@@ -34,8 +34,8 @@ from ballbar.replay.entities import (
     Branch,
     Colour,
 )
-from ballbar.replay.motion import base_alignment, logged_joints, rms_norm
-from ballbar.replay.scene import label, magnification, spaced
+from ballbar.replay.motion import base_alignment, cell_motion, logged_joints, rms_norm
+from ballbar.replay.scene import log_poses, magnification, spaced
 from ballbar.result.iterations import Step
 from ballbar.result.run_data import FittedRecording, RunData
 from ballbar.units import UM, URAD
@@ -90,11 +90,17 @@ def log_iterations(stream: Branch, data: RunData) -> None:
     if data.simulation is not None:
         distances = _tool_distances(geometries, data.simulation.truth.geometry, grid)
         _log_curve(stream, TOOL_FROM_TRUTH, distances, "from the truth", TRUE_COLOUR)
-    _log_arrows(stream, fitted, states)
+    factor = _log_arrows(stream, fitted, states)
+    still = cell_motion(fitted, rows=np.array([fitted.recording.robot_log.t.size // 2]))
+    log_poses(stream, still, _at(np.zeros(1, dtype=np.int64)))  # the arm, in the middle of the run
     begin = "the nominal robot, the ball-bar placed and the clock set as well as possible"
     stages, last = [begin, *(step.stage for step in steps)], len(steps)
     name = f" of {markdown(fitted.name)}" if data.several else ""
-    pages = [_page(i, stages[i], states[i], last=last, name=name) for i in range(len(states))]
+    counted = data.identification.fit.iterations
+    pages = [
+        _page(i, stages[i], states[i], last=last, counted=counted, name=name, factor=factor)
+        for i in range(len(states))
+    ]
     stream.log(STAGE, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN), static=True)
     columns = rr.TextDocument.columns(text=pages)
     stream.send_columns(STAGE, indexes=_at(np.arange(len(states))), columns=columns)
@@ -140,8 +146,8 @@ def _tool_distances(geometries: Sequence[Geometry], reference: Geometry, grid: A
     return np.array(distances)
 
 
-def _log_arrows(stream: Branch, fitted: FittedRecording, states: Sequence[_State]) -> None:
-    """At the identified tool position: the errors are too small to be seen otherwise."""
+def _log_arrows(stream: Branch, fitted: FittedRecording, states: Sequence[_State]) -> int:
+    """At the identified tool position, magnified: the factor, with which they can be seen."""
     geometry = fitted.estimate.geometry
     length = geometry["bd3"]
     factor = magnification(rms_norm(states[0].position), _LONGEST * length)
@@ -155,19 +161,34 @@ def _log_arrows(stream: Branch, fitted: FittedRecording, states: Sequence[_State
     columns = rr.Arrows3D.columns(origins=np.concatenate(feet), vectors=np.concatenate(arrows))
     partitioned = columns.partition([len(vectors) for vectors in arrows])
     stream.send_columns(CLOSURE_ERROR, indexes=_at(np.arange(len(states))), columns=partitioned)
-    text = f"loop-closure error, arrows x {spaced(factor)}"
-    position = geometry.origin + np.array([0.0, 0.0, 1.5 * length])
-    stream.log(f"{CLOSURE_ERROR}/legend", label(position, text, BEFORE_COLOUR), static=True)
+    return factor
 
 
 def _page(
-    number: int, stage: str, state: _State, *, last: int | None = None, name: str = ""
+    number: int,
+    stage: str,
+    state: _State,
+    *,
+    last: int | None = None,
+    counted: int | None = None,
+    name: str = "",
+    factor: int | None = None,
 ) -> str:
-    """The text of an iteration; name : ` of NAME`, where there are several."""
+    """The text of an iteration.
+
+    last : number of the last one. counted : how many the result counts. name : ` of NAME`, where
+    there are several recordings. factor : by which the arrows are magnified.
+    """
     position, angle = state.rms
+    discarded = (
+        f"The result counts {counted} iterations; the others are of fits that were discarded.\n\n"
+        if counted != last
+        else ""
+    )
     return (
         f"## Iteration {number}{f' of {last}' if last else ''}\n\n{stage}\n\n"
-        f"Loop-closure error{name}, rms: **{position:.3g} um**, **{angle:.3g} urad**.\n\n"
-        "Each solver that is started begins with its starting point; where fewer samples or a "
-        "larger noise are taken, cost and error may rise from one stage to the next."
+        f"Loop-closure error{name}, rms: **{position:.3g} um**, **{angle:.3g} urad**."
+        f"{f' Arrows are drawn x {spaced(factor)}.' if factor else ''}\n\n"
+        f"{discarded}Where a stage takes fewer samples or a larger noise, cost and error may rise "
+        "from one stage to the next."
     )

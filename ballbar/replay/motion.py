@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ballbar.result.run_data import FittedRecording
@@ -58,10 +59,11 @@ class TrueTool:
     rod_strain: Array  # (N,) [m] axial elongation of the rod
 
 
-def cell_motion(fitted: FittedRecording) -> CellMotion:
-    """Robot and ball-bar at the rows of the robot's log that are shown."""
+def cell_motion(fitted: FittedRecording, rows: NDArray[np.intp] | None = None) -> CellMotion:
+    """Robot and ball-bar at rows (N,) of the robot's log; by default those that are shown."""
     log, geometry = fitted.recording.robot_log, fitted.estimate.geometry
-    rows = np.arange(0, log.t.size, thinning(log.t))
+    if rows is None:
+        rows = np.arange(0, log.t.size, thinning(log.t))
     t, q = log.t[rows], log.q[rows]
     length = fitted.recording.length_log
     if length is not None:

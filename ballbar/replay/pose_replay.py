@@ -21,11 +21,12 @@ from ballbar.replay.entities import (
     BACKGROUND,
     BEFORE_COLOUR,
     CELL,
+    LEGEND,
     NOTES,
     STEEL,
     Colour,
 )
-from ballbar.replay.scene import label, magnification, spaced
+from ballbar.replay.scene import log_legend, magnification, spaced
 from ballbar.replay.shapes import PAINT
 from ballbar.result.pose_run import PoseRun
 from ballbar.units import MM
@@ -95,22 +96,23 @@ def _log(stream: rr.RecordingStream, run: PoseRun) -> None:
         stream.send_columns(ARM, indexes=index, columns=rr.LineStrips3D.columns(strips=strips))
         first += point.group.size
     fits = (result.nominal, result.fit)
-    for (kind, colour, height), fit in zip(_KINDS, fits, strict=True):
+    legends = [
         _log_errors(stream, kind, colour, height * reach, fit)
+        for (kind, colour, height), fit in zip(_KINDS, fits, strict=True)
+    ]
+    log_legend(stream, legends)
 
 
 def _log_errors(
     stream: rr.RecordingStream, kind: str, colour: Colour, height: float, fit: PoseFit
-) -> None:
-    """Arrows and curve of one model; height : [m] of its legend and scale of the arrows."""
+) -> str:
+    """Arrows and curve of one model; height : [m] scale of the arrows. Returns their legend."""
     points = fit.equations.points
     lengths = [np.linalg.norm(point.closure.error[:3], axis=0) for point in points]
     mean = float(np.concatenate(lengths).mean())
     factor = magnification(mean, _DRAWN * height)
-    text = f"{kind.replace('_', ' ')}: mean error {mean * MM:.3f} mm, arrow x {spaced(factor)}"
-    stream.log(
-        f"{CELL}/{kind}/legend", label(np.array([0.0, 0.0, height]), text, colour), static=True
-    )
+    name = kind.replace("_", " ")
+    text = f"{name}: mean error {mean * MM:.3f} mm, arrows drawn x {spaced(factor)}"
     stream.log(
         f"{ERRORS}/{kind}",
         rr.SeriesLines(colors=[colour], names=[kind.replace("_", " ")]),
@@ -132,6 +134,7 @@ def _log_errors(
         stream.send_columns(entity, indexes=index, columns=columns)
         curve = rr.Scalars.columns(scalars=length * MM)
         stream.send_columns(f"{ERRORS}/{kind}", indexes=index, columns=curve)
+    return text
 
 
 def _log_seat(stream: rr.RecordingStream, entity: str, point: GroupPoint, size: float) -> None:
@@ -163,5 +166,6 @@ def _layout() -> rrb.Blueprint:
         origin=ERRORS, name="Error of each pose [mm]", plot_legend=rrb.Corner2D.RightTop
     )
     notes = rrb.TextDocumentView(origin=NOTES, name="Verdict")
-    right = rrb.Vertical(errors, notes, row_shares=[3, 2])
+    legend = rrb.TextDocumentView(origin=LEGEND, name="Arrows")
+    right = rrb.Vertical(errors, legend, notes, row_shares=[6, 1, 4])
     return blueprint(rrb.Horizontal(scene, right, column_shares=[3, 2]), POSE, speed=_SPEED)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import rerun as rr
 from scipy.spatial.transform import Rotation
@@ -12,11 +14,11 @@ from ballbar.replay.entities import (
     BEFORE_COLOUR,
     CELL,
     IDENTIFIED_ERROR,
+    LEGEND,
     NOMINAL_ERROR,
     PATH_SO_FAR,
     STEEL,
     Branch,
-    Colour,
     at,
 )
 from ballbar.replay.motion import CellMotion, TrueTool
@@ -51,14 +53,16 @@ def log_shapes(stream: Branch, cell: Cell, geometry: Geometry, motion: CellMotio
     stream.log(f"{CELL}/sphere", _mesh(sphere, opacity=_SPHERE_OPACITY), static=True)
 
 
-def log_poses(stream: Branch, motion: CellMotion) -> None:
-    """Poses of every body that moves."""
+def log_poses(
+    stream: Branch, motion: CellMotion, indexes: Sequence[rr.TimeColumn] | None = None
+) -> None:
+    """Poses of every body that moves; indexes : of its rows, by default its times."""
     for entity, frames, row in _bodies(motion):
         if row:
             columns = rr.Transform3D.columns(
                 translation=frames.origin[row].T, quaternion=quat_xyzw(frames.rotation(row))
             )
-            stream.send_columns(entity, indexes=at(motion.t), columns=columns)
+            stream.send_columns(entity, indexes=indexes or at(motion.t), columns=columns)
 
 
 def quat_xyzw(rotation: Array) -> Array:
@@ -122,10 +126,10 @@ def log_truth(stream: Branch, truth: TrueTool, t: Array, geometry: Geometry) -> 
     """
     point = rr.Points3D.from_fields(colors=[STEEL], radii=[0.016])
     _log_point(stream, f"{CELL}/tool/true_position", truth.position, t, point)
-    length = geometry["bd3"]
-    for entity, name, error, colour, height in (
-        (NOMINAL_ERROR, "nominal robot", truth.nominal_error, BEFORE_COLOUR, 1.65),
-        (IDENTIFIED_ERROR, "identified robot", truth.identified_error, AFTER_COLOUR, 1.5),
+    length, lines = geometry["bd3"], []
+    for entity, name, error, colour in (
+        (NOMINAL_ERROR, "Orange arrow, nominal robot", truth.nominal_error, BEFORE_COLOUR),
+        (IDENTIFIED_ERROR, "Blue arrow, identified robot", truth.identified_error, AFTER_COLOUR),
     ):
         mean = float(np.linalg.norm(error, axis=1).mean())
         factor = magnification(mean, _ARROW_LENGTH * length)
@@ -134,14 +138,14 @@ def log_truth(stream: Branch, truth: TrueTool, t: Array, geometry: Geometry) -> 
         columns = rr.Arrows3D.columns(origins=truth.position, vectors=factor * error)
         stream.send_columns(entity, indexes=at(t), columns=columns)
         off = f"{mean * MM:.2f} mm" if mean >= 1e-4 else f"{mean * UM:.1f} um"
-        text = f"{name}: tool {off} off along the path, arrow x {spaced(factor)}"
-        position = geometry.origin + np.array([0.0, 0.0, height * length])
-        stream.log(f"{entity}/legend", label(position, text, colour), static=True)
+        lines.append(f"{name}: tool {off} off along the path, drawn x {spaced(factor)}")
+    log_legend(stream, lines)
 
 
-def label(position: Array, text: str, colour: Colour) -> rr.Points3D:
-    """A text in the scene at a position (3,) [m]."""
-    return rr.Points3D([position], colors=[colour], radii=[0.01], labels=[text], show_labels=True)
+def log_legend(stream: Branch | rr.RecordingStream, lines: Sequence[str]) -> None:
+    """What the arrows mean, as a page beside the scene: legible in every theme, and never on it."""
+    page = rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)
+    stream.log(LEGEND, page, static=True)
 
 
 def spaced(number: int) -> str:

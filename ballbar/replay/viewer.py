@@ -20,7 +20,6 @@ from ballbar.replay.page import front
 from cell.errors import FailureError, InputError
 
 LOOPBACK = "127.0.0.1"  # the viewer's own default is every interface
-WEB_PORT, DATA_PORT = 9090, 9876  # rerun's defaults
 _START_TIMEOUT = 20.0  # [s]
 _BINARIES = ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun")  # Linux, Windows, macOS
 
@@ -35,10 +34,10 @@ def open_viewer(path: Path) -> None:
     Raises InputError if there is no such file, ViewerError if the viewer fails.
     """
     _check_file(path)
-    _check_screen()
+    _check_screen("Use --web, and a browser on this machine.")
     command = [_rerun(), "--bind", LOOPBACK, "--port", "auto", str(path)]
     try:
-        code = subprocess.run(command, check=False).returncode
+        code = subprocess.run(command, check=False, env=_only_errors()).returncode
     except KeyboardInterrupt:
         return
     if code != 0:
@@ -48,29 +47,23 @@ def open_viewer(path: Path) -> None:
         )
 
 
-def _check_screen() -> None:
+def _check_screen(remedy: str) -> None:
     screen = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     if sys.platform == "linux" and not screen:
         raise ViewerError(
-            "there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set). Use --web, and a "
-            "browser on this machine."
+            f"there is no screen (neither DISPLAY nor WAYLAND_DISPLAY is set). {remedy}"
         )
 
 
-def serve_web(
-    path: Path,
-    *,
-    port: int = WEB_PORT,
-    data_port: int = DATA_PORT,
-    show: Callable[[str], None] = print,
-) -> None:
+def serve_web(path: Path, *, port: int | None = None, show: Callable[[str], None] = print) -> None:
     """Serve the web viewer with a replay on this machine alone, until interrupted.
 
-    show : called with a sentence that holds the address.
+    port : of the page; None for a free one. show : called with a sentence that holds the address.
 
-    Raises InputError if there is no such file or a port is taken, ViewerError if the server fails.
+    Raises InputError if there is no such file or the port is taken, ViewerError if the server
+    fails.
     """
-    with web_server(path, port=port, data_port=data_port) as (url, server):
+    with web_server(path, port=port) as (url, server):
         show(f"{path.name}: open {url} (only from this machine; Ctrl-C ends)")
         try:
             code = server.wait()
@@ -84,18 +77,19 @@ def serve_web(
 
 @contextmanager
 def web_server(
-    path: Path, *, port: int = WEB_PORT, data_port: int = DATA_PORT
+    path: Path, *, port: int | None = None
 ) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """A running web viewer: its address and its process, which ends with the block.
 
-    Raises as `serve_web`.
+    port : as `serve_web`. Raises as `serve_web`.
     """
     _check_file(path)
-    for number in (port, data_port):
-        _check_free(number)
-    behind = _free_port()
+    if port is not None:
+        _check_free(port)
+    port, data_port, behind = port or _free_port(), _free_port(), _free_port()
     ports = ["--port", str(data_port), "--web-viewer-port", str(behind)]
-    server = subprocess.Popen([_rerun(), "--serve-web", "--bind", LOOPBACK, *ports, str(path)])
+    command = [_rerun(), "--serve-web", "--bind", LOOPBACK, *ports, str(path)]
+    server = subprocess.Popen(command, env=_only_errors())
     try:
         _wait_for(server, behind, f"{path}: the web viewer")
         with front(LOOPBACK, port, behind=behind, data_port=data_port):
@@ -112,6 +106,7 @@ def live_viewer() -> str:
 
     Raises ViewerError if it does not start.
     """
+    _check_screen("Leave out --live.")  # without one the viewer answers first, and ends then
     port = _free_port()
     address = ["--bind", LOOPBACK, "--port", str(port)]
     # A session of its own, so that the Ctrl-C that ends a recording does not close the window too;
@@ -127,7 +122,7 @@ def live_viewer() -> str:
     except ViewerError as error:
         viewer.terminate()
         raise ViewerError(
-            f"{error} Record without --live where there is no screen or graphics driver."
+            f"{error} Leave out --live where there is no screen or graphics driver."
         ) from None
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
@@ -136,6 +131,11 @@ def web_url(port: int, data_port: int) -> str:
     """Address of the viewer page, with that of the data in its query."""
     data = urllib.parse.quote(f"rerun+http://{LOOPBACK}:{data_port}/proxy", safe="")
     return f"http://{LOOPBACK}:{port}/?url={data}"
+
+
+def _only_errors() -> dict[str, str]:
+    """The environment in which the viewer writes nothing but errors to the terminal."""
+    return {**os.environ, "RUST_LOG": "error"}
 
 
 def _rerun() -> str:

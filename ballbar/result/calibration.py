@@ -14,17 +14,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from ballbar.result.names import CALIBRATION, DESCRIPTIONS
+from ballbar.result.names import CALIBRATION
 from ballbar.result.run_data import RunData
 from cell.descriptions import Cell
 from cell.errors import DescriptionError
-from cell.files import write_whole, write_yaml
-from cell.foreign_files import read_regular
+from cell.files import copied_description, write_yaml
 from cell.geometry import Geometry, table_of_names
 from cell.payload import LinkDeviation, Payload, with_payload
 from cell.schema import Strict
 from cell.statistics import rms
-from cell.strict_yaml import MAX_BYTES, check_schema, load_yaml, parse_model
+from cell.strict_yaml import check_schema, load_yaml, parse_model
 from ident.estimator.unknowns import belongs_to_recording, shared_names
 from ident.held_out import HeldOut, LoopClosure
 from ident.loads.payload import PayloadEstimate
@@ -330,22 +329,12 @@ def write_calibration(path: Path, data: RunData) -> None:
     """Write calibration.yaml, whole or not at all, and the descriptions that it names beside it."""
     file, recorded = calibration_of(data), data.recordings[0].folder
     own = {
-        key: with_description(path, key, recorded / name)
+        key: copied_description(path.parent, key, recorded / name)
         for key in ("robot", "instrument", "plate")
         if (name := getattr(file, key)).endswith(".yaml")
     }
     file = file.model_copy(update=own)
     write_yaml(path, file.model_dump(mode="json", by_alias=True, exclude_none=True))
-
-
-def with_description(path: Path, key: str, description: Path) -> str:
-    """Copies a description of the user's own beside a result, which may be moved with it.
-
-    path : of calibration.yaml. key : robot, instrument or plate. Returns its name from there.
-    """
-    name = f"{DESCRIPTIONS}/{key}/{description.name}"
-    write_whole(path.parent / name, read_regular(description, MAX_BYTES))
-    return name
 
 
 def _parameters(

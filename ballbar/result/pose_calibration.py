@@ -15,19 +15,13 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from ballbar.result.calibration import (
-    POSES,
-    SCHEMA,
-    CoefficientEntry,
-    ParameterEntry,
-    with_description,
-)
+from ballbar.result.calibration import POSES, SCHEMA, CoefficientEntry, ParameterEntry
 from ballbar.result.pose_run import PoseRun
 from cell.arrays import Array
 from cell.chain import Chain
 from cell.descriptions import Robot
 from cell.errors import DescriptionError, InputError
-from cell.files import write_yaml
+from cell.files import copied_description, write_yaml
 from cell.geometry import nominal_chain
 from cell.load import load_robot
 from cell.pose_file import pose_file_path
@@ -371,7 +365,7 @@ def write_pose_calibration(path: Path, run: PoseRun) -> None:
     file = pose_calibration(run)
     if file.robot.endswith(".yaml"):
         named = pose_file_path(run.folders[0][1]).parent / file.robot
-        file = file.model_copy(update={"robot": with_description(path, "robot", named)})
+        file = file.model_copy(update={"robot": copied_description(path.parent, "robot", named)})
     write_yaml(path, file.model_dump(mode="json", by_alias=True, exclude_none=True))
 
 

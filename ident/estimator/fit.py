@@ -140,7 +140,7 @@ def fit(
     ballbars : (N, 5) [rad] of each recording, where its unmeasured joints start.
     negligible, reuse_below, freeze_after : as `NEGLIGIBLE`, `REUSE_BELOW` and `FREEZE_AFTER` above.
     search : as in `minimise`.
-    on_iteration : called with the start and each iteration.
+    on_iteration : called with each iteration.
 
     Raises SingularError where the model has no finite linearisation.
     """

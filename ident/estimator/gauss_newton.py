@@ -132,7 +132,7 @@ def minimise(
     reuse_below : predicted decrease for each unknown, in units of the cost per degree of freedom,
         below which the Jacobian holds as far as its step goes; 0 for a new one at every step.
     search : what becomes of a step that does not lower the cost; by default `halved`.
-    on_iteration : called with the normal equations of the start and of each iteration.
+    on_iteration : called with the normal equations of each iteration, not with those of the start.
 
     Raises SingularError where the normal equations have no finite solution.
     """
@@ -142,7 +142,7 @@ def minimise(
     first = predicted  # of the present Jacobian
     settled = stuck = False
     while True:
-        if on_iteration:
+        if on_iteration and iterations:
             on_iteration(current)
         enough = stop.enough(current)
         converged = settled or predicted < enough or bool(np.abs(step).max() < stop.step)

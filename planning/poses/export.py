@@ -1,13 +1,13 @@
-"""Still poses for the controller and for `ballbar check`: RAPID, PDL2, a CSV table, poses.yaml.
+"""Still poses for the controller and `ballbar check`: RAPID, PDL2, KRL, a CSV table, poses.yaml.
 
 RAPID: MoveAbsJ to jointtargets (Technical reference manual RAPID instructions, 3HAC050917). PDL2:
-MOVE JOINT (PDL2 Programming Language manual, CR00757508). Both are for six axes. At each pose they
-wait for the settling time, or, where a person has to attach the instrument, stop.
+MOVE JOINT (PDL2 Programming Language manual, CR00757508). KRL: as in planning.krl. All are for
+six axes. At each pose they wait for the settling time, or, where a person has to attach the
+instrument, stop.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from cell.arrays import Array
+from cell.files import portable_name
 from cell.foreign_text import comment
 from cell.poses import Measured
 from planning.export import APPROACH_OVERRIDE, FAR
+from planning.krl import program, ptp
 from planning.poses.plan import PosePlan
 from planning.poses.setup import Setup
 
@@ -100,6 +102,16 @@ def pdl2_poses(plan: PosePlan) -> str:
     return "\r\n".join(lines) + "\r\n"
 
 
+def krl_poses(plan: PosePlan) -> str:
+    """KRL program of a plan."""
+    lines = []
+    for stop in _stops(plan):
+        lines.append(ptp(stop.axes) + ("" if stop.measured else " C_PTP"))
+        if stop.measured:
+            lines += _rest(plan.setup, "HALT ;", "WAIT SEC {}", 1.0)
+    return program(plan.setup.request.name, header(plan), lines)
+
+
 def pose_table(plan: PosePlan) -> str:
     """CSV table of the poses, with empty columns for what the instrument measures."""
     setup, poses = plan.setup, plan.poses
@@ -119,7 +131,10 @@ def axis_columns(setup: Setup) -> list[str]:
 
 
 def poses_data(setup: Setup, table: str, *, relative_to: Path, folder: Path) -> dict[str, object]:
-    """poses.yaml of the filled table; folder : where it stands, relative_to : the request's."""
+    """poses.yaml of the filled table; folder : where it stands, relative_to : the request's.
+
+    Files of one's own are copied into the folder.
+    """
     request = setup.request
     columns, keys = VALUES[setup.instrument.measured]
     entry: dict[str, object] = {
@@ -132,8 +147,10 @@ def poses_data(setup: Setup, table: str, *, relative_to: Path, folder: Path) -> 
     data: dict[str, object] = {
         "schema": "ballbar-poses/1",
         "kind": "real",
-        "robot": _path(request.robot, relative_to, folder),
-        "instrument": _path(request.instrument, relative_to, folder),
+        "robot": portable_name(request.robot, "robot", relative_to=relative_to, folder=folder),
+        "instrument": portable_name(
+            request.instrument, "instrument", relative_to=relative_to, folder=folder
+        ),
         "tables": [entry],
     }
     if request.distances:
@@ -145,14 +162,6 @@ def poses_data(setup: Setup, table: str, *, relative_to: Path, folder: Path) -> 
         "controller showed. Rows without values are left out."
     )
     return data
-
-
-def _path(name_or_path: str, relative_to: Path, folder: Path) -> str:
-    """A shipped name as it is; a path of the request as one from the folder."""
-    if not name_or_path.endswith(".yaml"):
-        return name_or_path
-    path = Path(name_or_path)
-    return str(path) if path.is_absolute() else os.path.relpath(relative_to / path, folder)
 
 
 def _stops(plan: PosePlan) -> Iterator[_Stop]:

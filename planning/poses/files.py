@@ -6,19 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.files import write_whole, write_yaml
+from cell.files import DESCRIPTIONS, write_whole, write_yaml
+from planning.export import SUFFIXES, program_files, without_program
 from planning.files import REQUEST
-from planning.poses.export import pdl2_poses, pose_table, poses_data, rapid_poses
+from planning.poses.export import krl_poses, pdl2_poses, pose_table, poses_data, rapid_poses
 from planning.poses.plan import PosePlan
 from planning.poses.request import PosePlanRequest
 
 TABLE, DESCRIPTION, NUMBERS = "poses.csv", "poses.yaml", "plan.yaml"
-PROGRAM_AXES = 6  # of the robots that RAPID and PDL2 programs are written for
+PROGRAMS = {"rapid": rapid_poses, "pdl2": pdl2_poses, "krl": krl_poses}
 
 
 def output_names(request: PosePlanRequest) -> set[str]:
     """Names of all files that a plan may write."""
-    return {TABLE, DESCRIPTION, NUMBERS, REQUEST, f"{request.name}.mod", f"{request.name}.pdl"}
+    return {TABLE, DESCRIPTION, NUMBERS, REQUEST, DESCRIPTIONS, *program_files(request.name)}
 
 
 def numbers_data(plan: PosePlan) -> dict[str, object]:
@@ -55,8 +56,9 @@ def write_pose_plan(plan: PosePlan, folder: Path, *, relative_to: Path) -> list[
     """Write all files; relative_to : folder of the request. Returns their names."""
     setup, name = plan.setup, plan.setup.request.name
     texts = {TABLE: pose_table(plan)}
-    if setup.robot.joints == PROGRAM_AXES:
-        texts |= {f"{name}.mod": rapid_poses(plan), f"{name}.pdl": pdl2_poses(plan)}
+    language = setup.robot.program_language
+    if language and not without_program(setup.robot):
+        texts[f"{name}.{SUFFIXES[language]}"] = PROGRAMS[language](plan)
     for file, text in texts.items():
         write_whole(folder / file, text.encode())
     description = poses_data(setup, TABLE, relative_to=relative_to, folder=folder)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.files import write_whole, write_yaml
+from cell.files import portable_name, write_whole, write_yaml
 from cell.poses import Measured
 from sim.poses.settings import PoseSimulationSettings
 from sim.poses.simulate import PoseSimulation
@@ -27,11 +27,11 @@ def write_poses(
 ) -> None:
     """Write the table, the truth beside the folder, and `folder/poses.yaml` last.
 
-    relative_to : folder of the scenario, for the files that it names.
+    relative_to : folder of the scenario; descriptions of one's own that it names are copied.
     """
     write_whole(folder / TABLE, _table(simulation).encode())
     simulation.truth.write(truth_path(folder))
-    write_yaml(folder / "poses.yaml", _poses_yaml(simulation, settings, relative_to))
+    write_yaml(folder / "poses.yaml", _poses_yaml(simulation, settings, relative_to, folder))
 
 
 def _axis_columns(simulation: PoseSimulation) -> list[str]:
@@ -51,8 +51,9 @@ def _table(simulation: PoseSimulation) -> str:
 
 
 def _poses_yaml(
-    simulation: PoseSimulation, settings: PoseSimulationSettings, relative_to: Path
+    simulation: PoseSimulation, settings: PoseSimulationSettings, relative_to: Path, folder: Path
 ) -> dict[str, object]:
+    place = {"relative_to": relative_to, "folder": folder}
     instrument = simulation.instrument
     names = _COLUMNS[instrument.measured]
     table: dict[str, object] = {
@@ -72,16 +73,11 @@ def _poses_yaml(
     content: dict[str, object] = {
         "schema": "ballbar-poses/1",
         "kind": "simulated",
-        "robot": _named(settings.cell.robot, relative_to),
-        "instrument": _named(settings.cell.instrument, relative_to),
+        "robot": portable_name(settings.cell.robot, "robot", **place),
+        "instrument": portable_name(settings.cell.instrument, "instrument", **place),
         "tables": [table],
     }
     seats = [place.name for place in settings.poses.seats]
     if instrument.distance is not None and len(seats) == 2:
         content["distances"] = [{"pairs": [seats]}]
     return content
-
-
-def _named(name: str, relative_to: Path) -> str:
-    """A shipped name as it is, a path from the root."""
-    return str((relative_to / name).resolve()) if name.endswith(".yaml") else name

@@ -322,6 +322,11 @@ DATES = [str(np.datetime64(ns, "ns")) for ns in NS]
         ([ns // 1_000_000 for ns in NS], None, "ms since 1970"),
         ([text[:23].replace("T", "-") for text in DATES], None, "dates"),
         ([text.replace("T", "-") for text in DATES], None, "dates"),
+        (
+            [f"{d[8:10]}.{d[5:7]}.{d[:4]} {d[11:]}" for d in DATES],  # 20.04.2016 13:45:10.000
+            None,
+            "dates",
+        ),
         (["DT#" + text.replace("T", " ") for text in DATES], None, "dates"),
         ([f"T#1h2m{10 * i // 1000}s{10 * i % 1000}ms" for i in range(300)], None, "IEC times"),
         ([(2**32 - 500 + 10 * i) % 2**32 for i in range(300)], "ms-32bit", "ms in 32 bits"),

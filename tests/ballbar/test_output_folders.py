@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from ballbar.export.result import load_result
-from ballbar.result.calibration import with_description
 from cell.errors import InputError
-from cell.files import claimed_folder, write_whole
+from cell.files import claimed_folder, copied_description, write_whole
 from cell.geometry import Geometry
 from tests.helpers.calibrations import write_calibration_of
 
@@ -83,7 +82,7 @@ def test_a_result_carries_the_descriptions_it_names(tmp_path: Path, nominal: Geo
     write_whole(own, ROBOT.read_bytes())
     folder, moved = tmp_path / "result", tmp_path / "elsewhere" / "moved"
     folder.mkdir()
-    name = with_description(folder / "calibration.yaml", "robot", own)
+    name = copied_description(folder, "robot", own)
     write_calibration_of(folder / "calibration.yaml", nominal, nominal, robot=name)
     moved.parent.mkdir()
     folder.rename(moved)

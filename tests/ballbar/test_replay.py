@@ -31,6 +31,7 @@ from cell.errors import InputError
 from cell.geometry import bar_frames, nominal_geometry, robot_frames
 from cell.load import load_cell
 from ident.robot.accuracy import accuracy_grid
+from tests.helpers.command_line import ballbar
 from tests.helpers.identified_run import simulated_run
 
 NS = 1e9
@@ -85,7 +86,8 @@ def _read(path: Path, entity: str, component: str) -> tuple[Array, Array]:
     times, values = [], []
     for chunk in RrdReader(str(path)).stream().filter(content=entity):
         batch = chunk.to_record_batch()
-        if not chunk.is_static and component in batch.schema.names:
+        known = {"robot_time", component} <= set(batch.schema.names)
+        if not chunk.is_static and known:
             times.append(batch.column("robot_time").cast("int64").to_numpy())
             values.append(np.array(batch.column(component).to_pylist()).reshape(chunk.num_rows, -1))
     return np.concatenate(times), np.concatenate(values)
@@ -372,13 +374,42 @@ def test_taken_port_is_refused_by_number(file):
 
 
 def test_web_viewer_answers_on_loopback_and_ends_with_the_block(file):
-    port, data_port = _free_port(), _free_port()
-    with web_server(file, port=port, data_port=data_port) as (url, server):
-        assert f"127.0.0.1%3A{data_port}" in url
+    port = _free_port()
+    with web_server(file, port=port) as (url, server):
+        assert url.startswith(f"http://127.0.0.1:{port}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A")
         with urllib.request.urlopen(url, timeout=5.0) as answer:
             assert answer.status == 200
             assert b"wasm" in answer.read()
     assert server.poll() is not None
+
+
+def test_two_web_viewers_run_at_once_and_each_writes_nothing_but_its_address(file, capfd):
+    """The second one was refused: both took port 9090; and the viewer's own log came before."""
+    addresses: list[str] = []
+    with web_server(file) as (first, _), web_server(file) as (second, _):
+        addresses += [first, second]
+    assert len(set(addresses)) == 2
+    written = capfd.readouterr()
+    assert (written.out, written.err) == ("", "")
+
+
+def test_the_port_belongs_to_the_web_viewer(file):
+    code, _, error = ballbar("replay", file, "--port", 9000)
+    assert code == 2
+    assert "--port is that of the web viewer; add --web." in error
+
+
+def test_the_arrows_are_explained_beside_the_scene_and_not_on_it(file):
+    text = [
+        text
+        for chunk in RrdReader(str(file)).stream().filter(content="/legend").to_chunks()
+        for row in chunk.to_record_batch().column("TextDocument:text").to_pylist()
+        for text in row
+    ]
+    assert len(text) == 1
+    assert "Orange arrow, nominal robot: tool" in text[0]
+    assert "Blue arrow, identified robot: tool" in text[0]
+    assert not [path for path in _entities(file) if path.endswith("/legend") and path != "/legend"]
 
 
 def test_viewer_that_fails_is_reported_with_a_way_out(file, monkeypatch):
@@ -393,6 +424,25 @@ def test_viewer_that_fails_is_reported_with_a_way_out(file, monkeypatch):
     )
     with pytest.raises(ViewerError, match=r"ended with code 102.*use --web"):
         open_viewer(file)
+
+
+def test_the_replay_counts_iterations_as_the_command_does(run: RunData) -> None:
+    """The starts of solvers counted too: 17 of 9."""
+    assert len(run.iterations) == run.identification.fit.iterations
+
+
+def test_a_run_with_live_view_is_refused_at_once_where_there_is_no_screen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The viewer answered before it failed, and the run waited for it for ever."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    code, _, error = ballbar("run", "irb2400", "--live", "--out", tmp_path / "run")
+    assert code == 1
+    assert "there is no screen" in error
+    assert "Leave out --live." in error
+    assert not (tmp_path / "run").exists()
 
 
 def _free_port() -> int:

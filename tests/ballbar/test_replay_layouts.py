@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.parse
 import urllib.request
 from dataclasses import replace
 from pathlib import Path
@@ -25,8 +26,10 @@ from typer.testing import CliRunner
 from ballbar.commands.cli import app
 from ballbar.replay.coverage import PATCHES, coverage, even_directions
 from ballbar.replay.entities import (
+    CELL,
     CLOSURE_ERROR,
     CLOSURE_POSITION,
+    ITERATION,
     PARAMETER_TABLE,
     PARAMETER_VALUES,
     STAGE,
@@ -127,6 +130,15 @@ def test_iterations_begin_with_the_nominal_robot_and_end_with_the_result(file, r
     assert pages[-1][0].startswith(
         f"## Iteration {powers.size - 1} of {powers.size - 1}\n\nfitting"
     )
+
+
+def test_the_arm_stands_in_the_scene_of_the_iterations(file):
+    """It was absent: its poses were known over the run's time alone."""
+    for body in ("robot/link3", "plate", "ballbar/rod_b3"):
+        timelines = [set(c.timeline_names) for c in _chunks(file, f"{CELL}/{body}")]
+        assert {ITERATION} in timelines, body
+    with chosen_replay(file, "identify", None) as path:
+        assert _values(path, f"{CELL}/robot/link3", "Transform3D:translation")
 
 
 def test_arrows_of_the_loop_closure_error_shrink_with_the_iterations(file):
@@ -339,8 +351,9 @@ def test_one_step_is_told_in_words(run, tmp_path):
 
 def test_the_served_page_may_call_no_outside_host(file):
     """The browser is told so, and nothing that it would load by itself stands in the page."""
-    port, data_port = _free_port(), _free_port()
-    with web_server(file, port=port, data_port=data_port) as (url, _):
+    port = _free_port()
+    with web_server(file, port=port) as (url, _):
+        data_port = urllib.parse.unquote(url).rpartition(":")[2].partition("/")[0]
         with urllib.request.urlopen(url, timeout=5.0) as answer:
             page, policy = answer.read().decode(), answer.headers["Content-Security-Policy"]
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/re_viewer.js", timeout=5.0) as answer:

@@ -16,7 +16,7 @@ from cell.geometry import (
     table_of_names,
 )
 from cell.inverse import refine, robot_branches
-from cell.load import load_robot
+from cell.load import load_ballbar, load_robot
 from cell.robot_angles import controller_to_joints, joints_to_axes, joints_to_motors
 from tests.helpers.other_robots import FIVE_AXES, SEVEN_AXES, UR, Rows, cell_of, robot_text
 
@@ -53,7 +53,9 @@ def test_a_robot_needs_only_its_dh_rows_and_axis_limits(tmp_path: Path, rows: Ro
 def test_the_accuracy_box_is_the_middle_of_a_narrow_axis_range(tmp_path: Path) -> None:
     path = tmp_path / "narrow.yaml"
     text = robot_text(UR).replace("axis_lower_deg: [-360,", "axis_lower_deg: [160,")
-    path.write_text(text + "controller_to_joint: identity\n", encoding="utf-8")
+    path.write_text(
+        text + "controller_to_joint: identity\nmotor_to_joint: identity\n", encoding="utf-8"
+    )
     robot = load_robot(str(path))
     box = np.degrees([robot.accuracy_lower[0], robot.accuracy_upper[0]])
     np.testing.assert_allclose(box, [200.0, 320.0])
@@ -156,6 +158,36 @@ def test_lists_have_as_many_entries_as_there_are_axes(
     text = robot_text(UR)
     assert text.count(old) == 1
     assert message in refusal(tmp_path, text.replace(old, new))
+
+
+def test_a_wrong_row_of_dh_is_counted(tmp_path: Path) -> None:
+    """The row without theta counted as none: "found 0"."""
+    text = robot_text(UR)
+    rows = [line for line in text.splitlines() if line.startswith("  - {a_m")]
+    text = text.replace("\n".join(rows), rows[0].partition(", theta")[0] + "}")
+    message = refusal(tmp_path, text)
+    assert "dh: expected at least 5 items, found 1." in message
+    assert "dh[0].theta_deg is missing. Add yours to dh[0]; irb2400 has `theta_deg: 0`." in message
+
+
+def test_what_is_missing_is_shown_by_an_example_and_may_be_optional(tmp_path: Path) -> None:
+    message = refusal(tmp_path, robot_text(UR).replace("title:", "gears: {}\ntitle:"))
+    assert (
+        "gears.lost_motion_rad is missing. Add yours to gears; irb2400 has `lost_motion_rad: "
+        "[0.00012, 0.00012, 0.00012, 0.00018, 0.00018, 0.00024]`. Or leave out gears, which is "
+        "optional."
+    ) in message
+    assert "irb2400 has `transmission_error: [{axes: [1, 2, 3], cycles" in message
+
+
+def test_an_empty_ballbar_file_is_answered_with_the_shape_of_each_key(tmp_path: Path) -> None:
+    (tmp_path / "bar.yaml").write_text("schema: ballbar-bar/1\n")
+    with pytest.raises(DescriptionError) as refused:
+        load_ballbar("bar.yaml", relative_to=tmp_path)
+    lines = str(refused.value).splitlines()
+    assert len(lines) == 10
+    assert all("; lund_600 has `" in line for line in lines)
+    assert any("`encoder: {lines: 3600, bits: 12, noise_sigma_rad: 2e-06}`" in s for s in lines)
 
 
 @pytest.mark.parametrize("key", ["links", "servo", "gears", "rotor_inertia_kg_m2"])

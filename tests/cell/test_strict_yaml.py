@@ -242,8 +242,15 @@ def test_a_log_given_by_mistake_is_refused_before_it_is_parsed(tmp_path: Path) -
         ("path: 3", "path = 3: expected a mapping of keys."),
         ("path: {kind: circle, radius_m: 0}", "path.radius_m = 0: expected more than 0."),
         ("path: {kind: circle, radius_m: 150}", "path.radius_m = 150: expected 2 or less."),
-        ("path: {kind: circle}", "path.radius_m is missing. Add `radius_m: ...` to path."),
-        ("path: {radius_m: 1}", "path.kind is missing. Add `kind: ...` to path."),
+        (
+            "path: {kind: circle}",
+            "path.radius_m is missing. Add `radius_m: ...` to path. Or leave out path, which is "
+            "optional.",
+        ),
+        (
+            "path: {radius_m: 1}",
+            "path.kind is missing. Add `kind: ...` to path. Or leave out path, which is optional.",
+        ),
         ("path: {kind: spiral}", "path.kind = 'spiral': expected one of 'circle', 'lissajous'."),
         ("note: [1]", "note: expected text."),
     ],

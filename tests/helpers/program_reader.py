@@ -1,4 +1,4 @@
-"""Reads back what planning.export writes: the RAPID and PDL2 of a ball-bar path, nothing else."""
+"""Reads back what planning.export writes: RAPID, PDL2 and KRL of a path, nothing else."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Program:
 
     axes: Array  # (K, 6) [deg]
     rests: Array  # (K,) [s]
-    seconds: Array  # (K,) [s] on the way to each target; PDL2: 0
-    overrides: Array  # (K,) [%] PDL2; RAPID: 0
+    seconds: Array  # (K,) [s] on the way to each target; PDL2 and KRL: 0
+    overrides: Array  # (K,) [%] PDL2 and KRL; RAPID: 0
     softness: dict[int, float]  # [%] by axis
     comments: list[str]
 
@@ -91,6 +91,38 @@ def read_pdl2(text: str) -> Program:
             override = float(changed[1])
         elif code not in ("BEGIN", "PAUSE"):
             raise ValueError(f"not PDL2 as we write it: {line}")
+    return Program(
+        np.array(axes), np.array(rests), np.zeros(len(axes)), np.array(overrides), {}, comments
+    )
+
+
+def read_krl(text: str) -> Program:
+    """Raises ValueError for a line that is not understood."""
+    lines = [line.strip() for line in text.split("\r\n") if line.strip()]
+    if lines[0] != "&ACCESS RVP" or not re.fullmatch(r"DEF \w{1,24}\(\)", lines[1]):
+        raise ValueError("no program")
+    if lines[-1] != "END":
+        raise ValueError("no end")
+    comments, axes, rests, overrides, override, exact = [], [], [], [], 0.0, False
+    for line in lines[2:-1]:
+        if line.startswith(";"):
+            comments.append(line[1:].strip())
+            continue
+        code = line.split(";")[0].strip()
+        target = ", ".join(rf"A{axis} ({NUMBER})" for axis in range(1, 7))
+        if move := re.fullmatch(rf"PTP \{{{target}\}}( C_PTP)?", code):
+            axes.append([float(x) for x in move.groups()[:6]])
+            rests.append(0.0)
+            overrides.append(override)
+            exact = not move[7]
+        elif delay := re.fullmatch(rf"WAIT SEC ({NUMBER})", code):
+            assert exact, "a target that is passed is not waited at"
+            rests[-1] = float(delay[1])
+        elif changed := re.fullmatch(r"BAS\(#VEL_PTP,(\d+)\)", code):
+            override = float(changed[1])
+            assert 1 <= override <= 100
+        elif code not in ("BAS(#INITMOV,0)", "$APO.CPTP=50", "HALT"):
+            raise ValueError(f"not KRL as we write it: {line}")
     return Program(
         np.array(axes), np.array(rests), np.zeros(len(axes)), np.array(overrides), {}, comments
     )

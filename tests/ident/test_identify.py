@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,14 +20,19 @@ from ballbar.scenario import load_scenario
 from cell.clock import Clock
 from cell.load import load_cell
 from cell.logs import BallBarLog, RobotLog
+from ident import complete_fit
+from ident.complete_fit import fit_pose
+from ident.estimator.fit import Fit
 from ident.identify import identify, identify_together
 from ident.options import FitOptions, Listener
 from ident.recording_fit import Logs
 from ident.result import Identification, RecordingEstimate
 from ident.start.automatic import StartError
 from sim.recording_files import truth_path
+from tests.helpers.minute_logs import minute_logs
 from tests.helpers.simulated_recordings import SCENARIOS, Recorded, record
 from tests.helpers.six_axes import NAMES
+from tests.helpers.synthetic_recording import CELL
 
 
 def quiet(_: str) -> None:
@@ -71,6 +78,22 @@ def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
         "report.html",
         "run.rrd",
     ]
+
+
+def test_a_fit_that_does_not_converge_counts_its_iterations_as_the_result_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The verdict said 108 and the line below it 113."""
+
+    def unfinished(*args: Any, **options: Any) -> Fit:
+        return replace(fit_pose(*args, **options), converged=False)
+
+    monkeypatch.setattr(complete_fit, "fit_pose", unfinished)
+    logs = minute_logs()
+    options = FitOptions(samples=300, model="complete")
+    result = identify(CELL, logs.robot, logs.ballbar, options=options)
+    assert not result.fit.converged
+    assert f"Not converged after {result.fit.iterations} iterations" in result.verdict.sentence
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from ballbar.plan import show as command
 from ballbar.plan.show import say_answers
 from cell.errors import DescriptionError, InputError
 from cell.geometry import bar_frames
-from cell.load import load_cell
+from cell.load import load_cell, load_robot
 from cell.robot_angles import joints_to_axes
 from cell.strict_yaml import load_model, load_yaml
 from ident.robot.accuracy import position_sigma
@@ -27,16 +28,17 @@ from planning.candidate import Candidate, genome_of, rounded, space_of
 from planning.clearance import clearance, nearest
 from planning.crlb import moving, predict
 from planning.evaluation import Evaluator, check, evaluate, evaluators, objective, tcp_rms
-from planning.export import pdl2, rapid, table
+from planning.export import SUFFIXES, TELESCOPING, pdl2, rapid, table, without_program
 from planning.files import path_data, planned_path_data
 from planning.first import first_path
 from planning.force import DRAWS, predicted_forces
+from planning.krl import krl
 from planning.limits import violations
 from planning.plan import assess, covered, hints, scale_error
 from planning.questions import question
 from planning.request import KeepOut, PlanCell, PlanLimits, PlanRequest, PlanTiming, load_request
 from planning.search import Progress, ranked, search
-from planning.targets import SAG, targets_of
+from planning.targets import SAG, Targets, targets_of
 from planning.trajectory import trajectories
 from planning.verify import (
     Check,
@@ -51,7 +53,7 @@ from planning.workers import evaluating_processes
 from sim.errors.static_errors import THESIS_3_1, true_geometry
 from sim.path import Lissajous
 from sim.path_files import LissajousFile, load_lissajous
-from tests.helpers.program_reader import read_pdl2, read_rapid
+from tests.helpers.program_reader import Program, read_krl, read_pdl2, read_rapid
 
 ROOT = Path(__file__).parents[2]
 SCENARIOS = ROOT / "scenarios"
@@ -322,6 +324,40 @@ def runnable() -> tuple[Evaluator, Candidate]:
     return given[start.rod], rounded(space_of(requested).candidate(start.genome))
 
 
+@pytest.mark.parametrize(
+    ("robot", "suffix"), [("irb120", "mod"), ("nj220", "pdl"), ("kr10_r1100", "src")]
+)
+def test_a_program_is_written_in_the_language_of_the_robots_controller(
+    robot: str, suffix: str
+) -> None:
+    """RAPID and PDL2 were written for a KUKA."""
+    described = load_robot(robot)
+    assert described.program_language is not None
+    assert SUFFIXES[described.program_language] == suffix
+    assert without_program(described) == ""
+
+
+def test_where_no_program_is_written_the_reason_is_given() -> None:
+    assert "robot ur10e states no `program_language`" in without_program(load_robot("ur10e"))
+    assert "panda has 7 axes, programs are for six" in without_program(load_robot("panda"))
+
+
+@pytest.mark.parametrize(
+    ("write", "read"), [(rapid, read_rapid), (pdl2, read_pdl2), (krl, read_krl)]
+)
+def test_a_program_for_a_telescoping_bar_leaves_the_servo_as_it_is(
+    write: Callable[..., str], read: Callable[[str], Program]
+) -> None:
+    t, dwells = np.array([0.0, 2.0, 4.0, 8.0]), np.array([0.0, 0.0, 1.0, 0.0])
+    targets = Targets(t, np.outer(t, np.arange(6.0) - 2.0), dwells, 0.0)
+    text = write("plan", load_robot("kr10_r1100"), targets, ["limit"], TELESCOPING)
+    program = read(text)
+    assert program.axes == pytest.approx(targets.axes)
+    assert program.rests == pytest.approx(dwells)
+    assert "soft" not in text.lower()
+    assert "mount the telescoping bar" in text
+
+
 @pytest.mark.slow
 def test_programs_read_back_are_the_path(runnable: tuple[Evaluator, Candidate]) -> None:
     evaluator, candidate = runnable
@@ -330,7 +366,7 @@ def test_programs_read_back_are_the_path(runnable: tuple[Evaluator, Candidate]) 
     robot, timing = evaluator.cell.robot, evaluator.request.timing
     targets = targets_of(evaluator.cell, trajectory, timing)
     assert targets.sag <= SAG
-    for text, read in ((rapid, read_rapid), (pdl2, read_pdl2)):
+    for text, read in ((rapid, read_rapid), (pdl2, read_pdl2), (krl, read_krl)):
         program = read(text("one", robot, targets, ["limit line"]))
         assert program.axes == pytest.approx(targets.axes, abs=5e-5)
         assert program.rests == pytest.approx(targets.dwells)
@@ -526,10 +562,10 @@ def test_the_command_writes_a_scenario_that_can_be_loaded(
         "path.csv",
         "request.yaml",
         "mine.mod",
-        "mine.pdl",
     }
     assert load_scenario(out / "scenario.yaml").path.file == "path.yaml"
     assert "predicted TCP sigma" in result.output
+    assert "% (within 10 deg of the path; shipped plans cover 5 to 21%" in result.output
     assert "0 of" in result.output
     requested = load_request(SCENARIOS / "plans" / "irb2400.yaml")
     again = command.given_path(

@@ -31,7 +31,7 @@ from ident.poses.model import Discrepancy, PoseModel
 from planning.poses.bodies import arm_of, segment_distance, smallest_distance, station_frames
 from planning.poses.candidates import Candidates, Screen, feasible, random_candidates
 from planning.poses.design import APART, Design, decrease, exchanged, greedy
-from planning.poses.export import pdl2_poses, rapid_poses
+from planning.poses.export import krl_poses, pdl2_poses, rapid_poses
 from planning.poses.information import expected_group, information_of
 from planning.poses.plan import PosePlan, pose_plan
 from planning.poses.request import SCHEMA, PosePlanRequest, load_pose_request
@@ -354,7 +354,7 @@ def test_the_command_writes_a_table_that_check_reads_once_it_is_filled(tmp_path:
     assert result["plan"]["poses"] == 30
     assert set(result["files"]) == {
         *("poses.csv", "poses.yaml", "plan.yaml", "request.yaml"),
-        *("irb2400_tracker.mod", "irb2400_tracker.pdl"),
+        "irb2400_tracker.mod",
     }
     rows = rows_of(folder / "poses.csv")
     axes = np.radians([[float(row[f"axis{i}_deg"]) for i in range(1, 7)] for row in rows])
@@ -390,14 +390,17 @@ def test_programs_read_back_are_the_poses(tracker: PosePlan) -> None:
     assert read[poses] == pytest.approx(expected, abs=1e-4)
     assert re.findall(r"MoveAbsJ (\w+)", text) == names
     assert text.count("WaitTime 3;") == 30
-    moves = re.findall(r"MOVE JOINT TO \{(.*)\}", pdl2_poses(tracker))
-    read = np.array([[float(v) for v in move.split(",")] for move in moves])
-    assert read[poses] == pytest.approx(expected, abs=1e-4)
+    for program, move in ((pdl2_poses, r"MOVE JOINT TO \{(.*)\}"), (krl_poses, r"PTP \{(.*)\}")):
+        moves = [re.sub(r"A\d ", "", found) for found in re.findall(move, program(tracker))]
+        read = np.array([[float(v) for v in found.split(",")] for found in moves])
+        assert read[poses] == pytest.approx(expected, abs=1e-4)
+    assert krl_poses(tracker).count("WAIT SEC 3") == 30
 
 
 def test_a_program_stops_where_a_person_attaches_the_instrument(wire: PosePlan) -> None:
     assert rapid_poses(wire).count("Stop; ! attach") == 40
     assert pdl2_poses(wire).count("PAUSE -- attach") == 40
+    assert krl_poses(wire).count("HALT ; attach") == 40
 
 
 def test_a_seat_out_of_reach_says_by_how_much() -> None:

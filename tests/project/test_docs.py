@@ -295,3 +295,12 @@ def test_the_site_is_built_with_every_anchor_and_without_foreign_requests(tmp_pa
         "Markdown in its table is read"
     )
     assert 'id="ident.identify.identify"' in (tmp_path / "site/api.html").read_text()
+    for page, script in (
+        ("tutorial.html", "assets/search_from_disk.js"),
+        ("how_to/own_robot.html", "../assets/search_from_disk.js"),
+    ):
+        text = (tmp_path / "site" / page).read_text()
+        assert f'<script src="{script}">' in text, "search works on pages from the disk"
+        assert "md-footer__link--next" in text
+    assert (tmp_path / "site/assets/search_from_disk.js").is_file()
+    assert (tmp_path / "site/search/search_index.js").is_file()

@@ -95,6 +95,9 @@ def test_the_installed_command_runs_a_shipped_scenario(python: Path, tmp_path: P
     )
     assert where.count(str(python.parents[1])) == 2
     command = python.with_name("ballbar")
-    assert "Good fit" in run(command, "run", "irb2400", "--out", "out", cwd=tmp_path)
+    assert "Laser tracker, reflector" in run(command, "list", cwd=tmp_path)
+    run(command, "init", "study", cwd=tmp_path)
+    assert (tmp_path / "study/paths/irb2400_a.yaml").is_file()
+    assert "Good fit" in run(command, "run", "study/irb2400.yaml", "--out", "out", cwd=tmp_path)
     for name in ("calibration.yaml", "report.html", "run.rrd", "recording/recording.yaml"):
         assert (tmp_path / "out" / name).is_file()

@@ -1,0 +1,49 @@
+"""Commands that show what is shipped, and copy it: `ballbar list` and `ballbar init`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from ballbar.commands.options import AsJson, say_json
+from ballbar.terminal import out
+
+commands = typer.Typer()
+
+
+@commands.command(epilog="Example: `ballbar list`, or for programs `ballbar list --json`")
+def list(as_json: AsJson = False) -> None:  # noqa: A001  the name of the command
+    """List the shipped robots, ball-bars, instruments, plates, dialects and scenarios.
+
+    Their names are taken wherever a robot, an instrument, a plate, a dialect or a scenario is
+    named. Files of your own end in .yaml.
+    """
+    from ballbar.shipped import shipped
+
+    everything = shipped()
+    if as_json:
+        say_json(everything)
+    for kind, titles in everything.items():
+        out.print(f"[bold]{kind}[/]")
+        width = max(map(len, titles))
+        for name, title in titles.items():
+            out.print(f"  {name:<{width}}  {escape(title)}")
+
+
+@commands.command(epilog="Example: `ballbar init study`, then `ballbar run study/irb2400.yaml`")
+def init(
+    folder: Annotated[Path, typer.Argument(help="New folder for the copies.", metavar="DIR")],
+) -> None:
+    """Copy the shipped scenarios, paths, plan requests and sweeps, to change them.
+
+    A scenario that only runs needs no copy: `ballbar run irb2400` takes the shipped one.
+    """
+    from ballbar.shipped import copy_scenarios
+
+    names = copy_scenarios(folder)
+    place = escape(str(folder))
+    out.print(f"Wrote {len(names)} scenarios and folders to {place}.")
+    out.print(f"Change them, and run them: ballbar run {place}/irb2400.yaml")

@@ -1,0 +1,69 @@
+"""What is shipped, by name: descriptions, dialects, scenarios; and copies of the scenarios."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from itertools import takewhile
+from pathlib import Path
+
+from ballbar.scenario import SHIPPED
+from cell.dialect import dialect_names, load_dialect
+from cell.errors import InputError
+from cell.load import (
+    ballbar_names,
+    instrument_names,
+    load_ballbar,
+    load_instrument,
+    load_plate,
+    load_robot,
+    plate_names,
+    robot_names,
+)
+
+DIALECTS = SHIPPED.parent / "cell" / "dialects"
+COPIED = ("*.yaml", "paths", "plans", "sweeps")  # of the scenarios; claims belong to the thesis
+
+_SENTENCE_END = re.compile(r"(?<!\bsec)(?<!\bFigs)\. ")
+
+
+def shipped() -> dict[str, dict[str, str]]:
+    """Title or purpose of everything that is shipped, by kind and name."""
+    dialects = {
+        name: f"{load_dialect(name).source}: {_purpose(DIALECTS / f'{name}.yaml')}"
+        for name in dialect_names()
+    }
+    return {
+        "robots": {name: load_robot(name).title for name in robot_names()},
+        "ballbars": {name: load_ballbar(name).title for name in ballbar_names()},
+        "instruments": {name: load_instrument(name).title for name in instrument_names()},
+        "plates": {name: load_plate(name).title for name in plate_names()},
+        "dialects": dialects,
+        "scenarios": {file.stem: _purpose(file) for file in sorted(SHIPPED.glob("*.yaml"))},
+    }
+
+
+def _purpose(file: Path) -> str:
+    """First sentence of the comment at the beginning of a file."""
+    lines = takewhile(lambda line: line.startswith("#"), file.read_text("utf-8").splitlines())
+    comment = " ".join(line[1:].strip() for line in lines)
+    return _SENTENCE_END.split(comment, maxsplit=1)[0].removesuffix(".")
+
+
+def copy_scenarios(folder: Path) -> list[str]:
+    """Copies the shipped scenarios, with their paths, plan requests and sweeps.
+
+    folder : new, or empty. Returns the names of what stands in it.
+
+    Raises InputError if it holds something.
+    """
+    if folder.exists() and (folder.is_file() or any(folder.iterdir())):
+        raise InputError(
+            f"{folder}: exists and holds something; nothing was written. Choose another folder."
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    for pattern in COPIED:
+        for source in sorted(SHIPPED.glob(pattern)):
+            copy = shutil.copytree if source.is_dir() else shutil.copyfile
+            copy(source, folder / source.name)
+    return sorted(path.name for path in folder.iterdir())

@@ -1,0 +1,53 @@
+"""`ballbar list` and `ballbar init`: what is shipped, and copies of it that run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ballbar.plan.show import load_request
+from ballbar.scenario import load_any_scenario
+from ballbar.sweep.check import load_sweep
+from cell.dialect import dialect_names
+from cell.load import robot_names
+from tests.helpers.command_line import ballbar
+from tests.helpers.simulated_recordings import SCENARIOS
+
+
+def test_one_command_lists_everything_that_can_be_named() -> None:
+    code, out, _ = ballbar("list", "--json")
+    assert code == 0
+    listed = json.loads(out)
+    assert list(listed) == [
+        *("robots", "ballbars", "instruments", "plates", "dialects", "scenarios")
+    ]
+    assert list(listed["robots"]) == robot_names()
+    assert list(listed["dialects"]) == dialect_names()
+    assert set(listed["scenarios"]) == {file.stem for file in SCENARIOS.glob("*.yaml")}
+    for titles in listed.values():
+        assert all(
+            len(title) > 10 and not title.endswith(("sec", ".")) for title in titles.values()
+        )
+    _, text, _ = ballbar("list")
+    for name in (name for titles in listed.values() for name in titles):
+        assert f"  {name} " in text
+
+
+def test_copied_scenarios_and_what_they_name_are_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = ballbar("init", "study")
+    assert code == 0
+    assert "ballbar run study/irb2400.yaml" in out
+    for file in Path("study").glob("*.yaml"):
+        scenario = load_any_scenario(file)
+        if path := getattr(getattr(scenario, "path", None), "file", None):
+            assert (Path("study") / path).is_file()
+    assert load_sweep(Path("study/sweeps/noise.yaml")).plan.data.name == "noise"
+    assert load_request(Path("study/plans/irb2400.yaml")).name == "irb2400"
+    code, _, err = ballbar("init", "study")
+    assert code == 2
+    assert "exists and holds something; nothing was written" in err
