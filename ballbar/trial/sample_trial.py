@@ -124,9 +124,7 @@ def _thesis_cost(settings: IdentifySettings) -> CostName:
 
 
 @lru_cache(SAMPLES)
-def _samples(
-    simulated: Scenario, folder: Path, count: int, instants: Instants
-) -> KinematicSamples:
+def _samples(simulated: Scenario, folder: Path, count: int, instants: Instants) -> KinematicSamples:
     """The paired samples of a scenario without its identification, which many costs share."""
     delay = delay_of(simulated.errors)
     path = _sampled_path(simulated.cell, simulated.path, folder, count, delay, instants)
