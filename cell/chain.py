@@ -128,7 +128,7 @@ def forward(
 
 def cross(u: Array, v: Array) -> Array:
     """Cross product of (3, N) arrays along their first axis; several times as fast as np.cross."""
-    out = np.empty(np.broadcast_shapes(u.shape, v.shape))
+    out = np.empty(np.broadcast(u, v).shape)
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         np.multiply(u[j], v[k], out=out[i])
         out[i] -= u[k] * v[j]

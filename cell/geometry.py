@@ -156,7 +156,7 @@ class Geometry:
             values[self.table.index[name]] = value
         return self.with_values(values)
 
-    @property
+    @cached_property
     def robot(self) -> Chain:
         n, rows = self.table.joints, list(self.table.hayati_rows)
         beta = np.zeros(n)
@@ -164,7 +164,7 @@ class Geometry:
         a, d, alpha, theta = self.values[: 4 * n].reshape(4, n)
         return Chain(a, d, alpha, theta, beta)
 
-    @property
+    @cached_property
     def bar(self) -> Chain:
         start = 4 * self.table.joints + len(self.table.hayati_rows)
         a, d, alpha, theta = self.values[start : start + 4 * BAR_ROWS].reshape(4, BAR_ROWS)

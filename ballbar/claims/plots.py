@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
-from matplotlib.ticker import LogFormatter
 
 from ballbar.claims.file import AnyPlot, GroupedBars, IdentifiedPlot, PlatePlot, Plot, Ranking
 from ballbar.claims.kinds import DISTANCE, LARGEST
@@ -32,6 +31,7 @@ from ballbar.figure_style import (
     QUIET,
     RED,
     TEAL,
+    logarithmic,
     svg_text,
     to_hundredths,
 )
@@ -118,7 +118,7 @@ def _curves(
                 axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0.0)
             else:
                 axes.plot(x, median, linestyle=DASHED, color=colour)
-    _logarithmic(axes, "x", "y")
+    logarithmic(axes, "x", "y")
     ticks = sorted(values)
     if len(ticks) <= _MAX_TICKS:
         axes.set_xticks(ticks, [f"{x:g}" for x in ticks])
@@ -173,18 +173,9 @@ def _groups(axes: Axes, plot: GroupedBars, evidence: Evidence) -> None:
     names = list(dict.fromkeys(table[plot.groups]))
     _bars(axes, names, heights, plot.y_label)
     axes.tick_params(axis="x", labelrotation=0)
-    _logarithmic(axes, "y")
+    logarithmic(axes, "y")
     if plot.limit is not None:
         axes.axhline(plot.limit, color=QUIET, linewidth=0.8, linestyle=":")
-
-
-def _logarithmic(axes: Axes, *names: Literal["x", "y"]) -> None:
-    """Makes axes logarithmic, with plain numbers, since a $ in a text of ours is a $."""
-    for name in names:
-        axes.set(**{f"{name}scale": "log"})
-        axis = axes.xaxis if name == "x" else axes.yaxis
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(LogFormatter(minor_thresholds=(1.0, 0.4)))
 
 
 def _bars(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.axes import Axes
 
-from ballbar.figure_style import DASHED, QUIET
+from ballbar.figure_style import DASHED, QUIET, logarithmic
 from ballbar.plan.beam import OFFSET_PLATE, PLATE_ALLOWED, PLATE_FORCE, STEEL_PLATE, tip_deflection
 from ballbar.units import MM, UM
 
@@ -21,7 +21,7 @@ def draw_deflection(axes: Axes) -> None:
         plates = [replace(material, thickness=float(h)) for h in THICKNESS]
         deflection = [UM * tip_deflection(plate, PLATE_FORCE) for plate in plates]
         axes.plot(MM * THICKNESS, deflection, label=label)
-    axes.set_yscale("log")
+    logarithmic(axes, "y")
     axes.axhline(UM * PLATE_ALLOWED, color=QUIET, linewidth=0.8, linestyle=DASHED)
     axes.set_xlabel("thickness [mm]")
     axes.set_ylabel("deflection [um]")

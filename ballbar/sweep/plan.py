@@ -131,21 +131,26 @@ class Plan:
         """Runs of one point of the grid: its draws and their seeds, which follow each other."""
         return self.seeds * math.prod(len(axis) for axis in self.axes if axis.section == "draw")
 
-    @property
-    def chunk_runs(self) -> int:
-        """Runs of a chunk.
+    @cached_property
+    def _first_runs(self) -> Sequence[int]:
+        """First run of each chunk, and the number of runs.
 
-        It follows from the number of runs alone, so that the chunks are the same for all workers.
+        They follow from the plan alone, so that the chunks are the same for all workers.
         """
-        return max(1, min(CHUNK_RUNS, self.runs // MIN_CHUNKS))
+        size = max(1, min(CHUNK_RUNS, self.runs // MIN_CHUNKS))
+        if size == self.seeds == 1 and _is_recorded(self.data.scenario):
+            simulated = [_simulated(point_of(self, point)) for point in range(self.points)]
+            changes = (i for i in range(1, self.runs) if simulated[i] != simulated[i - 1])
+            return (0, *changes, self.runs)  # few long runs: one recording serves a chunk
+        return (*range(0, self.runs, size), self.runs)
 
     @property
     def chunks(self) -> int:
-        return -(-self.runs // self.chunk_runs)
+        return len(self._first_runs) - 1
 
     def chunk(self, number: int) -> range:
         """Numbers of the runs of a chunk."""
-        return range(number * self.chunk_runs, min((number + 1) * self.chunk_runs, self.runs))
+        return range(*self._first_runs[number : number + 2])
 
     @cached_property
     def columns(self) -> dict[str, list[Value]]:
@@ -168,6 +173,16 @@ def point_of(plan: Plan, point: int) -> Changes:
         point, index = divmod(point, len(axis))
         rows.append(axis.rows[index])
     return {key: value for row in reversed(rows) for key, value in row.items()}
+
+
+def _is_recorded(scenario: Mapping[str, Any]) -> bool:
+    """Whether a scenario's runs begin with a simulated recording."""
+    return bool(scenario.get("identify", {}).get("data", "files") == "files")
+
+
+def _simulated(values: Changes) -> Changes:
+    """The values of a point that decide its recording."""
+    return {key: value for key, value in values.items() if not key.startswith("identify.")}
 
 
 def scenario_data(plan: Plan, values: Changes) -> str:

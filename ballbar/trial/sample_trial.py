@@ -3,8 +3,8 @@
     reference path -> instants -> paired samples -> fit from the nominal geometry
 
 What does not depend on the seed (cell, reference path, nominal robot along it, parameters to
-identify) is cached between the trials of one process; the files of a scenario must not change
-meanwhile.
+identify), and the samples that several costs share, are cached between the trials of one process;
+the files of a scenario must not change meanwhile.
 """
 
 from __future__ import annotations
@@ -39,6 +39,9 @@ from sim.settings import CellSettings, PathSettings
 
 # Scenarios whose paths are cached: a sweep runs point after point, and 100 000 samples take 40 MB.
 CACHED = 4
+# Runs whose samples are cached, 0.2 MB each with 1500 samples: a sweep runs all seeds of one cost
+# before the next cost.
+SAMPLES = 16
 SELECTION_SAMPLES = 300  # instants for the choice of parameters (ident.estimator.identifiability)
 
 _nominal_path = lru_cache(CACHED)(nominal_path)
@@ -85,11 +88,9 @@ def fit_ml_to_samples(scenario: Scenario, folder: Path) -> tuple[KinematicSample
 
 def trial_samples(scenario: Scenario, folder: Path) -> KinematicSamples:
     """The paired samples of a scenario."""
-    settings, delay = scenario.identify, delay_of(scenario.errors)
-    path = _sampled_path(
-        scenario.cell, scenario.path, folder, settings.samples, delay, settings.instants
-    )
-    return kinematic_samples(scenario, path)
+    settings = scenario.identify
+    simulated = scenario.model_copy(update={"identify": IdentifySettings()})
+    return _samples(simulated, folder, settings.samples, settings.instants)
 
 
 def sampled_cell(scenario: Scenario, folder: Path) -> Cell:
@@ -120,6 +121,14 @@ def _thesis_cost(settings: IdentifySettings) -> CostName:
     if settings.cost == "ml":
         raise ValueError(f"ml is none of the thesis's costs {', '.join(ENCODERS_NEEDED)}")
     return settings.cost
+
+
+@lru_cache(SAMPLES)
+def _samples(simulated: Scenario, folder: Path, count: int, instants: Instants) -> KinematicSamples:
+    """The paired samples of a scenario without its identification, which many costs share."""
+    delay = delay_of(simulated.errors)
+    path = _sampled_path(simulated.cell, simulated.path, folder, count, delay, instants)
+    return kinematic_samples(simulated, path)
 
 
 @lru_cache(CACHED)

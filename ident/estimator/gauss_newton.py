@@ -234,7 +234,7 @@ def _scaled(normal: Array, damping: float = ROUNDING) -> tuple[Array, Array]:
     """
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
     scaled = normal * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += damping
+    scaled.flat[:: len(scaled) + 1] += damping
     return scale, scaled
 
 

@@ -8,11 +8,12 @@ Umeyama 1991 (with scale).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.arrays import Array
+from cell.arrays import Array, read_only
 from cell.chain import screw
 from cell.descriptions import Robot
 from cell.geometry import Geometry, robot_frames
@@ -41,14 +42,17 @@ class TcpError:
 
 def accuracy_grid(robot: Robot) -> Array:
     """(G, J) [rad] held-out joint angles: a Sobol sequence over the robot's box of axis angles."""
+    span = robot.accuracy_upper - robot.accuracy_lower
+    return controller_to_joints(robot, robot.accuracy_lower + _grid_points(robot.joints) * span)
+
+
+@cache
+def _grid_points(joints: int) -> Array:
+    """(G, J) points of the unit cube."""
     from scipy.stats import qmc  # noqa: PLC0415  the slowest of our libraries to import
 
-    points = qmc.Sobol(d=robot.joints, scramble=True, rng=np.random.default_rng(_GRID_SEED)).random(
-        1024
-    )[:GRID_POSES]
-    return controller_to_joints(
-        robot, robot.accuracy_lower + points * (robot.accuracy_upper - robot.accuracy_lower)
-    )
+    sobol = qmc.Sobol(d=joints, scramble=True, rng=np.random.default_rng(_GRID_SEED))
+    return read_only(sobol.random(1024)[:GRID_POSES])
 
 
 def tcp_error(model: Geometry, truth: Geometry, grid: Array) -> TcpError:

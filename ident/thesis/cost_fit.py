@@ -104,7 +104,12 @@ class _Problem:
 
     def start(self) -> _Linear:
         deviation = [] if self.sign is None else [0.0]
-        return self.linear(self.at(np.append(self.begin.values[self.parameters], deviation)))
+        point = self.at(np.append(self.begin.values[self.parameters], deviation))
+        if not np.isfinite(point.cost):
+            raise ValueError(
+                "the cost of the start is not finite: an angle of the samples is missing"
+            )
+        return self.linear(point)
 
     def trial(self, equations: _Linear, step: Array) -> _Point:
         return self.at(equations.x + step)
@@ -146,8 +151,6 @@ def fit_cost(
             "the rod's deviation is linear in the signed components only, not in a printed scalar"
         )
     problem = _Problem(cost, start, q, b, np.asarray(parameters, dtype=np.intp), rod_sign)
-    if not np.isfinite(problem.start().cost):
-        raise ValueError("the cost of the start is not finite: an angle of the samples is missing")
     stop = VECTOR_STOP if cost.form == "vector" else Stop(relative=relative_stop)
     minimum = minimise(problem, stop, max_iterations=max_iterations, search=Marquardt())
     end = minimum.equations

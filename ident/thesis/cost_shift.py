@@ -9,7 +9,7 @@ round. As a parameter of the same fit (ident.estimator.unknowns) the clock has n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -110,6 +110,21 @@ def best_shift(
     t (N,) [s], q (N, 6) [rad] : the robot's samples, all further than REACH from the ends of `bar`,
     the spline of the five angles.
     """
+    cost_at = cost_of_shift(cost, geometry, t, q, bar)
+    return float(
+        minimize_scalar(
+            cost_at, bounds=(-REACH, REACH), method="bounded", options={"xatol": SETTLED}
+        ).x
+    )
+
+
+def cost_of_shift(
+    cost: Cost, geometry: Geometry, t: Array, q: Array, bar: BSpline | CubicSpline
+) -> Callable[[float], float]:
+    """The sum of squares over the shift [s] of the ball-bar's angles (thesis Fig. 5.5).
+
+    Arguments as of `best_shift`.
+    """
     robot = robot_frames(geometry, q)
 
     def cost_at(shift: float) -> float:
@@ -118,8 +133,4 @@ def best_shift(
         )
         return float(np.vdot(residual, residual))
 
-    return float(
-        minimize_scalar(
-            cost_at, bounds=(-REACH, REACH), method="bounded", options={"xatol": SETTLED}
-        ).x
-    )
+    return cost_at

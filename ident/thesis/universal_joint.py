@@ -15,6 +15,7 @@ balpha2 are separated, ra6 and ba5, rd6 and bd5 are not).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -41,9 +42,43 @@ class UniversalJointAngles:
     in_tool: Array  # (3, N) v, the rod's axis w in the robot's tool frame
     side: Array  # (N,) sign of sin(b4)
 
+    @cached_property
+    def per_motion_at_centre(self) -> Array:
+        """(2, 6, N) change of the errors [rad/m, 1] for a shift and a turn of the base against R.
 
+        The point that shifts is c. The gimbal follows it, so that w turns by the turn and by the
+        share of b1hat and b2hat in the shift; `dv = R^T (turn x w)`.
+        """
+        x, y, z = self.in_tool
+        across, zero = np.hypot(x, y), np.zeros_like(x)
+        of_b4 = -self.side * np.stack((z * x / across, z * y / across, -across))
+        of_b5 = np.stack((-y, x, zero)) / across**2
+        robot, rod = self.closure.robot, self.gimbal.z[ROD_ROW]
+        out = np.empty((2, 6, x.size))
+        for per, of_v in zip(out, (of_b4, of_b5), strict=True):
+            per[3:] = cross(
+                rod, of_v[0] * robot.x[-1] + of_v[1] * robot.y[-1] + of_v[2] * robot.z[-1]
+            )
+            first, second = ((self.gimbal.z[row] * per[3:]).sum(axis=0) for row in (0, 1))
+            per[:3] = -first * self.turns[0] - second * self.turns[1]
+        return out
+
+    @cached_property
+    def per_motion_at_tool(self) -> Array:
+        """(2, 6, N) the same where the point that shifts is the robot's tool."""
+        out = self.per_motion_at_centre.copy()
+        arm = self.gimbal.tip - self.closure.robot.tip
+        for per in out:
+            per[3:] += cross(arm, per[:3])
+        return out
+
+
+@lru_cache(maxsize=1)
 def universal_joint_angles(closure: Closure) -> UniversalJointAngles:
     """Measured angles b4, b5 minus those of the robot's pose.
+
+    Those of the last closure are kept: a fit asks for the residual of a step and, when it accepts
+    the step, for its derivatives.
 
     Raises UnreachableError where the gimbal's own axes coincide with the rod, at b2 = 0.
     """
@@ -65,35 +100,24 @@ def universal_joint_columns(
     motion : (6, N) of the ball-bar's tool frame against the robot's, that of
     cell.geometry.parameter_screw with its sign.
     """
-    columns = np.zeros((2, motion.shape[1]))
+    closure = angles.closure
+    if parameter.side == "robot":
+        return _change(angles.per_motion_at_tool, motion)
     if parameter.side == "bar" and parameter.row >= GIMBAL_ROWS:
+        columns = np.zeros((2, motion.shape[1]))
         if parameter.kind == "theta" and parameter.row in JOINT_ROWS:
             columns[JOINT_ROWS.index(parameter.row)] = 1.0
-            return columns
-        if parameter.name not in ("ba5", "bd5"):
-            return columns
-    (x, y, z), (dx, dy, dz) = angles.in_tool, _change_in_tool(angles, parameter, motion)
-    across = np.hypot(x, y)
-    columns[0] = -angles.side * (z * (x * dx + y * dy) / across - across * dz)
-    columns[1] = (x * dy - y * dx) / across**2
-    return columns
+        elif parameter.name in ("ba5", "bd5"):
+            axis = (closure.robot.x if parameter.kind == "a" else closure.robot.z)[-1]
+            columns[:] = _change(angles.per_motion_at_centre[:, :3], axis)
+        return columns
+    own = parameter_screw(closure.geometry, closure.robot, angles.gimbal, parameter)
+    return _change(angles.per_motion_at_centre, own)
 
 
-def _change_in_tool(angles: UniversalJointAngles, parameter: Parameter, motion: Array) -> Array:
-    """(3, N) change of v: the gimbal follows c, and R turns."""
-    closure, gimbal = angles.closure, angles.gimbal
-    if parameter.side == "robot":
-        shift = cross(gimbal.tip - closure.robot.tip, motion[3:]) - motion[:3]
-        turn = motion[3:].copy()
-    elif parameter.side == "bar" and parameter.row >= GIMBAL_ROWS:  # ba5, bd5
-        shift = -(closure.robot.x if parameter.kind == "a" else closure.robot.z)[-1]
-        turn = np.zeros_like(shift)
-    else:
-        own = parameter_screw(closure.geometry, closure.robot, gimbal, parameter)
-        shift, turn = -own[:3], own[3:]
-    for axis, share in zip(gimbal.z, (angles.turns * shift).sum(axis=1), strict=False):
-        turn += share * axis
-    return _in_last_frame(closure.robot, cross(turn, gimbal.z[ROD_ROW]))
+def _change(per_motion: Array, motion: Array) -> Array:
+    """(2, N) change of the errors for a motion (K, N); per_motion : (2, K, N)."""
+    return np.asarray(np.einsum("ekn,kn->en", per_motion, motion))
 
 
 def _gimbal_towards(closure: Closure) -> tuple[Frames, Array]:

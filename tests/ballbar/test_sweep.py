@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,7 +25,7 @@ from hypothesis import strategies as st
 
 from ballbar.sweep.check import LoadedSweep, check_points, load_sweep
 from ballbar.sweep.chunk import run_chunk, run_chunk_remotely
-from ballbar.sweep.file import Seeds
+from ballbar.sweep.file import Changes, Seeds
 from ballbar.sweep.files import unpack
 from ballbar.sweep.folder import SweepFolder, open_folder
 from ballbar.sweep.plan import Plan, PlanData, point_of, run_of
@@ -304,23 +305,40 @@ def _inverse_erf(x: float) -> float:
     return float(erfinv(x))
 
 
+def _small_plan(
+    scenario: dict[str, Any], together: list[Changes], vary: dict[str, list[Any]], seeds: int = 1
+) -> Plan:
+    return Plan.of(
+        PlanData(
+            name="a",
+            version="1",
+            scenario=scenario,
+            together=together,
+            vary=vary,
+            draw={},
+            seed=0,
+            seeds=Seeds(first=0, count=seeds),
+            files={},
+        )
+    )
+
+
 @given(points=st.integers(1, 60), seeds=st.integers(1, 500))
 def test_every_run_is_in_exactly_one_chunk(points: int, seeds: int) -> None:
-    data = PlanData(
-        name="a",
-        version="1",
-        scenario={},
-        together=[],
-        vary={"clocks.skew": [0.0] * points},
-        draw={},
-        seed=0,
-        seeds=Seeds(first=0, count=seeds),
-        files={},
-    )
-    plan = Plan.of(data)
+    plan = _small_plan({}, [], {"clocks.skew": [0.0] * points}, seeds)
     assert [run for chunk in range(plan.chunks) for run in plan.chunk(chunk)] == list(
         range(points * seeds)
     )
+
+
+def test_the_costs_of_one_recording_share_a_chunk_and_its_simulation() -> None:
+    """Two workers that took turns at the runs would both simulate every recording."""
+    costs = {"identify.cost": ["length", "position", "ml"]}
+    together = [{"label": "a", "recording": 1}, {"label": "again", "recording": 2}]
+    recorded = _small_plan({}, together, costs)
+    assert [list(recorded.chunk(i)) for i in range(recorded.chunks)] == [[0, 1, 2], [3, 4, 5]]
+    samples = _small_plan({"identify": {"data": "samples"}}, together, costs)
+    assert samples.chunks == samples.runs
 
 
 def test_changes_leave_the_scenario_as_it_was() -> None:
@@ -545,7 +563,7 @@ def test_a_torn_chunk_is_named_and_only_its_runs_are_repeated(
         swept(sweep, tmp_path / "out", inline)
     torn.unlink()
     again = swept(sweep, tmp_path / "out", inline)
-    assert again.resumed == plan.runs - plan.chunk_runs
+    assert again.resumed == plan.runs - len(plan.chunk(3))
     assert table_bytes(again) == table_bytes(whole)
 
 

@@ -18,7 +18,7 @@ import yaml
 import ballbar as ballbar_package
 from cell.load import load_robot
 from cell.robot_angles import controller_to_joints
-from generators import command_line, schema_pages
+from generators import command_line, schema_pages, thesis_figures
 from tests.helpers.command_line import application, ballbar
 from tests.helpers.command_line import commands as every_command
 
@@ -168,6 +168,7 @@ def test_thresholds_on_the_page_of_recordings_are_those_of_the_modules() -> None
     ("page", "text"),
     [
         ("command_line.md", command_line.page_text),
+        ("thesis_figures.md", thesis_figures.page_text),
         *((page.name, page.text) for page in schema_pages.PAGES),
     ],
     ids=lambda part: part if isinstance(part, str) else "",
@@ -177,6 +178,20 @@ def test_a_generated_page_is_what_its_generator_writes(page: str, text: Callable
     generator = re.search(r"python -m generators\.\w+", head)
     assert generator is not None
     assert head == text(), f"run: {generator[0]}"
+
+
+def test_every_figure_and_table_of_the_thesis_with_results_is_beside_ours() -> None:
+    figures = [f"3.{i}" for i in range(1, 7)] + [f"5.{i}" for i in (5, 7, 8, 9, *range(12, 18))]
+    tables = [*(f"3.{i}" for i in range(1, 6)), "A.1", "A.2", "B.1"]
+    expected = {f"Fig. {i}" for i in (*figures, "B.1")} | {f"Table {i}" for i in tables}
+    page = (DOCS / "thesis_figures.md").read_text()
+    assert expected <= set(re.findall(r"^## ((?:Fig\.|Table) [\w.]+):", page, re.MULTILINE))
+
+
+@pytest.mark.parametrize("picture", sorted(DOCS.rglob("*.svg")), ids=lambda path: path.name)
+def test_no_number_of_a_picture_is_shown_as_the_source_of_a_formula(picture: Path) -> None:
+    """Logarithmic ticks are formulas by default, which our style shows as they are written."""
+    assert "mathdefault" not in picture.read_text()
 
 
 def test_every_table_of_measured_figures_has_command_commit_and_date() -> None:
