@@ -97,5 +97,5 @@ def test_a_step_is_no_burst() -> None:
 def test_the_first_row_of_a_log_is_beside_a_stretch_near_the_start() -> None:
     t, suspect = log()[0], np.zeros(400, dtype=bool)
     suspect[2:4] = True
-    one = stretches(t, suspect, PERIOD)
-    assert sorted(one.beside[0][one.known[0]].tolist()) == [0, 1, *range(4, 4 + SIDE_ROWS)]
+    only = stretches(t, suspect, PERIOD)
+    assert sorted(only.beside[0][only.known[0]].tolist()) == [0, 1, *range(4, 4 + SIDE_ROWS)]

@@ -10,9 +10,7 @@ from cell.rigid_fit import nominal_frames, rigid_fit
 from cell.rotation import matrix_from_rotvec
 
 TOOL = np.array([0.05, -0.02, 0.15])  # [m]
-FRAMES = nominal_frames(
-    load_robot("irb2400"), np.random.default_rng(2).uniform(-1.0, 1.0, (60, 6))
-)
+FRAMES = nominal_frames(load_robot("irb2400"), np.random.default_rng(2).uniform(-1.0, 1.0, (60, 6)))
 
 
 def test_measuring_frame_and_tool_are_taken_out_of_exact_points() -> None:

@@ -56,7 +56,10 @@ def test_a_recording_of_another_machine_than_the_first_is_a_misfit() -> None:
     other = minute_logs(seed=1)
     q = other.robot.q + 1e-4 * np.eye(6)[3]
     result, _ = identified(
-        minute_logs(), replace(other, robot=RobotLog(other.robot.t, q)), model="complete", corrections=()
+        minute_logs(),
+        replace(other, robot=RobotLog(other.robot.t, q)),
+        model="complete",
+        corrections=(),
     )
     assert result.verdict.status is Status.MISFIT
     assert "recording 2 is not of the same machine as the others" in result.verdict.sentence

@@ -98,4 +98,6 @@ def test_a_link_that_grew_is_named_with_its_recording() -> None:
     times = [np.array([0.0, 0.5 * UNIT]), np.array([0.0, 2.0 * UNIT])]
     model = SimpleNamespace(unknowns=unknowns, recordings=[SimpleNamespace(times=t) for t in times])
     fit = SimpleNamespace(model=model, x=np.array([*growth.values()]))
-    assert recording_remarks(cast("Fit", fit)) == ["a2 grew by +20 um during recording 2: it warmed up"]
+    assert recording_remarks(cast("Fit", fit)) == [
+        "a2 grew by +20 um during recording 2: it warmed up"
+    ]

@@ -11,9 +11,7 @@ from tests.helpers.simulated_recordings import settings
 from tests.helpers.synthetic_recording import CELL, NOMINAL, SHAPE
 
 DWELL = 2.0  # [s]
-PATH = reference_path(
-    CELL.robot, NOMINAL, SHAPE, duration=60.0, dwell=DWELL, stops=2, step=0.02
-)
+PATH = reference_path(CELL.robot, NOMINAL, SHAPE, duration=60.0, dwell=DWELL, stops=2, step=0.02)
 
 
 def at_all_times() -> SampledPath:

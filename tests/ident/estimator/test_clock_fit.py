@@ -66,7 +66,9 @@ def test_a_skew_that_shifts_the_ends_by_a_second_is_followed_from_the_middle() -
 def test_a_channel_that_stands_still_is_no_evidence() -> None:
     motion, t = wandering(np.random.default_rng(1)), np.arange(0.0, 20.0, 0.01)
     still = motion(t) * [1.0, 0.0] + [0.0, 0.25]
-    alone, both = (interpolating_log(t, values, np.zeros(c)) for c, values in ((1, still[:, :1]), (2, still)))
+    alone, both = (
+        interpolating_log(t, values, np.zeros(c)) for c, values in ((1, still[:, :1]), (2, still))
+    )
     fits = [fit_clock(log, log, 0.0) for log in (alone, both)]
     assert fits[0] is not None
     assert fits[1] is not None

@@ -375,4 +375,6 @@ def test_only_what_lies_beyond_the_fitted_range_is_said_to() -> None:
     inside = PoseHeldOut("later", error, 10.0 * error, 1e-4, {})
     assert inside.sentence.endswith("predicted 0.100 mm.")
     beyond = replace(inside, out_of_range={2: (-1.0, 0.5)})
-    assert "; some poses are outside the fitted range of axis 2 (-57.3 to 28.6 deg)" in beyond.sentence
+    assert (
+        "; some poses are outside the fitted range of axis 2 (-57.3 to 28.6 deg)" in beyond.sentence
+    )

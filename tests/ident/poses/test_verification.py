@@ -202,6 +202,8 @@ def test_sockets_show_that_a_calibration_holds() -> None:
     result = identify_poses(table_of(true, noise=3e-5), PoseOptions(search=False))
     layout, x = result.fit.model.unknowns, result.fit.x
     targets = {name: layout.target(x, name) for name in layout.targets}
-    outcome = verify(result.arm(), targets, result.cross_validation.mean, socket_table(true, count=6))
+    outcome = verify(
+        result.arm(), targets, result.cross_validation.mean, socket_table(true, count=6)
+    )
     assert outcome.holds
     assert outcome.error.mean() < 2.0 * result.cross_validation.mean

@@ -74,7 +74,11 @@ def test_samples_that_the_moving_clock_could_lose_do_not_count(
     """Whatever the time of the first one is."""
     rows, some = slice(0, None, 20), np.array([NAMES.index(n) for n in ("ox", "oy", "oz")])
     t, b = path.t[rows] + 10.0, path.b[rows]
-    times = fit_samples(t, closed(true, b, path.q[rows]), b, (1, 2), true, some).fit.model.recordings[0].times
+    times = (
+        fit_samples(t, closed(true, b, path.q[rows]), b, (1, 2), true, some)
+        .fit.model.recordings[0]
+        .times
+    )
     assert times[0] == pytest.approx(t[0] + MARGIN, abs=0.21)
     assert t[0] + MARGIN <= times[0]
     assert times[-1] <= t[-1] - MARGIN
