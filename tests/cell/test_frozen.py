@@ -16,6 +16,7 @@ CLASSES = {
     for thing in vars(import_module(name)).values()
     if isinstance(thing, type) and thing.__module__ == name and dataclasses.is_dataclass(thing)
 }
+STATE = {"cell.dh_from_axes._Frame"}  # moves along the arm, within its module
 
 
 @pytest.mark.parametrize("name", sorted(CLASSES))
@@ -23,6 +24,6 @@ def test_a_dataclass_is_frozen_and_compares_no_arrays(name: str) -> None:
     """An array has no single truth value, so `==` of what holds one would raise."""
     kind = CLASSES[name]
     parameters = vars(kind)["__dataclass_params__"]
-    assert parameters.frozen or kind.__name__.startswith("_")  # within a module state may live
+    assert parameters.frozen or name in STATE
     holds_arrays = any("Array" in str(field.type) for field in dataclasses.fields(kind))
     assert not (holds_arrays and parameters.eq)

@@ -212,3 +212,8 @@ def test_a_site_that_nearly_coincides_with_its_body_is_not_snapped_onto_it(
         ).max()
         < 1e-12
     )
+
+
+def test_joint_angles_of_another_robot_are_refused(nominal: Geometry) -> None:
+    with pytest.raises(ValueError, match=r"joint angles \(2, 7\) do not fit a chain of 6 rows"):
+        forward(nominal.robot, np.zeros((2, 7)))

@@ -6,11 +6,13 @@ import pytest
 from cell.neighbours import (
     CUBIC,
     DAMAGED,
+    SIDE_ROWS,
     damaged_bursts,
     local_fits,
     powers,
     prediction_errors,
     robust_sigma,
+    stretches,
     suspects,
 )
 
@@ -80,11 +82,20 @@ def test_a_burst_of_damaged_values_is_found_and_nothing_else(rows: tuple[int, ..
 
 def test_a_burst_shows_at_its_edges_and_its_inside_is_suspect_too() -> None:
     t, values = log()
-    values[200:204, 1] += 3e-3
-    assert suspects(t, values, sigmas=DAMAGED)[0][200:204, 1].all()
+    values[200:209, 1] += 3e-3  # alike, so that those in the middle agree with one another
+    mask = suspects(t, values, sigmas=DAMAGED)[0]
+    assert mask[200:209, 1].all()
+    assert not mask[:, 0].any()
 
 
 def test_a_step_is_no_burst() -> None:
     t, values = log()
     values[200:, 0] += 2e-3
     assert not damaged_bursts(t, values).any()
+
+
+def test_the_first_row_of_a_log_is_beside_a_stretch_near_the_start() -> None:
+    t, suspect = log()[0], np.zeros(400, dtype=bool)
+    suspect[2:4] = True
+    only = stretches(t, suspect, PERIOD)
+    assert sorted(only.beside[0][only.known[0]].tolist()) == [0, 1, *range(4, 4 + SIDE_ROWS)]

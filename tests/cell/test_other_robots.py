@@ -15,7 +15,7 @@ from cell.geometry import (
     robot_frames,
     table_of_names,
 )
-from cell.inverse import refine, robot_branches
+from cell.inverse import UnreachableError, refine, robot_branches
 from cell.load import load_ballbar, load_robot
 from cell.robot_angles import controller_to_joints, joints_to_axes, joints_to_motors
 from tests.helpers.other_robots import FIVE_AXES, SEVEN_AXES, UR, Rows, cell_of, robot_text
@@ -111,6 +111,9 @@ def test_newton_brings_seven_joints_to_a_pose_and_five_only_where_they_can(tmp_p
     start = np.radians([[10.0, 20.0, 60.0, 40.0, 15.0]])
     reached = robot_frames(five, start + 0.05).poses()
     np.testing.assert_allclose(refine(five.robot, start, reached), start + 0.05, atol=1e-9)
+    reached[0, 0, 3] += 1e-3
+    with pytest.raises(UnreachableError, match=r"pose 0 of 1 .* is not reached"):
+        refine(five.robot, start, reached)
     with pytest.raises(InputError, match="six axes with parallel axes 2 and 3"):
         robot_branches(five.robot, reached)
 

@@ -144,3 +144,18 @@ def test_logs_without_common_time_are_refused() -> None:
     rng = np.random.default_rng(14)
     with pytest.raises(AlignmentError, match="no clock offset makes the channels"):
         align_logs(*two_logs(wandering(rng), Clock(60.0, 0.0), rng))
+
+
+def test_the_offset_at_the_first_row_and_the_skew_are_known_together() -> None:
+    """Of a line through even instants value and slope at its end correlate by -sqrt(3)/2."""
+    rng = np.random.default_rng(15)
+    alignment = align_logs(*two_logs(wandering(rng), Clock(2.0, 0.0), rng))
+    assert alignment.correlation == pytest.approx(-np.sqrt(0.75), abs=0.05)
+
+
+def test_a_step_of_a_clock_is_reported_with_its_size() -> None:
+    rng = np.random.default_rng(16)
+    a, b = two_logs(wandering(rng), Clock(2.0, 0.0), rng)
+    alignment = align_logs(a, replace(b, t=b.t + 0.2 * (b.t > 15.0)))
+    (remark,) = alignment.remarks
+    assert remark.startswith("B: the clock stepped by +200.0 ms at t = 15.0")

@@ -63,6 +63,7 @@ def test_samples_are_as_many_as_requested_and_their_noise_that_of_the_logs(
     assert 290 <= samples.times.size <= 300
     # rows 10 ms apart, knots 80 ms: an eighth of the noise variance is left
     assert samples.joint_noise == pytest.approx(np.full(6, NOISE * np.sqrt(1.0 / 8.0)), rel=0.05)
+    assert fitted.samples.held is None  # noise moves with the clock, but that of a sensed length
     assert fitted.fit.excess.rod < ROD_SIGMA_START  # a rod that does not deviate
     assert fitted.iterations >= fitted.fit.iterations + fitted.start.chosen.fit.iterations
 
@@ -70,6 +71,7 @@ def test_samples_are_as_many_as_requested_and_their_noise_that_of_the_logs(
 def test_the_nominal_robot_is_placed_as_well_as_possible(fitted: RecordingFit) -> None:
     """Only encoder offsets, base position and clock move: what a user without calibration sees."""
     nominal = nominal_robot_fit(fitted, fitted.samples)
+    assert nominal.converged
     own = {"btheta1", "btheta2", "btheta4", "btheta5", "ox", "oy", "oz"}
     assert set(nominal.model.unknowns.names) == own | {"offset", "skew"}
     others = [i for i, name in enumerate(NAMES) if name not in own]

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from ident.corrections.link_growth import UNIT
+from ident.estimator.fit import Fit
 from ident.estimator.order_search import JointOrder
 from ident.estimator.samples import Samples
-from ident.remarks import joint_error_remark, log_remarks
+from ident.remarks import joint_error_remark, log_remarks, recording_remarks
 from ident.result import CoefficientEstimate, CorrectionEstimate
 from ident.signals.smooth_log import Outliers
 from ident.signals.step_fault import StepFault
@@ -85,3 +89,15 @@ def test_joint_errors_are_named_with_their_amplitudes_and_what_they_may_be_inste
         "joint 3: 52.6 cycles a turn (or 52, 53), 50 urad"
     )
     assert joint_error_remark(orders, []) == ""  # the data did not support them in the end
+
+
+def test_a_link_that_grew_is_named_with_its_recording() -> None:
+    """From the line and the square of time, at the end of that recording."""
+    growth = {"growth_ra2_line@2": 3e-5, "growth_ra2_square@2": -1e-5}
+    unknowns = SimpleNamespace(names=(*growth,))
+    times = [np.array([0.0, 0.5 * UNIT]), np.array([0.0, 2.0 * UNIT])]
+    model = SimpleNamespace(unknowns=unknowns, recordings=[SimpleNamespace(times=t) for t in times])
+    fit = SimpleNamespace(model=model, x=np.array([*growth.values()]))
+    assert recording_remarks(cast("Fit", fit)) == [
+        "a2 grew by +20 um during recording 2: it warmed up"
+    ]

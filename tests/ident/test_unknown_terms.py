@@ -12,15 +12,15 @@ from cell.arrays import Array
 from cell.chain import joint_screws, screw
 from cell.geometry import robot_frames
 from cell.logs import RobotLog
-from ident.complete_fit import fit_complete
+from ident.complete_fit import fit_complete, refit
 from ident.corrections import ON_EVIDENCE, supported_corrections
-from ident.corrections.gear_softening import GEAR_SOFTENING, knees_of
+from ident.corrections.gear_softening import GEAR_SOFTENING, gear_softening, knees_of
 from ident.estimator.fit import Fit
 from ident.model_choice import lasting
 from ident.options import SILENT, FitOptions
 from ident.recording_fit import Logs, fit_recording
 from ident.remarks import recording_remarks
-from ident.softening import fit_softening, search_knees
+from ident.softening import fit_softening, moved_knees, search_knees
 from tests.helpers.known_loads import motion_at, tension_at
 from tests.helpers.minute_logs import minute_logs
 from tests.helpers.synthetic_recording import CELL, NOMINAL
@@ -139,9 +139,8 @@ def _steps(q: Array, grown: dict[str, Array]) -> Array:
     return -np.linalg.solve(columns, moved.T[:, :, None])[:, :, 0]
 
 
-@pytest.mark.slow
-def test_a_gear_that_is_softer_below_a_knee_is_found_with_its_knee() -> None:
-    gear, knee = 1, 120.0  # [N m]
+def softer_below(gear: int, knee: float) -> Logs:
+    """Logs of a gear, from 0, that is half as stiff below a knee [N m]."""
 
     def softer(t: Array, q: Array) -> Array:
         load = motion_at(t).carried.gears(tension_at(t))
@@ -149,8 +148,13 @@ def test_a_gear_that_is_softer_below_a_knee_is_found_with_its_knee() -> None:
         more[gear] = np.clip(load[gear], -knee, knee) / STIFFNESS[gear]
         return q + more.T @ CELL.robot.gear_to_joint
 
-    logs = changed(elastic(), softer)
-    recording = fit_recording(CELL, logs, OPTIONS)
+    return changed(elastic(), softer)
+
+
+@pytest.mark.slow
+def test_a_gear_that_is_softer_below_a_knee_is_found_with_its_knee() -> None:
+    gear, knee = 1, 120.0  # [N m]
+    recording = fit_recording(CELL, softer_below(gear, knee), OPTIONS)
     fit = fit_complete(CELL, [recording], supported_corrections(CELL.robot), OPTIONS)
     fit = fit_softening(CELL, fit, SILENT)
     (correction,) = (c for c in fit.model.corrections if c.name == GEAR_SOFTENING)
@@ -160,3 +164,14 @@ def test_a_gear_that_is_softer_below_a_knee_is_found_with_its_knee() -> None:
     assert found(fit)[correction.coefficients[0].name] == pytest.approx(
         1.0 / STIFFNESS[gear], rel=0.15
     )
+
+
+def test_a_knee_that_is_off_moves_to_where_the_gear_has_it() -> None:
+    """Most of the way at once; a small one moves by no more than two fifths."""
+    gear, knee = 1, 120.0  # [N m]
+    recording = fit_recording(CELL, softer_below(gear, knee), OPTIONS)
+    fit = fit_complete(CELL, [recording], ["joint_compliance"], OPTIONS)
+    for begin, end in ((110.0, knee), (60.0, 1.4 * 60.0)):
+        ((where, at),) = moved_knees(refit(fit, [gear_softening(CELL.robot, [(gear, begin)])]))
+        assert where == gear
+        assert at == pytest.approx(end, rel=0.05)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -11,7 +12,12 @@ import pytest
 from cell.arrays import Array
 from cell.descriptions import Robot
 from cell.load import load_robot
-from cell.robot_angles import controller_to_joints, joints_to_motors, motors_to_joints
+from cell.robot_angles import (
+    controller_to_joints,
+    joints_to_axes,
+    joints_to_motors,
+    motors_to_joints,
+)
 from ident.causes.robot_log import other_angles
 
 Q = np.random.default_rng(4).uniform(-1.0, 1.0, (20, 6))
@@ -52,3 +58,13 @@ def test_angles_of_another_kind_or_unit_are_corrected(
     robot = load_robot("irb2400")
     corrected = [m.joints(read(robot)) for m in other_angles(robot) if m.cause == cause]
     assert min(np.abs(q - Q).max() for q in corrected) < 1e-9  # rounding of inverses
+
+
+def test_an_axis_that_counts_backwards_does_so_about_its_own_zero() -> None:
+    robot = replace(
+        load_robot("irb2400"), controller_offset=np.array([0.0, -0.5, 0.3, 0.0, 0.2, 0.0])
+    )
+    backwards = joints_to_axes(robot, Q) * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
+    read = controller_to_joints(robot, backwards)
+    (mistake,) = [m for m in other_angles(robot) if m.cause.startswith("axis 2")]
+    np.testing.assert_allclose(mistake.joints(read), Q, atol=1e-12)

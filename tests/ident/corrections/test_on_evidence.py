@@ -123,3 +123,11 @@ def test_a_wandering_rod_has_the_compliance_of_its_file_held() -> None:
     assert coefficient.mean == 1.0 / CELL.ballbar.axial_stiffness
     assert coefficient.sigma < 0.01 * coefficient.mean
     assert np.array_equal(signals(rod_elongation(CELL))["elongation"], STATE.tension)
+
+
+def test_a_gear_may_be_about_half_as_stiff_below_its_knee() -> None:
+    """The prior of what is added is as wide as the catalogue's compliance itself."""
+    (coefficient,) = gear_softening(CELL.robot, [(2, 50.0)]).coefficients
+    catalogue = 1.0 / CELL.robot.required("gears").stiffness[2]
+    assert coefficient.mean == 0.0
+    assert coefficient.sigma == pytest.approx(catalogue, rel=1e-12)

@@ -7,6 +7,7 @@ import pytest
 
 from cell.clock import Clock
 from ident.estimator.clock_fit import fit_clock
+from ident.estimator.samples import MARGIN
 from ident.signals.smooth_log import interpolating_log
 from tests.helpers.two_recorders import wandering
 
@@ -30,3 +31,45 @@ def test_no_clock_without_overlap() -> None:
     motion, t = wandering(np.random.default_rng(1)), np.arange(0.0, 20.0, 0.01)
     log = interpolating_log(t, motion(t), NONE)
     assert fit_clock(log, log, 19.0) is None
+
+
+def test_a_start_that_is_half_a_second_off_leads_to_the_clock_all_the_same() -> None:
+    motion, t = wandering(np.random.default_rng(1)), np.arange(0.0, 60.0, 0.01)
+    log = interpolating_log(t, motion(t), NONE)
+    fit = fit_clock(log, log, 0.5)
+    assert fit is not None
+    assert fit.clock.offset == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("zero", [-30.0, -MARGIN - 0.01, -MARGIN, 5000.0])
+def test_the_zero_of_a_clock_does_not_matter(zero: float) -> None:
+    """Also where the first instant that is compared is that of zero, or hardly before it."""
+    motion, t = wandering(np.random.default_rng(1)), np.arange(0.0, 60.0, 0.01)
+    a = interpolating_log(t, motion(t), NONE)
+    b = interpolating_log(t + zero, motion(t + 0.1), NONE)
+    fit = fit_clock(a, b, -zero)
+    assert fit is not None
+    assert fit.clock.offset + (1.0 + fit.clock.skew) * zero == pytest.approx(0.1, abs=1e-9)
+
+
+def test_a_skew_that_shifts_the_ends_by_a_second_is_followed_from_the_middle() -> None:
+    """Periods of the motion are 0.6 s and more: at the ends the start is more than one off."""
+    motion, clock = wandering(np.random.default_rng(2)), Clock(0.0, 2e-3)
+    t = np.arange(500.0, 1500.0, 0.05)
+    a = interpolating_log(t, motion(3.0 * t), NONE)
+    b = interpolating_log(t, motion(3.0 * np.asarray(clock.robot_time(t))), NONE)
+    fit = fit_clock(a, b, 2.0)
+    assert fit is not None
+    assert fit.clock.skew == pytest.approx(2e-3, abs=1e-8)
+
+
+def test_a_channel_that_stands_still_is_no_evidence() -> None:
+    motion, t = wandering(np.random.default_rng(1)), np.arange(0.0, 20.0, 0.01)
+    still = motion(t) * [1.0, 0.0] + [0.0, 0.25]
+    alone, both = (
+        interpolating_log(t, values, np.zeros(c)) for c, values in ((1, still[:, :1]), (2, still))
+    )
+    fits = [fit_clock(log, log, 0.0) for log in (alone, both)]
+    assert fits[0] is not None
+    assert fits[1] is not None
+    assert fits[1].evidence == pytest.approx(fits[0].evidence, rel=1e-9)

@@ -15,6 +15,7 @@ from ident.estimator.gauss_newton import SingularError
 from ident.estimator.identifiability import candidates
 from ident.estimator.iteration import Iteration
 from ident.estimator.noise import ExcessNoise
+from ident.estimator.normal_equations import normal_equations
 from ident.estimator.samples import Samples
 from tests.helpers.complete_model import EXCESS, CompleteModel
 from tests.helpers.six_axes import INDEX, NAMES, TABLE
@@ -65,6 +66,11 @@ def test_a_planted_mechanism_and_clock_are_found_within_their_stated_noise(
     assert abs(normalised - count) < 3.0 * np.sqrt(2.0 * count)
     assert found.clock().offset == pytest.approx(TRUE_CLOCK.offset, abs=1e-5)
     assert found.geometry()["ra3"] == found.x[layout.names.index("ra3")]
+
+
+def test_samples_count_by_their_noise_at_the_estimate_and_not_at_the_start(found: Fit) -> None:
+    anew = normal_equations(found.model, found.x, found.ballbars, found.excess)
+    assert anew.data_cost == pytest.approx(found.linear.data_cost, rel=1e-6)
 
 
 def test_chi_square_per_degree_of_freedom_is_one_with_the_right_noise(found: Fit) -> None:

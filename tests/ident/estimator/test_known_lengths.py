@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.arrays import Array
-from ident.estimator.known_lengths import KnownLengths, known_lengths
+from ident.estimator.known_lengths import KNOWN, KnownLengths, known_lengths
 from ident.estimator.unknowns import Unknowns, complete_unknowns
 from tests.helpers.synthetic_recording import CELL, NOMINAL
 
@@ -56,3 +56,15 @@ def test_what_the_data_tell_alone_contradicts_nothing() -> None:
     lengths = known_lengths(unknowns, x, covariance)
     assert index not in lengths.unknowns
     assert lengths.apart == 0.0
+
+
+def test_a_length_that_is_only_roughly_known_contradicts_nothing() -> None:
+    """The nominal lengths of the links are priors too, of a millimetre."""
+    unknowns = layout()
+    x = unknowns.mean + np.where(unknowns.sigma > KNOWN, 0.5 * unknowns.sigma, 0.0)
+    rough = [n for n, s in zip(unknowns.names, unknowns.sigma, strict=True) if s > KNOWN]
+    assert {"ra2", "rd4"} <= set(rough)
+    _, covariance = posterior(unknowns, 0.0)
+    lengths = known_lengths(unknowns, x, covariance)
+    assert not {unknowns.names[i] for i in lengths.unknowns} & set(rough)
+    assert lengths.apart == pytest.approx(0.0, abs=1e-6)

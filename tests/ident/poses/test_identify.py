@@ -15,7 +15,7 @@ from cell.poses import PoseTable
 from ident.poses.cross_validation import cross_validated
 from ident.poses.findings import findings_of, lengths_of
 from ident.poses.fit import GROSS, HUBER, fit_poses, robust_weights
-from ident.poses.held_out import held_out_poses
+from ident.poses.held_out import PoseHeldOut, held_out_poses
 from ident.poses.identify import JointErrors, PoseOptions, identify_poses, linearised, rounding, sag
 from ident.poses.result import PoseIdentification, position_errors
 from ident.poses.start import PoseStartError, start_of_poses
@@ -368,3 +368,13 @@ def test_the_linearised_model_is_that_of_the_fit() -> None:
     again = fit_poses(result.fit.model, result.fit.x, result.fit.discrepancy)
     assert np.allclose(position_errors(again), result.residual, atol=2e-6)
     assert findings_of(again).outliers.size == 0
+
+
+def test_only_what_lies_beyond_the_fitted_range_is_said_to() -> None:
+    error = np.full(5, 1e-4)
+    inside = PoseHeldOut("later", error, 10.0 * error, 1e-4, {})
+    assert inside.sentence.endswith("predicted 0.100 mm.")
+    beyond = replace(inside, out_of_range={2: (-1.0, 0.5)})
+    assert (
+        "; some poses are outside the fitted range of axis 2 (-57.3 to 28.6 deg)" in beyond.sentence
+    )

@@ -91,6 +91,8 @@ def test_lengths_of_fewer_than_three_seats_are_said_to_judge_along_the_rods() ->
         _, result = drawn("ur5", 0, seats)
         sentences = [w for w in result.verdict.warnings if "along the rods alone" in w]
         assert bool(sentences) == said
+    # four joints of six have errors of 1e-4 / sqrt(2); from one direction a factor of two at best
+    assert 0.5 < result.arm().joint_sigma / (1e-4 / np.sqrt(3.0)) < 2.0
 
 
 @pytest.mark.slow

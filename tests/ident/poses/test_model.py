@@ -14,7 +14,7 @@ from ident.corrections.unit_weights import unit_weights
 from ident.estimator.whitening import Whitening
 from ident.poses.closure import close_pose_loop
 from ident.poses.cross_validation import position_rows
-from ident.poses.model import Discrepancy, PoseModel
+from ident.poses.model import Discrepancy, PoseModel, sensor_columns
 from ident.poses.start import start_of_poses
 from ident.poses.unknowns import pose_unknowns, robot_parameters
 from tests.helpers.still_poses import SEAT, TARGET, socket_table, table_of, true_robot
@@ -104,3 +104,39 @@ def test_rounded_angles_count_less() -> None:
         point = weigh.evaluate(weigh.unknowns.mean)[0]
         residual = weigh.weights(point, Discrepancy(1e-5))(point.closure.error)
         assert (np.abs(residual).mean() < 10.0) == larger
+
+
+@pytest.mark.parametrize("measured", ["length", "point", "pose"])
+def test_noise_of_a_measured_value_moves_the_error_as_the_value_does(measured: str) -> None:
+    """Also of rotations, which change the error about the seat's axes."""
+    table = table_of(true_robot("ur5"), measured, count=20)  # type: ignore[arg-type]
+    (group,) = table.part(np.arange(len(table.q)) < 20).groups[:1]
+    alone = replace(table, groups=(group,))
+    model = model_of(table)
+    x = model.unknowns.mean
+
+    def error(values: np.ndarray) -> np.ndarray:
+        changed = replace(alone, groups=(replace(group, values=values),))
+        return replace(model, table=changed).evaluate(x)[0].closure.error
+
+    columns = sensor_columns(replace(model, table=alone).evaluate(x)[0])
+    assert len(columns) == {"length": 1, "point": 3, "pose": 6}[measured]
+    for k in range(3 if measured == "pose" else len(columns)):
+        step = 1e-6 * np.eye(group.values.shape[1])[k]
+        slope = (error(group.values + step) - error(group.values - step)) / 2e-6
+        expected = slope * group.sigma[:, k]
+        assert np.abs(columns[k]) == pytest.approx(np.abs(expected), abs=1e-3 * 2e-5)
+
+
+@pytest.mark.parametrize(
+    ("measured", "framed"),
+    [("length", set()), ("socket", set()), ("point", {"seat"}), ("pose", {"seat", "target"})],
+)
+def test_only_what_measures_an_orientation_has_one_to_be_found(
+    measured: str, framed: set[str]
+) -> None:
+    true = true_robot("ur5")
+    table = socket_table(true, count=4) if measured == "socket" else table_of(true, measured)  # type: ignore[arg-type]
+    layout = model_of(table).unknowns
+    kinds = {"seat": set(table.seats), "target": set(table.targets)}
+    assert layout.framed == set().union(*(kinds[kind] for kind in framed))

@@ -28,6 +28,7 @@ from tests.helpers.drawn_pose_tables import (
     length_table,
     point_table,
 )
+from tests.helpers.still_poses import socket_table, table_of, true_robot
 
 NOISE = 5e-5  # [m]
 POSES = 10
@@ -194,3 +195,15 @@ def test_poses_at_one_spot_hold_nothing_that_is_worth_saying(robot: Stored) -> N
     assert "would not show" in result.warnings[-1]
     spread = robot.check(point_table(robot.drawn, robot.angles(rng, 20), NOISE, rng))
     assert not {2, 3, 4} & set(spread.blind)
+
+
+def test_sockets_show_that_a_calibration_holds() -> None:
+    true = true_robot("ur10")
+    result = identify_poses(table_of(true, noise=3e-5), PoseOptions(search=False))
+    layout, x = result.fit.model.unknowns, result.fit.x
+    targets = {name: layout.target(x, name) for name in layout.targets}
+    outcome = verify(
+        result.arm(), targets, result.cross_validation.mean, socket_table(true, count=6)
+    )
+    assert outcome.holds
+    assert outcome.error.mean() < 2.0 * result.cross_validation.mean

@@ -109,3 +109,27 @@ def test_a_clock_step_beside_rows_that_were_left_out_is_measured(missing: int) -
     assert [step.channel for step in steps] == [None]
     # [s] the motion is no cubic over 25 rows: with five missing it leaves 0.3 ms.
     assert steps[0].size == pytest.approx(0.05, abs=5e-4)
+
+
+def test_a_damaged_value_beside_a_clock_step_does_not_change_its_size() -> None:
+    t = np.arange(0.0, 20.0, 0.01)
+    values = motion(t) + np.random.default_rng(3).normal(0, 1e-6, (t.size, 2))
+    values[1003, 0] += 5e-3
+    (step,) = find_steps(t + 0.05 * (t >= 10.0 - 1e-9), values, checked=True)
+    assert (step.row, step.channel) == (1000, None)
+    assert step.size == pytest.approx(0.05, abs=1e-4)
+
+
+def test_a_clock_set_on_by_minutes_is_a_step_where_the_motion_goes_on_as_before() -> None:
+    t = np.arange(0.0, 20.0, 0.01)
+    values = motion(t) + np.random.default_rng(4).normal(0, 1e-6, (t.size, 2))
+    (step,) = find_steps(t + 180.0 * (t >= 10.0 - 1e-9), values)
+    assert (step.row, step.channel) == (1000, None)
+    assert step.size == pytest.approx(180.0, abs=1e-4)
+
+
+def test_a_pause_of_seconds_in_which_the_arm_moved_on_is_no_step() -> None:
+    t = np.arange(0.0, 20.0, 0.01)
+    values = motion(t) + np.random.default_rng(5).normal(0, 1e-6, (t.size, 2))
+    rows = (t < 8.0) | (t >= 11.0)
+    assert [s for s in find_steps(t[rows], values[rows]) if s.channel is None] == []

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.clock import Clock
-from cell.geometry import Geometry
+from cell.geometry import Geometry, robot_frames
 from ident.estimator import gauss_newton
 from ident.estimator.noise import ExcessNoise
 from ident.signals.smooth_log import SmoothLog
@@ -17,6 +17,7 @@ from ident.start.automatic import (
     StartError,
     automatic_start,
     fit_hypothesis,
+    length_hypotheses,
     start_parameters,
 )
 from sim.errors.static_errors import THESIS_3_1
@@ -190,3 +191,17 @@ def test_what_the_fits_explain_decides_among_the_hypotheses(
     assert list(start.rivals) == [ranked[k] for k in rivals]
     assert start.ambiguous == bool(rivals)
     assert start.tried == len(ranked)
+
+
+def test_a_sensed_length_gives_clock_seat_and_the_zero_of_its_sensor() -> None:
+    """Both logs begin away from zero, the sensor's 4 mm short."""
+    path, zero = minute(), 4e-3
+    q = path.q + 0.15 * np.sin(0.43 * path.t)[:, None] * np.eye(6)[2]  # off the sphere
+    robot = exact_log(path.t + 5.0, q)
+    away = np.linalg.norm(robot_frames(NOMINAL, q).tip.T - NOMINAL.origin, axis=1)
+    read = (away - NOMINAL["bd3"] - zero)[:, None]
+    extension = exact_log(path.t + 2.0, read)
+    best = next(length_hypotheses(robot, extension, CATALOGUE, zero_sigma=0.01))
+    assert best.clock.offset == pytest.approx(3.0, abs=0.01)
+    assert best.geometry["bd3"] == pytest.approx(NOMINAL["bd3"] + zero, abs=1e-4)
+    assert best.geometry.origin == pytest.approx(NOMINAL.origin, abs=1e-3)

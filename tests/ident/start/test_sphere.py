@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
-from ident.start.sphere import sphere_candidates
+from ident.start.sphere import FIT_SIGMA, RADIUS_SIGMA, sphere_candidates
 
 
 def test_the_sphere_is_found_from_points_on_a_patch_of_it() -> None:
@@ -54,3 +55,18 @@ def test_moving_the_points_moves_the_centre_with_them() -> None:
     shift = np.array([3.0, -1.0, 0.5])
     there, here = (sphere_candidates(p, 0.6)[0].centre for p in (points + shift, points))
     assert there - here == pytest.approx(shift, abs=1e-6)
+
+
+def test_the_centre_is_that_of_least_squares_also_on_a_small_cap() -> None:
+    """There the algebraic fit alone takes noise for curvature, and comes out millimetres off."""
+    rng = np.random.default_rng(7)
+    u = rng.normal(0, 0.2, (300, 3)) + np.array([0, 0, 1.0])
+    points = 0.6 * u / np.linalg.norm(u, axis=1)[:, None] + rng.normal(0, 2e-3, (300, 3))
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        distance = np.linalg.norm(points - x[:3], axis=1)
+        return np.append((distance - x[3]) / FIT_SIGMA, (x[3] - 0.6) / RADIUS_SIGMA)
+
+    expected = least_squares(residual, [0.0, 0.0, 0.0, 0.6], xtol=1e-12, ftol=1e-12).x
+    best = sphere_candidates(points, 0.6)[0]
+    assert best.centre == pytest.approx(expected[:3], abs=1e-6)

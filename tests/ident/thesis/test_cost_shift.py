@@ -98,5 +98,5 @@ def test_without_rounds_it_is_a_plain_fit(
     done = fit_cost_with_shift(
         cost_named(COST, "vector"), nominal, **shifted, parameters=chosen, rounds=0
     )
-    assert done.shift == 0.0
+    assert (done.shift, done.last_move) == (0.0, 0.0)
     assert done.fit.converged

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cell.geometry import Geometry
+from ident.estimator.samples import MARGIN
 from ident.thesis.paired_samples import NOISE_FLOOR, fit_samples, noise_of, through_samples
 from sim.path import ReferencePath
 from tests.helpers.six_axes import NAMES
@@ -65,3 +66,19 @@ def test_a_spline_passes_through_the_samples() -> None:
 def test_too_few_samples_are_refused_with_the_number_that_is_needed() -> None:
     with pytest.raises(ValueError, match="12 samples are too few; at least 13 are needed"):
         through_samples(np.arange(12.0), np.zeros((12, 2)))
+
+
+def test_samples_that_the_moving_clock_could_lose_do_not_count(
+    path: ReferencePath, true: Geometry
+) -> None:
+    """Whatever the time of the first one is."""
+    rows, some = slice(0, None, 20), np.array([NAMES.index(n) for n in ("ox", "oy", "oz")])
+    t, b = path.t[rows] + 10.0, path.b[rows]
+    times = (
+        fit_samples(t, closed(true, b, path.q[rows]), b, (1, 2), true, some)
+        .fit.model.recordings[0]
+        .times
+    )
+    assert times[0] == pytest.approx(t[0] + MARGIN, abs=0.21)
+    assert t[0] + MARGIN <= times[0]
+    assert times[-1] <= t[-1] - MARGIN

@@ -87,3 +87,10 @@ def test_logs_without_common_motion_are_refused(path: ReferencePath, nominal: Ge
     stands = RobotLog(robot.t[rows], robot.q[rows])
     with pytest.raises(ValueError, match="no motion in common"):
         pair_logs(cost_named("length", "thesis"), nominal, stands, still, count=300)
+
+
+def test_of_few_rows_each_is_paired_once(path: ReferencePath, nominal: Geometry) -> None:
+    robot, bar = logs(path)
+    few = RobotLog(robot.t[::20], robot.q[::20])
+    paired = pair_logs(cost_named("length", "thesis"), nominal, few, bar, count=1000)
+    assert len(np.unique(paired.q, axis=0)) == len(paired.q) > 200

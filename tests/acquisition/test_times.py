@@ -1,0 +1,45 @@
+"""Time stamps of single cells to nanoseconds, and stamps out of order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.stamps.order import STAMP, in_order
+from acquisition.table.table import Table
+from acquisition.times import TimeCells, stamps_ns
+
+SECOND = 1_000_000_000  # [ns]
+
+
+def cells(*texts: str) -> TimeCells:
+    return TimeCells("log.csv", "time", texts, np.arange(len(texts)) + 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("T#1d", 86_400), ("T#2h", 7_200), ("T#1d2h3m4s", 93_784), ("LT#25h_5s", 90_005)],
+)
+def test_days_and_hours_of_an_iec_time_count_in_full(text: str, seconds: int) -> None:
+    assert stamps_ns(cells(text), "iec-time")[0].tolist() == [seconds * SECOND]
+
+
+def test_decimals_beyond_the_nanosecond_are_rounded_to_the_nearest() -> None:
+    texts = ("7.0000000014", "7.0000000015", "7.00000000149", "-0.0000000016")
+    ns = stamps_ns(cells(*texts), "s")[0] - np.array([7, 7, 7, 0]) * SECOND
+    assert ns.tolist() == [1, 2, 1, -2]
+
+
+def stamped(*stamps: int) -> Table:
+    rows = len(stamps)
+    return Table(
+        {STAMP: np.array(stamps)}, ("log.csv",), np.zeros(rows, dtype=np.int64), np.arange(rows) + 2
+    )
+
+
+def test_a_last_stamp_that_goes_back_shows_the_damage_of_the_one_before() -> None:
+    """Nothing follows the last row that could show that its own stamp is damaged."""
+    even = (100 * np.arange(1, 300)).tolist()
+    table = in_order(stamped(*even, 99_999, 30_100))
+    assert table.columns[STAMP].tolist() == [*even, 30_100]
+    assert [(entry.kind, entry.lines) for entry in table.findings] == [("damaged stamp", (301,))]

@@ -1,0 +1,77 @@
+"""The model that the data ask for, where the user names none, and what is said of a poor fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cell.logs import BallBarLog, RobotLog
+from ident.identify import identify_together
+from ident.options import FitOptions, Listener
+from ident.recording_fit import Logs
+from ident.result import Identification
+from ident.verdict import Status
+from tests.helpers.minute_logs import minute_logs
+from tests.helpers.synthetic_recording import CELL
+
+KNEES, JOINT_ERRORS = "searching gears that are softer below a knee", "searching joint errors"
+
+
+def identified(*logs: Logs, **options: object) -> tuple[Identification, list[str]]:
+    """The result of 200 samples, and the stages that were told on the way."""
+    stages: list[str] = []
+    chosen = FitOptions(samples=200, **options)  # type: ignore[arg-type]
+    return identify_together(CELL, logs, options=chosen, listener=Listener(stages.append)), stages
+
+
+def corrections(result: Identification) -> list[str]:
+    return [correction.name for correction in result.robot.corrections]
+
+
+def test_elastic_gears_are_asked_for_and_a_good_fit_ends_the_search() -> None:
+    result, stages = identified(minute_logs(compliance=1.0))
+    assert result.verdict.status is Status.GOOD
+    assert corrections(result) == ["joint_compliance"]
+    assert stages[-1] == KNEES
+    assert JOINT_ERRORS not in stages
+
+
+def test_gears_that_are_all_softer_put_the_masses_in_doubt_and_joint_errors_are_tried() -> None:
+    result, stages = identified(minute_logs(compliance=1.6))
+    assert result.verdict.status is Status.SUSPECT
+    assert "all gears together are 1.6" in result.verdict.sentence
+    assert stages[-1] == JOINT_ERRORS
+
+
+def test_two_encoders_are_too_few_for_elastic_gears_but_size_a_slip() -> None:
+    logs = minute_logs(encoders=(1, 2), compliance=1.0, slip=(1, 20.0, 3e-3))
+    result, _ = identified(logs)
+    assert corrections(result) == []
+    assert result.verdict.warnings[0].startswith("encoder b1 jumped by +3.0")
+
+
+def test_a_recording_of_another_machine_than_the_first_is_a_misfit() -> None:
+    other = minute_logs(seed=1)
+    q = other.robot.q + 1e-4 * np.eye(6)[3]
+    result, _ = identified(
+        minute_logs(),
+        replace(other, robot=RobotLog(other.robot.t, q)),
+        model="complete",
+        corrections=(),
+    )
+    assert result.verdict.status is Status.MISFIT
+    assert "recording 2 is not of the same machine as the others" in result.verdict.sentence
+
+
+def test_of_a_fit_that_is_not_acceptable_the_cause_in_the_logs_is_named() -> None:
+    logs, rows = minute_logs(encoders=(1, 2)), slice(1000, 2200)  # 12 s
+    assert logs.ballbar is not None
+    short = replace(
+        logs,
+        robot=RobotLog(logs.robot.t[rows], logs.robot.q[rows]),
+        ballbar=BallBarLog(logs.ballbar.t[rows], logs.ballbar.angles[rows], (1, 2)),
+    )
+    result, _ = identified(short, model="dh")
+    assert result.verdict.status is Status.UNCERTAIN
+    assert "the logs are too short: they share at most 12.0 s" in result.verdict.sentence
