@@ -100,7 +100,7 @@ class SweepFolder:
         """File and number of the row of a run that an earlier plan has."""
         for folder, done in self._earlier:
             number = earlier_number(self.plan, run, folder.plan)
-            if number is not None and (chunk := number // folder.plan.chunk_runs) in done:
+            if number is not None and (chunk := folder.plan.chunk_of(number)) in done:
                 return folder.chunk(chunk), number
         return None
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -151,6 +152,10 @@ class Plan:
     def chunk(self, number: int) -> range:
         """Numbers of the runs of a chunk."""
         return range(*self._first_runs[number : number + 2])
+
+    def chunk_of(self, run: int) -> int:
+        """Number of the chunk that has a run."""
+        return bisect_right(self._first_runs, run) - 1
 
     @cached_property
     def columns(self) -> dict[str, list[Value]]:
