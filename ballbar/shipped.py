@@ -7,9 +7,9 @@ import shutil
 from itertools import takewhile
 from pathlib import Path
 
-from ballbar.scenario import SHIPPED
 from cell.dialect import dialect_names, load_dialect
 from cell.errors import InputError
+from cell.extended_yaml import SHIPPED
 from cell.load import (
     ballbar_names,
     instrument_names,
