@@ -127,7 +127,7 @@ class Evidence:
     softer: float = (
         1.0  # compliance of all gears over the catalogue's, where no torque tells masses
     )
-    tcp_sigma: float = 0.0  # [m] stated, rms over the workspace
+    tcp_sigma: float = 0.0  # [m] stated, rms over the workspace, with the scale
     nominal_error: float = 0.0  # [m] mean distance of the nominal tool from the identified one
     accuracy: float | None = None  # [m] stated TCP uncertainty that is asked for
 
@@ -286,8 +286,8 @@ def _uncertain(evidence: Evidence) -> tuple[Status, str] | None:
         )
         return Status.UNCERTAIN, (
             f"Uncertain: the tool is known to {evidence.tcp_sigma * 1e3:.2g} mm (1 sigma, rms over "
-            f"the workspace), and {limit} would be the most. Record longer, on a path that moves "
-            "every joint further, or several recordings together."
+            f"the workspace, with the scale), and {limit} would be the most. Record longer, on a "
+            "path that moves every joint further, or several recordings together."
         )
     return None
 

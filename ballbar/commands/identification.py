@@ -75,8 +75,8 @@ def identify(
     accuracy: Annotated[
         float | None,
         typer.Option(
-            help="Stated TCP uncertainty [mm] (1 sigma, rms) up to which logs give an acceptable "
-            "result; default: half of the nominal robot's error.",
+            help="Stated TCP uncertainty [mm] (1 sigma, rms, with the scale) up to which logs give "
+            "an acceptable result; default: half of the nominal robot's error.",
             metavar="MM",
         ),
     ] = None,

@@ -97,11 +97,19 @@ def position_sigma(positions: Array, moves: Array, covariance: Array) -> Array:
 
     moves : (P, 3, G) change of the tool per unit of each unknown; covariance : (P, P).
     """
-    columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))  # (3G, P)
-    basis = rigid_basis(positions)
-    columns = columns - basis @ (basis.T @ columns)
+    columns = aligned_columns(positions, moves)
     variance = ((columns @ covariance) * columns).sum(axis=1).reshape(-1, 3).sum(axis=1)
     return np.asarray(np.sqrt(variance))
+
+
+def aligned_columns(positions: Array, moves: Array) -> Array:
+    """(3G, P) changes of tool positions (G, 3) [m] per unit of each unknown, base aligned.
+
+    moves : (P, 3, G) the changes as they are.
+    """
+    columns = moves.transpose(2, 1, 0).reshape(-1, len(moves))
+    basis = rigid_basis(positions)
+    return np.asarray(columns - basis @ (basis.T @ columns))
 
 
 def rigid_basis(points: Array) -> Array:
