@@ -12,6 +12,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
+from ballbar.report.diagnosis import diagnosis
 from ballbar.report.log_figures import log_section
 from ballbar.report.machine import machine_section
 from ballbar.report.numbers import significant
@@ -49,6 +50,7 @@ def render_report(data: RunData, *, command: str, written: datetime, begin: Begi
         several=data.several,
         summary=summary(data, view),
         tcp=tcp,
+        diagnosis=diagnosis(data),
         machine=machine,
         recordings=recording_sections(data, last_first[::-1], [drawn() for drawn in logs]),
         provenance=provenance(data, command, written),

@@ -109,7 +109,7 @@ def _scale(view: TcpView) -> float:
 
 def _rows(data: RunData, view: TcpView) -> list[TcpRow]:
     if data.comparison is None:
-        rows = [_row("correction (nominal to identified)", view.predicted, "before")]
+        rows = [_row("correction", view.predicted, "before")]
     else:
         nominal, identified = data.comparison.tcp_nominal, data.comparison.tcp
         rows = [
