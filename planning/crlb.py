@@ -55,8 +55,8 @@ class Predictor:
     timing: PlanTiming
     corrections: tuple[Correction, ...]
     grid: Array  # (G, J) [rad] poses over which the TCP error counts
-    excess: ExcessNoise  # of a fitted sample
     samples: int = SAMPLES
+    excess: ExcessNoise | None = None  # of a fitted sample, if known better than by the sensors
     exact_scale: bool = True  # whether plate and ba5 are taken as exact
     tension_sigma: float = TENSION_PRIOR  # [N] prior of a knot of the rod's tension
 
@@ -153,7 +153,6 @@ def predictor(
         timing=timing,
         corrections=tuple(correction_named(name, cell, sensors.encoders) for name in names),
         grid=grid,
-        excess=_excess(sensors),
         samples=samples,
     )
 
@@ -207,7 +206,7 @@ def predict(
     model = Model(gearing(on.cell), on.masses, on.corrections, layout, (samples,))
     bar = np.stack([np.interp(t, trajectory.t, angle) for angle in trajectory.b.T], axis=1)
     points = previous.points if previous else ()
-    excess = ExcessNoise(*(on.dilution * sigma for sigma in astuple(on.excess)))
+    excess = ExcessNoise(*(on.dilution * sigma for sigma in astuple(_excess(on))))
     linear = normal_equations(model, x, [bar], excess, previous=points)
     return Prediction(
         layout=layout,
@@ -228,7 +227,10 @@ def predictions(on: Predictor, trajectory: Passage, tensions: Array) -> tuple[Pr
     return tuple(out)
 
 
-def _excess(sensors: PlanSensors) -> ExcessNoise:
+def _excess(on: Predictor) -> ExcessNoise:
+    if on.excess is not None:
+        return on.excess
+    sensors = on.sensors
     return ExcessNoise(
         sensors.robot_sigma_rad,
         2.0 * sensors.robot_sigma_rad,
