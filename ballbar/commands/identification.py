@@ -139,7 +139,7 @@ def _identify_recordings(
     with (
         claimed_folder(folder, OUTPUTS, "the result"),
         progress_bar() as progress,
-        reporting_process() as begin,
+        reporting_process(replay=rerun) as begin,
     ):
         from ballbar.commands.result_json import run_data
         from ballbar.outputs import write_outputs

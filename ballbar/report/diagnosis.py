@@ -28,9 +28,9 @@ from planning.next_step import (
     predicted,
     recorded_sensors,
 )
-from planning.plan import known_path
 from planning.questions import ENCODERS
 from planning.trajectory import Passage
+from sim.path_files import load_lissajous
 
 SHOWN = 8  # rows of a table; what follows is added up
 NAMED = 4  # unknowns of a direction that are named
@@ -94,7 +94,7 @@ def diagnosis(data: RunData) -> DiagnosisSection:
     recordings = [recorded_passage(fitted) for fitted in data.recordings]
     present = predicted(robot, result.fit.excess, recordings)
     paths = {
-        file.stem: known_path(file)[0]
+        file.stem: load_lissajous(file)
         for kind in PATHS
         if (file := SHIPPED / "paths" / f"{robot.cell.robot.name}_{kind}.yaml").is_file()
     }

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballbar.figure_style import AFTER, BEFORE
-from ballbar.report import figures
 from ballbar.report.numbers import MISSING, significant
 from ballbar.result.run_data import RunData
 from ballbar.units import MM, PPM
@@ -80,8 +79,11 @@ def tcp_view(data: RunData) -> TcpView:
     )
 
 
-def tcp_section(data: RunData, view: TcpView) -> TcpSection:
-    """Table, curves and maps of a TCP view."""
+def tcp_section(data: RunData) -> TcpSection:
+    """Table, curves and maps of the TCP view."""
+    from ballbar.report import figures  # noqa: PLC0415  imports Matplotlib
+
+    view = tcp_view(data)
     estimates = [fitted.estimate for fitted in data.recordings]
     spheres = [figures.Sphere(e.geometry.origin, e.geometry["bd3"]) for e in estimates]
     before, after = (f"{label}, mean" for label in (view.before_label, view.after_label))
@@ -89,7 +91,9 @@ def tcp_section(data: RunData, view: TcpView) -> TcpSection:
     return TcpSection(
         view=view,
         rows=_rows(data, view),
-        cumulative=figures.cumulative(_curves(view), label=quantity),
+        cumulative=figures.cumulative(
+            [figures.Curve(*curve) for curve in _curves(view)], label=quantity
+        ),
         map_before=figures.workspace_map(
             view.position, view.before, spheres, label=before, colours=figures.BEFORE_SCALE
         ),
@@ -140,14 +144,15 @@ def tcp_row(name: str, error: Array, side: str, without_scale: Array | None = No
     )
 
 
-def _curves(view: TcpView) -> list[figures.Curve]:
+def _curves(view: TcpView) -> list[tuple[str, Array, str, bool]]:
+    """Label, values, colour and whether it is dashed."""
     curves = [
-        figures.Curve(view.before_label, view.before, BEFORE),
-        figures.Curve(view.after_label, view.after, AFTER),
+        (view.before_label, view.before, BEFORE, False),
+        (view.after_label, view.after, AFTER, False),
     ]
     if view.against_truth:
         label = "predicted before: nominal against identified"
-        curves.append(figures.Curve(label, view.predicted.error, BEFORE, dashed=True))
+        curves.append((label, view.predicted.error, BEFORE, True))
         label = "predicted after: stated sigma"
-        curves.append(figures.Curve(label, view.stated, AFTER, dashed=True))
+        curves.append((label, view.stated, AFTER, True))
     return curves
