@@ -88,8 +88,8 @@ def _claimed_recording(folder: Path) -> Iterator[None]:
 def run_scenario(
     scenario: Scenario,
     scenario_file: Path,
-    out: Path,
     *,
+    out: Path,
     command: str,
     progress: Progress,
     live: LiveRun | None = None,

@@ -302,7 +302,7 @@ def _result(
     if options.rod_sigma is not None and not complete:
         verdict = verdict.with_warning(
             "the measured rod length was not used: the dh model explains the recording and finds "
-            "the rod by itself"
+            "the rod by itself; --model complete uses it"
         )
     if complete and options.corrections is None:
         without = corrections_without_data(cell.robot)
@@ -310,7 +310,7 @@ def _result(
             keys = dict.fromkeys(f"`{key}`" for lacking in without.values() for key in lacking)
             verdict = verdict.with_warning(
                 f"{', '.join(without)} were not fitted: the file of robot {cell.robot.name} "
-                f"has no {', '.join(keys)}{_substituted(robot)}"
+                f"has no {', '.join(keys)}{_substituted(robot)}. Add them to the file"
             )
     for remark in (payload_remark(payload), *recording_remarks(fit)):
         verdict = verdict.with_warning(remark) if remark else verdict

@@ -67,7 +67,7 @@ def run(
         data = run_scenario(
             settings,
             scenario,
-            folder,
+            out=folder,
             command=command_line(),
             progress=progress,
             live=window,

@@ -27,6 +27,7 @@ TEXT, SMALL = 10.0, 7.5  # [pt]
 COLUMN = 0.5  # [pt] width of which a curve keeps its least and largest value
 _X_TICKS, _TICK_HEIGHT = 6, 26.0  # ticks along x, at most; [pt] between those along y, at least
 _STEPS = (1.0, 2.0, 5.0, 10.0)
+_LEAST = 3  # ticks of an axis
 _MORE_LABELS = 2.0  # decades below which 2 and 5 of a logarithmic axis are labelled too
 
 
@@ -73,35 +74,44 @@ def draw(
     height : [pt] of the figure. legend : above all, of the first plot. title : likewise.
     """
     above = TOP + ROW * (legend or bool(title))
-    gap = GAP + ROW * any(plot.legend for plot in plots)
+    gap = GAP + ROW * any(plot.legend for plot in plots) + ROW * (x is None)
     above += ROW * plots[0].legend
     tall = (height - above - BOTTOM - gap * (len(plots) - 1)) / len(plots)
     parts = [f'<svg viewBox="0 0 {WIDTH:g} {height:g}" class="plots" font-size="{TEXT:g}">']
     if legend:
         parts += _legend(plots[0].curves, 8.0, TEXT)
     if title:
-        parts.append(_text(LEFT, TEXT, title))
+        parts.append(_text((LEFT, TEXT), title))
     for k, plot in enumerate(plots):
         last = k == len(plots) - 1
         own = x or _ends([curve.x for curve in plot.curves])
-        box = _Box(LEFT, above + k * (tall + gap), WIDTH - LEFT - RIGHT, tall, own, plot)
+        box = _Box(
+            left=LEFT,
+            top=above + k * (tall + gap),
+            wide=WIDTH - LEFT - RIGHT,
+            tall=tall,
+            x=own,
+            y=plot.y or _ends([curve.y for curve in plot.curves], log=plot.log),
+            plot=plot,
+        )
         parts += _plot(box, numbered=last or x is None)
         if plot.legend:
             parts += _legend(plot.curves, box.top - 6.0, SMALL)
-    parts.append(_text(LEFT + 0.5 * (WIDTH - LEFT - RIGHT), height - 4.0, x_label, "middle"))
+    parts.append(_text((LEFT + 0.5 * (WIDTH - LEFT - RIGHT), height - 4.0), x_label, "middle"))
     return Markup("\n".join([*parts, "</svg>"]))
 
 
+@dataclass(frozen=True, eq=False)
 class _Box:
-    """The area of a plot, and the map of values to points of the page."""
+    """The area of a plot [pt], and the map of values to points of the page."""
 
-    def __init__(
-        self, left: float, top: float, wide: float, tall: float, x: tuple[float, float], plot: Plot
-    ) -> None:
-        self.left, self.top, self.wide, self.tall, self.x, self.plot = (
-            left, top, wide, tall, x, plot,
-        )  # fmt: skip
-        self.y = plot.y or _ends([curve.y for curve in plot.curves], log=plot.log)
+    left: float
+    top: float
+    wide: float
+    tall: float
+    x: tuple[float, float]  # ends of the axes
+    y: tuple[float, float]
+    plot: Plot
 
     @property
     def bottom(self) -> float:
@@ -138,11 +148,11 @@ def _plot(box: _Box, *, numbered: bool) -> Iterator[str]:
         yield _curve(box, curve)
     for at in plot.lines:
         (x,) = box.across(np.array([at]))
-        yield _line(x, box.top, x, box.bottom, AFTER, width=1.0, dashed=True)
-    yield _line(box.left, box.top, box.left, box.bottom, QUIET)
-    yield _line(box.left, box.bottom, box.left + box.wide, box.bottom, QUIET)
+        yield _line((x, box.top), (x, box.bottom), AFTER, width=1.0, dashed=True)
+    yield _line((box.left, box.top), (box.left, box.bottom), QUIET)
+    yield _line((box.left, box.bottom), (box.left + box.wide, box.bottom), QUIET)
     if plot.note:
-        yield _text(box.left + box.wide, box.top + TEXT, plot.note, "end", QUIET)
+        yield _text((box.left + box.wide, box.top + TEXT), plot.note, "end", QUIET)
     yield from _label(box)
     yield "</g>"
 
@@ -152,10 +162,10 @@ def _grid(box: _Box, *, numbered: bool) -> Iterator[str]:
     right = box.left + box.wide
     ticks = _ticks(*box.x, _X_TICKS)
     for x, text in zip(box.across(np.array(list(ticks))), ticks.values(), strict=True):
-        yield _line(x, box.top, x, box.bottom, GRID)
-        yield _line(x, box.bottom, x, box.bottom + 3.0, QUIET)
+        yield _line((x, box.top), (x, box.bottom), GRID)
+        yield _line((x, box.bottom), (x, box.bottom + 3.0), QUIET)
         if numbered:
-            yield _text(x, box.bottom + 4.0 + TEXT, text, "middle")
+            yield _text((x, box.bottom + 4.0 + TEXT), text, "middle")
     if box.plot.names is not None:
         ticks = box.plot.names
     elif box.plot.log:
@@ -163,12 +173,12 @@ def _grid(box: _Box, *, numbered: bool) -> Iterator[str]:
     else:
         ticks = _ticks(*box.y, max(2, int(box.tall / _TICK_HEIGHT)))
     for y, text in zip(box.upwards(np.array(list(ticks))), ticks.values(), strict=True):
-        yield _line(box.left, y, right, y, GRID)
-        yield _line(box.left - 3.0, y, box.left, y, QUIET)
-        yield _text(box.left - 5.0, y + 0.35 * TEXT, text, "end")
+        yield _line((box.left, y), (right, y), GRID)
+        yield _line((box.left - 3.0, y), (box.left, y), QUIET)
+        yield _text((box.left - 5.0, y + 0.35 * TEXT), text, "end")
     if box.plot.zero and box.y[0] < 0.0 < box.y[1]:
         (y,) = box.upwards(np.zeros(1))
-        yield _line(box.left, y, right, y, QUIET)
+        yield _line((box.left, y), (right, y), QUIET)
 
 
 def _label(box: _Box) -> Iterator[str]:
@@ -176,28 +186,30 @@ def _label(box: _Box) -> Iterator[str]:
     for k, line in enumerate(lines):
         x = 10.0 + k * 1.15 * TEXT
         if box.plot.upright:
-            yield _text(x, middle + 0.35 * TEXT, line)
+            yield _text((x, middle + 0.35 * TEXT), line)
         else:
             turned = f' transform="rotate(-90 {x:.1f} {middle:.1f})"'
-            yield _text(x, middle, line, "middle", extra=turned)
+            yield _text((x, middle), line, "middle", extra=turned)
 
 
 def _curve(box: _Box, curve: Curve) -> str:
     x, y = box.across(curve.x), box.upwards(curve.y)
-    inside = (x >= box.left - COLUMN) & (x <= box.left + box.wide + COLUMN)
-    x, y = x[inside], np.clip(y[inside], box.top, box.bottom)
-    rows = _kept(x, y)
-    path = "".join(_pieces(x[rows], y[rows]))
+    right = box.left + box.wide
+    shown = np.flatnonzero((x[1:] >= box.left) & (x[:-1] <= right))  # with the ends beyond the box
+    rows = slice(shown[0], shown[-1] + 2) if shown.size else slice(0)
+    x, y = np.clip(x[rows], box.left, right), np.clip(y[rows], box.top, box.bottom)
+    extremes = _extremes(x, y)
+    path = "".join(_pieces(x[extremes], y[extremes]))
     style = f'fill="none" stroke="{curve.colour}" stroke-width="{curve.width:g}"'
-    if curve.filled:
+    if curve.filled and path:
         path += f"V{box.bottom:.1f}H{x[0]:.1f}Z"
         style = f'fill="{curve.colour}"'
     return f'<path data-name="{escape(curve.name)}" d="{path}" {style}/>'
 
 
-def _kept(x: Array, y: Array) -> NDArray[np.intp]:
+def _extremes(x: Array, y: Array) -> NDArray[np.intp]:
     """Indices of the least and the largest y of each column, in order; all of a short curve."""
-    if x.size <= 2.0 * (x[-1] - x[0]) / COLUMN or (np.diff(x) < 0.0).any():
+    if x.size < 2 or x.size <= 2.0 * (x[-1] - x[0]) / COLUMN or (np.diff(x) < 0.0).any():
         return np.arange(x.size)
     starts = np.flatnonzero(np.diff(np.floor(x / COLUMN), prepend=-1.0))
     rows = set()
@@ -225,8 +237,8 @@ def _legend(curves: Sequence[Curve], y: float, size: float) -> Iterator[str]:
     x = LEFT if size < TEXT else 2.0
     for curve in curves:
         if curve.name:
-            yield _line(x, y, x + 1.6 * size, y, curve.colour, width=1.5)
-            yield _text(x + 2.0 * size, y + 0.35 * size, curve.name, size=size)
+            yield _line((x, y), (x + 1.6 * size, y), curve.colour, width=1.5)
+            yield _text((x + 2.0 * size, y + 0.35 * size), curve.name, size=size)
             x += (3.2 + 0.6 * len(curve.name)) * size
 
 
@@ -251,6 +263,8 @@ def _ticks(low: float, high: float, most: int) -> dict[float, str]:
     step = float(size * min(s for s in _STEPS if s * size >= raw * (1.0 - 1e-9)))
     decimals = max(0, -int(np.floor(np.log10(step) + 1e-9)))
     values = step * np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0)
+    if values.size < _LEAST:
+        return _ticks(low, high, most + 1)
     return {float(v): f"{v + 0.0:.{decimals}f}".replace("-", "\u2212") for v in values}
 
 
@@ -262,16 +276,15 @@ def _log_ticks(low: float, high: float) -> dict[float, str]:
 
 
 def _line(
-    x: float,
-    y: float,
-    to_x: float,
-    to_y: float,
+    begin: tuple[float, float],
+    end: tuple[float, float],
     colour: str,
     *,
     width: float = 0.7,
     dashed: bool = False,
 ) -> str:
     dash = ' stroke-dasharray="4 3"' if dashed else ""
+    (x, y), (to_x, to_y) = begin, end
     return (
         f'<line x1="{x:.2f}" y1="{y:.2f}" x2="{to_x:.2f}" y2="{to_y:.2f}" stroke="{colour}" '
         f'stroke-width="{width:g}"{dash}/>'
@@ -279,8 +292,7 @@ def _line(
 
 
 def _text(
-    x: float,
-    y: float,
+    at: tuple[float, float],
     text: str,
     anchor: str = "start",
     colour: str = INK,
@@ -288,6 +300,7 @@ def _text(
     size: float = TEXT,
     extra: str = "",
 ) -> str:
+    x, y = at
     return (
         f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" fill="{colour}" '
         f'font-size="{size:g}"{extra}>{escape(text)}</text>'

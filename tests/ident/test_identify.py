@@ -88,7 +88,7 @@ def test_the_main_scenario_meets_every_limit_it_states(tmp_path: Path) -> None:
     """TCP 0.01 mm, distance 0.02 mm|mrad, clock 20 us and 0.2 ppm, 10 iterations."""
     file = SCENARIOS / "irb2400.yaml"
     scenario = load_scenario(file)
-    data = run_scenario(scenario, file, tmp_path / "out", command="test", progress=quiet)
+    data = run_scenario(scenario, file, out=tmp_path / "out", command="test", progress=quiet)
     assert len(data.limits) == len(scenario.accept.model_dump(exclude_defaults=True))
     assert data.acceptable, data.limits
     comparison = data.comparison

@@ -296,7 +296,7 @@ def test_remarks_of_several_recordings_carry_their_names() -> None:
         "second: encoder b1 counts against its declared direction; the identified one is used "
         "(check `sign` in recording.yaml)",
         f"second: only {FEW_SAMPLES - 1} samples in the fit; intervals are optimistic (thesis sec. "
-        "3.5 wants 750)",
+        "3.5 wants 750). Record longer, or raise --samples",
         "second: another",
     )
 
