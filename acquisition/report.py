@@ -35,7 +35,7 @@ class Finding:
     @property
     def remedy(self) -> str:
         """What to do about a warning; empty for a repair."""
-        return REMEDIES[self.kind] if self.severity == "warning" else ""
+        return REMEDIES.get(self.kind, "") if self.severity == "warning" else ""
 
 
 @dataclass(frozen=True)

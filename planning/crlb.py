@@ -195,7 +195,7 @@ def predict(
     begin = RecordingStart(
         samples.encoders,
         trajectory.nominal,
-        Clock(0.0, 0.0),
+        Clock(0.0, 0.0) if samples.has_clock else None,
         samples.splines.shape[0],
         on.tension_sigma,
     )
@@ -257,9 +257,11 @@ def _samples(on: Predictor, trajectory: Passage) -> Samples:
     t = trajectory.t
     # of a sensed length the second log is the rod's extension, which the nominal robot leaves at 0
     sensed = trajectory.b[:, fitted] if fitted else np.zeros((t.size, 1))
+    second = interpolating_log(t, sensed, np.zeros(sensed.shape[1]))
+    silent = not fitted and on.cell.ballbar.stroke is None
     return Samples(
         robot=interpolating_log(t, trajectory.q, np.zeros(trajectory.q.shape[1])),
-        ballbar=interpolating_log(t, sensed, np.zeros(sensed.shape[1])),
+        ballbar=None if silent else second,
         encoders=on.encoders,
         directions=np.ones(len(fitted)),
         times=on.instants,

@@ -70,13 +70,15 @@ def recorded_sensors(
     noise: LogNoise, encoders: tuple[int, ...], robot_rate: float, ballbar_rate: float
 ) -> PlanSensors:
     """White noise and rates [Hz] of the logs of a recording."""
-    white = noise.encoder[[j - 1 for j in encoders]]
-    return PlanSensors(
-        encoders=encoders,
-        robot_noise_sigma_rad=_size(noise.joint),
-        robot_rate_hz=robot_rate,
-        encoder_noise_sigma_rad=_size(white),
-        ballbar_rate_hz=ballbar_rate,
+    white = {"encoder_noise_sigma_rad": _size(noise.encoder[[j - 1 for j in encoders]])}
+    return PlanSensors().model_copy(  # a plan needs two encoders, a recording may have none
+        update={
+            "encoders": encoders,
+            "robot_noise_sigma_rad": _size(noise.joint),
+            "robot_rate_hz": robot_rate,
+            "ballbar_rate_hz": ballbar_rate,
+        }
+        | (white if encoders else {})
     )
 
 

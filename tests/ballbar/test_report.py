@@ -6,6 +6,7 @@ What the recordings share stands once, what belongs to a recording once for each
 from __future__ import annotations
 
 import hashlib
+import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,13 +15,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from acquisition.recording import read_recording
+from ballbar.replay.notes import replay_notes
 from ballbar.report import figures as report_figures
-from ballbar.report.numbers import MISSING, fixed, significant, to_sigma
+from ballbar.report.numbers import MISSING, fixed, significant, to_sigma, with_and_without
 from ballbar.report.page import begin_parts, render_report, write_report
 from ballbar.report.provenance import without_folders
 from ballbar.report.sphere import EQUATOR, correlation_map, equal_area, tool_directions
+from ballbar.report.terminal import say_identification
+from ballbar.result.calibration import calibration_of
 from ballbar.result.compare import identification_against_truth
 from ballbar.result.limits import Limit
 from ballbar.result.run_data import FittedRecording, RunData
@@ -29,6 +34,8 @@ from cell.processes import process_pool
 from ident.identify import identify
 from ident.options import FitOptions
 from ident.result import NamedCovariance
+from ident.robot.accuracy import accuracy_grid
+from ident.robot.tcp_correction import correction_parts
 from ident.verdict import Status, Verdict
 from sim.recording_files import write_recording
 from sim.settings import (
@@ -452,6 +459,51 @@ def test_who_decides_reads_confidence_and_what_to_do(run: RunData, page: str) ->
     assert "What to do. The identified robot may be used" in text
 
 
+def test_both_meanings_of_the_stated_uncertainty_are_named_wherever_it_stands(
+    run: RunData, page: str, tmp_path: Path
+) -> None:
+    tcp, cell = run.identification.robot.tcp, run.identification.robot.cell
+    stated = with_and_without(tcp.sigma, tcp.without_scale, cell)
+    with_scale, without = (
+        f"{significant(sigma.mean() * 1e3)} mm" for sigma in (tcp.sigma, tcp.without_scale)
+    )
+    assert stated == f"{with_scale} with the scale of plate and rod, {without} without it"
+    assert with_scale != without
+    console = Console(record=True, width=500, file=io.StringIO())
+    say_identification(console, run)
+    assert f"(1 sigma, mean): {stated}" in console.export_text()
+    assert stated in replay_notes(run)
+    entry = calibration_of(run).fit
+    assert entry.tcp_sigma_mean_m == pytest.approx(tcp.sigma.mean())
+    assert entry.tcp_sigma_without_scale_mean_m == pytest.approx(tcp.without_scale.mean())
+    parsed = _Page(page)
+    assert f"stated {with_scale} with scale, {without} without (1 sigma)" in parsed.text
+    row = parsed.row("stated sigma")
+    assert (f"{row[1]} mm", f"{row[4]} mm") == (with_scale, without)
+    unknown = replace(run, simulation=None, comparison=None)
+    assert f"what remains is {stated} (1 sigma, mean)" in _Page(_page(unknown, tmp_path)).text
+
+
+def test_drivers_and_next_steps_stand_in_the_page_with_their_numbers(
+    run: RunData, page: str
+) -> None:
+    parsed, robot = _Page(page), run.identification.robot
+    parts = correction_parts(robot, accuracy_grid(robot.cell.robot))
+    ranked = [row for row in parsed.rows if row and row[0] == "1"]
+    before, after = ranked
+    assert before[1] == parts[0].name
+    assert _shows(before[3], parts[0].size * 1e3)
+    assert _shows(before[5], 100.0 * parts[0].share)
+    largest = robot.tcp.directions[0]
+    assert after[2].startswith("scale of all lengths")
+    assert _shows(after[3], largest.rms * 1e3)
+    assert _shows(after[4], 100.0 * robot.tcp.share(largest))
+    ranks = [row[0] for row in parsed.rows if len(row) == 7 and row[0].isdigit()]
+    assert ranks == list("12345678")
+    assert "Most would help next: the rod measured to 5 µm" in parsed.text
+    assert parsed.row("the same path once more")[1:]
+
+
 @pytest.mark.parametrize(
     ("command", "shown"),
     [
@@ -523,9 +575,7 @@ def test_a_failure_leaves_no_half_written_page_and_the_old_one_untouched(
 @pytest.mark.usefixtures("blank_figures")
 def test_an_input_that_vanished_is_an_error_not_a_gap(run: RunData, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"recording\.yaml"):
-        write_report(
-            tmp_path / "report.html", _with(run, folder=tmp_path / "gone"), command=COMMAND
-        )
+        _page(_with(run, folder=tmp_path / "gone"), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
