@@ -32,6 +32,7 @@ from planning.questions import ENCODERS
 from planning.trajectory import Passage
 from sim.path_files import load_lissajous
 
+STEP = 0.1  # [s] of a recording's motion, half that of planned ones: it may be faster
 SHOWN = 8  # rows of a table; what follows is added up
 NAMED = 4  # unknowns of a direction that are named
 WORTHWHILE = 0.05  # share of the stated uncertainty below which a step is not recommended
@@ -161,12 +162,16 @@ def _meaning(name: str) -> str:
 
 
 def recorded_passage(fitted: FittedRecording) -> Recorded:
-    """A recording at the instants of its fit."""
+    """A recording from the first instant of its fit to the last, evenly spaced."""
     estimate, log = fitted.estimate, fitted.recording.ballbar_log
-    t, q = estimate.after.t, logged_joints(fitted, estimate.after.t)
-    b = bar_angles_at(estimate, log, t, q)
+    times = estimate.after.t
+    t = np.linspace(times[0], times[-1], 1 + round(float(times[-1] - times[0]) / STEP))
+    q = logged_joints(fitted, t)
+    b = np.unwrap(bar_angles_at(estimate, log, t, q), axis=0)  # unmeasured ones are within a turn
     robot_rate = _rate(fitted.recording.robot_log.t)
-    tension = np.zeros(t.size) if estimate.tension is None else estimate.tension
+    tension = np.zeros(t.size)
+    if estimate.tension is not None:
+        tension = np.interp(t, times, estimate.tension)
     return Recorded(
         passage=Passage(nominal=estimate.geometry, t=t, b=b, q=q),
         tension=tension,

@@ -60,6 +60,40 @@ def test_what_is_predicted_of_the_recording_is_what_identification_states(data: 
     assert present.without_scale.mean() == pytest.approx(without, rel=0.2)
 
 
+def test_the_prediction_does_not_depend_on_how_many_samples_were_fitted(
+    recorded: Recorded, data: RunData
+) -> None:
+    """It took the motion from the samples: few of them do not say how the robot moved between, so
+    the loop was open by 1 rad and the scale seemed to be seen.
+    """
+    few, many = (
+        predicted(
+            data.identification.robot,
+            data.identification.fit.excess,
+            [recorded_passage(fitted) for fitted in run.recordings],
+        )
+        for run in (complete(recorded, samples=100), data)
+    )
+    assert few.sigma.mean() == pytest.approx(many.sigma.mean(), rel=0.03)
+
+
+def test_two_encoders_leave_angles_that_pass_half_a_turn(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    """Those follow from the robot's pose within a turn; smoothed over the jump, the loop was open
+    and the scale seemed to be seen.
+    """
+    two = record(
+        tmp_path_factory.mktemp("two") / "recording",
+        plant={"kind": "kinematic"},
+        encoders={"fitted": [1, 2], "noise_sigma_rad": 1e-5},
+    )
+    run = identify_recordings([two.folder], settings=IdentifySettings(samples=400))
+    robot, excess = run.identification.robot, run.identification.fit.excess
+    present = predicted(robot, excess, [recorded_passage(fitted) for fitted in run.recordings])
+    assert present.sigma.mean() == pytest.approx(stated(run).sigma.mean(), rel=0.1)
+
+
 def test_a_measured_rod_brings_what_was_predicted(
     recorded: Recorded, data: RunData, steps: dict[str, NextStep]
 ) -> None:
