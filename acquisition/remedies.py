@@ -8,7 +8,8 @@ REMEDIES = {
     "axis beyond its limits": "Name the robot that was recorded, or correct its limits.",
     "axis stands still": "Move every axis; what only that axis shows stays nominal.",
     "beyond axis limits": "Name the robot that was recorded, or correct its limits.",
-    "column not used": "Nothing, if it is none of the signals; else name it as the dialect does.",
+    "column not used": "What is none of the signals needs nothing; name others as the dialect "
+    "does.",
     "counter jumped": "Check the encoder's supply and coupling if nobody reset it.",
     "counter preset": "Preset counters before a recording, not during it.",
     "counter reset": "Leave the encoders powered from the first row to the last.",
